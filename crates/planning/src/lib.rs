@@ -1,1 +1,20 @@
-//! (in work)
+//! Decides in which order the points of a part are measured: the shortest open path with given ends.
+//!
+//! The crate knows numbers only. A [`CostMatrix`] says what each move costs, as metres of path or as seconds of the
+//! real axes; a [`Problem`] adds the ends, the order to beat and the constraints; [`solve`] searches. It reads no
+//! clock and no file: a deadline is the caller's closure, randomness is the caller's seed, so the same problem, seed
+//! and budget give the same path on every run.
+//!
+//! Up to [`EXACT_LIMIT`] points the answer is exact (dynamic programming, Held and Karp 1962); above, an iterated
+//! local search runs until its budget ends or the caller stops it. The answer is never longer than the order given.
+
+mod costs;
+mod exact;
+mod problem;
+mod search;
+mod solve;
+
+pub use costs::{CostError, CostMatrix};
+pub use exact::EXACT_LIMIT;
+pub use problem::{Problem, ProblemError};
+pub use solve::{Options, Progress, Solution, solve};
