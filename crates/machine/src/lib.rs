@@ -1,1 +1,15 @@
-//! (in work)
+//! The twin of a cell's geometry: kinematic chain from its robot description, probe, part and contact.
+//!
+//! Metres and radians. Source of the formulas: interface contract ("Frames and the machine model") and section D.2 of
+//! the domain specification. No dynamics and no file or bus access; what drives away from this model is named by
+//! `diagnosis`.
+
+pub mod chain;
+pub mod contact;
+pub mod inverse;
+pub mod kinematics;
+
+pub use chain::{Chain, ChainError, Joint, JointKind, Side};
+pub use contact::Surface;
+pub use inverse::{ReachError, Target};
+pub use kinematics::{ChainErrors, NO_TWIST, PositionError, Sensitivity, Twist, displacement};

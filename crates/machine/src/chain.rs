@@ -1,0 +1,390 @@
+//! The kinematic chain of a cell: two branches of joints from `foundation`, to the part and to the probe.
+//!
+//! Metres and radians. Frames as in the interface contract: the part branch ends in link `workpiece`, the tool branch
+//! in link `probe_mount`; each may be empty or share a beginning with the other. A joint is nominal origin, then
+//! location error, then motion, then motion error (ISO 230-1 names for the errors). The chain knows no limits of
+//! speed, no collisions and no dynamics; masses are carried along for those who need them.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use nalgebra::{Isometry3, Matrix3, Translation3, Unit, UnitQuaternion, Vector3};
+
+/// Root link of every machine.
+pub const FOUNDATION: &str = "foundation";
+/// Link that carries the part.
+pub const WORKPIECE: &str = "workpiece";
+/// Link that carries the probe: spindle nose or robot flange.
+pub const PROBE_MOUNT: &str = "probe_mount";
+
+/// Why a robot description is not a machine.
+#[derive(Debug, thiserror::Error)]
+pub enum ChainError {
+    /// The text is not a URDF.
+    #[error("robot description is not a valid URDF: {0}")]
+    Urdf(String),
+    /// A link of the contract is absent.
+    #[error("robot description has no link `{0}`")]
+    MissingLink(&'static str),
+    /// A joint names a link that is not there.
+    #[error("joint `{joint}` names link `{link}`, which the robot description lacks")]
+    UnknownLink {
+        /// The joint.
+        joint: String,
+        /// The link it names.
+        link: String,
+    },
+    /// Two joints, links with one name.
+    #[error("robot description has two {kind}s named `{name}`")]
+    Duplicate {
+        /// `link` or `joint`.
+        kind: &'static str,
+        /// The name used twice.
+        name: String,
+    },
+    /// A link hangs on two joints.
+    #[error("link `{0}` hangs on more than one joint: the chain has a loop")]
+    Loop(String),
+    /// The branch of a link does not begin at the foundation.
+    #[error("link `{link}` does not hang on `foundation` but on `{root}`")]
+    OtherRoot {
+        /// Link whose branch was followed.
+        link: String,
+        /// Where it ended.
+        root: String,
+    },
+    /// Neither fixed, prismatic, revolute nor continuous.
+    #[error("joint `{joint}` has type {kind}, expected fixed, prismatic, revolute or continuous")]
+    JointType {
+        /// The joint.
+        joint: String,
+        /// Its type.
+        kind: String,
+    },
+    /// A coupled joint is no axis of its own.
+    #[error("joint `{0}` mimics another joint, which the chain cannot represent")]
+    Mimic(String),
+    /// A number that is not finite, or an axis of no length.
+    #[error("joint `{joint}` has an unusable {what}")]
+    BadNumber {
+        /// The joint.
+        joint: String,
+        /// Which of its numbers.
+        what: &'static str,
+    },
+}
+
+/// What a joint lets move.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum JointKind {
+    /// Nothing.
+    Fixed,
+    /// A translation along the axis, m.
+    Prismatic,
+    /// A rotation about the axis, rad.
+    Revolute,
+}
+
+/// One joint on the way to the part or to the probe.
+#[derive(Debug, Clone)]
+pub struct Joint {
+    /// Its name; for a moving joint the axis name.
+    pub name: String,
+    /// What it lets move.
+    pub kind: JointKind,
+    /// Parent link from joint frame at position 0.
+    pub origin: Isometry3<f64>,
+    /// Direction of motion in the joint frame.
+    pub axis: Unit<Vector3<f64>>,
+    /// Lowest and highest position, m or rad; `None` where the description gives no usable pair.
+    pub limits: Option<(f64, f64)>,
+    /// Highest speed, m/s or rad/s; `None` where the description gives none.
+    pub speed: Option<f64>,
+    /// Mass of the child link, kg; 0 where the description gives none.
+    pub mass: f64,
+    /// Centre of mass of the child link in the joint frame, m.
+    pub centre_of_mass: Vector3<f64>,
+    /// Inertia of the child link about its centre of mass, kg m².
+    pub inertia: Matrix3<f64>,
+}
+
+impl Joint {
+    /// Joint frame at position 0 from joint frame at `position`.
+    pub fn motion(&self, position: f64) -> Isometry3<f64> {
+        match self.kind {
+            JointKind::Fixed => Isometry3::identity(),
+            JointKind::Prismatic => Translation3::from(self.axis.into_inner() * position).into(),
+            JointKind::Revolute => Isometry3::from_parts(
+                Translation3::identity(),
+                UnitQuaternion::from_axis_angle(&self.axis, position),
+            ),
+        }
+    }
+
+    /// True for a joint that moves.
+    pub fn moves(&self) -> bool {
+        self.kind != JointKind::Fixed
+    }
+}
+
+/// Which branch of the chain something belongs to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Side {
+    /// Between foundation and part.
+    Part,
+    /// Between foundation and probe.
+    Tool,
+}
+
+/// A machine as its robot description declares it.
+#[derive(Debug, Clone)]
+pub struct Chain {
+    name: String,
+    joints: Vec<Joint>,
+    part_branch: Vec<usize>,
+    tool_branch: Vec<usize>,
+    axes: Vec<usize>,
+}
+
+impl Chain {
+    /// Reads a URDF text; links and joints beside the two branches are ignored.
+    ///
+    /// # Errors
+    /// [`ChainError`] names the link or joint that keeps the text from being a machine.
+    pub fn from_urdf(text: &str) -> Result<Self, ChainError> {
+        let robot =
+            urdf_rs::read_from_string(text).map_err(|error| ChainError::Urdf(error.to_string()))?;
+        let links = named_links(&robot)?;
+        let parents = parents(&robot, &links)?;
+        if let Some(missing) = [FOUNDATION, WORKPIECE, PROBE_MOUNT]
+            .into_iter()
+            .find(|link| !links.contains_key(link))
+        {
+            return Err(ChainError::MissingLink(missing));
+        }
+        let mut used = Vec::new();
+        let mut branch_to = |end: &'static str| -> Result<Vec<usize>, ChainError> {
+            let path = climb(&robot, &parents, end)?;
+            Ok(path
+                .into_iter()
+                .map(|index| {
+                    used.iter()
+                        .position(|&known| known == index)
+                        .unwrap_or_else(|| {
+                            used.push(index);
+                            used.len() - 1
+                        })
+                })
+                .collect())
+        };
+        let part_branch = branch_to(WORKPIECE)?;
+        let tool_branch = branch_to(PROBE_MOUNT)?;
+        let joints = used
+            .iter()
+            .map(|&index| {
+                joint(
+                    &robot.joints[index],
+                    &robot.links[links[robot.joints[index].child.link.as_str()]],
+                )
+            })
+            .collect::<Result<Vec<_>, _>>()?;
+        let axes = (0..joints.len())
+            .filter(|&index| joints[index].moves())
+            .collect();
+        Ok(Self {
+            name: robot.name,
+            joints,
+            part_branch,
+            tool_branch,
+            axes,
+        })
+    }
+
+    /// Name of the machine in its description.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// All joints of both branches: those of the part branch first, each branch from the foundation outwards.
+    pub fn joints(&self) -> &[Joint] {
+        &self.joints
+    }
+
+    /// Indices into [`Self::joints`] from the foundation to the end of a branch.
+    pub fn branch(&self, side: Side) -> &[usize] {
+        match side {
+            Side::Part => &self.part_branch,
+            Side::Tool => &self.tool_branch,
+        }
+    }
+
+    /// Indices into [`Self::joints`] of the moving joints; a position vector has this order.
+    pub fn axes(&self) -> &[usize] {
+        &self.axes
+    }
+
+    /// Names of the moving joints, in the order of a position vector.
+    pub fn axis_names(&self) -> impl Iterator<Item = &str> {
+        self.axes
+            .iter()
+            .map(|&index| self.joints[index].name.as_str())
+    }
+
+    /// Place of an axis in a position vector.
+    pub fn axis_index(&self, name: &str) -> Option<usize> {
+        self.axis_names().position(|known| known == name)
+    }
+
+    /// The moving joint at a place of the position vector.
+    pub fn axis(&self, index: usize) -> &Joint {
+        &self.joints[self.axes[index]]
+    }
+
+    /// True where the joint lies on the way to `side` only (a shared joint moves both and is on neither).
+    pub fn carries(&self, joint: usize, side: Side) -> bool {
+        let on_part = self.part_branch.contains(&joint);
+        let on_tool = self.tool_branch.contains(&joint);
+        match side {
+            Side::Part => on_part && !on_tool,
+            Side::Tool => on_tool && !on_part,
+        }
+    }
+}
+
+fn named_links(robot: &urdf_rs::Robot) -> Result<BTreeMap<&str, usize>, ChainError> {
+    let mut links = BTreeMap::new();
+    for (index, link) in robot.links.iter().enumerate() {
+        if links.insert(link.name.as_str(), index).is_some() {
+            return Err(ChainError::Duplicate {
+                kind: "link",
+                name: link.name.clone(),
+            });
+        }
+    }
+    let mut joints = BTreeSet::new();
+    for joint in &robot.joints {
+        if !joints.insert(joint.name.as_str()) {
+            return Err(ChainError::Duplicate {
+                kind: "joint",
+                name: joint.name.clone(),
+            });
+        }
+    }
+    Ok(links)
+}
+
+/// For each link that hangs on a joint, that joint.
+fn parents<'a>(
+    robot: &'a urdf_rs::Robot,
+    links: &BTreeMap<&str, usize>,
+) -> Result<BTreeMap<&'a str, usize>, ChainError> {
+    let mut parents = BTreeMap::new();
+    for (index, joint) in robot.joints.iter().enumerate() {
+        for link in [&joint.parent.link, &joint.child.link] {
+            if !links.contains_key(link.as_str()) {
+                return Err(ChainError::UnknownLink {
+                    joint: joint.name.clone(),
+                    link: link.clone(),
+                });
+            }
+        }
+        if parents.insert(joint.child.link.as_str(), index).is_some() {
+            return Err(ChainError::Loop(joint.child.link.clone()));
+        }
+    }
+    Ok(parents)
+}
+
+fn climb(
+    robot: &urdf_rs::Robot,
+    parents: &BTreeMap<&str, usize>,
+    end: &str,
+) -> Result<Vec<usize>, ChainError> {
+    let mut path = Vec::new();
+    let mut link = end;
+    while link != FOUNDATION {
+        let Some(&index) = parents.get(link) else {
+            return Err(ChainError::OtherRoot {
+                link: end.to_owned(),
+                root: link.to_owned(),
+            });
+        };
+        if path.len() == robot.joints.len() {
+            return Err(ChainError::Loop(link.to_owned()));
+        }
+        path.push(index);
+        link = &robot.joints[index].parent.link;
+    }
+    path.reverse();
+    Ok(path)
+}
+
+fn joint(joint: &urdf_rs::Joint, child: &urdf_rs::Link) -> Result<Joint, ChainError> {
+    let name = joint.name.clone();
+    let bad = |what| ChainError::BadNumber {
+        joint: name.clone(),
+        what,
+    };
+    let kind = match &joint.joint_type {
+        urdf_rs::JointType::Fixed => JointKind::Fixed,
+        urdf_rs::JointType::Prismatic => JointKind::Prismatic,
+        urdf_rs::JointType::Revolute | urdf_rs::JointType::Continuous => JointKind::Revolute,
+        other => {
+            return Err(ChainError::JointType {
+                joint: name,
+                kind: format!("{other:?}").to_lowercase(),
+            });
+        }
+    };
+    if joint.mimic.is_some() {
+        return Err(ChainError::Mimic(name));
+    }
+    let axis = Unit::try_new(Vector3::from(*joint.axis.xyz), 1e-9);
+    let axis = match (kind, axis) {
+        (JointKind::Fixed, _) => Vector3::x_axis(),
+        (_, Some(axis)) if axis.iter().all(|value| value.is_finite()) => axis,
+        _ => return Err(bad("axis")),
+    };
+    let origin = isometry(&joint.origin).ok_or_else(|| bad("origin"))?;
+    let centre = isometry(&child.inertial.origin).ok_or_else(|| bad("centre of mass"))?;
+    let about = &child.inertial.inertia;
+    let body = Matrix3::new(
+        about.ixx, about.ixy, about.ixz, about.ixy, about.iyy, about.iyz, about.ixz, about.iyz,
+        about.izz,
+    );
+    let turn = centre.rotation.to_rotation_matrix();
+    let inertia = turn * body * turn.transpose();
+    let mass = child.inertial.mass.value;
+    if !mass.is_finite() || !inertia.iter().all(|value| value.is_finite()) {
+        return Err(bad("inertia"));
+    }
+    let (lower, upper, speed) = (joint.limit.lower, joint.limit.upper, joint.limit.velocity);
+    if !(lower.is_finite() && upper.is_finite()) {
+        return Err(bad("limit"));
+    }
+    let limited = joint.joint_type != urdf_rs::JointType::Continuous && lower < upper;
+    Ok(Joint {
+        kind,
+        origin,
+        axis,
+        limits: limited.then_some((lower, upper)),
+        speed: (speed.is_finite() && speed > 0.0).then_some(speed),
+        mass,
+        centre_of_mass: centre.translation.vector,
+        inertia,
+        name,
+    })
+}
+
+fn isometry(pose: &urdf_rs::Pose) -> Option<Isometry3<f64>> {
+    let [x, y, z] = *pose.xyz;
+    let [roll, pitch, yaw] = *pose.rpy;
+    [x, y, z, roll, pitch, yaw]
+        .iter()
+        .all(|value| value.is_finite())
+        .then(|| {
+            Isometry3::from_parts(
+                Translation3::new(x, y, z),
+                UnitQuaternion::from_euler_angles(roll, pitch, yaw),
+            )
+        })
+}
