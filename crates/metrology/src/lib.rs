@@ -1,1 +1,9 @@
-//! (in work)
+//! Metrology as pure mathematics: from measured points to features, verdicts, corrections and uncertainties.
+//!
+//! Lengths are metres, angles radians, points `nalgebra` vectors in one Cartesian frame of the caller's choice; a
+//! deviation is positive where material is left. The crate knows no messages, machine, clock or file; every
+//! function is deterministic, random sequences start from a seed that is passed in. Equation numbers of the form
+//! "A.3" refer to the system descriptions in each module's documentation.
+
+pub mod fit;
+pub mod solver;

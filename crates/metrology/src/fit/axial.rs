@@ -1,0 +1,372 @@
+//! Least-squares cylinder and cone, with a search over all directions of the axis.
+//!
+//! For a given axis direction both shapes follow from linear equations (after Eberly, "Fitting 3D data with a
+//! cylinder"): across the axis `|q|² = 2c·q + 2r₀k·z + k²·z² + (r₀² − |c|²)`, with k = tan of the half angle, zero for
+//! a cylinder. Directions spread evenly over the hemisphere, and the principal axes, are tried so; the best few that
+//! lie apart descend to the orthogonal distances, and the lowest wins.
+
+use nalgebra::{DMatrix, Matrix3, SMatrix, SVector, Vector2, Vector3};
+
+use super::cloud::{Cloud, frame_about, is_canonical};
+use super::refine::{Minimum, Model, inverse, refine};
+use super::{Cone, Cylinder, Fit, FitError, Point, Shape, spread};
+
+/// Passes over the points before a fit is given up.
+const LIMIT: usize = 500;
+/// Directions tried on the hemisphere, about 8° apart.
+const DIRECTIONS: usize = 256;
+/// Starts that descend, beside the principal axes.
+const STARTS: usize = 12;
+/// Points the search works on; the final descent takes all.
+const SAMPLE: usize = 96;
+
+/// Axis frame, foot point, radius at the foot and half angle; a cylinder is the cone of half angle zero.
+#[derive(Clone, Copy)]
+struct Axial {
+    frame: Matrix3<f64>,
+    foot: Vector3<f64>,
+    radius: f64,
+    half_angle: f64,
+    sin: f64,
+    cos: f64,
+}
+
+impl Axial {
+    fn new(frame: Matrix3<f64>, foot: Vector3<f64>, radius: f64, half_angle: f64) -> Self {
+        let (sin, cos) = half_angle.sin_cos();
+        Self {
+            frame,
+            foot,
+            radius,
+            half_angle,
+            sin,
+            cos,
+        }
+    }
+
+    fn axis(&self) -> Vector3<f64> {
+        self.frame.column(2).into()
+    }
+
+    /// Foot moved along the axis to the point nearest the centroid (the origin here), frame tilted by `step`.
+    fn displaced(&self, step: [f64; 4], radius: f64, half_angle: f64) -> Self {
+        let [c1, c2, a1, a2] = step;
+        let axis = (self.frame * Vector3::new(a1, a2, 1.0)).normalize();
+        let foot = self.foot + self.frame * Vector3::new(c1, c2, 0.0);
+        let slide = -foot.dot(&axis);
+        Self::new(
+            frame_about(&axis),
+            foot + axis * slide,
+            radius + slide * half_angle.tan(),
+            half_angle,
+        )
+    }
+}
+
+#[derive(Clone, Copy)]
+struct Straight(Axial);
+
+impl Model<5> for Straight {
+    fn linearise(&self, p: &Point) -> (f64, SVector<f64, 5>) {
+        let q = self.0.frame.tr_mul(&(p - self.0.foot));
+        let rho = (q.x * q.x + q.y * q.y).sqrt();
+        let inv = if rho > 0.0 { 1.0 / rho } else { 0.0 };
+        let (u, v) = (-q.x * inv, -q.y * inv);
+        (
+            rho - self.0.radius,
+            SVector::<f64, 5>::new(u, v, u * q.z, v * q.z, -1.0),
+        )
+    }
+    fn moved(&self, step: &SVector<f64, 5>) -> Option<Self> {
+        let radius = self.0.radius + step[4];
+        let moved = self
+            .0
+            .displaced([step[0], step[1], step[2], step[3]], radius, 0.0);
+        (moved.radius > 0.0).then_some(Self(moved))
+    }
+}
+
+#[derive(Clone, Copy)]
+struct Tapered(Axial);
+
+impl Model<6> for Tapered {
+    fn linearise(&self, p: &Point) -> (f64, SVector<f64, 6>) {
+        let Axial {
+            radius, sin, cos, ..
+        } = self.0;
+        let q = self.0.frame.tr_mul(&(p - self.0.foot));
+        let rho = (q.x * q.x + q.y * q.y).sqrt();
+        let inv = if rho > 0.0 { 1.0 / rho } else { 0.0 };
+        let (u, v) = (-q.x * inv, -q.y * inv);
+        let outward = rho - radius;
+        let along = q.z * cos + rho * sin;
+        (
+            outward * cos - q.z * sin,
+            SVector::<f64, 6>::new(
+                u * cos,
+                v * cos,
+                u * along,
+                v * along,
+                -cos,
+                -outward * sin - q.z * cos,
+            ),
+        )
+    }
+    fn moved(&self, step: &SVector<f64, 6>) -> Option<Self> {
+        let half_angle = self.0.half_angle + step[5];
+        if half_angle.abs() >= 1.55 {
+            return None;
+        }
+        let moved = self.0.displaced(
+            [step[0], step[1], step[2], step[3]],
+            self.0.radius + step[4],
+            half_angle,
+        );
+        (moved.radius > 0.0).then_some(Self(moved))
+    }
+}
+
+/// Evenly spread directions of the upper hemisphere (Fibonacci lattice), turned with the points so that the search sees
+/// the same picture in every pose.
+fn directions(principal: &Matrix3<f64>) -> impl Iterator<Item = Vector3<f64>> {
+    let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
+    (0..DIRECTIONS).map(move |i| {
+        let z = (i as f64 + 0.5) / DIRECTIONS as f64;
+        let ring = (1.0 - z * z).sqrt();
+        let (sin, cos) = (golden * i as f64).sin_cos();
+        principal * Vector3::new(ring * cos, ring * sin, z)
+    })
+}
+
+/// At most [`SAMPLE`] of the points, chosen by a fixed pseudo-random sequence.
+fn sample(points: &[Point]) -> Vec<Point> {
+    if points.len() <= SAMPLE {
+        return points.to_vec();
+    }
+    let mut state = 0_u64;
+    (0..SAMPLE)
+        .map(|_| {
+            // SplitMix64 (Steele, Lea, Flood 2014).
+            state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
+            let mut z = state;
+            z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+            z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+            points[((z ^ (z >> 31)) % points.len() as u64) as usize]
+        })
+        .collect()
+}
+
+/// Linear start for an axis along the third column of `frame`; `K` is 3 for a cylinder, 5 for a cone.
+fn linear_start<const K: usize>(frame: Matrix3<f64>, points: &[Point]) -> Option<Axial> {
+    let mut normal = SMatrix::<f64, K, K>::zeros();
+    let mut right = SVector::<f64, K>::zeros();
+    for p in points {
+        let q = frame.tr_mul(p);
+        let row = SVector::<f64, K>::from_fn(|i, _| [q.x, q.y, 1.0, q.z, q.z * q.z][i]);
+        let square = q.x * q.x + q.y * q.y;
+        for a in 0..K {
+            right[a] += row[a] * square;
+            for b in 0..=a {
+                normal[(a, b)] += row[a] * row[b];
+            }
+        }
+    }
+    for a in 0..K {
+        normal[(a, a)] *= 1.0 + 1e-12;
+        for b in 0..a {
+            normal[(b, a)] = normal[(a, b)];
+        }
+    }
+    let s = normal.cholesky()?.solve(&right);
+    let center = Vector2::new(s[0], s[1]) / 2.0;
+    let square = s[2] + center.norm_squared();
+    if square <= 0.0 || !square.is_finite() {
+        return None;
+    }
+    let radius = square.sqrt();
+    // 2r₀k is estimated better than k².
+    let slope = if K > 3 { s[3] / (2.0 * radius) } else { 0.0 };
+    let foot = frame * center.push(0.0);
+    Some(Axial::new(frame, foot, radius, slope.atan()))
+}
+
+/// Starts on the sample: the principal axes, then the best directions, no two of these closer than their spacing.
+fn starts<const K: usize>(
+    cloud: &Cloud,
+    sample: &[Point],
+    residual: impl Fn(&Axial, &Point) -> f64,
+) -> Vec<Axial> {
+    let mut tried: Vec<(f64, Axial)> = directions(&cloud.principal)
+        .filter_map(|axis| linear_start::<K>(frame_about(&axis), sample))
+        .map(|start| {
+            let sum: f64 = sample.iter().map(|p| residual(&start, p).powi(2)).sum();
+            (sum, start)
+        })
+        .filter(|(sum, _)| sum.is_finite())
+        .collect();
+    tried.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut chosen: Vec<Axial> = Vec::with_capacity(STARTS);
+    for (_, start) in tried {
+        let apart = |other: &Axial| other.axis().dot(&start.axis()).abs() < 0.97;
+        if chosen.iter().all(apart) {
+            chosen.push(start);
+            if chosen.len() == STARTS {
+                break;
+            }
+        }
+    }
+    // A slender feature lies along a principal axis more closely than the lattice is spaced.
+    for axis in cloud.principal.column_iter() {
+        let frame = frame_about(&axis.into());
+        chosen.extend(linear_start::<K>(frame, sample));
+        chosen.extend(linear_start::<3>(frame, sample));
+    }
+    chosen
+}
+
+/// Lowest minimum over the starts: on the sample first, then on all points from the best two.
+fn lowest<M: Model<P>, const P: usize>(
+    begin: impl Iterator<Item = M>,
+    sample: &[Point],
+    points: &[Point],
+) -> Option<Minimum<M, P>>
+where
+    nalgebra::Const<P>: nalgebra::DimMin<nalgebra::Const<P>, Output = nalgebra::Const<P>>,
+{
+    let mut minima: Vec<Minimum<M, P>> = begin.filter_map(|m| refine(m, sample, 100)).collect();
+    minima.sort_by(|a, b| a.sum.total_cmp(&b.sum));
+    if sample.len() == points.len() {
+        return minima.into_iter().next();
+    }
+    let best = minima.first()?.sum;
+    minima
+        .into_iter()
+        // A second basin matters only where the sample hardly tells it from the first.
+        .enumerate()
+        .take_while(|(rank, m)| *rank == 0 || (*rank < 3 && m.sum < 1.5 * best))
+        .filter_map(|(_, m)| refine(m.model, points, LIMIT))
+        .min_by(|a, b| a.sum.total_cmp(&b.sum))
+}
+
+/// Best cylinder through at least five points (m).
+///
+/// # Errors
+/// Too few points, coordinates that are not finite, coplanar points, or points that leave the axis undetermined.
+pub fn cylinder(points: &[Point]) -> Result<Fit<Cylinder>, FitError> {
+    let cloud = Cloud::new::<Cylinder>(points, 5)?;
+    cloud.refuse_coplanar::<Cylinder>()?;
+    let few = sample(&cloud.points);
+    let begin = starts::<3>(&cloud, &few, |a, p| Straight(*a).linearise(p).0);
+    let minimum = lowest(begin.into_iter().map(Straight), &few, &cloud.points).ok_or(
+        FitError::NotConverged {
+            shape: Cylinder::NAME,
+            iterations: LIMIT,
+        },
+    )?;
+    let (best, cofactor) = finish::<Cylinder, _, 5>(&minimum, &cloud, |m| {
+        let a = m.0;
+        let axis = if is_canonical(&a.axis()) {
+            a.axis()
+        } else {
+            -a.axis()
+        };
+        Straight(Axial::new(frame_about(&axis), a.foot, a.radius, 0.0))
+    })?;
+    let residuals = residuals(&best, &cloud);
+    let (form, rms) = spread(&residuals);
+    Ok(Fit {
+        shape: Cylinder {
+            point: cloud.centroid + best.0.foot * cloud.scale,
+            axis: best.0.axis(),
+            radius: best.0.radius * cloud.scale,
+        },
+        residuals,
+        form,
+        rms,
+        frame: best.0.frame,
+        cofactor,
+    })
+}
+
+/// Best cone through at least six points (m); a cylinder is found as a cone of half angle zero.
+///
+/// Distances are taken to the straight generatrix; points beyond the apex are not expected.
+///
+/// # Errors
+/// Too few points, coordinates that are not finite, coplanar points, or points that leave the cone undetermined.
+pub fn cone(points: &[Point]) -> Result<Fit<Cone>, FitError> {
+    let cloud = Cloud::new::<Cone>(points, 6)?;
+    cloud.refuse_coplanar::<Cone>()?;
+    let few = sample(&cloud.points);
+    let begin = starts::<5>(&cloud, &few, |a, p| Tapered(*a).linearise(p).0);
+    let minimum = lowest(begin.into_iter().map(Tapered), &few, &cloud.points).ok_or(
+        FitError::NotConverged {
+            shape: Cone::NAME,
+            iterations: LIMIT,
+        },
+    )?;
+    let (best, cofactor) = finish::<Cone, _, 6>(&minimum, &cloud, |m| {
+        let a = m.0;
+        let opening = if a.half_angle < 0.0 {
+            -a.axis()
+        } else {
+            a.axis()
+        };
+        Tapered(Axial::new(
+            frame_about(&opening),
+            a.foot,
+            a.radius,
+            a.half_angle.abs(),
+        ))
+    })?;
+    let residuals = residuals(&best, &cloud);
+    let (form, rms) = spread(&residuals);
+    Ok(Fit {
+        shape: Cone {
+            point: cloud.centroid + best.0.foot * cloud.scale,
+            axis: best.0.axis(),
+            radius: best.0.radius * cloud.scale,
+            half_angle: best.0.half_angle,
+        },
+        residuals,
+        form,
+        rms,
+        frame: best.0.frame,
+        cofactor,
+    })
+}
+
+fn residuals<M: Model<P>, const P: usize>(model: &M, cloud: &Cloud) -> Vec<f64> {
+    let residual = |p| model.linearise(p).0 * cloud.scale;
+    cloud.points.iter().map(residual).collect()
+}
+
+/// The minimum in its reported pose, and the cofactor of its parameters there in m and rad.
+fn finish<S: Shape, M: Model<P>, const P: usize>(
+    minimum: &Minimum<M, P>,
+    cloud: &Cloud,
+    pose: impl Fn(&M) -> M,
+) -> Result<(M, DMatrix<f64>), FitError>
+where
+    nalgebra::Const<P>: nalgebra::DimMin<nalgebra::Const<P>, Output = nalgebra::Const<P>>,
+{
+    let model = pose(&minimum.model);
+    let mut normal = SMatrix::<f64, P, P>::zeros();
+    for p in &cloud.points {
+        let (_, j) = model.linearise(p);
+        normal += j * j.transpose();
+    }
+    let cofactor = inverse(&normal).ok_or(FitError::Degenerate {
+        shape: S::NAME,
+        reason: "another direction of the axis fits as well",
+    })?;
+    // Angles act over the scale: rad per dimensionless residual is 1/scale.
+    let unit = |a: usize| {
+        let angle = matches!(S::PARAMETERS[a], "a1" | "a2" | "half_angle");
+        if angle { 1.0 / cloud.scale } else { 1.0 }
+    };
+    Ok((
+        model,
+        DMatrix::from_fn(P, P, |a, b| cofactor[(a, b)] * unit(a) * unit(b)),
+    ))
+}
