@@ -5,9 +5,9 @@
 //! prescribed and three linear ones free; an arm has all free and the orientation of the probe prescribed.
 //! It finds one solution near the start, not all of them, and knows no collisions.
 
-use nalgebra::{DMatrix, DVector, Isometry3, Point3, UnitQuaternion, Vector3};
+use nalgebra::{DMatrix, DVector, Isometry3, Point3, UnitQuaternion};
 
-use crate::chain::{Chain, JointKind, Side};
+use crate::chain::Chain;
 
 /// Ball distance under which a target counts as reached, m.
 const REACHED: f64 = 1e-9;
@@ -167,36 +167,11 @@ impl Problem<'_> {
                 .fixed_view_mut::<3, 1>(0, column)
                 .copy_from(&sensitivity.axes[axis]);
             if rows == 6 {
-                let turn = self.turn(positions, axis) * LEVER;
+                let turn = sensitivity.turns[axis] * LEVER;
                 jacobian.fixed_view_mut::<3, 1>(3, column).copy_from(&turn);
             }
         }
         jacobian
-    }
-
-    /// How fast a unit of the axis turns the probe, seen in the part frame.
-    fn turn(&self, positions: &[f64], axis: usize) -> Vector3<f64> {
-        let joint = self.chain.axes()[axis];
-        if self.chain.joints()[joint].kind != JointKind::Revolute {
-            return Vector3::zeros();
-        }
-        let part = self.chain.end_pose(Side::Part, positions) * self.part_pose;
-        let mut result = Vector3::zeros();
-        for (side, sign) in [(Side::Part, -1.0), (Side::Tool, 1.0)] {
-            let mut pose = Isometry3::identity();
-            for &index in self.chain.branch(side) {
-                let link = &self.chain.joints()[index];
-                pose *= link.origin;
-                if index == joint {
-                    result +=
-                        part.rotation.inverse() * (pose.rotation * link.axis.into_inner()) * sign;
-                    break;
-                }
-                let place = self.chain.axes().iter().position(|&moving| moving == index);
-                pose *= link.motion(place.map_or(0.0, |place| positions[place]));
-            }
-        }
-        result
     }
 
     fn solve(&self, mut positions: Vec<f64>) -> Result<Vec<f64>, ReachError> {

@@ -71,6 +71,8 @@ pub struct Sensitivity {
     pub ball: Point3<f64>,
     /// Per moving axis of [`Chain::axes`]: to its position.
     pub axes: Vec<Vector3<f64>>,
+    /// Per moving axis: rotation vector of the mount against the part per unit of its position, part frame.
+    pub turns: Vec<Vector3<f64>>,
     /// Per joint: to each component of its location error.
     pub location: Vec<[Vector3<f64>; 6]>,
     /// Per joint: to each component of its motion error.
@@ -194,6 +196,7 @@ impl Chain {
         let mut result = Sensitivity {
             ball: part.inverse_transform_point(&ball),
             axes: vec![Vector3::zeros(); self.axes().len()],
+            turns: vec![Vector3::zeros(); self.axes().len()],
             location: vec![zero; count],
             motion: vec![zero; count],
             part: zero,
@@ -208,11 +211,11 @@ impl Chain {
                 add_twist(&mut result.location[index], &pose, &ball, &to_part, sign);
                 if let Some(axis) = self.axes().iter().position(|&moving| moving == index) {
                     let direction = pose.rotation * joint.axis.into_inner();
-                    let speed = match joint.kind {
-                        JointKind::Revolute => {
-                            direction.cross(&(ball.coords - pose.translation.vector))
-                        }
-                        JointKind::Prismatic | JointKind::Fixed => direction,
+                    let speed = if joint.kind == JointKind::Revolute {
+                        result.turns[axis] += to_part * direction * sign;
+                        direction.cross(&(ball.coords - pose.translation.vector))
+                    } else {
+                        direction
                     };
                     result.axes[axis] += to_part * speed * sign;
                 }

@@ -1,5 +1,7 @@
 //! The chain against section D of the domain specification: closed-form Jacobian (D.2) and sensitivity table (D.3).
 
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
 use machine::{Chain, ChainErrors, Side, Target};
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 
