@@ -5,5 +5,16 @@
 //! function is deterministic, random sequences start from a seed that is passed in. Equation numbers of the form
 //! "A.3" refer to the system descriptions in each module's documentation.
 
+pub mod statistics;
+
 pub mod fit;
 pub mod solver;
+
+pub mod band;
+pub mod conformance;
+pub mod decision;
+
+pub mod calibration;
+pub mod cut;
+pub mod probe;
+pub mod size_gap;

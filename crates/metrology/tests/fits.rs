@@ -10,7 +10,7 @@ use rand_pcg::Pcg64;
 
 /// A part-sized round feature: `turn` of the circumference, `slope` of the radius by height, noise of 3 µm.
 fn round(rng: &mut Pcg64, n: usize, radius: f64, height: f64, turn: f64, slope: f64) -> Vec<Point> {
-    let noise = Normal::new(0.0, 3e-6).unwrap();
+    let noise = Normal::new(0.0, 3e-6).expect("a deviation");
     (0..n)
         .map(|_| {
             let angle = rng.random_range(0.0..turn);
@@ -22,7 +22,7 @@ fn round(rng: &mut Pcg64, n: usize, radius: f64, height: f64, turn: f64, slope: 
 }
 
 fn ball(rng: &mut Pcg64, n: usize, radius: f64) -> Vec<Point> {
-    let noise = Normal::new(0.0, 3e-6).unwrap();
+    let noise = Normal::new(0.0, 3e-6).expect("a deviation");
     (0..n)
         .map(|_| {
             let z: f64 = rng.random_range(0.0..1.0);
@@ -50,12 +50,12 @@ fn check_invariance<S: Shape>(
     let mut rng = Pcg64::seed_from_u64(seed);
     for round in 0..200 {
         let points = make(&mut rng);
-        let base = fit(&points).unwrap();
+        let base = fit(&points).expect("a fit");
         let place = pose(&mut rng);
-        let moved = fit(&points.iter().map(&place).collect::<Vec<_>>()).unwrap();
+        let moved = fit(&points.iter().map(&place).collect::<Vec<_>>()).expect("a fit");
         let mut order: Vec<usize> = (0..points.len()).collect();
         order.shuffle(&mut rng);
-        let shuffled = fit(&order.iter().map(|&i| points[i]).collect::<Vec<_>>()).unwrap();
+        let shuffled = fit(&order.iter().map(|&i| points[i]).collect::<Vec<_>>()).expect("a fit");
         for (position, &i) in order.iter().enumerate() {
             let r = base.residuals[i].abs();
             let (m, s) = (moved.residuals[i].abs(), shuffled.residuals[position].abs());

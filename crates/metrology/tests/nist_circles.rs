@@ -6,7 +6,7 @@ use metrology::fit::{Point, circle};
 
 fn numbers(text: &str) -> Vec<f64> {
     text.split_whitespace()
-        .map(|word| word.parse().unwrap())
+        .map(|word| word.parse().expect("a number"))
         .collect()
 }
 

@@ -51,19 +51,21 @@ fn constant(value: f64) -> Dual {
     }
 }
 
+/// Value `value` whose derivatives by the two operands are `da` and `db`.
+fn combine(a: Dual, b: Dual, value: f64, da: f64, db: f64) -> Dual {
+    Dual {
+        value,
+        gradient: std::array::from_fn(|i| a.gradient[i] * da + b.gradient[i] * db),
+    }
+}
+
 macro_rules! operator {
     ($trait:ident, $method:ident, |$a:ident, $b:ident| $value:expr, $da:expr, $db:expr) => {
         impl $trait for Dual {
             type Output = Dual;
             fn $method(self, other: Dual) -> Dual {
                 let ($a, $b) = (self.value, other.value);
-                let (da, db) = ($da, $db);
-                Dual {
-                    value: $value,
-                    gradient: std::array::from_fn(|i| {
-                        self.gradient[i] * da + other.gradient[i] * db
-                    }),
-                }
+                combine(self, other, $value, $da, $db)
             }
         }
         impl $trait<Dual> for f64 {
@@ -242,9 +244,9 @@ fn parse(text: &str, name: &str, count: usize, model: Model) -> Certified {
                 .trim_start()
                 .starts_with(&format!("b{} =", rows.len() + 1))
         {
-            rows.push(numbers(line.split_once('=').unwrap().1));
+            rows.push(numbers(line.split_once('=').expect("a starting line").1));
         } else if let Some(rest) = line.strip_prefix("Residual Sum of Squares:") {
-            sum_of_squares = rest.trim().parse().unwrap();
+            sum_of_squares = rest.trim().parse().expect("a sum");
         }
     }
     let data: Vec<Vec<f64>> = text

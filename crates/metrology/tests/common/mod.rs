@@ -8,6 +8,6 @@ pub(crate) fn shared(path: &str) -> Option<PathBuf> {
     if full.exists() {
         return Some(full);
     }
-    println!("skipped: {path} is not beside the repository");
+    eprintln!("skipped: {path} is not beside the repository");
     None
 }

@@ -1,0 +1,396 @@
+//! Decides what follows the measurement of a size: qualified, recut with a corrected tool, or stop.
+//!
+//! Lengths in m; sizes and wear are diametral. Source systems A.4: the decision table of the turn-mill's macro, first
+//! match wins, with e = measured − drawing size rounded to 1e-6 mm, s = +1 for an outer feature and −1 for a bore, and
+//! the X-wear register W of the cutting tool. All comparisons are made in whole nanometres, so a size exactly on a
+//! limit is inside it.
+//!
+//! The table trusts its reading: a probe error passes through it into the part (see [`crate::probe`]), and a verdict
+//! about the true size needs a reference and an uncertainty (see [`crate::conformance`]).
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+/// On which side of the surface the material lies.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Side {
+    /// A shaft or a distance across flats: too large means material is left (s = +1).
+    Outer,
+    /// A bore: too small means material is left (s = −1).
+    Bore,
+}
+
+impl Side {
+    /// s of the decision table.
+    pub fn sign(self) -> f64 {
+        match self {
+            Self::Outer => 1.0,
+            Self::Bore => -1.0,
+        }
+    }
+}
+
+/// What happens to a feature that a corrected recut can save.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Policy {
+    /// Correct the tool, recut, measure again.
+    #[default]
+    Compensate,
+    /// Stop, as the macro's prose says; the wear register stays as it is.
+    Literal,
+}
+
+/// Limits of the decision, m.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct DecisionLimits {
+    /// t: largest |e| that qualifies.
+    pub tolerance: f64,
+    /// W_min: lowest wear value of an outer feature's tool, negative; a bore's tool is held at −W_min from above.
+    pub wear_limit: f64,
+    /// N_max: corrections after which the loop gives up.
+    pub max_corrections: u32,
+}
+
+impl Default for DecisionLimits {
+    /// The source's cell: ±0.010 mm, −0.110 mm, five corrections.
+    fn default() -> Self {
+        Self {
+            tolerance: 10e-6,
+            wear_limit: -110e-6,
+            max_corrections: 5,
+        }
+    }
+}
+
+/// Why there is no size to judge.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Invalid {
+    /// The probe met nothing.
+    NoTrigger,
+    /// The axis reached the end of the permitted search.
+    OverTravel,
+    /// The probe has no valid calibration.
+    NotCalibrated,
+    /// Repeated readings differ by more than permitted.
+    SpreadTooLarge,
+    /// The reading is not a number.
+    NotFinite,
+}
+
+/// What the probe says of a size.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Reading {
+    /// #600: the measured size in m.
+    Size(f64),
+    /// No usable size.
+    Invalid(Invalid),
+}
+
+impl Reading {
+    /// Mean of repeated sizes (m) if their range stays within `max_spread` (m).
+    pub fn from_repeats(sizes: &[f64], max_spread: f64) -> Self {
+        if sizes.is_empty() {
+            return Self::Invalid(Invalid::NoTrigger);
+        }
+        if sizes.iter().any(|size| !size.is_finite()) {
+            return Self::Invalid(Invalid::NotFinite);
+        }
+        let low = sizes.iter().copied().fold(f64::INFINITY, f64::min);
+        let high = sizes.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        // The limit itself is allowed.
+        if nanometres(high - low) > nanometres(max_spread) {
+            return Self::Invalid(Invalid::SpreadTooLarge);
+        }
+        Self::Size(sizes.iter().sum::<f64>() / sizes.len() as f64)
+    }
+}
+
+/// The rows of the decision table.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Verdict {
+    /// Row 0.
+    MeasurementInvalid,
+    /// Row 1: |e| ≤ t.
+    Qualified,
+    /// Row 2: too much was cut.
+    OvercutNotCompensable,
+    /// Row 3: the correction would pass the wear limit.
+    ToolWorn,
+    /// Row 4: the permitted corrections are spent.
+    NotConverged,
+    /// Row 5: a corrected recut reaches the size.
+    Compensable,
+}
+
+/// What the cell does next.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Action {
+    /// Go on with the normal sequence of passes.
+    NextPass,
+    /// Stop and leave everything as it is.
+    Stop,
+    /// Stop and reject the part.
+    Reject,
+    /// Stop and change the insert.
+    ChangeInsert,
+    /// Write the new wear value, recut and measure again.
+    Recut,
+}
+
+/// The outcome of [`decide`].
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Decision {
+    /// The first row that matched.
+    pub verdict: Verdict,
+    /// What follows from it under the policy.
+    pub action: Action,
+    /// e in m, rounded to 1e-9 m; `None` if the measurement is invalid.
+    pub error: Option<f64>,
+    /// W in m after the decision; the value passed in unless `action` is [`Action::Recut`].
+    pub new_wear: f64,
+}
+
+/// Limits or arguments no decision can be made with.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum DecisionError {
+    /// A size, wear value or limit is NaN or infinite.
+    #[error("{0} is not a number")]
+    NotFinite(&'static str),
+    /// The tolerance is negative.
+    #[error("the tolerance is negative: {0} m")]
+    NegativeTolerance(f64),
+    /// The wear limit is positive.
+    #[error("the wear limit must not be positive: {0} m")]
+    PositiveWearLimit(f64),
+}
+
+/// Whole nanometres (1e-6 mm), the resolution of the decision.
+fn nanometres(metres: f64) -> f64 {
+    (metres * 1e9).round()
+}
+
+/// Applies the decision table A.4 to one reading of a feature with drawing size `nominal` (m), tool wear `wear` (m)
+/// and `corrections` already made to this feature.
+///
+/// # Errors
+/// Arguments that are not finite or limits of the wrong sign; a reading that is not finite is row 0, not an error.
+pub fn decide(
+    reading: Reading,
+    nominal: f64,
+    side: Side,
+    wear: f64,
+    corrections: u32,
+    limits: &DecisionLimits,
+    policy: Policy,
+) -> Result<Decision, DecisionError> {
+    for (name, value) in [
+        ("the drawing size", nominal),
+        ("the wear value", wear),
+        ("the tolerance", limits.tolerance),
+        ("the wear limit", limits.wear_limit),
+    ] {
+        if !value.is_finite() {
+            return Err(DecisionError::NotFinite(name));
+        }
+    }
+    if limits.tolerance < 0.0 {
+        return Err(DecisionError::NegativeTolerance(limits.tolerance));
+    }
+    if limits.wear_limit > 0.0 {
+        return Err(DecisionError::PositiveWearLimit(limits.wear_limit));
+    }
+    let size = match reading {
+        Reading::Size(size) if size.is_finite() => size,
+        _ => {
+            return Ok(Decision {
+                verdict: Verdict::MeasurementInvalid,
+                action: Action::Stop,
+                error: None,
+                new_wear: wear,
+            });
+        }
+    };
+    let error = nanometres(size - nominal);
+    let left = side.sign() * error;
+    let tolerance = nanometres(limits.tolerance);
+    // Counted in the outer feature's direction; a bore's register and limit are its mirror image.
+    let corrected = nanometres(side.sign() * wear) - error.abs();
+    let (verdict, action) = if error.abs() <= tolerance {
+        (Verdict::Qualified, Action::NextPass)
+    } else if left < -tolerance {
+        (Verdict::OvercutNotCompensable, Action::Reject)
+    } else if corrected < nanometres(limits.wear_limit) {
+        (Verdict::ToolWorn, Action::ChangeInsert)
+    } else if corrections >= limits.max_corrections {
+        (Verdict::NotConverged, Action::Stop)
+    } else {
+        match policy {
+            Policy::Compensate => (Verdict::Compensable, Action::Recut),
+            Policy::Literal => (Verdict::Compensable, Action::Stop),
+        }
+    };
+    Ok(Decision {
+        verdict,
+        action,
+        error: Some(error / 1e9),
+        new_wear: if action == Action::Recut {
+            side.sign() * corrected / 1e9
+        } else {
+            wear
+        },
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn outer(size_mm: f64, wear_mm: f64, corrections: u32) -> Decision {
+        decide(
+            Reading::Size(size_mm * 1e-3),
+            19.8e-3,
+            Side::Outer,
+            wear_mm * 1e-3,
+            corrections,
+            &DecisionLimits::default(),
+            Policy::Compensate,
+        )
+        .unwrap()
+    }
+
+    #[test]
+    fn every_vector_of_the_source_gets_its_verdict() {
+        use Verdict::{Compensable, OvercutNotCompensable, Qualified, ToolWorn};
+        for (size, wear, verdict, new_wear) in [
+            (19.810, 0.0, Qualified, 0.0),
+            (19.811, 0.0, Compensable, -0.011),
+            (19.790, 0.0, Qualified, 0.0),
+            (19.789, 0.0, OvercutNotCompensable, 0.0),
+            (19.835, -0.070, Compensable, -0.105),
+            (19.835, -0.080, ToolWorn, -0.080),
+            (19.840, -0.070, Compensable, -0.110),
+        ] {
+            let decision = outer(size, wear, 0);
+            assert_eq!(decision.verdict, verdict, "{size} {wear}");
+            assert!(
+                (decision.new_wear - new_wear * 1e-3).abs() < 1e-18,
+                "{size} {wear}: {decision:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn three_corrections_of_35_um_fit_the_wear_budget_and_four_do_not() {
+        let mut wear = 0.0;
+        for _ in 0..3 {
+            let decision = outer(19.835, wear * 1e3, 0);
+            assert_eq!(decision.action, Action::Recut);
+            wear = decision.new_wear;
+        }
+        assert!((wear + 105e-6).abs() < 1e-18);
+        assert_eq!(outer(19.835, wear * 1e3, 0).verdict, Verdict::ToolWorn);
+    }
+
+    #[test]
+    fn a_bore_mirrors_error_wear_and_limit() {
+        let bore = |size: f64, wear: f64| {
+            decide(
+                Reading::Size(size * 1e-3),
+                19.8e-3,
+                Side::Bore,
+                wear * 1e-3,
+                0,
+                &DecisionLimits::default(),
+                Policy::Compensate,
+            )
+            .unwrap()
+        };
+        for (size, wear) in [
+            (19.810, 0.0),
+            (19.811, 0.0),
+            (19.789, 0.0),
+            (19.835, -0.070),
+            (19.835, -0.080),
+            (19.840, -0.070),
+        ] {
+            let mirrored = bore(2.0 * 19.8 - size, -wear);
+            let shaft = outer(size, wear, 0);
+            assert_eq!(mirrored.verdict, shaft.verdict, "{size} {wear}");
+            assert!((mirrored.new_wear + shaft.new_wear).abs() < 1e-18);
+        }
+        assert_eq!(bore(19.811, 0.0).verdict, Verdict::OvercutNotCompensable);
+    }
+
+    #[test]
+    fn the_fifth_correction_is_the_last_and_worn_comes_before_not_converged() {
+        assert_eq!(outer(19.811, 0.0, 4).verdict, Verdict::Compensable);
+        assert_eq!(outer(19.811, 0.0, 5).verdict, Verdict::NotConverged);
+        assert_eq!(outer(19.835, -0.080, 5).verdict, Verdict::ToolWorn);
+        assert_eq!(outer(19.805, 0.0, 5).verdict, Verdict::Qualified);
+    }
+
+    #[test]
+    fn the_literal_policy_stops_and_leaves_the_register() {
+        let decision = decide(
+            Reading::Size(19.811e-3),
+            19.8e-3,
+            Side::Outer,
+            -7e-6,
+            0,
+            &DecisionLimits::default(),
+            Policy::Literal,
+        )
+        .unwrap();
+        assert_eq!(decision.verdict, Verdict::Compensable);
+        assert_eq!(decision.action, Action::Stop);
+        assert_eq!(decision.new_wear, -7e-6);
+    }
+
+    #[test]
+    fn an_invalid_measurement_never_touches_the_register() {
+        for reading in [
+            Reading::Invalid(Invalid::NoTrigger),
+            Reading::Invalid(Invalid::NotCalibrated),
+            Reading::Size(f64::NAN),
+            Reading::from_repeats(&[19.8e-3, 19.8031e-3], 3e-6),
+            Reading::from_repeats(&[19.8e-3, f64::INFINITY], 3e-6),
+            Reading::from_repeats(&[], 3e-6),
+        ] {
+            let limits = DecisionLimits::default();
+            let decision = decide(
+                reading,
+                19.8e-3,
+                Side::Outer,
+                -5e-6,
+                0,
+                &limits,
+                Policy::Compensate,
+            )
+            .unwrap();
+            assert_eq!(decision.verdict, Verdict::MeasurementInvalid);
+            assert_eq!((decision.action, decision.new_wear), (Action::Stop, -5e-6));
+        }
+        assert_eq!(
+            Reading::from_repeats(&[19.8e-3, 19.803e-3], 3e-6),
+            Reading::Size(19.8015e-3)
+        );
+    }
+
+    #[test]
+    fn senseless_limits_are_refused() {
+        let limits = DecisionLimits {
+            wear_limit: 1e-3,
+            ..DecisionLimits::default()
+        };
+        let outcome = decide(
+            Reading::Size(0.02),
+            0.02,
+            Side::Outer,
+            0.0,
+            0,
+            &limits,
+            Policy::Compensate,
+        );
+        assert_eq!(outcome, Err(DecisionError::PositiveWearLimit(1e-3)));
+    }
+}
