@@ -1,0 +1,2291 @@
+// Generated from msg/, srv/ and standard/ by `cargo run -p xtask -- codegen`. Edit those, not this.
+
+use serde::{Deserialize, Serialize};
+
+use crate::schema::{Message, MessageType, ServiceType};
+
+/// What the driver is told to do. Only machine_state publishes it, after all its checks.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ControllerCommand {
+    pub header: crate::std_msgs::Header,
+    /// run of the driver that it is made for
+    pub session: String,
+    /// from 0 in a run, no gaps
+    pub command_id: u64,
+    /// one of the constants above
+    pub kind: u8,
+    /// id of the operation to run
+    pub operation: String,
+    /// plan to measure
+    pub plan_id: String,
+    /// order in which to touch the plan's points
+    pub order: Vec<u32>,
+    pub tool_number: u32,
+    /// joint whose work offset is set
+    pub axis: String,
+    /// m or rad, absolute new value of an offset
+    pub value: f64,
+    /// the Correction that asks for it; empty for a move
+    pub correction_id: String,
+}
+
+impl ControllerCommand {
+    /// cut: run the program of an operation
+    pub const RUN_OPERATION: u8 = 0;
+    /// probe: run the measuring program of a plan in the order given
+    pub const RUN_MEASUREMENT: u8 = 1;
+    /// write value to the wear offset of tool_number
+    pub const SET_TOOL_WEAR: u8 = 2;
+    /// write value to the work offset of axis
+    pub const SET_WORK_OFFSET: u8 = 3;
+    /// feed hold and abort
+    pub const STOP: u8 = 4;
+}
+
+impl Message for ControllerCommand {
+    const TYPE: &'static MessageType = &MessageType {
+        name: "probecell_msgs/msg/ControllerCommand",
+        dds_name: "probecell_msgs::msg::dds_::ControllerCommand_",
+        type_hash: "RIHS01_4b08b6795f51075394c03efd91d94ca1dce7affb191e6dbde298cc872e104cf3",
+        definition: concat!(
+            include_str!("../msg/ControllerCommand.msg"),
+            "================================================================================\nMSG: std_msgs/Header\n",
+            include_str!("../standard/std_msgs/msg/Header.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg")
+        ),
+        describe: crate::describe::of::<ControllerCommand>,
+    };
+}
+
+/// What came of a ControllerCommand.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ControllerReply {
+    pub header: crate::std_msgs::Header,
+    pub session: String,
+    pub command_id: u64,
+    /// one of the constants above
+    pub outcome: u8,
+    /// m or rad, offset read before it was written
+    pub value_before: f64,
+    /// m or rad, offset read back after it was written
+    pub value: f64,
+    /// why it was refused or failed
+    pub text: String,
+}
+
+impl ControllerReply {
+    pub const DONE: u8 = 0;
+    pub const REFUSED: u8 = 1;
+    pub const FAILED: u8 = 2;
+}
+
+impl Message for ControllerReply {
+    const TYPE: &'static MessageType = &MessageType {
+        name: "probecell_msgs/msg/ControllerReply",
+        dds_name: "probecell_msgs::msg::dds_::ControllerReply_",
+        type_hash: "RIHS01_d73753299b1629158855f1f7fbab45ba06882a473776541277b0df56014b31eb",
+        definition: concat!(
+            include_str!("../msg/ControllerReply.msg"),
+            "================================================================================\nMSG: std_msgs/Header\n",
+            include_str!("../standard/std_msgs/msg/Header.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg")
+        ),
+        describe: crate::describe::of::<ControllerReply>,
+    };
+}
+
+/// One raw sample of a controller, as its driver read it (simulated machine, LinuxCNC). Only machine_state
+/// and probe_events read it; everybody else reads joint_states and machine_state.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ControllerStatus {
+    /// stamp: instant of the sample
+    pub header: crate::std_msgs::Header,
+    /// this run of the driver; a command made for another run is refused
+    pub session: String,
+    /// MachineState.MODE_*
+    pub mode: u8,
+    /// MachineState.EXECUTION_*
+    pub execution: u8,
+    /// name of the program that is open
+    pub program: String,
+    /// line of that program
+    pub line: u32,
+    /// tool in the spindle
+    pub tool_number: u32,
+    /// 1.0 = 100 %
+    pub feed_override: f64,
+    /// rad/s
+    pub spindle_speed: f64,
+    /// joints of the machine model
+    pub axis_names: Vec<String>,
+    /// m or rad, readings
+    pub axis_positions: Vec<f64>,
+    /// m or rad, commanded positions; empty where the controller does not tell
+    pub axis_commands: Vec<f64>,
+    /// level of the probe input
+    pub probe_tripped: bool,
+    pub temperature_names: Vec<String>,
+    /// degree Celsius
+    pub temperatures: Vec<f64>,
+    /// texts of the active alarms
+    pub alarms: Vec<String>,
+    /// tools that the wear below belongs to
+    pub tool_numbers: Vec<u32>,
+    /// m, wear offset of each tool, as the controller holds it (a diameter or a radius)
+    pub tool_wear: Vec<f64>,
+}
+
+impl Message for ControllerStatus {
+    const TYPE: &'static MessageType = &MessageType {
+        name: "probecell_msgs/msg/ControllerStatus",
+        dds_name: "probecell_msgs::msg::dds_::ControllerStatus_",
+        type_hash: "RIHS01_4c1fa76a1402919cab09d8dfc90aaa99a74fd2d942d55ca861ee1555325fd2d5",
+        definition: concat!(
+            include_str!("../msg/ControllerStatus.msg"),
+            "================================================================================\nMSG: std_msgs/Header\n",
+            include_str!("../standard/std_msgs/msg/Header.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg")
+        ),
+        describe: crate::describe::of::<ControllerStatus>,
+    };
+}
+
+/// A correction of an offset, with all that entitles it to reach a machine.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Correction {
+    pub header: crate::std_msgs::Header,
+    pub correction_id: String,
+    /// run of the driver whose measurement it rests on
+    pub session: String,
+    /// made from a recording: never for a machine
+    pub replayed: bool,
+    /// TOOL_WEAR or WORK_OFFSET
+    pub kind: u8,
+    pub tool_number: u32,
+    /// joint of a work offset
+    pub axis: String,
+    /// m or rad, value that the change was computed from
+    pub previous_value: f64,
+    /// m or rad
+    pub new_value: f64,
+    /// m or rad, least new_value allowed
+    pub lower_bound: f64,
+    /// m or rad, greatest new_value allowed
+    pub upper_bound: f64,
+    /// source measurement
+    pub plan_id: String,
+    /// source measurement
+    pub feature_ids: Vec<String>,
+    /// the ProbeEvents that it rests on
+    pub sequences: Vec<u64>,
+    /// m
+    pub measured_error: f64,
+    /// m
+    pub standard_uncertainty: f64,
+    /// one of APPROVAL_*
+    pub approval: u8,
+    pub approved_by: String,
+    /// refused after this instant
+    pub expires: crate::builtin_interfaces::Time,
+}
+
+impl Correction {
+    pub const TOOL_WEAR: u8 = 0;
+    pub const WORK_OFFSET: u8 = 1;
+    /// proposed only
+    pub const APPROVAL_NONE: u8 = 0;
+    /// by the policy of the cell file
+    pub const APPROVAL_POLICY: u8 = 1;
+    pub const APPROVAL_OPERATOR: u8 = 2;
+    pub const APPROVAL_REJECTED: u8 = 3;
+}
+
+impl Message for Correction {
+    const TYPE: &'static MessageType = &MessageType {
+        name: "probecell_msgs/msg/Correction",
+        dds_name: "probecell_msgs::msg::dds_::Correction_",
+        type_hash: "RIHS01_fb840cdbdc6dd1a26630f93ad895b4eb8a2e8bcde48c53f6247d1d57d2324c10",
+        definition: concat!(
+            include_str!("../msg/Correction.msg"),
+            "================================================================================\nMSG: std_msgs/Header\n",
+            include_str!("../standard/std_msgs/msg/Header.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg")
+        ),
+        describe: crate::describe::of::<Correction>,
+    };
+}
+
+/// What became of a Correction at the machine.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct CorrectionAcknowledgement {
+    pub header: crate::std_msgs::Header,
+    pub correction_id: String,
+    /// one of the constants above
+    pub outcome: u8,
+    /// m or rad, read from the controller
+    pub value_before: f64,
+    /// m or rad, read back from the controller
+    pub value_after: f64,
+    pub text: String,
+}
+
+impl CorrectionAcknowledgement {
+    pub const APPLIED: u8 = 0;
+    pub const ALREADY_APPLIED: u8 = 1;
+    pub const REFUSED_NOT_APPROVED: u8 = 2;
+    pub const REFUSED_STALE: u8 = 3;
+    pub const REFUSED_OUT_OF_BOUNDS: u8 = 4;
+    pub const REFUSED_REPLAY: u8 = 5;
+    pub const REFUSED_NO_SOURCE: u8 = 6;
+    pub const FAILED: u8 = 7;
+}
+
+impl Message for CorrectionAcknowledgement {
+    const TYPE: &'static MessageType = &MessageType {
+        name: "probecell_msgs/msg/CorrectionAcknowledgement",
+        dds_name: "probecell_msgs::msg::dds_::CorrectionAcknowledgement_",
+        type_hash: "RIHS01_69881ecaa96e8ccad13a010b1a6371ebe4ff33d6e8e391fcd433a5c29786ef66",
+        definition: concat!(
+            include_str!("../msg/CorrectionAcknowledgement.msg"),
+            "================================================================================\nMSG: std_msgs/Header\n",
+            include_str!("../standard/std_msgs/msg/Header.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg")
+        ),
+        describe: crate::describe::of::<CorrectionAcknowledgement>,
+    };
+}
+
+/// Something that went wrong, named. Published by each node on its own faults topic.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Fault {
+    pub header: crate::std_msgs::Header,
+    pub node: String,
+    /// one of the constants above
+    pub severity: u8,
+    /// for example probe_dead, probe_stuck, unplanned_touch, controller_lost, estop
+    pub code: String,
+    pub text: String,
+}
+
+impl Fault {
+    pub const WARNING: u8 = 0;
+    pub const ERROR: u8 = 1;
+}
+
+impl Message for Fault {
+    const TYPE: &'static MessageType = &MessageType {
+        name: "probecell_msgs/msg/Fault",
+        dds_name: "probecell_msgs::msg::dds_::Fault_",
+        type_hash: "RIHS01_2cee159971e5e34eede5eab835eb9be85993e58f86acb91233c5045c232008bd",
+        definition: concat!(
+            include_str!("../msg/Fault.msg"),
+            "================================================================================\nMSG: std_msgs/Header\n",
+            include_str!("../standard/std_msgs/msg/Header.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg")
+        ),
+        describe: crate::describe::of::<Fault>,
+    };
+}
+
+/// A fitted feature. Published on feature_results: reliable, transient local, depth 64.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct FeatureResult {
+    pub header: crate::std_msgs::Header,
+    pub plan_id: String,
+    pub part_id: String,
+    pub feature_id: String,
+    /// InspectionFeature kind
+    pub kind: u8,
+    /// one of the constants above
+    pub decision: u8,
+    /// touches used
+    pub touches: u32,
+    /// the ProbeEvents used
+    pub sequences: Vec<u64>,
+    /// m, part frame: fitted centre or point
+    pub origin: crate::geometry_msgs::Point,
+    /// unit vector, part frame: fitted direction
+    pub axis: crate::geometry_msgs::Vector3,
+    /// m: diameter; plane: distance from the part origin along its nominal normal
+    pub size: f64,
+    /// m
+    pub nominal_size: f64,
+    /// m, size less nominal_size
+    pub size_deviation: f64,
+    /// m, peak to valley of the residuals
+    pub form: f64,
+    /// m, of size_deviation
+    pub standard_uncertainty: f64,
+    /// ratio: expanded uncertainty = coverage_factor * standard_uncertainty
+    pub coverage_factor: f64,
+    /// m, largest range of repeated touches of one point
+    pub repeat_spread: f64,
+    pub text: String,
+}
+
+impl FeatureResult {
+    /// inside the limits by more than the expanded uncertainty (ISO 14253-1)
+    pub const CONFORMS: u8 = 0;
+    /// outside the limits by more than the expanded uncertainty
+    pub const DOES_NOT_CONFORM: u8 = 1;
+    /// within the expanded uncertainty of a limit
+    pub const INDETERMINATE: u8 = 2;
+    /// could not be measured; text says why
+    pub const INVALID: u8 = 3;
+}
+
+impl Message for FeatureResult {
+    const TYPE: &'static MessageType = &MessageType {
+        name: "probecell_msgs/msg/FeatureResult",
+        dds_name: "probecell_msgs::msg::dds_::FeatureResult_",
+        type_hash: "RIHS01_bc29db045150d86562cd17467d2b49bcb3d0f7248f3c90eea97e0fdf1c58832d",
+        definition: concat!(
+            include_str!("../msg/FeatureResult.msg"),
+            "================================================================================\nMSG: std_msgs/Header\n",
+            include_str!("../standard/std_msgs/msg/Header.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg"),
+            "================================================================================\nMSG: geometry_msgs/Point\n",
+            include_str!("../standard/geometry_msgs/msg/Point.msg"),
+            "================================================================================\nMSG: geometry_msgs/Vector3\n",
+            include_str!("../standard/geometry_msgs/msg/Vector3.msg")
+        ),
+        describe: crate::describe::of::<FeatureResult>,
+    };
+}
+
+/// An effect that closes part of the gap between a session and its declared model.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct GapEffect {
+    /// identifier of the effect vocabulary
+    pub effect: String,
+    /// ratio, 0 to 1
+    pub probability: f64,
+    pub parameter_names: Vec<String>,
+    /// in parameter_units
+    pub parameter_values: Vec<f64>,
+    pub parameter_units: Vec<String>,
+    /// in parameter_units
+    pub parameter_ci95_lower: Vec<f64>,
+    /// in parameter_units
+    pub parameter_ci95_upper: Vec<f64>,
+    /// m, on touches not used for the fit
+    pub rms_before: f64,
+    /// m, on touches not used for the fit
+    pub rms_after: f64,
+    /// m
+    pub rms_after_ci95_lower: f64,
+    /// m
+    pub rms_after_ci95_upper: f64,
+    pub indistinguishable_from: Vec<String>,
+}
+
+impl Message for GapEffect {
+    const TYPE: &'static MessageType = &MessageType {
+        name: "probecell_msgs/msg/GapEffect",
+        dds_name: "probecell_msgs::msg::dds_::GapEffect_",
+        type_hash: "RIHS01_c32e78420153ba91222c4d1a1c40316dbdb27beef5ab96cfac43f8747cd23c50",
+        definition: concat!(include_str!("../msg/GapEffect.msg")),
+        describe: crate::describe::of::<GapEffect>,
+    };
+}
+
+/// Why a session differs from the declared model. Published on gap_report: reliable, transient local, depth 1.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct GapReport {
+    pub header: crate::std_msgs::Header,
+    pub plan_id: String,
+    pub samples: u32,
+    /// one of the constants above
+    pub verdict: u8,
+    /// m
+    pub rms: f64,
+    /// m
+    pub noise_floor: f64,
+    /// in the order in which they close the gap
+    pub effects: Vec<GapEffect>,
+    /// the whole report, schema probecell/gap-report/1
+    pub json: String,
+}
+
+impl GapReport {
+    pub const NO_GAP: u8 = 0;
+    pub const EXPLAINED: u8 = 1;
+    pub const PARTLY_EXPLAINED: u8 = 2;
+    pub const UNEXPLAINED: u8 = 3;
+}
+
+impl Message for GapReport {
+    const TYPE: &'static MessageType = &MessageType {
+        name: "probecell_msgs/msg/GapReport",
+        dds_name: "probecell_msgs::msg::dds_::GapReport_",
+        type_hash: "RIHS01_f1b534141c4e3358b8547a9e409ce5e83acdb0abc3d4de5a6c15091e9077684f",
+        definition: concat!(
+            include_str!("../msg/GapReport.msg"),
+            "================================================================================\nMSG: std_msgs/Header\n",
+            include_str!("../standard/std_msgs/msg/Header.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg"),
+            "================================================================================\nMSG: probecell_msgs/GapEffect\n",
+            include_str!("../msg/GapEffect.msg")
+        ),
+        describe: crate::describe::of::<GapReport>,
+    };
+}
+
+/// A nominal feature of the part, in the part frame.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct InspectionFeature {
+    pub id: String,
+    /// one of the constants above
+    pub kind: u8,
+    /// m, part frame: a point of the plane or axis, the centre of a sphere
+    pub origin: crate::geometry_msgs::Point,
+    /// unit vector, part frame (the outward normal of a plane)
+    pub axis: crate::geometry_msgs::Vector3,
+    /// m
+    pub radius: f64,
+    /// rad, half apex angle of a cone
+    pub half_angle: f64,
+    /// m, limit of the deviation of size
+    pub lower_tolerance: f64,
+    /// m, limit of the deviation of size
+    pub upper_tolerance: f64,
+}
+
+impl InspectionFeature {
+    pub const PLANE: u8 = 0;
+    pub const CYLINDER: u8 = 1;
+    pub const BORE: u8 = 2;
+    pub const SPHERE: u8 = 3;
+    pub const CONE: u8 = 4;
+    pub const PROFILE: u8 = 5;
+    pub const SURFACE: u8 = 6;
+}
+
+impl Message for InspectionFeature {
+    const TYPE: &'static MessageType = &MessageType {
+        name: "probecell_msgs/msg/InspectionFeature",
+        dds_name: "probecell_msgs::msg::dds_::InspectionFeature_",
+        type_hash: "RIHS01_affa7af2f22deb4124f87f898afa3c9adb138e345f21196adee51bac094d4534",
+        definition: concat!(
+            include_str!("../msg/InspectionFeature.msg"),
+            "================================================================================\nMSG: geometry_msgs/Point\n",
+            include_str!("../standard/geometry_msgs/msg/Point.msg"),
+            "================================================================================\nMSG: geometry_msgs/Vector3\n",
+            include_str!("../standard/geometry_msgs/msg/Vector3.msg")
+        ),
+        describe: crate::describe::of::<InspectionFeature>,
+    };
+}
+
+/// What to measure. Published on inspection_plan: reliable, transient local, depth 1.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct InspectionPlan {
+    /// stamp: when the plan was made
+    pub header: crate::std_msgs::Header,
+    pub plan_id: String,
+    pub part_id: String,
+    /// true: cut in this same clamping, so a clamping error cannot show
+    pub machined_on_this_machine: bool,
+    /// m, nominal part frame in workpiece
+    pub part_pose: crate::geometry_msgs::Pose,
+    pub stylus: Stylus,
+    /// joints that the rotary_positions below belong to
+    pub rotary_names: Vec<String>,
+    pub features: Vec<InspectionFeature>,
+    pub operations: Vec<MachiningOperation>,
+    pub points: Vec<InspectionPoint>,
+}
+
+impl Message for InspectionPlan {
+    const TYPE: &'static MessageType = &MessageType {
+        name: "probecell_msgs/msg/InspectionPlan",
+        dds_name: "probecell_msgs::msg::dds_::InspectionPlan_",
+        type_hash: "RIHS01_37a9ba598c98f0c1a22dd62ac34c05e6479b20ad787c92203faf062d830bdce4",
+        definition: concat!(
+            include_str!("../msg/InspectionPlan.msg"),
+            "================================================================================\nMSG: std_msgs/Header\n",
+            include_str!("../standard/std_msgs/msg/Header.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg"),
+            "================================================================================\nMSG: geometry_msgs/Pose\n",
+            include_str!("../standard/geometry_msgs/msg/Pose.msg"),
+            "================================================================================\nMSG: geometry_msgs/Point\n",
+            include_str!("../standard/geometry_msgs/msg/Point.msg"),
+            "================================================================================\nMSG: geometry_msgs/Quaternion\n",
+            include_str!("../standard/geometry_msgs/msg/Quaternion.msg"),
+            "================================================================================\nMSG: probecell_msgs/Stylus\n",
+            include_str!("../msg/Stylus.msg"),
+            "================================================================================\nMSG: probecell_msgs/InspectionFeature\n",
+            include_str!("../msg/InspectionFeature.msg"),
+            "================================================================================\nMSG: geometry_msgs/Vector3\n",
+            include_str!("../standard/geometry_msgs/msg/Vector3.msg"),
+            "================================================================================\nMSG: probecell_msgs/MachiningOperation\n",
+            include_str!("../msg/MachiningOperation.msg"),
+            "================================================================================\nMSG: probecell_msgs/InspectionPoint\n",
+            include_str!("../msg/InspectionPoint.msg")
+        ),
+        describe: crate::describe::of::<InspectionPlan>,
+    };
+}
+
+/// A nominal point to touch, in the part frame.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct InspectionPoint {
+    /// index into the plan's features
+    pub feature: u32,
+    /// m, part frame
+    pub position: crate::geometry_msgs::Point,
+    /// unit vector, part frame, outward
+    pub normal: crate::geometry_msgs::Vector3,
+    /// rad, of the plan's rotary_names, while probing
+    pub rotary_positions: Vec<f64>,
+    /// m, from the start of the approach to the nominal contact
+    pub approach_distance: f64,
+    /// m, back along the normal after the trigger
+    pub retract_distance: f64,
+    /// m/s
+    pub feed: f64,
+    /// index of the operation that cut it; -1: not cut on this machine
+    pub operation: i32,
+    /// m, path the tool had cut when it made the point
+    pub cut_length: f64,
+    /// m, height along the tool that cut it
+    pub tool_height: f64,
+    /// m, distance from the clamping
+    pub overhang: f64,
+}
+
+impl Message for InspectionPoint {
+    const TYPE: &'static MessageType = &MessageType {
+        name: "probecell_msgs/msg/InspectionPoint",
+        dds_name: "probecell_msgs::msg::dds_::InspectionPoint_",
+        type_hash: "RIHS01_95319b5604fc7623402512766cd059fb8e4f20d672d892b6a4e0ad52c925d95d",
+        definition: concat!(
+            include_str!("../msg/InspectionPoint.msg"),
+            "================================================================================\nMSG: geometry_msgs/Point\n",
+            include_str!("../standard/geometry_msgs/msg/Point.msg"),
+            "================================================================================\nMSG: geometry_msgs/Vector3\n",
+            include_str!("../standard/geometry_msgs/msg/Vector3.msg")
+        ),
+        describe: crate::describe::of::<InspectionPoint>,
+    };
+}
+
+/// Messages that an observer did not get.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct LossReport {
+    pub header: crate::std_msgs::Header,
+    /// node that noticed
+    pub observer: String,
+    pub topic: String,
+    /// of the publisher, first one missing
+    pub first_sequence: u64,
+    /// how many in a row
+    pub count: u64,
+    /// fetched late from the publisher
+    pub recovered: bool,
+}
+
+impl Message for LossReport {
+    const TYPE: &'static MessageType = &MessageType {
+        name: "probecell_msgs/msg/LossReport",
+        dds_name: "probecell_msgs::msg::dds_::LossReport_",
+        type_hash: "RIHS01_8e100597c1f567a1e4d1e4c1307ca2224adfd9ede19b6b102f7764707632c5f5",
+        definition: concat!(
+            include_str!("../msg/LossReport.msg"),
+            "================================================================================\nMSG: std_msgs/Header\n",
+            include_str!("../standard/std_msgs/msg/Header.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg")
+        ),
+        describe: crate::describe::of::<LossReport>,
+    };
+}
+
+/// What the machine is doing. Published on machine_state: reliable, volatile, depth 10.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct MachineState {
+    /// stamp: instant the controller was sampled
+    pub header: crate::std_msgs::Header,
+    pub machine_id: String,
+    /// one of MODE_*
+    pub mode: u8,
+    /// one of EXECUTION_*
+    pub execution: u8,
+    /// name of the program that is open
+    pub program: String,
+    /// line of that program
+    pub line: u32,
+    pub tool_number: u32,
+    /// 1.0 = 100 %
+    pub feed_override: f64,
+    /// rad/s
+    pub spindle_speed: f64,
+    pub temperature_names: Vec<String>,
+    /// degree Celsius, one for each name
+    pub temperatures: Vec<f64>,
+    /// texts of the active alarms
+    pub alarms: Vec<String>,
+}
+
+impl MachineState {
+    pub const MODE_MANUAL: u8 = 0;
+    pub const MODE_MDI: u8 = 1;
+    pub const MODE_AUTO: u8 = 2;
+    pub const EXECUTION_IDLE: u8 = 0;
+    pub const EXECUTION_RUNNING: u8 = 1;
+    pub const EXECUTION_HOLD: u8 = 2;
+    pub const EXECUTION_ALARM: u8 = 3;
+    pub const EXECUTION_ESTOP: u8 = 4;
+}
+
+impl Message for MachineState {
+    const TYPE: &'static MessageType = &MessageType {
+        name: "probecell_msgs/msg/MachineState",
+        dds_name: "probecell_msgs::msg::dds_::MachineState_",
+        type_hash: "RIHS01_377a7d9d9a7d802b1dbadf1e307511d543530faf194b0dc6db186715cec8815c",
+        definition: concat!(
+            include_str!("../msg/MachineState.msg"),
+            "================================================================================\nMSG: std_msgs/Header\n",
+            include_str!("../standard/std_msgs/msg/Header.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg")
+        ),
+        describe: crate::describe::of::<MachineState>,
+    };
+}
+
+/// An operation that cut some of the points.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct MachiningOperation {
+    pub id: String,
+    pub tool_number: u32,
+    /// m
+    pub tool_radius: f64,
+    /// m/s
+    pub feed: f64,
+    /// true: it leaves the final surface
+    pub finish: bool,
+    /// rad, of the plan's rotary_names, while cutting
+    pub rotary_positions: Vec<f64>,
+}
+
+impl Message for MachiningOperation {
+    const TYPE: &'static MessageType = &MessageType {
+        name: "probecell_msgs/msg/MachiningOperation",
+        dds_name: "probecell_msgs::msg::dds_::MachiningOperation_",
+        type_hash: "RIHS01_6dee5609a815f7b1dc7c8358725e3a292206055cb95b8bb1332c9c492950db73",
+        definition: concat!(include_str!("../msg/MachiningOperation.msg")),
+        describe: crate::describe::of::<MachiningOperation>,
+    };
+}
+
+/// The order in which a plan's points are touched, and the moves that do it.
+/// Published on measurement_order: reliable, transient local, depth 1.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct MeasurementOrder {
+    pub header: crate::std_msgs::Header,
+    pub plan_id: String,
+    /// indices into the plan's points
+    pub order: Vec<u32>,
+    /// s, moves between touches in this order: the slowest axis at its top speed
+    pub air_time: f64,
+    /// s, the same in the order of the plan
+    pub given_air_time: f64,
+    /// m, path of the ball centre in the part frame between touches in this order
+    pub air_length: f64,
+    /// m, the same in the order of the plan
+    pub given_air_length: f64,
+    /// proved shortest
+    pub optimal: bool,
+    /// joints of the moves below
+    pub axis_names: Vec<String>,
+    pub moves: Vec<ProbingMove>,
+}
+
+impl Message for MeasurementOrder {
+    const TYPE: &'static MessageType = &MessageType {
+        name: "probecell_msgs/msg/MeasurementOrder",
+        dds_name: "probecell_msgs::msg::dds_::MeasurementOrder_",
+        type_hash: "RIHS01_13f406c5fa9c038cf90ae9c93289fb18f601d30511840aa99bc93ae8ba0006dd",
+        definition: concat!(
+            include_str!("../msg/MeasurementOrder.msg"),
+            "================================================================================\nMSG: std_msgs/Header\n",
+            include_str!("../standard/std_msgs/msg/Header.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg"),
+            "================================================================================\nMSG: probecell_msgs/ProbingMove\n",
+            include_str!("../msg/ProbingMove.msg")
+        ),
+        describe: crate::describe::of::<MeasurementOrder>,
+    };
+}
+
+/// What came of an OperationRequest.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct OperationReport {
+    pub header: crate::std_msgs::Header,
+    pub request_id: u64,
+    /// one of the constants above
+    pub outcome: u8,
+    /// why it was refused or failed
+    pub text: String,
+}
+
+impl OperationReport {
+    pub const DONE: u8 = 0;
+    pub const REFUSED: u8 = 1;
+    pub const FAILED: u8 = 2;
+}
+
+impl Message for OperationReport {
+    const TYPE: &'static MessageType = &MessageType {
+        name: "probecell_msgs/msg/OperationReport",
+        dds_name: "probecell_msgs::msg::dds_::OperationReport_",
+        type_hash: "RIHS01_5d7ed28f331ba84a33c1fba730d278e8983856fdea380e613e1a032b81258597",
+        definition: concat!(
+            include_str!("../msg/OperationReport.msg"),
+            "================================================================================\nMSG: std_msgs/Header\n",
+            include_str!("../standard/std_msgs/msg/Header.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg")
+        ),
+        describe: crate::describe::of::<OperationReport>,
+    };
+}
+
+/// What the cycle wants the machine to do next.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct OperationRequest {
+    pub header: crate::std_msgs::Header,
+    /// from 0, no gaps
+    pub request_id: u64,
+    /// one of the constants above
+    pub kind: u8,
+    /// id of the operation to cut
+    pub operation: String,
+    pub plan_id: String,
+    /// number of the machining pass, from 0
+    pub pass: u32,
+}
+
+impl OperationRequest {
+    pub const CUT: u8 = 0;
+    pub const MEASURE: u8 = 1;
+    pub const STOP: u8 = 2;
+}
+
+impl Message for OperationRequest {
+    const TYPE: &'static MessageType = &MessageType {
+        name: "probecell_msgs/msg/OperationRequest",
+        dds_name: "probecell_msgs::msg::dds_::OperationRequest_",
+        type_hash: "RIHS01_8bec0c5b1e27f3b9e889dfd81c2ffaf8bb709b7968c0da34ac3dabd3b31cb99c",
+        definition: concat!(
+            include_str!("../msg/OperationRequest.msg"),
+            "================================================================================\nMSG: std_msgs/Header\n",
+            include_str!("../standard/std_msgs/msg/Header.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg")
+        ),
+        describe: crate::describe::of::<OperationRequest>,
+    };
+}
+
+/// The answer of the node that serves an OperatorRequest.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct OperatorReply {
+    pub header: crate::std_msgs::Header,
+    pub request_id: u64,
+    pub accepted: bool,
+    /// why not, or what was made
+    pub text: String,
+}
+
+impl Message for OperatorReply {
+    const TYPE: &'static MessageType = &MessageType {
+        name: "probecell_msgs/msg/OperatorReply",
+        dds_name: "probecell_msgs::msg::dds_::OperatorReply_",
+        type_hash: "RIHS01_730edf6f9907bbc8d1c3d7e323247769dcbf8d7b0298e2acf640fedd51de0bcd",
+        definition: concat!(
+            include_str!("../msg/OperatorReply.msg"),
+            "================================================================================\nMSG: std_msgs/Header\n",
+            include_str!("../standard/std_msgs/msg/Header.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg")
+        ),
+        describe: crate::describe::of::<OperatorReply>,
+    };
+}
+
+/// A service call as it entered the graph, so that a replay can make it again.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct OperatorRequest {
+    pub header: crate::std_msgs::Header,
+    /// from 0 in a session
+    pub request_id: u64,
+    /// plan: file of features or plan_id; run: part_id; approval: correction_id
+    pub subject: String,
+    /// who asks
+    pub operator: String,
+    /// approval: true to approve, false to reject
+    pub approve: bool,
+}
+
+impl Message for OperatorRequest {
+    const TYPE: &'static MessageType = &MessageType {
+        name: "probecell_msgs/msg/OperatorRequest",
+        dds_name: "probecell_msgs::msg::dds_::OperatorRequest_",
+        type_hash: "RIHS01_6b0e636ed0b0ff3c2e79ad8e5fe3d5c3b32c0be64c25118282150e24500936e9",
+        definition: concat!(
+            include_str!("../msg/OperatorRequest.msg"),
+            "================================================================================\nMSG: std_msgs/Header\n",
+            include_str!("../standard/std_msgs/msg/Header.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg")
+        ),
+        describe: crate::describe::of::<OperatorRequest>,
+    };
+}
+
+/// The end of one part.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct PartReport {
+    pub header: crate::std_msgs::Header,
+    pub part_id: String,
+    /// one of the constants above
+    pub verdict: u8,
+    /// machining passes made
+    pub passes: u32,
+    pub text: String,
+}
+
+impl PartReport {
+    pub const QUALIFIED: u8 = 0;
+    pub const SCRAP: u8 = 1;
+    pub const STOPPED: u8 = 2;
+}
+
+impl Message for PartReport {
+    const TYPE: &'static MessageType = &MessageType {
+        name: "probecell_msgs/msg/PartReport",
+        dds_name: "probecell_msgs::msg::dds_::PartReport_",
+        type_hash: "RIHS01_09e54ba7c831d6e86a89f287c230a556d8ad15f6f15382a5bff55cb3a044a571",
+        definition: concat!(
+            include_str!("../msg/PartReport.msg"),
+            "================================================================================\nMSG: std_msgs/Header\n",
+            include_str!("../standard/std_msgs/msg/Header.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg")
+        ),
+        describe: crate::describe::of::<PartReport>,
+    };
+}
+
+/// What the verdicts of one measurement together ask for.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct PassDecision {
+    pub header: crate::std_msgs::Header,
+    /// measurement decided on
+    pub plan_id: String,
+    pub part_id: String,
+    /// number of the machining pass, from 0
+    pub pass: u32,
+    /// one of the constants above
+    pub decision: u8,
+    /// corrections that must be applied before a recut
+    pub correction_ids: Vec<String>,
+    pub text: String,
+}
+
+impl PassDecision {
+    /// all qualified: go on with the next pass
+    pub const NEXT: u8 = 0;
+    /// cut again once the corrections below are acknowledged
+    pub const RECUT: u8 = 1;
+    /// stop: something must be put right first
+    pub const STOP: u8 = 2;
+    /// the part cannot be saved
+    pub const SCRAP: u8 = 3;
+}
+
+impl Message for PassDecision {
+    const TYPE: &'static MessageType = &MessageType {
+        name: "probecell_msgs/msg/PassDecision",
+        dds_name: "probecell_msgs::msg::dds_::PassDecision_",
+        type_hash: "RIHS01_756d78b387b11c462189c11d190226d38210247df09cad7560673421b819e8de",
+        definition: concat!(
+            include_str!("../msg/PassDecision.msg"),
+            "================================================================================\nMSG: std_msgs/Header\n",
+            include_str!("../standard/std_msgs/msg/Header.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg")
+        ),
+        describe: crate::describe::of::<PassDecision>,
+    };
+}
+
+/// One probing move and what came of it. Published on probe_events: reliable, volatile, keep all.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ProbeEvent {
+    /// stamp: instant of the latch; frame_id: the part frame
+    pub header: crate::std_msgs::Header,
+    /// from 0 in a session, no gaps
+    pub sequence: u64,
+    /// the InspectionPlan measured
+    pub plan_id: String,
+    /// index into the plan's points
+    pub point_index: u32,
+    /// one of OUTCOME_*
+    pub outcome: u8,
+    /// joints of the machine model
+    pub axis_names: Vec<String>,
+    /// m or rad, controller readings latched at the trigger
+    pub axis_positions: Vec<f64>,
+    /// m, ball centre in the part frame as the controller computes it
+    pub tip: crate::geometry_msgs::Point,
+    /// unit vector of the approach, part frame
+    pub approach: crate::geometry_msgs::Vector3,
+    /// m/s, along the approach
+    pub feed: f64,
+}
+
+impl ProbeEvent {
+    /// the probe triggered where it could
+    pub const OUTCOME_TOUCHED: u8 = 0;
+    /// the move ended without a trigger
+    pub const OUTCOME_NO_CONTACT: u8 = 1;
+    /// the probe triggered before the approach point
+    pub const OUTCOME_EARLY: u8 = 2;
+}
+
+impl Message for ProbeEvent {
+    const TYPE: &'static MessageType = &MessageType {
+        name: "probecell_msgs/msg/ProbeEvent",
+        dds_name: "probecell_msgs::msg::dds_::ProbeEvent_",
+        type_hash: "RIHS01_1a28af8cda78a10943741962b654ce9018e1e7760c70e3e53ba61ed97423f032",
+        definition: concat!(
+            include_str!("../msg/ProbeEvent.msg"),
+            "================================================================================\nMSG: std_msgs/Header\n",
+            include_str!("../standard/std_msgs/msg/Header.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg"),
+            "================================================================================\nMSG: geometry_msgs/Point\n",
+            include_str!("../standard/geometry_msgs/msg/Point.msg"),
+            "================================================================================\nMSG: geometry_msgs/Vector3\n",
+            include_str!("../standard/geometry_msgs/msg/Vector3.msg")
+        ),
+        describe: crate::describe::of::<ProbeEvent>,
+    };
+}
+
+/// The raw end of one probing move, as the driver read it. Only probe_events reads it.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ProbeTrigger {
+    /// stamp: instant of the latch, or of the end of the move without one
+    pub header: crate::std_msgs::Header,
+    /// run of the driver
+    pub session: String,
+    /// plan whose measuring program ran
+    pub plan_id: String,
+    /// index into the plan's points
+    pub point_index: u32,
+    /// the probe triggered during the move
+    pub tripped: bool,
+    /// the probe was already tripped when the move began
+    pub tripped_before: bool,
+    pub axis_names: Vec<String>,
+    /// m or rad, latched readings
+    pub axis_positions: Vec<f64>,
+    /// m/s, programmed
+    pub feed: f64,
+}
+
+impl Message for ProbeTrigger {
+    const TYPE: &'static MessageType = &MessageType {
+        name: "probecell_msgs/msg/ProbeTrigger",
+        dds_name: "probecell_msgs::msg::dds_::ProbeTrigger_",
+        type_hash: "RIHS01_049ac9e76fd806bfb2da77c51d5a2f49057fa5fee1d1ea4651754c68bf97ed53",
+        definition: concat!(
+            include_str!("../msg/ProbeTrigger.msg"),
+            "================================================================================\nMSG: std_msgs/Header\n",
+            include_str!("../standard/std_msgs/msg/Header.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg")
+        ),
+        describe: crate::describe::of::<ProbeTrigger>,
+    };
+}
+
+/// One move of a measuring program, as joint targets.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ProbingMove {
+    /// one of the constants above
+    pub kind: u8,
+    /// index into the plan's points
+    pub point_index: u32,
+    /// m or rad, of the order's axis_names
+    pub axis_positions: Vec<f64>,
+    /// m/s, 0: rapid
+    pub feed: f64,
+}
+
+impl ProbingMove {
+    /// rapid, on the safe side of part and fixture
+    pub const CLEARANCE: u8 = 0;
+    /// rapid to the start of the approach
+    pub const APPROACH: u8 = 1;
+    /// at probing feed until the trigger
+    pub const TOUCH: u8 = 2;
+    /// back along the normal
+    pub const RETRACT: u8 = 3;
+}
+
+impl Message for ProbingMove {
+    const TYPE: &'static MessageType = &MessageType {
+        name: "probecell_msgs/msg/ProbingMove",
+        dds_name: "probecell_msgs::msg::dds_::ProbingMove_",
+        type_hash: "RIHS01_6ebd6abfec91d8948556adc7e72fdc8e2507a208b9b2f8f82ea4498b309e9771",
+        definition: concat!(include_str!("../msg/ProbingMove.msg")),
+        describe: crate::describe::of::<ProbingMove>,
+    };
+}
+
+/// The same points measured by an outside instrument. Published on reference: reliable, transient local, depth 1.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ReferenceMeasurement {
+    pub header: crate::std_msgs::Header,
+    pub plan_id: String,
+    /// for example the CMM's name
+    pub instrument: String,
+    /// indices into the plan's points
+    pub point_index: Vec<u32>,
+    /// m, along the outward normal, at 20 degree Celsius
+    pub deviation: Vec<f64>,
+    /// m
+    pub standard_uncertainty: f64,
+}
+
+impl Message for ReferenceMeasurement {
+    const TYPE: &'static MessageType = &MessageType {
+        name: "probecell_msgs/msg/ReferenceMeasurement",
+        dds_name: "probecell_msgs::msg::dds_::ReferenceMeasurement_",
+        type_hash: "RIHS01_359bf1baf149895b70588f9d32c1a05a95c0d5e3334ab2eaf179f5a63de46f33",
+        definition: concat!(
+            include_str!("../msg/ReferenceMeasurement.msg"),
+            "================================================================================\nMSG: std_msgs/Header\n",
+            include_str!("../standard/std_msgs/msg/Header.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg")
+        ),
+        describe: crate::describe::of::<ReferenceMeasurement>,
+    };
+}
+
+/// Which inputs a node took, in which order and when: what a replay needs beside the inputs themselves.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct StepJournal {
+    pub header: crate::std_msgs::Header,
+    pub node: String,
+    /// starts of this node in this session, from 0
+    pub incarnation: u32,
+    /// number of the first step listed
+    pub first_step: u64,
+    /// ns since 1970, the instant each step was made
+    pub now: Vec<i64>,
+    /// index into the node's inputs; 65535: a timer
+    pub port: Vec<u16>,
+    /// publication number of the input on its topic, or the timer's number
+    pub sequence: Vec<u64>,
+}
+
+impl Message for StepJournal {
+    const TYPE: &'static MessageType = &MessageType {
+        name: "probecell_msgs/msg/StepJournal",
+        dds_name: "probecell_msgs::msg::dds_::StepJournal_",
+        type_hash: "RIHS01_be6944072d8389999707e44615fdb528fa6b5f1c22cb0e5795ff41b1cf7259b8",
+        definition: concat!(
+            include_str!("../msg/StepJournal.msg"),
+            "================================================================================\nMSG: std_msgs/Header\n",
+            include_str!("../standard/std_msgs/msg/Header.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg")
+        ),
+        describe: crate::describe::of::<StepJournal>,
+    };
+}
+
+/// A stylus as declared.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Stylus {
+    pub id: String,
+    /// m, nominal ball centre in probe_mount
+    pub ball_center: crate::geometry_msgs::Point,
+    /// m, nominal
+    pub ball_radius: f64,
+}
+
+impl Message for Stylus {
+    const TYPE: &'static MessageType = &MessageType {
+        name: "probecell_msgs/msg/Stylus",
+        dds_name: "probecell_msgs::msg::dds_::Stylus_",
+        type_hash: "RIHS01_681bbcb277598a20f6ac02fbfb1f346d47ed03ef3fb97123d5c6283f39ae8c31",
+        definition: concat!(
+            include_str!("../msg/Stylus.msg"),
+            "================================================================================\nMSG: geometry_msgs/Point\n",
+            include_str!("../standard/geometry_msgs/msg/Point.msg")
+        ),
+        describe: crate::describe::of::<Stylus>,
+    };
+}
+
+/// Wear offsets that the controller holds now. Published on tool_offsets: reliable, transient local, depth 1.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ToolOffsets {
+    /// stamp: of the controller's sample that changed them
+    pub header: crate::std_msgs::Header,
+    /// run of the driver that read them
+    pub session: String,
+    pub tool_numbers: Vec<u32>,
+    /// m, wear offset of each tool, as the controller holds it (a diameter or a radius)
+    pub wear: Vec<f64>,
+}
+
+impl Message for ToolOffsets {
+    const TYPE: &'static MessageType = &MessageType {
+        name: "probecell_msgs/msg/ToolOffsets",
+        dds_name: "probecell_msgs::msg::dds_::ToolOffsets_",
+        type_hash: "RIHS01_01af8010b8a80f7e565e6f06e0e42b5004e9af7ad71a85848cc1025dbcde1cf5",
+        definition: concat!(
+            include_str!("../msg/ToolOffsets.msg"),
+            "================================================================================\nMSG: std_msgs/Header\n",
+            include_str!("../standard/std_msgs/msg/Header.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg")
+        ),
+        describe: crate::describe::of::<ToolOffsets>,
+    };
+}
+
+/// The deviation of one touch: d = n.(c - p) - r by the nominal chain.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct TouchDeviation {
+    /// stamp of the event
+    pub header: crate::std_msgs::Header,
+    pub plan_id: String,
+    /// of the ProbeEvent
+    pub sequence: u64,
+    pub point_index: u32,
+    /// m, along the outward normal; material in excess is positive
+    pub deviation: f64,
+    /// m
+    pub standard_uncertainty: f64,
+}
+
+impl Message for TouchDeviation {
+    const TYPE: &'static MessageType = &MessageType {
+        name: "probecell_msgs/msg/TouchDeviation",
+        dds_name: "probecell_msgs::msg::dds_::TouchDeviation_",
+        type_hash: "RIHS01_e66251adbe9e71aeb7b06016ac7efa80efd1da22768a7285299c7a3db1c336aa",
+        definition: concat!(
+            include_str!("../msg/TouchDeviation.msg"),
+            "================================================================================\nMSG: std_msgs/Header\n",
+            include_str!("../standard/std_msgs/msg/Header.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg")
+        ),
+        describe: crate::describe::of::<TouchDeviation>,
+    };
+}
+
+/// What follows from one measured size. First match of the decision table wins.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Verdict {
+    pub header: crate::std_msgs::Header,
+    pub plan_id: String,
+    pub part_id: String,
+    pub feature_id: String,
+    /// number of the machining pass, from 0
+    pub pass: u32,
+    /// one of the constants above
+    pub verdict: u8,
+    /// m, measured
+    pub size: f64,
+    /// m, measured less drawing size
+    pub error: f64,
+    /// m, half width of the tolerance
+    pub tolerance: f64,
+    /// m, wear offset that the verdict was made with
+    pub tool_wear: f64,
+    pub text: String,
+}
+
+impl Verdict {
+    pub const QUALIFIED: u8 = 0;
+    pub const COMPENSABLE: u8 = 1;
+    pub const OVERCUT_NOT_COMPENSABLE: u8 = 2;
+    pub const TOOL_WORN: u8 = 3;
+    pub const NOT_CONVERGED: u8 = 4;
+    pub const MEASUREMENT_INVALID: u8 = 5;
+}
+
+impl Message for Verdict {
+    const TYPE: &'static MessageType = &MessageType {
+        name: "probecell_msgs/msg/Verdict",
+        dds_name: "probecell_msgs::msg::dds_::Verdict_",
+        type_hash: "RIHS01_092082165de08cb65cf4ae9a6f84c0a07330522d7e79b3f4d09d205ac0380298",
+        definition: concat!(
+            include_str!("../msg/Verdict.msg"),
+            "================================================================================\nMSG: std_msgs/Header\n",
+            include_str!("../standard/std_msgs/msg/Header.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg")
+        ),
+        describe: crate::describe::of::<Verdict>,
+    };
+}
+
+/// Standard types of the ROS package `builtin_interfaces`.
+pub mod builtin_interfaces {
+    use serde::{Deserialize, Serialize};
+
+    use crate::schema::{Message, MessageType};
+
+    /// A span of time.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct Duration {
+        /// s
+        pub sec: i32,
+        /// ns, in [0, 1e9), added to sec
+        pub nanosec: u32,
+    }
+
+    impl Message for Duration {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "builtin_interfaces/msg/Duration",
+            dds_name: "builtin_interfaces::msg::dds_::Duration_",
+            type_hash: "RIHS01_e8d009f659816f758b75334ee1a9ca5b5c0b859843261f14c7f937349599d93b",
+            definition: concat!(include_str!(
+                "../standard/builtin_interfaces/msg/Duration.msg"
+            )),
+            describe: crate::describe::of::<Duration>,
+        };
+    }
+
+    /// An instant, counted from the epoch of its clock.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct Time {
+        /// s
+        pub sec: i32,
+        /// ns, in [0, 1e9), added to sec
+        pub nanosec: u32,
+    }
+
+    impl Message for Time {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "builtin_interfaces/msg/Time",
+            dds_name: "builtin_interfaces::msg::dds_::Time_",
+            type_hash: "RIHS01_b106235e25a4c5ed35098aa0a61a3ee9c9b18d197f398b0e4206cea9acf9c197",
+            definition: concat!(include_str!("../standard/builtin_interfaces/msg/Time.msg")),
+            describe: crate::describe::of::<Time>,
+        };
+    }
+}
+
+/// Standard types of the ROS package `diagnostic_msgs`.
+pub mod diagnostic_msgs {
+    use serde::{Deserialize, Serialize};
+
+    use crate::schema::{Message, MessageType};
+
+    /// States of components at one instant.
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct DiagnosticArray {
+        pub header: crate::std_msgs::Header,
+        pub status: Vec<DiagnosticStatus>,
+    }
+
+    impl Message for DiagnosticArray {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "diagnostic_msgs/msg/DiagnosticArray",
+            dds_name: "diagnostic_msgs::msg::dds_::DiagnosticArray_",
+            type_hash: "RIHS01_5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e",
+            definition: concat!(
+                include_str!("../standard/diagnostic_msgs/msg/DiagnosticArray.msg"),
+                "================================================================================\nMSG: std_msgs/Header\n",
+                include_str!("../standard/std_msgs/msg/Header.msg"),
+                "================================================================================\nMSG: builtin_interfaces/Time\n",
+                include_str!("../standard/builtin_interfaces/msg/Time.msg"),
+                "================================================================================\nMSG: diagnostic_msgs/DiagnosticStatus\n",
+                include_str!("../standard/diagnostic_msgs/msg/DiagnosticStatus.msg"),
+                "================================================================================\nMSG: diagnostic_msgs/KeyValue\n",
+                include_str!("../standard/diagnostic_msgs/msg/KeyValue.msg")
+            ),
+            describe: crate::describe::of::<DiagnosticArray>,
+        };
+    }
+
+    /// State of one component.
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct DiagnosticStatus {
+        /// one of the constants above
+        pub level: u8,
+        pub name: String,
+        pub message: String,
+        pub hardware_id: String,
+        pub values: Vec<KeyValue>,
+    }
+
+    impl DiagnosticStatus {
+        pub const OK: u8 = 0;
+        pub const WARN: u8 = 1;
+        pub const ERROR: u8 = 2;
+        pub const STALE: u8 = 3;
+    }
+
+    impl Message for DiagnosticStatus {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "diagnostic_msgs/msg/DiagnosticStatus",
+            dds_name: "diagnostic_msgs::msg::dds_::DiagnosticStatus_",
+            type_hash: "RIHS01_b0e3e692ea2d54a8af2f4ef1930e81556a2db55216b771f8a7d2724ed47bf0e4",
+            definition: concat!(
+                include_str!("../standard/diagnostic_msgs/msg/DiagnosticStatus.msg"),
+                "================================================================================\nMSG: diagnostic_msgs/KeyValue\n",
+                include_str!("../standard/diagnostic_msgs/msg/KeyValue.msg")
+            ),
+            describe: crate::describe::of::<DiagnosticStatus>,
+        };
+    }
+
+    /// A named value, as text.
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct KeyValue {
+        pub key: String,
+        pub value: String,
+    }
+
+    impl Message for KeyValue {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "diagnostic_msgs/msg/KeyValue",
+            dds_name: "diagnostic_msgs::msg::dds_::KeyValue_",
+            type_hash: "RIHS01_d68081eaa540288c5440753baecef0c4e16e81a5f78ad68902ded5100413bb42",
+            definition: concat!(include_str!("../standard/diagnostic_msgs/msg/KeyValue.msg")),
+            describe: crate::describe::of::<KeyValue>,
+        };
+    }
+}
+
+/// Standard types of the ROS package `geometry_msgs`.
+pub mod geometry_msgs {
+    use serde::{Deserialize, Serialize};
+
+    use crate::schema::{Message, MessageType};
+
+    /// A position.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct Point {
+        /// m
+        pub x: f64,
+        /// m
+        pub y: f64,
+        /// m
+        pub z: f64,
+    }
+
+    impl Message for Point {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "geometry_msgs/msg/Point",
+            dds_name: "geometry_msgs::msg::dds_::Point_",
+            type_hash: "RIHS01_6963084842a9b04494d6b2941d11444708d892da2f4b09843b9c43f42a7f6881",
+            definition: concat!(include_str!("../standard/geometry_msgs/msg/Point.msg")),
+            describe: crate::describe::of::<Point>,
+        };
+    }
+
+    /// A position and an orientation.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct Pose {
+        /// m
+        pub position: Point,
+        /// unit quaternion
+        pub orientation: Quaternion,
+    }
+
+    impl Message for Pose {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "geometry_msgs/msg/Pose",
+            dds_name: "geometry_msgs::msg::dds_::Pose_",
+            type_hash: "RIHS01_d501954e9476cea2996984e812054b68026ae0bfae789d9a10b23daf35cc90fa",
+            definition: concat!(
+                include_str!("../standard/geometry_msgs/msg/Pose.msg"),
+                "================================================================================\nMSG: geometry_msgs/Point\n",
+                include_str!("../standard/geometry_msgs/msg/Point.msg"),
+                "================================================================================\nMSG: geometry_msgs/Quaternion\n",
+                include_str!("../standard/geometry_msgs/msg/Quaternion.msg")
+            ),
+            describe: crate::describe::of::<Pose>,
+        };
+    }
+
+    /// A rotation as a unit quaternion.
+    #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+    pub struct Quaternion {
+        pub x: f64,
+        pub y: f64,
+        pub z: f64,
+        pub w: f64,
+    }
+
+    impl Default for Quaternion {
+        fn default() -> Self {
+            Self {
+                x: 0.0,
+                y: 0.0,
+                z: 0.0,
+                w: 1.0,
+            }
+        }
+    }
+
+    impl Message for Quaternion {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "geometry_msgs/msg/Quaternion",
+            dds_name: "geometry_msgs::msg::dds_::Quaternion_",
+            type_hash: "RIHS01_8a765f66778c8ff7c8ab94afcc590a2ed5325a1d9a076ffff38fbce36f458684",
+            definition: concat!(include_str!("../standard/geometry_msgs/msg/Quaternion.msg")),
+            describe: crate::describe::of::<Quaternion>,
+        };
+    }
+
+    /// A translation and a rotation.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct Transform {
+        /// m
+        pub translation: Vector3,
+        /// unit quaternion
+        pub rotation: Quaternion,
+    }
+
+    impl Message for Transform {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "geometry_msgs/msg/Transform",
+            dds_name: "geometry_msgs::msg::dds_::Transform_",
+            type_hash: "RIHS01_beb83fbe698636351461f6f35d1abb20010c43d55374d81bd041f1ba2581fddc",
+            definition: concat!(
+                include_str!("../standard/geometry_msgs/msg/Transform.msg"),
+                "================================================================================\nMSG: geometry_msgs/Vector3\n",
+                include_str!("../standard/geometry_msgs/msg/Vector3.msg"),
+                "================================================================================\nMSG: geometry_msgs/Quaternion\n",
+                include_str!("../standard/geometry_msgs/msg/Quaternion.msg")
+            ),
+            describe: crate::describe::of::<Transform>,
+        };
+    }
+
+    /// The pose of child_frame_id in the frame of the header.
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct TransformStamped {
+        pub header: crate::std_msgs::Header,
+        pub child_frame_id: String,
+        /// m and unit quaternion
+        pub transform: Transform,
+    }
+
+    impl Message for TransformStamped {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "geometry_msgs/msg/TransformStamped",
+            dds_name: "geometry_msgs::msg::dds_::TransformStamped_",
+            type_hash: "RIHS01_0a241f87d04668d94099cbb5ba11691d5ad32c2f29682e4eb5653424bd275206",
+            definition: concat!(
+                include_str!("../standard/geometry_msgs/msg/TransformStamped.msg"),
+                "================================================================================\nMSG: std_msgs/Header\n",
+                include_str!("../standard/std_msgs/msg/Header.msg"),
+                "================================================================================\nMSG: builtin_interfaces/Time\n",
+                include_str!("../standard/builtin_interfaces/msg/Time.msg"),
+                "================================================================================\nMSG: geometry_msgs/Transform\n",
+                include_str!("../standard/geometry_msgs/msg/Transform.msg"),
+                "================================================================================\nMSG: geometry_msgs/Vector3\n",
+                include_str!("../standard/geometry_msgs/msg/Vector3.msg"),
+                "================================================================================\nMSG: geometry_msgs/Quaternion\n",
+                include_str!("../standard/geometry_msgs/msg/Quaternion.msg")
+            ),
+            describe: crate::describe::of::<TransformStamped>,
+        };
+    }
+
+    /// A free vector, in the unit of the field that holds it.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct Vector3 {
+        pub x: f64,
+        pub y: f64,
+        pub z: f64,
+    }
+
+    impl Message for Vector3 {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "geometry_msgs/msg/Vector3",
+            dds_name: "geometry_msgs::msg::dds_::Vector3_",
+            type_hash: "RIHS01_cc12fe83e4c02719f1ce8070bfd14aecd40f75a96696a67a2a1f37f7dbb0765d",
+            definition: concat!(include_str!("../standard/geometry_msgs/msg/Vector3.msg")),
+            describe: crate::describe::of::<Vector3>,
+        };
+    }
+}
+
+/// Standard types of the ROS package `rosgraph_msgs`.
+pub mod rosgraph_msgs {
+    use serde::{Deserialize, Serialize};
+
+    use crate::schema::{Message, MessageType};
+
+    /// Simulated or replayed time.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct Clock {
+        pub clock: crate::builtin_interfaces::Time,
+    }
+
+    impl Message for Clock {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "rosgraph_msgs/msg/Clock",
+            dds_name: "rosgraph_msgs::msg::dds_::Clock_",
+            type_hash: "RIHS01_692f7a66e93a3c83e71765d033b60349ba68023a8c689a79e48078bcb5c58564",
+            definition: concat!(
+                include_str!("../standard/rosgraph_msgs/msg/Clock.msg"),
+                "================================================================================\nMSG: builtin_interfaces/Time\n",
+                include_str!("../standard/builtin_interfaces/msg/Time.msg")
+            ),
+            describe: crate::describe::of::<Clock>,
+        };
+    }
+}
+
+/// Standard types of the ROS package `sensor_msgs`.
+pub mod sensor_msgs {
+    use serde::{Deserialize, Serialize};
+
+    use crate::schema::{Message, MessageType};
+
+    /// An encoded picture.
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct CompressedImage {
+        pub header: crate::std_msgs::Header,
+        pub format: String,
+        pub data: Vec<u8>,
+    }
+
+    impl Message for CompressedImage {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "sensor_msgs/msg/CompressedImage",
+            dds_name: "sensor_msgs::msg::dds_::CompressedImage_",
+            type_hash: "RIHS01_15640771531571185e2efc8a100baf923961a4d15d5569652e6cb6691e8e371a",
+            definition: concat!(
+                include_str!("../standard/sensor_msgs/msg/CompressedImage.msg"),
+                "================================================================================\nMSG: std_msgs/Header\n",
+                include_str!("../standard/std_msgs/msg/Header.msg"),
+                "================================================================================\nMSG: builtin_interfaces/Time\n",
+                include_str!("../standard/builtin_interfaces/msg/Time.msg")
+            ),
+            describe: crate::describe::of::<CompressedImage>,
+        };
+    }
+
+    /// State of a set of joints. Each of the last three arrays is empty or as long as name.
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct JointState {
+        pub header: crate::std_msgs::Header,
+        pub name: Vec<String>,
+        /// m or rad
+        pub position: Vec<f64>,
+        /// m/s or rad/s
+        pub velocity: Vec<f64>,
+        /// N or N m
+        pub effort: Vec<f64>,
+    }
+
+    impl Message for JointState {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "sensor_msgs/msg/JointState",
+            dds_name: "sensor_msgs::msg::dds_::JointState_",
+            type_hash: "RIHS01_a13ee3a330e346c9d87b5aa18d24e11690752bd33a0350f11c5882bc9179260e",
+            definition: concat!(
+                include_str!("../standard/sensor_msgs/msg/JointState.msg"),
+                "================================================================================\nMSG: std_msgs/Header\n",
+                include_str!("../standard/std_msgs/msg/Header.msg"),
+                "================================================================================\nMSG: builtin_interfaces/Time\n",
+                include_str!("../standard/builtin_interfaces/msg/Time.msg")
+            ),
+            describe: crate::describe::of::<JointState>,
+        };
+    }
+}
+
+/// Standard types of the ROS package `service_msgs`.
+pub mod service_msgs {
+    use serde::{Deserialize, Serialize};
+
+    use crate::schema::{Message, MessageType};
+
+    /// One step of a service call.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct ServiceEventInfo {
+        pub event_type: u8,
+        pub stamp: crate::builtin_interfaces::Time,
+        pub client_gid: [u8; 16],
+        pub sequence_number: i64,
+    }
+
+    impl ServiceEventInfo {
+        pub const REQUEST_SENT: u8 = 0;
+        pub const REQUEST_RECEIVED: u8 = 1;
+        pub const RESPONSE_SENT: u8 = 2;
+        pub const RESPONSE_RECEIVED: u8 = 3;
+    }
+
+    impl Message for ServiceEventInfo {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "service_msgs/msg/ServiceEventInfo",
+            dds_name: "service_msgs::msg::dds_::ServiceEventInfo_",
+            type_hash: "RIHS01_41bcbbe07a75c9b52bc96bfd5c24d7f0fc0a08c0cb7921b3373c5732345a6f45",
+            definition: concat!(
+                include_str!("../standard/service_msgs/msg/ServiceEventInfo.msg"),
+                "================================================================================\nMSG: builtin_interfaces/Time\n",
+                include_str!("../standard/builtin_interfaces/msg/Time.msg")
+            ),
+            describe: crate::describe::of::<ServiceEventInfo>,
+        };
+    }
+}
+
+/// Standard types of the ROS package `std_msgs`.
+pub mod std_msgs {
+    use serde::{Deserialize, Serialize};
+
+    use crate::schema::{Message, MessageType};
+
+    /// A colour.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct ColorRGBA {
+        /// ratio, 0 to 1
+        pub r: f32,
+        /// ratio, 0 to 1
+        pub g: f32,
+        /// ratio, 0 to 1
+        pub b: f32,
+        /// ratio, 0 to 1, 1 is opaque
+        pub a: f32,
+    }
+
+    impl Message for ColorRGBA {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "std_msgs/msg/ColorRGBA",
+            dds_name: "std_msgs::msg::dds_::ColorRGBA_",
+            type_hash: "RIHS01_77a7a5b9ae477306097665106e0413ba74440245b1f3d0c6d6405fe5c7813fe8",
+            definition: concat!(include_str!("../standard/std_msgs/msg/ColorRGBA.msg")),
+            describe: crate::describe::of::<ColorRGBA>,
+        };
+    }
+
+    /// When and in which frame.
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct Header {
+        pub stamp: crate::builtin_interfaces::Time,
+        pub frame_id: std::string::String,
+    }
+
+    impl Message for Header {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "std_msgs/msg/Header",
+            dds_name: "std_msgs::msg::dds_::Header_",
+            type_hash: "RIHS01_f49fb3ae2cf070f793645ff749683ac6b06203e41c891e17701b1cb597ce6a01",
+            definition: concat!(
+                include_str!("../standard/std_msgs/msg/Header.msg"),
+                "================================================================================\nMSG: builtin_interfaces/Time\n",
+                include_str!("../standard/builtin_interfaces/msg/Time.msg")
+            ),
+            describe: crate::describe::of::<Header>,
+        };
+    }
+
+    /// A text.
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct String {
+        pub data: std::string::String,
+    }
+
+    impl Message for String {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "std_msgs/msg/String",
+            dds_name: "std_msgs::msg::dds_::String_",
+            type_hash: "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18",
+            definition: concat!(include_str!("../standard/std_msgs/msg/String.msg")),
+            describe: crate::describe::of::<String>,
+        };
+    }
+}
+
+/// Standard types of the ROS package `tf2_msgs`.
+pub mod tf2_msgs {
+    use serde::{Deserialize, Serialize};
+
+    use crate::schema::{Message, MessageType};
+
+    /// Transforms between frames.
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct TFMessage {
+        pub transforms: Vec<crate::geometry_msgs::TransformStamped>,
+    }
+
+    impl Message for TFMessage {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "tf2_msgs/msg/TFMessage",
+            dds_name: "tf2_msgs::msg::dds_::TFMessage_",
+            type_hash: "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087",
+            definition: concat!(
+                include_str!("../standard/tf2_msgs/msg/TFMessage.msg"),
+                "================================================================================\nMSG: geometry_msgs/TransformStamped\n",
+                include_str!("../standard/geometry_msgs/msg/TransformStamped.msg"),
+                "================================================================================\nMSG: std_msgs/Header\n",
+                include_str!("../standard/std_msgs/msg/Header.msg"),
+                "================================================================================\nMSG: builtin_interfaces/Time\n",
+                include_str!("../standard/builtin_interfaces/msg/Time.msg"),
+                "================================================================================\nMSG: geometry_msgs/Transform\n",
+                include_str!("../standard/geometry_msgs/msg/Transform.msg"),
+                "================================================================================\nMSG: geometry_msgs/Vector3\n",
+                include_str!("../standard/geometry_msgs/msg/Vector3.msg"),
+                "================================================================================\nMSG: geometry_msgs/Quaternion\n",
+                include_str!("../standard/geometry_msgs/msg/Quaternion.msg")
+            ),
+            describe: crate::describe::of::<TFMessage>,
+        };
+    }
+}
+
+/// Standard types of the ROS package `visualization_msgs`.
+pub mod visualization_msgs {
+    use serde::{Deserialize, Serialize};
+
+    use crate::schema::{Message, MessageType};
+
+    /// A mark to draw.
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct Marker {
+        pub header: crate::std_msgs::Header,
+        pub ns: String,
+        pub id: i32,
+        /// one of ARROW to ARROW_STRIP
+        pub r#type: i32,
+        /// one of ADD to DELETEALL
+        pub action: i32,
+        /// m and unit quaternion
+        pub pose: crate::geometry_msgs::Pose,
+        /// m
+        pub scale: crate::geometry_msgs::Vector3,
+        pub color: crate::std_msgs::ColorRGBA,
+        /// zero: for ever
+        pub lifetime: crate::builtin_interfaces::Duration,
+        pub frame_locked: bool,
+        /// m, in the frame of pose
+        pub points: Vec<crate::geometry_msgs::Point>,
+        pub colors: Vec<crate::std_msgs::ColorRGBA>,
+        pub texture_resource: String,
+        pub texture: crate::sensor_msgs::CompressedImage,
+        pub uv_coordinates: Vec<UVCoordinate>,
+        pub text: String,
+        pub mesh_resource: String,
+        pub mesh_file: MeshFile,
+        pub mesh_use_embedded_materials: bool,
+    }
+
+    impl Marker {
+        pub const ARROW: i32 = 0;
+        pub const CUBE: i32 = 1;
+        pub const SPHERE: i32 = 2;
+        pub const CYLINDER: i32 = 3;
+        pub const LINE_STRIP: i32 = 4;
+        pub const LINE_LIST: i32 = 5;
+        pub const CUBE_LIST: i32 = 6;
+        pub const SPHERE_LIST: i32 = 7;
+        pub const POINTS: i32 = 8;
+        pub const TEXT_VIEW_FACING: i32 = 9;
+        pub const MESH_RESOURCE: i32 = 10;
+        pub const TRIANGLE_LIST: i32 = 11;
+        pub const ARROW_STRIP: i32 = 12;
+        pub const ADD: i32 = 0;
+        pub const MODIFY: i32 = 0;
+        pub const DELETE: i32 = 2;
+        pub const DELETEALL: i32 = 3;
+    }
+
+    impl Message for Marker {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "visualization_msgs/msg/Marker",
+            dds_name: "visualization_msgs::msg::dds_::Marker_",
+            type_hash: "RIHS01_45b13ccf791f225962bf74e746f9644518855d783a6f42ba0cc14fde2b4f3ce0",
+            definition: concat!(
+                include_str!("../standard/visualization_msgs/msg/Marker.msg"),
+                "================================================================================\nMSG: std_msgs/Header\n",
+                include_str!("../standard/std_msgs/msg/Header.msg"),
+                "================================================================================\nMSG: builtin_interfaces/Time\n",
+                include_str!("../standard/builtin_interfaces/msg/Time.msg"),
+                "================================================================================\nMSG: geometry_msgs/Pose\n",
+                include_str!("../standard/geometry_msgs/msg/Pose.msg"),
+                "================================================================================\nMSG: geometry_msgs/Point\n",
+                include_str!("../standard/geometry_msgs/msg/Point.msg"),
+                "================================================================================\nMSG: geometry_msgs/Quaternion\n",
+                include_str!("../standard/geometry_msgs/msg/Quaternion.msg"),
+                "================================================================================\nMSG: geometry_msgs/Vector3\n",
+                include_str!("../standard/geometry_msgs/msg/Vector3.msg"),
+                "================================================================================\nMSG: std_msgs/ColorRGBA\n",
+                include_str!("../standard/std_msgs/msg/ColorRGBA.msg"),
+                "================================================================================\nMSG: builtin_interfaces/Duration\n",
+                include_str!("../standard/builtin_interfaces/msg/Duration.msg"),
+                "================================================================================\nMSG: sensor_msgs/CompressedImage\n",
+                include_str!("../standard/sensor_msgs/msg/CompressedImage.msg"),
+                "================================================================================\nMSG: visualization_msgs/UVCoordinate\n",
+                include_str!("../standard/visualization_msgs/msg/UVCoordinate.msg"),
+                "================================================================================\nMSG: visualization_msgs/MeshFile\n",
+                include_str!("../standard/visualization_msgs/msg/MeshFile.msg")
+            ),
+            describe: crate::describe::of::<Marker>,
+        };
+    }
+
+    /// Marks to draw.
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct MarkerArray {
+        pub markers: Vec<Marker>,
+    }
+
+    impl Message for MarkerArray {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "visualization_msgs/msg/MarkerArray",
+            dds_name: "visualization_msgs::msg::dds_::MarkerArray_",
+            type_hash: "RIHS01_86cb8800b6fb05b5eff1abd7a56f62a5641d3ae9a1c29e78e67e704f1d067dcf",
+            definition: concat!(
+                include_str!("../standard/visualization_msgs/msg/MarkerArray.msg"),
+                "================================================================================\nMSG: visualization_msgs/Marker\n",
+                include_str!("../standard/visualization_msgs/msg/Marker.msg"),
+                "================================================================================\nMSG: std_msgs/Header\n",
+                include_str!("../standard/std_msgs/msg/Header.msg"),
+                "================================================================================\nMSG: builtin_interfaces/Time\n",
+                include_str!("../standard/builtin_interfaces/msg/Time.msg"),
+                "================================================================================\nMSG: geometry_msgs/Pose\n",
+                include_str!("../standard/geometry_msgs/msg/Pose.msg"),
+                "================================================================================\nMSG: geometry_msgs/Point\n",
+                include_str!("../standard/geometry_msgs/msg/Point.msg"),
+                "================================================================================\nMSG: geometry_msgs/Quaternion\n",
+                include_str!("../standard/geometry_msgs/msg/Quaternion.msg"),
+                "================================================================================\nMSG: geometry_msgs/Vector3\n",
+                include_str!("../standard/geometry_msgs/msg/Vector3.msg"),
+                "================================================================================\nMSG: std_msgs/ColorRGBA\n",
+                include_str!("../standard/std_msgs/msg/ColorRGBA.msg"),
+                "================================================================================\nMSG: builtin_interfaces/Duration\n",
+                include_str!("../standard/builtin_interfaces/msg/Duration.msg"),
+                "================================================================================\nMSG: sensor_msgs/CompressedImage\n",
+                include_str!("../standard/sensor_msgs/msg/CompressedImage.msg"),
+                "================================================================================\nMSG: visualization_msgs/UVCoordinate\n",
+                include_str!("../standard/visualization_msgs/msg/UVCoordinate.msg"),
+                "================================================================================\nMSG: visualization_msgs/MeshFile\n",
+                include_str!("../standard/visualization_msgs/msg/MeshFile.msg")
+            ),
+            describe: crate::describe::of::<MarkerArray>,
+        };
+    }
+
+    /// A mesh, as the content of a file.
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct MeshFile {
+        pub filename: String,
+        pub data: Vec<u8>,
+    }
+
+    impl Message for MeshFile {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "visualization_msgs/msg/MeshFile",
+            dds_name: "visualization_msgs::msg::dds_::MeshFile_",
+            type_hash: "RIHS01_7710ece15a148fb7c9b546364cfb215bb06098087bd6394fe5b73a493508f8c4",
+            definition: concat!(include_str!(
+                "../standard/visualization_msgs/msg/MeshFile.msg"
+            )),
+            describe: crate::describe::of::<MeshFile>,
+        };
+    }
+
+    /// A point of a texture.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct UVCoordinate {
+        /// ratio of the width
+        pub u: f32,
+        /// ratio of the height
+        pub v: f32,
+    }
+
+    impl Message for UVCoordinate {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "visualization_msgs/msg/UVCoordinate",
+            dds_name: "visualization_msgs::msg::dds_::UVCoordinate_",
+            type_hash: "RIHS01_f27f7ed21fe360c6066944f856b801a0c0d1e94e815b6886444b42d90b196a26",
+            definition: concat!(include_str!(
+                "../standard/visualization_msgs/msg/UVCoordinate.msg"
+            )),
+            describe: crate::describe::of::<UVCoordinate>,
+        };
+    }
+}
+
+/// Services, and the messages that they are made of.
+pub mod srv {
+    use serde::{Deserialize, Serialize};
+
+    use crate::schema::{Message, MessageType, Service, ServiceType};
+
+    /// Approve or reject a proposed correction.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub struct ApproveCorrection;
+
+    impl Service for ApproveCorrection {
+        type Request = ApproveCorrectionRequest;
+        type Response = ApproveCorrectionResponse;
+        const TYPE: &'static ServiceType = &ServiceType {
+            name: "probecell_msgs/srv/ApproveCorrection",
+            dds_name: "probecell_msgs::srv::dds_::ApproveCorrection_",
+            type_hash: "RIHS01_729a30adfb4dc369efd8cbd039b63094fb6e54e9ab155b6a04be8766e9838fc9",
+            request: ApproveCorrectionRequest::TYPE,
+            response: ApproveCorrectionResponse::TYPE,
+        };
+    }
+
+    /// Asks [`ApproveCorrection`].
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct ApproveCorrectionRequest {
+        pub correction_id: String,
+        pub operator: String,
+        pub approve: bool,
+    }
+
+    impl Message for ApproveCorrectionRequest {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "probecell_msgs/srv/ApproveCorrection_Request",
+            dds_name: "probecell_msgs::srv::dds_::ApproveCorrection_Request_",
+            type_hash: "RIHS01_f7ce76f782568d4f6f6c98696fbe298a98393ce6312e54c7f137d41f7aa5d516",
+            definition: concat!(
+                "# Approve or reject a proposed correction.\nstring correction_id\nstring operator\nbool approve\n"
+            ),
+            describe: crate::describe::of::<ApproveCorrectionRequest>,
+        };
+    }
+
+    /// Answers [`ApproveCorrection`].
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct ApproveCorrectionResponse {
+        pub accepted: bool,
+        pub text: String,
+    }
+
+    impl Message for ApproveCorrectionResponse {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "probecell_msgs/srv/ApproveCorrection_Response",
+            dds_name: "probecell_msgs::srv::dds_::ApproveCorrection_Response_",
+            type_hash: "RIHS01_6138cb83093d090df8962e2f3c7c29859b097273aca5aeab28f9044fd34e2c73",
+            definition: concat!("bool accepted\nstring text\n"),
+            describe: crate::describe::of::<ApproveCorrectionResponse>,
+        };
+    }
+
+    /// Plan the measuring order of the cell's part.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub struct Plan;
+
+    impl Service for Plan {
+        type Request = PlanRequest;
+        type Response = PlanResponse;
+        const TYPE: &'static ServiceType = &ServiceType {
+            name: "probecell_msgs/srv/Plan",
+            dds_name: "probecell_msgs::srv::dds_::Plan_",
+            type_hash: "RIHS01_66b26c612b250d7f72951105e4ed9ed5e39e62d45069f883964b8416127108a5",
+            request: PlanRequest::TYPE,
+            response: PlanResponse::TYPE,
+        };
+    }
+
+    /// Asks [`Plan`].
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct PlanRequest {
+        /// empty: the cell's own plan
+        pub plan_id: String,
+    }
+
+    impl Message for PlanRequest {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "probecell_msgs/srv/Plan_Request",
+            dds_name: "probecell_msgs::srv::dds_::Plan_Request_",
+            type_hash: "RIHS01_22c59b2ed1ce3509db166601815e21aa13f2019bbce2f8565a80c9ad924b3c37",
+            definition: concat!(
+                "# Plan the measuring order of the cell's part.\nstring plan_id               # empty: the cell's own plan\n"
+            ),
+            describe: crate::describe::of::<PlanRequest>,
+        };
+    }
+
+    /// Answers [`Plan`].
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct PlanResponse {
+        pub accepted: bool,
+        pub text: String,
+    }
+
+    impl Message for PlanResponse {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "probecell_msgs/srv/Plan_Response",
+            dds_name: "probecell_msgs::srv::dds_::Plan_Response_",
+            type_hash: "RIHS01_345e374ce098525a196ea7d4ab2fa69045f1a5f8c5f64dc50874a795e5a27fa5",
+            definition: concat!("bool accepted\nstring text\n"),
+            describe: crate::describe::of::<PlanResponse>,
+        };
+    }
+
+    /// Cut and measure one part.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub struct Run;
+
+    impl Service for Run {
+        type Request = RunRequest;
+        type Response = RunResponse;
+        const TYPE: &'static ServiceType = &ServiceType {
+            name: "probecell_msgs/srv/Run",
+            dds_name: "probecell_msgs::srv::dds_::Run_",
+            type_hash: "RIHS01_15f6184e3f42ac3f7e68a86801a6ccbe6e66da32fd2a8f9e02ae47f3806f81a2",
+            request: RunRequest::TYPE,
+            response: RunResponse::TYPE,
+        };
+    }
+
+    /// Asks [`Run`].
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct RunRequest {
+        pub part_id: String,
+    }
+
+    impl Message for RunRequest {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "probecell_msgs/srv/Run_Request",
+            dds_name: "probecell_msgs::srv::dds_::Run_Request_",
+            type_hash: "RIHS01_ebc8ffb6aca3ed5b41af34faa1290f4080292c621cbf2e6c24fd69941678bc08",
+            definition: concat!("# Cut and measure one part.\nstring part_id\n"),
+            describe: crate::describe::of::<RunRequest>,
+        };
+    }
+
+    /// Answers [`Run`].
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct RunResponse {
+        pub accepted: bool,
+        pub text: String,
+    }
+
+    impl Message for RunResponse {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "probecell_msgs/srv/Run_Response",
+            dds_name: "probecell_msgs::srv::dds_::Run_Response_",
+            type_hash: "RIHS01_2520c2b2b1143ea7401ccc27775cd90b33c20b9ae2f516e493c564c23ff7c071",
+            definition: concat!("bool accepted\nstring text\n"),
+            describe: crate::describe::of::<RunResponse>,
+        };
+    }
+
+    /// Start a recording.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub struct StartRecording;
+
+    impl Service for StartRecording {
+        type Request = StartRecordingRequest;
+        type Response = StartRecordingResponse;
+        const TYPE: &'static ServiceType = &ServiceType {
+            name: "probecell_msgs/srv/StartRecording",
+            dds_name: "probecell_msgs::srv::dds_::StartRecording_",
+            type_hash: "RIHS01_81cb079bbca085fc0055a205086dfcd76a0f7e7fa999991b9dea1f60e9d904a2",
+            request: StartRecordingRequest::TYPE,
+            response: StartRecordingResponse::TYPE,
+        };
+    }
+
+    /// Asks [`StartRecording`].
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct StartRecordingRequest {
+        /// folder to write; empty: the recorder's own choice
+        pub uri: String,
+    }
+
+    impl Message for StartRecordingRequest {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "probecell_msgs/srv/StartRecording_Request",
+            dds_name: "probecell_msgs::srv::dds_::StartRecording_Request_",
+            type_hash: "RIHS01_1c42275d11d33906a00a123b5067093f1c97c33c32fb70ad3533971f1e364a9d",
+            definition: concat!(
+                "# Start a recording.\nstring uri                   # folder to write; empty: the recorder's own choice\n"
+            ),
+            describe: crate::describe::of::<StartRecordingRequest>,
+        };
+    }
+
+    /// Answers [`StartRecording`].
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct StartRecordingResponse {
+        pub accepted: bool,
+        /// folder that is written
+        pub uri: String,
+        pub text: String,
+    }
+
+    impl Message for StartRecordingResponse {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "probecell_msgs/srv/StartRecording_Response",
+            dds_name: "probecell_msgs::srv::dds_::StartRecording_Response_",
+            type_hash: "RIHS01_2af2cbfae8e43d0576321c4a090d258bf65a8c5c6fac9b4a1656849d4ae21ab9",
+            definition: concat!(
+                "bool accepted\nstring uri                   # folder that is written\nstring text\n"
+            ),
+            describe: crate::describe::of::<StartRecordingResponse>,
+        };
+    }
+
+    /// Stop the recording and close its files.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub struct StopRecording;
+
+    impl Service for StopRecording {
+        type Request = StopRecordingRequest;
+        type Response = StopRecordingResponse;
+        const TYPE: &'static ServiceType = &ServiceType {
+            name: "probecell_msgs/srv/StopRecording",
+            dds_name: "probecell_msgs::srv::dds_::StopRecording_",
+            type_hash: "RIHS01_06aa999f8d68973947068a8427e25a93ee9cd2ebea03c2a03a2103411064b310",
+            request: StopRecordingRequest::TYPE,
+            response: StopRecordingResponse::TYPE,
+        };
+    }
+
+    /// Asks [`StopRecording`].
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct StopRecordingRequest {
+        /// Always 0: CDR has no empty structures.
+        pub structure_needs_at_least_one_member: u8,
+    }
+
+    impl Message for StopRecordingRequest {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "probecell_msgs/srv/StopRecording_Request",
+            dds_name: "probecell_msgs::srv::dds_::StopRecording_Request_",
+            type_hash: "RIHS01_bee8862c0e2985b3fb433a9e7927fae66397b2489c65bbd4f56bea526972b840",
+            definition: concat!("# Stop the recording and close its files.\n"),
+            describe: crate::describe::of::<StopRecordingRequest>,
+        };
+    }
+
+    /// Answers [`StopRecording`].
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct StopRecordingResponse {
+        pub accepted: bool,
+        /// folder that was written
+        pub uri: String,
+        /// messages written
+        pub messages: u64,
+        pub text: String,
+    }
+
+    impl Message for StopRecordingResponse {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "probecell_msgs/srv/StopRecording_Response",
+            dds_name: "probecell_msgs::srv::dds_::StopRecording_Response_",
+            type_hash: "RIHS01_18a1892d47d4997aeef751edff646829866675137b34b2ac994879365ea9caff",
+            definition: concat!(
+                "bool accepted\nstring uri                   # folder that was written\nuint64 messages              # messages written\nstring text\n"
+            ),
+            describe: crate::describe::of::<StopRecordingResponse>,
+        };
+    }
+}
+
+/// Every message type, sorted by name.
+pub(crate) static MESSAGES: &[&MessageType] = &[
+    <builtin_interfaces::Duration as Message>::TYPE,
+    <builtin_interfaces::Time as Message>::TYPE,
+    <diagnostic_msgs::DiagnosticArray as Message>::TYPE,
+    <diagnostic_msgs::DiagnosticStatus as Message>::TYPE,
+    <diagnostic_msgs::KeyValue as Message>::TYPE,
+    <geometry_msgs::Point as Message>::TYPE,
+    <geometry_msgs::Pose as Message>::TYPE,
+    <geometry_msgs::Quaternion as Message>::TYPE,
+    <geometry_msgs::Transform as Message>::TYPE,
+    <geometry_msgs::TransformStamped as Message>::TYPE,
+    <geometry_msgs::Vector3 as Message>::TYPE,
+    <ControllerCommand as Message>::TYPE,
+    <ControllerReply as Message>::TYPE,
+    <ControllerStatus as Message>::TYPE,
+    <Correction as Message>::TYPE,
+    <CorrectionAcknowledgement as Message>::TYPE,
+    <Fault as Message>::TYPE,
+    <FeatureResult as Message>::TYPE,
+    <GapEffect as Message>::TYPE,
+    <GapReport as Message>::TYPE,
+    <InspectionFeature as Message>::TYPE,
+    <InspectionPlan as Message>::TYPE,
+    <InspectionPoint as Message>::TYPE,
+    <LossReport as Message>::TYPE,
+    <MachineState as Message>::TYPE,
+    <MachiningOperation as Message>::TYPE,
+    <MeasurementOrder as Message>::TYPE,
+    <OperationReport as Message>::TYPE,
+    <OperationRequest as Message>::TYPE,
+    <OperatorReply as Message>::TYPE,
+    <OperatorRequest as Message>::TYPE,
+    <PartReport as Message>::TYPE,
+    <PassDecision as Message>::TYPE,
+    <ProbeEvent as Message>::TYPE,
+    <ProbeTrigger as Message>::TYPE,
+    <ProbingMove as Message>::TYPE,
+    <ReferenceMeasurement as Message>::TYPE,
+    <StepJournal as Message>::TYPE,
+    <Stylus as Message>::TYPE,
+    <ToolOffsets as Message>::TYPE,
+    <TouchDeviation as Message>::TYPE,
+    <Verdict as Message>::TYPE,
+    <srv::ApproveCorrectionRequest as Message>::TYPE,
+    <srv::ApproveCorrectionResponse as Message>::TYPE,
+    <srv::PlanRequest as Message>::TYPE,
+    <srv::PlanResponse as Message>::TYPE,
+    <srv::RunRequest as Message>::TYPE,
+    <srv::RunResponse as Message>::TYPE,
+    <srv::StartRecordingRequest as Message>::TYPE,
+    <srv::StartRecordingResponse as Message>::TYPE,
+    <srv::StopRecordingRequest as Message>::TYPE,
+    <srv::StopRecordingResponse as Message>::TYPE,
+    <rosgraph_msgs::Clock as Message>::TYPE,
+    <sensor_msgs::CompressedImage as Message>::TYPE,
+    <sensor_msgs::JointState as Message>::TYPE,
+    <service_msgs::ServiceEventInfo as Message>::TYPE,
+    <std_msgs::ColorRGBA as Message>::TYPE,
+    <std_msgs::Header as Message>::TYPE,
+    <std_msgs::String as Message>::TYPE,
+    <tf2_msgs::TFMessage as Message>::TYPE,
+    <visualization_msgs::Marker as Message>::TYPE,
+    <visualization_msgs::MarkerArray as Message>::TYPE,
+    <visualization_msgs::MeshFile as Message>::TYPE,
+    <visualization_msgs::UVCoordinate as Message>::TYPE,
+];
+
+/// Every service type, sorted by name.
+pub(crate) static SERVICES: &[&ServiceType] = &[
+    <srv::ApproveCorrection as crate::schema::Service>::TYPE,
+    <srv::Plan as crate::schema::Service>::TYPE,
+    <srv::Run as crate::schema::Service>::TYPE,
+    <srv::StartRecording as crate::schema::Service>::TYPE,
+    <srv::StopRecording as crate::schema::Service>::TYPE,
+];

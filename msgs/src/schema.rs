@@ -1,0 +1,85 @@
+//! What names and identifies a type on the wire and in a recording.
+
+use std::fmt::Debug;
+
+use serde::{Serialize, de::DeserializeOwned};
+
+use crate::{CdrError, Value, generated};
+
+/// A struct that is the Rust side of a ROS message.
+pub trait Message:
+    Serialize + DeserializeOwned + Clone + Debug + PartialEq + Default + Send + 'static
+{
+    /// Its names, hash and schema.
+    const TYPE: &'static MessageType;
+}
+
+/// A ROS service. The type itself has no values.
+pub trait Service: Send + 'static {
+    /// What a caller sends.
+    type Request: Message;
+    /// What comes back.
+    type Response: Message;
+    /// Its names and hash.
+    const TYPE: &'static ServiceType;
+}
+
+/// Names, hash and schema of a message type.
+#[derive(Clone, Copy, Debug)]
+pub struct MessageType {
+    /// ROS name: `probecell_msgs/msg/ProbeEvent`.
+    pub name: &'static str,
+    /// Name in DDS and in Zenoh keys: `probecell_msgs::msg::dds_::ProbeEvent_`.
+    pub dds_name: &'static str,
+    /// `RIHS01_` and 64 hexadecimal digits (REP 2016).
+    pub type_hash: &'static str,
+    /// Schema text of encoding `ros2msg`: the definition, then each type it uses after 80 `=` and `MSG: pkg/Type`.
+    pub definition: &'static str,
+    pub(crate) describe: fn(&[u8]) -> Result<Value, CdrError>,
+}
+
+impl MessageType {
+    /// Decodes a message of this type, header included, into a tree of named values.
+    pub fn describe(&self, cdr: &[u8]) -> Result<Value, CdrError> {
+        (self.describe)(cdr)
+    }
+}
+
+impl PartialEq for MessageType {
+    fn eq(&self, other: &Self) -> bool {
+        (self.name, self.type_hash) == (other.name, other.type_hash)
+    }
+}
+
+impl Eq for MessageType {}
+
+/// Names and hash of a service type.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ServiceType {
+    /// ROS name: `probecell_msgs/srv/Run`.
+    pub name: &'static str,
+    /// Name in DDS and in Zenoh keys: `probecell_msgs::srv::dds_::Run_`.
+    pub dds_name: &'static str,
+    /// `RIHS01_` and 64 hexadecimal digits (REP 2016), of request, response and event together.
+    pub type_hash: &'static str,
+    /// Type of the request.
+    pub request: &'static MessageType,
+    /// Type of the response.
+    pub response: &'static MessageType,
+}
+
+/// Every message type known here, those of services included, sorted by name.
+pub fn all() -> &'static [&'static MessageType] {
+    generated::MESSAGES
+}
+
+/// Every service type known here, sorted by name.
+pub fn services() -> &'static [&'static ServiceType] {
+    generated::SERVICES
+}
+
+/// The message type with that ROS name, for example `std_msgs/msg/String`.
+pub fn by_name(name: &str) -> Option<&'static MessageType> {
+    let index = all().binary_search_by(|ty| ty.name.cmp(name)).ok()?;
+    Some(all()[index])
+}

@@ -1,0 +1,16 @@
+//! The workspace's own tools, as functions that its tests can call too.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result};
+
+pub mod codegen;
+
+/// The folder of the root manifest.
+pub fn workspace_root() -> Result<PathBuf> {
+    let manifest = Path::new(env!("CARGO_MANIFEST_DIR"));
+    Ok(manifest
+        .parent()
+        .context("the xtask folder has no parent")?
+        .to_owned())
+}
