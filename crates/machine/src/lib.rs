@@ -6,10 +6,12 @@
 
 pub mod chain;
 pub mod contact;
+pub mod deviation;
 pub mod inverse;
 pub mod kinematics;
 
 pub use chain::{Chain, ChainError, Joint, JointKind, Side};
 pub use contact::Surface;
+pub use deviation::{DeviationError, Nominal, deviation, touch_positions};
 pub use inverse::{ReachError, Target};
 pub use kinematics::{ChainErrors, NO_TWIST, PositionError, Sensitivity, Twist, displacement};
