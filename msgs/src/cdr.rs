@@ -42,8 +42,7 @@ pub enum CdrError {
 
 /// The message as little-endian CDR with its header.
 ///
-/// # Panics
-/// Where a text or sequence has more elements than CDR can count (2³²), which no message in memory here has.
+/// Texts and sequences must be shorter than 2³² elements, which is what CDR can count.
 pub fn to_cdr(message: &impl Message) -> Vec<u8> {
     let mut bytes = LITTLE_ENDIAN.to_vec();
     // Alignment counts from the first byte the encoder writes, so the header in front does not shift it.
@@ -73,4 +72,9 @@ pub fn from_cdr<M: Message>(bytes: &[u8]) -> Result<M, CdrError> {
         0..=MOST_PADDING => Ok(message),
         count => Err(CdrError::Excess { name, count }),
     }
+}
+
+/// The bytes of a message of type `M` as this crate would have written them.
+pub(crate) fn canonical<M: Message>(bytes: &[u8]) -> Result<Vec<u8>, CdrError> {
+    from_cdr::<M>(bytes).map(|message| to_cdr(&message))
 }

@@ -55,6 +55,7 @@ impl Message for ControllerCommand {
             include_str!("../standard/builtin_interfaces/msg/Time.msg")
         ),
         describe: crate::describe::of::<ControllerCommand>,
+        canonical: crate::cdr::canonical::<ControllerCommand>,
     };
 }
 
@@ -93,6 +94,7 @@ impl Message for ControllerReply {
             include_str!("../standard/builtin_interfaces/msg/Time.msg")
         ),
         describe: crate::describe::of::<ControllerReply>,
+        canonical: crate::cdr::canonical::<ControllerReply>,
     };
 }
 
@@ -150,6 +152,7 @@ impl Message for ControllerStatus {
             include_str!("../standard/builtin_interfaces/msg/Time.msg")
         ),
         describe: crate::describe::of::<ControllerStatus>,
+        canonical: crate::cdr::canonical::<ControllerStatus>,
     };
 }
 
@@ -216,6 +219,7 @@ impl Message for Correction {
             include_str!("../standard/builtin_interfaces/msg/Time.msg")
         ),
         describe: crate::describe::of::<Correction>,
+        canonical: crate::cdr::canonical::<Correction>,
     };
 }
 
@@ -257,6 +261,7 @@ impl Message for CorrectionAcknowledgement {
             include_str!("../standard/builtin_interfaces/msg/Time.msg")
         ),
         describe: crate::describe::of::<CorrectionAcknowledgement>,
+        canonical: crate::cdr::canonical::<CorrectionAcknowledgement>,
     };
 }
 
@@ -290,6 +295,7 @@ impl Message for Fault {
             include_str!("../standard/builtin_interfaces/msg/Time.msg")
         ),
         describe: crate::describe::of::<Fault>,
+        canonical: crate::cdr::canonical::<Fault>,
     };
 }
 
@@ -357,6 +363,7 @@ impl Message for FeatureResult {
             include_str!("../standard/geometry_msgs/msg/Vector3.msg")
         ),
         describe: crate::describe::of::<FeatureResult>,
+        canonical: crate::cdr::canonical::<FeatureResult>,
     };
 }
 
@@ -393,6 +400,7 @@ impl Message for GapEffect {
         type_hash: "RIHS01_c32e78420153ba91222c4d1a1c40316dbdb27beef5ab96cfac43f8747cd23c50",
         definition: concat!(include_str!("../msg/GapEffect.msg")),
         describe: crate::describe::of::<GapEffect>,
+        canonical: crate::cdr::canonical::<GapEffect>,
     };
 }
 
@@ -436,6 +444,7 @@ impl Message for GapReport {
             include_str!("../msg/GapEffect.msg")
         ),
         describe: crate::describe::of::<GapReport>,
+        canonical: crate::cdr::canonical::<GapReport>,
     };
 }
 
@@ -482,6 +491,7 @@ impl Message for InspectionFeature {
             include_str!("../standard/geometry_msgs/msg/Vector3.msg")
         ),
         describe: crate::describe::of::<InspectionFeature>,
+        canonical: crate::cdr::canonical::<InspectionFeature>,
     };
 }
 
@@ -533,6 +543,7 @@ impl Message for InspectionPlan {
             include_str!("../msg/InspectionPoint.msg")
         ),
         describe: crate::describe::of::<InspectionPlan>,
+        canonical: crate::cdr::canonical::<InspectionPlan>,
     };
 }
 
@@ -576,6 +587,7 @@ impl Message for InspectionPoint {
             include_str!("../standard/geometry_msgs/msg/Vector3.msg")
         ),
         describe: crate::describe::of::<InspectionPoint>,
+        canonical: crate::cdr::canonical::<InspectionPoint>,
     };
 }
 
@@ -607,6 +619,7 @@ impl Message for LossReport {
             include_str!("../standard/builtin_interfaces/msg/Time.msg")
         ),
         describe: crate::describe::of::<LossReport>,
+        canonical: crate::cdr::canonical::<LossReport>,
     };
 }
 
@@ -660,6 +673,7 @@ impl Message for MachineState {
             include_str!("../standard/builtin_interfaces/msg/Time.msg")
         ),
         describe: crate::describe::of::<MachineState>,
+        canonical: crate::cdr::canonical::<MachineState>,
     };
 }
 
@@ -685,6 +699,7 @@ impl Message for MachiningOperation {
         type_hash: "RIHS01_6dee5609a815f7b1dc7c8358725e3a292206055cb95b8bb1332c9c492950db73",
         definition: concat!(include_str!("../msg/MachiningOperation.msg")),
         describe: crate::describe::of::<MachiningOperation>,
+        canonical: crate::cdr::canonical::<MachiningOperation>,
     };
 }
 
@@ -726,6 +741,7 @@ impl Message for MeasurementOrder {
             include_str!("../msg/ProbingMove.msg")
         ),
         describe: crate::describe::of::<MeasurementOrder>,
+        canonical: crate::cdr::canonical::<MeasurementOrder>,
     };
 }
 
@@ -759,6 +775,7 @@ impl Message for OperationReport {
             include_str!("../standard/builtin_interfaces/msg/Time.msg")
         ),
         describe: crate::describe::of::<OperationReport>,
+        canonical: crate::cdr::canonical::<OperationReport>,
     };
 }
 
@@ -796,6 +813,7 @@ impl Message for OperationRequest {
             include_str!("../standard/builtin_interfaces/msg/Time.msg")
         ),
         describe: crate::describe::of::<OperationRequest>,
+        canonical: crate::cdr::canonical::<OperationRequest>,
     };
 }
 
@@ -822,6 +840,7 @@ impl Message for OperatorReply {
             include_str!("../standard/builtin_interfaces/msg/Time.msg")
         ),
         describe: crate::describe::of::<OperatorReply>,
+        canonical: crate::cdr::canonical::<OperatorReply>,
     };
 }
 
@@ -852,6 +871,7 @@ impl Message for OperatorRequest {
             include_str!("../standard/builtin_interfaces/msg/Time.msg")
         ),
         describe: crate::describe::of::<OperatorRequest>,
+        canonical: crate::cdr::canonical::<OperatorRequest>,
     };
 }
 
@@ -886,6 +906,7 @@ impl Message for PartReport {
             include_str!("../standard/builtin_interfaces/msg/Time.msg")
         ),
         describe: crate::describe::of::<PartReport>,
+        canonical: crate::cdr::canonical::<PartReport>,
     };
 }
 
@@ -929,6 +950,7 @@ impl Message for PassDecision {
             include_str!("../standard/builtin_interfaces/msg/Time.msg")
         ),
         describe: crate::describe::of::<PassDecision>,
+        canonical: crate::cdr::canonical::<PassDecision>,
     };
 }
 
@@ -983,6 +1005,7 @@ impl Message for ProbeEvent {
             include_str!("../standard/geometry_msgs/msg/Vector3.msg")
         ),
         describe: crate::describe::of::<ProbeEvent>,
+        canonical: crate::cdr::canonical::<ProbeEvent>,
     };
 }
 
@@ -1021,6 +1044,7 @@ impl Message for ProbeTrigger {
             include_str!("../standard/builtin_interfaces/msg/Time.msg")
         ),
         describe: crate::describe::of::<ProbeTrigger>,
+        canonical: crate::cdr::canonical::<ProbeTrigger>,
     };
 }
 
@@ -1055,6 +1079,7 @@ impl Message for ProbingMove {
         type_hash: "RIHS01_6ebd6abfec91d8948556adc7e72fdc8e2507a208b9b2f8f82ea4498b309e9771",
         definition: concat!(include_str!("../msg/ProbingMove.msg")),
         describe: crate::describe::of::<ProbingMove>,
+        canonical: crate::cdr::canonical::<ProbingMove>,
     };
 }
 
@@ -1086,6 +1111,7 @@ impl Message for ReferenceMeasurement {
             include_str!("../standard/builtin_interfaces/msg/Time.msg")
         ),
         describe: crate::describe::of::<ReferenceMeasurement>,
+        canonical: crate::cdr::canonical::<ReferenceMeasurement>,
     };
 }
 
@@ -1119,6 +1145,7 @@ impl Message for StepJournal {
             include_str!("../standard/builtin_interfaces/msg/Time.msg")
         ),
         describe: crate::describe::of::<StepJournal>,
+        canonical: crate::cdr::canonical::<StepJournal>,
     };
 }
 
@@ -1143,6 +1170,7 @@ impl Message for Stylus {
             include_str!("../standard/geometry_msgs/msg/Point.msg")
         ),
         describe: crate::describe::of::<Stylus>,
+        canonical: crate::cdr::canonical::<Stylus>,
     };
 }
 
@@ -1171,6 +1199,7 @@ impl Message for ToolOffsets {
             include_str!("../standard/builtin_interfaces/msg/Time.msg")
         ),
         describe: crate::describe::of::<ToolOffsets>,
+        canonical: crate::cdr::canonical::<ToolOffsets>,
     };
 }
 
@@ -1202,6 +1231,7 @@ impl Message for TouchDeviation {
             include_str!("../standard/builtin_interfaces/msg/Time.msg")
         ),
         describe: crate::describe::of::<TouchDeviation>,
+        canonical: crate::cdr::canonical::<TouchDeviation>,
     };
 }
 
@@ -1249,6 +1279,7 @@ impl Message for Verdict {
             include_str!("../standard/builtin_interfaces/msg/Time.msg")
         ),
         describe: crate::describe::of::<Verdict>,
+        canonical: crate::cdr::canonical::<Verdict>,
     };
 }
 
@@ -1276,6 +1307,7 @@ pub mod builtin_interfaces {
                 "../standard/builtin_interfaces/msg/Duration.msg"
             )),
             describe: crate::describe::of::<Duration>,
+            canonical: crate::cdr::canonical::<Duration>,
         };
     }
 
@@ -1295,6 +1327,7 @@ pub mod builtin_interfaces {
             type_hash: "RIHS01_b106235e25a4c5ed35098aa0a61a3ee9c9b18d197f398b0e4206cea9acf9c197",
             definition: concat!(include_str!("../standard/builtin_interfaces/msg/Time.msg")),
             describe: crate::describe::of::<Time>,
+            canonical: crate::cdr::canonical::<Time>,
         };
     }
 }
@@ -1329,6 +1362,7 @@ pub mod diagnostic_msgs {
                 include_str!("../standard/diagnostic_msgs/msg/KeyValue.msg")
             ),
             describe: crate::describe::of::<DiagnosticArray>,
+            canonical: crate::cdr::canonical::<DiagnosticArray>,
         };
     }
 
@@ -1361,6 +1395,7 @@ pub mod diagnostic_msgs {
                 include_str!("../standard/diagnostic_msgs/msg/KeyValue.msg")
             ),
             describe: crate::describe::of::<DiagnosticStatus>,
+            canonical: crate::cdr::canonical::<DiagnosticStatus>,
         };
     }
 
@@ -1378,6 +1413,7 @@ pub mod diagnostic_msgs {
             type_hash: "RIHS01_d68081eaa540288c5440753baecef0c4e16e81a5f78ad68902ded5100413bb42",
             definition: concat!(include_str!("../standard/diagnostic_msgs/msg/KeyValue.msg")),
             describe: crate::describe::of::<KeyValue>,
+            canonical: crate::cdr::canonical::<KeyValue>,
         };
     }
 }
@@ -1406,6 +1442,7 @@ pub mod geometry_msgs {
             type_hash: "RIHS01_6963084842a9b04494d6b2941d11444708d892da2f4b09843b9c43f42a7f6881",
             definition: concat!(include_str!("../standard/geometry_msgs/msg/Point.msg")),
             describe: crate::describe::of::<Point>,
+            canonical: crate::cdr::canonical::<Point>,
         };
     }
 
@@ -1431,6 +1468,7 @@ pub mod geometry_msgs {
                 include_str!("../standard/geometry_msgs/msg/Quaternion.msg")
             ),
             describe: crate::describe::of::<Pose>,
+            canonical: crate::cdr::canonical::<Pose>,
         };
     }
 
@@ -1461,6 +1499,7 @@ pub mod geometry_msgs {
             type_hash: "RIHS01_8a765f66778c8ff7c8ab94afcc590a2ed5325a1d9a076ffff38fbce36f458684",
             definition: concat!(include_str!("../standard/geometry_msgs/msg/Quaternion.msg")),
             describe: crate::describe::of::<Quaternion>,
+            canonical: crate::cdr::canonical::<Quaternion>,
         };
     }
 
@@ -1486,6 +1525,7 @@ pub mod geometry_msgs {
                 include_str!("../standard/geometry_msgs/msg/Quaternion.msg")
             ),
             describe: crate::describe::of::<Transform>,
+            canonical: crate::cdr::canonical::<Transform>,
         };
     }
 
@@ -1517,6 +1557,7 @@ pub mod geometry_msgs {
                 include_str!("../standard/geometry_msgs/msg/Quaternion.msg")
             ),
             describe: crate::describe::of::<TransformStamped>,
+            canonical: crate::cdr::canonical::<TransformStamped>,
         };
     }
 
@@ -1535,6 +1576,7 @@ pub mod geometry_msgs {
             type_hash: "RIHS01_cc12fe83e4c02719f1ce8070bfd14aecd40f75a96696a67a2a1f37f7dbb0765d",
             definition: concat!(include_str!("../standard/geometry_msgs/msg/Vector3.msg")),
             describe: crate::describe::of::<Vector3>,
+            canonical: crate::cdr::canonical::<Vector3>,
         };
     }
 }
@@ -1562,6 +1604,7 @@ pub mod rosgraph_msgs {
                 include_str!("../standard/builtin_interfaces/msg/Time.msg")
             ),
             describe: crate::describe::of::<Clock>,
+            canonical: crate::cdr::canonical::<Clock>,
         };
     }
 }
@@ -1593,6 +1636,7 @@ pub mod sensor_msgs {
                 include_str!("../standard/builtin_interfaces/msg/Time.msg")
             ),
             describe: crate::describe::of::<CompressedImage>,
+            canonical: crate::cdr::canonical::<CompressedImage>,
         };
     }
 
@@ -1622,6 +1666,7 @@ pub mod sensor_msgs {
                 include_str!("../standard/builtin_interfaces/msg/Time.msg")
             ),
             describe: crate::describe::of::<JointState>,
+            canonical: crate::cdr::canonical::<JointState>,
         };
     }
 }
@@ -1659,6 +1704,7 @@ pub mod service_msgs {
                 include_str!("../standard/builtin_interfaces/msg/Time.msg")
             ),
             describe: crate::describe::of::<ServiceEventInfo>,
+            canonical: crate::cdr::canonical::<ServiceEventInfo>,
         };
     }
 }
@@ -1689,6 +1735,7 @@ pub mod std_msgs {
             type_hash: "RIHS01_77a7a5b9ae477306097665106e0413ba74440245b1f3d0c6d6405fe5c7813fe8",
             definition: concat!(include_str!("../standard/std_msgs/msg/ColorRGBA.msg")),
             describe: crate::describe::of::<ColorRGBA>,
+            canonical: crate::cdr::canonical::<ColorRGBA>,
         };
     }
 
@@ -1710,6 +1757,7 @@ pub mod std_msgs {
                 include_str!("../standard/builtin_interfaces/msg/Time.msg")
             ),
             describe: crate::describe::of::<Header>,
+            canonical: crate::cdr::canonical::<Header>,
         };
     }
 
@@ -1726,6 +1774,7 @@ pub mod std_msgs {
             type_hash: "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18",
             definition: concat!(include_str!("../standard/std_msgs/msg/String.msg")),
             describe: crate::describe::of::<String>,
+            canonical: crate::cdr::canonical::<String>,
         };
     }
 }
@@ -1763,6 +1812,7 @@ pub mod tf2_msgs {
                 include_str!("../standard/geometry_msgs/msg/Quaternion.msg")
             ),
             describe: crate::describe::of::<TFMessage>,
+            canonical: crate::cdr::canonical::<TFMessage>,
         };
     }
 }
@@ -1854,6 +1904,7 @@ pub mod visualization_msgs {
                 include_str!("../standard/visualization_msgs/msg/MeshFile.msg")
             ),
             describe: crate::describe::of::<Marker>,
+            canonical: crate::cdr::canonical::<Marker>,
         };
     }
 
@@ -1896,6 +1947,7 @@ pub mod visualization_msgs {
                 include_str!("../standard/visualization_msgs/msg/MeshFile.msg")
             ),
             describe: crate::describe::of::<MarkerArray>,
+            canonical: crate::cdr::canonical::<MarkerArray>,
         };
     }
 
@@ -1915,6 +1967,7 @@ pub mod visualization_msgs {
                 "../standard/visualization_msgs/msg/MeshFile.msg"
             )),
             describe: crate::describe::of::<MeshFile>,
+            canonical: crate::cdr::canonical::<MeshFile>,
         };
     }
 
@@ -1936,6 +1989,7 @@ pub mod visualization_msgs {
                 "../standard/visualization_msgs/msg/UVCoordinate.msg"
             )),
             describe: crate::describe::of::<UVCoordinate>,
+            canonical: crate::cdr::canonical::<UVCoordinate>,
         };
     }
 }
@@ -1979,6 +2033,7 @@ pub mod srv {
                 "# Approve or reject a proposed correction.\nstring correction_id\nstring operator\nbool approve\n"
             ),
             describe: crate::describe::of::<ApproveCorrectionRequest>,
+            canonical: crate::cdr::canonical::<ApproveCorrectionRequest>,
         };
     }
 
@@ -1996,6 +2051,7 @@ pub mod srv {
             type_hash: "RIHS01_6138cb83093d090df8962e2f3c7c29859b097273aca5aeab28f9044fd34e2c73",
             definition: concat!("bool accepted\nstring text\n"),
             describe: crate::describe::of::<ApproveCorrectionResponse>,
+            canonical: crate::cdr::canonical::<ApproveCorrectionResponse>,
         };
     }
 
@@ -2031,6 +2087,7 @@ pub mod srv {
                 "# Plan the measuring order of the cell's part.\nstring plan_id               # empty: the cell's own plan\n"
             ),
             describe: crate::describe::of::<PlanRequest>,
+            canonical: crate::cdr::canonical::<PlanRequest>,
         };
     }
 
@@ -2048,6 +2105,7 @@ pub mod srv {
             type_hash: "RIHS01_345e374ce098525a196ea7d4ab2fa69045f1a5f8c5f64dc50874a795e5a27fa5",
             definition: concat!("bool accepted\nstring text\n"),
             describe: crate::describe::of::<PlanResponse>,
+            canonical: crate::cdr::canonical::<PlanResponse>,
         };
     }
 
@@ -2080,6 +2138,7 @@ pub mod srv {
             type_hash: "RIHS01_ebc8ffb6aca3ed5b41af34faa1290f4080292c621cbf2e6c24fd69941678bc08",
             definition: concat!("# Cut and measure one part.\nstring part_id\n"),
             describe: crate::describe::of::<RunRequest>,
+            canonical: crate::cdr::canonical::<RunRequest>,
         };
     }
 
@@ -2097,6 +2156,7 @@ pub mod srv {
             type_hash: "RIHS01_2520c2b2b1143ea7401ccc27775cd90b33c20b9ae2f516e493c564c23ff7c071",
             definition: concat!("bool accepted\nstring text\n"),
             describe: crate::describe::of::<RunResponse>,
+            canonical: crate::cdr::canonical::<RunResponse>,
         };
     }
 
@@ -2132,6 +2192,7 @@ pub mod srv {
                 "# Start a recording.\nstring uri                   # folder to write; empty: the recorder's own choice\n"
             ),
             describe: crate::describe::of::<StartRecordingRequest>,
+            canonical: crate::cdr::canonical::<StartRecordingRequest>,
         };
     }
 
@@ -2153,6 +2214,7 @@ pub mod srv {
                 "bool accepted\nstring uri                   # folder that is written\nstring text\n"
             ),
             describe: crate::describe::of::<StartRecordingResponse>,
+            canonical: crate::cdr::canonical::<StartRecordingResponse>,
         };
     }
 
@@ -2186,6 +2248,7 @@ pub mod srv {
             type_hash: "RIHS01_bee8862c0e2985b3fb433a9e7927fae66397b2489c65bbd4f56bea526972b840",
             definition: concat!("# Stop the recording and close its files.\n"),
             describe: crate::describe::of::<StopRecordingRequest>,
+            canonical: crate::cdr::canonical::<StopRecordingRequest>,
         };
     }
 
@@ -2209,6 +2272,7 @@ pub mod srv {
                 "bool accepted\nstring uri                   # folder that was written\nuint64 messages              # messages written\nstring text\n"
             ),
             describe: crate::describe::of::<StopRecordingResponse>,
+            canonical: crate::cdr::canonical::<StopRecordingResponse>,
         };
     }
 }

@@ -36,12 +36,19 @@ pub struct MessageType {
     /// Schema text of encoding `ros2msg`: the definition, then each type it uses after 80 `=` and `MSG: pkg/Type`.
     pub definition: &'static str,
     pub(crate) describe: fn(&[u8]) -> Result<Value, CdrError>,
+    pub(crate) canonical: fn(&[u8]) -> Result<Vec<u8>, CdrError>,
 }
 
 impl MessageType {
     /// Decodes a message of this type, header included, into a tree of named values.
     pub fn describe(&self, cdr: &[u8]) -> Result<Value, CdrError> {
         (self.describe)(cdr)
+    }
+
+    /// The same message as [`to_cdr`](crate::to_cdr) writes it: little endian, zeros in the padding, nothing after
+    /// the end. Messages of two writers are equal when these bytes are.
+    pub fn canonical(&self, cdr: &[u8]) -> Result<Vec<u8>, CdrError> {
+        (self.canonical)(cdr)
     }
 }
 

@@ -4,8 +4,6 @@
 //! the order of the message definition, `", "` and `": "` between tokens, and the referenced types sorted by name.
 //! Constants, comments and default values do not enter. An empty type has the one field that IDL needs.
 
-use std::fmt::Write;
-
 use anyhow::Result;
 use sha2::{Digest, Sha256};
 
@@ -76,12 +74,7 @@ fn rihs01(description: &str, mut referenced: Vec<(String, String)>) -> String {
         "{{\"type_description\": {description}, \"referenced_type_descriptions\": [{}]}}",
         referenced.join(", ")
     );
-    Sha256::digest(json.as_bytes())
-        .iter()
-        .fold("RIHS01_".to_owned(), |mut hash, byte| {
-            let _ = write!(hash, "{byte:02x}");
-            hash
-        })
+    format!("RIHS01_{:x}", Sha256::digest(json.as_bytes()))
 }
 
 fn description(message: &Message) -> String {

@@ -122,7 +122,7 @@ fn structure(interfaces: &Interfaces, message: &Message) -> Result<String> {
         code,
         "impl Message for {name} {{\nconst TYPE: &'static MessageType = &MessageType {{\n\
          name: {:?},\ndds_name: {:?},\ntype_hash: {:?},\ndefinition: {},\n\
-         describe: crate::describe::of::<{name}>,\n}};\n}}\n",
+         describe: crate::describe::of::<{name}>,\ncanonical: crate::cdr::canonical::<{name}>,\n}};\n}}\n",
         message.full_name(),
         format!(
             "{}::{}::dds_::{}_",

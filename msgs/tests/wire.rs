@@ -1,0 +1,282 @@
+//! Bytes written out by hand from the CDR rules, and bytes that must be refused.
+//! Equality with another implementation for every type is checked in `tests/interop/interfaces`.
+
+use probecell_msgs::{
+    CdrError, Message, ProbeEvent, Stylus, Value, all,
+    builtin_interfaces::Time,
+    by_name,
+    diagnostic_msgs::DiagnosticStatus,
+    from_cdr,
+    geometry_msgs::Point,
+    sensor_msgs::CompressedImage,
+    services,
+    srv::StopRecordingRequest,
+    std_msgs::{Header, String as Text},
+    to_cdr,
+};
+use rand::{Rng, SeedableRng};
+use rand_pcg::Pcg64;
+
+fn header() -> Header {
+    Header {
+        stamp: Time {
+            sec: 1,
+            nanosec: 0x0203_0405,
+        },
+        frame_id: "map".to_owned(),
+    }
+}
+
+#[test]
+fn texts_carry_their_nul_in_length_and_bytes() {
+    let expected = [
+        0, 1, 0, 0, 1, 0, 0, 0, 5, 4, 3, 2, 4, 0, 0, 0, b'm', b'a', b'p', 0,
+    ];
+    assert_eq!(to_cdr(&header()), expected);
+    assert_eq!(from_cdr(&expected), Ok(header()));
+}
+
+#[test]
+fn big_endian_senders_are_understood() {
+    let bytes = [
+        0, 0, 0, 0, 0, 0, 0, 1, 2, 3, 4, 5, 0, 0, 0, 4, b'm', b'a', b'p', 0,
+    ];
+    assert_eq!(from_cdr(&bytes), Ok(header()));
+}
+
+#[test]
+fn alignment_counts_from_behind_the_header() {
+    let stylus = Stylus {
+        id: String::new(),
+        ball_center: Point {
+            x: 1.0,
+            y: 0.0,
+            z: 0.0,
+        },
+        ball_radius: 2.0,
+    };
+    let mut expected = vec![0, 1, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0];
+    for value in [1.0_f64, 0.0, 0.0, 2.0] {
+        expected.extend(value.to_le_bytes());
+    }
+    assert_eq!(to_cdr(&stylus), expected);
+    assert_eq!(from_cdr(&expected), Ok(stylus));
+}
+
+#[test]
+fn octets_are_packed_behind_their_count() {
+    let image = CompressedImage {
+        format: "p".to_owned(),
+        data: vec![7, 8, 9],
+        ..CompressedImage::default()
+    };
+    let bytes = to_cdr(&image);
+    let tail = [2, 0, 0, 0, b'p', 0, 0, 0, 3, 0, 0, 0, 7, 8, 9];
+    assert_eq!(bytes[bytes.len() - tail.len()..], tail);
+    assert_eq!(from_cdr(&bytes), Ok(image));
+}
+
+#[test]
+fn an_empty_request_is_one_octet() {
+    assert_eq!(to_cdr(&StopRecordingRequest::default()), [0, 1, 0, 0, 0]);
+}
+
+#[test]
+fn padding_is_accepted_and_more_is_not() {
+    let mut bytes = to_cdr(&Text {
+        data: "ab".to_owned(),
+    });
+    for _ in 0..3 {
+        bytes.push(0);
+        assert_eq!(
+            from_cdr::<Text>(&bytes).map(|text| text.data),
+            Ok("ab".to_owned())
+        );
+    }
+    bytes.push(0);
+    assert_eq!(
+        from_cdr::<Text>(&bytes),
+        Err(CdrError::Excess {
+            name: "std_msgs/msg/String",
+            count: 4
+        })
+    );
+}
+
+#[test]
+fn every_cut_of_a_message_is_refused() {
+    let event = ProbeEvent {
+        header: header(),
+        axis_names: vec!["X".to_owned(), "Z".to_owned()],
+        axis_positions: vec![0.1, 0.2],
+        feed: 0.005,
+        ..ProbeEvent::default()
+    };
+    let whole = to_cdr(&event);
+    for length in 0..whole.len() {
+        let error = from_cdr::<ProbeEvent>(&whole[..length]).unwrap_err();
+        assert_eq!(
+            matches!(error, CdrError::Short(_)),
+            length < 4,
+            "{length} bytes: {error}"
+        );
+    }
+}
+
+#[test]
+fn lies_are_refused_by_name() {
+    let refused = |bytes: &[u8]| from_cdr::<Text>(bytes).unwrap_err().to_string();
+    assert_eq!(
+        refused(&[0, 7, 0, 0, 0, 0, 0, 0]),
+        "representation 0x0007 is not plain CDR"
+    );
+    assert!(
+        refused(&[0, 1, 0, 0, 255, 255, 255, 255, b'a', 0])
+            .starts_with("not a std_msgs/msg/String: ")
+    );
+    assert!(refused(&[0, 1, 0, 0, 3, 0, 0, 0, 0xff, 0xfe, 0]).contains("UTF-8"));
+    let status = to_cdr(&DiagnosticStatus::default());
+    let mut endless = status.clone();
+    let count = endless.len() - 4;
+    endless[count..].fill(0xff);
+    assert!(from_cdr::<DiagnosticStatus>(&endless).is_err());
+}
+
+/// Whatever comes in, each type answers; and what it accepts, it writes so that reading gives the same again.
+#[test]
+fn random_bytes_neither_panic_nor_change_when_read_again() {
+    let mut random = Pcg64::seed_from_u64(1);
+    let mut accepted = 0;
+    for ty in all() {
+        for round in 0..3000 {
+            let mut bytes = vec![0, random.random_range(0..2), 0, 0];
+            // Mostly small octets, so that counts and lengths are often plausible.
+            let most = [2, 5, 255][round % 3];
+            bytes.extend((0..random.random_range(0..400)).map(|_| {
+                if random.random_bool(0.7) {
+                    0
+                } else {
+                    random.random_range(0..=most)
+                }
+            }));
+            if let Ok(canonical) = ty.canonical(&bytes) {
+                accepted += 1;
+                assert_eq!(
+                    ty.canonical(&canonical).as_ref(),
+                    Ok(&canonical),
+                    "{}",
+                    ty.name
+                );
+                assert!(ty.describe(&bytes).is_ok());
+            }
+        }
+    }
+    assert!(
+        accepted > 100,
+        "only {accepted} accepted: the loop tests refusals alone"
+    );
+}
+
+#[test]
+fn counts_beyond_the_input_are_refused_at_once() {
+    for ty in all() {
+        for length in (0..256).step_by(4) {
+            let mut bytes = vec![0, 1, 0, 0];
+            bytes.resize(4 + length, 0);
+            bytes.extend([0xff; 8]);
+            // Some are right by chance. An empty text without its NUL then takes twice its room; nothing grows by count.
+            if let Ok(canonical) = ty.canonical(&bytes) {
+                assert!(canonical.len() <= 2 * bytes.len(), "{}", ty.name);
+            }
+        }
+    }
+}
+
+#[test]
+fn the_registry_finds_each_type_by_its_name() {
+    for ty in all() {
+        assert_eq!(by_name(ty.name), Some(*ty));
+        assert!(ty.type_hash.len() == 71 && ty.type_hash.starts_with("RIHS01_"));
+    }
+    assert!(
+        services()
+            .iter()
+            .all(|service| by_name(service.request.name).is_some())
+    );
+    assert_eq!(by_name("probecell_msgs/msg/Nothing"), None);
+    assert_eq!(
+        ProbeEvent::TYPE.dds_name,
+        "probecell_msgs::msg::dds_::ProbeEvent_"
+    );
+}
+
+#[test]
+fn a_schema_holds_every_type_it_names_once() {
+    let definition = by_name("probecell_msgs/msg/InspectionPlan")
+        .unwrap()
+        .definition;
+    let mut sections: Vec<&str> = definition
+        .lines()
+        .filter_map(|line| line.strip_prefix("MSG: "))
+        .collect();
+    sections.sort_unstable();
+    assert_eq!(
+        sections,
+        [
+            "builtin_interfaces/Time",
+            "geometry_msgs/Point",
+            "geometry_msgs/Pose",
+            "geometry_msgs/Quaternion",
+            "geometry_msgs/Vector3",
+            "probecell_msgs/InspectionFeature",
+            "probecell_msgs/InspectionPoint",
+            "probecell_msgs/MachiningOperation",
+            "probecell_msgs/Stylus",
+            "std_msgs/Header",
+        ]
+    );
+    assert_eq!(
+        definition
+            .lines()
+            .filter(|line| *line == "=".repeat(80))
+            .count(),
+        sections.len()
+    );
+}
+
+#[test]
+fn a_description_names_every_leaf() {
+    let stylus = Stylus {
+        id: "S\"6".to_owned(),
+        ball_center: Point {
+            x: 0.1,
+            y: 1e-9,
+            z: -0.0,
+        },
+        ball_radius: 3e-3,
+    };
+    let value = Stylus::TYPE.describe(&to_cdr(&stylus)).unwrap();
+    assert_eq!(value, Value::of(&stylus));
+    let leaves: Vec<String> = value
+        .leaves()
+        .into_iter()
+        .map(|(path, leaf)| format!("{path}={leaf}"))
+        .collect();
+    assert_eq!(
+        leaves,
+        [
+            "id=\"S\\\"6\"",
+            "ball_center.x=0.1",
+            "ball_center.y=1e-9",
+            "ball_center.z=-0.0",
+            "ball_radius=0.003"
+        ]
+    );
+    let event = ProbeEvent {
+        axis_names: vec!["X".to_owned()],
+        ..ProbeEvent::default()
+    };
+    let leaves = Value::of(&event).leaves();
+    assert!(leaves.contains(&("axis_names[0]".to_owned(), "\"X\"".to_owned())));
+    assert!(leaves.contains(&("axis_positions".to_owned(), "[]".to_owned())));
+}

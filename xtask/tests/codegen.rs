@@ -1,0 +1,189 @@
+//! The generator against published hashes, against its own committed output, and against files it must refuse.
+
+use std::{collections::BTreeSet, fs, path::PathBuf};
+
+use xtask::{
+    codegen::{
+        self, OWN_PACKAGE,
+        hash::{message_hash, service_hash},
+        interface::{Element, Message, Primitive, Service},
+        package::{Interfaces, load},
+    },
+    workspace_root,
+};
+
+fn msgs() -> PathBuf {
+    workspace_root().unwrap().join("msgs")
+}
+
+#[test]
+fn generated_code_is_fresh() {
+    let committed = fs::read_to_string(msgs().join("src/generated.rs")).unwrap();
+    assert!(
+        codegen::generate(&msgs()).unwrap() == committed,
+        "run `cargo run -p xtask -- codegen`"
+    );
+}
+
+/// From the rmw_zenoh design document and from bags and programs of ROS 2 Jazzy.
+#[test]
+fn hashes_are_those_that_ros_publishes() {
+    let mut interfaces = load(&msgs()).unwrap();
+    let empty = Message::parse("std_msgs", "msg", "Empty", "").unwrap();
+    let adding = "int64 a\nint64 b\n---\nint64 sum\n";
+    let adding = Service::parse("example_interfaces", "AddTwoInts", adding).unwrap();
+    let trigger =
+        Service::parse("std_srvs", "Trigger", "---\nbool success\nstring message\n").unwrap();
+    interfaces.add_service(adding.clone()).unwrap();
+    interfaces.add_service(trigger.clone()).unwrap();
+    let string = interfaces.message("std_msgs/msg/String").unwrap();
+    for (hash, published) in [
+        (
+            message_hash(&interfaces, string),
+            "df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18",
+        ),
+        (
+            message_hash(&interfaces, &empty),
+            "20b625256f32d5dbc0d04fee44f43c41e51c70d3502f84b4a08e7a9c26a96312",
+        ),
+        (
+            service_hash(&interfaces, &adding),
+            "e118de6bf5eeb66a2491b5bda11202e7b68f198d6f67922cf30364858239c81a",
+        ),
+        (
+            service_hash(&interfaces, &trigger),
+            "eeff2cd6fa5ad9d27cdf4dec64818317839b62f212a91e6b5304b634b2062c5f",
+        ),
+    ] {
+        assert_eq!(hash.unwrap(), format!("RIHS01_{published}"));
+    }
+}
+
+#[test]
+fn every_interface_file_is_built_by_cmake_and_no_other() {
+    let cmake = fs::read_to_string(msgs().join("CMakeLists.txt")).unwrap();
+    let listed: BTreeSet<String> = cmake
+        .lines()
+        .filter_map(|line| line.trim().strip_prefix('"')?.strip_suffix('"'))
+        .map(str::to_owned)
+        .collect();
+    let interfaces = load(&msgs()).unwrap();
+    let messages = interfaces
+        .messages
+        .values()
+        .filter(|message| message.package == OWN_PACKAGE && message.kind == "msg");
+    let services = interfaces
+        .services
+        .iter()
+        .map(|service| format!("srv/{}.srv", service.name));
+    assert_eq!(
+        listed,
+        messages
+            .map(|message| format!("msg/{}.msg", message.name))
+            .chain(services)
+            .collect()
+    );
+}
+
+/// Bare numbers carry no unit in their type, so the comment of each says it first.
+#[test]
+fn every_real_number_says_its_unit() {
+    const UNITS: [&str; 11] = [
+        "m",
+        "rad",
+        "m or rad",
+        "m/s",
+        "rad/s",
+        "s",
+        "ratio",
+        "degree Celsius",
+        "unit vector",
+        "in parameter_units",
+        "1.0 = 100 %",
+    ];
+    const GEOMETRY: [&str; 4] = ["Point", "Vector3", "Pose", "Transform"];
+    let says_unit = |comment: &str| {
+        UNITS.iter().any(|unit| {
+            let rest = comment.strip_prefix(unit);
+            rest.is_some_and(|rest| {
+                !rest.starts_with(|letter: char| letter.is_alphanumeric() || letter == '/')
+            })
+        })
+    };
+    let mut silent = Vec::new();
+    for message in load(&msgs())
+        .unwrap()
+        .messages
+        .values()
+        .filter(|message| message.package == OWN_PACKAGE)
+    {
+        for field in &message.fields {
+            let dimensioned = match &field.element {
+                Element::Primitive(primitive) => {
+                    matches!(primitive, Primitive::F32 | Primitive::F64)
+                }
+                Element::Nested(name) => GEOMETRY
+                    .iter()
+                    .any(|ty| *name == format!("geometry_msgs/msg/{ty}")),
+            };
+            if dimensioned && !field.doc.last().is_some_and(|comment| says_unit(comment)) {
+                silent.push(format!("{}.{}", message.name, field.name));
+            }
+        }
+    }
+    assert!(silent.is_empty(), "no unit: {silent:?}");
+}
+
+#[test]
+fn what_structs_cannot_promise_is_refused_with_its_line() {
+    for (line, why) in [
+        ("string<=10 name", "bounded"),
+        ("float64[<=3] values", "bounded"),
+        ("wstring name", "neither primitive nor a message"),
+        ("uint8[2] pair [1, 2]", "default values of arrays"),
+        ("uint8 LARGE=256", "does not fit"),
+        ("float64[33] wide", "1 to 32"),
+        ("float64[0] none", "1 to 32"),
+        ("float64 Value", "not a name"),
+        ("float64", "without a name"),
+        ("int32 a\nint32 a", "second field"),
+    ] {
+        let error = format!(
+            "{:#}",
+            Message::parse("p", "msg", "M", &format!("int8 first\n{line}\n")).unwrap_err()
+        );
+        assert!(
+            error.contains(why) && error.contains("p/msg/M, line "),
+            "{line}: {error}"
+        );
+    }
+    assert!(Service::parse("p", "S", "int32 a\n").is_err());
+}
+
+#[test]
+fn an_unknown_type_is_refused_by_the_name_of_its_field() {
+    let mut interfaces = Interfaces::default();
+    let message = Message::parse("p", "msg", "M", "Missing part\n").unwrap();
+    interfaces.add(message.clone()).unwrap();
+    let error = format!("{:#}", interfaces.dependencies(&message).unwrap_err());
+    assert!(
+        error.contains("field part of M") && error.contains("p/msg/Missing"),
+        "{error}"
+    );
+}
+
+#[test]
+fn comments_constants_and_defaults_are_told_apart() {
+    let text = "# Head.\n\nstring MARK='#=1'   # a mark\n# above\nfloat64 gain 2  # ratio\n";
+    let message = Message::parse("p", "msg", "M", text).unwrap();
+    assert_eq!(message.doc, ["Head."]);
+    assert_eq!(
+        (
+            message.constants[0].value.as_str(),
+            &message.constants[0].doc[..]
+        ),
+        ("\"#=1\"", &["a mark".to_owned()][..])
+    );
+    assert_eq!(message.fields[0].default.as_deref(), Some("2.0"));
+    assert_eq!(message.fields[0].doc, ["above", "ratio"]);
+}
