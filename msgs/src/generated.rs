@@ -398,7 +398,7 @@ impl Message for GapEffect {
         name: "probecell_msgs/msg/GapEffect",
         dds_name: "probecell_msgs::msg::dds_::GapEffect_",
         type_hash: "RIHS01_c32e78420153ba91222c4d1a1c40316dbdb27beef5ab96cfac43f8747cd23c50",
-        definition: concat!(include_str!("../msg/GapEffect.msg")),
+        definition: include_str!("../msg/GapEffect.msg"),
         describe: crate::describe::of::<GapEffect>,
         canonical: crate::cdr::canonical::<GapEffect>,
     };
@@ -697,7 +697,7 @@ impl Message for MachiningOperation {
         name: "probecell_msgs/msg/MachiningOperation",
         dds_name: "probecell_msgs::msg::dds_::MachiningOperation_",
         type_hash: "RIHS01_6dee5609a815f7b1dc7c8358725e3a292206055cb95b8bb1332c9c492950db73",
-        definition: concat!(include_str!("../msg/MachiningOperation.msg")),
+        definition: include_str!("../msg/MachiningOperation.msg"),
         describe: crate::describe::of::<MachiningOperation>,
         canonical: crate::cdr::canonical::<MachiningOperation>,
     };
@@ -1077,7 +1077,7 @@ impl Message for ProbingMove {
         name: "probecell_msgs/msg/ProbingMove",
         dds_name: "probecell_msgs::msg::dds_::ProbingMove_",
         type_hash: "RIHS01_6ebd6abfec91d8948556adc7e72fdc8e2507a208b9b2f8f82ea4498b309e9771",
-        definition: concat!(include_str!("../msg/ProbingMove.msg")),
+        definition: include_str!("../msg/ProbingMove.msg"),
         describe: crate::describe::of::<ProbingMove>,
         canonical: crate::cdr::canonical::<ProbingMove>,
     };
@@ -1303,9 +1303,7 @@ pub mod builtin_interfaces {
             name: "builtin_interfaces/msg/Duration",
             dds_name: "builtin_interfaces::msg::dds_::Duration_",
             type_hash: "RIHS01_e8d009f659816f758b75334ee1a9ca5b5c0b859843261f14c7f937349599d93b",
-            definition: concat!(include_str!(
-                "../standard/builtin_interfaces/msg/Duration.msg"
-            )),
+            definition: include_str!("../standard/builtin_interfaces/msg/Duration.msg"),
             describe: crate::describe::of::<Duration>,
             canonical: crate::cdr::canonical::<Duration>,
         };
@@ -1325,7 +1323,7 @@ pub mod builtin_interfaces {
             name: "builtin_interfaces/msg/Time",
             dds_name: "builtin_interfaces::msg::dds_::Time_",
             type_hash: "RIHS01_b106235e25a4c5ed35098aa0a61a3ee9c9b18d197f398b0e4206cea9acf9c197",
-            definition: concat!(include_str!("../standard/builtin_interfaces/msg/Time.msg")),
+            definition: include_str!("../standard/builtin_interfaces/msg/Time.msg"),
             describe: crate::describe::of::<Time>,
             canonical: crate::cdr::canonical::<Time>,
         };
@@ -1411,7 +1409,7 @@ pub mod diagnostic_msgs {
             name: "diagnostic_msgs/msg/KeyValue",
             dds_name: "diagnostic_msgs::msg::dds_::KeyValue_",
             type_hash: "RIHS01_d68081eaa540288c5440753baecef0c4e16e81a5f78ad68902ded5100413bb42",
-            definition: concat!(include_str!("../standard/diagnostic_msgs/msg/KeyValue.msg")),
+            definition: include_str!("../standard/diagnostic_msgs/msg/KeyValue.msg"),
             describe: crate::describe::of::<KeyValue>,
             canonical: crate::cdr::canonical::<KeyValue>,
         };
@@ -1440,7 +1438,7 @@ pub mod geometry_msgs {
             name: "geometry_msgs/msg/Point",
             dds_name: "geometry_msgs::msg::dds_::Point_",
             type_hash: "RIHS01_6963084842a9b04494d6b2941d11444708d892da2f4b09843b9c43f42a7f6881",
-            definition: concat!(include_str!("../standard/geometry_msgs/msg/Point.msg")),
+            definition: include_str!("../standard/geometry_msgs/msg/Point.msg"),
             describe: crate::describe::of::<Point>,
             canonical: crate::cdr::canonical::<Point>,
         };
@@ -1497,7 +1495,7 @@ pub mod geometry_msgs {
             name: "geometry_msgs/msg/Quaternion",
             dds_name: "geometry_msgs::msg::dds_::Quaternion_",
             type_hash: "RIHS01_8a765f66778c8ff7c8ab94afcc590a2ed5325a1d9a076ffff38fbce36f458684",
-            definition: concat!(include_str!("../standard/geometry_msgs/msg/Quaternion.msg")),
+            definition: include_str!("../standard/geometry_msgs/msg/Quaternion.msg"),
             describe: crate::describe::of::<Quaternion>,
             canonical: crate::cdr::canonical::<Quaternion>,
         };
@@ -1574,7 +1572,7 @@ pub mod geometry_msgs {
             name: "geometry_msgs/msg/Vector3",
             dds_name: "geometry_msgs::msg::dds_::Vector3_",
             type_hash: "RIHS01_cc12fe83e4c02719f1ce8070bfd14aecd40f75a96696a67a2a1f37f7dbb0765d",
-            definition: concat!(include_str!("../standard/geometry_msgs/msg/Vector3.msg")),
+            definition: include_str!("../standard/geometry_msgs/msg/Vector3.msg"),
             describe: crate::describe::of::<Vector3>,
             canonical: crate::cdr::canonical::<Vector3>,
         };
@@ -1733,7 +1731,7 @@ pub mod std_msgs {
             name: "std_msgs/msg/ColorRGBA",
             dds_name: "std_msgs::msg::dds_::ColorRGBA_",
             type_hash: "RIHS01_77a7a5b9ae477306097665106e0413ba74440245b1f3d0c6d6405fe5c7813fe8",
-            definition: concat!(include_str!("../standard/std_msgs/msg/ColorRGBA.msg")),
+            definition: include_str!("../standard/std_msgs/msg/ColorRGBA.msg"),
             describe: crate::describe::of::<ColorRGBA>,
             canonical: crate::cdr::canonical::<ColorRGBA>,
         };
@@ -1772,7 +1770,7 @@ pub mod std_msgs {
             name: "std_msgs/msg/String",
             dds_name: "std_msgs::msg::dds_::String_",
             type_hash: "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18",
-            definition: concat!(include_str!("../standard/std_msgs/msg/String.msg")),
+            definition: include_str!("../standard/std_msgs/msg/String.msg"),
             describe: crate::describe::of::<String>,
             canonical: crate::cdr::canonical::<String>,
         };
@@ -1963,9 +1961,7 @@ pub mod visualization_msgs {
             name: "visualization_msgs/msg/MeshFile",
             dds_name: "visualization_msgs::msg::dds_::MeshFile_",
             type_hash: "RIHS01_7710ece15a148fb7c9b546364cfb215bb06098087bd6394fe5b73a493508f8c4",
-            definition: concat!(include_str!(
-                "../standard/visualization_msgs/msg/MeshFile.msg"
-            )),
+            definition: include_str!("../standard/visualization_msgs/msg/MeshFile.msg"),
             describe: crate::describe::of::<MeshFile>,
             canonical: crate::cdr::canonical::<MeshFile>,
         };
@@ -1985,9 +1981,7 @@ pub mod visualization_msgs {
             name: "visualization_msgs/msg/UVCoordinate",
             dds_name: "visualization_msgs::msg::dds_::UVCoordinate_",
             type_hash: "RIHS01_f27f7ed21fe360c6066944f856b801a0c0d1e94e815b6886444b42d90b196a26",
-            definition: concat!(include_str!(
-                "../standard/visualization_msgs/msg/UVCoordinate.msg"
-            )),
+            definition: include_str!("../standard/visualization_msgs/msg/UVCoordinate.msg"),
             describe: crate::describe::of::<UVCoordinate>,
             canonical: crate::cdr::canonical::<UVCoordinate>,
         };
@@ -2029,9 +2023,7 @@ pub mod srv {
             name: "probecell_msgs/srv/ApproveCorrection_Request",
             dds_name: "probecell_msgs::srv::dds_::ApproveCorrection_Request_",
             type_hash: "RIHS01_f7ce76f782568d4f6f6c98696fbe298a98393ce6312e54c7f137d41f7aa5d516",
-            definition: concat!(
-                "# Approve or reject a proposed correction.\nstring correction_id\nstring operator\nbool approve\n"
-            ),
+            definition: "# Approve or reject a proposed correction.\nstring correction_id\nstring operator\nbool approve\n",
             describe: crate::describe::of::<ApproveCorrectionRequest>,
             canonical: crate::cdr::canonical::<ApproveCorrectionRequest>,
         };
@@ -2049,7 +2041,7 @@ pub mod srv {
             name: "probecell_msgs/srv/ApproveCorrection_Response",
             dds_name: "probecell_msgs::srv::dds_::ApproveCorrection_Response_",
             type_hash: "RIHS01_6138cb83093d090df8962e2f3c7c29859b097273aca5aeab28f9044fd34e2c73",
-            definition: concat!("bool accepted\nstring text\n"),
+            definition: "bool accepted\nstring text\n",
             describe: crate::describe::of::<ApproveCorrectionResponse>,
             canonical: crate::cdr::canonical::<ApproveCorrectionResponse>,
         };
@@ -2083,9 +2075,7 @@ pub mod srv {
             name: "probecell_msgs/srv/Plan_Request",
             dds_name: "probecell_msgs::srv::dds_::Plan_Request_",
             type_hash: "RIHS01_22c59b2ed1ce3509db166601815e21aa13f2019bbce2f8565a80c9ad924b3c37",
-            definition: concat!(
-                "# Plan the measuring order of the cell's part.\nstring plan_id               # empty: the cell's own plan\n"
-            ),
+            definition: "# Plan the measuring order of the cell's part.\nstring plan_id               # empty: the cell's own plan\n",
             describe: crate::describe::of::<PlanRequest>,
             canonical: crate::cdr::canonical::<PlanRequest>,
         };
@@ -2103,7 +2093,7 @@ pub mod srv {
             name: "probecell_msgs/srv/Plan_Response",
             dds_name: "probecell_msgs::srv::dds_::Plan_Response_",
             type_hash: "RIHS01_345e374ce098525a196ea7d4ab2fa69045f1a5f8c5f64dc50874a795e5a27fa5",
-            definition: concat!("bool accepted\nstring text\n"),
+            definition: "bool accepted\nstring text\n",
             describe: crate::describe::of::<PlanResponse>,
             canonical: crate::cdr::canonical::<PlanResponse>,
         };
@@ -2136,7 +2126,7 @@ pub mod srv {
             name: "probecell_msgs/srv/Run_Request",
             dds_name: "probecell_msgs::srv::dds_::Run_Request_",
             type_hash: "RIHS01_ebc8ffb6aca3ed5b41af34faa1290f4080292c621cbf2e6c24fd69941678bc08",
-            definition: concat!("# Cut and measure one part.\nstring part_id\n"),
+            definition: "# Cut and measure one part.\nstring part_id\n",
             describe: crate::describe::of::<RunRequest>,
             canonical: crate::cdr::canonical::<RunRequest>,
         };
@@ -2154,7 +2144,7 @@ pub mod srv {
             name: "probecell_msgs/srv/Run_Response",
             dds_name: "probecell_msgs::srv::dds_::Run_Response_",
             type_hash: "RIHS01_2520c2b2b1143ea7401ccc27775cd90b33c20b9ae2f516e493c564c23ff7c071",
-            definition: concat!("bool accepted\nstring text\n"),
+            definition: "bool accepted\nstring text\n",
             describe: crate::describe::of::<RunResponse>,
             canonical: crate::cdr::canonical::<RunResponse>,
         };
@@ -2188,9 +2178,7 @@ pub mod srv {
             name: "probecell_msgs/srv/StartRecording_Request",
             dds_name: "probecell_msgs::srv::dds_::StartRecording_Request_",
             type_hash: "RIHS01_1c42275d11d33906a00a123b5067093f1c97c33c32fb70ad3533971f1e364a9d",
-            definition: concat!(
-                "# Start a recording.\nstring uri                   # folder to write; empty: the recorder's own choice\n"
-            ),
+            definition: "# Start a recording.\nstring uri                   # folder to write; empty: the recorder's own choice\n",
             describe: crate::describe::of::<StartRecordingRequest>,
             canonical: crate::cdr::canonical::<StartRecordingRequest>,
         };
@@ -2210,9 +2198,7 @@ pub mod srv {
             name: "probecell_msgs/srv/StartRecording_Response",
             dds_name: "probecell_msgs::srv::dds_::StartRecording_Response_",
             type_hash: "RIHS01_2af2cbfae8e43d0576321c4a090d258bf65a8c5c6fac9b4a1656849d4ae21ab9",
-            definition: concat!(
-                "bool accepted\nstring uri                   # folder that is written\nstring text\n"
-            ),
+            definition: "bool accepted\nstring uri                   # folder that is written\nstring text\n",
             describe: crate::describe::of::<StartRecordingResponse>,
             canonical: crate::cdr::canonical::<StartRecordingResponse>,
         };
@@ -2246,7 +2232,7 @@ pub mod srv {
             name: "probecell_msgs/srv/StopRecording_Request",
             dds_name: "probecell_msgs::srv::dds_::StopRecording_Request_",
             type_hash: "RIHS01_bee8862c0e2985b3fb433a9e7927fae66397b2489c65bbd4f56bea526972b840",
-            definition: concat!("# Stop the recording and close its files.\n"),
+            definition: "# Stop the recording and close its files.\n",
             describe: crate::describe::of::<StopRecordingRequest>,
             canonical: crate::cdr::canonical::<StopRecordingRequest>,
         };
@@ -2268,9 +2254,7 @@ pub mod srv {
             name: "probecell_msgs/srv/StopRecording_Response",
             dds_name: "probecell_msgs::srv::dds_::StopRecording_Response_",
             type_hash: "RIHS01_18a1892d47d4997aeef751edff646829866675137b34b2ac994879365ea9caff",
-            definition: concat!(
-                "bool accepted\nstring uri                   # folder that was written\nuint64 messages              # messages written\nstring text\n"
-            ),
+            definition: "bool accepted\nstring uri                   # folder that was written\nuint64 messages              # messages written\nstring text\n",
             describe: crate::describe::of::<StopRecordingResponse>,
             canonical: crate::cdr::canonical::<StopRecordingResponse>,
         };

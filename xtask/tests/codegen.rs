@@ -1,19 +1,20 @@
 //! The generator against published hashes, against its own committed output, and against files it must refuse.
 
-use std::{collections::BTreeSet, fs, path::PathBuf};
+use std::{
+    collections::BTreeSet,
+    fs,
+    path::{Path, PathBuf},
+};
 
-use xtask::{
-    codegen::{
-        self, OWN_PACKAGE,
-        hash::{message_hash, service_hash},
-        interface::{Element, Message, Primitive, Service},
-        package::{Interfaces, load},
-    },
-    workspace_root,
+use xtask::codegen::{
+    self, OWN_PACKAGE,
+    hash::{message_hash, service_hash},
+    interface::{Element, Message, Primitive, Service},
+    package::{Interfaces, load},
 };
 
 fn msgs() -> PathBuf {
-    workspace_root().unwrap().join("msgs")
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../msgs")
 }
 
 #[test]

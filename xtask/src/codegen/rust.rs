@@ -149,7 +149,10 @@ fn definition(interfaces: &Interfaces, message: &Message) -> Result<String> {
         ));
         parts.push(source(nested));
     }
-    Ok(format!("concat!({})", parts.join(", ")))
+    Ok(match &parts[..] {
+        [alone] => alone.clone(),
+        _ => format!("concat!({})", parts.join(", ")),
+    })
 }
 
 fn source(message: &Message) -> String {
