@@ -6,6 +6,7 @@
 //! "A.3" refer to the system descriptions in each module's documentation.
 
 pub mod statistics;
+pub mod uncertainty;
 
 pub mod fit;
 pub mod solver;

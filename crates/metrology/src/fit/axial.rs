@@ -8,15 +8,15 @@
 use nalgebra::{DMatrix, Matrix3, SMatrix, SVector, Vector2, Vector3};
 
 use super::cloud::{Cloud, frame_about, is_canonical};
-use super::refine::{Minimum, Model, inverse, refine};
+use super::refine::{Minimum, Model, descend, inverse, refine};
 use super::{Cone, Cylinder, Fit, FitError, Point, Shape, spread};
 
 /// Passes over the points before a fit is given up.
 const LIMIT: usize = 500;
 /// Directions tried on the hemisphere, about 8° apart.
 const DIRECTIONS: usize = 256;
-/// Starts that descend, beside the principal axes.
-const STARTS: usize = 12;
+/// Rounds of the search: passes over the sample for each start, then how many of the lowest go on.
+const ROUNDS: [(usize, usize); 3] = [(6, 64), (12, 16), (100, 3)];
 /// Points the search works on; the final descent takes all.
 const SAMPLE: usize = 96;
 
@@ -46,6 +46,12 @@ impl Axial {
 
     fn axis(&self) -> Vector3<f64> {
         self.frame.column(2).into()
+    }
+
+    /// Sum of the squared distances of `points`.
+    fn distances(&self, points: &[Point]) -> f64 {
+        let squares = points.iter().map(|p| Tapered(*self).linearise(p).0.powi(2));
+        squares.sum()
     }
 
     /// Foot moved along the axis to the point nearest the centroid (the origin here), frame tilted by `step`.
@@ -184,47 +190,34 @@ fn linear_start<const K: usize>(frame: Matrix3<f64>, points: &[Point]) -> Option
         return None;
     }
     let radius = square.sqrt();
-    // 2r₀k is estimated better than k².
-    let slope = if K > 3 { s[3] / (2.0 * radius) } else { 0.0 };
     let foot = frame * center.push(0.0);
-    Some(Axial::new(frame, foot, radius, slope.atan()))
+    if K == 3 {
+        return Some(Axial::new(frame, foot, radius, 0.0));
+    }
+    // Of the two estimates of k, from 2r₀k and from k², the one that comes closer to the points.
+    let first = s[3] / (2.0 * radius);
+    let second = s[4].max(0.0).sqrt().copysign(first);
+    [first, second]
+        .map(|slope| Axial::new(frame, foot, radius, slope.atan()))
+        .into_iter()
+        .min_by(|a, b| a.distances(points).total_cmp(&b.distances(points)))
 }
 
-/// Starts on the sample: the principal axes, then the best directions, no two of these closer than their spacing.
-fn starts<const K: usize>(
-    cloud: &Cloud,
-    sample: &[Point],
-    residual: impl Fn(&Axial, &Point) -> f64,
-) -> Vec<Axial> {
-    let mut tried: Vec<(f64, Axial)> = directions(&cloud.principal)
+/// Linear starts on the sample for every direction and the principal axes.
+fn starts<const K: usize>(cloud: &Cloud, sample: &[Point]) -> Vec<Axial> {
+    let mut starts: Vec<Axial> = directions(&cloud.principal)
         .filter_map(|axis| linear_start::<K>(frame_about(&axis), sample))
-        .map(|start| {
-            let sum: f64 = sample.iter().map(|p| residual(&start, p).powi(2)).sum();
-            (sum, start)
-        })
-        .filter(|(sum, _)| sum.is_finite())
         .collect();
-    tried.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let mut chosen: Vec<Axial> = Vec::with_capacity(STARTS);
-    for (_, start) in tried {
-        let apart = |other: &Axial| other.axis().dot(&start.axis()).abs() < 0.97;
-        if chosen.iter().all(apart) {
-            chosen.push(start);
-            if chosen.len() == STARTS {
-                break;
-            }
-        }
-    }
     // A slender feature lies along a principal axis more closely than the lattice is spaced.
     for axis in cloud.principal.column_iter() {
         let frame = frame_about(&axis.into());
-        chosen.extend(linear_start::<K>(frame, sample));
-        chosen.extend(linear_start::<3>(frame, sample));
+        starts.extend(linear_start::<K>(frame, sample));
+        starts.extend(linear_start::<3>(frame, sample));
     }
-    chosen
+    starts
 }
 
-/// Lowest minimum over the starts: on the sample first, then on all points from the best two.
+/// Lowest minimum over the starts: a few steps on the sample for all, more for the lowest, then all points.
 fn lowest<M: Model<P>, const P: usize>(
     begin: impl Iterator<Item = M>,
     sample: &[Point],
@@ -233,18 +226,26 @@ fn lowest<M: Model<P>, const P: usize>(
 where
     nalgebra::Const<P>: nalgebra::DimMin<nalgebra::Const<P>, Output = nalgebra::Const<P>>,
 {
-    let mut minima: Vec<Minimum<M, P>> = begin.filter_map(|m| refine(m, sample, 100)).collect();
-    minima.sort_by(|a, b| a.sum.total_cmp(&b.sum));
-    if sample.len() == points.len() {
-        return minima.into_iter().next();
+    let mut models: Vec<M> = begin.collect();
+    let mut sums = Vec::new();
+    for (passes, keep) in ROUNDS {
+        let mut reached: Vec<Minimum<M, P>> = models
+            .into_iter()
+            .map(|model| descend(model, sample, passes))
+            .filter(|minimum| minimum.sum.is_finite())
+            .collect();
+        reached.sort_by(|a, b| a.sum.total_cmp(&b.sum));
+        reached.truncate(keep);
+        sums = reached.iter().map(|minimum| minimum.sum).collect();
+        models = reached.into_iter().map(|minimum| minimum.model).collect();
     }
-    let best = minima.first()?.sum;
-    minima
+    let best = *sums.first()?;
+    models
         .into_iter()
-        // A second basin matters only where the sample hardly tells it from the first.
-        .enumerate()
-        .take_while(|(rank, m)| *rank == 0 || (*rank < 3 && m.sum < 1.5 * best))
-        .filter_map(|(_, m)| refine(m.model, points, LIMIT))
+        .zip(sums)
+        // Other basins matter only where the sample hardly tells them from the first.
+        .filter(|(_, sum)| *sum <= 1.5 * best)
+        .filter_map(|(model, _)| refine(model, points, LIMIT))
         .min_by(|a, b| a.sum.total_cmp(&b.sum))
 }
 
@@ -256,7 +257,7 @@ pub fn cylinder(points: &[Point]) -> Result<Fit<Cylinder>, FitError> {
     let cloud = Cloud::new::<Cylinder>(points, 5)?;
     cloud.refuse_coplanar::<Cylinder>()?;
     let few = sample(&cloud.points);
-    let begin = starts::<3>(&cloud, &few, |a, p| Straight(*a).linearise(p).0);
+    let begin = starts::<3>(&cloud, &few);
     let minimum = lowest(begin.into_iter().map(Straight), &few, &cloud.points).ok_or(
         FitError::NotConverged {
             shape: Cylinder::NAME,
@@ -298,7 +299,7 @@ pub fn cone(points: &[Point]) -> Result<Fit<Cone>, FitError> {
     let cloud = Cloud::new::<Cone>(points, 6)?;
     cloud.refuse_coplanar::<Cone>()?;
     let few = sample(&cloud.points);
-    let begin = starts::<5>(&cloud, &few, |a, p| Tapered(*a).linearise(p).0);
+    let begin = starts::<5>(&cloud, &few);
     let minimum = lowest(begin.into_iter().map(Tapered), &few, &cloud.points).ok_or(
         FitError::NotConverged {
             shape: Cone::NAME,

@@ -17,13 +17,15 @@ pub(super) trait Model<const P: usize>: Copy {
     fn moved(&self, step: &SVector<f64, P>) -> Option<Self>;
 }
 
-/// A model at a minimum.
+/// Where a descent ended.
 pub(super) struct Minimum<M, const P: usize> {
     pub(super) model: M,
     /// `Σr²`, dimensionless.
     pub(super) sum: f64,
     /// `JᵀJ`, dimensionless.
     pub(super) normal: SMatrix<f64, P, P>,
+    /// True at a minimum, false where the passes ran out.
+    pub(super) converged: bool,
 }
 
 struct Sums<const P: usize> {
@@ -65,57 +67,75 @@ pub(super) fn refine<M: Model<P>, const P: usize>(
 where
     Const<P>: DimMin<Const<P>, Output = Const<P>>,
 {
+    let reached = descend(model, points, limit);
+    reached.converged.then_some(reached)
+}
+
+/// Descends from `model` for at most `limit` passes over the points, to wherever that leads.
+pub(super) fn descend<M: Model<P>, const P: usize>(
+    model: M,
+    points: &[Point],
+    limit: usize,
+) -> Minimum<M, P>
+where
+    Const<P>: DimMin<Const<P>, Output = Const<P>>,
+{
     let mut current = model;
     let mut sums = accumulate(&current, points);
     let mut damping = 1e-6;
     let mut growth = 4.0;
     let mut previous = f64::INFINITY;
+    let mut converged = false;
     // Sum of squares that rounding of the residuals alone produces.
     let floor = points.len() as f64 * f64::EPSILON * f64::EPSILON;
     for _ in 0..limit {
-        let step = damped_step(&sums, damping)?;
+        let Some(step) = damped_step(&sums, damping) else {
+            break;
+        };
         let length = step.amax();
         let close = length < 1e-7;
         if length <= 4.0 * f64::EPSILON || (close && length > 0.5 * previous) {
-            return Some(Minimum {
-                model: current,
-                sum: sums.sum,
-                normal: sums.normal,
-            });
+            converged = true;
+            break;
         }
         let trial = current
             .moved(&step)
             .map(|moved| (moved, accumulate(&moved, points)))
             .filter(|(_, s)| s.sum.is_finite() && s.normal.iter().all(|v| v.is_finite()));
+        // Close to the minimum the change of the sum is below its rounding: trust the step.
+        let bound = if close {
+            sums.sum * (1.0 + 1e-9) + floor
+        } else {
+            sums.sum
+        };
         match trial {
-            // Close to the minimum the change of the sum is below its rounding: trust the step.
-            Some((moved, s))
-                if s.sum < sums.sum || (close && s.sum <= sums.sum * (1.0 + 1e-9) + floor) =>
-            {
+            Some((moved, s)) if s.sum < bound => {
                 current = moved;
                 sums = s;
-                damping = (damping * 0.1).max(1e-14);
                 growth = 4.0;
-                if close {
-                    damping = 0.0;
-                    previous = length;
-                }
+                damping = if close {
+                    0.0
+                } else {
+                    (damping * 0.1).max(1e-14)
+                };
+                previous = if close { length } else { f64::INFINITY };
             }
             _ if close => {
-                return Some(Minimum {
-                    model: current,
-                    sum: sums.sum,
-                    normal: sums.normal,
-                });
+                converged = true;
+                break;
             }
             _ => {
                 damping = damping.max(1e-8) * growth;
                 growth *= 2.0;
-                previous = f64::INFINITY;
             }
         }
     }
-    None
+    Minimum {
+        model: current,
+        sum: sums.sum,
+        normal: sums.normal,
+        converged,
+    }
 }
 
 fn damped_step<const P: usize>(sums: &Sums<P>, damping: f64) -> Option<SVector<f64, P>>
