@@ -1,0 +1,44 @@
+#!/bin/bash
+# Starts LinuxCNC headless: start.sh SCRATCH [INI]. SCRATCH becomes a copy of ../shared/linuxcnc when it is empty.
+# Prints "ready" and comes back when the remote shell listens on TCP 5007; stop.sh SCRATCH ends it.
+set -euo pipefail
+here=$(cd "$(dirname "$0")" && pwd)
+shared="$here/../../../../shared/linuxcnc"
+scratch=${1:?usage: start.sh SCRATCH [INI]}
+ini=${2:-omm3.ini}
+port=5007
+mkdir -p "$scratch"
+scratch=$(cd "$scratch" && pwd)
+if [ ! -f "$scratch/gen.py" ]; then
+    cp -r "$shared/." "$scratch"
+    chmod -R u+w "$scratch"
+    (cd "$scratch" && python3 gen.py)
+fi
+
+listens() { (exec 3<>"/dev/tcp/127.0.0.1/$port") 2>/dev/null; }
+
+if listens; then
+    echo "something listens on port $port already" >&2
+    exit 1
+fi
+unset DISPLAY
+if [ "$(id -u)" = 0 ]; then
+    # The realtime host refuses to run as root without another user to fall back to.
+    export RTAPI_UID=${RTAPI_UID:-65534}
+    RTAPI_FIFO_PATH=$(mktemp -u)
+    export RTAPI_FIFO_PATH
+fi
+cd "$scratch"
+setsid nice linuxcnc -r "$scratch/$ini" >"$scratch/linuxcnc.out" 2>&1 </dev/null &
+echo $! >"$scratch/linuxcnc.pid"
+for _ in $(seq 300); do
+    if listens; then
+        echo ready
+        exit 0
+    fi
+    if ! kill -0 "$(cat "$scratch/linuxcnc.pid")" 2>/dev/null; then break; fi
+    sleep 0.1
+done
+echo "LinuxCNC did not start:" >&2
+tail -n 20 "$scratch/linuxcnc.out" >&2
+exit 1
