@@ -1,0 +1,525 @@
+//! What one `.mcap` file holds and where: found by its summary if that is whole, otherwise by walking the file.
+//!
+//! Every chunk is unpacked on its own and checked against its CRC, so damage costs the chunks it hits and nothing else.
+//! Lengths in a file are never believed before they are compared with what is there: no length makes this code allocate
+//! more than the file can fill, wait, or panic. Offsets are bytes from the start of the file.
+
+mod scan;
+mod summary;
+
+use std::collections::BTreeMap;
+use std::fmt::{self, Display, Formatter};
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use bytes::Bytes;
+use mcap::records::{Record, op};
+use serde::{Deserialize, Serialize};
+
+use crate::error::Error;
+
+/// Uncompressed size above which a chunk is taken for damage: 1 GiB.
+const CHUNK_LIMIT: u64 = 1 << 30;
+
+/// What is wrong at a place of a file.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum DamageKind {
+    /// The file ends inside a record, or without its footer.
+    Truncated,
+    /// No footer, index or summary that could be used; the file was walked instead.
+    NoSummary(String),
+    /// A chunk cannot be unpacked or fails its CRC: all its messages are lost.
+    Chunk(String),
+    /// A record outside of chunks that cannot be read.
+    Record(String),
+    /// Bytes that are no record; reading went on at the next chunk.
+    Garbage,
+    /// Messages whose channel record is lost.
+    UnknownChannel {
+        /// Their number.
+        messages: u64,
+    },
+    /// A file that `metadata.yaml` names and that is not there.
+    MissingFile,
+}
+
+impl DamageKind {
+    /// Whether messages may be missing because of it.
+    pub fn loses_messages(&self) -> bool {
+        !matches!(self, Self::NoSummary(_))
+    }
+}
+
+/// Damage found in a recording. Everything else of the recording is given all the same.
+#[derive(
+    Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, thiserror::Error,
+)]
+pub struct Damage {
+    /// File concerned.
+    pub file: PathBuf,
+    /// Where it begins, bytes from the start of the file.
+    pub offset: u64,
+    /// Bytes concerned.
+    pub length: u64,
+    /// What is wrong.
+    pub kind: DamageKind,
+}
+
+impl Display for Damage {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let Self {
+            file,
+            offset,
+            length,
+            kind,
+        } = self;
+        match kind {
+            DamageKind::Truncated => write!(f, "the file is cut off at byte {}", offset + length)?,
+            DamageKind::NoSummary(why) => write!(
+                f,
+                "no usable summary at byte {offset} ({why}), the file was walked"
+            )?,
+            DamageKind::Chunk(why) => write!(
+                f,
+                "the chunk at byte {offset} ({length} bytes) is damaged: {why}"
+            )?,
+            DamageKind::Record(why) => write!(
+                f,
+                "the record at byte {offset} ({length} bytes) is damaged: {why}"
+            )?,
+            DamageKind::Garbage => {
+                write!(f, "{length} bytes from byte {offset} on are no records")?
+            }
+            DamageKind::UnknownChannel { messages } => {
+                write!(
+                    f,
+                    "{messages} messages in the chunk at byte {offset} belong to a channel whose record is lost"
+                )?;
+            }
+            DamageKind::MissingFile => write!(f, "a file named in metadata.yaml is not there")?,
+        }
+        write!(f, ": {}", file.display())
+    }
+}
+
+/// A stretch of a file that holds messages.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Block {
+    /// Of its first record.
+    pub(crate) offset: u64,
+    /// Of all its records, their headers included.
+    pub(crate) length: u64,
+    /// First and last log time.
+    pub(crate) bounds: (u64, u64),
+    /// Channels in it, if known.
+    pub(crate) channels: Option<Vec<u16>>,
+    /// A chunk, or messages written without one.
+    pub(crate) chunk: bool,
+}
+
+/// An attachment's place and names.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct AttachmentPlace {
+    pub(crate) offset: u64,
+    pub(crate) length: u64,
+    pub(crate) log_time: u64,
+    pub(crate) name: String,
+    pub(crate) media_type: String,
+    pub(crate) size: u64,
+}
+
+/// One file, its messages apart.
+#[derive(Debug)]
+pub(crate) struct Contents {
+    pub(crate) path: PathBuf,
+    pub(crate) file: File,
+    pub(crate) length: u64,
+    pub(crate) library: String,
+    pub(crate) channels: BTreeMap<u16, Arc<mcap::Channel<'static>>>,
+    pub(crate) blocks: Vec<Block>,
+    pub(crate) attachments: Vec<AttachmentPlace>,
+    pub(crate) metadata: Vec<mcap::records::Metadata>,
+    /// Messages of each channel.
+    pub(crate) counts: BTreeMap<u16, u64>,
+    pub(crate) damage: Vec<Damage>,
+}
+
+impl Contents {
+    pub(crate) fn read(path: &Path) -> Result<Self, Error> {
+        let failed = |source| Error::io("read the recording", path, source);
+        let file = File::open(path).map_err(failed)?;
+        let length = file.metadata().map_err(failed)?.len();
+        let mut contents = Self {
+            path: path.to_owned(),
+            file,
+            length,
+            library: String::new(),
+            channels: BTreeMap::new(),
+            blocks: Vec::new(),
+            attachments: Vec::new(),
+            metadata: Vec::new(),
+            counts: BTreeMap::new(),
+            damage: Vec::new(),
+        };
+        let mut magic = [0; mcap::MAGIC.len()];
+        let there = magic
+            .len()
+            .min(usize::try_from(length).unwrap_or(usize::MAX));
+        read_at(&contents.file, &mut magic[..there], 0).map_err(failed)?;
+        if magic[..there] != mcap::MAGIC[..there] {
+            return Err(Error::NotMcap {
+                path: path.to_owned(),
+            });
+        }
+        match summary::read(&mut contents).map_err(failed)? {
+            Ok(()) => {}
+            Err(reason) => {
+                contents.channels.clear();
+                contents.blocks.clear();
+                contents.attachments.clear();
+                contents.metadata.clear();
+                contents.counts.clear();
+                scan::walk(&mut contents, reason).map_err(failed)?;
+            }
+        }
+        Ok(contents)
+    }
+
+    /// Notes damage of this file.
+    fn damaged(&mut self, offset: u64, length: u64, kind: DamageKind) {
+        self.damage.push(Damage {
+            file: self.path.clone(),
+            offset,
+            length,
+            kind,
+        });
+    }
+
+    /// The records of a block, unpacked and checked.
+    pub(crate) fn load(&self, block: &Block) -> Result<Bytes, Damage> {
+        let damaged = |why: String| {
+            let kind = if block.chunk {
+                DamageKind::Chunk(why)
+            } else {
+                DamageKind::Record(why)
+            };
+            Damage {
+                file: self.path.clone(),
+                offset: block.offset,
+                length: block.length,
+                kind,
+            }
+        };
+        let raw = self
+            .bytes(block.offset, block.length)
+            .map_err(|error| damaged(error.to_string()))?;
+        if !block.chunk {
+            return Ok(raw.into());
+        }
+        match raw.split_first_chunk::<RECORD_HEADER>() {
+            Some((header, body))
+                if header[0] == op::CHUNK && record_length(header) == body.len() as u64 =>
+            {
+                unpack(body).map_err(damaged)
+            }
+            _ => Err(damaged("no chunk record where the index says".to_owned())),
+        }
+    }
+
+    /// The data of an attachment.
+    pub(crate) fn attachment(&self, place: &AttachmentPlace) -> Result<Bytes, Damage> {
+        let damaged = |why: String| Damage {
+            file: self.path.clone(),
+            offset: place.offset,
+            length: place.length,
+            kind: DamageKind::Record(why),
+        };
+        let raw = self
+            .bytes(place.offset, place.length)
+            .map_err(|error| damaged(error.to_string()))?;
+        match raw.split_first_chunk::<RECORD_HEADER>() {
+            Some((header, body))
+                if header[0] == op::ATTACHMENT && record_length(header) == body.len() as u64 =>
+            {
+                match parse(op::ATTACHMENT, body).map_err(damaged)? {
+                    Record::Attachment { data, .. } => Ok(data.into_owned().into()),
+                    _ => Err(damaged("no attachment".to_owned())),
+                }
+            }
+            _ => Err(damaged(
+                "no attachment record where the index says".to_owned(),
+            )),
+        }
+    }
+
+    /// A stretch of the file. The caller has compared it with the file's length.
+    fn bytes(&self, offset: u64, length: u64) -> std::io::Result<Vec<u8>> {
+        if offset
+            .checked_add(length)
+            .is_none_or(|end| end > self.length)
+        {
+            return Err(std::io::Error::new(
+                std::io::ErrorKind::UnexpectedEof,
+                "it reaches beyond the end of the file",
+            ));
+        }
+        let mut raw = vec![0; usize::try_from(length).map_err(std::io::Error::other)?];
+        read_at(&self.file, &mut raw, offset)?;
+        Ok(raw)
+    }
+}
+
+/// Opcode and body length.
+pub(crate) const RECORD_HEADER: usize = 9;
+
+pub(crate) fn record_length(header: &[u8; RECORD_HEADER]) -> u64 {
+    let [_, a, b, c, d, e, f, g, h] = *header;
+    u64::from_le_bytes([a, b, c, d, e, f, g, h])
+}
+
+#[cfg(unix)]
+fn read_at(file: &File, buffer: &mut [u8], offset: u64) -> std::io::Result<()> {
+    std::os::unix::fs::FileExt::read_exact_at(file, buffer, offset)
+}
+
+#[cfg(not(unix))]
+fn read_at(mut file: &File, buffer: &mut [u8], offset: u64) -> std::io::Result<()> {
+    use std::io::{Seek, SeekFrom};
+    file.seek(SeekFrom::Start(offset))?;
+    file.read_exact(buffer)
+}
+
+/// The fields before a chunk's compressed records.
+struct ChunkHead<'a> {
+    uncompressed_size: u64,
+    crc: u32,
+    compression: &'a [u8],
+    /// Of the head itself; compressed records follow.
+    length: usize,
+}
+
+/// Reads a chunk's head; `None` if the bytes cannot be one. `body_length` is that of the record.
+fn chunk_head(head: &[u8], body_length: u64) -> Option<ChunkHead<'_>> {
+    let u64_at = |at: usize| {
+        head.get(at..at + 8)?
+            .try_into()
+            .ok()
+            .map(u64::from_le_bytes)
+    };
+    let u32_at = |at: usize| {
+        head.get(at..at + 4)?
+            .try_into()
+            .ok()
+            .map(u32::from_le_bytes)
+    };
+    let name_length = u32_at(28)? as usize;
+    if name_length > 16 {
+        return None;
+    }
+    let length = 32 + name_length + 8;
+    let compressed = u64_at(32 + name_length)?;
+    (compressed.checked_add(length as u64)? == body_length).then_some(ChunkHead {
+        uncompressed_size: u64_at(16)?,
+        crc: u32_at(24)?,
+        compression: head.get(32..32 + name_length)?,
+        length,
+    })
+}
+
+/// Unpacks the body of a chunk record.
+fn unpack(body: &[u8]) -> Result<Bytes, String> {
+    let head = chunk_head(body, body.len() as u64).ok_or("its head contradicts its length")?;
+    if head.uncompressed_size > CHUNK_LIMIT {
+        return Err(format!(
+            "it claims {} bytes unpacked, above 1 GiB",
+            head.uncompressed_size
+        ));
+    }
+    let packed = &body[head.length..];
+    let mut records = Vec::new();
+    // One byte more than claimed shows a stream that is too long; memory grows only with what really comes out.
+    let limit = head.uncompressed_size + 1;
+    let unpacked = match head.compression {
+        b"" => {
+            records.extend_from_slice(packed);
+            Ok(records.len())
+        }
+        b"zstd" => zstd::Decoder::with_buffer(packed)
+            .and_then(|stream| stream.take(limit).read_to_end(&mut records)),
+        b"lz4" => lz4_flex::frame::FrameDecoder::new(packed)
+            .take(limit)
+            .read_to_end(&mut records),
+        other => {
+            return Err(format!(
+                "unknown compression {}",
+                String::from_utf8_lossy(other)
+            ));
+        }
+    };
+    unpacked.map_err(|error| format!("it cannot be unpacked ({error})"))?;
+    if records.len() as u64 != head.uncompressed_size {
+        return Err(format!(
+            "it unpacks to another size than the {} bytes it claims",
+            head.uncompressed_size
+        ));
+    }
+    if head.crc != 0 {
+        let found = crc32fast::hash(&records);
+        if found != head.crc {
+            return Err(format!("CRC {found:08x}, expected {:08x}", head.crc));
+        }
+    }
+    Ok(records.into())
+}
+
+/// Parses a record other than a chunk or message, without trusting a length in it.
+pub(crate) fn parse(opcode: u8, body: &[u8]) -> Result<Record<'_>, String> {
+    if opcode == op::ATTACHMENT && attachment_head(body).is_none() {
+        return Err("its head contradicts its length".to_owned());
+    }
+    mcap::parse_record(opcode, body).map_err(|error| match error {
+        mcap::McapError::Parse(_) => "its fields cannot be read".to_owned(),
+        other => other.to_string(),
+    })
+}
+
+/// Length of the fields before an attachment's data, if they and the CRC fit into the body.
+fn attachment_head(body: &[u8]) -> Option<usize> {
+    let text_end = |at: usize| {
+        let length =
+            u32::from_le_bytes(body.get(at..at.checked_add(4)?)?.try_into().ok()?) as usize;
+        at.checked_add(4)?.checked_add(length)
+    };
+    let head = text_end(text_end(16)?)?.checked_add(8)?;
+    (head.checked_add(4)? <= body.len()).then_some(head)
+}
+
+/// A message inside unpacked records.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct MessagePlace {
+    pub(crate) channel: u16,
+    pub(crate) sequence: u32,
+    pub(crate) log_time: u64,
+    pub(crate) publish_time: u64,
+    /// Payload within the records.
+    pub(crate) start: usize,
+    pub(crate) end: usize,
+}
+
+/// Walks unpacked records: messages to `message`, all others to `other`. A record that does not fit ends the walk with
+/// its reason.
+pub(crate) fn each_record<'a>(
+    records: &'a [u8],
+    mut message: impl FnMut(MessagePlace),
+    mut other: impl FnMut(u8, &'a [u8]) -> Result<(), String>,
+) -> Result<(), String> {
+    let mut at = 0;
+    while at < records.len() {
+        let header = records[at..]
+            .first_chunk::<RECORD_HEADER>()
+            .ok_or("it ends inside a record")?;
+        let start = at + RECORD_HEADER;
+        let length = usize::try_from(record_length(header)).unwrap_or(usize::MAX);
+        let end = start
+            .checked_add(length)
+            .filter(|end| *end <= records.len())
+            .ok_or("it ends inside a record")?;
+        let body = &records[start..end];
+        if header[0] == op::MESSAGE {
+            let (
+                &[
+                    a,
+                    b,
+                    s0,
+                    s1,
+                    s2,
+                    s3,
+                    l0,
+                    l1,
+                    l2,
+                    l3,
+                    l4,
+                    l5,
+                    l6,
+                    l7,
+                    p0,
+                    p1,
+                    p2,
+                    p3,
+                    p4,
+                    p5,
+                    p6,
+                    p7,
+                ],
+                _,
+            ) = body
+                .split_first_chunk::<22>()
+                .ok_or("a message is shorter than its head")?;
+            message(MessagePlace {
+                channel: u16::from_le_bytes([a, b]),
+                sequence: u32::from_le_bytes([s0, s1, s2, s3]),
+                log_time: u64::from_le_bytes([l0, l1, l2, l3, l4, l5, l6, l7]),
+                publish_time: u64::from_le_bytes([p0, p1, p2, p3, p4, p5, p6, p7]),
+                start: start + 22,
+                end,
+            });
+        } else {
+            other(header[0], body)?;
+        }
+        at = end;
+    }
+    Ok(())
+}
+
+/// Schemas and channels as they turn up.
+#[derive(Default)]
+pub(crate) struct Names {
+    schemas: BTreeMap<u16, Arc<mcap::Schema<'static>>>,
+    pub(crate) channels: BTreeMap<u16, Arc<mcap::Channel<'static>>>,
+}
+
+impl Names {
+    /// Takes schema and channel records, ignores others. The first record of a number counts.
+    pub(crate) fn take(&mut self, opcode: u8, body: &[u8]) -> Result<(), String> {
+        if opcode != op::SCHEMA && opcode != op::CHANNEL {
+            return Ok(());
+        }
+        match parse(opcode, body)? {
+            Record::Schema { header, data } => {
+                self.schemas.entry(header.id).or_insert_with(|| {
+                    Arc::new(mcap::Schema {
+                        id: header.id,
+                        name: header.name,
+                        encoding: header.encoding,
+                        data: data.into_owned().into(),
+                    })
+                });
+            }
+            Record::Channel(channel) => {
+                let schema = match channel.schema_id {
+                    0 => None,
+                    id => Some(
+                        self.schemas
+                            .get(&id)
+                            .cloned()
+                            .ok_or_else(|| format!("channel {} has no schema", channel.id))?,
+                    ),
+                };
+                self.channels.entry(channel.id).or_insert_with(|| {
+                    Arc::new(mcap::Channel {
+                        id: channel.id,
+                        topic: channel.topic,
+                        schema,
+                        message_encoding: channel.message_encoding,
+                        metadata: channel.metadata,
+                    })
+                });
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,188 @@
+//! Messages of all chunks of all files, in order of log time.
+
+use std::cmp::Reverse;
+use std::collections::{BTreeMap, BTreeSet, BinaryHeap, VecDeque};
+
+use bytes::Bytes;
+
+use super::{Bag, Recorded};
+use crate::container::{Block, Damage, MessagePlace, each_record};
+
+/// Messages in order of log time. A damaged chunk is one `Err`, then reading goes on behind it.
+#[derive(Debug)]
+pub struct Messages<'a> {
+    bag: &'a Bag,
+    wanted: Option<Vec<bool>>,
+    /// Blocks not loaded yet, by their first log time.
+    waiting: VecDeque<(usize, &'a Block)>,
+    /// Loaded blocks by file and offset.
+    open: BTreeMap<(usize, u64), OpenBlock>,
+    /// The next message of each open block.
+    next: BinaryHeap<Reverse<Key>>,
+    repeats: Repeats,
+    damage: VecDeque<Damage>,
+}
+
+/// Log time, file, offset of the block, position in the block.
+type Key = (u64, usize, u64, usize);
+
+#[derive(Debug)]
+struct OpenBlock {
+    records: Bytes,
+    /// In order of log time, equal ones as written.
+    messages: Vec<MessagePlace>,
+}
+
+/// Tells latched messages that a recorder wrote again at the start of a split.
+#[derive(Debug, Default)]
+struct Repeats {
+    /// What was given last on each latched channel.
+    given: BTreeMap<usize, VecDeque<(u32, u64, Bytes)>>,
+    /// Channels that have had a message of their own in a file: no repeats follow.
+    begun: BTreeSet<(usize, usize)>,
+}
+
+impl Repeats {
+    fn is_repeat(&mut self, file: usize, number: usize, message: &Recorded) -> bool {
+        let depth = message.channel.qos.latched_depth();
+        if depth == 0 {
+            return false;
+        }
+        let given = self.given.entry(number).or_default();
+        let identity = (
+            message.sequence,
+            message.publish_time,
+            message.payload.clone(),
+        );
+        if file > 0 && !self.begun.contains(&(file, number)) && given.contains(&identity) {
+            return true;
+        }
+        self.begun.insert((file, number));
+        if given.len() == depth {
+            given.pop_front();
+        }
+        // A copy: the view would keep its whole chunk in memory for as long as the topic is silent.
+        given.push_back((identity.0, identity.1, Bytes::copy_from_slice(&identity.2)));
+        false
+    }
+}
+
+impl<'a> Messages<'a> {
+    pub(super) fn new(bag: &'a Bag, wanted: Option<Vec<bool>>) -> Self {
+        let mut waiting: Vec<(usize, &Block)> = Vec::new();
+        for (number, file) in bag.files.iter().enumerate() {
+            let has_wanted = |block: &&Block| match (&wanted, &block.channels) {
+                (Some(wanted), Some(ids)) => ids.iter().any(|id| {
+                    bag.numbers[number]
+                        .get(id)
+                        .is_some_and(|channel| wanted[*channel])
+                }),
+                _ => true,
+            };
+            waiting.extend(
+                file.blocks
+                    .iter()
+                    .filter(has_wanted)
+                    .map(|block| (number, block)),
+            );
+        }
+        waiting.sort_by_key(|(file, block)| (block.bounds.0, *file, block.offset));
+        Self {
+            bag,
+            wanted,
+            waiting: waiting.into(),
+            open: BTreeMap::new(),
+            next: BinaryHeap::new(),
+            repeats: Repeats::default(),
+            damage: VecDeque::new(),
+        }
+    }
+
+    fn load(&mut self, file: usize, block: &Block) {
+        let contents = &self.bag.files[file];
+        let numbers = &self.bag.numbers[file];
+        let records = match contents.load(block) {
+            Ok(records) => records,
+            Err(damage) => return self.damage.push_back(damage),
+        };
+        let mut messages = Vec::new();
+        let take = |message: MessagePlace| {
+            // Messages of unknown channels are told as damage when the file is walked.
+            let channel = numbers.get(&message.channel);
+            if channel
+                .is_some_and(|channel| self.wanted.as_ref().is_none_or(|wanted| wanted[*channel]))
+            {
+                messages.push(message);
+            }
+        };
+        if let Err(why) = each_record(&records, take, |_, _| Ok(())) {
+            let kind = crate::container::DamageKind::Chunk(why);
+            let file = contents.path.clone();
+            self.damage.push_back(Damage {
+                file,
+                offset: block.offset,
+                length: block.length,
+                kind,
+            });
+            return;
+        }
+        messages.sort_by_key(|message| message.log_time);
+        if let Some(first) = messages.first() {
+            self.next
+                .push(Reverse((first.log_time, file, block.offset, 0)));
+            self.open
+                .insert((file, block.offset), OpenBlock { records, messages });
+        }
+    }
+
+    /// Loads every block that may hold the next message.
+    fn load_due(&mut self) {
+        while let Some(&(file, block)) = self.waiting.front() {
+            let first = self.next.peek().map(|Reverse((log_time, ..))| *log_time);
+            if first.is_some_and(|first| block.bounds.0 > first) {
+                return;
+            }
+            self.waiting.pop_front();
+            self.load(file, block);
+        }
+    }
+
+    fn take(&mut self, (_, file, offset, position): Key) -> Option<Recorded> {
+        let open = self.open.get(&(file, offset))?;
+        let place = open.messages[position];
+        let payload = open.records.slice(place.start..place.end);
+        match open.messages.get(position + 1) {
+            Some(following) => {
+                self.next
+                    .push(Reverse((following.log_time, file, offset, position + 1)))
+            }
+            None => drop(self.open.remove(&(file, offset))),
+        }
+        let number = *self.bag.numbers[file].get(&place.channel)?;
+        let message = Recorded {
+            channel: self.bag.channels[number].clone(),
+            sequence: place.sequence,
+            log_time: place.log_time,
+            publish_time: place.publish_time,
+            payload,
+        };
+        (!self.repeats.is_repeat(file, number, &message)).then_some(message)
+    }
+}
+
+impl Iterator for Messages<'_> {
+    type Item = Result<Recorded, Damage>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        loop {
+            self.load_due();
+            if let Some(damage) = self.damage.pop_front() {
+                return Some(Err(damage));
+            }
+            let Reverse(key) = self.next.pop()?;
+            if let Some(message) = self.take(key) {
+                return Some(Ok(message));
+            }
+        }
+    }
+}

@@ -1,0 +1,161 @@
+//! Makes a whole, indexed recording out of what can be read of a damaged one, and tells what was lost.
+//!
+//! Channels, schemas, attachments and tables are carried over word for word; messages keep their order in the file,
+//! times and numbers. Nothing is written over: the original stays as it is.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use mcap::records::Metadata;
+use serde::{Deserialize, Serialize};
+
+use crate::channel::Channel;
+use crate::container::{Contents, Damage, DamageKind, each_record};
+use crate::error::Error;
+use crate::metadata::FolderInformation;
+use crate::reader::Bag;
+use crate::split::{ChunkOptions, SplitFile};
+
+/// What was saved and what was not.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Recovery {
+    /// Files written.
+    pub files: Vec<PathBuf>,
+    /// Messages saved, repeats of latched ones included.
+    pub messages: u64,
+    /// Attachments saved.
+    pub attachments: u64,
+    /// What is wrong with the original.
+    pub damage: Vec<Damage>,
+}
+
+impl Recovery {
+    /// Whether messages of the original may be missing.
+    pub fn lost_messages(&self) -> bool {
+        self.damage
+            .iter()
+            .any(|damage| damage.kind.loses_messages())
+    }
+}
+
+/// Writes what can be read of `from` (a file or folder) into the new folder `to`, with its `metadata.yaml`.
+pub fn recover(from: impl AsRef<Path>, to: impl AsRef<Path>) -> Result<Recovery, Error> {
+    let (from, to) = (from.as_ref(), to.as_ref());
+    let bag = Bag::open(from)?;
+    if to.exists() {
+        return Err(Error::Exists {
+            path: to.to_owned(),
+        });
+    }
+    std::fs::create_dir_all(to).map_err(|source| Error::io("make the folder", to, source))?;
+    let name = to
+        .file_name()
+        .unwrap_or_default()
+        .to_string_lossy()
+        .into_owned();
+    let chunks = ChunkOptions {
+        bytes: 1 << 20,
+        zstd: true,
+        zstd_level: 0,
+        data_crc: true,
+    };
+    let mut recovery = Recovery {
+        files: Vec::new(),
+        messages: 0,
+        attachments: 0,
+        damage: bag.damage(),
+    };
+    let mut information = FolderInformation {
+        ros_distro: "jazzy".to_owned(),
+        ..FolderInformation::default()
+    };
+    let mut counts: BTreeMap<Channel, u64> = BTreeMap::new();
+    for (number, contents) in bag.contents().iter().enumerate() {
+        let path = to.join(format!("{name}_{number}.mcap"));
+        let mut split = SplitFile::create(&path, &chunks)?;
+        copy(contents, &mut split, &mut recovery, &mut counts)?;
+        let mut so_far = information.clone();
+        so_far.topics = counts
+            .iter()
+            .map(|(channel, count)| (channel.clone(), *count))
+            .collect();
+        so_far.files.push(split.information.clone());
+        split.metadata(&Metadata {
+            name: "rosbag2".to_owned(),
+            metadata: BTreeMap::from([("serialized_metadata".to_owned(), so_far.to_string())]),
+        })?;
+        let (file, _) = split.finish()?;
+        recovery.messages += file.message_count;
+        recovery.files.push(path);
+        information.files.push(file);
+    }
+    information.topics = counts.into_iter().collect();
+    information.write(to)?;
+    Ok(recovery)
+}
+
+fn copy(
+    contents: &Contents,
+    split: &mut SplitFile,
+    recovery: &mut Recovery,
+    counts: &mut BTreeMap<Channel, u64>,
+) -> Result<(), Error> {
+    for metadata in contents
+        .metadata
+        .iter()
+        .filter(|metadata| metadata.name != "rosbag2")
+    {
+        split.metadata(metadata)?;
+    }
+    for place in &contents.attachments {
+        match contents.attachment(place) {
+            Ok(data) => {
+                split.attach(place.log_time, &place.name, &place.media_type, &data)?;
+                recovery.attachments += 1;
+            }
+            Err(damage) => recovery.damage.push(damage),
+        }
+    }
+    let mut ids = BTreeMap::new();
+    for (id, channel) in &contents.channels {
+        ids.insert(*id, (split.copy_channel(channel)?, 0));
+    }
+    for block in &contents.blocks {
+        let records = match contents.load(block) {
+            Ok(records) => records,
+            Err(damage) => {
+                recovery.damage.push(damage);
+                continue;
+            }
+        };
+        let mut messages = Vec::new();
+        if let Err(why) = each_record(&records, |message| messages.push(message), |_, _| Ok(())) {
+            let file = contents.path.clone();
+            let kind = DamageKind::Chunk(why);
+            recovery.damage.push(Damage {
+                file,
+                offset: block.offset,
+                length: block.length,
+                kind,
+            });
+            continue;
+        }
+        for message in messages {
+            if let Some((id, count)) = ids.get_mut(&message.channel) {
+                let times = (message.log_time, message.publish_time);
+                split.write_to(
+                    *id,
+                    message.sequence,
+                    times,
+                    &records[message.start..message.end],
+                )?;
+                *count += 1;
+            }
+        }
+    }
+    for (id, channel) in &contents.channels {
+        *counts.entry(Channel::from_mcap(channel)).or_default() +=
+            ids.get(id).map_or(0, |(_, count)| *count);
+    }
+    Ok(())
+}
