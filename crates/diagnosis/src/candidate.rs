@@ -1,0 +1,130 @@
+//! Candidates: variants of effects at definite shapes, as orthonormal blocks over the rows of a session.
+//!
+//! A block spans what a variant can do to the weighted deviations; its columns are orthonormal, so that prior sizes are
+//! sizes of the signature and not of a parametrisation. Directions that would not show even at a hundred times the
+//! largest plausible size are left out. Metres.
+
+use nalgebra::{DMatrix, Vector3};
+
+use crate::effects::Variant;
+use crate::observation::{Column, Observations};
+
+/// Directions whose signature stays below this rms at a hundred times the plausible size are unobservable, m.
+const INVISIBLE: f64 = 2e-7;
+/// A hundred times.
+const FAR: f64 = 100.0;
+
+/// A variant at a definite shape.
+#[derive(Debug, Clone)]
+pub struct Candidate {
+    /// Place of the variant in the library.
+    pub variant: usize,
+    /// Value of its nonlinear constant; 0 where it has none.
+    pub shape: f64,
+    /// Orthonormal columns over the weighted rows.
+    pub block: Vec<Vec<f64>>,
+    /// Parameters (in their units) from block coefficients.
+    pub parameters_from_block: DMatrix<f64>,
+    /// Natural logarithm of the prior probability of this variant and shape within its effect.
+    pub log_prior: f64,
+    /// True where the last block column is the second order of a sideways displacement on a curved surface.
+    pub bends: bool,
+}
+
+impl Candidate {
+    /// The block of a variant; `None` where this session cannot see it at all.
+    pub fn new(observations: &Observations, variants: &[Variant], variant: usize, shape: f64) -> Option<Self> {
+        let columns = variants[variant].columns(observations, shape);
+        Self::from_columns(observations, &variants[variant], variant, shape, &columns, false)
+    }
+
+    /// The same with the second order of what cannot be seen to first order; `None` where there is no such thing.
+    pub fn bent(observations: &Observations, variants: &[Variant], variant: usize, shape: f64) -> Option<Self> {
+        let columns = variants[variant].columns(observations, shape);
+        Self::from_columns(observations, &variants[variant], variant, shape, &columns, true)
+    }
+
+    fn from_columns(
+        observations: &Observations,
+        variant: &Variant,
+        place: usize,
+        shape: f64,
+        columns: &[Column],
+        bent: bool,
+    ) -> Option<Self> {
+        let rows = observations.rows.len();
+        let sizes: Vec<f64> = variant.parameters.iter().map(|parameter| parameter.plausible).collect();
+        let scaled = DMatrix::from_fn(rows, columns.len(), |row, column| {
+            columns[column].signature[row] * sizes[column] * observations.rows[row].weight
+        });
+        let eigen = (scaled.transpose() * &scaled).symmetric_eigen();
+        let least = (INVISIBLE / FAR).powi(2) * rows as f64;
+        let mut kept: Vec<usize> = (0..columns.len()).collect();
+        kept.sort_by(|&one, &other| eigen.eigenvalues[other].total_cmp(&eigen.eigenvalues[one]));
+        let largest = kept.first().map_or(0.0, |&index| eigen.eigenvalues[index]);
+        let (seen, unseen): (Vec<usize>, Vec<usize>) = kept
+            .into_iter()
+            .partition(|&index| eigen.eigenvalues[index] > least && eigen.eigenvalues[index] > 1e-12 * largest);
+        let mut block: Vec<Vec<f64>> = Vec::new();
+        let mut back: Vec<Vec<f64>> = Vec::new();
+        for &index in &seen {
+            let length = eigen.eigenvalues[index].sqrt();
+            let direction = eigen.eigenvectors.column(index);
+            block.push((&scaled * direction / length).iter().copied().collect());
+            back.push(direction.iter().zip(&sizes).map(|(part, size)| part * size / length).collect());
+        }
+        if bent {
+            let bend = unseen.iter().find_map(|&index| {
+                let direction = eigen.eigenvectors.column(index);
+                let shares: Vec<f64> = direction.iter().zip(&sizes).map(|(part, size)| part * size).collect();
+                bend(observations, columns, &shares, &block)
+            })?;
+            block.push(bend);
+            back.push(vec![0.0; columns.len()]);
+        }
+        if block.is_empty() {
+            return None;
+        }
+        let parameters_from_block = DMatrix::from_fn(columns.len(), block.len(), |row, column| back[column][row]);
+        let shapes = variant.shape.as_ref().map_or(0.0, |shape| shape.distinct.max(1.0).ln());
+        Some(Self {
+            variant: place,
+            shape,
+            block,
+            parameters_from_block,
+            log_prior: -shapes - if bent { std::f64::consts::LN_2 } else { 0.0 },
+            bends: bent,
+        })
+    }
+}
+
+/// Second order of the sideways displacement `shares` (a combination of columns), made orthonormal to `block`.
+fn bend(observations: &Observations, columns: &[Column], shares: &[f64], block: &[Vec<f64>]) -> Option<Vec<f64>> {
+    if columns.iter().any(|column| column.shifts.is_empty()) {
+        return None;
+    }
+    let shifts: Vec<Vector3<f64>> = (0..observations.rows.len())
+        .map(|row| columns.iter().zip(shares).map(|(column, share)| column.shifts[row] * *share).sum())
+        .collect();
+    let mut bend: Vec<f64> = observations
+        .curvature(&shifts)
+        .iter()
+        .zip(&observations.rows)
+        .map(|(value, row)| value * row.weight)
+        .collect();
+    let rms = |values: &[f64]| (values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64).sqrt();
+    if rms(&bend) < INVISIBLE {
+        return None;
+    }
+    for column in block {
+        let along: f64 = column.iter().zip(&bend).map(|(a, b)| a * b).sum();
+        bend.iter_mut().zip(column).for_each(|(value, part)| *value -= along * part);
+    }
+    let left = rms(&bend);
+    if left < 0.5 * INVISIBLE {
+        return None;
+    }
+    let length = left * (bend.len() as f64).sqrt();
+    bend.iter_mut().for_each(|value| *value /= length);
+    Some(bend)
+}

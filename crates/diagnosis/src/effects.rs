@@ -1,0 +1,198 @@
+//! The library of effects: everything of the vocabulary that can drive a touch away from its model.
+//!
+//! Each effect is one file with a function `offer` and one line in [`library`]. An effect offers variants: linear
+//! columns, perhaps with one nonlinear constant (a period, a time constant, an exponent, an instant) that is profiled.
+//! Columns come from the chain's derivatives at each touch, never from patterns drawn by hand. Metres, radians,
+//! seconds, kelvins. Effects of drives (effort against motion) are in `drives`.
+
+mod angular;
+mod backlash;
+mod ball_radius;
+mod cyclic;
+mod deflection;
+mod drift;
+mod error_motion;
+mod fixture;
+mod indexing;
+mod lag;
+mod link;
+mod part_expansion;
+mod pretravel_lobing;
+mod sag;
+mod scale;
+mod slip;
+mod spindle_growth;
+mod straightness;
+mod stylus;
+mod tool_radius;
+mod tool_runout;
+mod tool_wear;
+mod trigger_latency;
+
+use crate::observation::{Column, Observations};
+
+/// One linear parameter of an effect.
+#[derive(Debug, Clone)]
+pub struct Parameter {
+    /// Its name in reports.
+    pub name: String,
+    /// Its unit in reports.
+    pub unit: &'static str,
+    /// The largest size met in practice, in that unit: a direction that would not show at a hundred times this size
+    /// is taken as unobservable.
+    pub plausible: f64,
+}
+
+impl Parameter {
+    /// A parameter of this name, unit and largest plausible size.
+    pub fn new(name: impl Into<String>, unit: &'static str, plausible: f64) -> Self {
+        Self { name: name.into(), unit, plausible }
+    }
+}
+
+/// How the coefficients of a variant are reported.
+#[derive(Debug, Clone)]
+pub enum Form {
+    /// Each as it is.
+    Plain,
+    /// A pair (of sine, of cosine): amplitude `a` and phase in a·sin(… + phase).
+    Sine,
+    /// A pair (of cosine, of sine): amplitude `a` and phase in a·cos(lobes·(… − phase)).
+    Lobes(f64),
+}
+
+/// The nonlinear constant of a variant.
+#[derive(Debug, Clone)]
+pub struct Shape {
+    /// Its name in reports.
+    pub name: &'static str,
+    /// Its unit in reports.
+    pub unit: &'static str,
+    /// Values that are tried first, ascending: dense enough that the best lies within a neighbour's reach.
+    pub trials: Vec<f64>,
+    /// True where any value between the trials makes sense, so that the best is refined.
+    pub continuous: bool,
+    /// Number of values that this session could tell apart: the price of having chosen one.
+    pub distinct: f64,
+}
+
+type Build = Box<dyn Fn(&Observations, f64) -> Vec<Column> + Send + Sync>;
+
+/// One way an effect can act.
+pub struct Variant {
+    /// Identifier in the effect vocabulary.
+    pub effect: String,
+    /// Linear parameters, one per column.
+    pub parameters: Vec<Parameter>,
+    /// How they are reported.
+    pub form: Form,
+    /// Nonlinear constant, if there is one.
+    pub shape: Option<Shape>,
+    /// Constants that are not fitted: name, value, unit.
+    pub constants: Vec<(&'static str, f64, &'static str)>,
+    build: Build,
+}
+
+impl Variant {
+    /// A variant with linear parameters only.
+    pub fn linear(
+        effect: impl Into<String>,
+        parameters: Vec<Parameter>,
+        build: impl Fn(&Observations) -> Vec<Column> + Send + Sync + 'static,
+    ) -> Self {
+        Self {
+            effect: effect.into(),
+            parameters,
+            form: Form::Plain,
+            shape: None,
+            constants: Vec::new(),
+            build: Box::new(move |observations, _| build(observations)),
+        }
+    }
+
+    /// A variant with a nonlinear constant; `build` takes its value.
+    pub fn shaped(
+        effect: impl Into<String>,
+        parameters: Vec<Parameter>,
+        shape: Shape,
+        build: impl Fn(&Observations, f64) -> Vec<Column> + Send + Sync + 'static,
+    ) -> Self {
+        Self {
+            effect: effect.into(),
+            parameters,
+            form: Form::Plain,
+            shape: Some(shape),
+            constants: Vec::new(),
+            build: Box::new(build),
+        }
+    }
+
+    /// Reports the coefficients in another form.
+    pub fn reported(mut self, form: Form) -> Self {
+        self.form = form;
+        self
+    }
+
+    /// Reports fixed constants beside the coefficients.
+    pub fn with_constants(mut self, constants: &[(&'static str, f64, &'static str)]) -> Self {
+        self.constants = constants.to_vec();
+        self
+    }
+
+    /// The columns, one per parameter, at a value of the shape (ignored where there is none).
+    pub fn columns(&self, observations: &Observations, shape: f64) -> Vec<Column> {
+        (self.build)(observations, shape)
+    }
+}
+
+/// All variants of all effects that can act in a session, in the order in which equals are named.
+pub fn library(observations: &Observations) -> Vec<Variant> {
+    let mut variants = Vec::new();
+    for offer in [
+        stylus::offer,
+        ball_radius::offer,
+        pretravel_lobing::offer,
+        trigger_latency::offer,
+        fixture::offer,
+        tool_radius::offer,
+        tool_wear::offer,
+        tool_runout::offer,
+        deflection::offer,
+        slip::offer,
+        spindle_growth::offer,
+        part_expansion::offer,
+        drift::offer,
+        scale::offer,
+        straightness::offer,
+        angular::offer,
+        backlash::offer,
+        cyclic::offer,
+        lag::offer,
+        indexing::offer,
+        error_motion::offer,
+        link::offer,
+        sag::offer,
+    ] {
+        offer(observations, &mut variants);
+    }
+    variants
+}
+
+/// Evenly spaced values, both ends included.
+fn linspace(from: f64, to: f64, count: usize) -> Vec<f64> {
+    let step = (to - from) / (count.max(2) - 1) as f64;
+    (0..count).map(|index| from + step * index as f64).collect()
+}
+
+/// Values evenly spaced in their logarithm, both ends included.
+fn logspace(from: f64, to: f64, count: usize) -> Vec<f64> {
+    linspace(from.ln(), to.ln(), count).into_iter().map(f64::exp).collect()
+}
+
+/// Tools that cut points of the session, ascending.
+fn tools(observations: &Observations) -> Vec<u32> {
+    let mut tools: Vec<u32> = observations.rows.iter().filter_map(|row| row.tool).collect();
+    tools.sort_unstable();
+    tools.dedup();
+    tools
+}

@@ -1,0 +1,69 @@
+//! What a diagnosis starts from: the messages of one session, as recorded or as they arrived live.
+//!
+//! Everything is plain messages of the interface contract; reading them from a recording is not done here.
+
+use probecell_msgs::sensor_msgs::JointState;
+use probecell_msgs::{InspectionPlan, MachineState, ProbeEvent, ReferenceMeasurement};
+
+/// The messages of one session.
+#[derive(Debug, Clone, Default, serde::Serialize, serde::Deserialize)]
+pub struct Session {
+    /// Where it came from, for the report.
+    pub name: String,
+    /// URDF text of `robot_description`.
+    pub robot_description: String,
+    /// The plan that was measured; `None` in a drive session.
+    pub plan: Option<InspectionPlan>,
+    /// Touches, in any order.
+    pub events: Vec<ProbeEvent>,
+    /// Axis positions, speeds and efforts over time.
+    pub joint_states: Vec<JointState>,
+    /// Commanded positions, speeds and efforts over time.
+    pub joint_commands: Vec<JointState>,
+    /// Mode, tool and temperatures over time.
+    pub machine_states: Vec<MachineState>,
+    /// What outside instruments measured of the same points.
+    pub references: Vec<ReferenceMeasurement>,
+}
+
+/// Why a session cannot be diagnosed.
+#[derive(Debug, thiserror::Error)]
+pub enum DiagnoseError {
+    /// The machine is not usable.
+    #[error(transparent)]
+    Chain(#[from] machine::ChainError),
+    /// An event or the plan is not usable.
+    #[error(transparent)]
+    Deviation(#[from] machine::DeviationError),
+    /// No robot description.
+    #[error("the session has no robot_description")]
+    NoMachine,
+    /// No plan, and no effort or motion either.
+    #[error("the session has neither an inspection plan with touches nor joint states with commands or efforts")]
+    NoPlan,
+    /// A sequence number came twice with other content.
+    #[error("event {0} came twice with different content")]
+    Conflicting(u64),
+    /// Too few touches.
+    #[error("the session has {0} touches; at least {1} are needed")]
+    TooFew(usize, usize),
+    /// Magnitudes that no metre-based session has.
+    #[error("deviations have a median size of {0:.3} m: are positions in millimetres instead of metres?")]
+    Unit(f64),
+    /// A reference that does not belong.
+    #[error("reference of `{instrument}`: {what}")]
+    Reference {
+        /// Its instrument.
+        instrument: String,
+        /// What is wrong.
+        what: &'static str,
+    },
+    /// Sessions that do not share a machine.
+    #[error("sessions `{0}` and `{1}` have different machines")]
+    OtherMachine(String, String),
+}
+
+/// Seconds of a stamp.
+pub(crate) fn seconds(stamp: &probecell_msgs::builtin_interfaces::Time) -> f64 {
+    f64::from(stamp.sec) + 1e-9 * f64::from(stamp.nanosec)
+}
