@@ -1,1 +1,3 @@
-//! (in work)
+//! The only live shell of the cell: bus, clock and processes.
+
+pub mod bus;

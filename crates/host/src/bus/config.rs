@@ -1,0 +1,197 @@
+//! What a bus is told at start, and the Zenoh configuration made from it.
+//!
+//! The defaults are those of a session of rmw_zenoh, narrowed to loopback: a peer that looks for the router at
+//! `tcp/127.0.0.1:7447`, listens on loopback only, speaks no multicast, gossips, and stamps. Every setting of Zenoh
+//! (TLS, access control, user and password, links) passes through as a table laid over these defaults.
+
+use std::net::{IpAddr, Ipv4Addr};
+use std::time::Duration;
+
+use serde_json::{Value, json};
+
+use super::BusError;
+
+/// Where the launcher's router listens unless the cell file says otherwise.
+pub const ROUTER_ENDPOINT: &str = "tcp/127.0.0.1:7447";
+
+/// Transport, chosen at start.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Transport {
+    /// Zenoh in the format of rmw_zenoh.
+    #[default]
+    Zenoh,
+    /// DDS, as the other middlewares of ROS 2.
+    Dds,
+}
+
+/// How DDS carries services; the middlewares of ROS 2 disagree.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum DdsServices {
+    /// Identity of the request beside the payload: Fast DDS, Connext.
+    #[default]
+    Enhanced,
+    /// Identity of the request in front of the payload: Cyclone DDS.
+    Cyclone,
+}
+
+/// How to reach the other nodes of the cell.
+#[derive(Clone, Debug)]
+pub struct BusConfig {
+    /// Zenoh or DDS.
+    pub transport: Transport,
+    /// ROS domain; cells of different domains do not see one another.
+    pub domain_id: u32,
+    /// Routers to connect to, as Zenoh locators; DDS finds its peers itself.
+    pub endpoints: Vec<String>,
+    /// Where this session accepts direct connections, as Zenoh locators.
+    pub listen: Vec<String>,
+    /// Settings of Zenoh, laid over the defaults; unknown ones are refused.
+    pub zenoh: Value,
+    /// Security enclave told to the ROS graph.
+    pub enclave: String,
+    /// Samples that a keep-all publisher holds for recovery.
+    pub keep_all_depth: usize,
+    /// How long a gap is asked for before it is reported lost.
+    pub recovery_patience: Duration,
+    /// How long [`super::Bus::open`] waits for a router.
+    pub connect_timeout: Duration,
+    /// Service mapping on DDS.
+    pub dds_services: DdsServices,
+    /// Addresses of the network interfaces that DDS uses.
+    pub dds_interfaces: Vec<IpAddr>,
+}
+
+impl Default for BusConfig {
+    fn default() -> Self {
+        Self {
+            transport: Transport::Zenoh,
+            domain_id: 0,
+            endpoints: vec![ROUTER_ENDPOINT.to_owned()],
+            listen: vec!["tcp/127.0.0.1:0".to_owned()],
+            zenoh: json!({}),
+            enclave: "/".to_owned(),
+            keep_all_depth: 10_000,
+            recovery_patience: Duration::from_secs(10),
+            connect_timeout: Duration::from_secs(5),
+            dds_services: DdsServices::Enhanced,
+            dds_interfaces: vec![IpAddr::V4(Ipv4Addr::LOCALHOST)],
+        }
+    }
+}
+
+impl BusConfig {
+    pub(super) fn to_zenoh(&self) -> Result<zenoh::Config, BusError> {
+        let mut settings = json!({
+            "mode": "peer",
+            "connect": {
+                "endpoints": self.endpoints,
+                "timeout_ms": self.connect_timeout.as_millis() as u64,
+                "exit_on_failure": true,
+            },
+            "listen": { "endpoints": self.listen, "exit_on_failure": true },
+            "scouting": { "multicast": { "enabled": false }, "gossip": { "enabled": true } },
+            "timestamping": { "enabled": true },
+        });
+        overlay(&mut settings, &self.zenoh);
+        parse(&settings)
+    }
+}
+
+/// How the router of a cell is started.
+#[derive(Clone, Debug)]
+pub struct RouterConfig {
+    /// Where it accepts sessions and other routers, as Zenoh locators.
+    pub listen: Vec<String>,
+    /// Routers of other machines to join.
+    pub connect: Vec<String>,
+    /// Settings of Zenoh, laid over the defaults; unknown ones are refused.
+    pub zenoh: Value,
+}
+
+impl Default for RouterConfig {
+    fn default() -> Self {
+        Self {
+            listen: vec![ROUTER_ENDPOINT.to_owned()],
+            connect: Vec::new(),
+            zenoh: json!({}),
+        }
+    }
+}
+
+impl RouterConfig {
+    pub(super) fn to_zenoh(&self) -> Result<zenoh::Config, BusError> {
+        let mut settings = json!({
+            "mode": "router",
+            // A router of another machine may start later, hence it is looked for in the background, for ever.
+            "connect": { "endpoints": self.connect, "timeout_ms": -1, "exit_on_failure": false },
+            "listen": { "endpoints": self.listen, "timeout_ms": 0, "exit_on_failure": true },
+            "scouting": { "multicast": { "enabled": false }, "gossip": { "enabled": true } },
+            "timestamping": { "enabled": true },
+        });
+        overlay(&mut settings, &self.zenoh);
+        parse(&settings)
+    }
+}
+
+/// Lays `over` on `base`: tables are merged, everything else is replaced.
+fn overlay(base: &mut Value, over: &Value) {
+    match (base, over) {
+        (Value::Object(base), Value::Object(over)) => {
+            for (key, value) in over {
+                overlay(base.entry(key.clone()).or_insert(Value::Null), value);
+            }
+        }
+        (base, over) => *base = over.clone(),
+    }
+}
+
+fn parse(settings: &Value) -> Result<zenoh::Config, BusError> {
+    zenoh::Config::from_json5(&settings.to_string()).map_err(|reason| BusError::Config {
+        reason: reason.to_string(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn overrides_reach_zenoh_and_leave_their_neighbours() {
+        let config = BusConfig {
+            zenoh: json!({ "mode": "client", "scouting": { "gossip": { "enabled": false } } }),
+            ..BusConfig::default()
+        }
+        .to_zenoh()
+        .unwrap();
+        assert_eq!(config.get_json("mode").unwrap(), r#""client""#);
+        assert_eq!(config.get_json("scouting/gossip/enabled").unwrap(), "false");
+        assert_eq!(
+            config.get_json("scouting/multicast/enabled").unwrap(),
+            "false"
+        );
+    }
+
+    #[test]
+    fn unknown_settings_are_refused() {
+        let config = BusConfig {
+            zenoh: json!({ "transprt": {} }),
+            ..BusConfig::default()
+        };
+        assert!(matches!(config.to_zenoh(), Err(BusError::Config { .. })));
+    }
+
+    #[test]
+    fn nothing_listens_beyond_loopback_by_default() {
+        for config in [
+            BusConfig::default().to_zenoh().unwrap(),
+            RouterConfig::default().to_zenoh().unwrap(),
+        ] {
+            let listen = config.get_json("listen/endpoints").unwrap();
+            assert!(listen.contains("tcp/127.0.0.1:"), "{listen}");
+            assert!(
+                !listen.contains("[::]") && !listen.contains("0.0.0.0"),
+                "{listen}"
+            );
+        }
+    }
+}

@@ -1,0 +1,93 @@
+//! What can go wrong between a node and the bus.
+
+use std::fmt::Display;
+
+/// Why the bus could not do what it was asked.
+#[derive(Debug, thiserror::Error)]
+pub enum BusError {
+    /// The settings are not those of Zenoh, or contradict one another.
+    #[error("the bus settings are refused: {reason}")]
+    Config {
+        /// What the transport says.
+        reason: String,
+    },
+    /// Nothing to connect to.
+    #[error(
+        "no router answers at {endpoints} within {seconds:.1} s; `probecell router` or a running cell provides one \
+         ({reason})"
+    )]
+    NoRouter {
+        /// Locators tried.
+        endpoints: String,
+        /// Time waited, s.
+        seconds: f64,
+        /// What the transport says.
+        reason: String,
+    },
+    /// The router's address is in use.
+    #[error("the address {endpoint} is taken {}", if *answers {
+        "by another Zenoh router: connect to that one instead of starting a second"
+    } else {
+        "by a program that is no Zenoh router: stop it or choose another port"
+    })]
+    PortTaken {
+        /// Locator that could not be bound.
+        endpoint: String,
+        /// A Zenoh router answers there.
+        answers: bool,
+    },
+    /// Not an absolute ROS name.
+    #[error("\"{name}\" is not an absolute ROS name (a slash, then letters, digits, underscores)")]
+    Name {
+        /// The name.
+        name: String,
+    },
+    /// Not the name of a ROS type.
+    #[error("\"{name}\" is not a ROS type name like pkg::msg::dds_::Type_")]
+    Type {
+        /// The name.
+        name: String,
+    },
+    /// The payload is not little-endian CDR.
+    #[error("the payload does not begin with the header of little-endian CDR (00 01)")]
+    Payload,
+    /// Nobody serves this service.
+    #[error("nobody serves {name}")]
+    NoServer {
+        /// Service.
+        name: String,
+    },
+    /// The server did not answer in time.
+    #[error("{name} did not answer within {seconds:.1} s")]
+    Timeout {
+        /// Service.
+        name: String,
+        /// Time waited, s.
+        seconds: f64,
+    },
+    /// The server refused the request.
+    #[error("{name} refused the request: {reason}")]
+    Refused {
+        /// Service.
+        name: String,
+        /// The server's sentence.
+        reason: String,
+    },
+    /// The transport failed.
+    #[error("cannot {action}: {reason}")]
+    Transport {
+        /// What was tried.
+        action: &'static str,
+        /// What the transport says.
+        reason: String,
+    },
+}
+
+impl BusError {
+    pub(crate) fn transport(action: &'static str, reason: &dyn Display) -> Self {
+        Self::Transport {
+            action,
+            reason: reason.to_string(),
+        }
+    }
+}

@@ -1,0 +1,306 @@
+//! The bus: topics, services and the graph of nodes, over Zenoh or DDS as chosen at start.
+//!
+//! One small blocking interface. Payloads are CDR with its four-byte header, names are absolute ROS names, times are
+//! nanoseconds since 1970. Callbacks run on the transport's threads, one at a time per subscription: they must not
+//! block, and hand over to a queue what takes time.
+//!
+//! **Zenoh** is spoken in the wire format of rmw_zenoh, so that ROS 2 with that middleware sees our nodes, topics and
+//! types. It is written here on the bare `zenoh` and `zenoh-ext` crates and not on a ROS client library such as
+//! hiroz: the format is a key, 33 bytes and a token (module [`wire`]), while the libraries that exist differ from
+//! rmw_zenoh in exactly these bytes (identifiers from another hash, sequences from 0, blocking for every reliable
+//! topic) and bring executors, parameters and code generation that a cell does not use.
+//!
+//! **DDS** goes through ros2-client and RustDDS. It needs multicast and tells no type hashes; see [`dds`].
+//!
+//! Delivery on Zenoh, by quality of service:
+//!
+//! | quality of service | publisher | subscription |
+//! |---|---|---|
+//! | reliable, volatile | cache of the history's depth, heartbeat | fetches what a cut lost, reports what is gone ([`recovery`]) |
+//! | transient local | the same, and announces itself | history on joining, then as above (`zenoh-ext`, as rmw_zenoh does) |
+//! | best effort | plain | counts gaps |
+//!
+//! Keep-all publishers block while the link is congested; all others drop, and the subscription fetches or reports.
+//! A clean end is [`Bus::close`]: what was published before it is written to the links first.
+
+pub mod config;
+pub mod dds;
+mod error;
+mod gaps;
+pub mod graph;
+pub mod qos;
+mod recovery;
+pub mod router;
+mod services;
+mod session;
+mod subscription;
+mod types;
+pub mod wire;
+
+use std::borrow::Cow;
+use std::time::{Duration, Instant};
+
+pub use config::{BusConfig, DdsServices, ROUTER_ENDPOINT, RouterConfig, Transport};
+pub use error::BusError;
+pub use graph::Graph;
+pub use qos::{Durability, History, Qos, Reliability};
+pub use router::Router;
+pub use types::{ServiceId, TypeId};
+pub use wire::{Channel, Entity, EntityKind, Gid, NodeName};
+
+/// One sample as it was taken from the bus.
+#[derive(Clone, Debug)]
+pub struct Received<'a> {
+    /// CDR with its header.
+    pub payload: Cow<'a, [u8]>,
+    /// Number that the publisher gave it; rmw counts from 1.
+    pub sequence: u64,
+    /// Instant of publication, ns since 1970, by the publisher's clock.
+    pub source_time_ns: i64,
+    /// Instant of reception, ns since 1970, by our clock.
+    pub received_ns: i64,
+    /// Global identifier of the publisher.
+    pub publisher: Gid,
+}
+
+/// Samples that will never come.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Lost {
+    /// Global identifier of the publisher.
+    pub publisher: Gid,
+    /// Number of the first one.
+    pub first: u64,
+    /// How many, in a row.
+    pub count: u64,
+}
+
+/// Takes samples, in order, each once.
+pub type OnSample = Box<dyn Fn(Received<'_>) + Send + Sync>;
+
+/// Takes reports of loss, in order with the samples.
+pub type OnLost = Box<dyn Fn(Lost) + Send + Sync>;
+
+/// Answers one request (CDR) with a response (CDR), or refuses it with a sentence.
+pub type Handler = Box<dyn FnMut(&[u8]) -> Result<Vec<u8>, String> + Send>;
+
+/// One node's access to the bus.
+pub struct Bus {
+    inner: Inner,
+}
+
+enum Inner {
+    Zenoh(session::ZenohBus),
+    Dds(dds::DdsBus),
+}
+
+impl Bus {
+    /// Joins the bus as node `name` in `namespace` (`/` for none).
+    ///
+    /// # Errors
+    /// [`BusError::NoRouter`] when none of the endpoints answers within the connect timeout, [`BusError::Name`],
+    /// [`BusError::Config`], [`BusError::Transport`].
+    pub fn open(config: &BusConfig, name: &str, namespace: &str) -> Result<Self, BusError> {
+        let node = NodeName {
+            enclave: config.enclave.clone(),
+            namespace: namespace.to_owned(),
+            name: name.to_owned(),
+        };
+        wire::check_name(&node.full())?;
+        let inner = match config.transport {
+            Transport::Zenoh => Inner::Zenoh(session::ZenohBus::open(config, node)?),
+            Transport::Dds => Inner::Dds(dds::DdsBus::open(config, &node)?),
+        };
+        Ok(Self { inner })
+    }
+
+    /// Publishes on `topic` (absolute).
+    pub fn publisher(
+        &self,
+        topic: &str,
+        ty: impl Into<TypeId>,
+        qos: Qos,
+    ) -> Result<Publisher, BusError> {
+        wire::check_name(topic)?;
+        let inner = match &self.inner {
+            Inner::Zenoh(bus) => PublisherInner::Zenoh(bus.publisher(topic, ty.into(), qos)?),
+            Inner::Dds(bus) => PublisherInner::Dds(bus.publisher(topic, &ty.into(), qos)?),
+        };
+        Ok(Publisher { inner })
+    }
+
+    /// Subscribes to `topic` (absolute) until the subscription is dropped.
+    pub fn subscribe(
+        &self,
+        topic: &str,
+        ty: impl Into<TypeId>,
+        qos: Qos,
+        on_sample: OnSample,
+        on_lost: OnLost,
+    ) -> Result<Subscription, BusError> {
+        wire::check_name(topic)?;
+        let taker = subscription::Taker { on_sample, on_lost };
+        Ok(Subscription {
+            _inner: match &self.inner {
+                Inner::Zenoh(bus) => {
+                    SubscriptionInner::Zenoh(bus.subscribe(topic, ty.into(), qos, taker)?)
+                }
+                Inner::Dds(bus) => {
+                    SubscriptionInner::Dds(bus.subscribe(topic, &ty.into(), qos, taker)?)
+                }
+            },
+        })
+    }
+
+    /// Serves `name` (absolute) until the server is dropped; requests are answered one after the other on a thread
+    /// of the service's own.
+    pub fn serve(
+        &self,
+        name: &str,
+        ty: impl Into<ServiceId>,
+        handler: Handler,
+    ) -> Result<Server, BusError> {
+        wire::check_name(name)?;
+        Ok(Server {
+            _inner: match &self.inner {
+                Inner::Zenoh(bus) => ServerInner::Zenoh(bus.serve(name, ty.into(), handler)?),
+                Inner::Dds(bus) => ServerInner::Dds(bus.serve(name, &ty.into(), handler)?),
+            },
+        })
+    }
+
+    /// Announces a client of service `name` (absolute).
+    pub fn client(&self, name: &str, ty: impl Into<ServiceId>) -> Result<Client, BusError> {
+        wire::check_name(name)?;
+        Ok(Client {
+            inner: match &self.inner {
+                Inner::Zenoh(bus) => ClientInner::Zenoh(bus.client(name, ty.into())?),
+                Inner::Dds(bus) => ClientInner::Dds(bus.client(name, &ty.into())?),
+            },
+        })
+    }
+
+    /// Calls service `name` once; for several calls keep a [`Client`].
+    pub fn call(
+        &self,
+        name: &str,
+        ty: impl Into<ServiceId>,
+        request: &[u8],
+        timeout: Duration,
+    ) -> Result<Vec<u8>, BusError> {
+        self.client(name, ty)?.call(request, timeout)
+    }
+
+    /// What the nodes of this domain announce, this one included.
+    pub fn graph(&self) -> Graph {
+        match &self.inner {
+            Inner::Zenoh(bus) => bus.graph(),
+            Inner::Dds(bus) => bus.graph(),
+        }
+    }
+
+    /// Waits until at least `count` subscriptions want what `publisher` offers; false when `deadline` came first.
+    pub fn wait_for_subscribers(
+        &self,
+        publisher: &Publisher,
+        count: usize,
+        deadline: Instant,
+    ) -> bool {
+        match (&self.inner, &publisher.inner) {
+            (Inner::Zenoh(bus), PublisherInner::Zenoh(publisher)) => {
+                bus.wait_for_subscribers(publisher, count, deadline)
+            }
+            (Inner::Dds(bus), PublisherInner::Dds(publisher)) => {
+                bus.wait_for_subscribers(publisher, count, deadline)
+            }
+            _ => false,
+        }
+    }
+
+    /// Leaves the bus; what was published before is written out first, for at most `within`.
+    pub fn close(self, within: Duration) -> Result<(), BusError> {
+        match self.inner {
+            Inner::Zenoh(bus) => bus.close(within),
+            Inner::Dds(bus) => bus.close(within),
+        }
+    }
+}
+
+/// Publishes samples of one topic until it is dropped.
+pub struct Publisher {
+    inner: PublisherInner,
+}
+
+enum PublisherInner {
+    Zenoh(session::ZenohPublisher),
+    Dds(dds::DdsPublisher),
+}
+
+impl Publisher {
+    /// Publishes one message (CDR with header) that says what was so at `source_time_ns`, and returns its number.
+    pub fn publish(&self, cdr: &[u8], source_time_ns: i64) -> Result<u64, BusError> {
+        match &self.inner {
+            PublisherInner::Zenoh(publisher) => publisher.publish(cdr, source_time_ns),
+            PublisherInner::Dds(publisher) => publisher.publish(cdr, source_time_ns),
+        }
+    }
+
+    /// Global identifier that its samples carry.
+    pub fn gid(&self) -> Gid {
+        match &self.inner {
+            PublisherInner::Zenoh(publisher) => publisher.gid(),
+            PublisherInner::Dds(publisher) => publisher.gid(),
+        }
+    }
+}
+
+/// A subscription; dropping it ends it.
+pub struct Subscription {
+    _inner: SubscriptionInner,
+}
+
+#[expect(dead_code, reason = "held for their drop")]
+enum SubscriptionInner {
+    Zenoh(subscription::ZenohSubscription),
+    Dds(dds::DdsSubscription),
+}
+
+/// A served service; dropping it ends it.
+pub struct Server {
+    _inner: ServerInner,
+}
+
+#[expect(dead_code, reason = "held for their drop")]
+enum ServerInner {
+    Zenoh(services::ZenohServer),
+    Dds(dds::services::DdsServer),
+}
+
+/// A client of a service, announced until it is dropped.
+pub struct Client {
+    inner: ClientInner,
+}
+
+enum ClientInner {
+    Zenoh(services::ZenohClient),
+    Dds(dds::services::DdsClient),
+}
+
+impl Client {
+    /// Sends one request (CDR) and waits for its response (CDR).
+    ///
+    /// # Errors
+    /// [`BusError::NoServer`], [`BusError::Timeout`], [`BusError::Refused`] with the server's sentence.
+    pub fn call(&self, request: &[u8], timeout: Duration) -> Result<Vec<u8>, BusError> {
+        match &self.inner {
+            ClientInner::Zenoh(client) => client.call(request, timeout),
+            ClientInner::Dds(client) => client.call(request, timeout),
+        }
+    }
+}
+
+/// Wall time, ns since 1970.
+pub(crate) fn wall_ns() -> i64 {
+    std::time::SystemTime::now()
+        .duration_since(std::time::UNIX_EPOCH)
+        .map_or(0, |since| since.as_nanos() as i64)
+}

@@ -1,0 +1,508 @@
+//! Decides, per publisher, which sample comes next, which is missing, and when a missing one is given up.
+//!
+//! A pure state machine: no transport, no clock (`now` is an argument, a duration since any fixed origin). It works
+//! on the positions that an advanced publisher of Zenoh counts from 0 and answers queries for, extended here to
+//! 64 bits. Rules:
+//!
+//! - What a publisher had published when the subscription joined is past: it is neither delivered nor missing. The
+//!   join ends when every reachable cache has told its last position. A publisher met later owes everything it has.
+//! - A gap holds back what follows it while the publisher's cache is asked. Delivery is in order, once each.
+//! - The cache is asked with an open end. It always holds the newest sample, hence an answer without any sample is
+//!   no answer, and is asked again; an answer whose oldest sample lies behind the gap proves the gap lost.
+//! - After `patience` without an answer the gap is lost, so that a dead publisher blocks nobody.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+/// How often a gap inside an answered range is asked for again before it counts as lost.
+const ATTEMPTS: u32 = 3;
+
+/// What the transport must do.
+#[derive(Debug, PartialEq, Eq)]
+pub(crate) enum Action<K, S> {
+    /// Hand this sample to the subscriber.
+    Deliver(S),
+    /// Ask the cache of `source` for everything from `from` on, then report with [`Recovery::answered`].
+    Ask { source: K, from: u64 },
+    /// `count` samples from position `first` on will never come.
+    Lost { source: K, first: u64, count: u64 },
+}
+
+#[derive(Debug)]
+struct Source<S> {
+    /// Position of the next sample to deliver.
+    next: u64,
+    /// The sample at `next` was already published when this subscription joined: welcome, but not owed.
+    next_is_past: bool,
+    /// Samples behind a gap.
+    held: BTreeMap<u64, S>,
+    /// Newest position known to exist, plus one.
+    end: u64,
+    /// A query is under way.
+    asking: bool,
+    /// Oldest position that the query under way has returned.
+    oldest_reply: Option<u64>,
+    /// Answered queries that left this gap open.
+    attempts: u32,
+    /// Since when the gap is known.
+    gap_since: Option<Duration>,
+}
+
+/// State of one subscription over all its publishers.
+#[derive(Debug)]
+pub(crate) struct Recovery<K, S> {
+    sources: BTreeMap<K, Source<S>>,
+    joined: bool,
+    patience: Duration,
+}
+
+impl<K: Ord + Copy, S> Recovery<K, S> {
+    pub(crate) fn new(patience: Duration) -> Self {
+        Self {
+            sources: BTreeMap::new(),
+            joined: false,
+            patience,
+        }
+    }
+
+    /// A cache told, while joining, that `position` is its newest sample.
+    pub(crate) fn past(&mut self, source: K, position: u32) {
+        if !self.joined {
+            let position = u64::from(position);
+            self.sources
+                .entry(source)
+                .or_insert_with(|| Source::new(position, true));
+        }
+    }
+
+    /// Every reachable cache has told its newest sample.
+    pub(crate) fn joined(&mut self) {
+        self.joined = true;
+    }
+
+    /// A sample came, by itself or as part of an answer.
+    pub(crate) fn sample(
+        &mut self,
+        now: Duration,
+        source: K,
+        position: u32,
+        is_reply: bool,
+        sample: S,
+        actions: &mut Vec<Action<K, S>>,
+    ) {
+        let joined = self.joined;
+        let state = self
+            .sources
+            .entry(source)
+            .or_insert_with(|| Source::new(if joined { 0 } else { u64::from(position) }, false));
+        let position = state.extend(position);
+        state.end = state.end.max(position + 1);
+        if is_reply {
+            state.oldest_reply = Some(
+                state
+                    .oldest_reply
+                    .map_or(position, |oldest| oldest.min(position)),
+            );
+        }
+        state.skip_past(position);
+        if position < state.next {
+            return; // a duplicate
+        }
+        if position > state.next {
+            state.held.entry(position).or_insert(sample);
+        } else {
+            state.deliver(sample, actions);
+        }
+        state.ask_if_due(now, source, actions);
+    }
+
+    /// A publisher told that `position` is its newest sample.
+    pub(crate) fn heartbeat(
+        &mut self,
+        now: Duration,
+        source: K,
+        position: u32,
+        actions: &mut Vec<Action<K, S>>,
+    ) {
+        let joined = self.joined;
+        let state = self.sources.entry(source).or_insert_with(|| {
+            if joined {
+                Source::new(0, false)
+            } else {
+                Source::new(u64::from(position), true)
+            }
+        });
+        let position = state.extend(position);
+        state.skip_past(position);
+        if !(state.next_is_past && position == state.next) {
+            state.end = state.end.max(position + 1);
+        }
+        state.ask_if_due(now, source, actions);
+    }
+
+    /// The query asked for has ended, answered or not.
+    pub(crate) fn answered(&mut self, now: Duration, source: K, actions: &mut Vec<Action<K, S>>) {
+        let patience = self.patience;
+        let Some(state) = self.sources.get_mut(&source) else {
+            return;
+        };
+        state.asking = false;
+        if let Some(oldest) = state.oldest_reply.take() {
+            state.give_up_before(source, oldest, actions);
+            state.attempts += 1;
+            if state.attempts >= ATTEMPTS {
+                state.give_up_to_held(source, actions);
+            }
+            state.ask_if_due(now, source, actions);
+        } else {
+            state.expire(now, patience, source, actions);
+        }
+    }
+
+    /// Time passes: asks again, or gives up.
+    pub(crate) fn tick(&mut self, now: Duration, actions: &mut Vec<Action<K, S>>) {
+        for (&source, state) in &mut self.sources {
+            if state.has_gap() && !state.asking {
+                state.expire(now, self.patience, source, actions);
+                state.ask_if_due(now, source, actions);
+            }
+        }
+    }
+
+    /// Something is missing, so that [`Self::tick`] has work to do.
+    pub(crate) fn has_gap(&self) -> bool {
+        self.sources.values().any(Source::has_gap)
+    }
+}
+
+impl<S> Source<S> {
+    fn new(next: u64, next_is_past: bool) -> Self {
+        Self {
+            next,
+            next_is_past,
+            held: BTreeMap::new(),
+            end: next,
+            asking: false,
+            oldest_reply: None,
+            attempts: 0,
+            gap_since: None,
+        }
+    }
+
+    /// The 64-bit position nearest to `next` that has these low 32 bits.
+    fn extend(&self, position: u32) -> u64 {
+        let ahead = position.wrapping_sub(self.next as u32) as i32;
+        self.next.saturating_add_signed(i64::from(ahead))
+    }
+
+    /// A later sample exists: the one published before the join is not waited for.
+    fn skip_past(&mut self, position: u64) {
+        if self.next_is_past && position > self.next {
+            self.next += 1;
+            self.next_is_past = false;
+        }
+    }
+
+    fn has_gap(&self) -> bool {
+        self.end > self.next
+    }
+
+    fn deliver<K>(&mut self, sample: S, actions: &mut Vec<Action<K, S>>) {
+        actions.push(Action::Deliver(sample));
+        self.next += 1;
+        self.next_is_past = false;
+        self.flush(actions);
+    }
+
+    fn flush<K>(&mut self, actions: &mut Vec<Action<K, S>>) {
+        while let Some(sample) = self.held.remove(&self.next) {
+            actions.push(Action::Deliver(sample));
+            self.next += 1;
+        }
+        self.end = self.end.max(self.next);
+        if !self.has_gap() {
+            self.gap_since = None;
+            self.attempts = 0;
+        }
+    }
+
+    fn ask_if_due<K>(&mut self, now: Duration, source: K, actions: &mut Vec<Action<K, S>>) {
+        if self.has_gap() {
+            self.gap_since.get_or_insert(now);
+            if !self.asking {
+                self.asking = true;
+                actions.push(Action::Ask {
+                    source,
+                    from: self.next,
+                });
+            }
+        }
+    }
+
+    /// Everything before `position` that did not come is lost.
+    fn give_up_before<K>(&mut self, source: K, position: u64, actions: &mut Vec<Action<K, S>>)
+    where
+        K: Copy,
+    {
+        while self.next < position {
+            let reachable = self
+                .held
+                .first_key_value()
+                .map_or(position, |(&held, _)| held.min(position));
+            actions.push(Action::Lost {
+                source,
+                first: self.next,
+                count: reachable - self.next,
+            });
+            self.next = reachable;
+            self.next_is_past = false;
+            self.flush(actions);
+        }
+    }
+
+    /// Everything before the first held sample, or all that is known to exist, is lost.
+    fn give_up_to_held<K: Copy>(&mut self, source: K, actions: &mut Vec<Action<K, S>>) {
+        while self.has_gap() {
+            let position = self
+                .held
+                .first_key_value()
+                .map_or(self.end, |(&held, _)| held);
+            self.give_up_before(source, position, actions);
+        }
+    }
+
+    fn expire<K: Copy>(
+        &mut self,
+        now: Duration,
+        patience: Duration,
+        source: K,
+        actions: &mut Vec<Action<K, S>>,
+    ) {
+        if self
+            .gap_since
+            .is_some_and(|since| now.saturating_sub(since) >= patience)
+        {
+            self.give_up_to_held(source, actions);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PATIENCE: Duration = Duration::from_secs(10);
+
+    /// A subscription and what it did; a sample is its own position.
+    struct Bench {
+        recovery: Recovery<u8, u32>,
+        now: Duration,
+        actions: Vec<Action<u8, u32>>,
+    }
+
+    impl Bench {
+        fn joining() -> Self {
+            Self {
+                recovery: Recovery::new(PATIENCE),
+                now: Duration::ZERO,
+                actions: Vec::new(),
+            }
+        }
+
+        fn joined() -> Self {
+            let mut bench = Self::joining();
+            bench.recovery.joined();
+            bench
+        }
+
+        fn live(&mut self, positions: impl IntoIterator<Item = u32>) {
+            for position in positions {
+                self.recovery
+                    .sample(self.now, 0, position, false, position, &mut self.actions);
+            }
+        }
+
+        fn answer(&mut self, positions: impl IntoIterator<Item = u32>) {
+            for position in positions {
+                self.recovery
+                    .sample(self.now, 0, position, true, position, &mut self.actions);
+            }
+            self.recovery.answered(self.now, 0, &mut self.actions);
+        }
+
+        fn heartbeat(&mut self, position: u32) {
+            self.recovery
+                .heartbeat(self.now, 0, position, &mut self.actions);
+        }
+
+        fn tick(&mut self, seconds: u64) {
+            self.now += Duration::from_secs(seconds);
+            self.recovery.tick(self.now, &mut self.actions);
+        }
+
+        fn did(&mut self) -> Vec<Action<u8, u32>> {
+            std::mem::take(&mut self.actions)
+        }
+    }
+
+    fn delivered(positions: impl IntoIterator<Item = u32>) -> Vec<Action<u8, u32>> {
+        positions.into_iter().map(Action::Deliver).collect()
+    }
+
+    fn ask(from: u64) -> Action<u8, u32> {
+        Action::Ask { source: 0, from }
+    }
+
+    fn lost(first: u64, count: u64) -> Action<u8, u32> {
+        Action::Lost {
+            source: 0,
+            first,
+            count,
+        }
+    }
+
+    #[test]
+    fn samples_in_order_are_delivered_once() {
+        let mut bench = Bench::joined();
+        bench.live([0, 1, 1, 0, 2]);
+        assert_eq!(bench.did(), delivered([0, 1, 2]));
+        assert!(!bench.recovery.has_gap());
+    }
+
+    #[test]
+    fn a_gap_is_fetched_and_delivered_in_order() {
+        let mut bench = Bench::joined();
+        bench.live([0, 1, 5]);
+        assert_eq!(bench.did(), [delivered([0, 1]), vec![ask(2)]].concat_all());
+        bench.live([6]);
+        assert_eq!(bench.did(), vec![]);
+        bench.answer([2, 3, 4, 5, 6]);
+        assert_eq!(bench.did(), delivered([2, 3, 4, 5, 6]));
+        assert!(!bench.recovery.has_gap());
+    }
+
+    #[test]
+    fn a_cache_that_was_too_small_gives_the_number_of_the_first_lost() {
+        let mut bench = Bench::joined();
+        bench.live([0, 9]);
+        bench.did();
+        bench.answer([7, 8, 9]);
+        assert_eq!(
+            bench.did(),
+            [vec![lost(1, 6)], delivered([7, 8, 9])].concat_all()
+        );
+    }
+
+    #[test]
+    fn the_last_samples_are_fetched_by_heartbeat() {
+        let mut bench = Bench::joined();
+        bench.live([0]);
+        bench.did();
+        bench.heartbeat(3);
+        assert_eq!(bench.did(), vec![ask(1)]);
+        bench.answer([1, 2, 3]);
+        assert_eq!(bench.did(), delivered([1, 2, 3]));
+    }
+
+    #[test]
+    fn an_empty_answer_is_asked_again_and_given_up_in_the_end() {
+        let mut bench = Bench::joined();
+        bench.live([0, 3]);
+        bench.did();
+        bench.answer([]);
+        assert_eq!(bench.did(), vec![]);
+        bench.tick(1);
+        assert_eq!(bench.did(), vec![ask(1)]);
+        bench.answer([]);
+        bench.tick(9);
+        assert_eq!(bench.did(), [vec![lost(1, 2)], delivered([3])].concat_all());
+        assert!(!bench.recovery.has_gap());
+    }
+
+    #[test]
+    fn a_dead_publisher_loses_its_unseen_tail_by_number() {
+        let mut bench = Bench::joined();
+        bench.live([0]);
+        bench.heartbeat(4);
+        bench.did();
+        bench.answer([]);
+        bench.tick(10);
+        assert_eq!(bench.did(), vec![lost(1, 4)]);
+    }
+
+    #[test]
+    fn what_was_published_before_the_join_is_not_owed() {
+        let mut bench = Bench::joining();
+        bench.recovery.past(0, 41);
+        bench.recovery.joined();
+        bench.heartbeat(41);
+        assert_eq!(bench.did(), vec![]);
+        bench.live([42]);
+        assert_eq!(bench.did(), delivered([42]));
+    }
+
+    #[test]
+    fn a_sample_that_arrives_while_joining_is_kept_even_if_the_cache_told_it_first() {
+        let mut bench = Bench::joining();
+        bench.recovery.past(0, 41);
+        bench.live([41, 42]);
+        assert_eq!(bench.did(), delivered([41, 42]));
+    }
+
+    #[test]
+    fn after_the_join_a_gap_behind_the_past_is_owed() {
+        let mut bench = Bench::joining();
+        bench.recovery.past(0, 41);
+        bench.recovery.joined();
+        bench.live([44]);
+        assert_eq!(bench.did(), vec![ask(42)]);
+    }
+
+    #[test]
+    fn a_publisher_met_after_the_join_owes_everything() {
+        let mut bench = Bench::joined();
+        bench.heartbeat(2);
+        assert_eq!(bench.did(), vec![ask(0)]);
+        bench.answer([0, 1, 2]);
+        assert_eq!(bench.did(), delivered([0, 1, 2]));
+    }
+
+    #[test]
+    fn positions_wrap_after_32_bits() {
+        let mut bench = Bench::joining();
+        bench.live([u32::MAX - 1, u32::MAX, 0, 2]);
+        assert_eq!(
+            bench.did(),
+            [
+                delivered([u32::MAX - 1, u32::MAX, 0]),
+                vec![ask((1 << 32) + 1)]
+            ]
+            .concat_all()
+        );
+    }
+
+    #[test]
+    fn a_hole_in_the_answers_is_asked_three_times() {
+        let mut bench = Bench::joined();
+        bench.live([0, 4]);
+        bench.did();
+        bench.answer([1, 3, 4]);
+        assert_eq!(bench.did(), [delivered([1]), vec![ask(2)]].concat_all());
+        // The cache no longer answers with 2: what it has begins at 3.
+        bench.answer([3, 4]);
+        assert_eq!(
+            bench.did(),
+            [vec![lost(2, 1)], delivered([3, 4])].concat_all()
+        );
+    }
+
+    trait ConcatAll {
+        fn concat_all(self) -> Vec<Action<u8, u32>>;
+    }
+
+    impl<const N: usize> ConcatAll for [Vec<Action<u8, u32>>; N] {
+        fn concat_all(self) -> Vec<Action<u8, u32>> {
+            self.into_iter().flatten().collect()
+        }
+    }
+}

@@ -1,0 +1,165 @@
+//! Services in the format of rmw_zenoh: a complete queryable, a query to all complete ones, and an attachment that
+//! comes back with the response.
+
+use std::sync::atomic::{AtomicI64, Ordering};
+use std::sync::{Arc, mpsc};
+use std::time::{Duration, Instant};
+
+use zenoh::Wait;
+use zenoh::liveliness::LivelinessToken;
+use zenoh::query::{ConsolidationMode, Query, QueryTarget, Queryable};
+
+use super::qos::Qos;
+use super::session::{Announced, Core, ZenohBus};
+use super::types::{ServiceId, TypeId};
+use super::wire::{Attachment, EntityKind};
+use super::{BusError, Handler, wall_ns};
+
+pub(super) struct ZenohServer {
+    _queryable: Queryable<()>,
+    _token: LivelinessToken,
+}
+
+pub(super) struct ZenohClient {
+    core: Arc<Core>,
+    name: String,
+    ty: TypeId,
+    announced: Announced,
+    next: AtomicI64,
+}
+
+impl ZenohBus {
+    pub(super) fn serve(
+        &self,
+        name: &str,
+        ty: ServiceId,
+        mut handler: Handler,
+    ) -> Result<ZenohServer, BusError> {
+        let core = self.core();
+        let key = core.key(name, &ty.0);
+        let (sender, queries) = mpsc::channel::<Query>();
+        std::thread::Builder::new()
+            .name(format!("service {name}"))
+            .spawn(move || {
+                for query in queries {
+                    answer(&query, &mut handler);
+                }
+            })
+            .map_err(|reason| BusError::transport("start a service's thread", &reason))?;
+        let queryable = core
+            .session
+            .declare_queryable(key)
+            .complete(true)
+            .callback(move |query| {
+                // The thread ends only after this sender, unless the handler has panicked: then the query is
+                // dropped here, and the client told that nobody answers.
+                drop(sender.send(query));
+            })
+            .wait()
+            .map_err(|reason| BusError::transport("declare a service", &reason))?;
+        let announced = core.announce_channel(EntityKind::Server, name, ty.0, Qos::services())?;
+        Ok(ZenohServer {
+            _queryable: queryable,
+            _token: announced.token,
+        })
+    }
+
+    pub(super) fn client(&self, name: &str, ty: ServiceId) -> Result<ZenohClient, BusError> {
+        let core = Arc::clone(self.core());
+        let announced =
+            core.announce_channel(EntityKind::Client, name, ty.0.clone(), Qos::services())?;
+        Ok(ZenohClient {
+            core,
+            name: name.to_owned(),
+            ty: ty.0,
+            announced,
+            next: AtomicI64::new(1),
+        })
+    }
+}
+
+fn answer(query: &Query, handler: &mut Handler) {
+    let request = query.payload().map(|payload| payload.to_bytes());
+    let attachment = query
+        .attachment()
+        .and_then(|bytes| Attachment::from_bytes(&bytes.to_bytes()));
+    let (Some(request), Some(attachment)) = (request, attachment) else {
+        tracing::warn!(key = %query.key_expr(), "a request without payload or attachment is left out");
+        return;
+    };
+    let sent = match handler(&request) {
+        Ok(response) => query
+            .reply(query.key_expr().clone(), response)
+            .attachment(
+                Attachment {
+                    source_time_ns: wall_ns(),
+                    ..attachment
+                }
+                .to_bytes(),
+            )
+            .wait(),
+        Err(reason) => query.reply_err(reason).wait(),
+    };
+    if let Err(reason) = sent {
+        tracing::error!(%reason, key = %query.key_expr(), "a response could not be sent");
+    }
+}
+
+impl ZenohClient {
+    pub(super) fn call(&self, request: &[u8], timeout: Duration) -> Result<Vec<u8>, BusError> {
+        let deadline = Instant::now() + timeout;
+        let served =
+            self.core
+                .graph
+                .wait_for(EntityKind::Server, &self.name, &self.ty, 1, deadline);
+        if !served {
+            return Err(BusError::NoServer {
+                name: self.name.clone(),
+            });
+        }
+        let attachment = Attachment {
+            sequence: self.next.fetch_add(1, Ordering::Relaxed),
+            source_time_ns: wall_ns(),
+            gid: self.announced.gid,
+        };
+        let replies = self
+            .core
+            .session
+            .get(self.core.key(&self.name, &self.ty))
+            .target(QueryTarget::AllComplete)
+            .consolidation(ConsolidationMode::None)
+            .payload(request)
+            .attachment(attachment.to_bytes())
+            .timeout(deadline.saturating_duration_since(Instant::now()))
+            .wait()
+            .map_err(|reason| BusError::transport("send a request", &reason))?;
+        let mut refusal = None;
+        while let Ok(reply) = replies.recv() {
+            match reply.result() {
+                Ok(sample) => {
+                    let echo = sample
+                        .attachment()
+                        .and_then(|bytes| Attachment::from_bytes(&bytes.to_bytes()));
+                    if echo.is_some_and(|echo| {
+                        echo.sequence == attachment.sequence && echo.gid == attachment.gid
+                    }) {
+                        return Ok(sample.payload().to_bytes().into_owned());
+                    }
+                }
+                Err(error) => {
+                    let text = error.payload().to_bytes();
+                    refusal = Some(String::from_utf8_lossy(&text).into_owned());
+                }
+            }
+        }
+        let name = self.name.clone();
+        let seconds = timeout.as_secs_f64();
+        Err(match refusal {
+            // Zenoh itself answers so when time is up.
+            Some(reason) if reason == "Timeout" => BusError::Timeout { name, seconds },
+            Some(reason) => BusError::Refused { name, reason },
+            None if Instant::now() >= deadline => BusError::Timeout { name, seconds },
+            None => BusError::NoServer { name },
+        })
+    }
+}

@@ -1,0 +1,294 @@
+//! The Zenoh side of the bus: one session per node, its tokens, its publishers.
+
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::mpsc::{self, RecvTimeoutError, Sender};
+use std::sync::{Arc, Mutex, Weak};
+use std::time::{Duration, Instant};
+
+use zenoh::Wait;
+use zenoh::liveliness::LivelinessToken;
+use zenoh::pubsub::Subscriber;
+use zenoh::qos::{CongestionControl, Reliability};
+use zenoh::sample::SampleKind;
+use zenoh_ext::{AdvancedPublisher, AdvancedPublisherBuilderExt, CacheConfig, MissDetectionConfig};
+
+use super::BusError;
+use super::config::BusConfig;
+use super::graph::{Graph, LiveGraph, lock};
+use super::qos::Qos;
+use super::subscription::{Lane, Taker, ZenohSubscription};
+use super::types::TypeId;
+use super::wire::{Attachment, Channel, Entity, EntityKind, Gid, NodeName, TOKEN_SPACE, data_key};
+
+/// How often a publisher repeats its last number, so that a lost last sample is noticed; rmw_zenoh's value.
+const HEARTBEAT: Duration = Duration::from_millis(500);
+
+/// How often gaps are looked at.
+const TICK: Duration = Duration::from_millis(200);
+
+/// What publishers, subscriptions and services of one node share.
+pub(super) struct Core {
+    pub(super) session: zenoh::Session,
+    pub(super) graph: LiveGraph,
+    pub(super) patience: Duration,
+    node: NodeName,
+    domain_id: u32,
+    keep_all_depth: usize,
+    next_entity: AtomicU32,
+    ticker: Mutex<Option<Sender<Weak<Lane>>>>,
+}
+
+pub(super) struct ZenohBus {
+    core: Arc<Core>,
+    _node_token: LivelinessToken,
+    _tokens: Subscriber<()>,
+}
+
+impl ZenohBus {
+    pub(super) fn open(config: &BusConfig, node: NodeName) -> Result<Self, BusError> {
+        let settings = config.to_zenoh()?;
+        let session = zenoh::open(settings)
+            .wait()
+            .map_err(|reason| BusError::NoRouter {
+                endpoints: config.endpoints.join(", "),
+                seconds: config.connect_timeout.as_secs_f64(),
+                reason: reason.to_string(),
+            })?;
+        let graph = LiveGraph::default();
+        let tokens = session
+            .liveliness()
+            .declare_subscriber(format!("{TOKEN_SPACE}/{}/**", config.domain_id))
+            .history(true)
+            .callback({
+                let graph = graph.clone();
+                move |sample| match sample.kind() {
+                    SampleKind::Put => graph.add(sample.key_expr().as_str()),
+                    SampleKind::Delete => graph.remove(sample.key_expr().as_str()),
+                }
+            })
+            .wait()
+            .map_err(|reason| BusError::transport("watch the graph", &reason))?;
+        let core = Core {
+            session,
+            graph,
+            patience: config.recovery_patience,
+            node,
+            domain_id: config.domain_id,
+            keep_all_depth: config.keep_all_depth,
+            next_entity: AtomicU32::new(1),
+            ticker: Mutex::new(None),
+        };
+        let node_token = core.announce(&core.entity(EntityKind::Node, 0, None))?;
+        Ok(Self {
+            core: Arc::new(core),
+            _node_token: node_token.token,
+            _tokens: tokens,
+        })
+    }
+
+    pub(super) fn core(&self) -> &Arc<Core> {
+        &self.core
+    }
+
+    pub(super) fn publisher(
+        &self,
+        topic: &str,
+        ty: TypeId,
+        qos: Qos,
+    ) -> Result<ZenohPublisher, BusError> {
+        let core = &self.core;
+        let key = data_key(core.domain_id, topic, &ty);
+        let failed = |reason| BusError::transport("declare a publisher", &reason);
+        let congestion = if qos.is_reliable() && qos.keeps_all() {
+            CongestionControl::Block
+        } else {
+            CongestionControl::Drop
+        };
+        let reliability = if qos.is_reliable() {
+            Reliability::Reliable
+        } else {
+            Reliability::BestEffort
+        };
+        let mut builder = core
+            .session
+            .declare_publisher(key)
+            .congestion_control(congestion)
+            .reliability(reliability)
+            .advanced();
+        if qos.is_reliable() || qos.is_latched() {
+            let depth = qos.depth(core.keep_all_depth);
+            builder = builder.cache(CacheConfig::default().max_samples(depth));
+        }
+        if qos.is_reliable() {
+            builder =
+                builder.sample_miss_detection(MissDetectionConfig::default().heartbeat(HEARTBEAT));
+        }
+        if qos.is_latched() {
+            builder = builder.publisher_detection();
+        }
+        let publisher = builder.wait().map_err(failed)?;
+        let announced = core.announce_channel(EntityKind::Publisher, topic, ty.clone(), qos)?;
+        Ok(ZenohPublisher {
+            topic: topic.to_owned(),
+            ty,
+            gid: announced.gid,
+            stream: Mutex::new((1, publisher)),
+            _token: announced.token,
+        })
+    }
+
+    pub(super) fn subscribe(
+        &self,
+        topic: &str,
+        ty: TypeId,
+        qos: Qos,
+        taker: Taker,
+    ) -> Result<ZenohSubscription, BusError> {
+        ZenohSubscription::declare(&self.core, topic, ty, qos, taker)
+    }
+
+    pub(super) fn graph(&self) -> Graph {
+        self.core.graph.snapshot()
+    }
+
+    pub(super) fn wait_for_subscribers(
+        &self,
+        publisher: &ZenohPublisher,
+        count: usize,
+        deadline: Instant,
+    ) -> bool {
+        self.core.graph.wait_for(
+            EntityKind::Subscription,
+            &publisher.topic,
+            &publisher.ty,
+            count,
+            deadline,
+        )
+    }
+
+    pub(super) fn close(self, within: Duration) -> Result<(), BusError> {
+        self.core
+            .session
+            .close()
+            .timeout(within)
+            .wait()
+            .map_err(|reason| BusError::transport("close the session", &reason))
+    }
+}
+
+/// An entity that the graph shows for as long as this is held.
+pub(super) struct Announced {
+    pub(super) gid: Gid,
+    pub(super) token: LivelinessToken,
+}
+
+impl Core {
+    pub(super) fn key(&self, name: &str, ty: &TypeId) -> String {
+        data_key(self.domain_id, name, ty)
+    }
+
+    fn entity(&self, kind: EntityKind, number: u32, channel: Option<Channel>) -> Entity {
+        Entity {
+            domain_id: self.domain_id,
+            session: self.session.zid().to_string(),
+            node_number: 0,
+            entity_number: number,
+            kind,
+            node: self.node.clone(),
+            channel,
+        }
+    }
+
+    pub(super) fn announce_channel(
+        &self,
+        kind: EntityKind,
+        name: &str,
+        ty: TypeId,
+        qos: Qos,
+    ) -> Result<Announced, BusError> {
+        let number = self.next_entity.fetch_add(1, Ordering::Relaxed);
+        let channel = Channel {
+            name: name.to_owned(),
+            ty,
+            qos,
+        };
+        self.announce(&self.entity(kind, number, Some(channel)))
+    }
+
+    fn announce(&self, entity: &Entity) -> Result<Announced, BusError> {
+        let key = entity.token();
+        let token = self
+            .session
+            .liveliness()
+            .declare_token(key)
+            .wait()
+            .map_err(|reason| BusError::transport("announce an entity", &reason))?;
+        Ok(Announced {
+            gid: entity.gid(),
+            token,
+        })
+    }
+
+    /// Has the gaps of `lane` looked at from time to time.
+    pub(super) fn watch(&self, lane: &Arc<Lane>) -> Result<(), BusError> {
+        let mut ticker = lock(&self.ticker);
+        if ticker.is_none() {
+            let (sender, lanes) = mpsc::channel::<Weak<Lane>>();
+            std::thread::Builder::new()
+                .name("bus recovery".to_owned())
+                .spawn(move || {
+                    let mut watched = Vec::new();
+                    loop {
+                        match lanes.recv_timeout(TICK) {
+                            Ok(lane) => watched.push(lane),
+                            Err(RecvTimeoutError::Timeout) => {
+                                watched.retain(|lane| lane.upgrade().inspect(Lane::tick).is_some());
+                            }
+                            Err(RecvTimeoutError::Disconnected) => break,
+                        }
+                    }
+                })
+                .map_err(|reason| BusError::transport("start the recovery thread", &reason))?;
+            *ticker = Some(sender);
+        }
+        if let Some(sender) = &*ticker {
+            sender
+                .send(Arc::downgrade(lane))
+                .map_err(|reason| BusError::transport("watch a subscription", &reason))?;
+        }
+        Ok(())
+    }
+}
+
+pub(super) struct ZenohPublisher {
+    topic: String,
+    ty: TypeId,
+    gid: Gid,
+    /// Next sequence number; one lock for both, so that numbers and positions of the cache rise together.
+    stream: Mutex<(u64, AdvancedPublisher<'static>)>,
+    _token: LivelinessToken,
+}
+
+impl ZenohPublisher {
+    pub(super) fn publish(&self, cdr: &[u8], source_time_ns: i64) -> Result<u64, BusError> {
+        let mut stream = lock(&self.stream);
+        let sequence = stream.0;
+        let attachment = Attachment {
+            sequence: sequence as i64,
+            source_time_ns,
+            gid: self.gid,
+        };
+        stream
+            .1
+            .put(cdr)
+            .attachment(attachment.to_bytes())
+            .wait()
+            .map_err(|reason| BusError::transport("publish", &reason))?;
+        stream.0 += 1;
+        Ok(sequence)
+    }
+
+    pub(super) fn gid(&self) -> Gid {
+        self.gid
+    }
+}

@@ -1,0 +1,344 @@
+//! The Zenoh side of a subscription: what arrives is put in order, completed where it can be, and handed over.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, Weak};
+use std::time::{Duration, Instant};
+
+use zenoh::Wait;
+use zenoh::liveliness::LivelinessToken;
+use zenoh::pubsub::Subscriber;
+use zenoh::query::{ConsolidationMode, Reply, ReplyKeyExpr};
+use zenoh::sample::Sample;
+use zenoh::session::ZenohId;
+use zenoh_ext::{
+    AdvancedSubscriber, AdvancedSubscriberBuilderExt, HistoryConfig, RecoveryConfig, z_deserialize,
+};
+
+use super::gaps::{Gaps, Place};
+use super::graph::lock;
+use super::qos::Qos;
+use super::recovery::{Action, Recovery};
+use super::session::Core;
+use super::types::TypeId;
+use super::wire::{Attachment, EntityKind, Gid};
+use super::{BusError, Lost, OnLost, OnSample, Received, wall_ns};
+
+/// How long a cache may take to tell its last sample to a subscription that joins.
+const JOIN_TIMEOUT: Duration = Duration::from_secs(2);
+
+/// How long an answer of a cache may take.
+const QUERY_TIMEOUT: Duration = Duration::from_secs(5);
+
+/// Who takes the samples and the reports of loss.
+pub(super) struct Taker {
+    pub(super) on_sample: OnSample,
+    pub(super) on_lost: OnLost,
+}
+
+/// An advanced publisher: its session and its number there.
+type Source = (ZenohId, u32);
+
+/// One subscription, shared with the transport's callbacks.
+pub(super) struct Lane {
+    core: Weak<Core>,
+    key: String,
+    origin: Instant,
+    taker: Taker,
+    state: Mutex<State>,
+}
+
+struct State {
+    /// None where nothing can be fetched, or where `zenoh-ext` fetches.
+    recovery: Option<Recovery<Source, Sample>>,
+    /// Identifier of each source, and what to add to a position for the number on the wire.
+    known: BTreeMap<Source, (Gid, i64)>,
+    gaps: Gaps,
+    /// Kept between samples for its memory.
+    actions: Vec<Action<Source, Sample>>,
+}
+
+#[expect(dead_code, reason = "held for their drop")]
+enum Declared {
+    Plain(Subscriber<()>),
+    Latched(AdvancedSubscriber<()>),
+    Recovering {
+        samples: Subscriber<()>,
+        heartbeats: Subscriber<()>,
+    },
+}
+
+pub(super) struct ZenohSubscription {
+    _declared: Declared,
+    _token: LivelinessToken,
+    _lane: Arc<Lane>,
+}
+
+impl ZenohSubscription {
+    pub(super) fn declare(
+        core: &Arc<Core>,
+        topic: &str,
+        ty: TypeId,
+        qos: Qos,
+        taker: Taker,
+    ) -> Result<Self, BusError> {
+        let recovers = qos.is_reliable() && !qos.is_latched();
+        let lane = Arc::new(Lane {
+            core: Arc::downgrade(core),
+            key: core.key(topic, &ty),
+            origin: Instant::now(),
+            taker,
+            state: Mutex::new(State {
+                recovery: recovers.then(|| Recovery::new(core.patience)),
+                known: BTreeMap::new(),
+                gaps: Gaps::default(),
+                actions: Vec::new(),
+            }),
+        });
+        let failed = |reason| BusError::transport("declare a subscription", &reason);
+        let declared = if qos.is_latched() {
+            Declared::Latched(lane.declare_latched(core, qos).map_err(failed)?)
+        } else if recovers {
+            core.watch(&lane)?;
+            lane.declare_recovering(core).map_err(failed)?
+        } else {
+            Declared::Plain(lane.declare_samples(core).map_err(failed)?)
+        };
+        let announced = core.announce_channel(EntityKind::Subscription, topic, ty, qos)?;
+        Ok(Self {
+            _declared: declared,
+            _token: announced.token,
+            _lane: lane,
+        })
+    }
+}
+
+impl Lane {
+    fn declare_samples(self: &Arc<Self>, core: &Core) -> zenoh::Result<Subscriber<()>> {
+        let lane = Arc::clone(self);
+        core.session
+            .declare_subscriber(self.key.clone())
+            .callback(move |sample| lane.take(sample, false))
+            .wait()
+    }
+
+    fn declare_latched(
+        self: &Arc<Self>,
+        core: &Core,
+        qos: Qos,
+    ) -> zenoh::Result<AdvancedSubscriber<()>> {
+        let lane = Arc::clone(self);
+        let history = HistoryConfig::default()
+            .detect_late_publishers()
+            .max_samples(qos.depth(usize::MAX));
+        let mut builder = core
+            .session
+            .declare_subscriber(self.key.clone())
+            .callback(move |sample| lane.take(sample, false))
+            .history(history)
+            .subscriber_detection();
+        if qos.is_reliable() {
+            builder = builder.recovery(RecoveryConfig::default().heartbeat());
+        }
+        builder.wait()
+    }
+
+    fn declare_recovering(self: &Arc<Self>, core: &Core) -> zenoh::Result<Declared> {
+        let samples = self.declare_samples(core)?;
+        let heartbeats = core
+            .session
+            .declare_subscriber(format!("{}/@adv/pub/**", self.key))
+            .callback({
+                let lane = Arc::clone(self);
+                move |sample| lane.heartbeat(&sample)
+            })
+            .wait()?;
+        let end = Ended(Arc::clone(self), None);
+        core.session
+            .get(format!("{}/@adv/pub/**?_max=1", self.key))
+            .consolidation(ConsolidationMode::None)
+            .accept_replies(ReplyKeyExpr::Any)
+            .timeout(JOIN_TIMEOUT)
+            .callback(move |reply| end.0.past(&reply))
+            .wait()?;
+        Ok(Declared::Recovering {
+            samples,
+            heartbeats,
+        })
+    }
+
+    /// A cache told its newest sample from before we joined.
+    fn past(&self, reply: &Reply) {
+        if let Some((source, position)) = reply.result().ok().and_then(source_of)
+            && let Some(recovery) = &mut lock(&self.state).recovery
+        {
+            recovery.past(source, position);
+        }
+    }
+
+    /// A sample arrived, by itself or in an answer.
+    fn take(self: &Arc<Self>, sample: Sample, is_reply: bool) {
+        let Some(attachment) = attachment_of(&sample) else {
+            tracing::warn!(key = %sample.key_expr(), "a sample without the attachment of rmw_zenoh is left out");
+            return;
+        };
+        let source = source_of(&sample);
+        self.step(|state, now, actions| {
+            if let (Some(recovery), Some((source, position))) = (&mut state.recovery, source) {
+                state
+                    .known
+                    .entry(source)
+                    .or_insert_with(|| (attachment.gid, attachment.sequence - i64::from(position)));
+                recovery.sample(now, source, position, is_reply, sample, actions);
+                return;
+            }
+            match state
+                .gaps
+                .place(attachment.gid, attachment.sequence.max(0) as u64)
+            {
+                Place::Duplicate => return,
+                Place::InOrder => {}
+                Place::AfterGap { first, count } => (self.taker.on_lost)(Lost {
+                    publisher: attachment.gid,
+                    first,
+                    count,
+                }),
+            }
+            self.deliver(&sample);
+        });
+    }
+
+    /// A publisher told the position of its newest sample.
+    fn heartbeat(self: &Arc<Self>, sample: &Sample) {
+        let source = sample
+            .key_expr()
+            .as_str()
+            .rsplit_once("/@adv/pub/")
+            .and_then(|(_, rest)| {
+                let mut parts = rest.split('/');
+                Some((parts.next()?.parse().ok()?, parts.next()?.parse().ok()?))
+            });
+        let position = z_deserialize::<u32>(sample.payload());
+        if let (Some(source), Ok(position)) = (source, position) {
+            self.step(|state, now, actions| {
+                if let Some(recovery) = &mut state.recovery {
+                    recovery.heartbeat(now, source, position, actions);
+                }
+            });
+        }
+    }
+
+    pub(super) fn tick(self: &Arc<Self>) {
+        self.step(|state, now, actions| {
+            if let Some(recovery) = &mut state.recovery
+                && recovery.has_gap()
+            {
+                recovery.tick(now, actions);
+            }
+        });
+    }
+
+    /// Changes the state and does what follows: hands over under the lock, for the order; asks outside of it, since
+    /// a cache of this very session answers within the call.
+    fn step(
+        self: &Arc<Self>,
+        change: impl FnOnce(&mut State, Duration, &mut Vec<Action<Source, Sample>>),
+    ) {
+        let mut asks = Vec::new();
+        {
+            let mut state = lock(&self.state);
+            let mut actions = std::mem::take(&mut state.actions);
+            change(&mut state, self.origin.elapsed(), &mut actions);
+            for action in actions.drain(..) {
+                match action {
+                    Action::Deliver(sample) => self.deliver(&sample),
+                    Action::Ask { source, from } => asks.push((source, from)),
+                    Action::Lost {
+                        source,
+                        first,
+                        count,
+                    } => self.report(&state, source, first, count),
+                }
+            }
+            state.actions = actions;
+        }
+        for (source, from) in asks {
+            self.ask(source, from);
+        }
+    }
+
+    fn report(&self, state: &State, source: Source, first: u64, count: u64) {
+        // A source that was never heard has told no identifier; rmw counts from 1.
+        let (publisher, offset) = state.known.get(&source).copied().unwrap_or(([0; 16], 1));
+        (self.taker.on_lost)(Lost {
+            publisher,
+            first: first.saturating_add_signed(offset),
+            count,
+        });
+    }
+
+    fn ask(self: &Arc<Self>, source: Source, from: u64) {
+        let Some(core) = self.core.upgrade() else {
+            return;
+        };
+        let end = Ended(Arc::clone(self), Some(source));
+        let selector = format!(
+            "{}/@adv/pub/{}/{}/**?_sn={}..",
+            self.key, source.0, source.1, from as u32
+        );
+        let asked = core
+            .session
+            .get(selector)
+            .consolidation(ConsolidationMode::None)
+            .accept_replies(ReplyKeyExpr::Any)
+            .timeout(QUERY_TIMEOUT)
+            .callback(move |reply| {
+                if let Ok(sample) = reply.into_result() {
+                    end.0.take(sample, true);
+                }
+            })
+            .wait();
+        if let Err(reason) = asked {
+            tracing::warn!(%reason, "cannot ask for lost samples");
+        }
+    }
+
+    fn deliver(&self, sample: &Sample) {
+        let Some(attachment) = attachment_of(sample) else {
+            return;
+        };
+        (self.taker.on_sample)(Received {
+            payload: sample.payload().to_bytes(),
+            sequence: attachment.sequence.max(0) as u64,
+            source_time_ns: attachment.source_time_ns,
+            received_ns: wall_ns(),
+            publisher: attachment.gid,
+        });
+    }
+}
+
+/// Dropped with a query's callback, which is when the query has ended: the join without a source, else an answer.
+struct Ended(Arc<Lane>, Option<Source>);
+
+impl Drop for Ended {
+    fn drop(&mut self) {
+        let source = self.1;
+        self.0.step(|state, now, actions| {
+            if let Some(recovery) = &mut state.recovery {
+                match source {
+                    None => recovery.joined(),
+                    Some(source) => recovery.answered(now, source, actions),
+                }
+            }
+        });
+    }
+}
+
+fn source_of(sample: &Sample) -> Option<(Source, u32)> {
+    let info = sample.source_info()?;
+    let id = info.source_id();
+    Some(((id.zid(), id.eid()), info.source_sn()))
+}
+
+fn attachment_of(sample: &Sample) -> Option<Attachment> {
+    Attachment::from_bytes(&sample.attachment()?.to_bytes())
+}
