@@ -1,1 +1,16 @@
-//! (in work)
+//! Decides what follows from the measured sizes: verdicts, corrections, and whether the part goes on.
+//!
+//! | hears | says |
+//! |---|---|
+//! | `feature_results`, `operation_requests` | `verdicts`, `pass_decisions` |
+//! | `tool_offsets`, `approvals` | `corrections`, `approval_replies` |
+//!
+//! The decision table is that of the turn-mill system (source systems A.4). Characteristics cut by one tool share its wear
+//! offset: the correction is made for their mean error, and bounded so that no characteristic is cut below size. A
+//! correction is proposed; it is approved by the cell file's policy or by an operator, never by itself.
+
+mod config;
+mod step;
+
+pub use config::{Characteristic, Config, ConfigError, RawConfig};
+pub use step::{CompensationNode, Input, Output, State};

@@ -1,1 +1,17 @@
-//! (in work)
+//! Decides what the machine does next to make one part: for each pass cut, measure, decide, correct, cut again or go on.
+//!
+//! | hears | says |
+//! |---|---|
+//! | `run_requests` | `run_replies`, `part_reports` |
+//! | `operation_reports`, `pass_decisions`, `correction_acknowledgements` | `operation_requests` |
+//! | every node's `faults` | |
+//!
+//! It is the part program O0399 of the turn-mill system (source systems A.4): rough, measure, decide; finish, measure,
+//! decide. It computes nothing about sizes. A fault of severity ERROR, a refused correction or an operation that fails
+//! ends the part as STOPPED.
+
+mod config;
+mod step;
+
+pub use config::{Config, ConfigError, Pass, RawConfig};
+pub use step::{CycleNode, Input, Output, Run, Stage, State};

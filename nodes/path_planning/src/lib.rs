@@ -1,1 +1,20 @@
-//! (in work)
+//! Decides where the part is touched, and in which order.
+//!
+//! | hears | says |
+//! |---|---|
+//! | `plan_requests` | `plan_replies` |
+//! | `operation_requests` (measurements) | `inspection_plan`, `measurement_order` |
+//! | | `path_planning/faults`: `plan_impossible` |
+//!
+//! The part comes from the cell file ([`part`]): nominal features, where to touch them, which operation cut them. For a
+//! measurement of a pass the nominal sizes are the drawing's plus the allowance that the pass leaves. The order is the
+//! shortest open path over the moves between touches ([`route`]), never longer than the order in which the cell file
+//! lists the points.
+
+mod config;
+pub mod part;
+pub mod route;
+mod step;
+
+pub use config::{Config, ConfigError, RawConfig};
+pub use step::{Input, Output, PathPlanningNode, State};

@@ -1,1 +1,21 @@
-//! (in work)
+//! A turn-mill, its probe and its part behind the driver's topics: the source that needs no machine.
+//!
+//! | hears | says |
+//! |---|---|
+//! | `controller_commands` | `controller_status`, `controller_replies` |
+//! | `inspection_plan`, `measurement_order` | `probe_triggers`, `reference` |
+//!
+//! What it knows and the cell does not: the true stylus, the true sizes, how a tool really cuts (source systems A.3, A.4
+//! and A.6). Contact is found by solving for the point of the move at which the true ball touches the true surface,
+//! along the real kinematic chain. All randomness comes from a seed; time is what `step` is given.
+
+mod config;
+mod motion;
+mod plant;
+mod probe;
+mod state;
+mod step;
+
+pub use config::{Config, ConfigError, Injected, RawConfig};
+pub use state::State;
+pub use step::{Input, Output, SimulatorNode};

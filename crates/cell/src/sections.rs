@@ -1,0 +1,106 @@
+//! The sections of the cell file that belong to no node.
+
+use std::path::PathBuf;
+
+use serde::Deserialize;
+
+/// Section `[cell]`.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CellSection {
+    /// Namespace of the cell's topics.
+    pub name: String,
+    /// URDF file, beside the cell file.
+    pub robot_description: PathBuf,
+    /// Name of the part that `up --once` makes.
+    #[serde(default = "default_part")]
+    pub part: String,
+}
+
+fn default_part() -> String {
+    "part".to_owned()
+}
+
+/// Section `[bus]`.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct BusSection {
+    /// Zenoh in the format of rmw_zenoh, or DDS.
+    pub transport: TransportName,
+    /// ROS domain.
+    pub domain_id: u32,
+    /// The router that every process connects to; `up` carries it unless one answers there already.
+    pub router_endpoint: String,
+    /// Routers of other machines that the router of `up` joins.
+    pub join: Vec<String>,
+    /// Where processes accept direct connections.
+    pub listen: Vec<String>,
+    /// Settings of Zenoh for every session (TLS, user and password), laid over ours.
+    pub zenoh: Option<toml::Table>,
+    /// Settings of Zenoh for the router (TLS, access control), laid over ours.
+    pub router_zenoh: Option<toml::Table>,
+}
+
+impl Default for BusSection {
+    fn default() -> Self {
+        Self {
+            transport: TransportName::Zenoh,
+            domain_id: 0,
+            router_endpoint: "tcp/127.0.0.1:7447".to_owned(),
+            join: Vec::new(),
+            listen: vec!["tcp/127.0.0.1:0".to_owned()],
+            zenoh: None,
+            router_zenoh: None,
+        }
+    }
+}
+
+/// The transports.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum TransportName {
+    /// Zenoh in the format of rmw_zenoh.
+    Zenoh,
+    /// DDS.
+    Dds,
+}
+
+/// Section `[recorder]`.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RecorderSection {
+    /// Folder that recordings are made in, from where the command is given.
+    pub folder: PathBuf,
+    /// What a power cut may cost.
+    pub flush_interval_s: f64,
+    /// A new file is begun at this size.
+    pub split_size_mib: Option<u64>,
+    /// A new file is begun after this time.
+    pub split_duration_s: Option<f64>,
+}
+
+impl Default for RecorderSection {
+    fn default() -> Self {
+        Self { folder: "recordings".into(), flush_interval_s: 1.0, split_size_mib: None, split_duration_s: None }
+    }
+}
+
+/// Section `[driver]`.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DriverSection {
+    /// What stands behind the driver's topics.
+    pub source: Source,
+}
+
+/// What can stand behind the driver's topics.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Source {
+    /// The simulated turn-mill.
+    Simulator,
+    /// LinuxCNC over its remote shell.
+    Linuxcnc,
+    /// Nothing is started: a bag is played onto the driver's topics, and nothing can be told to a machine.
+    Bag,
+}

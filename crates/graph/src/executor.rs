@@ -1,0 +1,256 @@
+//! The graph on virtual time: nodes in one thread, no bus, no clock.
+//!
+//! Events happen in a total order: their instant, then the order in which they were caused. A publication reaches each
+//! subscriber at the instant it is made, subscribers in the order the nodes were given. The run is therefore a function
+//! of the configurations and of what is injected, and two runs are equal byte for byte.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use probecell_msgs::to_cdr;
+
+use crate::{
+    Emitted, Instance, START, Stamp, Topic,
+    journal::{Journal, Step, TIMER_PORT},
+    topics,
+};
+
+/// One publication on a topic of the graph.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Published {
+    /// Topic name below the cell's namespace.
+    pub topic: String,
+    /// Number of the publication on its topic, from 1.
+    pub sequence: u64,
+    /// When it was published.
+    pub at: Stamp,
+    /// CDR payload.
+    pub payload: Vec<u8>,
+}
+
+/// A graph that cannot be wired.
+#[derive(Debug, thiserror::Error)]
+pub enum WiringError {
+    /// Two nodes publish one topic.
+    #[error("topic {topic} has two producers: {first} and {second}")]
+    TwoProducers {
+        /// The topic.
+        topic: &'static str,
+        /// The node that had it.
+        first: &'static str,
+        /// The node that wants it too.
+        second: &'static str,
+    },
+    /// A node hears a topic as another type than its producer's.
+    #[error("{node} hears {topic} as {heard}, but it is {spoken}")]
+    TypeMismatch {
+        /// The topic.
+        topic: &'static str,
+        /// The node that hears it.
+        node: &'static str,
+        /// The type it hears.
+        heard: &'static str,
+        /// The type that is spoken.
+        spoken: &'static str,
+    },
+}
+
+/// Who hears what, found from the nodes' ports.
+#[derive(Debug, Default)]
+pub struct Wiring {
+    /// Topic name to (node index, input port), in the order of the nodes.
+    subscribers: BTreeMap<&'static str, Vec<(usize, usize)>>,
+    /// Topic name to the node that publishes it.
+    producers: BTreeMap<&'static str, usize>,
+}
+
+impl Wiring {
+    /// Joins the nodes' ports by topic name.
+    pub fn of(nodes: &[Box<dyn Instance>]) -> Result<Self, WiringError> {
+        let mut wiring = Self::default();
+        let mut types: BTreeMap<&str, &str> = BTreeMap::new();
+        for (index, node) in nodes.iter().enumerate() {
+            for topic in node.outputs() {
+                if let Some(first) = wiring.producers.insert(topic.name, index) {
+                    let first = nodes[first].name();
+                    return Err(WiringError::TwoProducers { topic: topic.name, first, second: node.name() });
+                }
+                types.insert(topic.name, topic.message.name);
+            }
+        }
+        for (index, node) in nodes.iter().enumerate() {
+            for (port, topic) in node.inputs().iter().enumerate() {
+                let spoken = *types.entry(topic.name).or_insert(topic.message.name);
+                if spoken != topic.message.name {
+                    let (topic, heard) = (topic.name, topic.message.name);
+                    return Err(WiringError::TypeMismatch { topic, node: node.name(), heard, spoken });
+                }
+                wiring.subscribers.entry(topic.name).or_default().push((index, port));
+            }
+        }
+        Ok(wiring)
+    }
+
+    /// Node that publishes the topic, if one of the graph does.
+    pub fn producer(&self, topic: &str) -> Option<usize> {
+        self.producers.get(topic).copied()
+    }
+
+    /// (node index, input port) of everyone who hears the topic.
+    pub fn subscribers(&self, topic: &str) -> &[(usize, usize)] {
+        self.subscribers.get(topic).map_or(&[], Vec::as_slice)
+    }
+}
+
+enum Event {
+    Timer { node: usize, id: u32 },
+    External { topic: String, payload: Vec<u8> },
+}
+
+/// Runs a graph of nodes on virtual time.
+pub struct Executor {
+    nodes: Vec<Box<dyn Instance>>,
+    wiring: Wiring,
+    journals: Vec<Journal>,
+    queue: BTreeMap<(Stamp, u64), Event>,
+    caused: u64,
+    counts: BTreeMap<String, u64>,
+    now: Stamp,
+    log: Vec<Published>,
+}
+
+impl Executor {
+    /// A graph whose nodes all start at `start`.
+    pub fn new(nodes: Vec<Box<dyn Instance>>, start: Stamp) -> Result<Self, WiringError> {
+        let wiring = Wiring::of(&nodes)?;
+        let journals = nodes.iter().map(|node| Journal::new(node.name(), 0)).collect();
+        let mut executor = Self {
+            nodes,
+            wiring,
+            journals,
+            queue: BTreeMap::new(),
+            caused: 0,
+            counts: BTreeMap::new(),
+            now: start,
+            log: Vec::new(),
+        };
+        for node in 0..executor.nodes.len() {
+            executor.schedule(start, Event::Timer { node, id: START });
+        }
+        Ok(executor)
+    }
+
+    /// The instant of the last event.
+    pub fn now(&self) -> Stamp {
+        self.now
+    }
+
+    /// The nodes, in the order given.
+    pub fn nodes(&self) -> &[Box<dyn Instance>] {
+        &self.nodes
+    }
+
+    /// Replaces the state of node `name` by a snapshot.
+    pub fn restore(&mut self, name: &str, snapshot: serde_json::Value) -> Result<(), crate::RestoreError> {
+        for node in &mut self.nodes {
+            if node.name() == name {
+                return node.restore(snapshot);
+            }
+        }
+        Ok(())
+    }
+
+    /// Publishes a message from outside the graph at `at` (never before [`Executor::now`]).
+    pub fn inject(&mut self, at: Stamp, topic: impl Into<String>, payload: Vec<u8>) {
+        self.schedule(at.max(self.now), Event::External { topic: topic.into(), payload });
+    }
+
+    /// Runs events in order until one later than `until`, or until nothing is left. True when events are left.
+    pub fn run_until(&mut self, until: Stamp) -> bool {
+        while let Some((&(at, order), _)) = self.queue.first_key_value() {
+            if at > until {
+                return true;
+            }
+            self.run_event((at, order));
+        }
+        false
+    }
+
+    /// Runs until a message appears on `topic`, the queue is empty or `until` has passed. True when it appeared.
+    pub fn run_until_published(&mut self, topic: &str, until: Stamp) -> bool {
+        let before = self.counts.get(topic).copied().unwrap_or(0);
+        while let Some((&(at, order), _)) = self.queue.first_key_value() {
+            if at > until {
+                return false;
+            }
+            self.run_event((at, order));
+            if self.counts.get(topic).copied().unwrap_or(0) > before {
+                return true;
+            }
+        }
+        false
+    }
+
+    /// Takes all publications so far, journals included, in the order made.
+    pub fn take_log(&mut self) -> Vec<Published> {
+        for index in 0..self.journals.len() {
+            if let Some(message) = self.journals[index].take() {
+                let topic = topics::journal_name(self.nodes[index].name());
+                self.record(&topic, to_cdr(&message));
+            }
+        }
+        std::mem::take(&mut self.log)
+    }
+
+    fn schedule(&mut self, at: Stamp, event: Event) {
+        self.queue.insert((at, self.caused), event);
+        self.caused += 1;
+    }
+
+    fn run_event(&mut self, key: (Stamp, u64)) {
+        let Some(event) = self.queue.remove(&key) else { return };
+        self.now = key.0;
+        match event {
+            Event::Timer { node, id } => {
+                self.journals[node].push(Step { now: self.now, port: TIMER_PORT, sequence: u64::from(id) });
+                let emitted = self.nodes[node].timer(self.now, id);
+                self.settle(node, emitted);
+            }
+            Event::External { topic, payload } => self.publish(&topic, payload),
+        }
+    }
+
+    fn settle(&mut self, node: usize, emitted: Emitted) {
+        let outputs: &'static [Topic] = self.nodes[node].outputs();
+        for (at, id) in emitted.timers {
+            self.schedule(at.max(self.now), Event::Timer { node, id });
+        }
+        for (port, payload) in emitted.messages {
+            // Through the queue, at this instant, so that a step ends before what it caused begins.
+            self.schedule(self.now, Event::External { topic: outputs[port].name.to_owned(), payload });
+        }
+    }
+
+    fn record(&mut self, topic: &str, payload: Vec<u8>) -> u64 {
+        let count = self.counts.entry(topic.to_owned()).or_insert(0);
+        *count += 1;
+        let sequence = *count;
+        self.log.push(Published { topic: topic.to_owned(), sequence, at: self.now, payload });
+        sequence
+    }
+
+    fn publish(&mut self, topic: &str, payload: Vec<u8>) {
+        let sequence = self.record(topic, payload.clone());
+        for (node, port) in self.wiring.subscribers(topic).to_vec() {
+            // A payload that the node cannot read makes no step: the live process refuses it in the same way.
+            if let Ok(emitted) = self.nodes[node].deliver(self.now, port, &payload) {
+                self.journals[node].push(Step { now: self.now, port: port as u16, sequence });
+                self.settle(node, emitted);
+            }
+        }
+    }
+
+    /// Topics that are heard but that no node of the graph publishes.
+    pub fn external_topics(&self) -> BTreeSet<&'static str> {
+        self.wiring.subscribers.keys().copied().filter(|topic| self.wiring.producer(topic).is_none()).collect()
+    }
+}

@@ -1,0 +1,120 @@
+//! The table of topics: name, message, quality of service and the one producer of each.
+//!
+//! Names are relative to the cell's namespace. Consumers are found from the nodes' inputs; `probecell doctor --graph`
+//! prints both sides. Contract topics keep the contract's names and QoS.
+
+use probecell_msgs::{
+    ControllerCommand, ControllerReply, ControllerStatus, Correction, CorrectionAcknowledgement, Fault, FeatureResult,
+    GapReport, InspectionPlan, LossReport, MachineState, MeasurementOrder, Message, MessageType, OperationReport,
+    OperationRequest, OperatorReply, OperatorRequest, PartReport, PassDecision, ProbeEvent, ProbeTrigger,
+    ReferenceMeasurement, StepJournal, ToolOffsets, TouchDeviation, Verdict, sensor_msgs::JointState, std_msgs,
+};
+
+/// Quality of service of a topic, in ROS 2 terms.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Qos {
+    /// Reliable, or best effort.
+    pub reliable: bool,
+    /// Transient local: a late subscriber gets the last `depth` messages.
+    pub transient_local: bool,
+    /// Messages kept; `None` keeps all.
+    pub depth: Option<u32>,
+}
+
+impl Qos {
+    /// Reliable, volatile, keep last `depth`.
+    pub const fn reliable(depth: u32) -> Self {
+        Self { reliable: true, transient_local: false, depth: Some(depth) }
+    }
+
+    /// Reliable, transient local, keep last `depth`.
+    pub const fn latched(depth: u32) -> Self {
+        Self { reliable: true, transient_local: true, depth: Some(depth) }
+    }
+
+    /// Reliable, volatile, keep all.
+    pub const KEEP_ALL: Self = Self { reliable: true, transient_local: false, depth: None };
+}
+
+/// One topic of the cell.
+#[derive(Clone, Copy, Debug)]
+pub struct Topic {
+    /// Name below the cell's namespace.
+    pub name: &'static str,
+    /// Its message.
+    pub message: &'static MessageType,
+    /// How it is delivered.
+    pub qos: Qos,
+    /// The one node (or `driver`, `operator`, `recorder`, `instrument`) that publishes it.
+    pub producer: &'static str,
+}
+
+macro_rules! topics {
+    ($($constant:ident = $producer:literal, $name:literal, $message:ty, $qos:expr;)*) => {
+        $(
+            #[doc = concat!("`", $name, "`, published by `", $producer, "`.")]
+            pub const $constant: Topic =
+                Topic { name: $name, message: <$message as Message>::TYPE, qos: $qos, producer: $producer };
+        )*
+        /// Every topic of the cell.
+        pub const ALL: &[Topic] = &[$($constant),*];
+    };
+}
+
+topics! {
+    CONTROLLER_STATUS = "driver", "controller_status", ControllerStatus, Qos::reliable(100);
+    PROBE_TRIGGERS = "driver", "probe_triggers", ProbeTrigger, Qos::KEEP_ALL;
+    CONTROLLER_REPLIES = "driver", "controller_replies", ControllerReply, Qos::KEEP_ALL;
+    REFERENCE = "instrument", "reference", ReferenceMeasurement, Qos::latched(1);
+
+    PLAN_REQUESTS = "operator", "plan_requests", OperatorRequest, Qos::KEEP_ALL;
+    RUN_REQUESTS = "operator", "run_requests", OperatorRequest, Qos::KEEP_ALL;
+    APPROVALS = "operator", "approvals", OperatorRequest, Qos::KEEP_ALL;
+
+    ROBOT_DESCRIPTION = "machine_state", "robot_description", std_msgs::String, Qos::latched(1);
+    JOINT_STATES = "machine_state", "joint_states", JointState, Qos::reliable(10);
+    JOINT_COMMANDS = "machine_state", "joint_commands", JointState, Qos::reliable(10);
+    MACHINE_STATE = "machine_state", "machine_state", MachineState, Qos::reliable(10);
+    TOOL_OFFSETS = "machine_state", "tool_offsets", ToolOffsets, Qos::latched(1);
+    CONTROLLER_COMMANDS = "machine_state", "controller_commands", ControllerCommand, Qos::KEEP_ALL;
+    OPERATION_REPORTS = "machine_state", "operation_reports", OperationReport, Qos::KEEP_ALL;
+    CORRECTION_ACKNOWLEDGEMENTS = "machine_state", "correction_acknowledgements", CorrectionAcknowledgement, Qos::latched(64);
+    MACHINE_STATE_FAULTS = "machine_state", "machine_state/faults", Fault, Qos::KEEP_ALL;
+
+    PROBE_EVENTS = "probe_events", "probe_events", ProbeEvent, Qos::KEEP_ALL;
+    PROBE_EVENTS_FAULTS = "probe_events", "probe_events/faults", Fault, Qos::KEEP_ALL;
+
+    INSPECTION_PLAN = "path_planning", "inspection_plan", InspectionPlan, Qos::latched(1);
+    MEASUREMENT_ORDER = "path_planning", "measurement_order", MeasurementOrder, Qos::latched(1);
+    PLAN_REPLIES = "path_planning", "plan_replies", OperatorReply, Qos::KEEP_ALL;
+    PATH_PLANNING_FAULTS = "path_planning", "path_planning/faults", Fault, Qos::KEEP_ALL;
+
+    TOUCH_DEVIATIONS = "analysis", "touch_deviations", TouchDeviation, Qos::KEEP_ALL;
+    FEATURE_RESULTS = "analysis", "feature_results", FeatureResult, Qos::latched(64);
+    ANALYSIS_FAULTS = "analysis", "analysis/faults", Fault, Qos::KEEP_ALL;
+
+    VERDICTS = "compensation", "verdicts", Verdict, Qos::latched(64);
+    CORRECTIONS = "compensation", "corrections", Correction, Qos::latched(64);
+    PASS_DECISIONS = "compensation", "pass_decisions", PassDecision, Qos::latched(1);
+    APPROVAL_REPLIES = "compensation", "approval_replies", OperatorReply, Qos::KEEP_ALL;
+
+    OPERATION_REQUESTS = "cycle", "operation_requests", OperationRequest, Qos::KEEP_ALL;
+    PART_REPORTS = "cycle", "part_reports", PartReport, Qos::latched(1);
+    RUN_REPLIES = "cycle", "run_replies", OperatorReply, Qos::KEEP_ALL;
+
+    GAP_REPORT = "gap", "gap_report", GapReport, Qos::latched(1);
+    LOSS_REPORTS = "recorder", "loss_reports", LossReport, Qos::latched(64);
+}
+
+/// The topic of that name, if the cell has it.
+pub fn by_name(name: &str) -> Option<Topic> {
+    ALL.iter().copied().find(|topic| topic.name == name)
+}
+
+/// Name of the topic on which the process of `node` publishes its step journal.
+pub fn journal_name(node: &str) -> String {
+    format!("{node}/steps")
+}
+
+/// Message and quality of service of every journal topic.
+pub const JOURNAL: (&MessageType, Qos) = (<StepJournal as Message>::TYPE, Qos::KEEP_ALL);

@@ -1,0 +1,150 @@
+//! Settings of `compensation`.
+
+use metrology::decision::{DecisionLimits, Policy, Side};
+use serde::Deserialize;
+
+/// As written in the cell file, section `[compensation]`.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RawConfig {
+    /// The sizes that decide on the part.
+    pub characteristics: Vec<RawCharacteristic>,
+    /// A wear offset beyond this means a worn tool.
+    pub wear_limit_mm: f64,
+    /// Corrections of one pass after which it is called not converging.
+    pub max_corrections: u32,
+    /// Approve corrections within their bounds without asking an operator.
+    #[serde(default)]
+    pub automatic_approval: bool,
+    /// A correction that has not reached the machine within this time is void.
+    #[serde(default = "default_validity")]
+    pub validity_s: f64,
+    /// Change of the wear offset per change of size: 1 for an offset that counts diameters, 0.5 for radii.
+    #[serde(default = "default_wear_per_size")]
+    pub wear_per_size: f64,
+    /// Stop at a size that could be corrected, as the printed macro says, instead of correcting it.
+    #[serde(default)]
+    pub literal_macro: bool,
+}
+
+fn default_validity() -> f64 {
+    600.0
+}
+
+fn default_wear_per_size() -> f64 {
+    1.0
+}
+
+/// As written.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RawCharacteristic {
+    /// The feature or width.
+    pub id: String,
+    /// Half width of the tolerance about the drawing size.
+    pub tolerance_mm: f64,
+    /// Tool whose wear offset shifts the size.
+    pub tool_number: u32,
+    /// An inner size: more wear offset, larger size is overcut.
+    #[serde(default)]
+    pub inner: bool,
+}
+
+/// As checked.
+#[derive(Clone, Debug)]
+pub struct Characteristic {
+    /// The feature or width.
+    pub id: String,
+    /// m; half width of the tolerance.
+    pub tolerance: f64,
+    /// Tool whose wear offset shifts the size.
+    pub tool_number: u32,
+    /// Outer or inner.
+    pub side: Side,
+}
+
+/// As checked.
+#[derive(Clone, Debug)]
+pub struct Config {
+    /// The sizes that decide on the part.
+    pub characteristics: Vec<Characteristic>,
+    /// m; the largest wear offset, of either sign.
+    pub wear_limit: f64,
+    /// Corrections of one pass after which it is called not converging.
+    pub max_corrections: u32,
+    /// Approve without asking.
+    pub automatic_approval: bool,
+    /// s; how long a correction is valid.
+    pub validity: f64,
+    /// Change of the wear offset per change of size.
+    pub wear_per_size: f64,
+    /// What to do with a size that can be corrected.
+    pub policy: Policy,
+    /// This graph runs on a recording.
+    pub replayed: bool,
+}
+
+/// A setting that cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum ConfigError {
+    /// No size decides.
+    #[error("compensation.characteristics is empty: no size decides on the part")]
+    NoCharacteristic,
+    /// A number that is not positive.
+    #[error("compensation.{key} = {value} must be a finite number above 0")]
+    Number {
+        /// The key.
+        key: String,
+        /// As written.
+        value: f64,
+    },
+}
+
+impl RawConfig {
+    /// Checks the settings.
+    pub fn check(&self, replayed: bool) -> Result<Config, ConfigError> {
+        if self.characteristics.is_empty() {
+            return Err(ConfigError::NoCharacteristic);
+        }
+        let tolerances = self.characteristics.iter();
+        let tolerances = tolerances.map(|raw| (format!("characteristics.{}.tolerance_mm", raw.id), raw.tolerance_mm));
+        let own = [
+            ("wear_limit_mm".to_owned(), self.wear_limit_mm),
+            ("validity_s".to_owned(), self.validity_s),
+            ("wear_per_size".to_owned(), self.wear_per_size),
+        ];
+        for (key, value) in own.into_iter().chain(tolerances) {
+            if !(value.is_finite() && value > 0.0) {
+                return Err(ConfigError::Number { key, value });
+            }
+        }
+        let characteristics = self.characteristics.iter().map(|raw| Characteristic {
+            id: raw.id.clone(),
+            tolerance: raw.tolerance_mm * 1e-3,
+            tool_number: raw.tool_number,
+            side: if raw.inner { Side::Bore } else { Side::Outer },
+        });
+        Ok(Config {
+            characteristics: characteristics.collect(),
+            wear_limit: self.wear_limit_mm * 1e-3,
+            max_corrections: self.max_corrections,
+            automatic_approval: self.automatic_approval,
+            validity: self.validity_s,
+            wear_per_size: self.wear_per_size,
+            policy: if self.literal_macro { Policy::Literal } else { Policy::Compensate },
+            replayed,
+        })
+    }
+}
+
+impl Config {
+    /// The limits that a characteristic's decision is made with.
+    pub fn limits(&self, characteristic: &Characteristic) -> DecisionLimits {
+        DecisionLimits {
+            tolerance: characteristic.tolerance,
+            // The table counts wear on the size.
+            wear_limit: -self.wear_limit / self.wear_per_size,
+            max_corrections: self.max_corrections,
+        }
+    }
+}

@@ -1,0 +1,334 @@
+//! The rules of `compensation`.
+
+use std::collections::BTreeMap;
+
+use graph::{Node, Outbox, Stamp, inputs, outputs, topics};
+use metrology::decision::{self, Action, Invalid, Reading, decide};
+use probecell_msgs::{
+    Correction, FeatureResult, OperationRequest, OperatorReply, OperatorRequest, PassDecision, ToolOffsets,
+    Verdict, std_msgs,
+};
+use serde::{Deserialize, Serialize};
+
+use crate::config::{Characteristic, Config};
+
+inputs! {
+    /// What `compensation` hears.
+    pub enum Input {
+        /// A measured feature or width.
+        Feature(FeatureResult) = topics::FEATURE_RESULTS,
+        /// What the cycle wants next: tells which pass a plan belongs to.
+        Request(OperationRequest) = topics::OPERATION_REQUESTS,
+        /// Wear offsets that the controller holds.
+        Offsets(ToolOffsets) = topics::TOOL_OFFSETS,
+        /// An operator approves or rejects.
+        Approval(OperatorRequest) = topics::APPROVALS,
+    }
+}
+
+outputs! {
+    /// What `compensation` says.
+    pub enum Output {
+        /// What follows from one size.
+        Verdict(Verdict) = topics::VERDICTS,
+        /// A correction, proposed or approved.
+        Correction(Correction) = topics::CORRECTIONS,
+        /// What the verdicts of a measurement together ask for.
+        Decision(PassDecision) = topics::PASS_DECISIONS,
+        /// The answer to an operator.
+        Reply(OperatorReply) = topics::APPROVAL_REPLIES,
+    }
+}
+
+/// The memory of `compensation`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct State {
+    /// The measurement that is decided on: plan and pass.
+    pub measurement: Option<(String, u32)>,
+    /// Its results so far.
+    pub results: BTreeMap<String, FeatureResult>,
+    /// Results that came before the cycle said what is measured.
+    pub early: Vec<FeatureResult>,
+    /// Wear offsets and the driver's session.
+    pub offsets: Option<ToolOffsets>,
+    /// Corrections made in the current pass.
+    pub corrections: u32,
+    /// Part and pass that the count is of.
+    pub counted: Option<(String, u32)>,
+    /// Corrections that wait for an operator.
+    pub proposed: BTreeMap<String, (Correction, u32)>,
+}
+
+/// Results kept that came before their measurement was asked for.
+const EARLY_LIMIT: usize = 1024;
+
+/// The node.
+pub struct CompensationNode;
+
+impl Node for CompensationNode {
+    const NAME: &'static str = "compensation";
+    type Config = Config;
+    type State = State;
+    type Input = Input;
+    type Output = Output;
+
+    fn start(_config: &Config) -> State {
+        State::default()
+    }
+
+    fn step(config: &Config, state: &mut State, now: Stamp, input: Input, out: &mut Outbox<Output>) {
+        match input {
+            Input::Timer(_) => {}
+            Input::Offsets(offsets) => state.offsets = Some(offsets),
+            Input::Request(request) => {
+                if request.kind == OperationRequest::MEASURE {
+                    state.measurement = Some((request.plan_id, request.pass));
+                    state.results.clear();
+                    state.proposed.clear();
+                    for result in std::mem::take(&mut state.early) {
+                        take(config, state, now, result, out);
+                    }
+                }
+            }
+            Input::Feature(result) => take(config, state, now, result, out),
+            Input::Approval(request) => approve(config, state, now, &request, out),
+        }
+    }
+}
+
+fn take(config: &Config, state: &mut State, now: Stamp, result: FeatureResult, out: &mut Outbox<Output>) {
+    match &state.measurement {
+        Some((plan_id, _)) if *plan_id == result.plan_id => {}
+        _ => {
+            // The cycle's request and the results travel on different topics: a quick result may come first.
+            if state.early.len() < EARLY_LIMIT {
+                state.early.push(result);
+            }
+            return;
+        }
+    }
+    if !config.characteristics.iter().any(|characteristic| characteristic.id == result.feature_id) {
+        return;
+    }
+    state.results.insert(result.feature_id.clone(), result);
+    if state.results.len() == config.characteristics.len() {
+        decide_on_all(config, state, now, out);
+    }
+}
+
+fn decide_on_all(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Output>) {
+    let Some((plan_id, pass)) = state.measurement.take() else { return };
+    let results = std::mem::take(&mut state.results);
+    let part_id = results.values().next().map(|result| result.part_id.clone()).unwrap_or_default();
+    let run = plan_id.rsplit_once('/').map_or(plan_id.as_str(), |(run, _)| run).to_owned();
+    let counted = Some((run, pass));
+    if state.counted != counted {
+        state.counted = counted;
+        state.corrections = 0;
+    }
+    let decided: Vec<(&Characteristic, decision::Verdict, Action)> = config
+        .characteristics
+        .iter()
+        .map(|characteristic| {
+            let result = &results[&characteristic.id];
+            let wear = wear(state, characteristic.tool_number);
+            let (verdict, action) = decide_on_one(config, state, characteristic, result, wear);
+            out.send(Output::Verdict(Verdict {
+                header: header(now),
+                plan_id: plan_id.clone(),
+                part_id: part_id.clone(),
+                feature_id: characteristic.id.clone(),
+                pass,
+                verdict: code(verdict),
+                size: result.size,
+                error: result.size - result.nominal_size,
+                tolerance: characteristic.tolerance,
+                tool_wear: wear.unwrap_or(f64::NAN),
+                text: match wear {
+                    None => format!("the controller has not told the wear offset of tool {}", characteristic.tool_number),
+                    Some(_) if result.decision == FeatureResult::INVALID => result.text.clone(),
+                    Some(_) => String::new(),
+                },
+            }));
+            (characteristic, verdict, action)
+        })
+        .collect();
+    let worst = decided.iter().map(|(_, verdict, _)| rank(*verdict)).max().unwrap_or(0);
+    let literal = decided.iter().any(|(_, verdict, action)| *verdict == decision::Verdict::Compensable && *action == Action::Stop);
+    let names = |wanted: u32| -> String {
+        let named = decided.iter().filter(|(_, verdict, _)| rank(*verdict) == wanted);
+        named.map(|(characteristic, _, _)| characteristic.id.as_str()).collect::<Vec<_>>().join(", ")
+    };
+    let (decision, text) = match worst {
+        0 => (PassDecision::NEXT, "all sizes qualified".to_owned()),
+        1 if literal => (PassDecision::STOP, format!("{} could be corrected, but the policy is to stop", names(1))),
+        1 => (PassDecision::RECUT, format!("{} can be corrected", names(1))),
+        2 => (PassDecision::STOP, format!("{} still out of tolerance after {} corrections", names(2), state.corrections)),
+        3 => (PassDecision::STOP, format!("the tool of {} is worn", names(3))),
+        4 => (PassDecision::SCRAP, format!("{} cut below size", names(4))),
+        _ => (PassDecision::STOP, format!("{} could not be measured", names(5))),
+    };
+    let mut correction_ids = Vec::new();
+    if decision == PassDecision::RECUT {
+        state.corrections += 1;
+        for correction in corrections(config, state, now, &plan_id, &results, &decided) {
+            correction_ids.push(correction.correction_id.clone());
+            if correction.approval == Correction::APPROVAL_NONE {
+                state.proposed.insert(correction.correction_id.clone(), (correction.clone(), pass));
+            }
+            out.send(Output::Correction(correction));
+        }
+    }
+    out.send(Output::Decision(PassDecision {
+        header: header(now),
+        plan_id,
+        part_id,
+        pass,
+        decision,
+        correction_ids,
+        text,
+    }));
+}
+
+fn decide_on_one(
+    config: &Config,
+    state: &State,
+    characteristic: &Characteristic,
+    result: &FeatureResult,
+    wear: Option<f64>,
+) -> (decision::Verdict, Action) {
+    let reading = match wear {
+        Some(_) if result.decision != FeatureResult::INVALID => Reading::Size(result.size),
+        _ => Reading::Invalid(Invalid::NoTrigger),
+    };
+    // The table counts wear on the size.
+    let wear = wear.unwrap_or(0.0) / config.wear_per_size;
+    let limits = config.limits(characteristic);
+    decide(reading, result.nominal_size, characteristic.side, wear, state.corrections, &limits, config.policy)
+        .map_or((decision::Verdict::MeasurementInvalid, Action::Stop), |decision| (decision.verdict, decision.action))
+}
+
+/// One correction for each tool with a size that can be corrected.
+fn corrections(
+    config: &Config,
+    state: &State,
+    now: Stamp,
+    plan_id: &str,
+    results: &BTreeMap<String, FeatureResult>,
+    decided: &[(&Characteristic, decision::Verdict, Action)],
+) -> Vec<Correction> {
+    let mut by_tool: BTreeMap<u32, Vec<&Characteristic>> = BTreeMap::new();
+    for (characteristic, _, _) in decided {
+        by_tool.entry(characteristic.tool_number).or_default().push(characteristic);
+    }
+    let correctable = |tool: u32| {
+        decided.iter().any(|(characteristic, _, action)| characteristic.tool_number == tool && *action == Action::Recut)
+    };
+    let mut made = Vec::new();
+    for (tool, characteristics) in by_tool {
+        let (true, Some(held), Some(offsets)) = (correctable(tool), wear(state, tool), &state.offsets) else {
+            continue;
+        };
+        let of_tool: Vec<&FeatureResult> = characteristics.iter().map(|one| &results[&one.id]).collect();
+        let count = of_tool.len() as f64;
+        // Excess of material, which a more negative offset (outer) or a more positive one (inner) takes off.
+        let signs = characteristics.iter().map(|one| one.side.sign());
+        let error = of_tool.iter().zip(signs).map(|(result, sign)| sign * result.size_deviation).sum::<f64>() / count;
+        let change = -characteristics[0].side.sign() * error * config.wear_per_size;
+        let variance = of_tool.iter().map(|result| result.standard_uncertainty.powi(2)).sum::<f64>() / (count * count);
+        let sequences: Vec<u64> = of_tool.iter().flat_map(|result| result.sequences.iter().copied()).collect();
+        let first = sequences.iter().min().copied().unwrap_or(0);
+        made.push(Correction {
+            header: header(now),
+            correction_id: format!("{plan_id}/T{tool}/{first}"),
+            session: offsets.session.clone(),
+            replayed: config.replayed,
+            kind: Correction::TOOL_WEAR,
+            tool_number: tool,
+            axis: String::new(),
+            previous_value: held,
+            new_value: rounded(held + change),
+            lower_bound: -config.wear_limit,
+            upper_bound: config.wear_limit,
+            plan_id: plan_id.to_owned(),
+            feature_ids: of_tool.iter().map(|result| result.feature_id.clone()).collect(),
+            sequences,
+            measured_error: error,
+            standard_uncertainty: variance.sqrt(),
+            approval: if config.automatic_approval { Correction::APPROVAL_POLICY } else { Correction::APPROVAL_NONE },
+            approved_by: if config.automatic_approval { "policy of the cell file".to_owned() } else { String::new() },
+            expires: now.after_s(config.validity).time(),
+        });
+    }
+    made
+}
+
+fn approve(config: &Config, state: &mut State, now: Stamp, request: &OperatorRequest, out: &mut Outbox<Output>) {
+    let mut reply = OperatorReply {
+        header: header(now),
+        request_id: request.request_id,
+        accepted: false,
+        text: format!("no correction {:?} waits for approval", request.subject),
+    };
+    if request.operator.is_empty() {
+        reply.text = "an approval needs the name of the operator".to_owned();
+    } else if let Some((mut correction, pass)) = state.proposed.remove(&request.subject) {
+        correction.header = header(now);
+        correction.approval = if request.approve { Correction::APPROVAL_OPERATOR } else { Correction::APPROVAL_REJECTED };
+        correction.approved_by.clone_from(&request.operator);
+        correction.expires = now.after_s(config.validity).time();
+        if !request.approve {
+            out.send(Output::Decision(PassDecision {
+                header: header(now),
+                plan_id: correction.plan_id.clone(),
+                pass,
+                decision: PassDecision::STOP,
+                text: format!("{} rejected correction {}", request.operator, correction.correction_id),
+                ..PassDecision::default()
+            }));
+        }
+        reply.accepted = true;
+        reply.text = String::new();
+        out.send(Output::Correction(correction));
+    }
+    out.send(Output::Reply(reply));
+}
+
+/// Wear offset of a tool, m; `None` when the controller has not told it.
+fn wear(state: &State, tool: u32) -> Option<f64> {
+    let offsets = state.offsets.as_ref()?;
+    let position = offsets.tool_numbers.iter().position(|&number| number == tool)?;
+    offsets.wear.get(position).copied().filter(|wear| wear.is_finite())
+}
+
+/// To the 0.1 µm that controllers keep, so that what is read back is what was asked for.
+fn rounded(value: f64) -> f64 {
+    (value * 1e7).round() / 1e7
+}
+
+/// How grave an outcome is; the gravest of a measurement decides.
+fn rank(verdict: decision::Verdict) -> u32 {
+    match verdict {
+        decision::Verdict::Qualified => 0,
+        decision::Verdict::Compensable => 1,
+        decision::Verdict::NotConverged => 2,
+        decision::Verdict::ToolWorn => 3,
+        decision::Verdict::OvercutNotCompensable => 4,
+        decision::Verdict::MeasurementInvalid => 5,
+    }
+}
+
+fn code(verdict: decision::Verdict) -> u8 {
+    match verdict {
+        decision::Verdict::Qualified => Verdict::QUALIFIED,
+        decision::Verdict::Compensable => Verdict::COMPENSABLE,
+        decision::Verdict::NotConverged => Verdict::NOT_CONVERGED,
+        decision::Verdict::ToolWorn => Verdict::TOOL_WORN,
+        decision::Verdict::OvercutNotCompensable => Verdict::OVERCUT_NOT_COMPENSABLE,
+        decision::Verdict::MeasurementInvalid => Verdict::MEASUREMENT_INVALID,
+    }
+}
+
+fn header(now: Stamp) -> std_msgs::Header {
+    std_msgs::Header { stamp: now.time(), frame_id: String::new() }
+}

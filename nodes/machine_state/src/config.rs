@@ -1,0 +1,72 @@
+//! Settings, as written and as checked.
+
+use serde::Deserialize;
+
+/// As written in the cell file, section `[machine_state]`.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RawConfig {
+    /// Name of the machine in `machine_state`; empty: the name of the robot in the URDF.
+    pub machine_id: String,
+    /// A controller that is silent for longer is lost.
+    pub silence_limit_s: f64,
+    /// A measurement whose order does not come within this time fails.
+    pub order_limit_s: f64,
+    /// No wear offset is ever written outside plus or minus this.
+    pub wear_limit_mm: f64,
+}
+
+impl Default for RawConfig {
+    fn default() -> Self {
+        Self { machine_id: String::new(), silence_limit_s: 1.0, order_limit_s: 10.0, wear_limit_mm: 0.5 }
+    }
+}
+
+/// As checked.
+#[derive(Clone, Debug)]
+pub struct Config {
+    /// Name of the machine in `machine_state`.
+    pub machine_id: String,
+    /// URDF text published on `robot_description`.
+    pub robot_description: String,
+    /// s; a controller that is silent for longer is lost.
+    pub silence_limit: f64,
+    /// s; a measurement whose order does not come within this time fails.
+    pub order_limit: f64,
+    /// m; no wear offset is written outside plus or minus this.
+    pub wear_limit: f64,
+    /// This graph runs on a recording: nothing may be told to a machine.
+    pub replayed: bool,
+}
+
+/// A setting that cannot be used.
+#[derive(Debug, thiserror::Error)]
+#[error("machine_state.{key} = {value} must be a positive finite number")]
+pub struct ConfigError {
+    key: &'static str,
+    value: f64,
+}
+
+impl RawConfig {
+    /// Checks the settings.
+    pub fn check(&self, robot_description: String, robot: &str, replayed: bool) -> Result<Config, ConfigError> {
+        for (key, value) in [
+            ("silence_limit_s", self.silence_limit_s),
+            ("order_limit_s", self.order_limit_s),
+            ("wear_limit_mm", self.wear_limit_mm),
+        ] {
+            if !(value.is_finite() && value > 0.0) {
+                return Err(ConfigError { key, value });
+            }
+        }
+        let machine_id = if self.machine_id.is_empty() { robot.to_owned() } else { self.machine_id.clone() };
+        Ok(Config {
+            machine_id,
+            robot_description,
+            silence_limit: self.silence_limit_s,
+            order_limit: self.order_limit_s,
+            wear_limit: self.wear_limit_mm * 1e-3,
+            replayed,
+        })
+    }
+}

@@ -1,0 +1,106 @@
+//! Decides whether a correction may reach the machine.
+
+use graph::Stamp;
+use probecell_msgs::{Correction, CorrectionAcknowledgement as Ack, MachineState};
+
+use crate::{
+    config::Config,
+    state::{Controller, State},
+};
+
+/// Two readings of one offset that differ by less are the same value: a controller keeps 1e-7 m or coarser.
+const SAME_OFFSET: f64 = 0.5e-7;
+
+/// Why a correction may not pass: outcome of the acknowledgement and one sentence.
+pub(crate) struct Refusal {
+    pub(crate) outcome: u8,
+    pub(crate) text: String,
+}
+
+fn refuse<T>(outcome: u8, text: impl Into<String>) -> Result<T, Refusal> {
+    Err(Refusal { outcome, text: text.into() })
+}
+
+/// Checks an approved correction against everything on record. Gives the offset that the controller holds now.
+pub(crate) fn check(config: &Config, state: &State, now: Stamp, correction: &Correction) -> Result<f64, Refusal> {
+    if config.replayed || correction.replayed {
+        return refuse(Ack::REFUSED_REPLAY, "it was made from a recording");
+    }
+    if correction.approved_by.is_empty()
+        || ![Correction::APPROVAL_POLICY, Correction::APPROVAL_OPERATOR].contains(&correction.approval)
+    {
+        return refuse(Ack::REFUSED_NOT_APPROVED, "nobody is on record as having approved it");
+    }
+    let controller = ready(state)?;
+    if correction.session != controller.status.session {
+        return refuse(Ack::REFUSED_STALE, "it rests on a measurement of another run of the driver");
+    }
+    if now > Stamp::from(&correction.expires) {
+        return refuse(Ack::REFUSED_STALE, "it has expired");
+    }
+    check_source(state, correction)?;
+    if correction.kind != Correction::TOOL_WEAR {
+        return refuse(Ack::FAILED, format!("offsets of kind {} are not written by this cell", correction.kind));
+    }
+    let held = wear_of(controller, correction.tool_number);
+    let Some(held) = held else {
+        return refuse(Ack::FAILED, format!("the controller has no tool {}", correction.tool_number));
+    };
+    if !((held - correction.previous_value).abs() <= SAME_OFFSET) {
+        let text = format!(
+            "it starts from {:.1} µm, but the controller holds {:.1} µm",
+            correction.previous_value * 1e6,
+            held * 1e6
+        );
+        return refuse(Ack::REFUSED_STALE, text);
+    }
+    check_bounds(config, correction)?;
+    Ok(held)
+}
+
+fn ready(state: &State) -> Result<&Controller, Refusal> {
+    match &state.controller {
+        None => refuse(Ack::FAILED, "no controller has been heard"),
+        Some(controller) if controller.lost => refuse(Ack::FAILED, "the controller is silent"),
+        Some(controller) if controller.status.execution == MachineState::EXECUTION_ESTOP => {
+            refuse(Ack::FAILED, "the machine is in emergency stop")
+        }
+        Some(controller) => Ok(controller),
+    }
+}
+
+fn check_source(state: &State, correction: &Correction) -> Result<(), Refusal> {
+    if correction.feature_ids.is_empty() || correction.sequences.is_empty() {
+        return refuse(Ack::REFUSED_NO_SOURCE, "it names no feature or no touch that it rests on");
+    }
+    if !(correction.measured_error.is_finite() && correction.standard_uncertainty.is_finite()) {
+        return refuse(Ack::REFUSED_NO_SOURCE, "its measured error is not a finite number");
+    }
+    if !state.measured.contains(&correction.plan_id) {
+        let text = format!("plan {:?} was not measured on this machine in this session", correction.plan_id);
+        return refuse(Ack::REFUSED_NO_SOURCE, text);
+    }
+    Ok(())
+}
+
+fn check_bounds(config: &Config, correction: &Correction) -> Result<(), Refusal> {
+    let lower = correction.lower_bound.max(-config.wear_limit);
+    let upper = correction.upper_bound.min(config.wear_limit);
+    // Written so that NaN anywhere is out of bounds.
+    if correction.new_value >= lower && correction.new_value <= upper {
+        return Ok(());
+    }
+    let text = format!(
+        "{:.1} µm lies outside {:.1} to {:.1} µm",
+        correction.new_value * 1e6,
+        lower * 1e6,
+        upper * 1e6
+    );
+    refuse(Ack::REFUSED_OUT_OF_BOUNDS, text)
+}
+
+/// Wear offset of a tool as the controller last told it.
+fn wear_of(controller: &Controller, tool: u32) -> Option<f64> {
+    let position = controller.status.tool_numbers.iter().position(|&number| number == tool)?;
+    controller.status.tool_wear.get(position).copied()
+}

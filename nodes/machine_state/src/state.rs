@@ -1,0 +1,59 @@
+//! Everything the node remembers.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use graph::Stamp;
+use probecell_msgs::{ControllerStatus, Correction, OperationRequest};
+use serde::{Deserialize, Serialize};
+
+/// The memory of `machine_state`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct State {
+    /// The driver that runs now, and its last sample.
+    pub controller: Option<Controller>,
+    /// Number of the next command to this driver.
+    pub next_command: u64,
+    /// The operation that the machine works on.
+    pub operation: Option<Operation>,
+    /// A measurement that waits for its order.
+    pub awaited: Option<Awaited>,
+    /// The last measuring order: plan and indices of points.
+    pub order: Option<(String, Vec<u32>)>,
+    /// Plans that this driver was told to measure.
+    pub measured: BTreeSet<String>,
+    /// Corrections written to the controller and not yet answered, by command number.
+    pub writing: BTreeMap<u64, Correction>,
+    /// Corrections that the controller has, with the values read before and after.
+    pub applied: BTreeMap<String, (f64, f64)>,
+    /// Codes of faults that stand now, each told once.
+    pub standing: BTreeSet<String>,
+}
+
+/// A driver and what it said last.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Controller {
+    /// Its last sample.
+    pub status: ControllerStatus,
+    /// When that came.
+    pub at: Stamp,
+    /// It has been silent for too long.
+    pub lost: bool,
+}
+
+/// An operation under way.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Operation {
+    /// Request of the cycle.
+    pub request_id: u64,
+    /// Command to the driver.
+    pub command_id: u64,
+}
+
+/// A measurement that waits for its order.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Awaited {
+    /// The request.
+    pub request: OperationRequest,
+    /// When it is given up.
+    pub until: Stamp,
+}

@@ -1,0 +1,389 @@
+//! The part: nominal features, where they are touched and which operation cut them, from the cell file's `[part]`.
+//!
+//! Lengths are written in mm and angles in degrees and become m and rad here. Points, normals and axes are in the part
+//! frame. A point is placed exactly on its feature: a cylinder is touched at angles and heights, a plane at the foot of
+//! each point given, a sphere where the ray from its centre through the point given leaves it.
+
+use machine::Chain;
+use nalgebra::{Rotation3, Unit, Vector3};
+use probecell_msgs::{
+    InspectionFeature, InspectionPlan, InspectionPoint, MachiningOperation, Stylus, geometry_msgs,
+};
+use serde::Deserialize;
+
+/// As written.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RawPart {
+    /// Name of the part.
+    pub id: String,
+    /// Cut in the clamping in which it is measured.
+    #[serde(default)]
+    pub machined_on_this_machine: bool,
+    /// Part frame in `workpiece`.
+    #[serde(default)]
+    pub position_mm: [f64; 3],
+    /// The stylus.
+    pub stylus: RawStylus,
+    /// Rotary axis that turns each point towards the probe; empty: the part is not turned.
+    #[serde(default)]
+    pub indexing_axis: String,
+    /// Direction in the foundation that points are turned to face.
+    #[serde(default)]
+    pub facing: [f64; 3],
+    /// Distance from the start of an approach to the nominal contact.
+    pub approach_mm: f64,
+    /// Distance back after the trigger.
+    pub retract_mm: f64,
+    /// Probing feed.
+    pub feed_mm_per_min: f64,
+    /// The operations that cut the features.
+    #[serde(default)]
+    pub operations: Vec<RawOperation>,
+    /// The features.
+    pub features: Vec<RawFeature>,
+}
+
+/// As written.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RawStylus {
+    /// Name of the stylus.
+    pub id: String,
+    /// Ball centre in `probe_mount`.
+    pub ball_center_mm: [f64; 3],
+    /// Radius of the ball.
+    pub ball_radius_mm: f64,
+}
+
+/// As written.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RawOperation {
+    /// Name of the operation.
+    pub id: String,
+    /// Tool that cuts.
+    pub tool_number: u32,
+    /// Radius of that tool.
+    pub tool_radius_mm: f64,
+    /// Cutting feed.
+    pub feed_mm_per_min: f64,
+    /// It leaves the final surface.
+    #[serde(default)]
+    pub finish: bool,
+}
+
+/// As written.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RawFeature {
+    /// Name of the feature.
+    pub id: String,
+    /// `plane`, `cylinder`, `bore` or `sphere`.
+    pub kind: String,
+    /// A point of the plane or axis, the centre of a sphere.
+    pub origin_mm: [f64; 3],
+    /// Outward normal of a plane, direction of an axis.
+    #[serde(default)]
+    pub axis: [f64; 3],
+    /// Radius of a cylinder, bore or sphere.
+    #[serde(default)]
+    pub radius_mm: f64,
+    /// Limits of the deviation of size.
+    pub tolerance_um: [f64; 2],
+    /// Operation that leaves the surface; empty: not cut on this machine.
+    #[serde(default)]
+    pub operation: String,
+    /// Where a cylinder or bore is touched, around its axis from the part's x (or y) direction.
+    #[serde(default)]
+    pub touch_angles_deg: Vec<f64>,
+    /// Where a cylinder or bore is touched, along its axis from the origin.
+    #[serde(default)]
+    pub touch_heights_mm: Vec<f64>,
+    /// Where a plane or sphere is touched: near these points.
+    #[serde(default)]
+    pub touch_points_mm: Vec<[f64; 3]>,
+}
+
+/// As checked: a plan without id and stamp, and what a pass may leave on it.
+#[derive(Clone, Debug)]
+pub struct Part {
+    template: InspectionPlan,
+}
+
+/// A part that cannot be measured.
+#[derive(Debug, thiserror::Error)]
+pub enum PartError {
+    /// A number that is not finite or not positive.
+    #[error("part.{0} must be a finite number{1}")]
+    Number(String, &'static str),
+    /// An unknown kind of feature.
+    #[error("feature {feature:?}: kind {kind:?} is none of plane, cylinder, bore, sphere")]
+    Kind {
+        /// The feature.
+        feature: String,
+        /// As written.
+        kind: String,
+    },
+    /// A direction without length.
+    #[error("feature {0:?}: axis must be a direction, not zero")]
+    Axis(String),
+    /// A radius that is not positive.
+    #[error("feature {0:?}: radius_mm must be above 0")]
+    Radius(String),
+    /// Limits that exclude each other.
+    #[error("feature {0:?}: tolerance_um must be [lower, upper] with lower below upper")]
+    Tolerance(String),
+    /// No touch.
+    #[error("feature {0:?} has no touches: give touch_angles_deg and touch_heights_mm, or touch_points_mm")]
+    NoTouches(String),
+    /// A touch that cannot be placed.
+    #[error("feature {feature:?}: touch {index} lies on the axis or in the centre, so it has no direction")]
+    Touch {
+        /// The feature.
+        feature: String,
+        /// Index of the touch.
+        index: usize,
+    },
+    /// An operation that is not listed.
+    #[error("feature {feature:?}: operation {operation:?} is not in part.operations")]
+    Operation {
+        /// The feature.
+        feature: String,
+        /// As written.
+        operation: String,
+    },
+    /// The indexing axis is not a rotary axis of the part's side.
+    #[error("part.indexing_axis = {0:?} is not a rotary axis of the machine")]
+    IndexingAxis(String),
+    /// No facing direction.
+    #[error("part.facing must be a direction that is not along the indexing axis")]
+    Facing,
+}
+
+impl RawPart {
+    /// Checks the part against the machine.
+    pub fn check(&self, chain: &Chain) -> Result<Part, PartError> {
+        for (key, value) in [
+            ("approach_mm", self.approach_mm),
+            ("retract_mm", self.retract_mm),
+            ("feed_mm_per_min", self.feed_mm_per_min),
+            ("stylus.ball_radius_mm", self.stylus.ball_radius_mm),
+        ] {
+            if !(value.is_finite() && value > 0.0) {
+                return Err(PartError::Number(key.to_owned(), " above 0"));
+            }
+        }
+        let indexing = self.indexing(chain)?;
+        let mut template = InspectionPlan {
+            part_id: self.id.clone(),
+            machined_on_this_machine: self.machined_on_this_machine,
+            part_pose: geometry_msgs::Pose {
+                position: ros_point(metres(self.position_mm)),
+                orientation: geometry_msgs::Quaternion { x: 0.0, y: 0.0, z: 0.0, w: 1.0 },
+            },
+            stylus: Stylus {
+                id: self.stylus.id.clone(),
+                ball_center: ros_point(metres(self.stylus.ball_center_mm)),
+                ball_radius: self.stylus.ball_radius_mm * 1e-3,
+            },
+            operations: self.operations.iter().map(|raw| raw.message(indexing.is_some())).collect(),
+            rotary_names: indexing.iter().map(|_| self.indexing_axis.clone()).collect(),
+            ..InspectionPlan::default()
+        };
+        for (index, raw) in self.features.iter().enumerate() {
+            let feature = raw.message()?;
+            let operation = self.operation_of(raw)?;
+            for (position, normal) in raw.touches(&feature)? {
+                template.points.push(InspectionPoint {
+                    feature: index as u32,
+                    position: ros_point(position),
+                    normal: ros_vector(normal),
+                    rotary_positions: indexing.iter().map(|turn| turn.facing_angle(&normal)).collect(),
+                    approach_distance: self.approach_mm * 1e-3,
+                    retract_distance: self.retract_mm * 1e-3,
+                    feed: self.feed_mm_per_min / 60e3,
+                    operation,
+                    ..InspectionPoint::default()
+                });
+            }
+            template.features.push(feature);
+        }
+        Ok(Part { template })
+    }
+
+    fn indexing(&self, chain: &Chain) -> Result<Option<Indexing>, PartError> {
+        if self.indexing_axis.is_empty() {
+            return Ok(None);
+        }
+        let unknown = || PartError::IndexingAxis(self.indexing_axis.clone());
+        let axis = chain.axis(chain.axis_index(&self.indexing_axis).ok_or_else(unknown)?);
+        if axis.kind != machine::JointKind::Revolute {
+            return Err(unknown());
+        }
+        let about = axis.axis;
+        let across = |v: &Vector3<f64>| v - about.into_inner() * about.dot(v);
+        let facing = Unit::try_new(across(&Vector3::from(self.facing)), 1e-9).ok_or(PartError::Facing)?;
+        Ok(Some(Indexing { about, facing }))
+    }
+
+    fn operation_of(&self, feature: &RawFeature) -> Result<i32, PartError> {
+        if feature.operation.is_empty() {
+            return Ok(-1);
+        }
+        self.operations.iter().position(|raw| raw.id == feature.operation).map(|index| index as i32).ok_or_else(|| {
+            PartError::Operation { feature: feature.id.clone(), operation: feature.operation.clone() }
+        })
+    }
+}
+
+impl RawOperation {
+    fn message(&self, indexed: bool) -> MachiningOperation {
+        MachiningOperation {
+            id: self.id.clone(),
+            tool_number: self.tool_number,
+            tool_radius: self.tool_radius_mm * 1e-3,
+            feed: self.feed_mm_per_min / 60e3,
+            finish: self.finish,
+            rotary_positions: if indexed { vec![0.0] } else { Vec::new() },
+        }
+    }
+}
+
+impl RawFeature {
+    fn message(&self) -> Result<InspectionFeature, PartError> {
+        let kind = match self.kind.as_str() {
+            "plane" => InspectionFeature::PLANE,
+            "cylinder" => InspectionFeature::CYLINDER,
+            "bore" => InspectionFeature::BORE,
+            "sphere" => InspectionFeature::SPHERE,
+            _ => return Err(PartError::Kind { feature: self.id.clone(), kind: self.kind.clone() }),
+        };
+        let axis = Unit::try_new(Vector3::from(self.axis), 1e-9).map(Unit::into_inner);
+        let axis = match axis {
+            Some(axis) => axis,
+            None if kind == InspectionFeature::SPHERE => Vector3::z(),
+            None => return Err(PartError::Axis(self.id.clone())),
+        };
+        if kind != InspectionFeature::PLANE && !(self.radius_mm.is_finite() && self.radius_mm > 0.0) {
+            return Err(PartError::Radius(self.id.clone()));
+        }
+        let [lower, upper] = self.tolerance_um;
+        if !(lower.is_finite() && upper.is_finite() && lower < upper) {
+            return Err(PartError::Tolerance(self.id.clone()));
+        }
+        Ok(InspectionFeature {
+            id: self.id.clone(),
+            kind,
+            origin: ros_point(metres(self.origin_mm)),
+            axis: ros_vector(axis),
+            radius: self.radius_mm * 1e-3,
+            half_angle: 0.0,
+            lower_tolerance: lower * 1e-6,
+            upper_tolerance: upper * 1e-6,
+        })
+    }
+
+    /// Nominal point (m) and outward normal of each touch.
+    fn touches(&self, feature: &InspectionFeature) -> Result<Vec<(Vector3<f64>, Vector3<f64>)>, PartError> {
+        let origin = metres(self.origin_mm);
+        let axis = Vector3::new(feature.axis.x, feature.axis.y, feature.axis.z);
+        let mut touches = Vec::new();
+        for &height in &self.touch_heights_mm {
+            for &angle in &self.touch_angles_deg {
+                let outward = Rotation3::from_axis_angle(&Unit::new_normalize(axis), angle.to_radians()) * across(&axis);
+                let position = origin + axis * (height * 1e-3) + outward * feature.radius;
+                touches.push((position, if feature.kind == InspectionFeature::BORE { -outward } else { outward }));
+            }
+        }
+        for (index, &near) in self.touch_points_mm.iter().enumerate() {
+            let near = metres(near);
+            let touch = match feature.kind {
+                InspectionFeature::PLANE => (near - axis * axis.dot(&(near - origin)), axis),
+                kind => {
+                    let mut arm = near - origin;
+                    let mut foot = origin;
+                    if kind != InspectionFeature::SPHERE {
+                        foot += axis * axis.dot(&arm);
+                        arm -= axis * axis.dot(&arm);
+                    }
+                    let outward = arm
+                        .try_normalize(1e-9)
+                        .ok_or_else(|| PartError::Touch { feature: self.id.clone(), index })?;
+                    let inside = kind == InspectionFeature::BORE;
+                    (foot + outward * feature.radius, if inside { -outward } else { outward })
+                }
+            };
+            touches.push(touch);
+        }
+        if touches.is_empty() {
+            return Err(PartError::NoTouches(self.id.clone()));
+        }
+        Ok(touches)
+    }
+}
+
+/// How a rotary axis turns points towards the probe.
+struct Indexing {
+    about: Unit<Vector3<f64>>,
+    facing: Unit<Vector3<f64>>,
+}
+
+impl Indexing {
+    /// Angle of the axis (rad, within ± half a turn) at which `normal` faces the probe; 0 for one along the axis.
+    fn facing_angle(&self, normal: &Vector3<f64>) -> f64 {
+        let across = normal - self.about.into_inner() * self.about.dot(normal);
+        if across.norm() < 1e-9 {
+            return 0.0;
+        }
+        self.about.dot(&across.cross(&self.facing)).atan2(across.dot(&self.facing))
+    }
+}
+
+impl Part {
+    /// The plan of a measurement whose surfaces still carry `allowance` (m, on sizes: half of it on each side).
+    pub fn plan(&self, allowance: f64) -> InspectionPlan {
+        let mut plan = self.template.clone();
+        let shift = allowance / 2.0;
+        for point in &mut plan.points {
+            if point.operation >= 0 {
+                point.position.x += shift * point.normal.x;
+                point.position.y += shift * point.normal.y;
+                point.position.z += shift * point.normal.z;
+            }
+        }
+        for (index, feature) in plan.features.iter_mut().enumerate() {
+            let cut = self.template.points.iter().any(|point| point.feature as usize == index && point.operation >= 0);
+            if !cut {
+                continue;
+            }
+            match feature.kind {
+                InspectionFeature::PLANE => {
+                    feature.origin.x += shift * feature.axis.x;
+                    feature.origin.y += shift * feature.axis.y;
+                    feature.origin.z += shift * feature.axis.z;
+                }
+                InspectionFeature::BORE => feature.radius -= shift,
+                _ => feature.radius += shift,
+            }
+        }
+        plan
+    }
+}
+
+fn across(axis: &Vector3<f64>) -> Vector3<f64> {
+    let reference = if axis.x.abs() < 0.9 { Vector3::x() } else { Vector3::y() };
+    (reference - axis * axis.dot(&reference)).normalize()
+}
+
+fn metres(mm: [f64; 3]) -> Vector3<f64> {
+    Vector3::from(mm) * 1e-3
+}
+
+fn ros_point(v: Vector3<f64>) -> geometry_msgs::Point {
+    geometry_msgs::Point { x: v.x, y: v.y, z: v.z }
+}
+
+fn ros_vector(v: Vector3<f64>) -> geometry_msgs::Vector3 {
+    geometry_msgs::Vector3 { x: v.x, y: v.y, z: v.z }
+}

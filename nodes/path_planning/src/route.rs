@@ -1,0 +1,234 @@
+//! The moves of a measuring program and the shortest order of its touches.
+//!
+//! Each touch has four stations of the ball along the normal: the start of the approach, the nominal contact, the end of
+//! the probing move if nothing is touched, and the end of the retract. Between the retract of one touch and the approach
+//! of the next the axes move at top speed; where the straight way could lead through the part, the clearance axis goes
+//! out first and comes in last. The cost of a move is the time of its slowest axis at the URDF's top speed (source
+//! systems C.2, for a turn-mill). The order is for the touches; positions are joint targets in m and rad.
+
+use machine::{Chain, DeviationError, Nominal, Target};
+use nalgebra::{Point3, UnitQuaternion};
+use planning::{CostMatrix, Options, Problem, solve};
+use probecell_msgs::{InspectionFeature, InspectionPlan, MeasurementOrder, ProbingMove};
+
+
+/// Speed taken for an axis whose URDF gives none (m/s or rad/s): slow, so that it is not preferred.
+const UNKNOWN_SPEED: f64 = 0.05;
+
+/// A plan that cannot be measured on this machine.
+#[derive(Debug, thiserror::Error)]
+pub enum RouteError {
+    /// A station out of reach.
+    #[error("point {point} cannot be touched: {source}")]
+    Reach {
+        /// Index of the point.
+        point: usize,
+        /// Why.
+        source: machine::ReachError,
+    },
+    /// A rotary axis of the plan is not in the machine.
+    #[error("the plan turns axis {0:?}, which the machine does not have")]
+    Rotary(String),
+    /// A point with a wrong number of rotary positions.
+    #[error("point {point} has {given} rotary positions for {axes} rotary axes")]
+    Rotaries {
+        /// Index of the point.
+        point: usize,
+        /// Positions given.
+        given: usize,
+        /// Rotary axes of the plan.
+        axes: usize,
+    },
+    /// A point of a feature that does not exist.
+    #[error("point {0} belongs to a feature that the plan does not have")]
+    Feature(usize),
+    /// The plan has a number that cannot be used.
+    #[error(transparent)]
+    Plan(#[from] DeviationError),
+    /// The cost table was refused.
+    #[error("the moves between touches cannot be compared: {0}")]
+    Cost(String),
+}
+
+/// How the machine may move between touches.
+#[derive(Clone, Debug)]
+pub struct Route<'a> {
+    /// The machine.
+    pub chain: &'a Chain,
+    /// Axis that goes clear first (index in the chain's axes) and its clear position (m).
+    pub clearance: Option<(usize, f64)>,
+    /// m; how far a probing move goes on behind the nominal contact.
+    pub overtravel: f64,
+    /// Kicks of the local search.
+    pub kicks: u64,
+}
+
+/// Where the axes start looking for a way to reach a point, and the attitude of the probe there (for an arm).
+#[derive(Clone, Debug)]
+pub struct Seed {
+    /// Axis positions in the order of the chain's axes, m and rad.
+    pub positions: Vec<f64>,
+    /// Part from probe mount; `None` where the rotary axes of the plan fix it.
+    pub attitude: Option<UnitQuaternion<f64>>,
+}
+
+/// Axis positions of the stations of one touch.
+struct Stations {
+    approach: Vec<f64>,
+    touch: Vec<f64>,
+    retract: Vec<f64>,
+    ball: [Point3<f64>; 2],
+}
+
+impl Route<'_> {
+    /// The shortest order found and its moves. `seeds` has one entry for each point, or is empty (the axes then start
+    /// in the middle of their travel).
+    pub fn order(&self, plan: &InspectionPlan, seeds: &[Seed]) -> Result<MeasurementOrder, RouteError> {
+        let stations = self.stations(plan, seeds)?;
+        let count = stations.len();
+        let time = |from: usize, to: usize| if from == to { 0.0 } else { self.time(plan, &stations, from, to) };
+        let table = CostMatrix::from_fn(count, time).map_err(|error| RouteError::Cost(error.to_string()))?;
+        let problem = Problem::new(table).given((0..count).collect());
+        let options = Options { kicks: self.kicks, ..Options::default() };
+        let solution = solve(&problem, &options, &mut |_| true).map_err(|error| RouteError::Cost(error.to_string()))?;
+        let length = |order: &[usize]| -> f64 {
+            order.windows(2).map(|pair| (stations[pair[0]].ball[1] - stations[pair[1]].ball[0]).norm()).sum()
+        };
+        Ok(MeasurementOrder {
+            plan_id: plan.plan_id.clone(),
+            order: solution.order.iter().map(|&index| index as u32).collect(),
+            air_time: solution.cost,
+            given_air_time: solution.given_cost,
+            air_length: length(&solution.order),
+            given_air_length: length(&solution.given),
+            optimal: solution.optimal,
+            axis_names: self.chain.axis_names().map(str::to_owned).collect(),
+            moves: self.moves(plan, &stations, &solution.order),
+            ..MeasurementOrder::default()
+        })
+    }
+
+    fn stations(&self, plan: &InspectionPlan, seeds: &[Seed]) -> Result<Vec<Stations>, RouteError> {
+        let chain = self.chain;
+        let mut rotary = Vec::new();
+        for name in &plan.rotary_names {
+            rotary.push(chain.axis_index(name).ok_or_else(|| RouteError::Rotary(name.clone()))?);
+        }
+        let part = Nominal::from_plan(plan)?;
+        let radius = part.ball_radius;
+        let middle: Vec<f64> = (0..chain.axes().len())
+            .map(|index| chain.axis(index).limits.map_or(0.0, |(lower, upper)| f64::midpoint(lower, upper)))
+            .collect();
+        let mut last = middle;
+        let mut all = Vec::with_capacity(plan.points.len());
+        for (index, nominal) in plan.points.iter().enumerate() {
+            if nominal.feature as usize >= plan.features.len() {
+                return Err(RouteError::Feature(index));
+            }
+            if nominal.rotary_positions.len() != rotary.len() {
+                let given = nominal.rotary_positions.len();
+                return Err(RouteError::Rotaries { point: index, given, axes: rotary.len() });
+            }
+            let mut prescribed = vec![None; chain.axes().len()];
+            for (&axis, &angle) in rotary.iter().zip(&nominal.rotary_positions) {
+                prescribed[axis] = Some(angle);
+            }
+            let seed = seeds.get(index);
+            let mut start = seed.map_or_else(|| last.clone(), |seed| seed.positions.clone());
+            let attitude = seed.and_then(|seed| seed.attitude);
+            let mut station = |height: f64| {
+                let (position, normal) = part.points[index];
+                let target = Target { ball: position + normal.into_inner() * height, orientation: attitude };
+                let reached = self.chain.reach(&target, &prescribed, &start, &part.part_pose, &part.ball);
+                let reached = reached.map_err(|source| RouteError::Reach { point: index, source })?;
+                start.clone_from(&reached);
+                Ok::<_, RouteError>((target.ball, reached))
+            };
+            let (approach_ball, approach) = station(radius + nominal.approach_distance)?;
+            let (_, touch) = station(radius - self.overtravel)?;
+            let (retract_ball, retract) = station(radius + nominal.retract_distance)?;
+            last.clone_from(&approach);
+            all.push(Stations { approach, touch, retract, ball: [approach_ball, retract_ball] });
+        }
+        Ok(all)
+    }
+
+    /// Joint targets between the retract of one touch and the approach of the next.
+    fn between(&self, plan: &InspectionPlan, stations: &[Stations], from: usize, to: usize) -> Vec<Vec<f64>> {
+        let (start, end) = (&stations[from].retract, &stations[to].approach);
+        let Some((axis, clear)) = self.clearance.filter(|_| !self.direct(plan, from, to)) else {
+            return vec![end.clone()];
+        };
+        let mut out = start.clone();
+        out[axis] = clear;
+        let mut over = end.clone();
+        over[axis] = clear;
+        vec![out, over, end.clone()]
+    }
+
+    /// The straight way from one touch to the next cannot lead through the feature: points of one plane, or of one bore,
+    /// at the same rotary positions. (Between retracts over a plane, and within a convex hole, straight lines stay out of
+    /// the material.)
+    fn direct(&self, plan: &InspectionPlan, from: usize, to: usize) -> bool {
+        let (a, b) = (&plan.points[from], &plan.points[to]);
+        a.feature == b.feature
+            && a.rotary_positions == b.rotary_positions
+            && [InspectionFeature::PLANE, InspectionFeature::BORE].contains(&plan.features[a.feature as usize].kind)
+    }
+
+    /// Seconds from the retract of one touch to the approach of the next.
+    fn time(&self, plan: &InspectionPlan, stations: &[Stations], from: usize, to: usize) -> f64 {
+        let mut at = &stations[from].retract;
+        let way = self.between(plan, stations, from, to);
+        let mut seconds = 0.0;
+        for target in &way {
+            seconds += self.move_time(at, target);
+            at = target;
+        }
+        seconds
+    }
+
+    fn move_time(&self, from: &[f64], to: &[f64]) -> f64 {
+        (0..from.len()).map(|index| (to[index] - from[index]).abs() / top_speed(self.chain, index)).fold(0.0, f64::max)
+    }
+
+    fn moves(&self, plan: &InspectionPlan, stations: &[Stations], order: &[usize]) -> Vec<ProbingMove> {
+        let mut moves = Vec::new();
+        for (place, &index) in order.iter().enumerate() {
+            let mut push = |kind: u8, axis_positions: Vec<f64>, feed: f64| {
+                moves.push(ProbingMove { kind, point_index: index as u32, axis_positions, feed });
+            };
+            if place > 0 {
+                let mut way = self.between(plan, stations, order[place - 1], index);
+                way.pop();
+                for target in way {
+                    push(ProbingMove::CLEARANCE, target, 0.0);
+                }
+            } else if let Some((axis, clear)) = self.clearance {
+                let mut over = stations[index].approach.clone();
+                over[axis] = clear;
+                push(ProbingMove::CLEARANCE, over, 0.0);
+            }
+            push(ProbingMove::APPROACH, stations[index].approach.clone(), 0.0);
+            push(ProbingMove::TOUCH, stations[index].touch.clone(), plan.points[index].feed);
+            push(ProbingMove::RETRACT, stations[index].retract.clone(), 0.0);
+        }
+        if let (Some((axis, clear)), Some(&last)) = (self.clearance, order.last()) {
+            let mut out = stations[last].retract.clone();
+            out[axis] = clear;
+            moves.push(ProbingMove {
+                kind: ProbingMove::CLEARANCE,
+                point_index: last as u32,
+                axis_positions: out,
+                feed: 0.0,
+            });
+        }
+        moves
+    }
+}
+
+/// Top speed of an axis by its URDF, m/s or rad/s.
+pub fn top_speed(chain: &Chain, index: usize) -> f64 {
+    chain.axis(index).speed.unwrap_or(UNKNOWN_SPEED)
+}
+

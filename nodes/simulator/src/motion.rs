@@ -1,0 +1,171 @@
+//! The moves of a measuring program in time, and where each probing move ends.
+//!
+//! Moves are straight in the axes and take as long as the slowest axis needs at the URDF's top speed; probing moves take
+//! the distance of the ball over the feed. A probing move ends where the true ball touches the true surface: the
+//! distance d(s) of ball and surface along the move is solved for d(s) = r by bisection, s the share of the move.
+
+use graph::Stamp;
+use machine::{Nominal, Surface};
+use nalgebra::Vector3;
+use probecell_msgs::{
+    ControllerCommand, ControllerReply, InspectionPlan, MeasurementOrder, ProbeTrigger, ProbingMove, std_msgs,
+};
+
+use crate::{
+    config::{Config, Injected},
+    plant,
+    state::{Program, Segment, State, Then},
+};
+
+/// Speed of an axis without one in its URDF, m/s or rad/s.
+const UNKNOWN_SPEED: f64 = 0.05;
+/// The machine stands still for this long after a trigger, s.
+const DWELL: f64 = 0.02;
+/// Halvings of the move in the search for the contact: 20 mm / 2^40 is far below any resolution.
+const HALVINGS: u32 = 40;
+
+/// Seconds of a move of the axes at top speed.
+pub(crate) fn travel_time(config: &Config, from: &[f64], to: &[f64]) -> f64 {
+    let speed = |index: usize| config.chain.axis(index).speed.unwrap_or(UNKNOWN_SPEED);
+    (0..from.len()).map(|index| (to[index] - from[index]).abs() / speed(index)).fold(0.0, f64::max)
+}
+
+/// Builds a program, one segment after the other.
+pub(crate) struct Builder {
+    segments: std::collections::VecDeque<Segment>,
+    at: Stamp,
+    position: Vec<f64>,
+}
+
+impl Builder {
+    pub(crate) fn new(now: Stamp, position: &[f64]) -> Self {
+        Self { segments: std::collections::VecDeque::new(), at: now, position: position.to_vec() }
+    }
+
+    pub(crate) fn push(&mut self, to: Vec<f64>, seconds: f64, then: Then) -> Stamp {
+        let end = self.at.after_s(seconds);
+        let from = std::mem::replace(&mut self.position, to.clone());
+        self.segments.push_back(Segment { start: self.at, end, from, to, then });
+        self.at = end;
+        end
+    }
+
+    pub(crate) fn program(self, name: &str, command: ControllerCommand, spindle_speed: f64) -> Program {
+        Program { name: name.to_owned(), command, spindle_speed, segments: self.segments }
+    }
+}
+
+/// The measuring program of a command whose plan and order are there.
+pub(crate) fn measuring_program(
+    config: &Config,
+    state: &mut State,
+    now: Stamp,
+    command: ControllerCommand,
+    plan: &InspectionPlan,
+    order: &MeasurementOrder,
+) -> Result<Program, String> {
+    let part = Nominal::from_plan(plan).map_err(|error| error.to_string())?;
+    let mut builder = Builder::new(now, &state.position);
+    let names: Vec<&str> = config.chain.axis_names().collect();
+    if order.axis_names.iter().map(String::as_str).ne(names.iter().copied()) {
+        return Err("the axes of the measuring order are not those of the machine".to_owned());
+    }
+    for step in &order.moves {
+        if step.axis_positions.len() != names.len() || !step.axis_positions.iter().all(|q| q.is_finite()) {
+            return Err(format!("a move to point {} has unusable axis positions", step.point_index));
+        }
+        if step.kind == ProbingMove::TOUCH {
+            touch(config, state, plan, &part, step, &mut builder);
+        } else {
+            let seconds = travel_time(config, &builder.position, &step.axis_positions);
+            builder.push(step.axis_positions.clone(), seconds, Then::Go);
+        }
+    }
+    let end = builder.at;
+    let reply = ControllerReply {
+        header: std_msgs::Header { stamp: end.time(), frame_id: String::new() },
+        session: state.session.clone(),
+        command_id: command.command_id,
+        outcome: ControllerReply::DONE,
+        ..ControllerReply::default()
+    };
+    let position = builder.position.clone();
+    builder.push(position, DWELL, Then::Finish(reply));
+    Ok(builder.program(&format!("measure {}", plan.plan_id), command, 0.0))
+}
+
+fn touch(
+    config: &Config,
+    state: &mut State,
+    plan: &InspectionPlan,
+    part: &Nominal,
+    step: &ProbingMove,
+    builder: &mut Builder,
+) {
+    let fault = config.raw.fault.as_ref().filter(|fault| state.touches >= fault.after_touches).map(|fault| fault.kind);
+    state.touches += 1;
+    let start = builder.position.clone();
+    let seconds = ball_distance(config, part, &start, &step.axis_positions) / step.feed.max(1e-6);
+    let surface = plant::surface(config, state, plan, step.point_index as usize);
+    let noise = plant::normal(&mut state.random, config.raw.probe.touch_sd_um * 1e-6);
+    let stuck = fault == Some(Injected::StuckProbe);
+    let met = match fault {
+        Some(Injected::DeadProbe) => None,
+        Some(Injected::StuckProbe) => Some(0.0),
+        _ => surface.and_then(|surface| contact(config, state, part, &surface, noise, &start, &step.axis_positions)),
+    };
+    let share = met.unwrap_or(1.0);
+    let end: Vec<f64> = start.iter().zip(&step.axis_positions).map(|(from, to)| from + (to - from) * share).collect();
+    let stamp = builder.at.after_s(seconds * share);
+    let trigger = ProbeTrigger {
+        header: std_msgs::Header { stamp: stamp.time(), frame_id: "foundation".to_owned() },
+        session: state.session.clone(),
+        plan_id: plan.plan_id.clone(),
+        point_index: step.point_index,
+        tripped: met.is_some() && !stuck,
+        tripped_before: stuck,
+        axis_names: config.chain.axis_names().map(str::to_owned).collect(),
+        axis_positions: end.clone(),
+        feed: step.feed,
+    };
+    builder.push(end.clone(), seconds * share, Then::Touch(trigger));
+    builder.push(end, DWELL, Then::Go);
+}
+
+/// Path of the ball in the part frame between two positions of the axes, m.
+fn ball_distance(config: &Config, part: &Nominal, from: &[f64], to: &[f64]) -> f64 {
+    let place = |positions: &[f64]| config.chain.ball_in_part(positions, &part.part_pose, &part.ball);
+    (place(to) - place(from)).norm()
+}
+
+/// Share of the move at which the true ball touches the surface; `None` when it does not. `noise` (m) lets the probe
+/// trigger that much early.
+fn contact(
+    config: &Config,
+    state: &State,
+    part: &Nominal,
+    surface: &Surface,
+    noise: f64,
+    from: &[f64],
+    to: &[f64],
+) -> Option<f64> {
+    let ball = part.ball + Vector3::from(state.center_error);
+    let reach = part.ball_radius + state.radius_error + noise;
+    let clearance = |share: f64| {
+        let positions: Vec<f64> = from.iter().zip(to).map(|(from, to)| from + (to - from) * share).collect();
+        surface.distance(&config.chain.ball_in_part(&positions, &part.part_pose, &ball)) - reach
+    };
+    let (mut free, mut touching) = (0.0, 1.0);
+    if clearance(free) <= 0.0 || clearance(touching) > 0.0 {
+        return None;
+    }
+    for _ in 0..HALVINGS {
+        let middle = f64::midpoint(free, touching);
+        if clearance(middle) > 0.0 {
+            free = middle;
+        } else {
+            touching = middle;
+        }
+    }
+    Some(touching)
+}

@@ -1,0 +1,97 @@
+//! Everything the simulated machine remembers.
+
+use std::collections::{BTreeMap, VecDeque};
+
+use graph::Stamp;
+use probecell_msgs::{ControllerCommand, ControllerReply, InspectionPlan, MeasurementOrder, ProbeTrigger};
+use rand_pcg::Pcg64;
+use serde::{Deserialize, Serialize};
+
+/// The memory of the simulator.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct State {
+    /// Name of this run, from the instant of its start.
+    pub session: String,
+    /// Source of all randomness.
+    pub random: Pcg64,
+    /// True ball centre less the stored one in `probe_mount`, m.
+    pub center_error: [f64; 3],
+    /// True ball radius less the stored one, m.
+    pub radius_error: f64,
+    /// Wear offset of each tool on the size, m.
+    pub wear: BTreeMap<u32, f64>,
+    /// True sizes, m.
+    pub sizes: BTreeMap<String, f64>,
+    /// Sizes whose last cut was turning, and whether it was a finishing cut.
+    pub turned: BTreeMap<String, bool>,
+    /// Axis positions when no program runs, m and rad.
+    pub position: Vec<f64>,
+    /// What the machine is executing.
+    pub program: Option<Program>,
+    /// A measurement that waits for its plan or its order.
+    pub awaiting: Option<ControllerCommand>,
+    /// The plan heard last.
+    pub plan: Option<InspectionPlan>,
+    /// The order heard last.
+    pub order: Option<MeasurementOrder>,
+    /// Tool in the spindle.
+    pub tool: u32,
+    /// Active alarms.
+    pub alarms: Vec<String>,
+    /// The emergency stop is pressed.
+    pub estop: bool,
+    /// The controller says nothing more.
+    pub silent: bool,
+    /// Touches of this run.
+    pub touches: u32,
+}
+
+/// A program under execution.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Program {
+    /// Its name.
+    pub name: String,
+    /// The command that started it.
+    pub command: ControllerCommand,
+    /// rad/s.
+    pub spindle_speed: f64,
+    /// What is left of it, in order of time.
+    pub segments: VecDeque<Segment>,
+}
+
+/// A move, or a time that passes.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Segment {
+    /// Begins.
+    pub start: Stamp,
+    /// Ends.
+    pub end: Stamp,
+    /// Axis positions at the start, m and rad.
+    pub from: Vec<f64>,
+    /// Axis positions at the end, m and rad.
+    pub to: Vec<f64>,
+    /// What happens at the end.
+    pub then: Then,
+}
+
+/// What happens at the end of a segment.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Then {
+    /// Nothing.
+    Go,
+    /// A probing move is over.
+    Touch(ProbeTrigger),
+    /// Sizes are cut by the operation of that name.
+    Cut(String),
+    /// The program is over.
+    Finish(ControllerReply),
+}
+
+impl Segment {
+    /// Axis positions at an instant, m and rad; held before the start and after the end.
+    pub fn at(&self, now: Stamp) -> Vec<f64> {
+        let duration = self.end.since_s(self.start);
+        let part = if duration > 0.0 { (now.since_s(self.start) / duration).clamp(0.0, 1.0) } else { 1.0 };
+        self.from.iter().zip(&self.to).map(|(from, to)| from + (to - from) * part).collect()
+    }
+}
