@@ -5,25 +5,37 @@
 //! confined to a short stretch; a kicked path is accepted like in annealing. Costs are integers, so sums are exact and
 //! comparisons need no tolerance; a free end is a dummy point without costs.
 
+mod directed;
 mod grid;
-mod path;
+mod tour;
 
 use rand_pcg::Pcg32;
 use rand_pcg::rand_core::{RngCore, SeedableRng};
 
+use crate::costs::CostMatrix;
 use crate::problem::Problem;
 use crate::solve::{Options, Progress};
+use directed::Directed;
 use grid::Grid;
-use path::Path;
+use tour::Tour;
 
-/// Temperature of the acceptance at the first kick, in mean moves of the locally shortest path; falls to zero.
-const WARMTH: f64 = 0.1;
+/// Moves looked at for nearest-neighbour paths; each path looks at n² of them.
+const BEGINNING_MOVES: usize = 20_000_000;
 
-/// Longest stretch of each segment that a kick exchanges.
-const KICK_SPAN: usize = 50;
-
-/// Nearest-neighbour paths tried as a beginning; each costs O(n²).
-const BEGINNINGS: usize = 32;
+/// A path that can be kicked, improved and brought back.
+trait Kicked {
+    /// The points, as a path or a ring.
+    fn order(&self) -> &[u32];
+    fn length(&self) -> i64;
+    fn can_be_kicked(&self) -> bool;
+    fn improve_all(&mut self);
+    /// Remembers the path, exchanges a few neighbouring stretches at random, and improves what changed.
+    fn kick(&mut self, rng: &mut Pcg32);
+    /// Brings back the path as it was before the kick.
+    fn revert(&mut self);
+    /// Temperature of the acceptance, in mean moves.
+    fn warmth(&self) -> f64;
+}
 
 /// Searches until the budget ends or the caller stops; returns the best order and the kicks made.
 pub(crate) fn run(
@@ -32,53 +44,98 @@ pub(crate) fn run(
     options: &Options,
     keep_going: &mut dyn FnMut(&Progress) -> bool,
 ) -> (Vec<usize>, u64) {
-    let grid = Grid::new(&problem.costs, problem.start, problem.end);
-    let given_cost = problem.costs.path_cost(given);
-    let beginning = beginning(&grid, given);
-    let mut path = Path::new(&grid, beginning);
-    path.improve_all();
+    let grid = Grid::new(problem, &beginning(problem, given));
+    let beginning = (0..grid.points() as u32).collect();
+    let mut reporter = Reporter::new(problem, given, keep_going);
+    if problem.costs.is_symmetric() {
+        iterate(Tour::new(&grid, beginning), &grid, options, &mut reporter)
+    } else {
+        iterate(
+            Directed::new(&grid, beginning),
+            &grid,
+            options,
+            &mut reporter,
+        )
+    }
+}
 
+/// Tells the caller the best path so far, in his own unit.
+struct Reporter<'a> {
+    problem: &'a Problem,
+    given: &'a [usize],
+    given_cost: f64,
+    keep_going: &'a mut dyn FnMut(&Progress) -> bool,
+    told: i64,
+    order: Vec<usize>,
+    cost: f64,
+}
+
+impl<'a> Reporter<'a> {
+    fn new(
+        problem: &'a Problem,
+        given: &'a [usize],
+        keep_going: &'a mut dyn FnMut(&Progress) -> bool,
+    ) -> Self {
+        let given_cost = problem.costs.path_cost(given);
+        Self {
+            problem,
+            given,
+            given_cost,
+            keep_going,
+            told: i64::MAX,
+            order: given.to_vec(),
+            cost: given_cost,
+        }
+    }
+
+    fn tell(&mut self, grid: &Grid, kicks: u64, best: &[u32], length: i64) -> bool {
+        if length < self.told {
+            self.told = length;
+            let order = grid.strip(best);
+            let cost = self.problem.costs.path_cost(&order);
+            (self.order, self.cost) = if cost <= self.given_cost {
+                (order, cost)
+            } else {
+                (self.given.to_vec(), self.given_cost)
+            };
+        }
+        let progress = Progress {
+            kicks,
+            order: &self.order,
+            cost: self.cost,
+            given_cost: self.given_cost,
+        };
+        (self.keep_going)(&progress)
+    }
+}
+
+/// Kick, improve, keep or bring back.
+fn iterate(
+    mut path: impl Kicked,
+    grid: &Grid,
+    options: &Options,
+    reporter: &mut Reporter,
+) -> (Vec<usize>, u64) {
+    path.improve_all();
     let mut best = path.order().to_vec();
     let mut best_length = path.length();
     let mut here = best_length;
-    let mut order = grid.strip(&best);
-    let mut cost = problem.costs.path_cost(&order);
     let mut rng = Pcg32::seed_from_u64(options.seed);
-    let warmth = WARMTH * best_length as f64 / best.len() as f64;
+    let warmth = path.warmth() * best_length as f64 / best.len() as f64;
     let every = options.report_every.max(1);
-    let mut reported = best_length;
     let mut kicks = 0;
     loop {
-        if kicks % every == 0 {
-            if best_length < reported {
-                reported = best_length;
-                order = grid.strip(&best);
-                cost = problem.costs.path_cost(&order);
-            }
-            let (order, cost) = if cost <= given_cost {
-                (&order[..], cost)
-            } else {
-                (given, given_cost)
-            };
-            if !keep_going(&Progress {
-                kicks,
-                order,
-                cost,
-                given_cost,
-            }) {
-                break;
-            }
+        if kicks % every == 0 && !reporter.tell(grid, kicks, &best, best_length) {
+            break;
         }
         if kicks >= options.kicks || !path.can_be_kicked() {
             break;
         }
         kicks += 1;
-        path.mark();
-        path.kick(&mut rng, KICK_SPAN);
-        path.improve_queue();
+        path.kick(&mut rng);
         let length = path.length();
-        let left = 1.0 - kicks as f64 / options.kicks as f64;
         let luck = (f64::from(rng.next_u32()) + 1.0) / 4_294_967_297.0;
+        let left = 1.0 - kicks as f64 / options.kicks as f64;
         if ((length - here) as f64) <= -luck.ln() * warmth * left {
             here = length;
             if length < best_length {
@@ -93,42 +150,37 @@ pub(crate) fn run(
 }
 
 /// The shortest of the given order and nearest-neighbour paths from spread starts; ties go to the earlier one.
-fn beginning(grid: &Grid, given: &[usize]) -> Vec<u32> {
-    let mut best = grid.dress(given);
-    let mut best_length = grid.length(&best);
-    let starts = grid.first_choices();
-    let step = starts.len().div_ceil(BEGINNINGS).max(1);
-    for &start in starts.iter().step_by(step) {
-        let path = nearest_neighbour(grid, start);
-        let length = grid.length(&path);
-        if length < best_length {
-            (best, best_length) = (path, length);
+fn beginning(problem: &Problem, given: &[usize]) -> Vec<usize> {
+    let costs = &problem.costs;
+    let starts = match problem.start {
+        Some(start) => vec![start],
+        None => (0..costs.len()).filter(|&point| Some(point) != problem.end).collect(),
+    };
+    let affordable = (BEGINNING_MOVES / (costs.len() * costs.len())).clamp(1, starts.len());
+    let mut best = given.to_vec();
+    let mut best_cost = costs.path_cost(given);
+    for &start in starts.iter().step_by(starts.len().div_ceil(affordable)) {
+        let path = nearest_neighbour(costs, start, problem.end);
+        let cost = costs.path_cost(&path);
+        if cost < best_cost {
+            (best, best_cost) = (path, cost);
         }
     }
     best
 }
 
 /// Goes to the nearest unvisited point, lowest index among equals, and ends at the fixed end.
-fn nearest_neighbour(grid: &Grid, start: u32) -> Vec<u32> {
-    let mut path = grid.opening(start);
-    let mut rest: Vec<u32> = (0..grid.points() as u32)
-        .filter(|&i| !path.contains(&i) && i != grid.last())
-        .collect();
+fn nearest_neighbour(costs: &CostMatrix, start: usize, end: Option<usize>) -> Vec<usize> {
+    let mut path = vec![start];
+    let mut rest: Vec<usize> = (0..costs.len()).filter(|&i| i != start && Some(i) != end).collect();
     while !rest.is_empty() {
         let here = path[path.len() - 1];
-        let (at, _) = rest
-            .iter()
-            .enumerate()
-            .map(|(at, &next)| (at, grid.cost(here, next)))
-            .fold((0, i64::MAX), |best, candidate| {
-                if candidate.1 < best.1 {
-                    candidate
-                } else {
-                    best
-                }
-            });
-        path.push(rest.remove(at));
+        let nearest = rest.iter().enumerate().fold((0, f64::INFINITY), |best, (at, &next)| {
+            let cost = costs.cost(here, next);
+            if cost < best.1 { (at, cost) } else { best }
+        });
+        path.push(rest.remove(nearest.0));
     }
-    path.push(grid.last());
+    path.extend(end);
     path
 }

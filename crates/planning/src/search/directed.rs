@@ -3,14 +3,19 @@
 //! The first and the last place never change. A kick and the repairs after it touch a range of places only; the range
 //! is copied when the kick begins, so a refused kick is undone by copying it back.
 
+use rand_pcg::Pcg32;
 use rand_pcg::rand_core::RngCore;
 
+use super::Kicked;
 use super::grid::Grid;
+
+/// Longest stretch that a kick exchanges with its neighbour.
+const KICK_SPAN: usize = 50;
 
 /// Longest segment moved by Or-opt.
 const SEGMENT: usize = 3;
 
-pub(super) struct Path<'a> {
+pub(super) struct Directed<'a> {
     grid: &'a Grid,
     order: Vec<u32>,
     place: Vec<u32>,
@@ -25,7 +30,7 @@ pub(super) struct Path<'a> {
     touched: (usize, usize),
 }
 
-impl<'a> Path<'a> {
+impl<'a> Directed<'a> {
     pub(super) fn new(grid: &'a Grid, order: Vec<u32>) -> Self {
         let mut place = vec![0; grid.points()];
         for (at, &point) in order.iter().enumerate() {
@@ -50,64 +55,6 @@ impl<'a> Path<'a> {
         };
         path.retell(0);
         path
-    }
-
-    pub(super) fn order(&self) -> &[u32] {
-        &self.order
-    }
-
-    pub(super) fn length(&self) -> i64 {
-        self.length
-    }
-
-    /// A kick needs two segments between the ends.
-    pub(super) fn can_be_kicked(&self) -> bool {
-        self.order.len() >= 5
-    }
-
-    /// Remembers the path, to be brought back by [`Path::revert`].
-    pub(super) fn mark(&mut self) {
-        if self.touched.0 <= self.touched.1 {
-            let range = self.touched.0..=self.touched.1;
-            self.kept[range.clone()].copy_from_slice(&self.order[range]);
-        }
-        self.kept_length = self.length;
-        self.touched = (usize::MAX, 0);
-    }
-
-    pub(super) fn revert(&mut self) {
-        let (from, to) = self.touched;
-        if from <= to {
-            self.order[from..=to].copy_from_slice(&self.kept[from..=to]);
-            self.length = self.kept_length;
-            self.settle(from, to);
-        }
-    }
-
-    /// Exchanges two neighbouring stretches of up to `span` places at a random place.
-    pub(super) fn kick(&mut self, rng: &mut impl RngCore, span: usize) {
-        let inner = self.order.len() - 2;
-        let total = inner.min(2 * span);
-        let mut draw = |below: usize| (rng.next_u64() % below as u64) as usize;
-        let width = 2 + draw(total - 1);
-        let from = 1 + draw(inner - width + 1);
-        let cut = 1 + draw(width - 1);
-        self.exchange(from, from + cut, from + width - 1);
-    }
-
-    pub(super) fn improve_all(&mut self) {
-        for &point in self.order.iter().rev() {
-            self.queued[point as usize] = true;
-            self.queue.push(point);
-        }
-        self.improve_queue();
-    }
-
-    pub(super) fn improve_queue(&mut self) {
-        while let Some(point) = self.queue.pop() {
-            self.queued[point as usize] = false;
-            while self.improve(point) {}
-        }
     }
 
     fn push(&mut self, at: usize) {
@@ -140,7 +87,7 @@ impl<'a> Path<'a> {
         let last = self.order.len() - 1;
         let grid = self.grid;
         // `point` keeps its place, its successor's stretch turns: at, (at+1 ..= there).
-        for &near in grid.after(point) {
+        for near in grid.after(point) {
             let there = self.place[near as usize] as usize;
             if at == last || grid.cost(point, near) >= self.cost(at, at + 1) && grid.is_symmetric()
             {
@@ -151,7 +98,7 @@ impl<'a> Path<'a> {
             }
         }
         // The mirror image: (there ..= at-1), at.
-        for &near in grid.before(point) {
+        for near in grid.before(point) {
             let there = self.place[near as usize] as usize;
             if at == 0 || grid.cost(near, point) >= self.cost(at - 1, at) && grid.is_symmetric() {
                 break;
@@ -193,7 +140,7 @@ impl<'a> Path<'a> {
                 if from == 0 || from > at || to >= last {
                     continue;
                 }
-                for &near in grid.before(point).iter().chain(grid.after(point)) {
+                for near in grid.before(point).chain(grid.after(point)) {
                     let there = self.place[near as usize] as usize;
                     if (there + 1 < from || there > to)
                         && there < last
@@ -262,7 +209,7 @@ impl<'a> Path<'a> {
             return false;
         }
         let gone = self.cost(at, at + 1);
-        for &near in grid.after(point) {
+        for near in grid.after(point) {
             let gain = gone - grid.cost(point, near);
             if gain <= 0 {
                 break;
@@ -272,7 +219,7 @@ impl<'a> Path<'a> {
                 continue;
             }
             // at | at+1 .. second-1 | second .. third | third+1
-            for &before in grid.before(self.order[at + 1]) {
+            for before in grid.before(self.order[at + 1]) {
                 let third = self.place[before as usize] as usize;
                 if third < second || third >= last {
                     continue;
@@ -320,5 +267,69 @@ impl<'a> Path<'a> {
         for at in from.max(1)..self.order.len() {
             self.turning[at] = self.turning[at - 1] + self.cost(at, at - 1) - self.cost(at - 1, at);
         }
+    }
+
+    fn mark(&mut self) {
+        if self.touched.0 <= self.touched.1 {
+            let range = self.touched.0..=self.touched.1;
+            self.kept[range.clone()].copy_from_slice(&self.order[range]);
+        }
+        self.kept_length = self.length;
+        self.touched = (usize::MAX, 0);
+    }
+
+    fn improve_queue(&mut self) {
+        while let Some(point) = self.queue.pop() {
+            self.queued[point as usize] = false;
+            while self.improve(point) {}
+        }
+    }
+}
+
+impl Kicked for Directed<'_> {
+    fn order(&self) -> &[u32] {
+        &self.order
+    }
+
+    fn length(&self) -> i64 {
+        self.length
+    }
+
+    fn can_be_kicked(&self) -> bool {
+        self.order.len() >= 5
+    }
+
+    fn improve_all(&mut self) {
+        for &point in self.order.iter().rev() {
+            self.queued[point as usize] = true;
+            self.queue.push(point);
+        }
+        self.improve_queue();
+    }
+
+    /// Exchanges two neighbouring stretches of up to [`KICK_SPAN`] places.
+    fn kick(&mut self, rng: &mut Pcg32) {
+        self.mark();
+        let inner = self.order.len() - 2;
+        let total = inner.min(2 * KICK_SPAN);
+        let mut draw = |below: usize| (rng.next_u64() % below as u64) as usize;
+        let width = 2 + draw(total - 1);
+        let from = 1 + draw(inner - width + 1);
+        let cut = 1 + draw(width - 1);
+        self.exchange(from, from + cut, from + width - 1);
+        self.improve_queue();
+    }
+
+    fn revert(&mut self) {
+        let (from, to) = self.touched;
+        if from <= to {
+            self.order[from..=to].copy_from_slice(&self.kept[from..=to]);
+            self.length = self.kept_length;
+            self.settle(from, to);
+        }
+    }
+
+    fn warmth(&self) -> f64 {
+        0.1
     }
 }
