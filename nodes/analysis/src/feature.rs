@@ -39,6 +39,9 @@ pub struct Fitted {
     pub note: &'static str,
 }
 
+/// Sine of the angle between a fitted axis and the plan's beyond which it is another cylinder through the same touches.
+const LARGEST_TILT: f64 = 0.1;
+
 const CONSTRAINED: &str = "too few touches for a free fit: nominal position and direction taken";
 
 /// Fits one feature.
@@ -70,7 +73,9 @@ fn axial(feature: &InspectionFeature, ball_radius: f64, samples: &[Sample]) -> R
     let nominal_axis = vector(&feature.axis).normalize();
     let centres = centres(samples);
     let nominal_size = 2.0 * feature.radius;
+    // Few or regular touches lie on several cylinders: one that is not the plan's is no answer.
     if let Ok(fit) = fit::cylinder(&centres)
+        && fit.shape.axis.cross(&nominal_axis).norm() < LARGEST_TILT
         && let Some(sensitivity) = fit.uncertainty("radius", 2.0)
     {
         return Ok(Fitted {
@@ -84,7 +89,7 @@ fn axial(feature: &InspectionFeature, ball_radius: f64, samples: &[Sample]) -> R
             note: "",
         });
     }
-    // Touches at one height: a circle across the nominal axis.
+    // A circle across the nominal axis.
     let flat: Vec<Vector3<f64>> = centres.iter().map(|p| p - nominal_axis * nominal_axis.dot(p)).collect();
     if let Ok(fit) = fit::circle(&flat)
         && let Some(sensitivity) = fit.uncertainty("radius", 2.0)
@@ -98,7 +103,7 @@ fn axial(feature: &InspectionFeature, ball_radius: f64, samples: &[Sample]) -> R
             axis: nominal_axis,
             sensitivity,
             common: 2.0,
-            note: "touched at one height: direction of the axis taken as nominal",
+            note: "touches do not determine the direction of the axis: nominal direction taken",
         });
     }
     let sign = if bore { -1.0 } else { 1.0 };

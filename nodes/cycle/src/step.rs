@@ -89,6 +89,8 @@ pub enum Stage {
         request_id: u64,
         /// The machine has finished; only the decision is awaited.
         done: bool,
+        /// The decision, when it comes before the machine has finished: it waits until the probe is out of the way.
+        decision: Option<PassDecision>,
     },
     /// Corrections are awaited before the pass is cut again.
     Correcting {
@@ -172,17 +174,19 @@ fn cut(config: &Config, state: &mut State, now: Stamp, index: usize, out: &mut O
         let kind = OperationRequest::MEASURE;
         let asked = OperationRequest { kind, plan_id: plan_id.clone(), pass: run.pass, ..OperationRequest::default() };
         let request_id = request(state, now, asked, out);
-        run.stage = Stage::Measuring { plan_id, request_id, done: false };
+        run.stage = Stage::Measuring { plan_id, request_id, done: false, decision: None };
     }
     state.run = Some(run);
 }
 
 fn reported(config: &Config, state: &mut State, now: Stamp, report: &OperationReport, out: &mut Outbox<Output>) {
     let Some(run) = &mut state.run else { return };
+    let mut early = None;
     let next = match &mut run.stage {
         Stage::Cutting { index, request_id } if *request_id == report.request_id => Some(*index + 1),
-        Stage::Measuring { request_id, done, .. } if *request_id == report.request_id => {
+        Stage::Measuring { request_id, done, decision, .. } if *request_id == report.request_id => {
             *done = true;
+            early = decision.take();
             None
         }
         _ => return,
@@ -192,15 +196,16 @@ fn reported(config: &Config, state: &mut State, now: Stamp, report: &OperationRe
         end(state, now, PartReport::STOPPED, &text, out);
         return;
     }
-    match next {
-        Some(index) => cut(config, state, now, index, out),
+    match (next, early) {
+        (Some(index), _) => cut(config, state, now, index, out),
+        (None, Some(decision)) => decided(config, state, now, &decision, out),
         // Numbered by the request, so that a timer of an earlier measurement says nothing about this one.
-        None => out.wake_at(now.after_s(config.decision_limit), report.request_id as u32 + 1),
+        (None, None) => out.wake_at(now.after_s(config.decision_limit), report.request_id as u32 + 1),
     }
 }
 
 fn overdue(state: &mut State, now: Stamp, timer: u32, out: &mut Outbox<Output>) {
-    let Some(Run { stage: Stage::Measuring { request_id, done: true, plan_id }, .. }) = &state.run else { return };
+    let Some(Run { stage: Stage::Measuring { request_id, done: true, plan_id, .. }, .. }) = &state.run else { return };
     if *request_id as u32 + 1 == timer {
         let text = format!("no decision on {plan_id} came in time");
         end(state, now, PartReport::STOPPED, &text, out);
@@ -214,6 +219,10 @@ fn decided(config: &Config, state: &mut State, now: Stamp, decision: &PassDecisi
         Stage::Cutting { .. } => false,
     };
     if !current {
+        return;
+    }
+    if let Stage::Measuring { done: false, decision: early, .. } = &mut run.stage {
+        *early = Some(decision.clone());
         return;
     }
     match decision.decision {

@@ -1,21 +1,20 @@
 #!/bin/bash
-# Ends the LinuxCNC that start.sh has started: stop.sh SCRATCH. Kills, since it stands for a controller that fails.
+# Ends the LinuxCNC that start.sh has started: stop.sh SCRATCH. The remote shell is killed, as when a controller fails;
+# LinuxCNC's own script then takes the rest down and frees the shared memory.
 set -uo pipefail
 scratch=${1:?usage: stop.sh SCRATCH}
 pid_file="$scratch/linuxcnc.pid"
 [ -f "$pid_file" ] || exit 0
-group=$(cat "$pid_file")
-# The start script leads a session of its own; some parts leave its process group, none leaves the session.
-members() { ps -o pid= --sid "$group" 2>/dev/null; }
-# shellcheck disable=SC2046
-kill -KILL $(members) 2>/dev/null
-for _ in $(seq 100); do
-    [ -z "$(members)" ] && break
+leader=$(cat "$pid_file")
+shell=$(ps -o pid=,comm= --sid "$leader" 2>/dev/null | awk '$2 == "linuxcncrsh" { print $1 }')
+# shellcheck disable=SC2086
+[ -n "$shell" ] && kill -KILL $shell 2>/dev/null
+for _ in $(seq 300); do
+    if ! kill -0 "$leader" 2>/dev/null; then
+        rm -f "$pid_file"
+        exit 0
+    fi
     sleep 0.1
 done
-# Shared memory of the killed parts; without this the next start finds a machine that is half there.
-if [ "$(id -u)" = 0 ]; then export RTAPI_UID=${RTAPI_UID:-65534}; fi
-timeout 20 halrun -U >/dev/null 2>&1
-timeout 20 linuxcnc_cleanup >/dev/null 2>&1
-rm -f "$pid_file" /tmp/linuxcnc.lock
-exit 0
+echo "LinuxCNC did not end within 30 s" >&2
+exit 1
