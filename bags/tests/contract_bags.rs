@@ -1,0 +1,114 @@
+//! The bags of other programs that follow the interface contract, decoded with the project's messages.
+
+use std::path::{Path, PathBuf};
+
+use bags::{Bag, Session, SessionError};
+
+/// Bags under the data folder beside the checkout; empty where it is absent.
+fn bags_in(folder: &str) -> Vec<PathBuf> {
+    let root = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared")).join(folder);
+    let Ok(entries) = std::fs::read_dir(&root) else {
+        println!("skipped: no folder {}", root.display());
+        return Vec::new();
+    };
+    let mut paths: Vec<PathBuf> = entries.map(|entry| entry.unwrap().path()).collect();
+    paths.retain(|path| {
+        path.extension()
+            .is_some_and(|extension| extension == "mcap")
+    });
+    paths.sort();
+    paths
+}
+
+#[test]
+fn every_bag_reads_whole_and_every_message_of_a_known_type_decodes() {
+    for path in bags_in("trials/dev")
+        .into_iter()
+        .chain(bags_in("data/bags"))
+    {
+        let bag = Bag::open(&path).unwrap();
+        assert_eq!(bag.verify(), [], "{}", path.display());
+        // Independent count: the reader of the mcap crate.
+        let bytes = std::fs::read(&path).unwrap();
+        let theirs: Vec<_> = mcap::MessageStream::new(&bytes)
+            .unwrap()
+            .map(Result::unwrap)
+            .collect();
+        let mut ours = 0;
+        let mut before = 0;
+        for message in bag.messages().map(Result::unwrap) {
+            assert!(message.log_time >= before);
+            before = message.log_time;
+            let known = probecell_msgs::by_name(&message.channel.type_name).unwrap_or_else(|| {
+                panic!(
+                    "{}: unknown type {}",
+                    path.display(),
+                    message.channel.type_name
+                )
+            });
+            known.describe(&message.payload).unwrap();
+            ours += 1;
+        }
+        assert_eq!(ours, theirs.len(), "{}", path.display());
+        assert_eq!(bag.counts().iter().sum::<u64>(), ours as u64);
+    }
+}
+
+#[test]
+fn every_bag_is_a_session() {
+    for path in bags_in("trials/dev") {
+        let session = Session::read(&Bag::open(&path).unwrap())
+            .unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+        assert!(
+            !session.is_drive() && !session.events.is_empty() && !session.joint_states.is_empty()
+        );
+        let reference = path
+            .file_stem()
+            .unwrap()
+            .to_str()
+            .unwrap()
+            .ends_with("_ref");
+        assert_eq!(
+            !session.references.is_empty(),
+            reference,
+            "{}",
+            path.display()
+        );
+    }
+    for path in bags_in("data/bags") {
+        let session = Session::read(&Bag::open(&path).unwrap())
+            .unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+        let arm = path
+            .file_stem()
+            .unwrap()
+            .to_str()
+            .unwrap()
+            .starts_with("ur10");
+        assert_eq!(session.is_drive(), !arm, "{}", path.display());
+    }
+}
+
+#[test]
+fn a_cut_off_bag_is_a_session_with_damage_or_says_what_is_missing() {
+    let folder = tempfile::tempdir().unwrap();
+    let cut = folder.path().join("cut.mcap");
+    for path in bags_in("trials/dev").into_iter().take(3) {
+        let bytes = std::fs::read(&path).unwrap();
+        let whole = Session::read(&Bag::open(&path).unwrap()).unwrap();
+        let mut sessions = 0;
+        for part in 0..40 {
+            std::fs::write(&cut, &bytes[..bytes.len() * part / 40]).unwrap();
+            match Session::read(&Bag::open(&cut).unwrap()) {
+                Ok(session) => {
+                    sessions += 1;
+                    assert!(!session.damage.is_empty());
+                    assert_eq!(session.plan, whole.plan);
+                    assert_eq!(session.events[..], whole.events[..session.events.len()]);
+                }
+                Err(SessionError::Damaged { .. }) => {}
+                Err(other) => panic!("{part}/40 of {}: {other}", path.display()),
+            }
+        }
+        assert!(sessions > 0, "{}", path.display());
+    }
+}
