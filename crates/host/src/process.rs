@@ -1,0 +1,240 @@
+//! Drives one node: messages and timers in, publications and the step journal out.
+//!
+//! One thread makes all steps, so a node is never entered twice. Messages wait in one queue in the order in which they
+//! arrive; the instant given as `now` never goes back. What a step publishes goes out before the next step begins, and
+//! then the step goes to the journal, in batches.
+
+use std::{
+    collections::BTreeMap,
+    sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel},
+    time::Duration,
+};
+
+use graph::{
+    Emitted, Instance, START, Stamp,
+    journal::{Journal, Step, TIMER_PORT},
+    topics,
+};
+use probecell_msgs::to_cdr;
+use tracing::{error, warn};
+
+use crate::{
+    bus::{Bus, BusError, Lost, Publisher, Received, Subscription, TypeId},
+    topology::{bus_qos, now, wait_until_heard},
+};
+
+/// Steps after which a batch of the journal goes out.
+const JOURNAL_STEPS: usize = 256;
+/// s after which a batch goes out even if it is small.
+const JOURNAL_AGE: f64 = 0.1;
+/// How long a start waits for the others of the cell.
+const START_PATIENCE: Duration = Duration::from_secs(20);
+/// How long an end may take to write out what was published.
+const CLOSE_PATIENCE: Duration = Duration::from_secs(5);
+
+/// Asks a process to end; clones ask the same one.
+#[derive(Clone)]
+pub struct Stop(Sender<Event>);
+
+impl Stop {
+    /// Ends the process after the step it is in.
+    pub fn stop(&self) {
+        // A process that has ended already needs no stop.
+        drop(self.0.send(Event::Stop));
+    }
+}
+
+/// What a process is told at its start.
+#[derive(Clone, Debug)]
+pub struct NodeProcess {
+    /// Namespace of the cell, with its slash.
+    pub namespace: String,
+    /// Starts of this node in this session before this one.
+    pub incarnation: u32,
+    /// Subscriptions that each output topic (relative name) must have before the first step, journal included.
+    pub awaited: BTreeMap<String, usize>,
+}
+
+/// Why a process ended.
+#[derive(Debug, thiserror::Error)]
+pub enum ProcessError {
+    /// The bus failed.
+    #[error(transparent)]
+    Bus(#[from] BusError),
+}
+
+enum Event {
+    Message { port: usize, sequence: u64, payload: Vec<u8> },
+    Lost { port: usize, lost: Lost },
+    Stop,
+}
+
+/// Runs `node` on `bus` until it is stopped. `hand_over` is given the means to stop it before anything else.
+pub fn run_node(
+    bus: Bus,
+    node: Box<dyn Instance>,
+    settings: &NodeProcess,
+    hand_over: impl FnOnce(Stop),
+) -> Result<(), ProcessError> {
+    let (sender, receiver) = channel();
+    hand_over(Stop(sender.clone()));
+    let mut process = Process::join(&bus, node, settings, &sender)?;
+    if let Some(topic) = wait_until_heard(&bus, &process.awaited(settings), START_PATIENCE) {
+        warn!("{} starts although not everybody hears {topic}", process.node.name());
+    }
+    process.run(&receiver)?;
+    process.publish_journal()?;
+    process.leave();
+    bus.close(CLOSE_PATIENCE)?;
+    Ok(())
+}
+
+struct Process {
+    node: Box<dyn Instance>,
+    namespace: String,
+    publishers: Vec<Publisher>,
+    journal_publisher: Publisher,
+    subscriptions: Vec<Subscription>,
+    journal: Journal,
+    timers: BTreeMap<(Stamp, u64), u32>,
+    asked: u64,
+    last: Stamp,
+}
+
+impl Process {
+    fn join(
+        bus: &Bus,
+        node: Box<dyn Instance>,
+        settings: &NodeProcess,
+        sender: &Sender<Event>,
+    ) -> Result<Self, BusError> {
+        let absolute = |name: &str| format!("{}/{name}", settings.namespace);
+        let publishers = node
+            .outputs()
+            .iter()
+            .map(|topic| bus.publisher(&absolute(topic.name), topic.message, bus_qos(topic.qos)))
+            .collect::<Result<_, _>>()?;
+        let (message, qos) = topics::JOURNAL;
+        let journal_publisher = bus.publisher(&absolute(&topics::journal_name(node.name())), message, bus_qos(qos))?;
+        let mut subscriptions = Vec::new();
+        for (port, topic) in node.inputs().iter().enumerate() {
+            let (samples, losses) = (sender.clone(), sender.clone());
+            // The queue outlives the subscription only at the end, when nobody needs the message any more.
+            let on_sample = move |received: Received<'_>| {
+                let sequence = received.sequence;
+                drop(samples.send(Event::Message { port, sequence, payload: received.payload.into_owned() }));
+            };
+            let on_lost = move |lost| drop(losses.send(Event::Lost { port, lost }));
+            subscriptions.push(bus.subscribe(
+                &absolute(topic.name),
+                topic.message,
+                bus_qos(topic.qos),
+                Box::new(on_sample),
+                Box::new(on_lost),
+            )?);
+        }
+        let journal = Journal::new(node.name(), settings.incarnation);
+        let namespace = settings.namespace.clone();
+        let (timers, last) = (BTreeMap::new(), Stamp::default());
+        Ok(Self { node, namespace, publishers, journal_publisher, subscriptions, journal, timers, asked: 0, last })
+    }
+
+    /// Absolute topic, type and number of subscriptions to wait for.
+    fn awaited(&self, settings: &NodeProcess) -> Vec<(String, TypeId, usize)> {
+        let journal = topics::journal_name(self.node.name());
+        let own = self.node.outputs().iter().map(|topic| (topic.name, topic.message));
+        own.chain([(journal.as_str(), topics::JOURNAL.0)])
+            .filter_map(|(name, message)| {
+                let count = *settings.awaited.get(name)?;
+                Some((format!("{}/{name}", self.namespace), TypeId::from(message), count))
+            })
+            .collect()
+    }
+
+    fn run(&mut self, receiver: &Receiver<Event>) -> Result<(), BusError> {
+        let first = self.clock();
+        self.timer(first, START)?;
+        loop {
+            self.fire_due()?;
+            match receiver.recv_timeout(self.patience()) {
+                Ok(Event::Message { port, sequence, payload }) => self.message(port, sequence, &payload)?,
+                Ok(Event::Lost { port, lost }) => {
+                    let topic = self.node.inputs()[port].name;
+                    error!("{}: lost {} messages on {topic} from number {}", self.node.name(), lost.count, lost.first);
+                }
+                Ok(Event::Stop) | Err(RecvTimeoutError::Disconnected) => return Ok(()),
+                Err(RecvTimeoutError::Timeout) => {}
+            }
+            let age = self.journal.oldest().map_or(0.0, |oldest| now().since_s(oldest));
+            if self.journal.len() >= JOURNAL_STEPS || age >= JOURNAL_AGE {
+                self.publish_journal()?;
+            }
+        }
+    }
+
+    /// The instant now, never before the last one given.
+    fn clock(&mut self) -> Stamp {
+        self.last = self.last.max(now());
+        self.last
+    }
+
+    /// Until the next timer, or until the journal is due.
+    fn patience(&self) -> Duration {
+        let next = self.timers.keys().next().map(|&(at, _)| at);
+        let journal = self.journal.oldest().map(|oldest| oldest.after_s(JOURNAL_AGE));
+        let due = next.into_iter().chain(journal).min();
+        due.map_or(Duration::from_secs(1), |due| Duration::from_secs_f64(due.since_s(now()).clamp(0.0, 1.0)))
+    }
+
+    fn fire_due(&mut self) -> Result<(), BusError> {
+        let instant = self.clock();
+        while let Some((&key, _)) = self.timers.first_key_value()
+            && key.0 <= instant
+        {
+            if let Some(id) = self.timers.remove(&key) {
+                self.timer(instant, id)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn timer(&mut self, instant: Stamp, id: u32) -> Result<(), BusError> {
+        let emitted = self.node.timer(instant, id);
+        self.settle(Step { now: instant, port: TIMER_PORT, sequence: u64::from(id) }, emitted)
+    }
+
+    fn message(&mut self, port: usize, sequence: u64, payload: &[u8]) -> Result<(), BusError> {
+        let instant = self.clock();
+        match self.node.deliver(instant, port, payload) {
+            Ok(emitted) => self.settle(Step { now: instant, port: port as u16, sequence }, emitted),
+            Err(refused) => {
+                error!("{}: {refused}: passed over", self.node.name());
+                Ok(())
+            }
+        }
+    }
+
+    fn settle(&mut self, step: Step, emitted: Emitted) -> Result<(), BusError> {
+        for (port, payload) in emitted.messages {
+            self.publishers[port].publish(&payload, step.now.0)?;
+        }
+        for (at, id) in emitted.timers {
+            self.timers.insert((at, self.asked), id);
+            self.asked += 1;
+        }
+        self.journal.push(step);
+        Ok(())
+    }
+
+    fn publish_journal(&mut self) -> Result<(), BusError> {
+        if let Some(message) = self.journal.take() {
+            self.journal_publisher.publish(&to_cdr(&message), self.last.0)?;
+        }
+        Ok(())
+    }
+
+    /// Ends the subscriptions before the bus is closed.
+    fn leave(&mut self) {
+        self.subscriptions.clear();
+    }
+}

@@ -1,0 +1,162 @@
+//! The recorder: every topic of the cell into a bag, with what the bus lost.
+//!
+//! Subscriptions push on the transport's threads into a bounded queue; a thread of the bag's own writes. A loss on the
+//! bus is written down in the bag and published on `loss_reports`.
+
+use std::{
+    collections::BTreeMap,
+    path::PathBuf,
+    sync::Arc,
+    time::Duration,
+};
+
+use bags::{Channel, Recorder, RecorderOptions, SplitAt, Statistics};
+use graph::{Stamp, topics};
+use probecell_msgs::{LossReport, MessageType, std_msgs, to_cdr};
+use tracing::error;
+
+use crate::{
+    bus::{Bus, BusError, Publisher, Received, Subscription},
+    topology::{bus_qos, now},
+};
+
+/// What a recording is told at its start.
+#[derive(Clone, Debug)]
+pub struct RecordingSettings {
+    /// Folder to write, which must not exist.
+    pub folder: PathBuf,
+    /// Namespace of the cell, with its slash.
+    pub namespace: String,
+    /// Nodes whose step journals are recorded.
+    pub nodes: Vec<String>,
+    /// What a kill may cost.
+    pub sync_interval: Duration,
+    /// When a new file is begun.
+    pub split: SplitAt,
+    /// Name, media type and bytes of files to embed.
+    pub attachments: Vec<(String, String, Vec<u8>)>,
+}
+
+/// Why there is no recording.
+#[derive(Debug, thiserror::Error)]
+pub enum RecordingError {
+    /// The bag cannot be written.
+    #[error(transparent)]
+    Bag(#[from] bags::Error),
+    /// The bus failed.
+    #[error(transparent)]
+    Bus(#[from] BusError),
+}
+
+/// A recording under way.
+pub struct RecorderProcess {
+    recorder: Recorder,
+    subscriptions: Vec<Subscription>,
+}
+
+/// Tells losses on the bus.
+struct Losses {
+    publisher: Publisher,
+    namespace: String,
+}
+
+impl RecorderProcess {
+    /// Makes the bag and subscribes to every topic of the cell.
+    pub fn start(bus: &Bus, settings: RecordingSettings) -> Result<Self, RecordingError> {
+        let mut options = RecorderOptions::new(&settings.folder);
+        options.sync_interval = settings.sync_interval;
+        options.split = settings.split;
+        let recorder = Recorder::start(options)?;
+        for (name, media_type, data) in settings.attachments {
+            recorder.attach(name, media_type, now().0 as u64, data)?;
+        }
+        let topic = topics::LOSS_REPORTS;
+        let name = format!("{}/{}", settings.namespace, topic.name);
+        let losses = Arc::new(Losses {
+            publisher: bus.publisher(&name, topic.message, bus_qos(topic.qos))?,
+            namespace: settings.namespace.clone(),
+        });
+        let mut process = Self { recorder, subscriptions: Vec::new() };
+        for topic in topics::ALL {
+            process.subscribe(bus, &settings.namespace, topic.name, topic.message, topic.qos, &losses)?;
+        }
+        for node in &settings.nodes {
+            let (message, qos) = topics::JOURNAL;
+            process.subscribe(bus, &settings.namespace, &topics::journal_name(node), message, qos, &losses)?;
+        }
+        Ok(process)
+    }
+
+    fn subscribe(
+        &mut self,
+        bus: &Bus,
+        namespace: &str,
+        name: &str,
+        message: &'static MessageType,
+        qos: graph::Qos,
+        losses: &Arc<Losses>,
+    ) -> Result<(), RecordingError> {
+        let absolute = format!("{namespace}/{name}");
+        let pusher = self.recorder.pusher();
+        let channel = pusher.channel(&Channel::of(&absolute, message, bag_qos(qos)))?;
+        let for_losses = pusher.clone();
+        let on_sample = move |received: Received<'_>| {
+            let (reception, source) = (received.received_ns as u64, received.source_time_ns as u64);
+            let pushed = pusher.push(channel, received.sequence, reception, source, received.payload.into_owned());
+            // A full queue is counted by the bag itself; a stopped or failed one is told by `finish`.
+            drop(pushed);
+        };
+        let (losses, topic) = (Arc::clone(losses), name.to_owned());
+        let on_lost = move |lost: crate::bus::Lost| {
+            for_losses.report_bus_loss(channel, lost.count, false);
+            losses.tell(&topic, lost);
+        };
+        let subscription =
+            bus.subscribe(&absolute, message, bus_qos(qos), Box::new(on_sample), Box::new(on_lost))?;
+        self.subscriptions.push(subscription);
+        Ok(())
+    }
+
+    /// The failure that ended the recording early, if there was one.
+    pub fn failure(&self) -> Option<bags::Error> {
+        self.recorder.failure()
+    }
+
+    /// Writes what is queued, closes the files and tells what was written.
+    pub fn finish(mut self) -> Result<Statistics, RecordingError> {
+        self.subscriptions.clear();
+        Ok(self.recorder.stop()?)
+    }
+}
+
+impl Losses {
+    fn tell(&self, topic: &str, lost: crate::bus::Lost) {
+        let instant: Stamp = now();
+        error!("lost {} messages on {}/{topic} from number {}", lost.count, self.namespace, lost.first);
+        let report = LossReport {
+            header: std_msgs::Header { stamp: instant.time(), frame_id: String::new() },
+            observer: "recorder".to_owned(),
+            topic: topic.to_owned(),
+            first_sequence: lost.first,
+            count: lost.count,
+            recovered: false,
+        };
+        if let Err(error) = self.publisher.publish(&to_cdr(&report), instant.0) {
+            error!("a loss could not be told on the bus: {error}");
+        }
+    }
+}
+
+fn bag_qos(qos: graph::Qos) -> bags::Qos {
+    bags::Qos {
+        reliability: if qos.reliable { bags::Reliability::Reliable } else { bags::Reliability::BestEffort },
+        durability: if qos.transient_local { bags::Durability::TransientLocal } else { bags::Durability::Volatile },
+        history: qos.depth.map_or(bags::History::KeepAll, bags::History::KeepLast),
+    }
+}
+
+/// Subscriptions that the recorder adds to each topic: one, for each topic of the cell and each journal.
+pub fn heard_by_recorder(nodes: &[&str]) -> BTreeMap<String, usize> {
+    let own = topics::ALL.iter().map(|topic| topic.name.to_owned());
+    own.chain(nodes.iter().map(|node| topics::journal_name(node))).map(|name| (name, 1)).collect()
+}

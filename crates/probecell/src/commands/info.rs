@@ -1,0 +1,31 @@
+//! `probecell info`: what a recording holds.
+
+use std::path::Path;
+
+use bags::Bag;
+
+use crate::{GOOD, LOSS, report};
+
+/// Prints the description.
+pub(crate) fn run(path: &Path, verify: bool, json: bool) -> anyhow::Result<u8> {
+    let info = Bag::open(path)?.info(verify);
+    if json {
+        report::json(&info)?;
+    } else {
+        report::line(&format!("{}  ({})", info.path.display(), info.library));
+        let seconds = info.duration_ns as f64 * 1e-9;
+        report::line(&format!("{} messages in {seconds:.1} s, {} file(s)", info.messages, info.files.len()));
+        for topic in &info.topics {
+            let missing = topic.losses.missing();
+            let lost = if missing > 0 { format!("  {missing} MISSING") } else { String::new() };
+            report::line(&format!("{:>9}  {}  [{}]{lost}", topic.messages, topic.topic, topic.type_name));
+        }
+        for attachment in &info.attachments {
+            report::line(&format!("attached  {} ({} bytes)", attachment.name, attachment.bytes));
+        }
+        for damage in &info.damage {
+            report::line(&format!("damage    {damage}"));
+        }
+    }
+    Ok(if info.damage.is_empty() { GOOD } else { LOSS })
+}

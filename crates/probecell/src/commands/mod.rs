@@ -1,0 +1,12 @@
+//! One module for each command that is not the launcher or the operator.
+
+pub(crate) mod diagnose;
+pub(crate) mod doctor;
+pub(crate) mod info;
+pub(crate) mod node;
+pub(crate) mod plan;
+pub(crate) mod play;
+pub(crate) mod record;
+pub(crate) mod recover;
+pub(crate) mod replay;
+pub(crate) mod router;

@@ -1,0 +1,32 @@
+//! What a person or a program reads on the terminal.
+
+#![expect(clippy::print_stdout, clippy::print_stderr, reason = "this module is the terminal")]
+
+use serde::Serialize;
+
+/// A line on standard output.
+pub(crate) fn line(text: &str) {
+    println!("{text}");
+}
+
+/// A remark on standard error.
+pub(crate) fn remark(text: &str) {
+    eprintln!("{text}");
+}
+
+/// One JSON object on standard output.
+pub(crate) fn json(value: &impl Serialize) -> anyhow::Result<()> {
+    println!("{}", serde_json::to_string_pretty(value)?);
+    Ok(())
+}
+
+/// An error as one sentence: causes that the sentence already tells are left out.
+pub(crate) fn error(error: &anyhow::Error) {
+    let mut sentence = String::new();
+    for cause in error.chain().map(ToString::to_string) {
+        if !sentence.contains(&cause) {
+            sentence = if sentence.is_empty() { cause } else { format!("{sentence}: {cause}") };
+        }
+    }
+    eprintln!("probecell: {}", sentence.replace('\n', " "));
+}
