@@ -1,63 +1,75 @@
-//! Decides the shortest open path exactly: dynamic programming over subsets (Held and Karp 1962), O(n² 2ⁿ).
+//! Decides the shortest open path exactly: dynamic programming over subsets of points (Held and Karp 1962), O(n² 2ⁿ)
+//! for n points, with precedence, stages and alternative places as rules on what may come next.
 //!
 //! Of equally short paths the one with the lowest indices, read from the start, is returned.
 
-use crate::costs::CostMatrix;
+use crate::problem::Checked;
 
 /// Largest number of points solved exactly.
 pub const EXACT_LIMIT: usize = 12;
 
-/// The shortest path with optional fixed ends. The table holds, for (last visited set, here), the cheapest completion,
-/// so that walking forward with the lowest index among equals gives the lexicographically first path.
-pub(crate) fn shortest_path(
-    costs: &CostMatrix,
-    start: Option<usize>,
-    end: Option<usize>,
-) -> Vec<usize> {
-    let n = costs.len();
-    if n == 0 {
+/// The shortest order of places. The table holds, for (points visited, place), the cheapest completion, so that
+/// walking forwards with the lowest index among equals gives the lexicographically first path.
+pub(crate) fn shortest_path(problem: &Checked) -> Vec<usize> {
+    let points = problem.places_of.len();
+    if points == 0 {
         return Vec::new();
     }
-    let full = (1_usize << n) - 1;
-    // rest[set * n + here]: cheapest way to visit all points outside `set`, standing at `here`, a member of `set`.
-    let mut rest = vec![f64::INFINITY; (full + 1) * n];
-    for here in 0..n {
-        if end.is_none_or(|end| end == here) {
-            rest[full * n + here] = 0.0;
-        }
-    }
+    let places = problem.point_of.len();
+    let full = (1_usize << points) - 1;
+    let point = |place: usize| problem.point_of[place];
+    // Points that must have been visited before a point may be.
+    let needs: Vec<usize> = (0..points)
+        .map(|this| {
+            let staged = (0..points).filter(|&other| problem.stage[other] < problem.stage[this]);
+            staged
+                .chain(problem.earlier[this].iter().copied())
+                .fold(0, |set, other| set | 1 << other)
+        })
+        .collect();
+    let may_follow = |set: usize, place: usize| {
+        let this = point(place);
+        let last = set | 1 << this == full;
+        set >> this & 1 == 0
+            && needs[this] & !set == 0
+            && problem
+                .start
+                .is_none_or(|start| place == start || set != 0 && point(start) != this)
+            && problem
+                .end
+                .is_none_or(|end| place == end && last || point(end) != this && !last)
+    };
+    let mut rest = vec![f64::INFINITY; (full + 1) * places];
+    rest[full * places..].fill(0.0);
+    let onward = |rest: &[f64], set: usize, here: usize, next: usize| {
+        problem.costs.cost(here, next) + rest[(set | 1 << point(next)) * places + next]
+    };
     for set in (1..full).rev() {
-        for here in (0..n).filter(|here| set >> here & 1 == 1) {
-            rest[set * n + here] = (0..n)
-                .filter(|next| set >> next & 1 == 0)
-                .map(|next| costs.cost(here, next) + rest[(set | 1 << next) * n + next])
+        let follows: Vec<usize> = (0..places).filter(|&next| may_follow(set, next)).collect();
+        for here in (0..places).filter(|&here| set >> point(here) & 1 == 1) {
+            rest[set * places + here] = follows
+                .iter()
+                .map(|&next| onward(&rest, set, here, next))
                 .fold(f64::INFINITY, f64::min);
         }
     }
-    let lowest = |candidates: &mut dyn Iterator<Item = (usize, f64)>| {
-        candidates
-            .fold((usize::MAX, f64::INFINITY), |best, c| {
-                if c.1 < best.1 || best.0 == usize::MAX {
-                    c
-                } else {
-                    best
-                }
-            })
-            .0
-    };
-    let first = start.unwrap_or_else(|| lowest(&mut (0..n).map(|i| (i, rest[(1 << i) * n + i]))));
-    let mut order = vec![first];
-    let mut set = 1_usize << first;
+    let mut order: Vec<usize> = Vec::with_capacity(points);
+    let mut set = 0;
     while set != full {
-        let here = order[order.len() - 1];
-        let next = lowest(&mut (0..n).filter(|next| set >> next & 1 == 0).map(|next| {
-            (
-                next,
-                costs.cost(here, next) + rest[(set | 1 << next) * n + next],
-            )
-        }));
-        order.push(next);
-        set |= 1 << next;
+        let costs = (0..places)
+            .filter(|&next| may_follow(set, next))
+            .map(|next| match order.last() {
+                Some(&here) => (next, onward(&rest, set, here, next)),
+                None => (next, rest[(1 << point(next)) * places + next]),
+            });
+        let best = costs.fold((0, f64::INFINITY), |best, next| {
+            if next.1 < best.1 { next } else { best }
+        });
+        if best.1 == f64::INFINITY {
+            return problem.given.clone();
+        }
+        order.push(best.0);
+        set |= 1 << point(best.0);
     }
     order
 }

@@ -8,13 +8,17 @@
 //! Up to [`EXACT_LIMIT`] points the answer is exact (dynamic programming, Held and Karp 1962); above, an iterated
 //! local search runs until its budget ends or the caller stops it. The answer is never longer than the order given.
 
+mod axes;
 mod costs;
 mod exact;
 mod problem;
+mod resume;
 mod search;
 mod solve;
 
+pub use axes::{Axes, AxesError, Axis};
 pub use costs::{CostError, CostMatrix};
 pub use exact::EXACT_LIMIT;
 pub use problem::{Problem, ProblemError};
+pub use resume::{Remainder, cheapest_revisit};
 pub use solve::{Options, Progress, Solution, solve};

@@ -1,4 +1,8 @@
-//! Holds what is to be ordered: costs, fixed ends, and the order that has to be beaten.
+//! Holds what is to be ordered: costs, fixed ends, poses, precedence, and the order that has to be beaten.
+//!
+//! A *place* is a row of the cost table: one way to stand at a point. A *point* is what is measured. Without
+//! alternatives they are the same; with them, every point lists its places (probe poses) and exactly one is visited:
+//! the generalised travelling salesman problem. Stages and precedence speak of points, ends and orders of places.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,67 +11,115 @@ use crate::costs::CostMatrix;
 /// Why a problem was refused.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ProblemError {
-    /// A fixed end names a point that does not exist.
-    #[error("the fixed {end} is point {point}, but there are {points} points")]
+    /// A fixed end names a place that does not exist.
+    #[error("the fixed {end} is place {place}, but there are {places} places")]
     End {
         /// `start` or `end`.
         end: &'static str,
+        /// Index given.
+        place: usize,
+        /// Number of places.
+        places: usize,
+    },
+    /// One point cannot be both ends of a path of several.
+    #[error("point {0} cannot be both start and end of a path of several points")]
+    SameEnds(usize),
+    /// The alternatives do not divide the places among the points.
+    #[error("place {0} belongs not to exactly one point, or it does not exist")]
+    Alternatives(usize),
+    /// A point without any place cannot be visited.
+    #[error("point {0} has no place")]
+    NoPlace(usize),
+    /// There is not one stage per point.
+    #[error("{stages} stages were given for {points} points")]
+    Stages {
+        /// Stages given.
+        stages: usize,
+        /// Number of points.
+        points: usize,
+    },
+    /// A precedence names a point that does not exist.
+    #[error("a precedence names point {point}, but there are {points} points")]
+    Precedence {
         /// Index given.
         point: usize,
         /// Number of points.
         points: usize,
     },
-    /// One point cannot be both ends of a path of several.
-    #[error("point {0} cannot be both start and end of a path of several points")]
-    SameEnds(usize),
-    /// The given order is not a permutation of the points.
-    #[error("the given order visits point {0} not exactly once, or it does not exist")]
+    /// No order keeps all ends, stages and precedences.
+    #[error(
+        "ends, stages and precedences contradict each other: nothing may be measured before point {0}"
+    )]
+    Contradiction(usize),
+    /// The given order does not visit every point once.
+    #[error("the given order visits the point of place {0} not exactly once, or it does not exist")]
     GivenNotAPermutation(usize),
-    /// The given order does not keep a fixed end.
-    #[error("the given order does not have point {point} as its {end}")]
-    GivenEnd {
-        /// `start` or `end`.
-        end: &'static str,
-        /// The fixed point.
-        point: usize,
-    },
+    /// The given order does not keep an end, a stage or a precedence.
+    #[error("the given order visits place {0} where ends, stages or precedence do not allow it")]
+    GivenForbidden(usize),
 }
 
 /// An open path through all points of a cost table, to be made short.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Problem {
     pub(crate) costs: CostMatrix,
     pub(crate) start: Option<usize>,
     pub(crate) end: Option<usize>,
     pub(crate) given: Option<Vec<usize>>,
+    pub(crate) alternatives: Option<Vec<Vec<usize>>>,
+    pub(crate) stages: Option<Vec<u32>>,
+    pub(crate) precedence: Vec<(usize, usize)>,
 }
 
 impl Problem {
-    /// Every point once, ends free, compared with the order 0, 1, 2, …
+    /// Every place is a point; ends are free; compared with the order 0, 1, 2, …
     pub fn new(costs: CostMatrix) -> Self {
         Self {
             costs,
             start: None,
             end: None,
             given: None,
+            alternatives: None,
+            stages: None,
+            precedence: Vec::new(),
         }
     }
 
-    /// Fixes the first point of the path.
-    pub fn starting_at(mut self, point: usize) -> Self {
-        self.start = Some(point);
+    /// Fixes the first place of the path.
+    pub fn starting_at(mut self, place: usize) -> Self {
+        self.start = Some(place);
         self
     }
 
-    /// Fixes the last point of the path.
-    pub fn ending_at(mut self, point: usize) -> Self {
-        self.end = Some(point);
+    /// Fixes the last place of the path.
+    pub fn ending_at(mut self, place: usize) -> Self {
+        self.end = Some(place);
         self
     }
 
-    /// The order in use so far; the answer is never longer. Without it, the points by index between the fixed ends.
+    /// The order of places in use so far; the answer is never longer. Without it, the points by stage and index with
+    /// the first place of each, as far as ends and precedence allow.
     pub fn given(mut self, order: Vec<usize>) -> Self {
         self.given = Some(order);
+        self
+    }
+
+    /// The places of each point, of which exactly one is visited.
+    pub fn alternatives(mut self, places_of_point: Vec<Vec<usize>>) -> Self {
+        self.alternatives = Some(places_of_point);
+        self
+    }
+
+    /// The stage of each point: lower stages are measured first (datum features before the rest).
+    pub fn stages(mut self, stage_of_point: Vec<u32>) -> Self {
+        self.stages = Some(stage_of_point);
+        self
+    }
+
+    /// Pairs of points of which the first is measured before the second (a sequential ordering problem).
+    pub fn precedence(mut self, before_after: Vec<(usize, usize)>) -> Self {
+        self.precedence = before_after;
         self
     }
 
@@ -76,45 +128,184 @@ impl Problem {
         &self.costs
     }
 
-    /// Checks the problem and returns the order to beat.
+    /// Checks the problem: ends, alternatives, stages, precedence and the given order.
     ///
     /// # Errors
     /// The first [`ProblemError`] found.
-    pub fn checked_given(&self) -> Result<Vec<usize>, ProblemError> {
-        let points = self.costs.len();
-        for (end, fixed) in [("start", self.start), ("end", self.end)] {
-            if let Some(point) = fixed.filter(|&point| point >= points) {
-                return Err(ProblemError::End { end, point, points });
+    pub fn check(&self) -> Result<(), ProblemError> {
+        Checked::new(self).map(|_| ())
+    }
+}
+
+/// A problem without contradictions, with every rule in one form.
+pub(crate) struct Checked<'a> {
+    pub(crate) costs: &'a CostMatrix,
+    pub(crate) start: Option<usize>,
+    pub(crate) end: Option<usize>,
+    /// The order to beat.
+    pub(crate) given: Vec<usize>,
+    /// Point of each place.
+    pub(crate) point_of: Vec<usize>,
+    /// Places of each point.
+    pub(crate) places_of: Vec<Vec<usize>>,
+    /// Stage of each point.
+    pub(crate) stage: Vec<u32>,
+    /// Points to be measured after and before each point, directly.
+    pub(crate) later: Vec<Vec<usize>>,
+    pub(crate) earlier: Vec<Vec<usize>>,
+}
+
+impl<'a> Checked<'a> {
+    pub(crate) fn new(problem: &'a Problem) -> Result<Self, ProblemError> {
+        let places = problem.costs.len();
+        let places_of = problem
+            .alternatives
+            .clone()
+            .unwrap_or_else(|| (0..places).map(|place| vec![place]).collect());
+        let point_of = divide(places, &places_of)?;
+        let points = places_of.len();
+        for (end, fixed) in [("start", problem.start), ("end", problem.end)] {
+            if let Some(place) = fixed.filter(|&place| place >= places) {
+                return Err(ProblemError::End { end, place, places });
             }
         }
-        if let (Some(start), Some(end)) = (self.start, self.end)
-            && start == end
-            && points > 1
+        if let (Some(start), Some(end)) = (problem.start, problem.end)
+            && (point_of[start] == point_of[end] && points > 1 || start != end && points == 1)
         {
-            return Err(ProblemError::SameEnds(start));
+            return Err(ProblemError::SameEnds(point_of[start]));
         }
-        let Some(given) = &self.given else {
-            let inner = (0..points).filter(|&i| Some(i) != self.start && Some(i) != self.end);
-            let last = self.end.filter(|_| self.end != self.start);
-            return Ok(self.start.into_iter().chain(inner).chain(last).collect());
+        let stage = problem.stages.clone().unwrap_or_else(|| vec![0; points]);
+        if stage.len() != points {
+            return Err(ProblemError::Stages {
+                stages: stage.len(),
+                points,
+            });
+        }
+        let (mut later, mut earlier) = (vec![Vec::new(); points], vec![Vec::new(); points]);
+        for &(before, after) in &problem.precedence {
+            if let Some(&point) = [before, after].iter().find(|&&point| point >= points) {
+                return Err(ProblemError::Precedence { point, points });
+            }
+            later[before].push(after);
+            earlier[after].push(before);
+        }
+        let mut checked = Self {
+            costs: &problem.costs,
+            start: problem.start,
+            end: problem.end,
+            given: Vec::new(),
+            point_of,
+            places_of,
+            stage,
+            later,
+            earlier,
         };
+        checked.given = if checked.is_plain() && problem.precedence.is_empty() {
+            let ends = [problem.start, problem.end];
+            let inner = (0..places).filter(|&place| !ends.contains(&Some(place)));
+            let last = problem.end.filter(|_| problem.start != problem.end);
+            problem.start.into_iter().chain(inner).chain(last).collect()
+        } else {
+            checked.build(|_, allowed| allowed[0])?
+        };
+        if let Some(given) = &problem.given {
+            checked.accept(given)?;
+            checked.given.clone_from(given);
+        }
+        Ok(checked)
+    }
+
+    /// True when points may be exchanged freely and each has one place.
+    pub(crate) fn is_plain(&self) -> bool {
+        self.point_of.len() == self.places_of.len()
+            && self.later.iter().all(Vec::is_empty)
+            && self.stage.windows(2).all(|pair| pair[0] == pair[1])
+    }
+
+    /// Grows an order from the front: `choose` picks among the places allowed next (never none), given the last one.
+    ///
+    /// # Errors
+    /// [`ProblemError::Contradiction`] when no place is allowed next.
+    pub(crate) fn build(
+        &self,
+        mut choose: impl FnMut(Option<usize>, &[usize]) -> usize,
+    ) -> Result<Vec<usize>, ProblemError> {
+        let points = self.places_of.len();
+        let mut waits: Vec<usize> = self.earlier.iter().map(Vec::len).collect();
+        let mut rest: Vec<usize> = (0..points).collect();
+        let mut order: Vec<usize> = Vec::with_capacity(points);
+        let fixed =
+            |end: Option<usize>, point: usize| end.filter(|&place| self.point_of[place] == point);
+        while let Some(stage) = rest.iter().map(|&point| self.stage[point]).min() {
+            let mut allowed = Vec::new();
+            for &point in &rest {
+                let first_ok = !order.is_empty()
+                    || self.start.is_none_or(|start| self.point_of[start] == point);
+                let last_ok = rest.len() == 1 || fixed(self.end, point).is_none();
+                if waits[point] == 0 && self.stage[point] == stage && first_ok && last_ok {
+                    match fixed(self.start, point).or(fixed(self.end, point)) {
+                        Some(place) => allowed.push(place),
+                        None => allowed.extend(&self.places_of[point]),
+                    }
+                }
+            }
+            if allowed.is_empty() {
+                return Err(ProblemError::Contradiction(rest[0]));
+            }
+            let place = choose(order.last().copied(), &allowed);
+            order.push(place);
+            rest.retain(|&point| point != self.point_of[place]);
+            for &after in &self.later[self.point_of[place]] {
+                waits[after] -= 1;
+            }
+        }
+        Ok(order)
+    }
+
+    /// Checks that an order visits every point once and keeps every rule.
+    pub(crate) fn accept(&self, order: &[usize]) -> Result<(), ProblemError> {
+        let points = self.places_of.len();
         let mut seen = vec![false; points];
-        for &point in given {
-            if point >= points || std::mem::replace(&mut seen[point], true) {
-                return Err(ProblemError::GivenNotAPermutation(point));
+        let mut stage = 0;
+        for (at, &place) in order.iter().enumerate() {
+            let point = *self
+                .point_of
+                .get(place)
+                .ok_or(ProblemError::GivenNotAPermutation(place))?;
+            if std::mem::replace(&mut seen[point], true) {
+                return Err(ProblemError::GivenNotAPermutation(place));
+            }
+            let start_ok = at > 0 || self.start.is_none_or(|start| start == place);
+            let end_ok = at + 1 < points || self.end.is_none_or(|end| end == place);
+            let after_ok = self.earlier[point].iter().all(|&before| seen[before]);
+            if !start_ok || !end_ok || !after_ok || self.stage[point] < stage {
+                return Err(ProblemError::GivenForbidden(place));
+            }
+            stage = self.stage[point];
+        }
+        match seen.iter().position(|&seen| !seen) {
+            Some(point) => Err(ProblemError::GivenNotAPermutation(self.places_of[point][0])),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Point of each place; every place must belong to exactly one.
+fn divide(places: usize, places_of: &[Vec<usize>]) -> Result<Vec<usize>, ProblemError> {
+    let mut point_of = vec![usize::MAX; places];
+    for (point, own) in places_of.iter().enumerate() {
+        if own.is_empty() {
+            return Err(ProblemError::NoPlace(point));
+        }
+        for &place in own {
+            match point_of.get_mut(place) {
+                Some(owner) if *owner == usize::MAX => *owner = point,
+                _ => return Err(ProblemError::Alternatives(place)),
             }
         }
-        if let Some(missing) = seen.iter().position(|&s| !s) {
-            return Err(ProblemError::GivenNotAPermutation(missing));
-        }
-        for (end, fixed, is) in [
-            ("start", self.start, given.first()),
-            ("end", self.end, given.last()),
-        ] {
-            if let Some(point) = fixed.filter(|point| is != Some(point)) {
-                return Err(ProblemError::GivenEnd { end, point });
-            }
-        }
-        Ok(given.clone())
+    }
+    match point_of.iter().position(|&owner| owner == usize::MAX) {
+        Some(place) => Err(ProblemError::Alternatives(place)),
+        None => Ok(point_of),
     }
 }

@@ -13,7 +13,7 @@ use rand_pcg::Pcg32;
 use rand_pcg::rand_core::{RngCore, SeedableRng};
 
 use crate::costs::CostMatrix;
-use crate::problem::Problem;
+use crate::problem::Checked;
 use crate::solve::{Options, Progress};
 use directed::Directed;
 use grid::Grid;
@@ -39,15 +39,14 @@ trait Kicked {
 
 /// Searches until the budget ends or the caller stops; returns the best order and the kicks made.
 pub(crate) fn run(
-    problem: &Problem,
-    given: &[usize],
+    problem: &Checked,
     options: &Options,
     keep_going: &mut dyn FnMut(&Progress) -> bool,
 ) -> (Vec<usize>, u64) {
-    let grid = Grid::new(problem, &beginning(problem, given));
+    let grid = Grid::new(problem, &beginning(problem));
     let beginning = (0..grid.points() as u32).collect();
-    let mut reporter = Reporter::new(problem, given, keep_going);
-    if problem.costs.is_symmetric() {
+    let mut reporter = Reporter::new(problem, keep_going);
+    if problem.costs.is_symmetric() && problem.is_plain() {
         iterate(Tour::new(&grid, beginning), &grid, options, &mut reporter)
     } else {
         iterate(
@@ -61,8 +60,7 @@ pub(crate) fn run(
 
 /// Tells the caller the best path so far, in his own unit.
 struct Reporter<'a> {
-    problem: &'a Problem,
-    given: &'a [usize],
+    problem: &'a Checked<'a>,
     given_cost: f64,
     keep_going: &'a mut dyn FnMut(&Progress) -> bool,
     told: i64,
@@ -71,19 +69,14 @@ struct Reporter<'a> {
 }
 
 impl<'a> Reporter<'a> {
-    fn new(
-        problem: &'a Problem,
-        given: &'a [usize],
-        keep_going: &'a mut dyn FnMut(&Progress) -> bool,
-    ) -> Self {
-        let given_cost = problem.costs.path_cost(given);
+    fn new(problem: &'a Checked<'a>, keep_going: &'a mut dyn FnMut(&Progress) -> bool) -> Self {
+        let given_cost = problem.costs.path_cost(&problem.given);
         Self {
             problem,
-            given,
             given_cost,
             keep_going,
             told: i64::MAX,
-            order: given.to_vec(),
+            order: problem.given.clone(),
             cost: given_cost,
         }
     }
@@ -96,7 +89,7 @@ impl<'a> Reporter<'a> {
             (self.order, self.cost) = if cost <= self.given_cost {
                 (order, cost)
             } else {
-                (self.given.to_vec(), self.given_cost)
+                (self.problem.given.clone(), self.given_cost)
             };
         }
         let progress = Progress {
@@ -150,17 +143,23 @@ fn iterate(
 }
 
 /// The shortest of the given order and nearest-neighbour paths from spread starts; ties go to the earlier one.
-fn beginning(problem: &Problem, given: &[usize]) -> Vec<usize> {
-    let costs = &problem.costs;
+fn beginning(problem: &Checked) -> Vec<usize> {
+    let costs = problem.costs;
     let starts = match problem.start {
         Some(start) => vec![start],
-        None => (0..costs.len()).filter(|&point| Some(point) != problem.end).collect(),
+        None => (0..costs.len())
+            .filter(|&place| Some(place) != problem.end)
+            .collect(),
     };
     let affordable = (BEGINNING_MOVES / (costs.len() * costs.len())).clamp(1, starts.len());
-    let mut best = given.to_vec();
-    let mut best_cost = costs.path_cost(given);
+    let mut best = problem.given.clone();
+    let mut best_cost = costs.path_cost(&best);
     for &start in starts.iter().step_by(starts.len().div_ceil(affordable)) {
-        let path = nearest_neighbour(costs, start, problem.end);
+        let path = if problem.is_plain() {
+            nearest_neighbour(costs, start, problem.end)
+        } else {
+            nearest_allowed(problem, start)
+        };
         let cost = costs.path_cost(&path);
         if cost < best_cost {
             (best, best_cost) = (path, cost);
@@ -169,16 +168,36 @@ fn beginning(problem: &Problem, given: &[usize]) -> Vec<usize> {
     best
 }
 
+/// Goes to the nearest place that is allowed next, beginning with `start` when that is allowed.
+fn nearest_allowed(problem: &Checked, start: usize) -> Vec<usize> {
+    let path = problem.build(|here, allowed| {
+        let cost = |place: usize| match here {
+            Some(here) => problem.costs.cost(here, place),
+            None => f64::from(u8::from(place != start)),
+        };
+        let nearest = allowed.iter().map(|&place| (place, cost(place)));
+        nearest
+            .reduce(|best, next| if next.1 < best.1 { next } else { best })
+            .map_or(start, |best| best.0)
+    });
+    path.unwrap_or_else(|_| problem.given.clone())
+}
+
 /// Goes to the nearest unvisited point, lowest index among equals, and ends at the fixed end.
 fn nearest_neighbour(costs: &CostMatrix, start: usize, end: Option<usize>) -> Vec<usize> {
     let mut path = vec![start];
-    let mut rest: Vec<usize> = (0..costs.len()).filter(|&i| i != start && Some(i) != end).collect();
+    let mut rest: Vec<usize> = (0..costs.len())
+        .filter(|&i| i != start && Some(i) != end)
+        .collect();
     while !rest.is_empty() {
         let here = path[path.len() - 1];
-        let nearest = rest.iter().enumerate().fold((0, f64::INFINITY), |best, (at, &next)| {
-            let cost = costs.cost(here, next);
-            if cost < best.1 { (at, cost) } else { best }
-        });
+        let nearest = rest
+            .iter()
+            .enumerate()
+            .fold((0, f64::INFINITY), |best, (at, &next)| {
+                let cost = costs.cost(here, next);
+                if cost < best.1 { (at, cost) } else { best }
+            });
         path.push(rest.remove(nearest.0));
     }
     path.extend(end);

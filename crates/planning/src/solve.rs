@@ -3,8 +3,11 @@
 use serde::{Deserialize, Serialize};
 
 use crate::exact::{EXACT_LIMIT, shortest_path};
-use crate::problem::{Problem, ProblemError};
+use crate::problem::{Checked, Problem, ProblemError};
 use crate::search;
+
+/// Most places (poses of all points) for which the exact table is kept.
+const EXACT_PLACES: usize = 100;
 
 /// How long to search, and with which random numbers.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -44,7 +47,7 @@ pub struct Progress<'a> {
 /// The answer.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Solution {
-    /// Points in measuring order.
+    /// Places in measuring order, one of each point.
     pub order: Vec<usize>,
     /// Its cost, summed from the table along the order.
     pub cost: f64,
@@ -68,19 +71,20 @@ pub fn solve(
     options: &Options,
     keep_going: &mut dyn FnMut(&Progress) -> bool,
 ) -> Result<Solution, ProblemError> {
-    let given = problem.checked_given()?;
-    let given_cost = problem.costs.path_cost(&given);
-    let exact = problem.costs.len() <= EXACT_LIMIT;
-    let (mut order, kicks) = if exact {
-        (shortest_path(&problem.costs, problem.start, problem.end), 0)
+    let checked = Checked::new(problem)?;
+    let given_cost = problem.costs.path_cost(&checked.given);
+    let small = checked.places_of.len() <= EXACT_LIMIT && checked.point_of.len() <= EXACT_PLACES;
+    let (mut order, kicks) = if small {
+        (shortest_path(&checked), 0)
     } else {
-        search::run(problem, &given, options, keep_going)
+        search::run(&checked, options, keep_going)
     };
     let mut cost = problem.costs.path_cost(&order);
-    if cost >= given_cost && !exact || cost > given_cost {
-        (order, cost) = (given.clone(), given_cost);
+    // Sums of one path read in two directions may differ in the last bit.
+    if cost > given_cost || cost == given_cost && !small {
+        (order, cost) = (checked.given.clone(), given_cost);
     }
-    if exact {
+    if small {
         keep_going(&Progress {
             kicks,
             order: &order,
@@ -91,9 +95,9 @@ pub fn solve(
     Ok(Solution {
         order,
         cost,
-        given,
+        given: checked.given,
         given_cost,
-        optimal: exact,
+        optimal: small,
         kicks,
     })
 }

@@ -1,7 +1,11 @@
-//! Holds the path being improved, as an array with positions, and makes the moves.
+//! Holds a path whose direction matters, as an array with positions: asymmetric costs, stages, precedence, and points
+//! with alternative places.
 //!
-//! The first and the last place never change. A kick and the repairs after it touch a range of places only; the range
-//! is copied when the kick begins, so a refused kick is undone by copying it back.
+//! Moves: 2-opt, Or-opt (segments up to three points, both directions), exchange of two neighbouring stretches
+//! (Or-3opt), and another place for a point. The first and the last position never change. What walking a stretch
+//! backwards costs comes from running sums. Stages never fall along the path, so a stretch may be rearranged only
+//! within one stage. Where points have alternatives, the best places for the stretch that a kick changed are found by
+//! dynamic programming through its layers. A refused kick is undone by copying back the positions it touched.
 
 use rand_pcg::Pcg32;
 use rand_pcg::rand_core::RngCore;
@@ -9,8 +13,11 @@ use rand_pcg::rand_core::RngCore;
 use super::Kicked;
 use super::grid::Grid;
 
-/// Longest stretch that a kick exchanges with its neighbour.
+/// Longest stretch that a kick rearranges.
 const KICK_SPAN: usize = 50;
+
+/// Random kicks drawn until one keeps the rules.
+const KICK_DRAWS: usize = 20;
 
 /// Longest segment moved by Or-opt.
 const SEGMENT: usize = 3;
@@ -18,47 +25,53 @@ const SEGMENT: usize = 3;
 pub(super) struct Directed<'a> {
     grid: &'a Grid,
     order: Vec<u32>,
-    place: Vec<u32>,
+    /// Position of each point.
+    position: Vec<u32>,
     length: i64,
-    /// For each place, cost of all moves up to it, walked backwards, minus walked forwards; empty when symmetric.
+    /// For each position, cost of all moves up to it, walked backwards, minus walked forwards; empty when symmetric.
     turning: Vec<i64>,
+    /// Points to be looked at.
     queue: Vec<u32>,
     queued: Vec<bool>,
     kept: Vec<u32>,
     kept_length: i64,
-    /// Places changed since `mark`, first and last.
+    /// Positions changed since the kick, first and last.
     touched: (usize, usize),
 }
 
 impl<'a> Directed<'a> {
     pub(super) fn new(grid: &'a Grid, order: Vec<u32>) -> Self {
-        let mut place = vec![0; grid.points()];
-        for (at, &point) in order.iter().enumerate() {
-            place[point as usize] = at as u32;
-        }
-        let turning = if grid.is_symmetric() {
-            Vec::new()
-        } else {
-            vec![0; order.len()]
-        };
         let mut path = Self {
             grid,
             length: grid.length(&order),
             kept: order.clone(),
             kept_length: 0,
-            queued: vec![false; grid.points()],
+            position: vec![0; order.len()],
+            queued: vec![false; order.len()],
             queue: Vec::new(),
             touched: (usize::MAX, 0),
+            turning: if grid.is_symmetric() {
+                Vec::new()
+            } else {
+                vec![0; order.len()]
+            },
             order,
-            place,
-            turning,
         };
-        path.retell(0);
+        path.settle(0, path.order.len() - 1);
+        path.touched = (usize::MAX, 0);
         path
     }
 
+    fn point_at(&self, at: usize) -> u32 {
+        self.grid.rules.point_of[self.order[at] as usize]
+    }
+
+    fn position_of(&self, place: u32) -> usize {
+        self.position[self.grid.rules.point_of[place as usize] as usize] as usize
+    }
+
     fn push(&mut self, at: usize) {
-        let point = self.order[at];
+        let point = self.point_at(at);
         if !std::mem::replace(&mut self.queued[point as usize], true) {
             self.queue.push(point);
         }
@@ -68,7 +81,7 @@ impl<'a> Directed<'a> {
         self.grid.cost(self.order[from], self.order[to])
     }
 
-    /// What walking the places `from..=to` backwards costs more than forwards.
+    /// What walking the positions `from..=to` backwards costs more than forwards.
     fn turn(&self, from: usize, to: usize) -> i64 {
         if self.turning.is_empty() {
             0
@@ -77,34 +90,67 @@ impl<'a> Directed<'a> {
         }
     }
 
-    fn improve(&mut self, point: u32) -> bool {
-        self.try_turn(point) || self.try_insert(point) || self.try_exchange(point)
+    /// True when the rules let the positions `from..=to` be walked backwards.
+    fn may_turn(&self, from: usize, to: usize) -> bool {
+        let rules = &self.grid.rules;
+        let inside = |point: &u32| (from..=to).contains(&(self.position[*point as usize] as usize));
+        rules.free
+            || self.one_stage(from, to)
+                && (from..=to).all(|at| !rules.later[self.point_at(at) as usize].iter().any(inside))
     }
 
-    /// 2-opt: turns a stretch around so that `point` gets a near neighbour.
-    fn try_turn(&mut self, point: u32) -> bool {
-        let at = self.place[point as usize] as usize;
+    /// True when the rules let the stretches `from..second` and `second..=to` change places.
+    fn may_exchange(&self, from: usize, second: usize, to: usize) -> bool {
+        let rules = &self.grid.rules;
+        if rules.free {
+            return true;
+        }
+        let none =
+            |own: std::ops::Range<usize>, lists: &[Vec<u32>], other: std::ops::Range<usize>| {
+                own.into_iter().all(|at| {
+                    let points = &lists[self.point_at(at) as usize];
+                    !points
+                        .iter()
+                        .any(|&point| other.contains(&(self.position[point as usize] as usize)))
+                })
+            };
+        self.one_stage(from, to)
+            && if second - from < to + 1 - second {
+                none(from..second, &rules.later, second..to + 1)
+            } else {
+                none(second..to + 1, &rules.earlier, from..second)
+            }
+    }
+
+    fn one_stage(&self, from: usize, to: usize) -> bool {
+        let stage = &self.grid.rules.stage;
+        stage[self.point_at(from) as usize] == stage[self.point_at(to) as usize]
+    }
+
+    fn improve(&mut self, point: u32) -> bool {
+        let at = self.position[point as usize] as usize;
+        self.try_turn(at) || self.try_insert(at) || self.try_exchange(at) || self.try_places(point)
+    }
+
+    /// 2-opt: turns a stretch around so that this position gets a near neighbour.
+    fn try_turn(&mut self, at: usize) -> bool {
         let last = self.order.len() - 1;
         let grid = self.grid;
-        // `point` keeps its place, its successor's stretch turns: at, (at+1 ..= there).
-        for near in grid.after(point) {
-            let there = self.place[near as usize] as usize;
-            if at == last || grid.cost(point, near) >= self.cost(at, at + 1) && grid.is_symmetric()
-            {
-                break;
-            }
-            if there > at + 1 && there < last && self.turn_if_shorter(at + 1, there) {
-                return true;
+        let place = self.order[at];
+        if at < last {
+            for near in grid.after(place) {
+                let there = self.position_of(near);
+                if there > at + 1 && there < last && self.turn_if_shorter(at + 1, there) {
+                    return true;
+                }
             }
         }
-        // The mirror image: (there ..= at-1), at.
-        for near in grid.before(point) {
-            let there = self.place[near as usize] as usize;
-            if at == 0 || grid.cost(near, point) >= self.cost(at - 1, at) && grid.is_symmetric() {
-                break;
-            }
-            if there + 1 < at && there > 0 && self.turn_if_shorter(there, at - 1) {
-                return true;
+        if at > 0 {
+            for near in grid.before(place) {
+                let there = self.position_of(near);
+                if there > 0 && there + 1 < at && self.turn_if_shorter(there, at - 1) {
+                    return true;
+                }
             }
         }
         false
@@ -115,7 +161,7 @@ impl<'a> Directed<'a> {
             - self.cost(from - 1, from)
             - self.cost(to, to + 1)
             + self.turn(from, to);
-        if change >= 0 {
+        if change >= 0 || !self.may_turn(from, to) {
             return false;
         }
         self.order[from..=to].reverse();
@@ -127,32 +173,28 @@ impl<'a> Directed<'a> {
         true
     }
 
-    /// Or-opt: moves a segment that begins or ends with `point` beside a near neighbour, in either direction.
-    fn try_insert(&mut self, point: u32) -> bool {
-        let at = self.place[point as usize] as usize;
+    /// Or-opt: moves a segment that begins or ends here beside a near neighbour, in either direction.
+    fn try_insert(&mut self, at: usize) -> bool {
         let last = self.order.len() - 1;
         if at == 0 || at == last {
             return false;
         }
         let grid = self.grid;
-        for size in 1..=SEGMENT {
-            for (from, to) in [(at, at + size - 1), (at.wrapping_sub(size - 1), at)] {
-                if from == 0 || from > at || to >= last {
+        let place = self.order[at];
+        for size in 1..=SEGMENT.min(last - 1) {
+            for (from, to) in [(at, at + size - 1), ((at + 1).saturating_sub(size), at)] {
+                if from == 0 || to >= last {
                     continue;
                 }
-                for near in grid.before(point).chain(grid.after(point)) {
-                    let there = self.place[near as usize] as usize;
-                    if (there + 1 < from || there > to)
-                        && there < last
-                        && self.insert_if_shorter(from, to, there)
-                    {
-                        return true;
-                    }
-                    if (there < from || there > to + 1)
-                        && there > 0
-                        && self.insert_if_shorter(from, to, there - 1)
-                    {
-                        return true;
+                for near in grid.before(place).chain(grid.after(place)) {
+                    let there = self.position_of(near);
+                    for gap in [there, there.wrapping_sub(1)] {
+                        if gap < last
+                            && (gap + 1 < from || gap > to)
+                            && self.insert_if_shorter(from, to, gap)
+                        {
+                            return true;
+                        }
                     }
                 }
             }
@@ -160,128 +202,263 @@ impl<'a> Directed<'a> {
         false
     }
 
-    /// Moves the places `from..=to` between `there` and `there + 1`, which lie outside.
-    fn insert_if_shorter(&mut self, from: usize, to: usize, there: usize) -> bool {
+    /// Moves the positions `from..=to` between `gap` and `gap + 1`, which lie outside.
+    fn insert_if_shorter(&mut self, from: usize, to: usize, gap: usize) -> bool {
         let closed = self.cost(from - 1, to + 1)
             - self.cost(from - 1, from)
             - self.cost(to, to + 1)
-            - self.cost(there, there + 1);
-        let straight = closed + self.cost(there, from) + self.cost(to, there + 1);
-        let turned =
-            closed + self.cost(there, to) + self.cost(from, there + 1) + self.turn(from, to);
+            - self.cost(gap, gap + 1);
+        let straight = closed + self.cost(gap, from) + self.cost(to, gap + 1);
+        let turned = closed + self.cost(gap, to) + self.cost(from, gap + 1) + self.turn(from, to);
         if straight.min(turned) >= 0 {
             return false;
         }
-        let size = to - from + 1;
-        if turned < straight {
+        let (low, second, high) = if gap > to {
+            (from, to + 1, gap)
+        } else {
+            (gap + 1, from, to)
+        };
+        if !self.may_exchange(low, second, high) {
+            return false;
+        }
+        let turn = turned < straight && self.may_turn(from, to);
+        let change = if turn { turned } else { straight };
+        if change >= 0 {
+            return false;
+        }
+        if turn {
             self.order[from..=to].reverse();
         }
-        let (low, high, landed) = if there > to {
-            self.order[from..=there].rotate_left(size);
-            (from, there, there + 1 - size)
-        } else {
-            self.order[there + 1..=to].rotate_right(size);
-            (there + 1, to, there + 1)
-        };
-        self.length += straight.min(turned);
+        self.order[low..=high].rotate_left(second - low);
+        self.length += change;
         self.settle(low, high);
-        for at in [
-            low - 1,
-            low,
-            high,
-            high + 1,
-            landed - 1,
-            landed,
-            landed + size - 1,
-            landed + size,
-        ] {
+        let middle = low + high + 1 - second;
+        for at in [low - 1, low, middle - 1, middle, high, high + 1] {
             self.push(at);
         }
         true
     }
 
-    /// Or-3opt: exchanges two neighbouring stretches without turning them, so that `point` gets a near successor.
-    fn try_exchange(&mut self, point: u32) -> bool {
+    /// Or-3opt: exchanges two neighbouring stretches without turning them, so that this position gets a near
+    /// successor; its move may become the one into the second stretch, out of the first, or out of the second.
+    fn try_exchange(&mut self, at: usize) -> bool {
         let last = self.order.len() - 1;
-        let grid = self.grid;
-        let at = self.place[point as usize] as usize;
         if at == last {
             return false;
         }
+        let grid = self.grid;
         let gone = self.cost(at, at + 1);
-        for near in grid.after(point) {
-            let gain = gone - grid.cost(point, near);
-            if gain <= 0 {
+        for &(near, cost) in grid.near(self.order[at]) {
+            let there = self.position_of(near);
+            if i64::from(cost) >= gone && !grid.rules.alternatives {
                 break;
             }
-            let second = self.place[near as usize] as usize;
-            if second <= at + 1 {
-                continue;
-            }
-            // at | at+1 .. second-1 | second .. third | third+1
-            for before in grid.before(self.order[at + 1]) {
-                let third = self.place[before as usize] as usize;
-                if third < second || third >= last {
-                    continue;
-                }
-                let change = self.cost(third, at + 1) + self.cost(second - 1, third + 1)
-                    - self.cost(second - 1, second)
-                    - self.cost(third, third + 1)
-                    - gain;
-                if change < 0 {
-                    self.exchange(at + 1, second, third);
-                    return true;
-                }
+            let found = self.exchanges(at, there).find(|&cuts| self.shortens(cuts));
+            if let Some((from, second, to)) = found {
+                self.exchange(from, second, to);
+                return true;
             }
         }
         false
     }
 
-    /// Exchanges the stretches `from..second` and `second..=to`.
+    /// Exchanges that make `there` the successor of `at`, the third cut proposed by near neighbours.
+    fn exchanges(&self, at: usize, there: usize) -> impl Iterator<Item = (usize, usize, usize)> {
+        let forwards = there > at + 1;
+        let wanted = forwards || there > 0 && there < at;
+        // Ends that lose their move: what followed `at`, and what came before `there`.
+        let [orphan, widow] = if wanted { [at + 1, there - 1] } else { [0, 0] };
+        let before = self.grid.before(self.order[orphan]).filter(move |_| wanted);
+        let after = self.grid.after(self.order[widow]).filter(move |_| wanted);
+        let by_orphan = before.flat_map(move |near| {
+            let near = self.position_of(near);
+            if forwards {
+                // at | at+1 .. there-1 | there .. near, or near | near+1 .. at | at+1 .. there-1
+                [(at + 1, there, near), (near + 1, at + 1, there - 1)]
+            } else {
+                [(there, near + 1, at), (0, 0, 0)]
+            }
+        });
+        let by_widow = after.flat_map(move |near| {
+            let near = self.position_of(near);
+            if forwards {
+                [
+                    (at + 1, there, near.wrapping_sub(1)),
+                    (near, at + 1, there - 1),
+                ]
+            } else {
+                [(there, near, at), (0, 0, 0)]
+            }
+        });
+        by_orphan.chain(by_widow)
+    }
+
+    /// True when exchanging the stretches `from..second` and `second..=to`, none empty, is allowed and shortens.
+    fn shortens(&self, (from, second, to): (usize, usize, usize)) -> bool {
+        let last = self.order.len() - 1;
+        0 < from
+            && from < second
+            && second <= to
+            && to < last
+            && self.exchange_change(from, second, to) < 0
+            && self.may_exchange(from, second, to)
+    }
+
+    fn exchange_change(&self, from: usize, second: usize, to: usize) -> i64 {
+        self.cost(from - 1, second) + self.cost(to, from) + self.cost(second - 1, to + 1)
+            - self.cost(from - 1, from)
+            - self.cost(second - 1, second)
+            - self.cost(to, to + 1)
+    }
+
     fn exchange(&mut self, from: usize, second: usize, to: usize) {
-        let cut = second - from;
-        let old = self.cost(from - 1, from) + self.cost(second - 1, second) + self.cost(to, to + 1);
-        let new = self.cost(from - 1, second) + self.cost(to, from) + self.cost(second - 1, to + 1);
-        self.order[from..=to].rotate_left(cut);
-        self.length += new - old;
+        self.length += self.exchange_change(from, second, to);
+        self.order[from..=to].rotate_left(second - from);
         self.settle(from, to);
-        let landed = to + 1 - cut;
+        let landed = from + to + 1 - second;
         for at in [from - 1, from, landed - 1, landed, to, to + 1] {
             self.push(at);
         }
     }
 
-    /// Brings positions and sums up to date after the places `from..=to` changed.
+    /// Takes a point out and puts it back at any of its places, where it is or beside a place near that.
+    fn try_places(&mut self, point: u32) -> bool {
+        let grid = self.grid;
+        let places = &grid.rules.places_of[point as usize];
+        let at = self.position[point as usize] as usize;
+        let last = self.order.len() - 1;
+        if places.len() < 2 || at == 0 || at == last {
+            return false;
+        }
+        let freed = self.cost(at - 1, at) + self.cost(at, at + 1) - self.cost(at - 1, at + 1);
+        let mut best = (0, 0, self.order[at]);
+        for &place in places {
+            let here = grid.cost(self.order[at - 1], place) + grid.cost(place, self.order[at + 1])
+                - self.cost(at - 1, at + 1);
+            if here - freed < best.0 {
+                best = (here - freed, at, place);
+            }
+            for near in grid.before(place).chain(grid.after(place)) {
+                let there = self.position_of(near);
+                for gap in [there, there.wrapping_sub(1)] {
+                    if gap >= last || gap == at || gap + 1 == at {
+                        continue;
+                    }
+                    let added = grid.cost(self.order[gap], place)
+                        + grid.cost(place, self.order[gap + 1])
+                        - self.cost(gap, gap + 1);
+                    let (low, second, high) = if gap > at {
+                        (at, at + 1, gap)
+                    } else {
+                        (gap + 1, at, at)
+                    };
+                    if added - freed < best.0 && self.may_exchange(low, second, high) {
+                        best = (added - freed, gap, place);
+                    }
+                }
+            }
+        }
+        let (change, gap, place) = best;
+        if change >= 0 {
+            return false;
+        }
+        self.order[at] = place;
+        self.length += change;
+        let (low, second, high) = match gap.cmp(&at) {
+            std::cmp::Ordering::Greater => (at, at + 1, gap),
+            std::cmp::Ordering::Equal => (at, at, at),
+            std::cmp::Ordering::Less => (gap + 1, at, at),
+        };
+        self.order[low..=high].rotate_left(second - low);
+        self.settle(low, high);
+        for at in [
+            low - 1,
+            low,
+            low + 1,
+            high.saturating_sub(1),
+            high,
+            high + 1,
+        ] {
+            self.push(at.min(last));
+        }
+        true
+    }
+
+    /// Finds the best places of the positions `from..=to`, whose outer neighbours stay, layer by layer.
+    fn choose_places(&mut self, from: usize, to: usize) -> bool {
+        let rules = &self.grid.rules;
+        // For each layer: each place with the cost of the best way to it and the place before it.
+        let mut ways: Vec<Vec<(i64, usize)>> = vec![vec![(0, 0)]];
+        let mut layers: Vec<&[u32]> = vec![std::slice::from_ref(&self.order[from - 1])];
+        for at in from..=to + 1 {
+            let layer = if at <= to {
+                &rules.places_of[self.point_at(at) as usize][..]
+            } else {
+                std::slice::from_ref(&self.order[at])
+            };
+            let (ahead, ways_ahead) = (layers[at - from], &ways[at - from]);
+            let reach = |&place: &u32| {
+                let ways = ahead.iter().zip(ways_ahead).enumerate();
+                let costs = ways
+                    .map(|(which, (&before, way))| (way.0 + self.grid.cost(before, place), which));
+                costs.min().unwrap_or((0, 0))
+            };
+            let next = layer.iter().map(reach).collect();
+            ways.push(next);
+            layers.push(layer);
+        }
+        let old = self.grid.length(&self.order[from - 1..=to + 1]);
+        let new = ways[to + 2 - from][0].0;
+        if new >= old {
+            return false;
+        }
+        let mut which = 0;
+        let mut chosen = Vec::with_capacity(to + 1 - from);
+        for layer in (1..=to + 1 - from).rev() {
+            which = ways[layer + 1][which].1;
+            chosen.push(layers[layer][which]);
+        }
+        for (at, place) in (from..=to).rev().zip(chosen) {
+            if self.order[at] != place {
+                self.order[at] = place;
+                self.push(at - 1);
+                self.push(at);
+                self.push(at + 1);
+            }
+        }
+        self.length += new - old;
+        self.settle(from, to);
+        true
+    }
+
+    /// Brings positions and sums up to date after `from..=to` changed.
     fn settle(&mut self, from: usize, to: usize) {
         for at in from..=to {
-            self.place[self.order[at] as usize] = at as u32;
+            let point = self.point_at(at);
+            self.position[point as usize] = at as u32;
         }
         self.touched = (self.touched.0.min(from), self.touched.1.max(to));
-        self.retell(from);
-    }
-
-    fn retell(&mut self, from: usize) {
-        if self.turning.is_empty() {
-            return;
+        if !self.turning.is_empty() {
+            for at in from.max(1)..self.order.len() {
+                self.turning[at] =
+                    self.turning[at - 1] + self.cost(at, at - 1) - self.cost(at - 1, at);
+            }
         }
-        for at in from.max(1)..self.order.len() {
-            self.turning[at] = self.turning[at - 1] + self.cost(at, at - 1) - self.cost(at - 1, at);
-        }
-    }
-
-    fn mark(&mut self) {
-        if self.touched.0 <= self.touched.1 {
-            let range = self.touched.0..=self.touched.1;
-            self.kept[range.clone()].copy_from_slice(&self.order[range]);
-        }
-        self.kept_length = self.length;
-        self.touched = (usize::MAX, 0);
     }
 
     fn improve_queue(&mut self) {
-        while let Some(point) = self.queue.pop() {
-            self.queued[point as usize] = false;
-            while self.improve(point) {}
+        loop {
+            while let Some(point) = self.queue.pop() {
+                self.queued[point as usize] = false;
+                while self.improve(point) {}
+            }
+            let (from, to) = (
+                self.touched.0.max(1),
+                self.touched.1.min(self.order.len() - 2),
+            );
+            if !self.grid.rules.alternatives || from > to || !self.choose_places(from, to) {
+                break;
+            }
         }
     }
 }
@@ -300,23 +477,32 @@ impl Kicked for Directed<'_> {
     }
 
     fn improve_all(&mut self) {
-        for &point in self.order.iter().rev() {
-            self.queued[point as usize] = true;
-            self.queue.push(point);
+        for at in (0..self.order.len()).rev() {
+            self.push(at);
         }
+        self.touched = (1, self.order.len() - 2);
         self.improve_queue();
     }
 
-    /// Exchanges two neighbouring stretches of up to [`KICK_SPAN`] places.
+    /// Exchanges two neighbouring stretches of together up to [`KICK_SPAN`] positions.
     fn kick(&mut self, rng: &mut Pcg32) {
-        self.mark();
+        if self.touched.0 <= self.touched.1 {
+            let range = self.touched.0..=self.touched.1;
+            self.kept[range.clone()].copy_from_slice(&self.order[range]);
+        }
+        self.kept_length = self.length;
+        self.touched = (usize::MAX, 0);
         let inner = self.order.len() - 2;
-        let total = inner.min(2 * KICK_SPAN);
-        let mut draw = |below: usize| (rng.next_u64() % below as u64) as usize;
-        let width = 2 + draw(total - 1);
-        let from = 1 + draw(inner - width + 1);
-        let cut = 1 + draw(width - 1);
-        self.exchange(from, from + cut, from + width - 1);
+        let mut draw = |below: usize| ((u64::from(rng.next_u32()) * below as u64) >> 32) as usize;
+        for _ in 0..KICK_DRAWS {
+            let width = 2 + draw(inner.min(KICK_SPAN) - 1);
+            let from = 1 + draw(inner - width + 1);
+            let second = from + 1 + draw(width - 1);
+            if self.may_exchange(from, second, from + width - 1) {
+                self.exchange(from, second, from + width - 1);
+                break;
+            }
+        }
         self.improve_queue();
     }
 

@@ -1,6 +1,6 @@
 //! Holds a problem in the form the search wants: integer costs, a first and a last point, near neighbours.
 
-use crate::problem::Problem;
+use crate::problem::Checked;
 
 /// Near neighbours per point and direction.
 const NEIGHBOURS: usize = 5;
@@ -17,29 +17,113 @@ const LARGEST: f64 = (1_u32 << 26) as f64;
 /// Cost of the edge that closes the path to a ring: so cheap that no exchange of a few edges removes it.
 const CLOSING: i32 = -(1 << 30);
 
-/// Integer costs between points and, where an end is free, a dummy point. Points are numbered along a short path, so
-/// that near points lie near each other in memory too.
+/// Integer costs between places and, where an end is free, a dummy place. Places are numbered along a short path, so
+/// that near places lie near each other in memory too; alternatives not on that path come last. The rules speak of
+/// points, numbered like their place on that path.
 pub(super) struct Grid {
-    /// The caller's index of each point; dummies have none.
+    /// The caller's index of each place; dummies have none.
     labels: Vec<Option<usize>>,
+    points: usize,
     entries: Vec<i32>,
     symmetric: bool,
     after: Vec<Vec<(u32, i32)>>,
     before: Vec<Vec<(u32, i32)>>,
+    pub(super) rules: Rules,
+}
+
+/// What an order must keep.
+pub(super) struct Rules {
+    /// Point of each place.
+    pub(super) point_of: Vec<u32>,
+    /// Places of each point.
+    pub(super) places_of: Vec<Vec<u32>>,
+    /// True when some point has several places.
+    pub(super) alternatives: bool,
+    /// True when there are no stages and no precedence.
+    pub(super) free: bool,
+    /// Stage of each point, never falling along the path.
+    pub(super) stage: Vec<u32>,
+    /// Points directly after and before each point.
+    pub(super) later: Vec<Vec<u32>>,
+    pub(super) earlier: Vec<Vec<u32>>,
+}
+
+impl Rules {
+    fn new(problem: &Checked, labels: &[Option<usize>], points: usize) -> Self {
+        let mut number = vec![0; problem.places_of.len()];
+        for (at, place) in labels[..points].iter().enumerate() {
+            if let Some(place) = place {
+                number[problem.point_of[*place]] = at as u32;
+            }
+        }
+        let point_of: Vec<u32> = labels
+            .iter()
+            .enumerate()
+            .map(|(at, place)| place.map_or(at as u32, |place| number[problem.point_of[place]]))
+            .collect();
+        let mut places_of = vec![Vec::new(); points];
+        for (place, &point) in point_of.iter().enumerate() {
+            places_of[point as usize].push(place as u32);
+        }
+        let ask = |at: usize| labels[at].map(|place| problem.point_of[place]);
+        let renumber = |lists: &[Vec<usize>]| -> Vec<Vec<u32>> {
+            (0..points)
+                .map(|at| {
+                    ask(at).map_or(Vec::new(), |point| {
+                        lists[point].iter().map(|&p| number[p]).collect()
+                    })
+                })
+                .collect()
+        };
+        let first = problem.stage.iter().copied().min().unwrap_or(0);
+        let last = problem.stage.iter().copied().max().unwrap_or(0);
+        let edge = |at: usize| if at == 0 { first } else { last };
+        Self {
+            alternatives: labels.len() > points,
+            free: first == last && problem.later.iter().all(Vec::is_empty),
+            stage: (0..points)
+                .map(|at| ask(at).map_or(edge(at), |point| problem.stage[point]))
+                .collect(),
+            later: renumber(&problem.later),
+            earlier: renumber(&problem.earlier),
+            point_of,
+            places_of,
+        }
+    }
 }
 
 impl Grid {
-    /// `beginning` is the path by which the points are numbered; it becomes 0, 1, 2, …
-    pub(super) fn new(problem: &Problem, beginning: &[usize]) -> Self {
-        let costs = &problem.costs;
+    /// `beginning` is the order of places by which the points are numbered; it becomes 0, 1, 2, …
+    pub(super) fn new(problem: &Checked, beginning: &[usize]) -> Self {
+        let costs = problem.costs;
         let head = problem.start.is_none().then_some(None);
         let tail = problem.end.is_none().then_some(None);
-        let labels: Vec<Option<usize>> =
-            head.into_iter().chain(beginning.iter().copied().map(Some)).chain(tail).collect();
+        let mut labels: Vec<Option<usize>> = head
+            .into_iter()
+            .chain(beginning.iter().copied().map(Some))
+            .chain(tail)
+            .collect();
         let points = labels.len();
+        let fixed =
+            [problem.start, problem.end].map(|end| end.map(|place| problem.point_of[place]));
+        for (point, places) in problem.places_of.iter().enumerate() {
+            if places.len() > 1 && !fixed.contains(&Some(point)) {
+                labels.extend(
+                    places
+                        .iter()
+                        .filter(|&place| !beginning.contains(place))
+                        .map(|&place| Some(place)),
+                );
+            }
+        }
+        let places = labels.len();
         let largest = costs.largest();
-        let scale = if largest > 0.0 { LARGEST / largest } else { 0.0 };
-        let mut entries = Vec::with_capacity(points * points);
+        let scale = if largest > 0.0 {
+            LARGEST / largest
+        } else {
+            0.0
+        };
+        let mut entries = Vec::with_capacity(places * places);
         for &from in &labels {
             entries.extend(labels.iter().map(|&to| match (from, to) {
                 (Some(from), Some(to)) => (costs.cost(from, to) * scale).round() as i32,
@@ -47,11 +131,24 @@ impl Grid {
             }));
         }
         entries[points - 1] = CLOSING;
-        entries[(points - 1) * points] = CLOSING;
+        entries[(points - 1) * places] = CLOSING;
         let symmetric = costs.is_symmetric();
-        let mut grid = Self { labels, entries, symmetric, after: Vec::new(), before: Vec::new() };
+        let rules = Rules::new(problem, &labels, points);
+        let mut grid = Self {
+            labels,
+            points,
+            entries,
+            symmetric,
+            after: Vec::new(),
+            before: Vec::new(),
+            rules,
+        };
         grid.after = grid.select(Self::cost);
-        grid.before = grid.select(|grid, here, there| grid.cost(there, here));
+        grid.before = if symmetric {
+            grid.after.clone()
+        } else {
+            grid.select(|grid, here, there| grid.cost(there, here))
+        };
         grid
     }
 
@@ -59,15 +156,18 @@ impl Grid {
     /// nearest, a point further off is kept when no kept one is nearer to it (a relative neighbour, Toussaint 1980):
     /// so clusters stay connected, whatever the unit of cost.
     fn select(&self, cost: impl Fn(&Self, u32, u32) -> i64) -> Vec<Vec<(u32, i32)>> {
-        let points = self.points() as u32;
-        (0..points)
+        let places = self.labels.len() as u32;
+        let point = |place: u32| self.rules.point_of[place as usize];
+        (0..places)
             .map(|here| {
                 let wanted = |point: u32| self.labels[point as usize].is_some();
                 if !wanted(here) {
                     return Vec::new();
                 }
-                let mut others: Vec<(u32, i32)> = (0..points)
-                    .filter(|&there| there != here && wanted(there) && self.cost(here, there) >= 0)
+                let mut others: Vec<(u32, i32)> = (0..places)
+                    .filter(|&there| {
+                        point(there) != point(here) && wanted(there) && self.cost(here, there) >= 0
+                    })
                     .map(|there| (there, cost(self, here, there) as i32))
                     .collect();
                 let key = |&(there, cost): &(u32, i32)| (cost, there);
@@ -79,7 +179,10 @@ impl Grid {
                 others.sort_unstable_by_key(key);
                 let mut kept: Vec<(u32, i32)> = Vec::new();
                 for (rank, &(there, distance)) in others.iter().enumerate() {
-                    let shadowed = || kept.iter().any(|&(near, _)| cost(self, near, there) < i64::from(distance));
+                    let shadowed = || {
+                        kept.iter()
+                            .any(|&(near, _)| cost(self, near, there) < i64::from(distance))
+                    };
                     if rank < NEIGHBOURS || !shadowed() {
                         kept.push((there, distance));
                     }
@@ -96,8 +199,9 @@ impl Grid {
         i64::from(self.entries[from as usize * self.labels.len() + to as usize])
     }
 
+    /// Points of a path, with its dummies.
     pub(super) fn points(&self) -> usize {
-        self.labels.len()
+        self.points
     }
 
     pub(super) fn is_symmetric(&self) -> bool {
@@ -131,7 +235,13 @@ impl Grid {
         let start = ring.iter().position(|&point| point == 0).unwrap_or(0);
         let backwards = size > 2 && ring[(start + 1) % size] as usize == size - 1;
         (0..size)
-            .map(|step| ring[if backwards { start + size - step } else { start + step } % size])
+            .map(|step| {
+                ring[if backwards {
+                    start + size - step
+                } else {
+                    start + step
+                } % size]
+            })
             .filter_map(|point| self.labels[point as usize])
             .collect()
     }

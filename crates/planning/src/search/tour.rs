@@ -93,7 +93,10 @@ impl<'a> Tour<'a> {
     /// Tries all exchanges that begin by removing an edge of this point.
     fn improve(&mut self, point: u32) -> bool {
         for other in [self.next(point), self.previous(point)] {
-            let mut exchange = Exchange { edges: 0, ends: [0; 2 * DEPTH] };
+            let mut exchange = Exchange {
+                edges: 0,
+                ends: [0; 2 * DEPTH],
+            };
             exchange.remove(point, other);
             if self.extend(&mut exchange, self.grid.cost(point, other)) {
                 return true;
@@ -112,7 +115,11 @@ impl<'a> Tour<'a> {
         let (after, before) = (self.next(open), self.previous(open));
         let breadth = BREADTH.get(edges - 1).copied().unwrap_or(0);
         let mut promising = [(i64::MIN, 0, 0); BREADTH[0]];
-        for &(near, cost) in grid.near(open).iter().take(if edges > 2 { FEW } else { usize::MAX }) {
+        for &(near, cost) in grid
+            .near(open)
+            .iter()
+            .take(if edges > 2 { FEW } else { usize::MAX })
+        {
             let left = gain - i64::from(cost);
             if left <= 0 {
                 break;
@@ -183,7 +190,11 @@ impl<'a> Tour<'a> {
         // Places counted from t2 away from t1.
         let rank = |point: u32| {
             let at = self.place[point as usize];
-            let steps = if forwards { at + size - begin } else { begin + size - at };
+            let steps = if forwards {
+                at + size - begin
+            } else {
+                begin + size - at
+            };
             if steps >= size { steps - size } else { steps }
         };
         let (r3, r4) = (rank(t3), rank(t4));
@@ -210,7 +221,11 @@ impl<'a> Tour<'a> {
         let mut cuts = [0; DEPTH];
         for edge in 0..edges {
             let [at_a, at_b] = [0, 1].map(|end| self.place[exchange.ends[2 * edge + end] as usize]);
-            cuts[edge] = if self.next_place(at_a) == at_b { at_a } else { at_b };
+            cuts[edge] = if self.next_place(at_a) == at_b {
+                at_a
+            } else {
+                at_b
+            };
         }
         let left = cuts;
         cuts[..edges].sort_unstable();
@@ -355,7 +370,10 @@ impl<'a> Tour<'a> {
         for (at, which) in [3, 2, 1, 0].into_iter().enumerate() {
             stretches[at] = stretch(which);
         }
-        self.rewrite(&Layout { edges: 4, stretches });
+        self.rewrite(&Layout {
+            edges: 4,
+            stretches,
+        });
         self.length += change;
         for point in before.into_iter().chain(behind) {
             self.push(point);

@@ -1,0 +1,361 @@
+//! Stages, precedence, alternative poses and axis times against brute force and hand calculation.
+#![allow(clippy::unwrap_used, reason = "a test stops at what should not happen")]
+
+use std::f64::consts::PI;
+
+use planning::{
+    Axes, Axis, CostMatrix, Options, Problem, ProblemError, Solution, cheapest_revisit, solve,
+};
+use rand_pcg::Pcg32;
+use rand_pcg::rand_core::{RngCore, SeedableRng};
+
+fn table(places: usize, seed: u64) -> CostMatrix {
+    let mut rng = Pcg32::seed_from_u64(seed);
+    let positions: Vec<[f64; 2]> = (0..places)
+        .map(|_| [0, 1].map(|_| f64::from(rng.next_u32()) / 4_294_967_296.0))
+        .collect();
+    // Slightly asymmetric, as with retracts that end elsewhere than approaches begin.
+    CostMatrix::from_fn(places, |i, j| {
+        let [a, b] = [positions[i], positions[j]];
+        (a[0] - b[0]).hypot(a[1] - b[1]) + 0.05 * f64::from(rng.next_u32()) / 4_294_967_296.0
+    })
+    .unwrap()
+}
+
+fn shortest(problem: &Problem, kicks: u64) -> Solution {
+    solve(
+        problem,
+        &Options {
+            seed: 3,
+            kicks,
+            report_every: 100,
+        },
+        &mut |_| true,
+    )
+    .unwrap()
+}
+
+struct Rules {
+    places_of: Vec<Vec<usize>>,
+    stages: Vec<u32>,
+    precedence: Vec<(usize, usize)>,
+}
+
+impl Rules {
+    fn problem(&self, costs: CostMatrix) -> Problem {
+        Problem::new(costs)
+            .alternatives(self.places_of.clone())
+            .stages(self.stages.clone())
+            .precedence(self.precedence.clone())
+    }
+
+    fn allow(&self, order: &[usize]) -> bool {
+        let point = |place: &usize| {
+            self.places_of
+                .iter()
+                .position(|own| own.contains(place))
+                .unwrap()
+        };
+        let points: Vec<usize> = order.iter().map(point).collect();
+        let at = |point: usize| points.iter().position(|&p| p == point);
+        let mut sorted = points.clone();
+        sorted.sort_unstable();
+        sorted.into_iter().eq(0..self.places_of.len())
+            && points
+                .windows(2)
+                .all(|pair| self.stages[pair[0]] <= self.stages[pair[1]])
+            && self
+                .precedence
+                .iter()
+                .all(|&(before, after)| at(before) < at(after))
+    }
+
+    /// Cost of the best of all orders of all choices.
+    fn brute_force(&self, costs: &CostMatrix) -> f64 {
+        fn extend(
+            rules: &Rules,
+            costs: &CostMatrix,
+            order: &mut Vec<usize>,
+            left: &mut Vec<usize>,
+            best: &mut f64,
+        ) {
+            if left.is_empty() && rules.allow(order) {
+                *best = best.min(costs.path_cost(order));
+            }
+            for at in 0..left.len() {
+                let point = left.remove(at);
+                for &place in &rules.places_of[point] {
+                    order.push(place);
+                    extend(rules, costs, order, left, best);
+                    order.pop();
+                }
+                left.insert(at, point);
+            }
+        }
+        let mut best = f64::INFINITY;
+        extend(
+            self,
+            costs,
+            &mut Vec::new(),
+            &mut (0..self.places_of.len()).collect(),
+            &mut best,
+        );
+        best
+    }
+}
+
+fn rules(points: usize, poses: usize, seed: u64) -> Rules {
+    let mut rng = Pcg32::seed_from_u64(seed);
+    let mut precedence = Vec::new();
+    for before in 0..points {
+        for after in before + 1..points {
+            if rng.next_u32() % (2 * points as u32) == 0 {
+                precedence.push((before, after));
+            }
+        }
+    }
+    Rules {
+        places_of: (0..points)
+            .map(|point| (0..poses).map(|pose| point + pose * points).collect())
+            .collect(),
+        stages: (0..points)
+            .map(|point| u32::from(point >= points / 3))
+            .collect(),
+        precedence,
+    }
+}
+
+#[test]
+fn exact_with_all_rules_equals_brute_force() {
+    for seed in 0..10 {
+        let rules = rules(6, 2, seed);
+        let costs = table(12, seed);
+        let solution = shortest(&rules.problem(costs.clone()), 0);
+        assert!(
+            solution.optimal && rules.allow(&solution.order),
+            "{:?}",
+            solution.order
+        );
+        assert!((solution.cost - rules.brute_force(&costs)).abs() < 1e-12);
+    }
+}
+
+/// The search is given the exact problem with points added behind a fixed, far end: it must find the exact part.
+#[test]
+fn search_with_all_rules_equals_exact() {
+    let (mut hit, mut runs) = (0, 0);
+    for seed in 0..12 {
+        let small = rules(11, 3, seed);
+        let costs = table(33, seed);
+        let exact = shortest(&small.problem(costs.clone()), 0);
+        assert!(exact.optimal);
+        // Three more points in a last stage of their own, each as far from all as from another.
+        let mut large = Rules {
+            places_of: small.places_of.clone(),
+            stages: small.stages.clone(),
+            precedence: small.precedence.clone(),
+        };
+        for extra in 33..36 {
+            large.places_of.push(vec![extra]);
+            large.stages.push(9);
+        }
+        let costs = CostMatrix::from_fn(
+            36,
+            |i, j| if i.max(j) > 32 { 1.0 } else { costs.cost(i, j) },
+        )
+        .unwrap();
+        let searched = shortest(&large.problem(costs), 3_000);
+        assert!(!searched.optimal && large.allow(&searched.order));
+        assert!(searched.cost >= exact.cost + 3.0 - 1e-9);
+        runs += 1;
+        hit += u32::from(searched.cost <= exact.cost + 3.0 + 1e-9);
+    }
+    assert_eq!(
+        hit, runs,
+        "the search found the exact order in {hit} of {runs} problems"
+    );
+}
+
+#[test]
+fn searched_orders_keep_every_rule() {
+    for (points, poses) in [(20, 1), (40, 3), (90, 2)] {
+        let rules = rules(points, poses, 4);
+        let problem = rules.problem(table(points * poses, 4));
+        let mut reports = 0;
+        let options = Options {
+            seed: 5,
+            kicks: 1_000,
+            report_every: 50,
+        };
+        let solution = solve(&problem, &options, &mut |progress| {
+            assert!(rules.allow(progress.order), "{:?}", progress.order);
+            reports += 1;
+            true
+        })
+        .unwrap();
+        assert_eq!(reports, 21);
+        assert!(rules.allow(&solution.given) && solution.cost < solution.given_cost);
+        assert_eq!(solution.cost, problem.costs().path_cost(&solution.order));
+        assert_eq!(solution, solve(&problem, &options, &mut |_| true).unwrap());
+    }
+}
+
+/// More freedom never makes the answer longer: with poses and rules against either alone.
+#[test]
+fn poses_help_and_rules_cost() {
+    for seed in 0..5 {
+        let all = rules(12, 2, seed);
+        let costs = table(24, seed);
+        let free = Rules {
+            places_of: all.places_of.clone(),
+            stages: vec![0; 12],
+            precedence: Vec::new(),
+        };
+        let first = CostMatrix::from_fn(12, |i, j| costs.cost(i, j)).unwrap();
+        let one_pose = Problem::new(first)
+            .stages(all.stages.clone())
+            .precedence(all.precedence.clone());
+        let both = shortest(&all.problem(costs.clone()), 0).cost;
+        assert!(both <= shortest(&one_pose, 0).cost + 1e-12);
+        assert!(both >= shortest(&free.problem(costs), 0).cost - 1e-12);
+    }
+}
+
+#[test]
+fn contradictions_are_named() {
+    let problem = Problem::new(table(5, 1));
+    assert_eq!(
+        problem
+            .clone()
+            .precedence(vec![(1, 2), (2, 3), (3, 1)])
+            .check(),
+        Err(ProblemError::Contradiction(1))
+    );
+    assert!(matches!(
+        problem
+            .clone()
+            .starting_at(2)
+            .precedence(vec![(1, 2)])
+            .check(),
+        Err(ProblemError::Contradiction(_))
+    ));
+    assert!(matches!(
+        problem
+            .clone()
+            .ending_at(0)
+            .stages(vec![0, 1, 1, 1, 1])
+            .check(),
+        Err(ProblemError::Contradiction(_))
+    ));
+    assert_eq!(
+        problem.clone().stages(vec![0]).check(),
+        Err(ProblemError::Stages {
+            stages: 1,
+            points: 5
+        })
+    );
+    assert_eq!(
+        problem.clone().precedence(vec![(0, 5)]).check(),
+        Err(ProblemError::Precedence {
+            point: 5,
+            points: 5
+        })
+    );
+    let halves = vec![vec![0, 1], vec![2, 3]];
+    assert_eq!(
+        problem.clone().alternatives(halves).check(),
+        Err(ProblemError::Alternatives(4))
+    );
+    assert_eq!(
+        problem.clone().alternatives(vec![vec![], vec![0]]).check(),
+        Err(ProblemError::NoPlace(0))
+    );
+    assert_eq!(
+        problem
+            .precedence(vec![(0, 1)])
+            .given(vec![1, 0, 2, 3, 4])
+            .check(),
+        Err(ProblemError::GivenForbidden(1))
+    );
+}
+
+#[test]
+fn axis_times_follow_the_trapezoid() {
+    let slide = Axis {
+        velocity: 0.5,
+        acceleration: 2.0,
+        endless: false,
+        clamping: 0.0,
+    };
+    // 0.125 m is where 0.5 m/s is just reached: both formulas give 0.5 s.
+    assert!((slide.time(0.125) - 0.5).abs() < 1e-12);
+    assert!((slide.time(-0.03125) - 0.25).abs() < 1e-12);
+    assert!((slide.time(1.0) - 2.25).abs() < 1e-12);
+    let table = Axis {
+        velocity: PI,
+        acceleration: 2.0 * PI,
+        endless: true,
+        clamping: 0.4,
+    };
+    assert_eq!(table.time(0.0), 0.0);
+    // A quarter turn back is shorter than three quarters on: 2 s·sqrt(1/4).
+    assert!((table.time(1.5 * PI) - 1.4).abs() < 1e-12);
+    let axes = Axes::new(vec![slide, table]).unwrap();
+    assert!((axes.time(&[0.0, 0.0], &[1.0, 1.5 * PI]) - 2.25).abs() < 1e-12);
+    let along = axes.time_along(&[vec![0.0, 0.0], vec![1.0, 0.0], vec![1.0, 1.5 * PI]]);
+    assert!((along - 3.65).abs() < 1e-12);
+
+    let stations = vec![vec![0.0, 0.0], vec![0.125, 0.0], vec![1.0, 0.0]];
+    let times = axes.times(&stations, &stations).unwrap();
+    assert!(times.is_symmetric() && (times.cost(0, 1) - 0.5).abs() < 1e-12);
+    assert!(axes.times(&stations, &stations[1..]).is_err());
+    assert!(
+        axes.times(&[vec![f64::NAN, 0.0]], &[vec![0.0, 0.0]])
+            .is_err()
+    );
+    assert!(
+        Axes::new(vec![Axis {
+            velocity: 0.0,
+            ..slide
+        }])
+        .is_err()
+    );
+    assert!(
+        Axes::new(vec![Axis {
+            clamping: -1.0,
+            ..slide
+        }])
+        .is_err()
+    );
+}
+
+#[test]
+fn a_broken_scan_goes_on_from_where_it_stands() {
+    let rules = rules(11, 2, 6);
+    let problem = rules.problem(table(22, 6));
+    let plan = shortest(&problem, 0);
+    for done in 0..=11 {
+        let remainder = problem.resume(&plan.order, done).unwrap();
+        let rest = shortest(&remainder.problem, 0);
+        // The plan was optimal, so what is left of it is optimal too.
+        let left = &plan.order[done.max(1)..];
+        assert_eq!(remainder.translate(&rest.order), left, "after {done}");
+        // Also when the break comes in another order: all rules hold over both parts.
+        let mut whole = plan.given[..done.max(1)].to_vec();
+        let other = problem.resume(&plan.given, done).unwrap();
+        whole.extend(other.translate(&shortest(&other.problem, 0).order));
+        assert!(rules.allow(&whole), "{whole:?}");
+    }
+    assert!(problem.resume(&[0, 1], 1).is_err());
+}
+
+#[test]
+fn one_point_is_measured_again_where_it_costs_least() {
+    let line = CostMatrix::from_fn(6, |i, j| (i as f64 - j as f64).abs()).unwrap();
+    let order = [0, 1, 2, 3, 4, 5];
+    assert_eq!(cheapest_revisit(&line, &order, 0, 3, false), Some(3));
+    assert_eq!(cheapest_revisit(&line, &order, 5, 3, false), Some(5));
+    assert_eq!(cheapest_revisit(&line, &order, 5, 3, true), Some(5));
+    assert_eq!(cheapest_revisit(&line, &order, 7, 3, false), None);
+    assert_eq!(cheapest_revisit(&line, &order, 0, 6, false), None);
+}
