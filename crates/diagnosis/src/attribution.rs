@@ -57,7 +57,12 @@ pub struct Attribution {
 }
 
 /// Explains weighted deviations `y` of the rows in `active`.
-pub fn attribute(observations: &Observations, variants: &[Variant], y: &[f64], active: &[bool]) -> Attribution {
+pub fn attribute(
+    observations: &Observations,
+    variants: &[Variant],
+    y: &[f64],
+    active: &[bool],
+) -> Attribution {
     let mut pool = Pool::new(observations, variants, y, active);
     pool.scan(&[]);
     let mut scored = pool.search();
@@ -78,7 +83,11 @@ pub fn attribute(observations: &Observations, variants: &[Variant], y: &[f64], a
 
 /// The best set of each size up to `most`, and the best of all.
 fn best_of_each_size(scored: &[Scored], most: usize) -> Vec<Vec<usize>> {
-    let mut sets: Vec<Vec<usize>> = scored.first().map(|best| best.set.clone()).into_iter().collect();
+    let mut sets: Vec<Vec<usize>> = scored
+        .first()
+        .map(|best| best.set.clone())
+        .into_iter()
+        .collect();
     for size in 1..=most {
         if let Some(best) = scored.iter().find(|scored| scored.set.len() == size)
             && !sets.contains(&best.set)
@@ -102,7 +111,12 @@ struct Pool<'a> {
 }
 
 impl<'a> Pool<'a> {
-    fn new(observations: &'a Observations, variants: &'a [Variant], y: &'a [f64], active: &'a [bool]) -> Self {
+    fn new(
+        observations: &'a Observations,
+        variants: &'a [Variant],
+        y: &'a [f64],
+        active: &'a [bool],
+    ) -> Self {
         let mut pool = Self {
             observations,
             variants,
@@ -149,19 +163,39 @@ impl<'a> Pool<'a> {
             *counts.entry(&variant.effect).or_insert(0.0) += 1.0;
         }
         let of = |candidate: &Candidate| self.variants[candidate.variant].effect.as_str();
+        let classes = |place: usize| {
+            let mut effects: Vec<&str> = self.aliases[place]
+                .iter()
+                .map(|&alias| self.variants[alias].effect.as_str())
+                .collect();
+            effects.sort_unstable();
+            effects.dedup();
+            (1.0 + effects.len() as f64).ln()
+        };
         Priors {
-            effect: self.candidates.iter().map(|candidate| numbers[of(candidate)]).collect(),
+            effect: self
+                .candidates
+                .iter()
+                .map(|candidate| numbers[of(candidate)])
+                .collect(),
             log_prior: self
                 .candidates
                 .iter()
-                .map(|candidate| candidate.log_prior - counts[of(candidate)].ln())
+                .enumerate()
+                .map(|(place, candidate)| {
+                    candidate.log_prior - counts[of(candidate)].ln() + classes(place)
+                })
                 .collect(),
             effects: numbers.len(),
         }
     }
 
     fn search(&mut self) -> Vec<Scored> {
-        let blocks: Vec<&[Vec<f64>]> = self.candidates.iter().map(|candidate| candidate.block.as_slice()).collect();
+        let blocks: Vec<&[Vec<f64>]> = self
+            .candidates
+            .iter()
+            .map(|candidate| candidate.block.as_slice())
+            .collect();
         self.products = Products::new(&blocks, self.y, self.active);
         search(&self.products, &self.priors(), usual_beam())
     }
@@ -171,8 +205,12 @@ impl<'a> Pool<'a> {
         let basis = self.basis(context);
         let left = project(self.y, self.active, &basis);
         for (place, variant) in self.variants.iter().enumerate() {
-            let Some(shape) = &variant.shape else { continue };
-            let own = |&member: &usize| self.variants[self.candidates[member].variant].effect == variant.effect;
+            let Some(shape) = &variant.shape else {
+                continue;
+            };
+            let own = |&member: &usize| {
+                self.variants[self.candidates[member].variant].effect == variant.effect
+            };
             if context.iter().any(own) {
                 continue;
             }
@@ -180,22 +218,41 @@ impl<'a> Pool<'a> {
                 let columns = |&value: &f64| {
                     let columns = variant.columns(self.observations, value);
                     let weighted = |column: crate::observation::Column| -> Vec<f64> {
-                        (column.signature.iter().zip(&self.observations.rows).zip(self.active))
-                            .map(|((part, row), &used)| if used { part * row.weight } else { 0.0 })
-                            .collect()
+                        (column
+                            .signature
+                            .iter()
+                            .zip(&self.observations.rows)
+                            .zip(self.active))
+                        .map(|((part, row), &used)| if used { part * row.weight } else { 0.0 })
+                        .collect()
                     };
                     (value, columns.into_iter().map(weighted).collect())
                 };
                 shape.trials.iter().map(columns).collect()
             });
-            let gains: Vec<f64> = trials.iter().map(|(_, columns)| gain(columns, &basis, &left)).collect();
+            let gains: Vec<f64> = trials
+                .iter()
+                .map(|(_, columns)| gain(columns, &basis, &left))
+                .collect();
             let mut peaks: Vec<usize> = (0..gains.len())
-                .filter(|&i| (i == 0 || gains[i] >= gains[i - 1]) && (i + 1 == gains.len() || gains[i] >= gains[i + 1]))
+                .filter(|&i| {
+                    (i == 0 || gains[i] >= gains[i - 1])
+                        && (i + 1 == gains.len() || gains[i] >= gains[i + 1])
+                })
                 .collect();
             peaks.sort_by(|&one, &other| gains[other].total_cmp(&gains[one]).then(one.cmp(&other)));
-            let values: Vec<f64> = peaks.iter().take(PEAKS).map(|&peak| trials[peak].0).collect();
+            let values: Vec<f64> = peaks
+                .iter()
+                .take(PEAKS)
+                .map(|&peak| trials[peak].0)
+                .collect();
             for value in values {
-                self.add(Candidate::new(self.observations, self.variants, place, value));
+                self.add(Candidate::new(
+                    self.observations,
+                    self.variants,
+                    place,
+                    value,
+                ));
             }
         }
     }
@@ -205,8 +262,14 @@ impl<'a> Pool<'a> {
         for &member in set {
             let place = self.candidates[member].variant;
             let variant = &self.variants[place];
-            let Some(shape) = variant.shape.as_ref().filter(|shape| shape.continuous) else { continue };
-            let others: Vec<usize> = set.iter().copied().filter(|&other| other != member).collect();
+            let Some(shape) = variant.shape.as_ref().filter(|shape| shape.continuous) else {
+                continue;
+            };
+            let others: Vec<usize> = set
+                .iter()
+                .copied()
+                .filter(|&other| other != member)
+                .collect();
             let basis = self.basis(&others);
             let left = project(self.y, self.active, &basis);
             let value = self.candidates[member].shape;
@@ -215,10 +278,17 @@ impl<'a> Pool<'a> {
             let high = shape.trials[(nearest + 1).min(shape.trials.len() - 1)];
             let quality = |value: f64| {
                 Candidate::new(self.observations, self.variants, place, value)
-                    .map_or(0.0, |candidate| gain(&masked(&candidate.block, self.active), &basis, &left))
+                    .map_or(0.0, |candidate| {
+                        gain(&masked(&candidate.block, self.active), &basis, &left)
+                    })
             };
             let best = golden(low, high, quality);
-            self.add(Candidate::new(self.observations, self.variants, place, best));
+            self.add(Candidate::new(
+                self.observations,
+                self.variants,
+                place,
+                best,
+            ));
         }
     }
 
@@ -231,7 +301,9 @@ impl<'a> Pool<'a> {
                 for _ in 0..2 {
                     for known in &basis {
                         let along = dot(known, &rest);
-                        rest.iter_mut().zip(known).for_each(|(value, part)| *value -= along * part);
+                        rest.iter_mut()
+                            .zip(known)
+                            .for_each(|(value, part)| *value -= along * part);
                     }
                 }
                 let length = dot(&rest, &rest).sqrt();
@@ -277,7 +349,13 @@ impl<'a> Pool<'a> {
     }
 
     /// Sets every rival beside the best sets, and searches anew beside those that do well.
-    fn challenge(&self, scored: &[Scored], rivals: &[Rival], priors: &Priors, models: &mut Vec<Model>) {
+    fn challenge(
+        &self,
+        scored: &[Scored],
+        rivals: &[Rival],
+        priors: &Priors,
+        models: &mut Vec<Model>,
+    ) {
         let mut sets: Vec<Vec<usize>> = vec![Vec::new()];
         for scored in scored.iter().take(12) {
             for size in 0..=scored.set.len() {
@@ -290,7 +368,10 @@ impl<'a> Pool<'a> {
                 }
             }
         }
-        let mut best = models.iter().map(|model| model.score).fold(f64::NEG_INFINITY, f64::max);
+        let mut best = models
+            .iter()
+            .map(|model| model.score)
+            .fold(f64::NEG_INFINITY, f64::max);
         let mut promising: Vec<(f64, usize, f64)> = Vec::new();
         for (place, rival) in rivals.iter().enumerate() {
             let beside = Beside::new(&self.products, &self.candidates, rival, self.y, self.active);
@@ -300,7 +381,12 @@ impl<'a> Pool<'a> {
                 let whitened = beside.products(power, &self.products);
                 for set in &sets {
                     let score = whitened.log_evidence(set) + priors.of(set) + price;
-                    models.push(Model { set: set.clone(), rival: Some((place, power)), probability: 0.0, score });
+                    models.push(Model {
+                        set: set.clone(),
+                        rival: Some((place, power)),
+                        probability: 0.0,
+                        score,
+                    });
                     if own.is_none_or(|(known, _)| score > known) {
                         own = Some((score, power));
                     }
@@ -318,7 +404,8 @@ impl<'a> Pool<'a> {
             }
             let rival = &rivals[place];
             let whitened =
-                Beside::new(&self.products, &self.candidates, rival, self.y, self.active).products(power, &self.products);
+                Beside::new(&self.products, &self.candidates, rival, self.y, self.active)
+                    .products(power, &self.products);
             let price = rival.log_prior + UNKNOWN.ln() - (POWERS.len() as f64).ln();
             for found in search(&whitened, priors, 6).into_iter().take(60) {
                 models.push(Model {
@@ -341,35 +428,76 @@ struct Beside<'a> {
 }
 
 impl<'a> Beside<'a> {
-    fn new(_: &Products, candidates: &[Candidate], rival: &'a Rival, y: &[f64], active: &[bool]) -> Self {
+    fn new(
+        _: &Products,
+        candidates: &[Candidate],
+        rival: &'a Rival,
+        y: &[f64],
+        active: &[bool],
+    ) -> Self {
         let pick = |values: &[f64]| -> Vec<f64> {
-            values.iter().zip(active).filter(|&(_, &used)| used).map(|(&value, _)| value).collect()
+            values
+                .iter()
+                .zip(active)
+                .filter(|&(_, &used)| used)
+                .map(|(&value, _)| value)
+                .collect()
         };
         let against = |values: &[f64]| -> Vec<f64> {
             let values = pick(values);
-            rival.directions.iter().map(|direction| dot(direction, &values)).collect()
+            rival
+                .directions
+                .iter()
+                .map(|direction| dot(direction, &values))
+                .collect()
         };
-        let crossed = candidates.iter().flat_map(|candidate| candidate.block.iter().map(|column| against(column)));
-        Self { rival, crossed: crossed.collect(), seen: against(y) }
+        let crossed = candidates
+            .iter()
+            .flat_map(|candidate| candidate.block.iter().map(|column| against(column)));
+        Self {
+            rival,
+            crossed: crossed.collect(),
+            seen: against(y),
+        }
     }
 
     /// The products with the rival's part of the rows whitened, for a variance over that of the noise.
     fn products(&self, power: f64, plain: &Products) -> Products {
-        let shares: Vec<f64> = self.rival.powers.iter().map(|own| power * own / (1.0 + power * own)).collect();
-        let weighted: Vec<Vec<f64>> =
-            self.crossed.iter().map(|column| column.iter().zip(&shares).map(|(x, w)| x * w).collect()).collect();
+        let shares: Vec<f64> = self
+            .rival
+            .powers
+            .iter()
+            .map(|own| power * own / (1.0 + power * own))
+            .collect();
+        let weighted: Vec<Vec<f64>> = self
+            .crossed
+            .iter()
+            .map(|column| column.iter().zip(&shares).map(|(x, w)| x * w).collect())
+            .collect();
         let count = plain.qy.len();
         let mut whitened = plain.clone();
         for one in 0..count {
             for other in one..count {
-                let value = plain.qq[one * count + other] - dot(&weighted[one], &self.crossed[other]);
+                let value =
+                    plain.qq[one * count + other] - dot(&weighted[one], &self.crossed[other]);
                 whitened.qq[one * count + other] = value;
                 whitened.qq[other * count + one] = value;
             }
             whitened.qy[one] -= dot(&weighted[one], &self.seen);
         }
-        whitened.yy -= self.seen.iter().zip(&shares).map(|(x, w)| x * x * w).sum::<f64>();
-        whitened.offset += 0.5 * self.rival.powers.iter().map(|own| (1.0 + power * own).ln()).sum::<f64>();
+        whitened.yy -= self
+            .seen
+            .iter()
+            .zip(&shares)
+            .map(|(x, w)| x * x * w)
+            .sum::<f64>();
+        whitened.offset += 0.5
+            * self
+                .rival
+                .powers
+                .iter()
+                .map(|own| (1.0 + power * own).ln())
+                .sum::<f64>();
         whitened
     }
 }
@@ -381,9 +509,15 @@ impl Attribution {
             None => self.products.fit(&model.set),
             Some((place, power)) => {
                 let rival = &self.rivals[place];
-                Beside::new(&self.products, &self.candidates, rival, &self.y, &self.active)
-                    .products(power, &self.products)
-                    .fit(&model.set)
+                Beside::new(
+                    &self.products,
+                    &self.candidates,
+                    rival,
+                    &self.y,
+                    &self.active,
+                )
+                .products(power, &self.products)
+                .fit(&model.set)
             }
         }
     }
@@ -393,20 +527,36 @@ fn same_span(one: &Candidate, other: &Candidate) -> bool {
     if one.block.len() != other.block.len() {
         return false;
     }
-    let shared: f64 = one.block.iter().flat_map(|a| other.block.iter().map(move |b| dot(a, b).powi(2))).sum();
+    let shared: f64 = one
+        .block
+        .iter()
+        .flat_map(|a| other.block.iter().map(move |b| dot(a, b).powi(2)))
+        .sum();
     shared > one.block.len() as f64 * (1.0 - SAME)
 }
 
 fn masked(block: &[Vec<f64>], active: &[bool]) -> Vec<Vec<f64>> {
-    let mask = |column: &Vec<f64>| column.iter().zip(active).map(|(&v, &used)| if used { v } else { 0.0 }).collect();
+    let mask = |column: &Vec<f64>| {
+        column
+            .iter()
+            .zip(active)
+            .map(|(&v, &used)| if used { v } else { 0.0 })
+            .collect()
+    };
     block.iter().map(mask).collect()
 }
 
 fn project(y: &[f64], active: &[bool], basis: &[Vec<f64>]) -> Vec<f64> {
-    let mut left: Vec<f64> = y.iter().zip(active).map(|(&v, &used)| if used { v } else { 0.0 }).collect();
+    let mut left: Vec<f64> = y
+        .iter()
+        .zip(active)
+        .map(|(&v, &used)| if used { v } else { 0.0 })
+        .collect();
     for known in basis {
         let along = dot(known, &left);
-        left.iter_mut().zip(known).for_each(|(value, part)| *value -= along * part);
+        left.iter_mut()
+            .zip(known)
+            .for_each(|(value, part)| *value -= along * part);
     }
     left
 }
@@ -420,7 +570,9 @@ fn gain(columns: &[Vec<f64>], basis: &[Vec<f64>], left: &[f64]) -> f64 {
         let mut rest = column.clone();
         for known in basis.iter().chain(&own) {
             let along = dot(known, &rest);
-            rest.iter_mut().zip(known).for_each(|(value, part)| *value -= along * part);
+            rest.iter_mut()
+                .zip(known)
+                .for_each(|(value, part)| *value -= along * part);
         }
         let power = dot(&rest, &rest);
         if power > 1e-4 * full && power > 0.0 {

@@ -33,15 +33,39 @@ pub struct Candidate {
 
 impl Candidate {
     /// The block of a variant; `None` where this session cannot see it at all.
-    pub fn new(observations: &Observations, variants: &[Variant], variant: usize, shape: f64) -> Option<Self> {
+    pub fn new(
+        observations: &Observations,
+        variants: &[Variant],
+        variant: usize,
+        shape: f64,
+    ) -> Option<Self> {
         let columns = variants[variant].columns(observations, shape);
-        Self::from_columns(observations, &variants[variant], variant, shape, &columns, false)
+        Self::from_columns(
+            observations,
+            &variants[variant],
+            variant,
+            shape,
+            &columns,
+            false,
+        )
     }
 
     /// The same with the second order of what cannot be seen to first order; `None` where there is no such thing.
-    pub fn bent(observations: &Observations, variants: &[Variant], variant: usize, shape: f64) -> Option<Self> {
+    pub fn bent(
+        observations: &Observations,
+        variants: &[Variant],
+        variant: usize,
+        shape: f64,
+    ) -> Option<Self> {
         let columns = variants[variant].columns(observations, shape);
-        Self::from_columns(observations, &variants[variant], variant, shape, &columns, true)
+        Self::from_columns(
+            observations,
+            &variants[variant],
+            variant,
+            shape,
+            &columns,
+            true,
+        )
     }
 
     fn from_columns(
@@ -53,7 +77,11 @@ impl Candidate {
         bent: bool,
     ) -> Option<Self> {
         let rows = observations.rows.len();
-        let sizes: Vec<f64> = variant.parameters.iter().map(|parameter| parameter.plausible).collect();
+        let sizes: Vec<f64> = variant
+            .parameters
+            .iter()
+            .map(|parameter| parameter.plausible)
+            .collect();
         let scaled = DMatrix::from_fn(rows, columns.len(), |row, column| {
             columns[column].signature[row] * sizes[column] * observations.rows[row].weight
         });
@@ -62,31 +90,55 @@ impl Candidate {
         let mut kept: Vec<usize> = (0..columns.len()).collect();
         kept.sort_by(|&one, &other| eigen.eigenvalues[other].total_cmp(&eigen.eigenvalues[one]));
         let largest = kept.first().map_or(0.0, |&index| eigen.eigenvalues[index]);
-        let (seen, unseen): (Vec<usize>, Vec<usize>) = kept
-            .into_iter()
-            .partition(|&index| eigen.eigenvalues[index] > least && eigen.eigenvalues[index] > 1e-12 * largest);
+        let (seen, unseen): (Vec<usize>, Vec<usize>) = kept.into_iter().partition(|&index| {
+            eigen.eigenvalues[index] > least && eigen.eigenvalues[index] > 1e-12 * largest
+        });
         let mut block: Vec<Vec<f64>> = Vec::new();
         let mut back: Vec<Vec<f64>> = Vec::new();
         for &index in &seen {
             let length = eigen.eigenvalues[index].sqrt();
             let direction = eigen.eigenvectors.column(index);
             block.push((&scaled * direction / length).iter().copied().collect());
-            back.push(direction.iter().zip(&sizes).map(|(part, size)| part * size / length).collect());
+            back.push(
+                direction
+                    .iter()
+                    .zip(&sizes)
+                    .map(|(part, size)| part * size / length)
+                    .collect(),
+            );
         }
         if bent {
             let bend = unseen.iter().find_map(|&index| {
                 let direction = eigen.eigenvectors.column(index);
-                let shares: Vec<f64> = direction.iter().zip(&sizes).map(|(part, size)| part * size).collect();
+                let shares: Vec<f64> = direction
+                    .iter()
+                    .zip(&sizes)
+                    .map(|(part, size)| part * size)
+                    .collect();
                 bend(observations, columns, &shares, &block)
             })?;
-            block.push(bend);
-            back.push(vec![0.0; columns.len()]);
+            // The bend was made orthonormal: what it lost to the linear columns belongs to their parameters.
+            let own = bend.along.iter().zip(&back).fold(
+                vec![0.0; columns.len()],
+                |mut sum, (along, back)| {
+                    sum.iter_mut()
+                        .zip(back)
+                        .for_each(|(value, part)| *value -= along * part);
+                    sum
+                },
+            );
+            block.push(bend.column);
+            back.push(own);
         }
         if block.is_empty() {
             return None;
         }
-        let parameters_from_block = DMatrix::from_fn(columns.len(), block.len(), |row, column| back[column][row]);
-        let shapes = variant.shape.as_ref().map_or(0.0, |shape| shape.distinct.max(1.0).ln());
+        let parameters_from_block =
+            DMatrix::from_fn(columns.len(), block.len(), |row, column| back[column][row]);
+        let shapes = variant
+            .shape
+            .as_ref()
+            .map_or(0.0, |shape| shape.distinct.max(1.0).ln());
         Some(Self {
             variant: place,
             shape,
@@ -98,33 +150,58 @@ impl Candidate {
     }
 }
 
+/// A second-order column and its products with the linear ones over its own length.
+struct Bend {
+    column: Vec<f64>,
+    along: Vec<f64>,
+}
+
 /// Second order of the sideways displacement `shares` (a combination of columns), made orthonormal to `block`.
-fn bend(observations: &Observations, columns: &[Column], shares: &[f64], block: &[Vec<f64>]) -> Option<Vec<f64>> {
+fn bend(
+    observations: &Observations,
+    columns: &[Column],
+    shares: &[f64],
+    block: &[Vec<f64>],
+) -> Option<Bend> {
     if columns.iter().any(|column| column.shifts.is_empty()) {
         return None;
     }
     let shifts: Vec<Vector3<f64>> = (0..observations.rows.len())
-        .map(|row| columns.iter().zip(shares).map(|(column, share)| column.shifts[row] * *share).sum())
+        .map(|row| {
+            columns
+                .iter()
+                .zip(shares)
+                .map(|(column, share)| column.shifts[row] * *share)
+                .sum()
+        })
         .collect();
-    let mut bend: Vec<f64> = observations
+    let mut column: Vec<f64> = observations
         .curvature(&shifts)
         .iter()
         .zip(&observations.rows)
         .map(|(value, row)| value * row.weight)
         .collect();
-    let rms = |values: &[f64]| (values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64).sqrt();
-    if rms(&bend) < INVISIBLE {
+    let rms = |values: &[f64]| {
+        (values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64).sqrt()
+    };
+    if rms(&column) < INVISIBLE {
         return None;
     }
-    for column in block {
-        let along: f64 = column.iter().zip(&bend).map(|(a, b)| a * b).sum();
-        bend.iter_mut().zip(column).for_each(|(value, part)| *value -= along * part);
+    let mut along = Vec::with_capacity(block.len());
+    for known in block {
+        let product: f64 = known.iter().zip(&column).map(|(a, b)| a * b).sum();
+        column
+            .iter_mut()
+            .zip(known)
+            .for_each(|(value, part)| *value -= product * part);
+        along.push(product);
     }
-    let left = rms(&bend);
+    let left = rms(&column);
     if left < 0.5 * INVISIBLE {
         return None;
     }
-    let length = left * (bend.len() as f64).sqrt();
-    bend.iter_mut().for_each(|value| *value /= length);
-    Some(bend)
+    let length = left * (column.len() as f64).sqrt();
+    column.iter_mut().for_each(|value| *value /= length);
+    along.iter_mut().for_each(|value| *value /= length);
+    Some(Bend { column, along })
 }

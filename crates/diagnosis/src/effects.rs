@@ -46,7 +46,11 @@ pub struct Parameter {
 impl Parameter {
     /// A parameter of this name, unit and largest plausible size.
     pub fn new(name: impl Into<String>, unit: &'static str, plausible: f64) -> Self {
-        Self { name: name.into(), unit, plausible }
+        Self {
+            name: name.into(),
+            unit,
+            plausible,
+        }
     }
 }
 
@@ -186,12 +190,19 @@ fn linspace(from: f64, to: f64, count: usize) -> Vec<f64> {
 
 /// Values evenly spaced in their logarithm, both ends included.
 fn logspace(from: f64, to: f64, count: usize) -> Vec<f64> {
-    linspace(from.ln(), to.ln(), count).into_iter().map(f64::exp).collect()
+    linspace(from.ln(), to.ln(), count)
+        .into_iter()
+        .map(f64::exp)
+        .collect()
 }
 
 /// Tools that cut points of the session, ascending.
 fn tools(observations: &Observations) -> Vec<u32> {
-    let mut tools: Vec<u32> = observations.rows.iter().filter_map(|row| row.tool).collect();
+    let mut tools: Vec<u32> = observations
+        .rows
+        .iter()
+        .filter_map(|row| row.tool)
+        .collect();
     tools.sort_unstable();
     tools.dedup();
     tools

@@ -63,7 +63,14 @@ impl Products {
             }
         }
         let qy = columns.iter().map(|column| dot(column, &y)).collect();
-        Self { rows: y.len() as f64, yy: dot(&y, &y), qy, qq, spans, offset: 0.0 }
+        Self {
+            rows: y.len() as f64,
+            yy: dot(&y, &y),
+            qy,
+            qq,
+            spans,
+            offset: 0.0,
+        }
     }
 
     /// Evidence and fit of the candidates in `set`; `None` for more columns than can be solved.
@@ -73,21 +80,28 @@ impl Products {
 
     /// Log evidence of the candidates in `set`.
     pub fn log_evidence(&self, set: &[usize]) -> f64 {
-        self.solve(set, false).map_or(f64::NEG_INFINITY, |fit| fit.log_evidence)
+        self.solve(set, false)
+            .map_or(f64::NEG_INFINITY, |fit| fit.log_evidence)
     }
 
     fn solve(&self, set: &[usize], full: bool) -> Option<Fit> {
         let count = self.qy.len();
-        let columns: Vec<usize> = set.iter().flat_map(|&j| self.spans[j].0..self.spans[j].0 + self.spans[j].1).collect();
+        let columns: Vec<usize> = set
+            .iter()
+            .flat_map(|&j| self.spans[j].0..self.spans[j].0 + self.spans[j].1)
+            .collect();
         let n = columns.len();
         if n > MOST_COLUMNS {
             return None;
         }
-        let owner: Vec<usize> =
-            set.iter().enumerate().flat_map(|(place, &j)| std::iter::repeat_n(place, self.spans[j].1)).collect();
+        let owner: Vec<usize> = set
+            .iter()
+            .enumerate()
+            .flat_map(|(place, &j)| std::iter::repeat_n(place, self.spans[j].1))
+            .collect();
         let pseudo = RESOLUTION * RESOLUTION;
         let freedom = self.rows + 1.0;
-        let mut sizes = vec![self.yy / pseudo.max(self.yy / self.rows) ; set.len()];
+        let mut sizes = vec![self.yy / pseudo.max(self.yy / self.rows); set.len()];
         let mut matrix = vec![0.0; n * n];
         let mut mean = vec![0.0; n];
         let mut inverse = vec![0.0; n * n];
@@ -105,7 +119,12 @@ impl Products {
                 *value = self.qy[a];
             }
             solve_cholesky(&matrix, n, &mut mean);
-            left = self.yy - columns.iter().zip(&mean).map(|(&a, m)| self.qy[a] * m).sum::<f64>();
+            left = self.yy
+                - columns
+                    .iter()
+                    .zip(&mean)
+                    .map(|(&a, m)| self.qy[a] * m)
+                    .sum::<f64>();
             left = left.max(0.0);
             if round == rounds {
                 break;
@@ -115,7 +134,9 @@ impl Products {
             for (place, &j) in set.iter().enumerate() {
                 let width = self.spans[j].1;
                 let own = (0..n).filter(|&i| owner[i] == place);
-                let power: f64 = own.map(|i| mean[i] * mean[i] / variance + inverse[i * n + i]).sum();
+                let power: f64 = own
+                    .map(|i| mean[i] * mean[i] / variance + inverse[i * n + i])
+                    .sum();
                 sizes[place] = (power / width as f64).max(1.0);
             }
         }
@@ -138,7 +159,12 @@ impl Products {
 }
 
 fn pick(values: &[f64], active: &[bool]) -> Vec<f64> {
-    values.iter().zip(active).filter(|&(_, &used)| used).map(|(&value, _)| value).collect()
+    values
+        .iter()
+        .zip(active)
+        .filter(|&(_, &used)| used)
+        .map(|(&value, _)| value)
+        .collect()
 }
 
 /// Inner product.
@@ -209,6 +235,7 @@ pub(crate) fn ln_gamma(x: f64) -> f64 {
         x += 1.0;
     }
     let square = x * x;
-    let series = 1.0 / (12.0 * x) - 1.0 / (360.0 * x * square) + 1.0 / (1260.0 * x * square * square);
+    let series =
+        1.0 / (12.0 * x) - 1.0 / (360.0 * x * square) + 1.0 / (1260.0 * x * square * square);
     shift + (x - 0.5) * x.ln() - x + 0.5 * std::f64::consts::TAU.ln() + series
 }

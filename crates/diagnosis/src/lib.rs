@@ -1,10 +1,28 @@
 //! Why a session differs from the declared model of its cell.
+//!
+//! [`diagnose`] compares what was measured with what the chain predicts and names the effects of the vocabulary that
+//! explain the difference, or says that something unknown remains and where. Metres, radians, seconds. Pure and
+//! deterministic: no files, no clock, no randomness.
 
 pub mod attribution;
 pub mod candidate;
+pub mod diagnose;
 pub mod effects;
 pub mod evidence;
+pub mod groups;
+pub mod next;
 pub mod observation;
+pub mod outliers;
+pub mod parameters;
+pub mod places;
+pub mod report;
 pub mod rivals;
 pub mod search;
 pub mod session;
+pub mod shrinkage;
+mod summary;
+pub mod timing;
+
+pub use diagnose::{Options, diagnose};
+pub use report::{Report, Verdict};
+pub use session::{DiagnoseError, Session};

@@ -117,10 +117,12 @@ impl Observations {
             .rotary_names
             .iter()
             .map(|name| {
-                chain.axis_index(name).ok_or_else(|| machine::DeviationError::PlanAxis {
-                    plan: plan.plan_id.clone(),
-                    axis: name.clone(),
-                })
+                chain
+                    .axis_index(name)
+                    .ok_or_else(|| machine::DeviationError::PlanAxis {
+                        plan: plan.plan_id.clone(),
+                        axis: name.clone(),
+                    })
             })
             .collect::<Result<Vec<_>, _>>()?;
         let mut builder = Builder {
@@ -151,7 +153,11 @@ impl Observations {
         Ok(Self {
             rows: touches,
             deviations,
-            features: plan.features.iter().map(|feature| feature.id.clone()).collect(),
+            features: plan
+                .features
+                .iter()
+                .map(|feature| feature.id.clone())
+                .collect(),
             cut_here: plan.machined_on_this_machine,
             prescribed,
             reference_uncertainty: uncertainty,
@@ -163,17 +169,27 @@ impl Observations {
 
     /// Number of touches; they come before the references.
     pub fn touches(&self) -> usize {
-        self.rows.iter().take_while(|row| row.pose.is_some()).count()
+        self.rows
+            .iter()
+            .take_while(|row| row.pose.is_some())
+            .count()
     }
 
     /// Column of an error of the machine: `displacement` moves the ball against the part (m per unit, part frame).
     ///
     /// With `lasting`, the machine erred in the same way while it cut the part.
-    pub fn machine_column(&self, lasting: bool, displacement: impl Fn(&Pose, &Row) -> Vector3<f64>) -> Column {
+    pub fn machine_column(
+        &self,
+        lasting: bool,
+        displacement: impl Fn(&Pose, &Row) -> Vector3<f64>,
+    ) -> Column {
         let mut signature = Vec::with_capacity(self.rows.len());
         let mut shifts = Vec::with_capacity(self.rows.len());
         for row in &self.rows {
-            let probing = row.pose.as_ref().map_or_else(Vector3::zeros, |pose| displacement(pose, row));
+            let probing = row
+                .pose
+                .as_ref()
+                .map_or_else(Vector3::zeros, |pose| displacement(pose, row));
             let cutting = match &row.cut {
                 Some(pose) if lasting => displacement(pose, row),
                 _ => Vector3::zeros(),
@@ -186,19 +202,35 @@ impl Observations {
 
     /// Column of a change of the deviation itself, as the probe sees it: `change` in m per unit.
     pub fn reading_column(&self, change: impl Fn(&Row) -> f64) -> Column {
-        let signature = self.rows.iter().map(|row| if row.pose.is_some() { change(row) } else { 0.0 }).collect();
-        Column { signature, shifts: Vec::new() }
+        let signature = self
+            .rows
+            .iter()
+            .map(|row| if row.pose.is_some() { change(row) } else { 0.0 })
+            .collect();
+        Column {
+            signature,
+            shifts: Vec::new(),
+        }
     }
 
     /// Column of material left on the part, seen by probe and reference alike: `left` in m per unit.
     pub fn material_column(&self, left: impl Fn(&Row) -> f64) -> Column {
-        Column { signature: self.rows.iter().map(left).collect(), shifts: Vec::new() }
+        Column {
+            signature: self.rows.iter().map(left).collect(),
+            shifts: Vec::new(),
+        }
     }
 
     /// Range of an axis (by place in [`Chain::axes`]) over the touches.
     pub fn travel(&self, axis: usize) -> (f64, f64) {
-        let positions = self.rows.iter().filter_map(|row| row.pose.as_ref()).map(|pose| pose.positions[axis]);
-        positions.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), at| (low.min(at), high.max(at)))
+        let positions = self
+            .rows
+            .iter()
+            .filter_map(|row| row.pose.as_ref())
+            .map(|pose| pose.positions[axis]);
+        positions.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), at| {
+            (low.min(at), high.max(at))
+        })
     }
 
     /// Time of the last touch, s from the start of the session.
@@ -224,9 +256,22 @@ impl Observations {
 }
 
 fn start_of(session: &Session) -> f64 {
-    let stamps = (session.joint_states.iter().map(|state| seconds(&state.header.stamp)))
-        .chain(session.machine_states.iter().map(|state| seconds(&state.header.stamp)))
-        .chain(session.events.iter().map(|event| seconds(&event.header.stamp)));
+    let stamps = (session
+        .joint_states
+        .iter()
+        .map(|state| seconds(&state.header.stamp)))
+    .chain(
+        session
+            .machine_states
+            .iter()
+            .map(|state| seconds(&state.header.stamp)),
+    )
+    .chain(
+        session
+            .events
+            .iter()
+            .map(|event| seconds(&event.header.stamp)),
+    );
     let first = stamps.fold(f64::INFINITY, f64::min);
     if first.is_finite() { first } else { 0.0 }
 }
@@ -247,7 +292,8 @@ impl Builder<'_> {
         let mut by_sequence: BTreeMap<u64, &ProbeEvent> = BTreeMap::new();
         for event in events {
             if let Some(known) = by_sequence.insert(event.sequence, event)
-                && (known.point_index != event.point_index || known.axis_positions != event.axis_positions)
+                && (known.point_index != event.point_index
+                    || known.axis_positions != event.axis_positions)
             {
                 return Err(DiagnoseError::Conflicting(event.sequence));
             }
@@ -281,7 +327,12 @@ impl Builder<'_> {
     }
 
     /// The machine with the ball moved from where it was latched to where it touches the nominal point.
-    fn pose_at_contact(&self, point: usize, mut positions: Vec<f64>, velocity: &Vector3<f64>) -> Pose {
+    fn pose_at_contact(
+        &self,
+        point: usize,
+        mut positions: Vec<f64>,
+        velocity: &Vector3<f64>,
+    ) -> Pose {
         let (part, ball) = (&self.nominal.part_pose, &self.nominal.ball);
         let (nominal, normal) = &self.nominal.points[point];
         let latched = self.chain.sensitivity(&positions, part, ball);
@@ -291,7 +342,11 @@ impl Builder<'_> {
         }
         let sensitivity = self.chain.sensitivity(&positions, part, ball);
         let speeds = self.speeds(&sensitivity, velocity);
-        Pose { positions, sensitivity, speeds }
+        Pose {
+            positions,
+            sensitivity,
+            speeds,
+        }
     }
 
     fn references(
@@ -300,7 +355,10 @@ impl Builder<'_> {
         rows: &mut Vec<Row>,
         deviations: &mut Vec<f64>,
     ) -> Result<(), DiagnoseError> {
-        let bad = |what| DiagnoseError::Reference { instrument: reference.instrument.clone(), what };
+        let bad = |what| DiagnoseError::Reference {
+            instrument: reference.instrument.clone(),
+            what,
+        };
         if reference.plan_id != self.plan.plan_id {
             return Err(bad("it belongs to another plan"));
         }
@@ -326,7 +384,9 @@ impl Builder<'_> {
     fn row(&self, point: usize, sequence: Option<u64>) -> Row {
         let planned = &self.plan.points[point];
         let (position, normal) = self.nominal.points[point];
-        let operation = usize::try_from(planned.operation).ok().and_then(|index| self.plan.operations.get(index));
+        let operation = usize::try_from(planned.operation)
+            .ok()
+            .and_then(|index| self.plan.operations.get(index));
         let cut_here = self.plan.machined_on_this_machine;
         let finite = |value: f64| if value.is_finite() { value } else { 0.0 };
         Row {
@@ -340,7 +400,9 @@ impl Builder<'_> {
             normal: normal.into_inner(),
             surface: self.nominal.surfaces[point],
             pose: None,
-            cut: operation.filter(|_| cut_here).and_then(|operation| self.cut(&position, &operation.rotary_positions)),
+            cut: operation
+                .filter(|_| cut_here)
+                .and_then(|operation| self.cut(&position, &operation.rotary_positions)),
             warmth: None,
             tool: operation.map(|operation| operation.tool_number),
             cut_length: finite(planned.cut_length),
@@ -357,25 +419,37 @@ impl Builder<'_> {
             fixed[axis] = Some(position);
         }
         let start = vec![0.0; fixed.len()];
-        let target = Target { ball: *position, orientation: None };
+        let target = Target {
+            ball: *position,
+            orientation: None,
+        };
         let (pose, ball) = (&self.nominal.part_pose, &self.nominal.ball);
         let positions = self.chain.reach(&target, &fixed, &start, pose, ball).ok()?;
         let sensitivity = self.chain.sensitivity(&positions, pose, ball);
-        Some(Pose { speeds: vec![0.0; positions.len()], positions, sensitivity })
+        Some(Pose {
+            speeds: vec![0.0; positions.len()],
+            positions,
+            sensitivity,
+        })
     }
 
     /// Speeds of the free axes that move the ball by `velocity` (m/s, part frame) without turning it.
     fn speeds(&self, sensitivity: &Sensitivity, velocity: &Vector3<f64>) -> Vec<f64> {
-        let free: Vec<usize> =
-            (0..self.chain.axes().len()).filter(|axis| !self.prescribed.contains(axis)).collect();
+        let free: Vec<usize> = (0..self.chain.axes().len())
+            .filter(|axis| !self.prescribed.contains(axis))
+            .collect();
         let mut speeds = vec![0.0; self.chain.axes().len()];
         if free.is_empty() {
             return speeds;
         }
         let mut jacobian = DMatrix::zeros(6, free.len());
         for (column, &axis) in free.iter().enumerate() {
-            jacobian.fixed_view_mut::<3, 1>(0, column).copy_from(&sensitivity.axes[axis]);
-            jacobian.fixed_view_mut::<3, 1>(3, column).copy_from(&sensitivity.turns[axis]);
+            jacobian
+                .fixed_view_mut::<3, 1>(0, column)
+                .copy_from(&sensitivity.axes[axis]);
+            jacobian
+                .fixed_view_mut::<3, 1>(3, column)
+                .copy_from(&sensitivity.turns[axis]);
         }
         let mut wanted = DVector::zeros(6);
         wanted.fixed_rows_mut::<3>(0).copy_from(velocity);
@@ -390,7 +464,11 @@ impl Builder<'_> {
     }
 
     fn index(&mut self, positions: &[f64]) -> usize {
-        let key = self.prescribed.iter().map(|&axis| (positions[axis] * 1e4).round() as i64).collect();
+        let key = self
+            .prescribed
+            .iter()
+            .map(|&axis| (positions[axis] * 1e4).round() as i64)
+            .collect();
         let next = self.indices.len();
         *self.indices.entry(key).or_insert(next)
     }
@@ -398,18 +476,29 @@ impl Builder<'_> {
     /// Part temperature above 20 °C, interpolated between machine states.
     fn warmth(&self, time: f64) -> Option<f64> {
         let at = |state: &MachineState| {
-            let place = state.temperature_names.iter().position(|name| name == "part")?;
+            let place = state
+                .temperature_names
+                .iter()
+                .position(|name| name == "part")?;
             let value = *state.temperatures.get(place)?;
-            value.is_finite().then_some((seconds(&state.header.stamp) - self.start, value - 20.0))
+            value
+                .is_finite()
+                .then_some((seconds(&state.header.stamp) - self.start, value - 20.0))
         };
-        let later = self.machine_states.partition_point(|state| seconds(&state.header.stamp) - self.start <= time);
-        let before = later.checked_sub(1).and_then(|index| self.machine_states.get(index)).and_then(at);
+        let later = self
+            .machine_states
+            .partition_point(|state| seconds(&state.header.stamp) - self.start <= time);
+        let before = later
+            .checked_sub(1)
+            .and_then(|index| self.machine_states.get(index))
+            .and_then(at);
         let after = self.machine_states.get(later).and_then(at);
         match (before, after) {
-            (Some((t0, w0)), Some((t1, w1))) if t1 > t0 => Some(w0 + (w1 - w0) * (time - t0) / (t1 - t0)),
+            (Some((t0, w0)), Some((t1, w1))) if t1 > t0 => {
+                Some(w0 + (w1 - w0) * (time - t0) / (t1 - t0))
+            }
             (Some((_, warmth)), _) | (None, Some((_, warmth))) => Some(warmth),
             (None, None) => None,
         }
     }
 }
-

@@ -10,6 +10,8 @@ use crate::observation::{Observations, Pose, Row};
 
 /// Directions that a process may have at most.
 const MOST_DIRECTIONS: usize = 48;
+/// A process with fewer directions is an effect by another name.
+const FEWEST_DIRECTIONS: usize = 3;
 /// A pivoted factor stops when no row keeps more than this share of its variance.
 const NEGLIGIBLE: f64 = 1e-3;
 
@@ -66,7 +68,13 @@ pub fn rivals(observations: &Observations, active: &[bool]) -> Vec<Rival> {
     for (kind, kernels) in kinds {
         let log_prior = -(count * kernels.len() as f64).ln();
         for kernel in kernels {
-            rivals.extend(factor(observations, active, &kernel, kind.clone(), log_prior));
+            rivals.extend(factor(
+                observations,
+                active,
+                &kernel,
+                kind.clone(),
+                log_prior,
+            ));
         }
     }
     rivals
@@ -93,7 +101,8 @@ fn region(observations: &Observations) -> Vec<Kernel<'_>> {
         .map(|share| -> Kernel<'_> {
             Box::new(move |i, j| {
                 let (one, other) = (&rows[i], &rows[j]);
-                one.normal.dot(&other.normal) * squared((one.position - other.position).norm(), share * size)
+                one.normal.dot(&other.normal)
+                    * squared((one.position - other.position).norm(), share * size)
             })
         })
         .into()
@@ -107,7 +116,9 @@ fn time(observations: &Observations) -> Vec<Kernel<'_>> {
     }
     let mut kernels: Vec<Kernel<'_>> = Vec::new();
     for share in [0.015, 0.04, 0.12] {
-        kernels.push(Box::new(move |i, j| measured(rows, i, j) * squared(rows[i].time - rows[j].time, share * span)));
+        kernels.push(Box::new(move |i, j| {
+            measured(rows, i, j) * squared(rows[i].time - rows[j].time, share * span)
+        }));
     }
     for share in [0.04, 0.2] {
         kernels.push(Box::new(move |i, j| {
@@ -127,7 +138,9 @@ fn direction(observations: &Observations) -> Vec<Kernel<'_>> {
     [0.25, 0.7]
         .map(|length| -> Kernel<'_> {
             Box::new(move |i, j| {
-                let (Some(one), Some(other)) = (pose(&rows[i]), pose(&rows[j])) else { return 0.0 };
+                let (Some(one), Some(other)) = (pose(&rows[i]), pose(&rows[j])) else {
+                    return 0.0;
+                };
                 let mut distance = 0.0;
                 for (a, b) in one.sensitivity.mount.iter().zip(&other.sensitivity.mount) {
                     distance += (a.dot(&rows[i].normal) - b.dot(&rows[j].normal)).powi(2);
@@ -143,7 +156,9 @@ fn feature(observations: &Observations) -> Vec<Kernel<'_>> {
     if rows.iter().all(|row| row.feature == rows[0].feature) {
         return Vec::new();
     }
-    vec![Box::new(move |i, j| f64::from(u8::from(rows[i].feature == rows[j].feature)))]
+    vec![Box::new(move |i, j| {
+        f64::from(u8::from(rows[i].feature == rows[j].feature))
+    })]
 }
 
 fn index(observations: &Observations) -> Vec<Kernel<'_>> {
@@ -168,9 +183,16 @@ fn along_axis(observations: &Observations, axis: usize) -> Vec<Kernel<'_>> {
     let mut kernels: Vec<Kernel<'_>> = Vec::new();
     for share in [0.03, 0.08, 0.25] {
         kernels.push(Box::new(move |i, j| {
-            let (Some(one), Some(other)) = (pose(&rows[i]), pose(&rows[j])) else { return 0.0 };
+            let (Some(one), Some(other)) = (pose(&rows[i]), pose(&rows[j])) else {
+                return 0.0;
+            };
             let mut along = 0.0;
-            for (a, b) in one.sensitivity.foundation.iter().zip(&other.sensitivity.foundation) {
+            for (a, b) in one
+                .sensitivity
+                .foundation
+                .iter()
+                .zip(&other.sensitivity.foundation)
+            {
                 along += a.dot(&rows[i].normal) * b.dot(&rows[j].normal);
             }
             along * squared(one.positions[axis] - other.positions[axis], share * range)
@@ -191,7 +213,9 @@ fn factor(
     let rows = used.len();
     let kernel = |i: usize, j: usize| kernel(used[i], used[j]);
     let weight = |row: usize| observations.rows[used[row]].weight;
-    let mut left: Vec<f64> = (0..rows).map(|row| kernel(row, row) * weight(row).powi(2)).collect();
+    let mut left: Vec<f64> = (0..rows)
+        .map(|row| kernel(row, row) * weight(row).powi(2))
+        .collect();
     let scale = left.iter().fold(0.0_f64, |most, &value| most.max(value));
     if scale <= 0.0 {
         return None;
@@ -199,14 +223,20 @@ fn factor(
     let mut columns: Vec<Vec<f64>> = Vec::new();
     let most = MOST_DIRECTIONS.min(rows / 2);
     while columns.len() < most {
-        let (pivot, &value) = left.iter().enumerate().max_by(|one, other| one.1.total_cmp(other.1))?;
+        let (pivot, &value) = left
+            .iter()
+            .enumerate()
+            .max_by(|one, other| one.1.total_cmp(other.1))?;
         if value < NEGLIGIBLE * scale {
             break;
         }
         let root = value.sqrt();
         let column: Vec<f64> = (0..rows)
             .map(|row| {
-                let known: f64 = columns.iter().map(|column| column[row] * column[pivot]).sum();
+                let known: f64 = columns
+                    .iter()
+                    .map(|column| column[row] * column[pivot])
+                    .sum();
                 (kernel(row, pivot) * weight(row) * weight(pivot) - known) / root
             })
             .collect();
@@ -227,5 +257,10 @@ fn factor(
             powers.push(power);
         }
     }
-    Some(Rival { kind, directions, powers, log_prior })
+    (directions.len() >= FEWEST_DIRECTIONS).then_some(Rival {
+        kind,
+        directions,
+        powers,
+        log_prior,
+    })
 }

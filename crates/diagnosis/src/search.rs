@@ -44,13 +44,17 @@ impl Priors {
         for k in 0..set.len() {
             choices += ((self.effects.max(set.len()) - k) as f64 / (k + 1) as f64).ln();
         }
-        -std::f64::consts::LN_2 * (size + 1.0) - choices + set.iter().map(|&j| self.log_prior[j]).sum::<f64>()
+        -std::f64::consts::LN_2 * (size + 1.0) - choices
+            + set.iter().map(|&j| self.log_prior[j]).sum::<f64>()
     }
 }
 
 /// Scored sets, best first.
 pub fn search(products: &Products, priors: &Priors, beam: usize) -> Vec<Scored> {
-    let empty = Scored { set: Vec::new(), score: products.log_evidence(&[]) + priors.of(&[]) };
+    let empty = Scored {
+        set: Vec::new(),
+        score: products.log_evidence(&[]) + priors.of(&[]),
+    };
     let mut best = empty.score;
     let mut all = vec![empty.clone()];
     let mut level = vec![empty];
@@ -70,7 +74,9 @@ pub fn search(products: &Products, priors: &Priors, beam: usize) -> Vec<Scored> 
             }
         }
         next.sort_by(|one, other| other.score.total_cmp(&one.score));
-        let Some(leader) = next.first().map(|scored| scored.score) else { break };
+        let Some(leader) = next.first().map(|scored| scored.score) else {
+            break;
+        };
         best = best.max(leader);
         all.extend(next.iter().take(4 * beam.max(BEAM)).cloned());
         next.truncate(if size == 1 { 2 * beam } else { beam });
@@ -91,8 +97,10 @@ pub fn usual_beam() -> usize {
 /// Candidates that would explain most of what the set leaves, best first.
 fn promising(products: &Products, priors: &Priors, set: &[usize], most: usize) -> Vec<usize> {
     let count = products.qy.len();
-    let columns: Vec<usize> =
-        set.iter().flat_map(|&j| products.spans[j].0..products.spans[j].0 + products.spans[j].1).collect();
+    let columns: Vec<usize> = set
+        .iter()
+        .flat_map(|&j| products.spans[j].0..products.spans[j].0 + products.spans[j].1)
+        .collect();
     let n = columns.len();
     let mut factor = vec![0.0; n * n];
     for (i, &a) in columns.iter().enumerate() {
@@ -109,7 +117,10 @@ fn promising(products: &Products, priors: &Priors, set: &[usize], most: usize) -
     let mut ranked: Vec<(f64, usize)> = Vec::new();
     let mut cross = vec![0.0; n];
     for candidate in 0..products.spans.len() {
-        if set.iter().any(|&member| priors.effect[member] == priors.effect[candidate]) {
+        if set
+            .iter()
+            .any(|&member| priors.effect[member] == priors.effect[candidate])
+        {
             continue;
         }
         let (first, width) = products.spans[candidate];
@@ -131,5 +142,9 @@ fn promising(products: &Products, priors: &Priors, set: &[usize], most: usize) -
         ranked.push((gain, candidate));
     }
     ranked.sort_by(|one, other| other.0.total_cmp(&one.0).then(one.1.cmp(&other.1)));
-    ranked.into_iter().take(most).map(|(_, candidate)| candidate).collect()
+    ranked
+        .into_iter()
+        .take(most)
+        .map(|(_, candidate)| candidate)
+        .collect()
 }

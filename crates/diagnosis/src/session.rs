@@ -39,7 +39,9 @@ pub enum DiagnoseError {
     #[error("the session has no robot_description")]
     NoMachine,
     /// No plan, and no effort or motion either.
-    #[error("the session has neither an inspection plan with touches nor joint states with commands or efforts")]
+    #[error(
+        "the session has neither an inspection plan with touches nor joint states with commands or efforts"
+    )]
     NoPlan,
     /// A sequence number came twice with other content.
     #[error("event {0} came twice with different content")]
@@ -48,7 +50,9 @@ pub enum DiagnoseError {
     #[error("the session has {0} touches; at least {1} are needed")]
     TooFew(usize, usize),
     /// Magnitudes that no metre-based session has.
-    #[error("deviations have a median size of {0:.3} m: are positions in millimetres instead of metres?")]
+    #[error(
+        "deviations have a median size of {0:.3} m: are positions in millimetres instead of metres?"
+    )]
     Unit(f64),
     /// A reference that does not belong.
     #[error("reference of `{instrument}`: {what}")]

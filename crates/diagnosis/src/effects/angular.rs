@@ -29,7 +29,11 @@ pub(super) fn offer(observations: &Observations, variants: &mut Vec<Variant>) {
                         move |observations| {
                             vec![observations.machine_column(true, |pose, _| {
                                 let sensitivity = &pose.sensitivity;
-                                let frames = if moved { &sensitivity.motion } else { &sensitivity.location };
+                                let frames = if moved {
+                                    &sensitivity.motion
+                                } else {
+                                    &sensitivity.location
+                                };
                                 frames[index][component] * (pose.positions[axis] - mid)
                             })]
                         },

@@ -13,14 +13,22 @@ pub(super) fn offer(observations: &Observations, variants: &mut Vec<Variant>) {
             continue;
         }
         let joint = observations.chain.axis(axis);
-        let unit = if joint.kind == JointKind::Revolute { "rad" } else { "m" };
+        let unit = if joint.kind == JointKind::Revolute {
+            "rad"
+        } else {
+            "m"
+        };
         let b = vec![Parameter::new("b", unit, 1e-3)];
-        variants.push(Variant::linear(format!("axis.{}.backlash", joint.name), b, move |observations| {
-            vec![observations.machine_column(false, |pose, _| {
-                let speed = pose.speeds[axis];
-                let side = if speed == 0.0 { 0.0 } else { speed.signum() };
-                pose.sensitivity.axes[axis] * (-0.5 * side)
-            })]
-        }));
+        variants.push(Variant::linear(
+            format!("axis.{}.backlash", joint.name),
+            b,
+            move |observations| {
+                vec![observations.machine_column(false, |pose, _| {
+                    let speed = pose.speeds[axis];
+                    let side = if speed == 0.0 { 0.0 } else { speed.signum() };
+                    pose.sensitivity.axes[axis] * (-0.5 * side)
+                })]
+            },
+        ));
     }
 }

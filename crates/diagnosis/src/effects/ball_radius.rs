@@ -7,7 +7,9 @@ use super::{Parameter, Variant};
 use crate::observation::Observations;
 
 pub(super) fn offer(_: &Observations, variants: &mut Vec<Variant>) {
-    variants.push(Variant::linear("probe.ball_radius", vec![Parameter::new("dr", "m", 1e-3)], |observations| {
-        vec![observations.reading_column(|_| 1.0)]
-    }));
+    variants.push(Variant::linear(
+        "probe.ball_radius",
+        vec![Parameter::new("dr", "m", 1e-3)],
+        |observations| vec![observations.reading_column(|_| 1.0)],
+    ));
 }

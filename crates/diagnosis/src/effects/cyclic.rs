@@ -25,18 +25,29 @@ pub(super) fn offer(observations: &Observations, variants: &mut Vec<Variant>) {
         }
         let slowest = (1.0 / PERIODS.0).max(0.5 / range);
         let steps = (1.0 / PERIODS.1 - slowest) * range;
-        let trials = linspace(slowest, 1.0 / PERIODS.1, ((steps * OVERSAMPLED) as usize).clamp(2, 4000));
+        let trials = linspace(
+            slowest,
+            1.0 / PERIODS.1,
+            ((steps * OVERSAMPLED) as usize).clamp(2, 4000),
+        );
         let shape = Shape {
             name: "period",
             unit: "m",
-            trials: trials.iter().rev().map(|frequency| 1.0 / frequency).collect(),
+            trials: trials
+                .iter()
+                .rev()
+                .map(|frequency| 1.0 / frequency)
+                .collect(),
             continuous: true,
             distinct: steps.max(1.0),
         };
         variants.push(
             Variant::shaped(
                 format!("axis.{}.cyclic", joint.name),
-                vec![Parameter::new("sin", "m", 1e-4), Parameter::new("cos", "m", 1e-4)],
+                vec![
+                    Parameter::new("sin", "m", 1e-4),
+                    Parameter::new("cos", "m", 1e-4),
+                ],
                 shape,
                 move |observations, period| {
                     let column = |wave: fn(f64) -> f64| {

@@ -8,7 +8,9 @@ use crate::observation::Observations;
 
 pub(super) fn offer(observations: &Observations, variants: &mut Vec<Variant>) {
     let overhangs = observations.rows.iter().map(|row| row.overhang);
-    let (low, high) = overhangs.fold((f64::INFINITY, 0.0_f64), |(low, high), at| (low.min(at), high.max(at)));
+    let (low, high) = overhangs.fold((f64::INFINITY, 0.0_f64), |(low, high), at| {
+        (low.min(at), high.max(at))
+    });
     if high - low < 1e-6 {
         return;
     }
@@ -29,8 +31,10 @@ pub(super) fn offer(observations: &Observations, variants: &mut Vec<Variant>) {
         constants.extend(choice.map(|tool| ("tool", f64::from(tool), "1")));
         let tip = || vec![Parameter::new("tip", "m", 1e-2)];
         variants.push(
-            Variant::linear("process.deflection", tip(), move |observations| build(observations, 3.0))
-                .with_constants(&constants),
+            Variant::linear("process.deflection", tip(), move |observations| {
+                build(observations, 3.0)
+            })
+            .with_constants(&constants),
         );
         let shape = Shape {
             name: "exponent",
@@ -39,6 +43,8 @@ pub(super) fn offer(observations: &Observations, variants: &mut Vec<Variant>) {
             continuous: true,
             distinct: 3.0,
         };
-        variants.push(Variant::shaped("process.deflection", tip(), shape, build).with_constants(&constants));
+        variants.push(
+            Variant::shaped("process.deflection", tip(), shape, build).with_constants(&constants),
+        );
     }
 }

@@ -11,10 +11,15 @@ pub(super) fn offer(observations: &Observations, variants: &mut Vec<Variant>) {
     }
     variants.push(Variant::linear(
         "thermal.drift",
-        ["rate_x", "rate_y", "rate_z"].map(|name| Parameter::new(name, "m/s", 1e-6)).into(),
+        ["rate_x", "rate_y", "rate_z"]
+            .map(|name| Parameter::new(name, "m/s", 1e-6))
+            .into(),
         |observations| {
             [0, 1, 2]
-                .map(|k| observations.machine_column(false, |pose, row| pose.sensitivity.part[k] * row.time))
+                .map(|k| {
+                    observations
+                        .machine_column(false, |pose, row| pose.sensitivity.part[k] * row.time)
+                })
                 .into()
         },
     ));

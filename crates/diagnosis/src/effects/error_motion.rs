@@ -20,35 +20,69 @@ pub(super) fn offer(observations: &Observations, variants: &mut Vec<Variant>) {
         }
         let highest = ((angles as f64 - 1.0) / 2.0).ceil().clamp(1.0, 3.0);
         let trials: Vec<f64> = (1..=highest as usize).map(|k| k as f64).collect();
-        let shape = Shape { name: "k", unit: "1", distinct: highest, trials, continuous: false };
+        let shape = Shape {
+            name: "k",
+            unit: "1",
+            distinct: highest,
+            trials,
+            continuous: false,
+        };
         let index = observations.chain.axes()[axis];
-        let across: Vec<usize> = (0..3).filter(|&component| joint.axis[component].abs() < 0.7).collect();
+        let across: Vec<usize> = (0..3)
+            .filter(|&component| joint.axis[component].abs() < 0.7)
+            .collect();
         let [u, v] = across[..] else { continue };
         let effect = format!("axis.{}.error_motion", joint.name);
-        let pair = || vec![Parameter::new("sin", "m", 1e-3), Parameter::new("cos", "m", 1e-3)];
+        let pair = || {
+            vec![
+                Parameter::new("sin", "m", 1e-3),
+                Parameter::new("cos", "m", 1e-3),
+            ]
+        };
         for component in [u, v] {
-            let variant = Variant::shaped(effect.clone(), pair(), shape.clone(), move |observations, k| {
-                let column = |wave: fn(f64) -> f64| {
-                    observations.machine_column(true, |pose, _| {
-                        pose.sensitivity.location[index][component] * wave(k * pose.positions[axis])
-                    })
-                };
-                vec![column(f64::sin), column(f64::cos)]
-            });
-            variants.push(variant.reported(Form::Sine).with_constants(&[("along", component as f64, "1")]));
+            let variant = Variant::shaped(
+                effect.clone(),
+                pair(),
+                shape.clone(),
+                move |observations, k| {
+                    let column = |wave: fn(f64) -> f64| {
+                        observations.machine_column(true, |pose, _| {
+                            pose.sensitivity.location[index][component]
+                                * wave(k * pose.positions[axis])
+                        })
+                    };
+                    vec![column(f64::sin), column(f64::cos)]
+                },
+            );
+            variants.push(variant.reported(Form::Sine).with_constants(&[(
+                "along",
+                component as f64,
+                "1",
+            )]));
         }
         for sense in [1.0, -1.0] {
-            let variant = Variant::shaped(effect.clone(), pair(), shape.clone(), move |observations, k| {
-                let circle = move |pose: &Pose, ahead: f64| -> Vector3<f64> {
-                    let angle = k * pose.positions[axis] + ahead;
-                    let frame = &pose.sensitivity.location[index];
-                    frame[u] * angle.sin() - frame[v] * (sense * angle.cos())
-                };
-                [0.0, std::f64::consts::FRAC_PI_2]
-                    .map(|ahead| observations.machine_column(true, |pose, _| circle(pose, ahead)))
-                    .into()
-            });
-            variants.push(variant.reported(Form::Sine).with_constants(&[("sense", sense, "1")]));
+            let variant = Variant::shaped(
+                effect.clone(),
+                pair(),
+                shape.clone(),
+                move |observations, k| {
+                    let circle = move |pose: &Pose, ahead: f64| -> Vector3<f64> {
+                        let angle = k * pose.positions[axis] + ahead;
+                        let frame = &pose.sensitivity.location[index];
+                        frame[u] * angle.sin() - frame[v] * (sense * angle.cos())
+                    };
+                    [0.0, std::f64::consts::FRAC_PI_2]
+                        .map(|ahead| {
+                            observations.machine_column(true, |pose, _| circle(pose, ahead))
+                        })
+                        .into()
+                },
+            );
+            variants.push(
+                variant
+                    .reported(Form::Sine)
+                    .with_constants(&[("sense", sense, "1")]),
+            );
         }
     }
 }

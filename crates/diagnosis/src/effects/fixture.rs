@@ -10,12 +10,20 @@ pub(super) fn offer(observations: &Observations, variants: &mut Vec<Variant>) {
     if observations.cut_here {
         return;
     }
-    let shift = ["x", "y", "z"].map(|name| Parameter::new(name, "m", 1e-2)).into();
+    let shift = ["x", "y", "z"]
+        .map(|name| Parameter::new(name, "m", 1e-2))
+        .into();
     variants.push(Variant::linear("fixture.shift", shift, |observations| {
-        [0, 1, 2].map(|k| observations.machine_column(false, |pose, _| pose.sensitivity.part[k])).into()
+        [0, 1, 2]
+            .map(|k| observations.machine_column(false, |pose, _| pose.sensitivity.part[k]))
+            .into()
     }));
-    let tilt = ["a", "b", "c"].map(|name| Parameter::new(name, "rad", 2e-2)).into();
+    let tilt = ["a", "b", "c"]
+        .map(|name| Parameter::new(name, "rad", 2e-2))
+        .into();
     variants.push(Variant::linear("fixture.tilt", tilt, |observations| {
-        [3, 4, 5].map(|k| observations.machine_column(false, |pose, _| pose.sensitivity.part[k])).into()
+        [3, 4, 5]
+            .map(|k| observations.machine_column(false, |pose, _| pose.sensitivity.part[k]))
+            .into()
     }));
 }

@@ -16,13 +16,24 @@ pub(super) fn offer(observations: &Observations, variants: &mut Vec<Variant>) {
         if joint.kind != JointKind::Revolute || angles < 2 {
             continue;
         }
-        let highest = ((angles as f64 - 1.0) / 2.0).ceil().clamp(1.0, if angles > 40 { 36.0 } else { 4.0 });
+        let highest = ((angles as f64 - 1.0) / 2.0)
+            .ceil()
+            .clamp(1.0, if angles > 40 { 36.0 } else { 4.0 });
         let trials: Vec<f64> = (1..=highest as usize).map(|k| k as f64).collect();
-        let shape = Shape { name: "k", unit: "1", distinct: highest, trials, continuous: false };
+        let shape = Shape {
+            name: "k",
+            unit: "1",
+            distinct: highest,
+            trials,
+            continuous: false,
+        };
         variants.push(
             Variant::shaped(
                 format!("axis.{}.indexing", joint.name),
-                vec![Parameter::new("sin", "rad", 1e-2), Parameter::new("cos", "rad", 1e-2)],
+                vec![
+                    Parameter::new("sin", "rad", 1e-2),
+                    Parameter::new("cos", "rad", 1e-2),
+                ],
                 shape,
                 move |observations, k| {
                     let column = |wave: fn(f64) -> f64| {
@@ -44,7 +55,9 @@ pub(super) fn distinct_angles(observations: &Observations, axis: usize) -> usize
         .rows
         .iter()
         .filter_map(|row| row.pose.as_ref())
-        .map(|pose| (pose.positions[axis].rem_euclid(std::f64::consts::TAU) * 1146.0).round() as i64)
+        .map(|pose| {
+            (pose.positions[axis].rem_euclid(std::f64::consts::TAU) * 1146.0).round() as i64
+        })
         .collect();
     angles.sort_unstable();
     angles.dedup();

@@ -11,8 +11,14 @@ pub(super) fn offer(observations: &Observations, variants: &mut Vec<Variant>) {
             continue;
         }
         let effect = format!("axis.{}.lag", observations.chain.axis(axis).name);
-        variants.push(Variant::linear(effect, vec![Parameter::new("tau", "s", 0.1)], move |observations| {
-            vec![observations.machine_column(false, |pose, _| pose.sensitivity.axes[axis] * -pose.speeds[axis])]
-        }));
+        variants.push(Variant::linear(
+            effect,
+            vec![Parameter::new("tau", "s", 0.1)],
+            move |observations| {
+                vec![observations.machine_column(false, |pose, _| {
+                    pose.sensitivity.axes[axis] * -pose.speeds[axis]
+                })]
+            },
+        ));
     }
 }

@@ -18,13 +18,20 @@ pub(super) fn offer(observations: &Observations, variants: &mut Vec<Variant>) {
         (joint.name == SPINDLE, joint.kind != JointKind::Revolute)
     });
     for (component, letter) in ["A", "B", "C", "X", "Y", "Z"].into_iter().enumerate() {
-        let (component, unit, plausible) =
-            if component < 3 { (component + 3, "rad", 2e-2) } else { (component - 3, "m", 1e-2) };
+        let (component, unit, plausible) = if component < 3 {
+            (component + 3, "rad", 2e-2)
+        } else {
+            (component - 3, "m", 1e-2)
+        };
         for &index in &order {
             let effect = format!("link.E{letter}0{}", observations.chain.joints()[index].name);
             let e = vec![Parameter::new("e", unit, plausible)];
             variants.push(Variant::linear(effect, e, move |observations| {
-                vec![observations.machine_column(true, |pose, _| pose.sensitivity.location[index][component])]
+                vec![
+                    observations.machine_column(true, |pose, _| {
+                        pose.sensitivity.location[index][component]
+                    }),
+                ]
             }));
         }
     }

@@ -13,7 +13,9 @@ pub(super) fn offer(observations: &Observations, variants: &mut Vec<Variant>) {
         "thermal.part_expansion",
         vec![Parameter::new("alpha", "1/K", 1e-4)],
         |observations| {
-            vec![observations.machine_column(false, |_, row| -row.position.coords * row.warmth.unwrap_or(0.0))]
+            vec![observations.machine_column(false, |_, row| {
+                -row.position.coords * row.warmth.unwrap_or(0.0)
+            })]
         },
     ));
 }

@@ -14,7 +14,10 @@ pub(super) fn offer(_: &Observations, variants: &mut Vec<Variant>) {
                 observations.reading_column(|row| lobe(row, |phi| (lobes * phi).sin())),
             ]
         };
-        let parameters = vec![Parameter::new("cos", "m", 1e-4), Parameter::new("sin", "m", 1e-4)];
+        let parameters = vec![
+            Parameter::new("cos", "m", 1e-4),
+            Parameter::new("sin", "m", 1e-4),
+        ];
         variants.push(
             Variant::linear("probe.pretravel_lobing", parameters, build)
                 .reported(Form::Lobes(lobes))
@@ -25,6 +28,9 @@ pub(super) fn offer(_: &Observations, variants: &mut Vec<Variant>) {
 
 fn lobe(row: &Row, wave: impl Fn(f64) -> f64) -> f64 {
     let Some(pose) = &row.pose else { return 0.0 };
-    let [x, y, _] = pose.sensitivity.mount.map(|direction| direction.dot(&row.normal));
+    let [x, y, _] = pose
+        .sensitivity
+        .mount
+        .map(|direction| direction.dot(&row.normal));
     x.hypot(y) * wave(y.atan2(x))
 }

@@ -24,16 +24,28 @@ pub(super) fn offer(observations: &Observations, variants: &mut Vec<Variant>) {
     }
     let parameters = turning
         .iter()
-        .map(|&axis| Parameter::new(format!("{}_per_lever", chain.axis(axis).name), "rad/m", 1e-1))
+        .map(|&axis| {
+            Parameter::new(
+                format!("{}_per_lever", chain.axis(axis).name),
+                "rad/m",
+                1e-1,
+            )
+        })
         .collect();
-    variants.push(Variant::linear("drive.compliance", parameters, move |observations| {
-        turning
-            .iter()
-            .map(|&axis| {
-                observations.machine_column(true, |pose, _| pose.sensitivity.axes[axis] * lever(pose, axis))
-            })
-            .collect()
-    }));
+    variants.push(Variant::linear(
+        "drive.compliance",
+        parameters,
+        move |observations| {
+            turning
+                .iter()
+                .map(|&axis| {
+                    observations.machine_column(true, |pose, _| {
+                        pose.sensitivity.axes[axis] * lever(pose, axis)
+                    })
+                })
+                .collect()
+        },
+    ));
 }
 
 /// Vertical drop of the ball per radian of the axis: the lever of a weight at the ball.

@@ -11,10 +11,20 @@ use crate::observation::Observations;
 pub(super) fn offer(observations: &Observations, variants: &mut Vec<Variant>) {
     for axis in 0..observations.chain.axes().len() {
         let joint = observations.chain.axis(axis);
-        let unit = if joint.kind == JointKind::Revolute { "rad/rad" } else { "m/m" };
+        let unit = if joint.kind == JointKind::Revolute {
+            "rad/rad"
+        } else {
+            "m/m"
+        };
         let k = vec![Parameter::new("k", unit, 1e-3)];
-        variants.push(Variant::linear(format!("axis.{}.scale", joint.name), k, move |observations| {
-            vec![observations.machine_column(true, |pose, _| pose.sensitivity.axes[axis] * pose.positions[axis])]
-        }));
+        variants.push(Variant::linear(
+            format!("axis.{}.scale", joint.name),
+            k,
+            move |observations| {
+                vec![observations.machine_column(true, |pose, _| {
+                    pose.sensitivity.axes[axis] * pose.positions[axis]
+                })]
+            },
+        ));
     }
 }

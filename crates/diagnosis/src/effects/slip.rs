@@ -8,14 +8,28 @@ use crate::observation::{Observations, Row};
 
 pub(super) fn offer(observations: &Observations, variants: &mut Vec<Variant>) {
     let touches = observations.touches();
-    let trials: Vec<f64> = (2..touches.saturating_sub(1)).map(|index| index as f64).collect();
+    let trials: Vec<f64> = (2..touches.saturating_sub(1))
+        .map(|index| index as f64)
+        .collect();
     if trials.is_empty() {
         return;
     }
     let distinct = trials.len() as f64;
-    let shape = Shape { name: "index", unit: "1", trials, continuous: false, distinct };
-    let times: Vec<f64> = observations.rows.iter().take(touches).map(|row| row.time).collect();
-    let after = move |row: &Row, index: f64| row.pose.is_some() && row.time >= times[index as usize];
+    let shape = Shape {
+        name: "index",
+        unit: "1",
+        trials,
+        continuous: false,
+        distinct,
+    };
+    let times: Vec<f64> = observations
+        .rows
+        .iter()
+        .take(touches)
+        .map(|row| row.time)
+        .collect();
+    let after =
+        move |row: &Row, index: f64| row.pose.is_some() && row.time >= times[index as usize];
     let jumps = after.clone();
     variants.push(Variant::shaped(
         "process.slip",
@@ -25,18 +39,35 @@ pub(super) fn offer(observations: &Observations, variants: &mut Vec<Variant>) {
             vec![observations.reading_column(|row| f64::from(u8::from(jumps(row, index))))]
         },
     ));
-    let named = || -> Vec<Parameter> { ["x", "y", "z"].map(|name| Parameter::new(name, "m", 1e-2)).into() };
+    let named = || -> Vec<Parameter> {
+        ["x", "y", "z"]
+            .map(|name| Parameter::new(name, "m", 1e-2))
+            .into()
+    };
     for part in [false, true] {
         let after = after.clone();
-        variants.push(Variant::shaped("process.slip", named(), shape.clone(), move |observations, index| {
-            [0, 1, 2]
-                .map(|k| {
-                    observations.machine_column(false, |pose, row| {
-                        let direction = if part { pose.sensitivity.part[k] } else { pose.sensitivity.foundation[k] };
-                        if after(row, index) { direction } else { direction * 0.0 }
+        variants.push(Variant::shaped(
+            "process.slip",
+            named(),
+            shape.clone(),
+            move |observations, index| {
+                [0, 1, 2]
+                    .map(|k| {
+                        observations.machine_column(false, |pose, row| {
+                            let direction = if part {
+                                pose.sensitivity.part[k]
+                            } else {
+                                pose.sensitivity.foundation[k]
+                            };
+                            if after(row, index) {
+                                direction
+                            } else {
+                                direction * 0.0
+                            }
+                        })
                     })
-                })
-                .into()
-        }));
+                    .into()
+            },
+        ));
     }
 }

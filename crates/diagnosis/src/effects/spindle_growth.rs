@@ -22,7 +22,9 @@ pub(super) fn offer(observations: &Observations, variants: &mut Vec<Variant>) {
         vec![Parameter::new("g", "m", 1e-3)],
         shape,
         |observations, tau| {
-            vec![observations.machine_column(false, |pose, row| pose.sensitivity.mount[2] * -(-row.time / tau).exp_m1())]
+            vec![observations.machine_column(false, |pose, row| {
+                pose.sensitivity.mount[2] * -(-row.time / tau).exp_m1()
+            })]
         },
     ));
 }

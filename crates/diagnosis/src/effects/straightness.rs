@@ -26,8 +26,9 @@ pub(super) fn offer(observations: &Observations, variants: &mut Vec<Variant>) {
                 let build = move |observations: &Observations| {
                     let at = |pose: &Pose| (pose.positions[axis] - mid) / half;
                     let column = |shape: fn(f64) -> f64| {
-                        observations
-                            .machine_column(true, |pose, _| pose.sensitivity.motion[index][component] * shape(at(pose)))
+                        observations.machine_column(true, |pose, _| {
+                            pose.sensitivity.motion[index][component] * shape(at(pose))
+                        })
                     };
                     let mut columns = vec![column(|u| u * u - 1.0 / 3.0)];
                     if order == 3 {
@@ -35,11 +36,22 @@ pub(super) fn offer(observations: &Observations, variants: &mut Vec<Variant>) {
                     }
                     columns
                 };
-                let parameters =
-                    ["a", "a3"].iter().take(order - 1).map(|&name| Parameter::new(name, "m", 1e-3)).collect();
+                let parameters = ["a", "a3"]
+                    .iter()
+                    .take(order - 1)
+                    .map(|&name| Parameter::new(name, "m", 1e-3))
+                    .collect();
                 variants.push(
-                    Variant::linear(format!("axis.{}.straightness", joint.name), parameters, build)
-                        .with_constants(&[("along", direction, "1"), ("mid", mid, "m"), ("half", half, "m")]),
+                    Variant::linear(
+                        format!("axis.{}.straightness", joint.name),
+                        parameters,
+                        build,
+                    )
+                    .with_constants(&[
+                        ("along", direction, "1"),
+                        ("mid", mid, "m"),
+                        ("half", half, "m"),
+                    ]),
                 );
             }
         }

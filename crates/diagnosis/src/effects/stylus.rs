@@ -9,12 +9,21 @@ use crate::observation::Observations;
 pub(super) fn offer(_: &Observations, variants: &mut Vec<Variant>) {
     variants.push(Variant::linear(
         "probe.stylus_offset",
-        vec![Parameter::new("dx", "m", 1e-3), Parameter::new("dy", "m", 1e-3)],
+        vec![
+            Parameter::new("dx", "m", 1e-3),
+            Parameter::new("dy", "m", 1e-3),
+        ],
         |observations| {
-            [0, 1].map(|k| observations.machine_column(false, |pose, _| pose.sensitivity.mount[k])).into()
+            [0, 1]
+                .map(|k| observations.machine_column(false, |pose, _| pose.sensitivity.mount[k]))
+                .into()
         },
     ));
-    variants.push(Variant::linear("probe.stylus_length", vec![Parameter::new("dz", "m", 1e-3)], |observations| {
-        vec![observations.machine_column(false, |pose, _| pose.sensitivity.mount[2])]
-    }));
+    variants.push(Variant::linear(
+        "probe.stylus_length",
+        vec![Parameter::new("dz", "m", 1e-3)],
+        |observations| {
+            vec![observations.machine_column(false, |pose, _| pose.sensitivity.mount[2])]
+        },
+    ));
 }

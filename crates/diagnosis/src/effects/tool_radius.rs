@@ -8,9 +8,16 @@ use crate::observation::Observations;
 pub(super) fn offer(observations: &Observations, variants: &mut Vec<Variant>) {
     for tool in tools(observations) {
         variants.push(
-            Variant::linear("process.tool_radius", vec![Parameter::new("e", "m", 1e-3)], move |observations| {
-                vec![observations.material_column(|row| f64::from(u8::from(row.tool == Some(tool))))]
-            })
+            Variant::linear(
+                "process.tool_radius",
+                vec![Parameter::new("e", "m", 1e-3)],
+                move |observations| {
+                    vec![
+                        observations
+                            .material_column(|row| f64::from(u8::from(row.tool == Some(tool)))),
+                    ]
+                },
+            )
             .with_constants(&[("tool", f64::from(tool), "1")]),
         );
     }

@@ -8,9 +8,19 @@ use crate::observation::Observations;
 pub(super) fn offer(observations: &Observations, variants: &mut Vec<Variant>) {
     for tool in tools(observations) {
         variants.push(
-            Variant::linear("process.tool_wear", vec![Parameter::new("rate", "m/m", 1e-3)], move |observations| {
-                vec![observations.material_column(|row| if row.tool == Some(tool) { row.cut_length } else { 0.0 })]
-            })
+            Variant::linear(
+                "process.tool_wear",
+                vec![Parameter::new("rate", "m/m", 1e-3)],
+                move |observations| {
+                    vec![observations.material_column(|row| {
+                        if row.tool == Some(tool) {
+                            row.cut_length
+                        } else {
+                            0.0
+                        }
+                    })]
+                },
+            )
             .with_constants(&[("tool", f64::from(tool), "1")]),
         );
     }

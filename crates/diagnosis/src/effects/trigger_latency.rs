@@ -9,7 +9,9 @@ pub(super) fn offer(observations: &Observations, variants: &mut Vec<Variant>) {
     if observations.rows.iter().all(|row| row.feed == 0.0) {
         return;
     }
-    variants.push(Variant::linear("probe.trigger_latency", vec![Parameter::new("tau", "s", 0.1)], |observations| {
-        vec![observations.reading_column(|row| -row.feed)]
-    }));
+    variants.push(Variant::linear(
+        "probe.trigger_latency",
+        vec![Parameter::new("tau", "s", 0.1)],
+        |observations| vec![observations.reading_column(|row| -row.feed)],
+    ));
 }

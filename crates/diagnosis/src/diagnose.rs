@@ -1,0 +1,630 @@
+//! The diagnosis of a session of touches, from messages to report.
+//!
+//! Order: rows, stray touches, effects with rivals, second order on curved surfaces, groups, held-out sizes, places.
+//! Deterministic: the same messages give the same report, whatever their order.
+
+use nalgebra::Vector3;
+
+use crate::attribution::{Attribution, Model, attribute};
+use crate::candidate::Candidate;
+use crate::effects::{Variant, library};
+use crate::groups::{indistinguishable, signature};
+use crate::observation::Observations;
+use crate::report::{
+    Effect, Gap, ParameterEstimate, Rejected, Report, SCHEMA, Unexplained, Verdict,
+};
+use crate::session::{DiagnoseError, Session};
+use crate::shrinkage::Blocks;
+use crate::{outliers, parameters, places, timing};
+
+/// Beside something unknown an effect is named only when it is this probable.
+const SURE_BESIDE_UNKNOWN: f64 = 0.99;
+/// A grid is named when it makes at least this share of the noise variance.
+const GRID_SHARE: f64 = 0.2;
+/// Second orders under this share of the noise are left alone.
+const STRAIGHT: f64 = 0.05;
+/// Rounds of second order and of stray touches.
+const ROUNDS: usize = 3;
+
+/// Choices of a diagnosis.
+#[derive(Debug, Clone, Default)]
+pub struct Options {
+    /// Effects that are not to be considered, by identifier.
+    pub without: Vec<String>,
+}
+
+/// Explains why a session of touches differs from its model.
+///
+/// # Errors
+/// [`DiagnoseError`] names what makes the session unusable.
+pub fn diagnose(session: &Session, options: &Options) -> Result<Report, DiagnoseError> {
+    let mut observations = Observations::from_session(session)?;
+    let mut variants = library(&observations);
+    variants.retain(|variant| !options.without.contains(&variant.effect));
+    let mut explained = explain(&observations, &variants);
+    if observations.reference_uncertainty > 0.0 {
+        let touches: Vec<f64> = explained.residuals(&observations);
+        let noise =
+            (touches.iter().map(|r| r * r).sum::<f64>() / touches.len().max(1) as f64).sqrt();
+        let weight = (noise / observations.reference_uncertainty).clamp(0.1, 10.0);
+        for row in observations
+            .rows
+            .iter_mut()
+            .filter(|row| row.pose.is_none())
+        {
+            row.weight = weight;
+        }
+        explained = explain(&observations, &variants);
+    }
+    Ok(Reporter {
+        session,
+        observations: &observations,
+        variants: &variants,
+        explained: &explained,
+    }
+    .report())
+}
+
+/// An attribution together with what was done to the deviations before.
+struct Explained {
+    attribution: Attribution,
+    stray: Vec<usize>,
+    score: f64,
+}
+
+impl Explained {
+    /// Residuals of the touches in use, m.
+    fn residuals(&self, _: &Observations) -> Vec<f64> {
+        let all = residuals(&self.attribution, &self.attribution.models[0]);
+        all.into_iter()
+            .zip(&self.attribution.active)
+            .filter(|&(_, &used)| used)
+            .map(|(value, _)| value)
+            .collect()
+    }
+}
+
+fn explain(observations: &Observations, variants: &[Variant]) -> Explained {
+    let linear: Vec<Candidate> = (0..variants.len())
+        .filter(|&place| variants[place].shape.is_none())
+        .filter_map(|place| Candidate::new(observations, variants, place, 0.0))
+        .collect();
+    let suspects = outliers::suspects(&linear, &weighted(observations, &[]));
+    let mut best = straightened(observations, variants, &[]);
+    if !suspects.is_empty() {
+        let other = straightened(observations, variants, &suspects);
+        if other.score > best.score {
+            best = other;
+        }
+    }
+    for _ in 0..ROUNDS {
+        let stray = stray_of(&best);
+        if stray == best.stray {
+            break;
+        }
+        let other = straightened(observations, variants, &stray);
+        if other.score <= best.score {
+            break;
+        }
+        best = other;
+    }
+    best
+}
+
+/// Attribution with the second order of curved surfaces taken into account.
+fn straightened(observations: &Observations, variants: &[Variant], stray: &[usize]) -> Explained {
+    let mut active = vec![true; observations.rows.len()];
+    for &row in stray {
+        active[row] = false;
+    }
+    let mut correction: Vec<f64> = Vec::new();
+    let mut attribution = attribute(
+        observations,
+        variants,
+        &weighted(observations, &correction),
+        &active,
+    );
+    for _ in 0..ROUNDS {
+        let model = &attribution.models[0];
+        let Some(fit) = attribution.fit(model) else {
+            break;
+        };
+        let shifts = shifts(observations, variants, &attribution, model);
+        let second: Vec<f64> = observations.curvature(&shifts);
+        let change =
+            |(row, new): (usize, &f64)| (new - correction.get(row).copied().unwrap_or(0.0)).abs();
+        let largest = second.iter().enumerate().map(change).fold(0.0, f64::max);
+        if largest < STRAIGHT * fit.variance.sqrt() {
+            break;
+        }
+        correction = second;
+        attribution = attribute(
+            observations,
+            variants,
+            &weighted(observations, &correction),
+            &active,
+        );
+    }
+    let score = attribution.models[0].score + outliers::log_evidence(stray.len());
+    Explained {
+        attribution,
+        stray: stray.to_vec(),
+        score,
+    }
+}
+
+/// Weighted deviations less a correction.
+fn weighted(observations: &Observations, correction: &[f64]) -> Vec<f64> {
+    let correction = correction.iter().copied().chain(std::iter::repeat(0.0));
+    let values = observations
+        .deviations
+        .iter()
+        .zip(&observations.rows)
+        .zip(correction);
+    values
+        .map(|((deviation, row), correction)| (deviation - correction) * row.weight)
+        .collect()
+}
+
+/// Displacements of the ball under a model, row by row; effects whose second order is a column of their own are out.
+fn shifts(
+    observations: &Observations,
+    variants: &[Variant],
+    attribution: &Attribution,
+    model: &Model,
+) -> Vec<Vector3<f64>> {
+    let mut shifts = vec![Vector3::zeros(); observations.rows.len()];
+    let Some(fit) = attribution.fit(model) else {
+        return shifts;
+    };
+    let mut start = 0;
+    for &member in &model.set {
+        let candidate = &attribution.candidates[member];
+        let own = &fit.coefficients[start..start + candidate.block.len()];
+        start += candidate.block.len();
+        if candidate.bends {
+            continue;
+        }
+        let values = &candidate.parameters_from_block * nalgebra::DVector::from_column_slice(own);
+        let columns = variants[candidate.variant].columns(observations, candidate.shape);
+        for (column, value) in columns.iter().zip(values.iter()) {
+            for (shift, part) in shifts.iter_mut().zip(&column.shifts) {
+                *shift += part * *value;
+            }
+        }
+    }
+    shifts
+}
+
+/// Weighted residuals of a model, its rival's part taken out as well.
+fn residuals(attribution: &Attribution, model: &Model) -> Vec<f64> {
+    let mut left = attribution.y.clone();
+    if let Some(fit) = attribution.fit(model) {
+        let columns = model
+            .set
+            .iter()
+            .flat_map(|&member| &attribution.candidates[member].block);
+        for (column, coefficient) in columns.zip(&fit.coefficients) {
+            left.iter_mut()
+                .zip(column)
+                .for_each(|(value, part)| *value -= coefficient * part);
+        }
+    }
+    let place = attribution
+        .models
+        .iter()
+        .position(|known| std::ptr::eq(known, model));
+    if let Some((_, part)) = place.and_then(|place| places::rival_part(attribution, place)) {
+        left.iter_mut()
+            .zip(&part)
+            .for_each(|(value, part)| *value -= part);
+    }
+    left
+}
+
+/// Touches that the best model misses by more than a stray touch costs.
+fn stray_of(explained: &Explained) -> Vec<usize> {
+    let attribution = &explained.attribution;
+    let model = &attribution.models[0];
+    let left = residuals(attribution, model);
+    let mut sizes: Vec<f64> = left
+        .iter()
+        .zip(&attribution.active)
+        .filter(|&(_, &used)| used)
+        .map(|(value, _)| value.abs())
+        .collect();
+    sizes.sort_by(f64::total_cmp);
+    let noise = (1.4826 * sizes[sizes.len() / 2]).max(1e-9);
+    let density = -(noise * std::f64::consts::TAU.sqrt()).ln();
+    let bound = (2.0 * (density - outliers::log_evidence(1)))
+        .max(9.0)
+        .sqrt();
+    (0..left.len())
+        .filter(|&row| left[row].abs() > bound * noise)
+        .collect()
+}
+
+struct Reporter<'a> {
+    session: &'a Session,
+    observations: &'a Observations,
+    variants: &'a [Variant],
+    explained: &'a Explained,
+}
+
+impl Reporter<'_> {
+    fn report(&self) -> Report {
+        let attribution = &self.explained.attribution;
+        let unknown: f64 = attribution
+            .models
+            .iter()
+            .filter(|model| model.rival.is_some())
+            .map(|model| model.probability)
+            .sum();
+        let beside_unknown = unknown > 0.5;
+        let best = attribution
+            .models
+            .iter()
+            .find(|model| model.rival.is_some() == beside_unknown);
+        let empty = Model {
+            set: Vec::new(),
+            rival: None,
+            probability: 0.0,
+            score: 0.0,
+        };
+        let best = best.unwrap_or(&empty);
+        let fit = attribution.fit(best);
+        let noise = fit.as_ref().map_or(0.0, |fit| fit.variance.sqrt());
+        let (effects, set) = self.effects(best, beside_unknown, noise);
+        let mut effects = effects;
+        let grid = self.grid(noise, &mut effects);
+        self.records(noise, &mut effects);
+        let named = !effects.is_empty();
+        let verdict = match (beside_unknown, named) {
+            (true, true) => Verdict::PartlyExplained,
+            (true, false) => Verdict::Unexplained,
+            (false, true) => Verdict::Explained,
+            (false, false) => Verdict::NoGap,
+        };
+        let rms = rms(self
+            .observations
+            .deviations
+            .iter()
+            .take(self.observations.touches())
+            .copied());
+        let noise_floor = (noise * noise - grid * grid).max(0.0).sqrt();
+        let mut warnings: Vec<String> = self
+            .observations
+            .skipped
+            .iter()
+            .map(|(sequence, why)| format!("event {sequence} not used: {why}"))
+            .collect();
+        if !self.explained.stray.is_empty() {
+            warnings.push(format!(
+                "{} touches set aside as stray",
+                self.explained.stray.len()
+            ));
+        }
+        Report {
+            schema: SCHEMA.to_owned(),
+            bag: self.session.name.clone(),
+            samples: self.observations.touches(),
+            verdict,
+            gap: Gap {
+                rms,
+                noise_floor,
+                ratio: if noise_floor > 0.0 {
+                    rms / noise_floor
+                } else {
+                    0.0
+                },
+            },
+            place: places::shares(
+                self.observations,
+                &self.observations.deviations,
+                &attribution.active,
+            ),
+            unexplained: self.unexplained(beside_unknown),
+            rejected: self.rejected(&set),
+            next_measurement: crate::next::plan(
+                self.session,
+                self.observations,
+                self.variants,
+                attribution,
+                &set,
+            ),
+            effects,
+            warnings,
+        }
+    }
+
+    /// Named effects in the order in which they close the gap, and their candidates.
+    fn effects(&self, best: &Model, beside_unknown: bool, noise: f64) -> (Vec<Effect>, Vec<usize>) {
+        let attribution = &self.explained.attribution;
+        let Some(fit) = attribution.fit(best) else {
+            return (Vec::new(), Vec::new());
+        };
+        let mut members = Vec::new();
+        let mut start = 0;
+        for &member in &best.set {
+            let candidate = &attribution.candidates[member];
+            let own = &fit.coefficients[start..start + candidate.block.len()];
+            start += candidate.block.len();
+            let equals = indistinguishable(
+                self.observations,
+                self.variants,
+                attribution,
+                &best.set,
+                member,
+                own,
+                noise,
+            );
+            let name = self.variants[candidate.variant].effect.clone();
+            let probability = self.probability(std::iter::once(&name).chain(&equals));
+            let least = if beside_unknown {
+                SURE_BESIDE_UNKNOWN
+            } else {
+                0.5
+            };
+            if probability > least {
+                members.push((
+                    member,
+                    name,
+                    probability,
+                    equals,
+                    rms(signature(candidate, own).into_iter()),
+                ));
+            }
+        }
+        members.sort_by(|one, other| other.4.total_cmp(&one.4));
+        let set: Vec<usize> = members.iter().map(|member| member.0).collect();
+        let estimates = parameters::estimates(self.observations, self.variants, attribution, &set);
+        let blocks = Blocks::new(self.observations, &attribution.active);
+        let held_out = |set: &[usize]| {
+            let candidates: Vec<&Candidate> = set
+                .iter()
+                .map(|&member| &attribution.candidates[member])
+                .collect();
+            blocks.size(&blocks.residuals(&candidates, &attribution.y, &attribution.active))
+        };
+        let mut effects = Vec::new();
+        for (place, (_, effect, probability, equals, _)) in members.into_iter().enumerate() {
+            let after = held_out(&set[..=place]);
+            effects.push(Effect {
+                effect,
+                probability,
+                parameters: estimates.get(place).cloned().unwrap_or_default(),
+                rms_before: held_out(&set[..place]).rms,
+                rms_after: after.rms,
+                ci95_after: after.ci95,
+                held_out: true,
+                indistinguishable_from: equals,
+                placebo_rms_after: self.placebo(&set, place, &held_out),
+            });
+        }
+        (effects, set)
+    }
+
+    /// Held-out rms with a wrong effect of as many parameters in the place of a named one: the median over them.
+    fn placebo(
+        &self,
+        set: &[usize],
+        place: usize,
+        held_out: &impl Fn(&[usize]) -> crate::shrinkage::HeldOut,
+    ) -> Option<f64> {
+        let attribution = &self.explained.attribution;
+        let width = attribution.candidates[set[place]].block.len();
+        let mut sizes: Vec<f64> = (0..attribution.candidates.len())
+            .filter(|other| {
+                !set.contains(other) && attribution.candidates[*other].block.len() == width
+            })
+            .step_by(7)
+            .take(5)
+            .map(|other| {
+                let mut wrong = set[..place].to_vec();
+                wrong.push(other);
+                held_out(&wrong).rms
+            })
+            .collect();
+        sizes.sort_by(f64::total_cmp);
+        sizes.get(sizes.len() / 2).copied()
+    }
+
+    /// Probability that at least one of the effects acts.
+    fn probability<'a>(&self, names: impl Iterator<Item = &'a String>) -> f64 {
+        let attribution = &self.explained.attribution;
+        let names: Vec<&String> = names.collect();
+        let has = |member: usize| {
+            let own = &self.variants[attribution.candidates[member].variant].effect;
+            names.contains(&own)
+                || attribution.aliases[member]
+                    .iter()
+                    .any(|&alias| names.contains(&&self.variants[alias].effect))
+        };
+        let models = attribution
+            .models
+            .iter()
+            .filter(|model| model.set.iter().any(|&member| has(member)));
+        models.map(|model| model.probability).sum::<f64>().min(1.0)
+    }
+
+    fn unexplained(&self, beside_unknown: bool) -> Unexplained {
+        let attribution = &self.explained.attribution;
+        if !beside_unknown {
+            return Unexplained {
+                rms: 0.0,
+                place: Vec::new(),
+            };
+        }
+        let mut all = Vec::new();
+        let mut size = 0.0;
+        let mut kinds: Vec<crate::rivals::Kind> = Vec::new();
+        for (index, model) in attribution.models.iter().enumerate().take(200) {
+            let Some((place, _)) = model.rival else {
+                continue;
+            };
+            let kind = attribution.rivals[place].kind.clone();
+            if kinds.contains(&kind) {
+                continue;
+            }
+            let share: f64 = attribution
+                .models
+                .iter()
+                .filter(|model| {
+                    model
+                        .rival
+                        .is_some_and(|(place, _)| attribution.rivals[place].kind == kind)
+                })
+                .map(|model| model.probability)
+                .sum();
+            if share < 0.05 {
+                continue;
+            }
+            if let Some((kind, part)) = places::rival_part(attribution, index) {
+                if kinds.is_empty() {
+                    size = rms(part.iter().copied());
+                }
+                all.extend(places::of_rival(self.observations, &kind, &part, share));
+                kinds.push(kind);
+            }
+        }
+        Unexplained {
+            rms: size,
+            place: all,
+        }
+    }
+
+    fn rejected(&self, named: &[usize]) -> Vec<Rejected> {
+        let attribution = &self.explained.attribution;
+        let names: Vec<&String> = named
+            .iter()
+            .map(|&member| &self.variants[attribution.candidates[member].variant].effect)
+            .collect();
+        let mut rejected: Vec<Rejected> = Vec::new();
+        for variant in self.variants {
+            if names.contains(&&variant.effect)
+                || rejected.iter().any(|known| known.effect == variant.effect)
+            {
+                continue;
+            }
+            let probability = self.probability(std::iter::once(&variant.effect));
+            rejected.push(Rejected {
+                effect: variant.effect.clone(),
+                probability,
+            });
+        }
+        rejected.sort_by(|one, other| other.probability.total_cmp(&one.probability));
+        rejected.truncate(12);
+        rejected
+    }
+
+    /// Names a coarse grid; gives its standard deviation, m.
+    fn grid(&self, noise: f64, effects: &mut Vec<Effect>) -> f64 {
+        let names: Vec<String> = self
+            .observations
+            .chain
+            .axis_names()
+            .map(str::to_owned)
+            .collect();
+        let linear = (0..names.len()).filter(|&axis| {
+            self.observations.chain.axis(axis).kind == machine::JointKind::Prismatic
+                && !self.observations.prescribed.contains(&axis)
+        });
+        let latched: Vec<Vec<f64>> = linear
+            .map(|axis| {
+                let of = |event: &probecell_msgs::ProbeEvent| {
+                    let place = event
+                        .axis_names
+                        .iter()
+                        .position(|name| *name == names[axis])?;
+                    event.axis_positions.get(place).copied()
+                };
+                self.session.events.iter().filter_map(of).collect()
+            })
+            .collect();
+        let Some(step) = timing::resolution(&latched) else {
+            return 0.0;
+        };
+        let own = step / 12.0_f64.sqrt();
+        if own * own < GRID_SHARE * noise * noise {
+            return 0.0;
+        }
+        effects.push(plain(
+            "data.quantisation",
+            1.0,
+            vec![fixed("step", step, "m", 0.0)],
+            noise,
+            noise,
+        ));
+        own
+    }
+
+    /// Names what the records themselves show: stray touches, shifted clocks.
+    fn records(&self, noise: f64, effects: &mut Vec<Effect>) {
+        let stray = &self.explained.stray;
+        if !stray.is_empty() {
+            let left = residuals(
+                &self.explained.attribution,
+                &self.explained.attribution.models[0],
+            );
+            let values = stray.iter().flat_map(|&row| {
+                let number = self.observations.rows[row].sequence.unwrap_or_default() as f64;
+                [
+                    fixed("index", number, "1", 0.0),
+                    fixed("value", left[row], "m", 1.96 * noise),
+                ]
+            });
+            let all = rms(self.observations.deviations.iter().copied());
+            effects.push(plain("data.outliers", 1.0, values.collect(), all, noise));
+        }
+        if let Some(clock) = timing::clock_offset(self.session).filter(|clock| clock.certain) {
+            let parameters = vec![fixed("dt", clock.offset, "s", 1.96 * clock.uncertainty)];
+            effects.push(plain(
+                "time.clock_offset",
+                1.0,
+                parameters,
+                clock.rms.0,
+                clock.rms.1,
+            ));
+        }
+    }
+}
+
+fn fixed(name: &str, value: f64, unit: &str, half: f64) -> ParameterEstimate {
+    ParameterEstimate {
+        name: name.to_owned(),
+        value,
+        unit: unit.to_owned(),
+        ci95: [value - half, value + half],
+    }
+}
+
+fn plain(
+    effect: &str,
+    probability: f64,
+    parameters: Vec<ParameterEstimate>,
+    before: f64,
+    after: f64,
+) -> Effect {
+    Effect {
+        effect: effect.to_owned(),
+        probability,
+        parameters,
+        rms_before: before,
+        rms_after: after,
+        ci95_after: [after, after],
+        held_out: false,
+        indistinguishable_from: Vec::new(),
+        placebo_rms_after: None,
+    }
+}
+
+fn rms(values: impl Iterator<Item = f64>) -> f64 {
+    let (sum, count) = values.fold((0.0, 0.0), |(sum, count), value| {
+        (sum + value * value, count + 1.0)
+    });
+    if count > 0.0 {
+        (sum / count).sqrt()
+    } else {
+        0.0
+    }
+}

@@ -1,0 +1,122 @@
+//! Stray touches: which ones no smooth explanation could reach, decided before anything is named.
+//!
+//! Each touch is predicted from all others by a ridge on the whole library; those that miss by many robust standard
+//! deviations are set aside, the worst first. Whether setting them aside pays is decided by evidence: a stray touch is
+//! drawn evenly from a wide range instead of around the model.
+
+use crate::candidate::Candidate;
+use crate::evidence::{cholesky, dot, invert};
+
+/// Standardised misses beyond this are suspected.
+const SUSPECT: f64 = 5.0;
+/// At most this share of the touches may be stray.
+const MOST: f64 = 0.12;
+/// Prior probability that a touch is stray.
+const STRAY: f64 = 0.005;
+/// Width over which a stray touch may lie, m: half a millimetre.
+const WIDTH: f64 = 5e-4;
+
+/// Log evidence that a number of stray touches adds to that of the others.
+pub fn log_evidence(stray: usize) -> f64 {
+    stray as f64 * (STRAY.ln() - WIDTH.ln())
+}
+
+/// Rows that miss what the library predicts for them from the others.
+pub fn suspects(candidates: &[Candidate], y: &[f64]) -> Vec<usize> {
+    let columns: Vec<&Vec<f64>> = candidates
+        .iter()
+        .flat_map(|candidate| &candidate.block)
+        .collect();
+    let mut active = vec![true; y.len()];
+    let most = ((y.len() as f64 * MOST) as usize).max(1);
+    let mut found = Vec::new();
+    while found.len() < most {
+        let Some(misses) = misses(&columns, y, &active) else {
+            break;
+        };
+        let worst = (0..y.len())
+            .filter(|&row| active[row])
+            .max_by(|&a, &b| misses[a].total_cmp(&misses[b]));
+        match worst {
+            Some(row) if misses[row] > SUSPECT => {
+                active[row] = false;
+                found.push(row);
+            }
+            _ => break,
+        }
+    }
+    found
+}
+
+/// Standardised leave-one-out residuals of a ridge whose strength maximises the evidence.
+fn misses(columns: &[&Vec<f64>], y: &[f64], active: &[bool]) -> Option<Vec<f64>> {
+    let n = columns.len();
+    let used: Vec<usize> = (0..y.len()).filter(|&row| active[row]).collect();
+    let yy: f64 = used.iter().map(|&row| y[row] * y[row]).sum();
+    let mask = |column: &[f64]| -> Vec<f64> { used.iter().map(|&row| column[row]).collect() };
+    let thin: Vec<Vec<f64>> = columns.iter().map(|column| mask(column)).collect();
+    let target = mask(y);
+    let mut gram = vec![0.0; n * n];
+    for i in 0..n {
+        for k in 0..=i {
+            gram[i * n + k] = dot(&thin[i], &thin[k]);
+            gram[k * n + i] = gram[i * n + k];
+        }
+    }
+    let right: Vec<f64> = thin.iter().map(|column| dot(column, &target)).collect();
+    let mut best: Option<(f64, Vec<f64>)> = None;
+    for power in [1.0, 10.0, 100.0, 1e3, 1e4] {
+        let mut factor = gram.clone();
+        for i in 0..n {
+            factor[i * n + i] += 1.0 / power;
+        }
+        let log_determinant = cholesky(&mut factor, n)?;
+        let mut mean = right.clone();
+        crate::evidence::solve_cholesky(&factor, n, &mut mean);
+        let left = (yy - dot(&right, &mean)).max(1e-30);
+        let evidence = -0.5 * used.len() as f64 * left.ln()
+            - 0.5 * (log_determinant + n as f64 * f64::ln(power));
+        if best.as_ref().is_none_or(|(known, _)| evidence > *known) {
+            let mut inverse = vec![0.0; n * n];
+            invert(&factor, n, &mut inverse);
+            best = Some((
+                evidence,
+                standardised(&thin, &target, &mean, &inverse, &used, y.len()),
+            ));
+        }
+    }
+    best.map(|(_, misses)| misses)
+}
+
+fn standardised(
+    columns: &[Vec<f64>],
+    target: &[f64],
+    mean: &[f64],
+    inverse: &[f64],
+    used: &[usize],
+    rows: usize,
+) -> Vec<f64> {
+    let n = columns.len();
+    let mut residuals = vec![0.0; rows];
+    let mut size = Vec::with_capacity(used.len());
+    for (place, &row) in used.iter().enumerate() {
+        let mut predicted = 0.0;
+        let mut leverage = 0.0;
+        for i in 0..n {
+            predicted += columns[i][place] * mean[i];
+            let mut along = 0.0;
+            for k in 0..n {
+                along += inverse[i * n + k] * columns[k][place];
+            }
+            leverage += columns[i][place] * along;
+        }
+        residuals[row] = (target[place] - predicted) / (1.0 - leverage).max(1e-3).sqrt();
+        size.push(residuals[row].abs());
+    }
+    size.sort_by(f64::total_cmp);
+    let deviation = 1.4826 * size[size.len() / 2].max(1e-12);
+    residuals
+        .iter()
+        .map(|residual| residual.abs() / deviation)
+        .collect()
+}

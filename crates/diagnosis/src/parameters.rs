@@ -1,0 +1,230 @@
+//! Parameters of the named effects with their intervals, from the fitted blocks.
+//!
+//! Gauss-Newton covariance of all coefficients and of the continuous shapes together, so that a time constant's doubt
+//! widens the amplitude's interval; amplitudes and phases by the delta method. Units are the effects' own.
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::attribution::Attribution;
+use crate::candidate::Candidate;
+use crate::effects::{Form, Parameter, Variant};
+use crate::observation::Observations;
+use crate::report::ParameterEstimate;
+
+/// A parameter with a smaller share than this in all observable directions is not reported.
+const UNSEEN: f64 = 1e-6;
+
+/// Parameters of each member of a set, in its order.
+pub fn estimates(
+    observations: &Observations,
+    variants: &[Variant],
+    attribution: &Attribution,
+    set: &[usize],
+) -> Vec<Vec<ParameterEstimate>> {
+    let used: Vec<usize> = (0..attribution.y.len())
+        .filter(|&row| attribution.active[row])
+        .collect();
+    let members: Vec<&Candidate> = set
+        .iter()
+        .map(|&member| &attribution.candidates[member])
+        .collect();
+    let blocks: Vec<&Vec<f64>> = members
+        .iter()
+        .flat_map(|candidate| &candidate.block)
+        .collect();
+    let linear = blocks.len();
+    let y = DVector::from_iterator(used.len(), used.iter().map(|&row| attribution.y[row]));
+    let flat = DMatrix::from_fn(used.len(), linear, |row, column| blocks[column][used[row]]);
+    let Some(coefficients) = solve(&flat, &y) else {
+        return vec![Vec::new(); set.len()];
+    };
+    let slopes: Vec<Option<(usize, Vec<f64>)>> = members
+        .iter()
+        .enumerate()
+        .map(|(place, candidate)| {
+            let start: usize = members[..place]
+                .iter()
+                .map(|member| member.block.len())
+                .sum();
+            let own = &coefficients.as_slice()[start..start + candidate.block.len()];
+            slope(observations, variants, candidate, own).map(|slope| (place, slope))
+        })
+        .collect();
+    let extra: Vec<(usize, f64, Vec<f64>)> = slopes
+        .into_iter()
+        .flatten()
+        .map(|(place, slope)| {
+            let length = used
+                .iter()
+                .map(|&row| slope[row] * slope[row])
+                .sum::<f64>()
+                .sqrt()
+                .max(f64::MIN_POSITIVE);
+            (
+                place,
+                length,
+                slope.into_iter().map(|value| value / length).collect(),
+            )
+        })
+        .collect();
+    let all = DMatrix::from_fn(used.len(), linear + extra.len(), |row, column| {
+        if column < linear {
+            flat[(row, column)]
+        } else {
+            extra[column - linear].2[used[row]]
+        }
+    });
+    let left = &y - &flat * &coefficients;
+    let freedom = (used.len() as f64 - all.ncols() as f64).max(1.0);
+    let variance = left.norm_squared() / freedom;
+    let mut normal = all.transpose() * &all;
+    let ridge = 1e-9 * normal.diagonal().max();
+    for index in 0..normal.nrows() {
+        normal[(index, index)] += ridge;
+    }
+    let Some(covariance) = normal.try_inverse().map(|inverse| inverse * variance) else {
+        return vec![Vec::new(); set.len()];
+    };
+    let quantile = 1.96 + 2.4 / freedom;
+    let mut start = 0;
+    let mut result = Vec::new();
+    for (place, candidate) in members.iter().enumerate() {
+        let width = candidate.block.len();
+        let own = coefficients.rows(start, width).into_owned();
+        let spread = covariance.view((start, start), (width, width)).into_owned();
+        let shape = extra
+            .iter()
+            .enumerate()
+            .find(|(_, (owner, _, _))| *owner == place)
+            .map(|(index, (_, length, _))| {
+                covariance[(linear + index, linear + index)] / (length * length)
+            });
+        result.push(of_member(
+            &variants[candidate.variant],
+            candidate,
+            &own,
+            &spread,
+            shape,
+            quantile,
+        ));
+        start += width;
+    }
+    result
+}
+
+fn solve(columns: &DMatrix<f64>, y: &DVector<f64>) -> Option<DVector<f64>> {
+    if columns.ncols() == 0 {
+        return Some(DVector::zeros(0));
+    }
+    columns.clone().svd(true, true).solve(y, 1e-9).ok()
+}
+
+/// How the fitted signature changes with the shape; `None` where there is no continuous shape.
+fn slope(
+    observations: &Observations,
+    variants: &[Variant],
+    candidate: &Candidate,
+    coefficients: &[f64],
+) -> Option<Vec<f64>> {
+    let variant = &variants[candidate.variant];
+    variant.shape.as_ref().filter(|shape| shape.continuous)?;
+    let parameters = &candidate.parameters_from_block * DVector::from_column_slice(coefficients);
+    let step = 1e-4 * candidate.shape;
+    let above = variant.columns(observations, candidate.shape + step);
+    let below = variant.columns(observations, candidate.shape - step);
+    let rows = observations.rows.len();
+    let slope = |row: usize| {
+        let change = above.iter().zip(&below).zip(parameters.iter());
+        let change: f64 = change
+            .map(|((high, low), value)| (high.signature[row] - low.signature[row]) * value)
+            .sum();
+        change / (2.0 * step) * observations.rows[row].weight
+    };
+    Some((0..rows).map(slope).collect())
+}
+
+fn of_member(
+    variant: &Variant,
+    candidate: &Candidate,
+    coefficients: &DVector<f64>,
+    spread: &DMatrix<f64>,
+    shape: Option<f64>,
+    quantile: f64,
+) -> Vec<ParameterEstimate> {
+    let map = &candidate.parameters_from_block;
+    let values = map * coefficients;
+    let covariance = map * spread * map.transpose();
+    let interval = |value: f64, variance: f64| {
+        let half = quantile * variance.max(0.0).sqrt();
+        [value - half, value + half]
+    };
+    let estimate = |name: &str, value: f64, variance: f64, unit: &str| ParameterEstimate {
+        name: name.to_owned(),
+        value,
+        unit: unit.to_owned(),
+        ci95: interval(value, variance),
+    };
+    let mut estimates = Vec::new();
+    match variant.form {
+        Form::Plain => {
+            let seen = |(index, parameter): (usize, &Parameter)| {
+                map.row(index).norm() / parameter.plausible
+            };
+            let largest = variant
+                .parameters
+                .iter()
+                .enumerate()
+                .map(seen)
+                .fold(0.0, f64::max);
+            for (index, parameter) in variant.parameters.iter().enumerate() {
+                let seen = map.row(index).norm() / parameter.plausible;
+                if seen > UNSEEN * largest {
+                    let variance = covariance[(index, index)];
+                    estimates.push(estimate(
+                        &parameter.name,
+                        values[index],
+                        variance,
+                        parameter.unit,
+                    ));
+                }
+            }
+        }
+        Form::Sine | Form::Lobes(_) => {
+            let (first, second) = (values[0], values[1]);
+            let amplitude = first.hypot(second).max(f64::MIN_POSITIVE);
+            let (u, v) = (first / amplitude, second / amplitude);
+            let along = |u: f64, v: f64| {
+                u * u * covariance[(0, 0)]
+                    + 2.0 * u * v * covariance[(0, 1)]
+                    + v * v * covariance[(1, 1)]
+            };
+            let lobes = if let Form::Lobes(lobes) = variant.form {
+                lobes
+            } else {
+                1.0
+            };
+            let phase = second.atan2(first) / lobes;
+            let phase = phase.rem_euclid(std::f64::consts::TAU / lobes);
+            let unit = variant.parameters[0].unit;
+            estimates.push(estimate("a", amplitude, along(u, v), unit));
+            estimates.push(estimate(
+                "phase",
+                phase,
+                along(-v, u) / (amplitude * lobes).powi(2),
+                "rad",
+            ));
+        }
+    }
+    if let Some(own) = &variant.shape {
+        estimates.push(estimate(
+            own.name,
+            candidate.shape,
+            shape.unwrap_or(0.0),
+            own.unit,
+        ));
+    }
+    for &(name, value, unit) in &variant.constants {
+        estimates.push(estimate(name, value, 0.0, unit));
+    }
+    estimates
+}

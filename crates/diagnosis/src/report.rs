@@ -1,0 +1,156 @@
+//! The gap report: what is told to a person, a program and the bus. Field names are the interface contract's.
+//!
+//! SI units throughout, as the contract fixes; text for people is made in `summary`.
+
+use serde::{Deserialize, Serialize};
+
+/// Identifier of this form of report.
+pub const SCHEMA: &str = "probecell/gap-report/1";
+
+/// How a session compares with its model.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// Nothing beyond the noise.
+    NoGap,
+    /// The named effects explain all of it.
+    Explained,
+    /// Named effects explain part of it; something unknown acts besides.
+    PartlyExplained,
+    /// Something acts that the vocabulary does not know.
+    Unexplained,
+}
+
+/// A diagnosis, schema [`SCHEMA`].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Report {
+    /// [`SCHEMA`].
+    pub schema: String,
+    /// Where the session came from.
+    pub bag: String,
+    /// Number of touches (or samples) used.
+    pub samples: usize,
+    /// The answer in a word.
+    pub verdict: Verdict,
+    /// Size of the gap.
+    pub gap: Gap,
+    /// Where the gap's energy lies.
+    #[serde(rename = "where")]
+    pub place: Vec<Place>,
+    /// Effects added to the model, in the order in which they close the gap.
+    pub effects: Vec<Effect>,
+    /// What remains.
+    pub unexplained: Unexplained,
+    /// Effects that were considered and are improbable, most probable first.
+    pub rejected: Vec<Rejected>,
+    /// What to measure to part the rivals.
+    pub next_measurement: Vec<NextMeasurement>,
+    /// Remarks on the input: skipped events, set-aside touches, approximations.
+    pub warnings: Vec<String>,
+}
+
+/// Size of the gap, m (effort units for a drive).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Gap {
+    /// Root mean square of the deviations.
+    pub rms: f64,
+    /// Standard deviation of the noise.
+    pub noise_floor: f64,
+    /// `rms` over `noise_floor`.
+    pub ratio: f64,
+}
+
+/// A place and its share of an energy.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Place {
+    /// `component`, `axis`, `feature`, `direction`, `time` or `region`.
+    pub dimension: String,
+    /// Which one: a name, or the coordinate of an interval.
+    pub key: String,
+    /// Beginning of the interval, m, rad or s.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub from: Option<f64>,
+    /// End of the interval.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub to: Option<f64>,
+    /// Share of the energy, 0 to 1.
+    pub share: f64,
+}
+
+/// One effect that was added to the model.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Effect {
+    /// Identifier of the vocabulary.
+    pub effect: String,
+    /// Probability that it acts, it or one it cannot be told from.
+    pub probability: f64,
+    /// Its parameters.
+    pub parameters: Vec<ParameterEstimate>,
+    /// Held-out rms without it, m.
+    pub rms_before: f64,
+    /// Held-out rms with it, m.
+    pub rms_after: f64,
+    /// 95 % interval of `rms_after`.
+    pub ci95_after: [f64; 2],
+    /// True: judged on touches that were not used to fit.
+    pub held_out: bool,
+    /// Effects this session cannot tell from it.
+    pub indistinguishable_from: Vec<String>,
+    /// Held-out rms when a wrong effect with as many parameters stands in its place, m.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub placebo_rms_after: Option<f64>,
+}
+
+/// A parameter with its uncertainty.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ParameterEstimate {
+    /// Name.
+    pub name: String,
+    /// Best value.
+    pub value: f64,
+    /// Unit.
+    pub unit: String,
+    /// 95 % interval.
+    pub ci95: [f64; 2],
+}
+
+/// What no named effect explains.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Unexplained {
+    /// Its root mean square beyond the noise, m.
+    pub rms: f64,
+    /// Where it lies.
+    #[serde(rename = "where")]
+    pub place: Vec<Place>,
+}
+
+/// An effect that was considered.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Rejected {
+    /// Identifier of the vocabulary.
+    pub effect: String,
+    /// Probability that it acts.
+    pub probability: f64,
+}
+
+/// Touches that part two explanations.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct NextMeasurement {
+    /// The explanations.
+    pub separates: Vec<String>,
+    /// The touches.
+    pub points: Vec<NextPoint>,
+}
+
+/// A touch worth taking.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct NextPoint {
+    /// Point of the plan whose place and direction are used.
+    pub point_index: usize,
+    /// Prescribed axis positions, in the order of the plan's rotary_names, rad.
+    pub rotary_positions: Vec<f64>,
+    /// Speed of approach, m/s.
+    pub feed: f64,
+    /// How far apart the explanations predict the deviation, m.
+    pub difference: f64,
+}

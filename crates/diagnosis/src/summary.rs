@@ -1,0 +1,96 @@
+//! The report for a person: what was found, how sure, what remains; lengths in µm, angles in µrad.
+
+use std::fmt;
+
+use crate::report::{Effect, ParameterEstimate, Place, Report, Verdict};
+
+impl fmt::Display for Report {
+    fn fmt(&self, to: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let verdict = match self.verdict {
+            Verdict::NoGap => "no gap: the cell behaves as its model says",
+            Verdict::Explained => "gap explained",
+            Verdict::PartlyExplained => "gap explained in part; something unknown remains",
+            Verdict::Unexplained => "gap not explained: something outside the known effects acts",
+        };
+        writeln!(to, "{}: {verdict}", self.bag)?;
+        let (rms, floor) = (micro(self.gap.rms), micro(self.gap.noise_floor));
+        writeln!(
+            to,
+            "  {} samples, gap {rms}, noise floor {floor}, ratio {:.1}",
+            self.samples, self.gap.ratio
+        )?;
+        for effect in &self.effects {
+            write_effect(to, effect)?;
+        }
+        if !self.unexplained.place.is_empty() {
+            writeln!(to, "  unexplained: {}", micro(self.unexplained.rms))?;
+            for place in &self.unexplained.place {
+                writeln!(to, "    {}", place_text(place))?;
+            }
+        }
+        for next in &self.next_measurement {
+            writeln!(
+                to,
+                "  to part {}: {} touches",
+                next.separates.join(" from "),
+                next.points.len()
+            )?;
+        }
+        for warning in &self.warnings {
+            writeln!(to, "  note: {warning}")?;
+        }
+        Ok(())
+    }
+}
+
+fn write_effect(to: &mut fmt::Formatter<'_>, effect: &Effect) -> fmt::Result {
+    let (before, after) = (micro(effect.rms_before), micro(effect.rms_after));
+    writeln!(
+        to,
+        "  {} (probability {:.3}): {before} -> {after}",
+        effect.effect, effect.probability
+    )?;
+    for parameter in &effect.parameters {
+        writeln!(to, "    {}", parameter_text(parameter))?;
+    }
+    if !effect.indistinguishable_from.is_empty() {
+        writeln!(
+            to,
+            "    this session cannot tell it from {}",
+            effect.indistinguishable_from.join(", ")
+        )?;
+    }
+    Ok(())
+}
+
+fn parameter_text(parameter: &ParameterEstimate) -> String {
+    let (factor, unit) = match parameter.unit.as_str() {
+        "m" => (1e6, "µm"),
+        "rad" => (1e6, "µrad"),
+        "s" if parameter.value.abs() < 1.0 => (1e3, "ms"),
+        other => (1.0, other),
+    };
+    let half = 0.5 * (parameter.ci95[1] - parameter.ci95[0]) * factor;
+    format!(
+        "{} = {:.4} ± {half:.4} {unit}",
+        parameter.name,
+        parameter.value * factor
+    )
+}
+
+fn place_text(place: &Place) -> String {
+    let interval = match (place.from, place.to) {
+        (Some(from), Some(to)) => format!(" from {from:.4} to {to:.4}"),
+        _ => String::new(),
+    };
+    format!(
+        "{} {}{interval} ({:.0} %)",
+        place.dimension,
+        place.key,
+        place.share * 100.0
+    )
+}
+
+fn micro(metres: f64) -> String {
+    format!("{:.2} µm", metres * 1e6)
+}
