@@ -42,8 +42,12 @@ fn sample_of(count: u32, folder: &Path) -> (Vec<u8>, Vec<u32>) {
     let statistics = recorder.stop().unwrap();
     (
         std::fs::read(&statistics.files[0]).unwrap(),
-        (0..600).collect(),
+        (0..count).collect(),
     )
+}
+
+fn sample(folder: &Path) -> (Vec<u8>, Vec<u32>) {
+    sample_of(600, folder)
 }
 
 /// Chunk records of a file by an independent walk: end offset and messages so far.
