@@ -60,7 +60,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             position: vec![f64::from(tick) * 1e-3, -0.5],
             ..JointState::default()
         };
-        message.header.frame_id = "foundation".to_owned();
+        "foundation".clone_into(&mut message.header.frame_id);
         recorder.push(joints, u64::from(tick), time, time, to_cdr(&message))?;
     }
     recorder.stop()?;

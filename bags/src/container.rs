@@ -91,7 +91,7 @@ impl Display for Damage {
                 "the record at byte {offset} ({length} bytes) is damaged: {why}"
             )?,
             DamageKind::Garbage => {
-                write!(f, "{length} bytes from byte {offset} on are no records")?
+                write!(f, "{length} bytes from byte {offset} on are no records")?;
             }
             DamageKind::UnknownChannel { messages } => {
                 write!(

@@ -1,5 +1,7 @@
 //! The bags of other programs that follow the interface contract, decoded with the project's messages.
 
+#![allow(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
+
 use std::path::{Path, PathBuf};
 
 use bags::{Bag, Session, SessionError};

@@ -1,5 +1,7 @@
 //! What is recorded is read back: whole, in order, split or not.
 
+#![allow(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
+
 use std::collections::BTreeMap;
 use std::time::Duration;
 
@@ -441,4 +443,35 @@ fn a_missing_split_is_told() {
     assert_eq!(damage.len(), 1);
     assert_eq!(damage[0].kind, DamageKind::MissingFile);
     assert_eq!(damage[0].file, statistics.files[1]);
+}
+
+#[test]
+fn a_folder_that_vanishes_ends_the_recording_with_one_error_for_everybody() {
+    let folder = tempfile::tempdir().unwrap();
+    let split = SplitAt {
+        bytes: None,
+        duration: Some(Duration::from_secs(1)),
+    };
+    let recorder = Recorder::start(RecorderOptions {
+        split,
+        queue_bytes: 10_000,
+        ..options(&folder)
+    })
+    .unwrap();
+    let channel = recorder
+        .channel(&text_channel("/cell/a", Qos::default()))
+        .unwrap();
+    std::fs::remove_dir_all(folder.path().join("run")).unwrap();
+    // The queue blocks, so the writer must take these and fail at the second split at the latest.
+    let failed = (0..100_000u64).find_map(|step| {
+        recorder
+            .push(channel, step, step * 1_000_000_000, 0, vec![0; 100])
+            .err()
+    });
+    let failed = failed
+        .expect("messages were taken though the folder is gone")
+        .to_string();
+    assert_eq!(failed.lines().count(), 1);
+    assert_eq!(recorder.failure().unwrap().to_string(), failed);
+    assert_eq!(recorder.stop().unwrap_err().to_string(), failed);
 }

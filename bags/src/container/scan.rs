@@ -159,7 +159,7 @@ impl Walk<'_> {
                     name: header.name,
                     media_type: header.media_type,
                     size: data.len() as u64,
-                })
+                });
             }
             _ => {}
         }

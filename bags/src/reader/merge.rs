@@ -154,7 +154,7 @@ impl<'a> Messages<'a> {
         match open.messages.get(position + 1) {
             Some(following) => {
                 self.next
-                    .push(Reverse((following.log_time, file, offset, position + 1)))
+                    .push(Reverse((following.log_time, file, offset, position + 1)));
             }
             None => drop(self.open.remove(&(file, offset))),
         }

@@ -1,0 +1,259 @@
+//! Bad sessions are refused by name.
+
+#![allow(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
+
+use std::path::Path;
+
+use bags::{Bag, Channel, Overflow, Qos, Recorder, RecorderOptions, Session, SessionError};
+use probecell_msgs::sensor_msgs::JointState;
+use probecell_msgs::{
+    InspectionFeature, InspectionPlan, InspectionPoint, Message, ProbeEvent, std_msgs, to_cdr,
+};
+
+fn plan(id: &str) -> InspectionPlan {
+    InspectionPlan {
+        plan_id: id.to_owned(),
+        features: vec![InspectionFeature::default()],
+        points: vec![InspectionPoint::default(); 3],
+        ..InspectionPlan::default()
+    }
+}
+
+fn event(sequence: u64) -> ProbeEvent {
+    ProbeEvent {
+        sequence,
+        plan_id: "p".to_owned(),
+        point_index: 1,
+        axis_names: vec!["X".to_owned()],
+        axis_positions: vec![0.1],
+        ..ProbeEvent::default()
+    }
+}
+
+struct Bench<'a> {
+    recorder: &'a Recorder,
+    time: u64,
+}
+
+impl Bench<'_> {
+    fn say<T: Message>(&mut self, topic: &str, message: &T) {
+        let channel = self
+            .recorder
+            .channel(&Channel::of(topic, T::TYPE, Qos::default()))
+            .unwrap();
+        self.time += 1;
+        self.recorder
+            .push(channel, self.time, self.time, self.time, to_cdr(message))
+            .unwrap();
+    }
+
+    fn model(&mut self) {
+        self.say(
+            "/cell/robot_description",
+            &std_msgs::String {
+                data: "<robot/>".to_owned(),
+            },
+        );
+    }
+}
+
+fn session(folder: &Path, tell: impl FnOnce(&mut Bench<'_>)) -> Result<Session, SessionError> {
+    let recorder = Recorder::start(RecorderOptions {
+        overflow: Overflow::Block,
+        ..RecorderOptions::new(folder.join("run"))
+    })
+    .unwrap();
+    tell(&mut Bench {
+        recorder: &recorder,
+        time: 0,
+    });
+    recorder.stop().unwrap();
+    Session::read(&Bag::open(folder.join("run")).unwrap())
+}
+
+/// What the session of a plan and these events says.
+fn of_events(events: &[ProbeEvent]) -> Result<Session, SessionError> {
+    let folder = tempfile::tempdir().unwrap();
+    session(folder.path(), |bench| {
+        bench.model();
+        bench.say("/cell/inspection_plan", &plan("p"));
+        for event in events {
+            bench.say("/cell/probe_events", event);
+        }
+    })
+}
+
+fn of(tell: impl FnOnce(&mut Bench<'_>)) -> Result<Session, SessionError> {
+    let folder = tempfile::tempdir().unwrap();
+    session(folder.path(), tell)
+}
+
+#[test]
+fn a_good_session_is_read_whole() {
+    let session = of_events(&[event(0), event(1), event(2)]).unwrap();
+    assert_eq!(session.namespace, "/cell");
+    assert_eq!(session.events.len(), 3);
+    assert!(!session.is_drive() && session.damage.is_empty());
+}
+
+#[test]
+fn numbers_that_are_missing_doubled_or_out_of_order_are_refused() {
+    let refused = |numbers: &[u64]| {
+        of_events(
+            &numbers
+                .iter()
+                .map(|number| event(*number))
+                .collect::<Vec<_>>(),
+        )
+        .unwrap_err()
+    };
+    assert!(matches!(
+        refused(&[0, 1, 4]),
+        SessionError::MissingEvents {
+            expected: 2,
+            before: 4,
+            count: 2
+        }
+    ));
+    assert!(matches!(
+        refused(&[1, 2]),
+        SessionError::MissingEvents { expected: 0, .. }
+    ));
+    assert!(matches!(
+        refused(&[0, 1, 1, 2]),
+        SessionError::DuplicateEvent(1)
+    ));
+    assert!(matches!(
+        refused(&[0, 2, 1]),
+        SessionError::ReorderedEvent {
+            sequence: 1,
+            after: 2
+        }
+    ));
+    assert!(matches!(
+        refused(&[u64::MAX]),
+        SessionError::MissingEvents { .. }
+    ));
+}
+
+#[test]
+fn events_that_do_not_fit_the_plan_are_refused() {
+    let other = ProbeEvent {
+        plan_id: "q".to_owned(),
+        ..event(0)
+    };
+    assert!(matches!(
+        of_events(&[other]),
+        Err(SessionError::EventOfOtherPlan { .. })
+    ));
+    let beyond = ProbeEvent {
+        point_index: 3,
+        ..event(0)
+    };
+    assert!(matches!(
+        of_events(&[beyond]),
+        Err(SessionError::NoSuchPoint { points: 3, .. })
+    ));
+    for value in [f64::NAN, f64::INFINITY] {
+        let wild = ProbeEvent {
+            axis_positions: vec![value],
+            ..event(0)
+        };
+        assert!(matches!(
+            of_events(&[wild]),
+            Err(SessionError::NotFinite {
+                field: "axis_positions",
+                ..
+            })
+        ));
+    }
+    let short = ProbeEvent {
+        axis_positions: vec![],
+        ..event(0)
+    };
+    assert!(matches!(
+        of_events(&[short]),
+        Err(SessionError::AxisCount {
+            names: 1,
+            values: 0,
+            ..
+        })
+    ));
+}
+
+#[test]
+fn a_plan_is_needed_once() {
+    let none = of(|bench| {
+        bench.model();
+        bench.say("/cell/probe_events", &event(0));
+    });
+    assert!(matches!(none, Err(SessionError::NoPlan(topic)) if topic == "/cell/inspection_plan"));
+    let two = of(|bench| {
+        bench.model();
+        bench.say("/cell/inspection_plan", &plan("p"));
+        bench.say("/cell/inspection_plan", &plan("q"));
+    });
+    assert!(matches!(two, Err(SessionError::SeveralPlans { plans, .. }) if plans == ["p", "q"]));
+    let same = of(|bench| {
+        bench.model();
+        bench.say("/cell/inspection_plan", &plan("p"));
+        bench.say("/cell/inspection_plan", &plan("p"));
+    });
+    assert_eq!(same.unwrap().plan, Some(plan("p")));
+}
+
+#[test]
+fn a_drive_bag_has_no_plan() {
+    let state = JointState {
+        name: vec!["X".to_owned()],
+        position: vec![0.0],
+        ..JointState::default()
+    };
+    let drive = of(|bench| {
+        bench.model();
+        bench.say("/cell/joint_states", &state);
+    });
+    assert!(drive.unwrap().is_drive());
+    let wild = JointState {
+        position: vec![f64::NAN],
+        ..state
+    };
+    let bad = of(|bench| {
+        bench.model();
+        bench.say("/cell/joint_states", &wild);
+    });
+    assert!(matches!(
+        bad,
+        Err(SessionError::NotFinite {
+            field: "position",
+            ..
+        })
+    ));
+}
+
+#[test]
+fn another_type_no_model_no_cell_and_two_cells_are_refused() {
+    let text = std_msgs::String {
+        data: "x".to_owned(),
+    };
+    let other = of(|bench| {
+        bench.model();
+        bench.say("/cell/probe_events", &text);
+    });
+    let told = other.unwrap_err().to_string();
+    assert!(
+        told.starts_with("topic /cell/probe_events carries std_msgs/msg/String"),
+        "{told}"
+    );
+    let no_model = of(|bench| bench.say("/cell/joint_states", &JointState::default()));
+    assert!(matches!(no_model, Err(SessionError::NoRobotDescription(_))));
+    assert!(matches!(
+        of(|bench| bench.say("/chatter", &text)),
+        Err(SessionError::NoCell)
+    ));
+    let two = of(|bench| {
+        bench.model();
+        bench.say("/other/robot_description", &text);
+    });
+    assert!(matches!(two, Err(SessionError::SeveralCells(cells)) if cells == "/cell, /other"));
+}
