@@ -19,3 +19,8 @@ pub mod calibration;
 pub mod cut;
 pub mod probe;
 pub mod size_gap;
+
+pub mod autocorrelation;
+
+pub mod separation;
+pub mod slip;

@@ -17,6 +17,8 @@ const LIMIT: usize = 500;
 const DIRECTIONS: usize = 256;
 /// Rounds of the search: passes over the sample for each start, then how many of the lowest go on.
 const ROUNDS: [(usize, usize); 3] = [(6, 64), (12, 16), (100, 3)];
+/// Points times starts in the first round: few points have many shapes close to them, so all directions start there.
+const EFFORT: usize = 4096;
 /// Points the search works on; the final descent takes all.
 const SAMPLE: usize = 96;
 
@@ -205,9 +207,14 @@ fn linear_start<const K: usize>(frame: Matrix3<f64>, points: &[Point]) -> Option
 
 /// Linear starts on the sample for every direction and the principal axes.
 fn starts<const K: usize>(cloud: &Cloud, sample: &[Point]) -> Vec<Axial> {
-    let mut starts: Vec<Axial> = directions(&cloud.principal)
+    let mut tried: Vec<(f64, Axial)> = directions(&cloud.principal)
         .filter_map(|axis| linear_start::<K>(frame_about(&axis), sample))
+        .map(|start| (start.distances(sample), start))
+        .filter(|(sum, _)| sum.is_finite())
         .collect();
+    tried.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut starts: Vec<Axial> = tried.into_iter().map(|(_, a)| a).collect();
+    starts.truncate(EFFORT / sample.len());
     // A slender feature lies along a principal axis more closely than the lattice is spaced.
     for axis in cloud.principal.column_iter() {
         let frame = frame_about(&axis.into());
