@@ -13,5 +13,5 @@ cleanup() {
     rm -rf "$scratch"
 }
 trap cleanup EXIT INT TERM
-"$here/start.sh" "$scratch" omm3.ini
+"$here/prepare.sh" "$scratch"
 timeout 600 "$target/release/examples/linuxcnc_check" "$scratch" "$here/start.sh" "$here/stop.sh"

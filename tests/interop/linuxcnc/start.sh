@@ -1,19 +1,13 @@
 #!/bin/bash
-# Starts LinuxCNC headless: start.sh SCRATCH [INI]. SCRATCH becomes a copy of ../shared/linuxcnc when it is empty.
+# Starts LinuxCNC headless: start.sh SCRATCH [INI]. SCRATCH is made by prepare.sh when it is empty.
 # Prints "ready" and comes back when the remote shell listens on TCP 5007; stop.sh SCRATCH ends it.
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
-shared="$here/../../../../shared/linuxcnc"
 scratch=${1:?usage: start.sh SCRATCH [INI]}
 ini=${2:-omm3.ini}
 port=5007
-mkdir -p "$scratch"
+"$here/prepare.sh" "$scratch"
 scratch=$(cd "$scratch" && pwd)
-if [ ! -f "$scratch/gen.py" ]; then
-    cp -r "$shared/." "$scratch"
-    chmod -R u+w "$scratch"
-    (cd "$scratch" && python3 gen.py)
-fi
 
 listens() { (exec 3<>"/dev/tcp/127.0.0.1/$port") 2>/dev/null; }
 

@@ -35,13 +35,28 @@ pub(crate) fn bore(id: &str, points: usize, clearance_feed: f64) -> Plan {
         plan.points.push(point(position, normal));
         let inside = [0.0, 0.0, -5e-3];
         if index == 0 {
-            moves.push(probing(ProbingMove::CLEARANCE, index, [0.0, 0.0, SAFE], 0.0));
+            moves.push(probing(
+                ProbingMove::CLEARANCE,
+                index,
+                [0.0, 0.0, SAFE],
+                0.0,
+            ));
         }
-        moves.push(probing(ProbingMove::CLEARANCE, index, inside, clearance_feed));
+        moves.push(probing(
+            ProbingMove::CLEARANCE,
+            index,
+            inside,
+            clearance_feed,
+        ));
         touch(&mut moves, index, position, normal);
         if index + 1 == points {
             moves.push(probing(ProbingMove::CLEARANCE, index, inside, 0.0));
-            moves.push(probing(ProbingMove::CLEARANCE, index, [0.0, 0.0, SAFE], 0.0));
+            moves.push(probing(
+                ProbingMove::CLEARANCE,
+                index,
+                [0.0, 0.0, SAFE],
+                0.0,
+            ));
         }
     }
     finish(plan, moves)
@@ -51,13 +66,23 @@ pub(crate) fn bore(id: &str, points: usize, clearance_feed: f64) -> Plan {
 pub(crate) fn outside(id: &str, each: usize) -> Plan {
     let mut plan = empty(id, InspectionFeature::PLANE);
     let mut moves = Vec::new();
-    let faces = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0]];
+    let faces = [
+        [1.0, 0.0, 0.0],
+        [0.0, 1.0, 0.0],
+        [-1.0, 0.0, 0.0],
+        [0.0, -1.0, 0.0],
+        [0.0, 0.0, 1.0],
+    ];
     let mut index = 0;
     for normal in faces {
         for repeat in 0..each {
             // Spread along the face, below the top edge.
             let shift = 4e-3 * (repeat as f64 - 0.5 * (each as f64 - 1.0));
-            let mut position = [normal[0] * BOX[0] - normal[1] * shift, normal[1] * BOX[1] + normal[0] * shift, 0.0];
+            let mut position = [
+                normal[0] * BOX[0] - normal[1] * shift,
+                normal[1] * BOX[1] + normal[0] * shift,
+                0.0,
+            ];
             if normal[2] > 0.0 {
                 position = [shift, 0.0, BOX[2]];
             }
@@ -77,14 +102,36 @@ pub(crate) fn outside(id: &str, each: usize) -> Plan {
 
 /// The moves from the start of an approach to the retract after it.
 fn touch(moves: &mut Vec<ProbingMove>, index: usize, position: [f64; 3], normal: [f64; 3]) {
-    let at = |distance: f64| -> [f64; 3] { std::array::from_fn(|axis| position[axis] + normal[axis] * distance) };
-    moves.push(probing(ProbingMove::APPROACH, index, at(BALL + APPROACH), 0.0));
-    moves.push(probing(ProbingMove::TOUCH, index, at(BALL - APPROACH), FEED));
-    moves.push(probing(ProbingMove::RETRACT, index, at(BALL + 2.0 * APPROACH), 0.0));
+    let at = |distance: f64| -> [f64; 3] {
+        std::array::from_fn(|axis| position[axis] + normal[axis] * distance)
+    };
+    moves.push(probing(
+        ProbingMove::APPROACH,
+        index,
+        at(BALL + APPROACH),
+        0.0,
+    ));
+    moves.push(probing(
+        ProbingMove::TOUCH,
+        index,
+        at(BALL - APPROACH),
+        FEED,
+    ));
+    moves.push(probing(
+        ProbingMove::RETRACT,
+        index,
+        at(BALL + 2.0 * APPROACH),
+        0.0,
+    ));
 }
 
 fn probing(kind: u8, index: usize, position: [f64; 3], feed: f64) -> ProbingMove {
-    ProbingMove { kind, point_index: index as u32, axis_positions: position.to_vec(), feed }
+    ProbingMove {
+        kind,
+        point_index: index as u32,
+        axis_positions: position.to_vec(),
+        feed,
+    }
 }
 
 fn point(position: [f64; 3], normal: [f64; 3]) -> InspectionPoint {
@@ -103,9 +150,23 @@ fn empty(id: &str, kind: u8) -> InspectionPlan {
     InspectionPlan {
         plan_id: id.to_owned(),
         part_id: "artefact".to_owned(),
-        part_pose: Pose { orientation: Quaternion { w: 1.0, ..Quaternion::default() }, ..Pose::default() },
-        stylus: Stylus { id: "S6".to_owned(), ball_radius: BALL, ..Stylus::default() },
-        features: vec![InspectionFeature { id: id.to_owned(), kind, ..InspectionFeature::default() }],
+        part_pose: Pose {
+            orientation: Quaternion {
+                w: 1.0,
+                ..Quaternion::default()
+            },
+            ..Pose::default()
+        },
+        stylus: Stylus {
+            id: "S6".to_owned(),
+            ball_radius: BALL,
+            ..Stylus::default()
+        },
+        features: vec![InspectionFeature {
+            id: id.to_owned(),
+            kind,
+            ..InspectionFeature::default()
+        }],
         ..InspectionPlan::default()
     }
 }

@@ -16,14 +16,21 @@ use nalgebra::{DMatrix, DVector};
 use probecell_msgs::{InspectionPlan, ProbeTrigger};
 
 /// Errors in the order of [`NAMES`]; m, except scales.
-pub(crate) const NAMES: [&str; 9] =
-    ["ball-r", "offset-x", "offset-y", "offset-z", "scale-x", "scale-y", "lost-x", "lost-y", "lost-z"];
+pub(crate) const NAMES: [&str; 9] = [
+    "ball-r", "offset-x", "offset-y", "offset-z", "scale-x", "scale-y", "lost-x", "lost-y",
+    "lost-z",
+];
 
 /// Deviation of a touch, m: `n·(x − p) − r`.
 pub(crate) fn deviation(plan: &InspectionPlan, trigger: &ProbeTrigger) -> f64 {
     let point = &plan.points[trigger.point_index as usize];
-    let (position, normal) = (<[f64; 3]>::from(point.position.clone()), <[f64; 3]>::from(point.normal.clone()));
-    let along = (0..3).map(|axis| normal[axis] * (trigger.axis_positions[axis] - position[axis])).sum::<f64>();
+    let (position, normal) = (
+        <[f64; 3]>::from(point.position.clone()),
+        <[f64; 3]>::from(point.normal.clone()),
+    );
+    let along = (0..3)
+        .map(|axis| normal[axis] * (trigger.axis_positions[axis] - position[axis]))
+        .sum::<f64>();
     along - plan.stylus.ball_radius
 }
 
@@ -46,7 +53,11 @@ pub(crate) fn errors(touches: &[(&InspectionPlan, &ProbeTrigger)]) -> anyhow::Re
     for (mut column, weight) in matrix.column_iter_mut().zip(weights) {
         column /= weight;
     }
-    let solved = matrix.svd(true, true).solve(&DVector::from_vec(values), 1e-9).ok().context("least squares")?;
+    let solved = matrix
+        .svd(true, true)
+        .solve(&DVector::from_vec(values), 1e-9)
+        .ok()
+        .context("least squares")?;
     let mut errors = [0.0; 9];
     for ((error, value), weight) in errors.iter_mut().zip(solved.iter()).zip(weights) {
         *error = value / weight;

@@ -1,12 +1,13 @@
 //! Checks the LinuxCNC driver against a LinuxCNC that runs: `linuxcnc_check SCRATCH START STOP`.
 //!
-//! SCRATCH is the folder in which LinuxCNC was started with `omm3.ini` (and in which programs may be written), START and
-//! STOP are the scripts that start it there and end it. `halcmd` sets the hidden errors and the faults. Each check prints
+//! SCRATCH is a folder with the configurations of the simulated machine, in which programs may be written; START and STOP
+//! are the scripts that start LinuxCNC there and end it. It must not run yet. `halcmd` sets the hidden errors and the faults. Each check prints
 //! one line; the exit status is 0 only when all hold. `tests/interop/linuxcnc/check.sh` runs it.
 
 mod artefact;
 mod checks;
 mod estimate;
+mod offline;
 mod rig;
 
 use std::{path::PathBuf, process::ExitCode};

@@ -9,7 +9,8 @@ use std::{
 use anyhow::{Context, bail, ensure};
 use controllers::linuxcnc::{Driver, DriverOutput, RawConfig};
 use probecell_msgs::{
-    ControllerCommand, ControllerReply, ControllerStatus, InspectionPlan, MeasurementOrder, ProbeTrigger,
+    ControllerCommand, ControllerReply, ControllerStatus, InspectionPlan, MeasurementOrder,
+    ProbeTrigger,
 };
 
 /// Time between two polls: the host's rate is 100 Hz.
@@ -33,10 +34,20 @@ pub(crate) struct Outcome {
 impl Outcome {
     /// Samples per second, and the longest time between two of them, s.
     pub(crate) fn rate(&self) -> (f64, f64) {
-        let stamps: Vec<i64> = self.statuses.iter().map(|status| status.header.stamp.nanos()).collect();
-        let gaps: Vec<f64> = stamps.windows(2).map(|pair| (pair[1] - pair[0]) as f64 * 1e-9).collect();
+        let stamps: Vec<i64> = self
+            .statuses
+            .iter()
+            .map(|status| status.header.stamp.nanos())
+            .collect();
+        let gaps: Vec<f64> = stamps
+            .windows(2)
+            .map(|pair| (pair[1] - pair[0]) as f64 * 1e-9)
+            .collect();
         let total: f64 = gaps.iter().sum();
-        (gaps.len() as f64 / total, gaps.iter().copied().fold(0.0, f64::max))
+        (
+            gaps.len() as f64 / total,
+            gaps.iter().copied().fold(0.0, f64::max),
+        )
     }
 }
 
@@ -44,7 +55,11 @@ impl Rig {
     /// Connects, switches on and homes.
     pub(crate) fn new(scratch: &Path, touch_twice: bool) -> anyhow::Result<Self> {
         let directory = scratch.display();
-        let search = if touch_twice { "search_feed_mm_per_min = 300.0\nback_off_mm = 0.1" } else { "" };
+        let search = if touch_twice {
+            "search_feed_mm_per_min = 300.0\nback_off_mm = 0.1"
+        } else {
+            ""
+        };
         let text = format!(
             "program_directory = \"{directory}\"\n\
              tool_table = \"{directory}/omm3.tbl\"\n\
@@ -64,8 +79,16 @@ impl Rig {
         let config = toml::from_str::<RawConfig>(&text)?.check()?;
         let run = now().to_string();
         let driver = Driver::connect(config, &run)?;
-        let mut rig = Self { driver, next_command: 0, next_poll: Instant::now() };
-        rig.until(Duration::from_secs(20), "the machine is ready", |driver, _| driver.is_idle())?;
+        let mut rig = Self {
+            driver,
+            next_command: 0,
+            next_poll: Instant::now(),
+        };
+        rig.until(
+            Duration::from_secs(20),
+            "the machine is ready",
+            |driver, _| driver.is_idle(),
+        )?;
         Ok(rig)
     }
 
@@ -101,24 +124,32 @@ impl Rig {
         let id = self.next_command;
         self.next_command += 1;
         let session = self.driver.session().to_owned();
-        self.driver.command(ControllerCommand { session, command_id: id, ..command });
+        self.driver.command(ControllerCommand {
+            session,
+            command_id: id,
+            ..command
+        });
         let mut outcome = Outcome::default();
         let mut answered = false;
-        self.until(Duration::from_secs(120), "the command is answered", |driver, out| {
-            for one in out {
-                watch(driver, one);
-                match one {
-                    DriverOutput::Status(status) => outcome.statuses.push(status.clone()),
-                    DriverOutput::Trigger(trigger) => outcome.triggers.push(trigger.clone()),
-                    DriverOutput::Reply(reply) if reply.command_id == id => {
-                        outcome.reply = reply.clone();
-                        answered = true;
+        self.until(
+            Duration::from_secs(120),
+            "the command is answered",
+            |driver, out| {
+                for one in out {
+                    watch(driver, one);
+                    match one {
+                        DriverOutput::Status(status) => outcome.statuses.push(status.clone()),
+                        DriverOutput::Trigger(trigger) => outcome.triggers.push(trigger.clone()),
+                        DriverOutput::Reply(reply) if reply.command_id == id => {
+                            outcome.reply = reply.clone();
+                            answered = true;
+                        }
+                        DriverOutput::Reply(_) => {}
                     }
-                    DriverOutput::Reply(_) => {}
                 }
-            }
-            answered
-        })?;
+                answered
+            },
+        )?;
         Ok(outcome)
     }
 
@@ -127,10 +158,29 @@ impl Rig {
         self.run_watched(command, |_, _| {})
     }
 
-    /// Number for a command that the caller sends itself.
-    pub(crate) fn take_command_id(&mut self) -> u64 {
-        self.next_command += 1;
-        self.next_command - 1
+    /// Runs a command and stops it once `when` holds of something that came out.
+    pub(crate) fn run_and_stop(
+        &mut self,
+        command: ControllerCommand,
+        when: impl Fn(&DriverOutput) -> bool,
+    ) -> anyhow::Result<Outcome> {
+        let command_id = self.next_command + 1;
+        let mut sent = false;
+        let outcome = self.run_watched(command, |driver, out| {
+            if when(out) && !sent {
+                sent = true;
+                let session = driver.session().to_owned();
+                let kind = ControllerCommand::STOP;
+                driver.command(ControllerCommand {
+                    session,
+                    command_id,
+                    kind,
+                    ..ControllerCommand::default()
+                });
+            }
+        })?;
+        self.next_command = command_id + 1;
+        Ok(outcome)
     }
 
     /// Commands are counted anew in a new session.
@@ -139,7 +189,10 @@ impl Rig {
     }
 
     /// Hands in a plan and its order; gives the command that measures it.
-    pub(crate) fn prepare(&mut self, (plan, order): (InspectionPlan, MeasurementOrder)) -> ControllerCommand {
+    pub(crate) fn prepare(
+        &mut self,
+        (plan, order): (InspectionPlan, MeasurementOrder),
+    ) -> ControllerCommand {
         let command = ControllerCommand {
             kind: ControllerCommand::RUN_MEASUREMENT,
             plan_id: plan.plan_id.clone(),
@@ -152,12 +205,23 @@ impl Rig {
     }
 
     /// Measures a plan; every point must be touched.
-    pub(crate) fn measure(&mut self, plan: (InspectionPlan, MeasurementOrder)) -> anyhow::Result<Outcome> {
+    pub(crate) fn measure(
+        &mut self,
+        plan: (InspectionPlan, MeasurementOrder),
+    ) -> anyhow::Result<Outcome> {
         let count = plan.0.points.len();
         let command = self.prepare(plan);
         let outcome = self.run(command)?;
-        ensure!(outcome.reply.outcome == ControllerReply::DONE, "measurement: {}", outcome.reply.text);
-        let touched = outcome.triggers.iter().filter(|one| one.tripped && !one.tripped_before).count();
+        ensure!(
+            outcome.reply.outcome == ControllerReply::DONE,
+            "measurement: {}",
+            outcome.reply.text
+        );
+        let touched = outcome
+            .triggers
+            .iter()
+            .filter(|one| one.tripped && !one.tripped_before)
+            .count();
         ensure!(touched == count, "{touched} of {count} points were touched");
         Ok(outcome)
     }
@@ -165,13 +229,22 @@ impl Rig {
 
 /// ns since 1970.
 pub(crate) fn now() -> i64 {
-    SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_nanos() as i64)
+    SystemTime::now()
+        .duration_since(UNIX_EPOCH)
+        .map_or(0, |since| since.as_nanos() as i64)
 }
 
 /// Runs `halcmd` with these words.
 pub(crate) fn halcmd(words: &[&str]) -> anyhow::Result<String> {
-    let output = Command::new("halcmd").args(words).output().context("halcmd")?;
-    ensure!(output.status.success(), "halcmd {words:?}: {}", String::from_utf8_lossy(&output.stderr));
+    let output = Command::new("halcmd")
+        .args(words)
+        .output()
+        .context("halcmd")?;
+    ensure!(
+        output.status.success(),
+        "halcmd {words:?}: {}",
+        String::from_utf8_lossy(&output.stderr)
+    );
     Ok(String::from_utf8_lossy(&output.stdout).trim().to_owned())
 }
 
@@ -182,7 +255,11 @@ pub(crate) fn set_pin(pin: &str, value: f64) -> anyhow::Result<()> {
 
 /// Runs a script with one argument.
 pub(crate) fn script(path: &PathBuf, scratch: &Path, ini: Option<&str>) -> anyhow::Result<()> {
-    let status = Command::new(path).arg(scratch).args(ini).status().with_context(|| path.display().to_string())?;
+    let status = Command::new(path)
+        .arg(scratch)
+        .args(ini)
+        .status()
+        .with_context(|| path.display().to_string())?;
     ensure!(status.success(), "{} ended with {status}", path.display());
     Ok(())
 }

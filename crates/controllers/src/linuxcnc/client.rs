@@ -82,6 +82,8 @@ impl ClientError {
 /// One look at the controller. The parts are read one after the other, within about a millisecond.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sample {
+    /// From the call to the middle of the exchange that read the positions.
+    pub delay: Duration,
     /// mm or degrees, readings of joints 0 to 5.
     pub joints: [f64; 6],
     /// mm or degrees, commanded X Y Z A B C in the machine's coordinates.
@@ -107,23 +109,6 @@ pub struct Sample {
     /// Level of the probe input.
     pub probe_tripped: bool,
 }
-
-/// What a sample asks for, positions first: they are what is stamped.
-const SAMPLE: [Get; 13] = [
-    Get::JointPositions,
-    Get::CommandedPosition,
-    Get::ProbeValue,
-    Get::EmergencyStop,
-    Get::Machine,
-    Get::Mode,
-    Get::ProgramStatus,
-    Get::ProgramLine,
-    Get::Program,
-    Get::Tool,
-    Get::FeedOverride,
-    Get::Spindle,
-    Get::ProgramCodes,
-];
 
 /// A session with control of the machine.
 #[derive(Debug)]
@@ -212,25 +197,28 @@ impl Client {
         }
     }
 
-    /// Looks at the controller. All is asked for at once and answered in order.
+    /// Looks at the controller. The positions come first: they are what is stamped.
+    ///
+    /// One request waits for the answer to the one before: the server delays small packets, so requests sent together
+    /// are answered 40 ms later, requests sent in turn within 1 ms.
     pub fn sample(&mut self) -> Result<Sample, ClientError> {
-        let request = SAMPLE.map(Get::encode).join("\r\n");
-        self.send("get joint_pos and others", &request)?;
-        let joints = self.answer(Get::JointPositions, protocol::positions)?;
-        let commanded = self.answer(Get::CommandedPosition, protocol::positions)?;
-        let probe_tripped = self.answer(Get::ProbeValue, protocol::count)? != 0;
-        let emergency_stop = self.answer(Get::EmergencyStop, protocol::on_or_off)?;
-        let machine_on = self.answer(Get::Machine, protocol::on_or_off)?;
-        let mode = self.answer(Get::Mode, protocol::mode)?;
-        let interpreter = self.answer(Get::ProgramStatus, protocol::interpreter)?;
-        let line = self.answer(Get::ProgramLine, protocol::count)?;
-        let program = self.answer(Get::Program, |words| Ok(protocol::text(words)))?;
-        let tool = self.answer(Get::Tool, protocol::count)?;
-        let feed_override = f64::from(self.answer(Get::FeedOverride, protocol::count)?) / 100.0;
-        let direction = self.answer(Get::Spindle, protocol::spindle_direction)?;
-        let spindle_speed =
-            direction * self.answer(Get::ProgramCodes, protocol::programmed_speed)?;
+        let begun = Instant::now();
+        let joints = self.get(Get::JointPositions, protocol::positions)?;
+        let delay = begun.elapsed() / 2;
+        let commanded = self.get(Get::CommandedPosition, protocol::positions)?;
+        let probe_tripped = self.get(Get::ProbeValue, protocol::count)? != 0;
+        let emergency_stop = self.get(Get::EmergencyStop, protocol::on_or_off)?;
+        let machine_on = self.get(Get::Machine, protocol::on_or_off)?;
+        let mode = self.get(Get::Mode, protocol::mode)?;
+        let interpreter = self.get(Get::ProgramStatus, protocol::interpreter)?;
+        let line = self.get(Get::ProgramLine, protocol::count)?;
+        let program = self.get(Get::Program, |words| Ok(protocol::text(words)))?;
+        let tool = self.get(Get::Tool, protocol::count)?;
+        let feed_override = f64::from(self.get(Get::FeedOverride, protocol::count)?) / 100.0;
+        let direction = self.get(Get::Spindle, protocol::spindle_direction)?;
+        let spindle_speed = direction * self.get(Get::ProgramCodes, protocol::programmed_speed)?;
         Ok(Sample {
+            delay,
             joints,
             commanded,
             emergency_stop,
@@ -248,8 +236,7 @@ impl Client {
 
     /// Which of joints 0 to 5 are homed.
     pub fn homed(&mut self) -> Result<[bool; 6], ClientError> {
-        self.send("get joint_homed", &Get::JointHomed.encode())?;
-        self.answer(Get::JointHomed, protocol::homed)
+        self.get(Get::JointHomed, protocol::homed)
     }
 
     /// The next error text that the controller holds; reading takes it away.
@@ -257,17 +244,17 @@ impl Client {
     /// The queue behind it also holds operator messages. Only errors are read here: to read both in turn would let the
     /// server overwrite one by the next, which is why results come by a log file and never by a message.
     pub fn take_error(&mut self) -> Result<Option<String>, ClientError> {
-        self.send("get error", &Get::Error.encode())?;
-        self.answer(Get::Error, |words| Ok(protocol::text(words)))
+        self.get(Get::Error, |words| Ok(protocol::text(words)))
     }
 
-    /// Waits for the answer to `get`. Lines that are no answer are passed over: an error text may have several lines.
-    fn answer<T>(
+    /// Asks, and waits for the answer. Lines that are no answer are passed over: an error text may have several lines.
+    fn get<T>(
         &mut self,
         get: Get,
         read: impl FnOnce(crate::text::Words) -> Result<T, ParseError>,
     ) -> Result<T, ClientError> {
         let request = get.encode();
+        self.send(&request, &request)?;
         let refused = format!("GET {} NAK", get.subject());
         let subject = get.subject();
         let begins = |text: &str| text.split_whitespace().next() == Some(subject);
@@ -324,7 +311,10 @@ impl Client {
                 }
                 Ok(length) => {
                     let pushed = self.lines.push(&buffer[..length]);
-                    pushed.map_err(|source| ClientError::Reply { request: request.to_owned(), source })?;
+                    pushed.map_err(|source| ClientError::Reply {
+                        request: request.to_owned(),
+                        source,
+                    })?;
                 }
                 Err(error)
                     if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) =>

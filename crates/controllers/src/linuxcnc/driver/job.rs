@@ -18,6 +18,9 @@ use crate::linuxcnc::{
 /// an error comes on another way than the state, and a program may be idle for a moment before it has begun.
 const SETTLE: i64 = 500_000_000;
 
+/// ns after which a measuring program in which nothing changes is given up: no move of it stands still.
+const STALL: i64 = 10_000_000_000;
+
 /// A command under way.
 #[derive(Debug)]
 pub(super) struct Job {
@@ -32,7 +35,12 @@ pub(super) struct Job {
     /// G92 offsets are put aside until the program ends.
     pub(super) g92: bool,
     ended: bool,
+    /// What was seen of the motion last, and since when it has been so, ns.
+    seen: Option<(i64, Motion)>,
 }
+
+/// Readings of the joints, line of the program and state of the interpreter.
+type Motion = ([f64; 6], u32, Interpreter);
 
 /// The kind of work and how far it is.
 #[derive(Debug)]
@@ -83,6 +91,8 @@ pub(super) enum Progress {
     Ended,
     /// The controller is idle, but the program has not come to its end.
     BrokenOff,
+    /// The controller says that the program runs, but nothing changes any more.
+    Stalled,
 }
 
 impl Job {
@@ -102,6 +112,7 @@ impl Job {
             idle_since: None,
             g92: false,
             ended: false,
+            seen: None,
         }
     }
 
@@ -171,7 +182,11 @@ impl Job {
         }
         if sample.interpreter != Interpreter::Idle {
             self.idle_since = None;
-            return Progress::Working;
+            return if self.stalls(sample, now) {
+                Progress::Stalled
+            } else {
+                Progress::Working
+            };
         }
         let since = *self.idle_since.get_or_insert(now);
         let settled = now - since >= SETTLE;
@@ -184,6 +199,18 @@ impl Job {
             _ if settled || !self.errors.is_empty() => Progress::BrokenOff,
             _ => Progress::Working,
         }
+    }
+
+    /// Whether a measurement that should run shows no change at all. The remote shell goes on answering from its last
+    /// picture when the controller behind it has died.
+    fn stalls(&mut self, sample: &Sample, now: i64) -> bool {
+        let seen = (sample.joints, sample.line, sample.interpreter);
+        if self.seen.as_ref().is_none_or(|(_, known)| *known != seen) {
+            self.seen = Some((now, seen));
+        }
+        let may_stand = sample.interpreter == Interpreter::Paused || sample.feed_override == 0.0;
+        let since = self.seen.as_ref().map_or(now, |(since, _)| *since);
+        matches!(self.work, Work::Measure { .. }) && !may_stand && now - since > STALL
     }
 
     /// Where a measurement was, for a person.

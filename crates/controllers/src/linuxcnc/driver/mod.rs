@@ -13,7 +13,7 @@
 //! | touch outside a probing move | alarm of the controller | | `FAILED`, `unplanned_touch: …` |
 //! | emergency stop | `EXECUTION_ESTOP` | | `FAILED`, `estop: …` |
 //! | machine switched off | `EXECUTION_ALARM`, alarm | | `FAILED`, `machine_off: …` |
-//! | controller gone | none, until it is back under another session | | `FAILED`, `controller_lost: …` |
+//! | controller gone, or dead behind its remote shell | none, until it is back under another session | | `FAILED`, `controller_lost: …` |
 //! | any other error text | alarm of the controller | | `FAILED`, `controller_alarm: …` |
 //!
 //! A session ends with the connection: a controller that was away may have been started anew, so no correction that
@@ -124,6 +124,8 @@ pub struct Driver {
 #[derive(Debug)]
 struct PowerOn {
     steps: VecDeque<Set>,
+    /// Homing has been asked for.
+    homing: bool,
     since: Instant,
 }
 
@@ -131,14 +133,9 @@ impl Driver {
     /// Connects to the controller. `name` begins the name of each session; it must differ between runs of the driver.
     pub fn connect(config: Config, name: &str) -> Result<Self, DriverError> {
         let client = Client::connect(&config.address)?;
-        let steps = [
-            Set::EmergencyStop(false),
-            Set::Machine(true),
-            Set::Mode(Mode::Manual),
-            Set::HomeAll,
-        ];
         let power_on = config.power_on.then(|| PowerOn {
-            steps: steps.into(),
+            steps: [Set::EmergencyStop(false), Set::Machine(true)].into(),
+            homing: false,
             since: Instant::now(),
         });
         let mut driver = Self {
@@ -213,10 +210,8 @@ impl Driver {
         let Some(client) = &mut self.client else {
             return Ok(());
         };
-        let begun = Instant::now();
         let sample = client.sample()?;
-        // The positions are read first: the middle of half the exchange is within a fraction of it.
-        let instant = now + (begun.elapsed().as_nanos() / 4) as i64;
+        let instant = now + sample.delay.as_nanos() as i64;
         let errors = take_errors(client)?;
         self.trail.push(instant, self.readings(&sample));
         self.note(errors);
@@ -269,6 +264,11 @@ impl Driver {
         let homed = client.homed()?;
         if self.config.axes.iter().all(|axis| homed[axis.joint]) {
             self.power_on = None;
+        } else if !power_on.homing {
+            power_on.homing = true;
+            power_on
+                .steps
+                .extend([Set::Mode(Mode::Manual), Set::HomeAll]);
         } else if power_on.since.elapsed() > HOMING_LIMIT {
             self.power_on = None;
             self.alarm(format!(
@@ -334,6 +334,15 @@ impl Driver {
             Progress::Working => {}
             Progress::Ended => self.conclude(now, out),
             Progress::BrokenOff => self.break_off(now, sample, out),
+            Progress::Stalled => {
+                self.abort()?;
+                self.fail(
+                    now,
+                    "controller_lost",
+                    "the program runs, but nothing changes any more",
+                    out,
+                );
+            }
         }
         Ok(())
     }

@@ -12,7 +12,7 @@ const KEPT: usize = 4096;
 /// A sample further than this from the line of the approach is not on it, m.
 const ON_LINE: f64 = 50e-6;
 /// A move that ended without a trip is at its end within this, m.
-const AT_END: f64 = 1e-6;
+const AT_END: f64 = 1e-8;
 
 /// Positions in m and rad with their instants in ns, oldest first.
 #[derive(Clone, Debug, Default)]
