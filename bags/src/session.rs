@@ -50,6 +50,14 @@ pub enum SessionError {
         /// Their ids.
         plans: Vec<String>,
     },
+    /// The plan wanted is not in the bag.
+    #[error("no inspection plan {wanted} in the bag; it has {}", .plans.join(", "))]
+    NoSuchPlan {
+        /// Id asked for.
+        wanted: String,
+        /// Ids there are.
+        plans: Vec<String>,
+    },
     /// A gap in the events' numbers.
     #[error("{count} probe events are missing before event {before} (expected {expected})")]
     MissingEvents {
@@ -137,6 +145,18 @@ pub enum SessionError {
     },
 }
 
+/// Which measurement of a bag is meant, where a cell measured several plans.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub enum Measurement {
+    /// There must be only one.
+    #[default]
+    Only,
+    /// The one of the last touch.
+    Last,
+    /// The one of this plan id.
+    Named(String),
+}
+
 /// A session of one cell.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Session {
@@ -161,25 +181,40 @@ pub struct Session {
 }
 
 impl Session {
-    /// Reads the only cell of a bag.
+    /// Reads the only cell of a bag, which measured one plan.
     pub fn read(bag: &Bag) -> Result<Self, SessionError> {
-        let cells = namespaces(bag);
-        match cells.as_slice() {
-            [] => Err(with_damage(SessionError::NoCell, &bag.verify())),
-            [cell] => Self::read_cell(bag, cell),
-            several => Err(SessionError::SeveralCells(several.join(", "))),
+        Self::read_measurement(bag, &Measurement::Only)
+    }
+
+    /// Reads one measurement of the only cell of a bag. A cell that cuts and measures in several passes has a plan for
+    /// each; touches and references of the other plans are left out.
+    pub fn read_measurement(bag: &Bag, measurement: &Measurement) -> Result<Self, SessionError> {
+        let mut found = namespaces(bag);
+        match (found.pop(), found.is_empty()) {
+            (None, _) => Err(with_damage(SessionError::NoCell, &bag.verify())),
+            (Some(namespace), true) => Self::read_in(bag, &namespace, measurement),
+            (Some(last), false) => {
+                found.push(last);
+                Err(SessionError::SeveralCells(found.join(", ")))
+            }
         }
     }
 
-    /// Reads the cell of that namespace (`/<cell>`).
+    /// Reads the cell of that namespace (`/<cell>`), which measured one plan.
     pub fn read_cell(bag: &Bag, namespace: &str) -> Result<Self, SessionError> {
+        Self::read_in(bag, namespace, &Measurement::Only)
+    }
+
+    fn read_in(
+        bag: &Bag,
+        namespace: &str,
+        measurement: &Measurement,
+    ) -> Result<Self, SessionError> {
         let mut damage = bag.damage();
-        Self::gather(bag, namespace, &mut damage)
-            .map_err(|problem| with_damage(problem, &damage))
-            .map(|session| {
-                let damage = std::mem::take(&mut damage);
-                Self { damage, ..session }
-            })
+        match Self::gather(bag, namespace, measurement, &mut damage) {
+            Ok(session) => Ok(Self { damage, ..session }),
+            Err(problem) => Err(with_damage(problem, &damage)),
+        }
     }
 
     /// Whether it holds motion without touches.
@@ -187,15 +222,20 @@ impl Session {
         self.plan.is_none()
     }
 
-    fn gather(bag: &Bag, namespace: &str, damage: &mut Vec<Damage>) -> Result<Self, SessionError> {
+    fn gather(
+        bag: &Bag,
+        namespace: &str,
+        measurement: &Measurement,
+        damage: &mut Vec<Damage>,
+    ) -> Result<Self, SessionError> {
         let topic = |name: &str| format!("{namespace}/{name}");
         let descriptions = collect::<std_msgs::String>(bag, &topic("robot_description"), damage)?;
         let joint_states = collect::<JointState>(bag, &topic("joint_states"), damage)?;
         let joint_commands = collect::<JointState>(bag, &topic("joint_commands"), damage)?;
         let machine_states = collect::<MachineState>(bag, &topic("machine_state"), damage)?;
         let plans = collect::<InspectionPlan>(bag, &topic("inspection_plan"), damage)?;
-        let events = collect::<ProbeEvent>(bag, &topic("probe_events"), damage)?;
-        let references = collect::<ReferenceMeasurement>(bag, &topic("reference"), damage)?;
+        let mut events = collect::<ProbeEvent>(bag, &topic("probe_events"), damage)?;
+        let mut references = collect::<ReferenceMeasurement>(bag, &topic("reference"), damage)?;
 
         let mut models = distinct(descriptions);
         if models.len() > 1 {
@@ -208,15 +248,14 @@ impl Session {
         let model = models
             .pop()
             .ok_or_else(|| SessionError::NoRobotDescription(topic("robot_description")))?;
-        let mut plans = distinct(plans);
-        if plans.len() > 1 {
-            let plans = plans.into_iter().map(|plan| plan.plan_id).collect();
-            return Err(SessionError::SeveralPlans {
-                topic: topic("inspection_plan"),
-                plans,
-            });
+        check_numbers(&events)?;
+        let plans = distinct(plans);
+        let several = plans.len() > 1;
+        let plan = choose(&topic("inspection_plan"), plans, &events, measurement)?;
+        if let Some(plan) = plan.as_ref().filter(|_| several) {
+            events.retain(|event| event.message.plan_id == plan.plan_id);
+            references.retain(|reference| reference.message.plan_id == plan.plan_id);
         }
-        let plan = plans.pop();
         check_joints(&topic("joint_states"), &joint_states)?;
         check_joints(&topic("joint_commands"), &joint_commands)?;
         match &plan {
@@ -419,11 +458,8 @@ fn check_plan(topic: &str, plan: &InspectionPlan) -> Result<(), SessionError> {
     Ok(())
 }
 
-fn check_events(
-    topic: &str,
-    plan: &InspectionPlan,
-    events: &[Stamped<ProbeEvent>],
-) -> Result<(), SessionError> {
+/// Events are numbered from 0 in the order they stand, whatever plan they are of.
+fn check_numbers(events: &[Stamped<ProbeEvent>]) -> Result<(), SessionError> {
     let mut expected = 0;
     let mut seen = std::collections::BTreeSet::new();
     for event in events {
@@ -439,17 +475,56 @@ fn check_events(
         }
         expected = sequence.saturating_add(1);
     }
-    let mut expected = 0;
-    for (index, Stamped { message: event, .. }) in events.iter().enumerate() {
-        let sequence = event.sequence;
-        if sequence != expected {
+    for (expected, event) in (0..).zip(events) {
+        let before = event.message.sequence;
+        if before != expected {
             return Err(SessionError::MissingEvents {
                 expected,
-                before: sequence,
-                count: sequence - expected,
+                before,
+                count: before - expected,
             });
         }
-        expected = sequence.saturating_add(1);
+    }
+    Ok(())
+}
+
+/// The plan of the measurement that is wanted.
+fn choose(
+    topic: &str,
+    mut plans: Vec<InspectionPlan>,
+    events: &[Stamped<ProbeEvent>],
+    measurement: &Measurement,
+) -> Result<Option<InspectionPlan>, SessionError> {
+    let wanted = match measurement {
+        Measurement::Named(id) => Some(id.clone()),
+        _ if plans.len() < 2 => return Ok(plans.pop()),
+        Measurement::Only => None,
+        Measurement::Last => events.last().map(|event| event.message.plan_id.clone()),
+    };
+    let ids = || plans.iter().map(|plan| plan.plan_id.clone()).collect();
+    let mut chosen = plans
+        .iter()
+        .filter(|plan| wanted.as_ref() == Some(&plan.plan_id));
+    match (chosen.next(), chosen.next()) {
+        (Some(plan), None) => Ok(Some(plan.clone())),
+        (None, _) if wanted.is_some() => Err(SessionError::NoSuchPlan {
+            wanted: wanted.unwrap_or_default(),
+            plans: ids(),
+        }),
+        _ => Err(SessionError::SeveralPlans {
+            topic: topic.to_owned(),
+            plans: ids(),
+        }),
+    }
+}
+
+fn check_events(
+    topic: &str,
+    plan: &InspectionPlan,
+    events: &[Stamped<ProbeEvent>],
+) -> Result<(), SessionError> {
+    for (index, Stamped { message: event, .. }) in events.iter().enumerate() {
+        let sequence = event.sequence;
         if event.plan_id != plan.plan_id {
             let (found, expected) = (event.plan_id.clone(), plan.plan_id.clone());
             return Err(SessionError::EventOfOtherPlan {

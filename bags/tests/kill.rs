@@ -25,8 +25,8 @@ fn paced_writer() -> PathBuf {
         .join("examples/paced_writer")
 }
 
-/// Runs the writer, kills it after `count` answers; gives the answers, those after the kill included.
-fn run_and_kill(folder: &Path, count: usize) -> Vec<(u64, u64)> {
+/// Runs the writer, kills it when it tells a time of `life_ms` or later; gives the answers, those after the kill included.
+fn run_and_kill(folder: &Path, life_ms: u64) -> Vec<(u64, u64)> {
     let mut writer = Command::new(paced_writer())
         .args([folder.as_os_str(), INTERVAL_MS.to_string().as_ref()])
         .stdin(Stdio::piped())
@@ -35,13 +35,16 @@ fn run_and_kill(folder: &Path, count: usize) -> Vec<(u64, u64)> {
         .unwrap();
     let mut requests = writer.stdin.take().unwrap();
     let mut answers = BufReader::new(writer.stdout.take().unwrap()).lines();
-    let mut told = Vec::new();
+    let mut told: Vec<(u64, u64)> = Vec::new();
     let parse = |line: String| {
         let (number, time) = line.split_once(' ')?;
         Some((number.parse().ok()?, time.parse().ok()?))
     };
     requests.write_all(&[0; AHEAD]).unwrap();
-    for _ in 0..count {
+    while told
+        .last()
+        .is_none_or(|(_, time)| *time < life_ms * 1_000_000)
+    {
         told.push(parse(answers.next().unwrap().unwrap()).unwrap());
         requests.write_all(&[0]).unwrap();
     }
@@ -61,7 +64,7 @@ fn fifty_killed_recordings_read_and_miss_nothing_older_than_the_interval() {
     for run in 0..50 {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("run");
-        let told = run_and_kill(&path, random.random_range(1..300_000));
+        let told = run_and_kill(&path, random.random_range(0..3 * INTERVAL_MS));
         let bag = Bag::open(&path).unwrap();
         let numbers: Vec<u64> = bag
             .messages()
