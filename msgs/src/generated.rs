@@ -791,7 +791,7 @@ pub struct OperationRequest {
     pub operation: String,
     pub plan_id: String,
     /// number of the machining pass, from 0
-    pub pass: u32,
+    pub pass_number: u32,
 }
 
 impl OperationRequest {
@@ -804,7 +804,7 @@ impl Message for OperationRequest {
     const TYPE: &'static MessageType = &MessageType {
         name: "probecell_msgs/msg/OperationRequest",
         dds_name: "probecell_msgs::msg::dds_::OperationRequest_",
-        type_hash: "RIHS01_8bec0c5b1e27f3b9e889dfd81c2ffaf8bb709b7968c0da34ac3dabd3b31cb99c",
+        type_hash: "RIHS01_0b43df76e73312fb9649dbcba73b9b7d9d7cfdcb630e32d9d7c72923247eeeb9",
         definition: concat!(
             include_str!("../msg/OperationRequest.msg"),
             "================================================================================\nMSG: std_msgs/Header\n",
@@ -853,7 +853,7 @@ pub struct OperatorRequest {
     /// plan: file of features or plan_id; run: part_id; approval: correction_id
     pub subject: String,
     /// who asks
-    pub operator: String,
+    pub operator_name: String,
     /// approval: true to approve, false to reject
     pub approve: bool,
 }
@@ -862,7 +862,7 @@ impl Message for OperatorRequest {
     const TYPE: &'static MessageType = &MessageType {
         name: "probecell_msgs/msg/OperatorRequest",
         dds_name: "probecell_msgs::msg::dds_::OperatorRequest_",
-        type_hash: "RIHS01_6b0e636ed0b0ff3c2e79ad8e5fe3d5c3b32c0be64c25118282150e24500936e9",
+        type_hash: "RIHS01_8b46fd5a040fdde5dbf08618923f60c53c8df338786dba580db8d35ff660dabd",
         definition: concat!(
             include_str!("../msg/OperatorRequest.msg"),
             "================================================================================\nMSG: std_msgs/Header\n",
@@ -918,7 +918,7 @@ pub struct PassDecision {
     pub plan_id: String,
     pub part_id: String,
     /// number of the machining pass, from 0
-    pub pass: u32,
+    pub pass_number: u32,
     /// one of the constants above
     pub decision: u8,
     /// corrections that must be applied before a recut
@@ -941,7 +941,7 @@ impl Message for PassDecision {
     const TYPE: &'static MessageType = &MessageType {
         name: "probecell_msgs/msg/PassDecision",
         dds_name: "probecell_msgs::msg::dds_::PassDecision_",
-        type_hash: "RIHS01_756d78b387b11c462189c11d190226d38210247df09cad7560673421b819e8de",
+        type_hash: "RIHS01_27d89d4378b692f2bf1e7db115a1a7f5f2fb4f86fb5bcd97bcc9f75c6d36df1d",
         definition: concat!(
             include_str!("../msg/PassDecision.msg"),
             "================================================================================\nMSG: std_msgs/Header\n",
@@ -1243,7 +1243,7 @@ pub struct Verdict {
     pub part_id: String,
     pub feature_id: String,
     /// number of the machining pass, from 0
-    pub pass: u32,
+    pub pass_number: u32,
     /// one of the constants above
     pub verdict: u8,
     /// m, measured
@@ -1270,7 +1270,7 @@ impl Message for Verdict {
     const TYPE: &'static MessageType = &MessageType {
         name: "probecell_msgs/msg/Verdict",
         dds_name: "probecell_msgs::msg::dds_::Verdict_",
-        type_hash: "RIHS01_092082165de08cb65cf4ae9a6f84c0a07330522d7e79b3f4d09d205ac0380298",
+        type_hash: "RIHS01_044904f64d874d0bb3aeee0cf8bf8d322c32c39884d9948812334a9468365ead",
         definition: concat!(
             include_str!("../msg/Verdict.msg"),
             "================================================================================\nMSG: std_msgs/Header\n",
@@ -2004,7 +2004,7 @@ pub mod srv {
         const TYPE: &'static ServiceType = &ServiceType {
             name: "probecell_msgs/srv/ApproveCorrection",
             dds_name: "probecell_msgs::srv::dds_::ApproveCorrection_",
-            type_hash: "RIHS01_729a30adfb4dc369efd8cbd039b63094fb6e54e9ab155b6a04be8766e9838fc9",
+            type_hash: "RIHS01_375ecc7a6105b48f81375df9bafda215aa8734ddbf35e5b8c3fe66d91c1d3e07",
             request: ApproveCorrectionRequest::TYPE,
             response: ApproveCorrectionResponse::TYPE,
         };
@@ -2014,7 +2014,7 @@ pub mod srv {
     #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
     pub struct ApproveCorrectionRequest {
         pub correction_id: String,
-        pub operator: String,
+        pub operator_name: String,
         pub approve: bool,
     }
 
@@ -2022,8 +2022,8 @@ pub mod srv {
         const TYPE: &'static MessageType = &MessageType {
             name: "probecell_msgs/srv/ApproveCorrection_Request",
             dds_name: "probecell_msgs::srv::dds_::ApproveCorrection_Request_",
-            type_hash: "RIHS01_f7ce76f782568d4f6f6c98696fbe298a98393ce6312e54c7f137d41f7aa5d516",
-            definition: "# Approve or reject a proposed correction.\nstring correction_id\nstring operator\nbool approve\n",
+            type_hash: "RIHS01_0d3d4a4ed546302a30573d39cc01be137fa5ba3a4e2ae8e2aa32ccf0026a5e78",
+            definition: "# Approve or reject a proposed correction.\nstring correction_id\nstring operator_name\nbool approve\n",
             describe: crate::describe::of::<ApproveCorrectionRequest>,
             canonical: crate::cdr::canonical::<ApproveCorrectionRequest>,
         };

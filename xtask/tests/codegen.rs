@@ -148,6 +148,8 @@ fn what_structs_cannot_promise_is_refused_with_its_line() {
         ("float64 Value", "not a name"),
         ("float64", "without a name"),
         ("int32 a\nint32 a", "second field"),
+        ("int32 pass", "reserved word"),
+        ("int32 operator", "reserved word"),
     ] {
         let error = format!(
             "{:#}",

@@ -82,7 +82,7 @@ impl Node for CompensationNode {
             Input::Offsets(offsets) => state.offsets = Some(offsets),
             Input::Request(request) => {
                 if request.kind == OperationRequest::MEASURE {
-                    state.measurement = Some((request.plan_id, request.pass));
+                    state.measurement = Some((request.plan_id, request.pass_number));
                     state.results.clear();
                     state.proposed.clear();
                     for result in std::mem::take(&mut state.early) {
@@ -138,7 +138,7 @@ fn decide_on_all(config: &Config, state: &mut State, now: Stamp, out: &mut Outbo
                 plan_id: plan_id.clone(),
                 part_id: part_id.clone(),
                 feature_id: characteristic.id.clone(),
-                pass,
+                pass_number: pass,
                 verdict: code(verdict),
                 size: result.size,
                 error: result.size - result.nominal_size,
@@ -183,7 +183,7 @@ fn decide_on_all(config: &Config, state: &mut State, now: Stamp, out: &mut Outbo
         header: header(now),
         plan_id,
         part_id,
-        pass,
+        pass_number: pass,
         decision,
         correction_ids,
         text,
@@ -270,20 +270,20 @@ fn approve(config: &Config, state: &mut State, now: Stamp, request: &OperatorReq
         accepted: false,
         text: format!("no correction {:?} waits for approval", request.subject),
     };
-    if request.operator.is_empty() {
+    if request.operator_name.is_empty() {
         reply.text = "an approval needs the name of the operator".to_owned();
     } else if let Some((mut correction, pass)) = state.proposed.remove(&request.subject) {
         correction.header = header(now);
         correction.approval = if request.approve { Correction::APPROVAL_OPERATOR } else { Correction::APPROVAL_REJECTED };
-        correction.approved_by.clone_from(&request.operator);
+        correction.approved_by.clone_from(&request.operator_name);
         correction.expires = now.after_s(config.validity).time();
         if !request.approve {
             out.send(Output::Decision(PassDecision {
                 header: header(now),
                 plan_id: correction.plan_id.clone(),
-                pass,
+                pass_number: pass,
                 decision: PassDecision::STOP,
-                text: format!("{} rejected correction {}", request.operator, correction.correction_id),
+                text: format!("{} rejected correction {}", request.operator_name, correction.correction_id),
                 ..PassDecision::default()
             }));
         }

@@ -164,7 +164,7 @@ fn cut(config: &Config, state: &mut State, now: Stamp, index: usize, out: &mut O
     let pass = &config.passes[run.pass as usize];
     if let Some(operation) = pass.operations.get(index) {
         let kind = OperationRequest::CUT;
-        let asked = OperationRequest { kind, operation: operation.clone(), pass: run.pass, ..OperationRequest::default() };
+        let asked = OperationRequest { kind, operation: operation.clone(), pass_number: run.pass, ..OperationRequest::default() };
         let request_id = request(state, now, asked, out);
         run.stage = Stage::Cutting { index, request_id };
     } else {
@@ -172,7 +172,7 @@ fn cut(config: &Config, state: &mut State, now: Stamp, index: usize, out: &mut O
         run.attempt += 1;
         let plan_id = format!("{}/{}/{}", run.part_id, pass.name, run.attempt);
         let kind = OperationRequest::MEASURE;
-        let asked = OperationRequest { kind, plan_id: plan_id.clone(), pass: run.pass, ..OperationRequest::default() };
+        let asked = OperationRequest { kind, plan_id: plan_id.clone(), pass_number: run.pass, ..OperationRequest::default() };
         let request_id = request(state, now, asked, out);
         run.stage = Stage::Measuring { plan_id, request_id, done: false, decision: None };
     }

@@ -58,7 +58,7 @@ impl Node for PathPlanningNode {
             Input::Timer(_) => {}
             Input::Request(request) => {
                 if request.kind == OperationRequest::MEASURE {
-                    let allowance = config.allowances.get(request.pass as usize).copied().unwrap_or(0.0);
+                    let allowance = config.allowances.get(request.pass_number as usize).copied().unwrap_or(0.0);
                     if let Err(error) = publish(config, now, &request.plan_id, allowance, out) {
                         out.send(Output::Fault(Fault {
                             header: header(now),

@@ -3,7 +3,7 @@
 #
 # Distributions of Debian carry rosidl but neither the ROS 2 standard messages nor the meta packages that name the
 # default generators. Both are made in SCRATCH: the messages from msgs/standard, the meta packages as lists of the
-# generators for C and for introspection.
+# generators for C, C++ and introspection.
 set -euo pipefail
 
 root=$1
@@ -66,8 +66,9 @@ message_package() { # name
 }
 
 meta_package rosidl_default_generators \
-    rosidl_cmake rosidl_generator_c rosidl_typesupport_interface rosidl_typesupport_introspection_c
-meta_package rosidl_default_runtime rosidl_runtime_c rosidl_typesupport_interface
+    rosidl_cmake rosidl_generator_c rosidl_generator_cpp rosidl_typesupport_interface \
+    rosidl_typesupport_introspection_c rosidl_typesupport_introspection_cpp
+meta_package rosidl_default_runtime rosidl_runtime_c rosidl_runtime_cpp rosidl_typesupport_interface
 for package in builtin_interfaces std_msgs geometry_msgs; do
     message_package "$package"
 done
@@ -84,7 +85,8 @@ grep -qx 'probecell_msgs (ros.ament_cmake)' <<<"$listed"
 colcon --log-base log build --paths src/* "$root/msgs" --executor sequential \
     --cmake-args -DPython3_EXECUTABLE=/usr/bin/python3 -DBUILD_TESTING=OFF -DCMAKE_BUILD_TYPE=Debug
 
-# What counts is code that compiled: a library of our types, and every type's functions in it.
+# What counts is code that compiled: libraries of our types, and every type's functions in them.
+test -e install/probecell_msgs/lib/libprobecell_msgs__rosidl_typesupport_introspection_cpp.so
 library=install/probecell_msgs/lib/libprobecell_msgs__rosidl_generator_c.so
 symbols=$(nm --dynamic --defined-only "$library" | awk '{ print $3 }')
 types=0
@@ -98,4 +100,4 @@ for file in "$root"/msgs/srv/*.srv; do
     grep -qx "probecell_msgs__srv__${name}_Response__init" <<<"$symbols"
     types=$((types + 2))
 done
-echo "$types types compiled as C"
+echo "$types types compiled as C and C++"

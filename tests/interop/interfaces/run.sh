@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Checks msgs/ against implementations that are not ours:
-#   1. colcon and rosidl build it as the ROS 2 interface package that it also is, and the generated C code compiles;
+#   1. colcon and rosidl build it as the ROS 2 interface package that it also is, and the generated C and C++ code compiles;
 #   2. rosbags (Python) agrees with the Rust crate on every type hash, schema and byte.
 # Runs on Debian 12 or newer, as root or with sudo. Installs what it lacks; may be repeated.
 set -euo pipefail

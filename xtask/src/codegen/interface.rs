@@ -6,6 +6,18 @@
 
 use anyhow::{Context, Result, bail, ensure};
 
+/// Words in small letters that the C++ or the Python made from an interface cannot have as a field. Sources: C++20,
+/// 5.11, and Python's `keyword.kwlist`.
+const RESERVED: &str = "\
+    alignas alignof and and_eq as asm assert async auto await bitand bitor bool break case catch char char16_t \
+    char32_t char8_t class co_await co_return co_yield compl concept const const_cast consteval constexpr \
+    constinit continue decltype def default del delete do double dynamic_cast elif else enum except explicit \
+    export extern false finally float for friend from global goto if import in inline int is lambda long mutable \
+    namespace new noexcept nonlocal not not_eq nullptr operator or or_eq pass private protected public raise \
+    register reinterpret_cast requires return short signed sizeof static static_assert static_cast struct switch \
+    template this thread_local throw true try typedef typeid typename union unsigned using virtual void volatile \
+    wchar_t while with xor xor_eq yield";
+
 /// A parsed message, or one half of a service.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Message {
@@ -243,6 +255,10 @@ impl Message {
             },
         };
         check_name(name, char::is_lowercase)?;
+        ensure!(
+            !RESERVED.split_whitespace().any(|word| word == name),
+            "{name} is a reserved word of C++ or Python"
+        );
         ensure!(
             self.fields.iter().all(|field| field.name != name),
             "a second field {name}"

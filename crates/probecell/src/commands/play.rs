@@ -1,0 +1,286 @@
+//! `probecell play`: a recording on the bus again.
+//!
+//! Topics go under another namespace by default, so that nothing of a running cell takes them for its own. Whatever could
+//! move a machine (`controller_commands`) is never published, under any namespace. Messages go out in the order and with
+//! the spacing of their log times, at any rate; `/clock` tells the recorded time.
+
+use std::{
+    collections::BTreeMap,
+    io::BufRead,
+    path::PathBuf,
+    sync::mpsc::{Receiver, RecvTimeoutError, channel},
+    time::{Duration, Instant},
+};
+
+use anyhow::{Context, bail};
+use bags::{Bag, Durability, History, Reliability};
+use clap::Args;
+use graph::{Stamp, topics};
+use host::bus::{self, Bus, BusConfig, Publisher, Qos, TypeId};
+use indicatif::ProgressBar;
+use probecell_msgs::{Message, rosgraph_msgs::Clock, to_cdr};
+
+use crate::{GOOD, report, signals};
+
+/// Between two messages of `/clock` while nothing else happens.
+const CLOCK_PERIOD: Duration = Duration::from_millis(25);
+
+/// What the user asks for.
+#[derive(Args)]
+pub(crate) struct Arguments {
+    /// Bag: a folder or an .mcap file.
+    bag: PathBuf,
+    /// Namespace to publish under instead of the recorded one.
+    #[arg(long, default_value = "/replay")]
+    namespace: String,
+    /// Speed: 2 is twice as fast.
+    #[arg(long, default_value_t = 1.0)]
+    rate: f64,
+    /// Begin so many seconds into the recording.
+    #[arg(long, default_value_t = 0.0)]
+    start_s: f64,
+    /// Begin again at the end.
+    #[arg(long = "loop")]
+    again: bool,
+    /// Wait for a line on standard input before the first message.
+    #[arg(long)]
+    paused: bool,
+    /// Read commands from standard input: pause, resume, seek SECONDS, rate FACTOR, quit.
+    #[arg(long)]
+    interactive: bool,
+    /// Wait until so many subscriptions hear each of these topics (recorded names).
+    #[arg(long)]
+    wait_for: Vec<String>,
+    /// Publish `/clock`.
+    #[arg(long)]
+    clock: bool,
+    /// Router to connect to.
+    #[arg(long, default_value = bus::ROUTER_ENDPOINT)]
+    router: String,
+    /// ROS domain.
+    #[arg(long, default_value_t = 0)]
+    domain_id: u32,
+}
+
+enum Order {
+    Pause,
+    Resume,
+    Seek(f64),
+    Rate(f64),
+    Quit,
+}
+
+/// Plays the bag.
+pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
+    if !(arguments.rate.is_finite() && arguments.rate > 0.0) {
+        bail!("--rate {} must be a finite number above 0", arguments.rate);
+    }
+    let bag = Bag::open(&arguments.bag)?;
+    let (first, last) = bag.bounds().context("the bag has no messages to play")?;
+    let config = BusConfig {
+        endpoints: vec![arguments.router.clone()],
+        domain_id: arguments.domain_id,
+        ..BusConfig::default()
+    };
+    let bus = Bus::open(&config, "play", "/")?;
+    let player = Player::new(&bus, &bag, arguments)?;
+    player.wait_for_subscribers(&arguments.wait_for);
+    let orders = orders(arguments.interactive || arguments.paused)?;
+    let mut pace = Pace { rate: arguments.rate, paused: arguments.paused, zero: first, since: Instant::now(), at: first };
+    pace.seek(first + (arguments.start_s.max(0.0) * 1e9) as u64);
+    loop {
+        let finished = player.play_once(&bag, &mut pace, &orders, first, last)?;
+        if !finished || !arguments.again {
+            break;
+        }
+        pace.seek(first);
+    }
+    bus.close(Duration::from_secs(5))?;
+    Ok(GOOD)
+}
+
+/// Where the playing stands, in recorded time.
+struct Pace {
+    rate: f64,
+    paused: bool,
+    zero: u64,
+    since: Instant,
+    at: u64,
+}
+
+impl Pace {
+    /// Recorded time that is due now, ns.
+    fn due(&self) -> u64 {
+        if self.paused { self.at } else { self.zero + (self.since.elapsed().as_secs_f64() * self.rate * 1e9) as u64 }
+    }
+
+    fn seek(&mut self, to: u64) {
+        (self.zero, self.at, self.since) = (to, to, Instant::now());
+    }
+
+    /// Until recorded time `to` is due.
+    fn wait(&self, to: u64) -> Duration {
+        if self.paused { CLOCK_PERIOD } else { Duration::from_secs_f64(to.saturating_sub(self.due()) as f64 * 1e-9 / self.rate) }
+    }
+}
+
+struct Player<'a> {
+    bus: &'a Bus,
+    publishers: BTreeMap<String, Publisher>,
+    clock: Option<Publisher>,
+}
+
+impl<'a> Player<'a> {
+    fn new(bus: &'a Bus, bag: &Bag, arguments: &Arguments) -> anyhow::Result<Self> {
+        let namespace = arguments.namespace.trim_end_matches('/');
+        let mut publishers = BTreeMap::new();
+        for channel in bag.channels() {
+            let name = channel.topic.rsplit('/').next().unwrap_or_default();
+            if name == topics::CONTROLLER_COMMANDS.name || publishers.contains_key(&channel.topic) {
+                continue;
+            }
+            let Some(ty) = type_of(channel) else {
+                report::remark(&format!("{} is not played: its type {} has no hash", channel.topic, channel.type_name));
+                continue;
+            };
+            let target = format!("{namespace}{}", channel.topic);
+            publishers.insert(channel.topic.clone(), bus.publisher(&target, ty, qos(channel.qos))?);
+        }
+        let clock = if arguments.clock {
+            Some(bus.publisher("/clock", Clock::TYPE, Qos::best_effort(1))?)
+        } else {
+            None
+        };
+        Ok(Self { bus, publishers, clock })
+    }
+
+    fn wait_for_subscribers(&self, wanted: &[String]) {
+        for topic in wanted {
+            if let Some(publisher) = self.publishers.get(topic) {
+                let deadline = Instant::now() + Duration::from_secs(3600);
+                self.bus.wait_for_subscribers(publisher, 1, deadline);
+            } else {
+                report::remark(&format!("{topic} is not in the bag: nobody is waited for"));
+            }
+        }
+    }
+
+    /// Plays to the end; false when the user ended it.
+    fn play_once(
+        &self,
+        bag: &Bag,
+        pace: &mut Pace,
+        orders: &Receiver<Order>,
+        first: u64,
+        last: u64,
+    ) -> anyhow::Result<bool> {
+        let progress = ProgressBar::new((last - first) / 1_000_000_000);
+        let mut from = pace.at;
+        'again: loop {
+            let mut told = Instant::now();
+            for message in bag.messages() {
+                let Ok(message) = message else { continue };
+                if message.log_time < from {
+                    continue;
+                }
+                while pace.paused || pace.due() < message.log_time {
+                    match orders.recv_timeout(pace.wait(message.log_time).min(CLOCK_PERIOD)) {
+                        Ok(Order::Quit) => return Ok(false),
+                        Ok(Order::Pause) => {
+                            pace.at = pace.due();
+                            pace.paused = true;
+                        }
+                        Ok(Order::Resume) => {
+                            pace.seek(pace.at);
+                            pace.paused = false;
+                        }
+                        Ok(Order::Rate(rate)) => {
+                            pace.seek(pace.due());
+                            pace.rate = rate;
+                        }
+                        Ok(Order::Seek(seconds)) => {
+                            from = first + (seconds.max(0.0) * 1e9) as u64;
+                            pace.seek(from);
+                            continue 'again;
+                        }
+                        Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => {}
+                    }
+                    if told.elapsed() >= CLOCK_PERIOD {
+                        self.tell_clock(pace.due().min(message.log_time))?;
+                        progress.set_position(message.log_time.saturating_sub(first) / 1_000_000_000);
+                        told = Instant::now();
+                    }
+                }
+                if let Some(publisher) = self.publishers.get(&message.channel.topic) {
+                    publisher.publish(&message.payload, message.publish_time as i64)?;
+                }
+            }
+            progress.finish_and_clear();
+            return Ok(true);
+        }
+    }
+
+    fn tell_clock(&self, recorded: u64) -> anyhow::Result<()> {
+        if let Some(publisher) = &self.clock {
+            let stamp = Stamp(recorded as i64);
+            publisher.publish(&to_cdr(&Clock { clock: stamp.time() }), stamp.0)?;
+        }
+        Ok(())
+    }
+}
+
+/// Orders from standard input, and the end by a signal.
+fn orders(interactive: bool) -> anyhow::Result<Receiver<Order>> {
+    let (sender, receiver) = channel();
+    let at_end = sender.clone();
+    signals::on_end(move || drop(at_end.send(Order::Quit)))?;
+    if interactive {
+        std::thread::Builder::new().name("orders".to_owned()).spawn(move || {
+            for line in std::io::stdin().lock().lines().map_while(Result::ok) {
+                match order(&line) {
+                    Some(order) => drop(sender.send(order)),
+                    None => report::remark("orders are: pause, resume, seek SECONDS, rate FACTOR, quit"),
+                }
+            }
+        })?;
+    }
+    Ok(receiver)
+}
+
+fn order(line: &str) -> Option<Order> {
+    let mut words = line.split_whitespace();
+    let order = match words.next() {
+        None | Some("resume") => Order::Resume,
+        Some("pause") => Order::Pause,
+        Some("quit") => Order::Quit,
+        Some("seek") => Order::Seek(words.next()?.parse().ok().filter(|seconds: &f64| seconds.is_finite())?),
+        Some("rate") => Order::Rate(words.next()?.parse().ok().filter(|rate: &f64| rate.is_finite() && *rate > 0.0)?),
+        Some(_) => return None,
+    };
+    Some(order)
+}
+
+/// The type as it goes on the bus; our own hash where the bag has none.
+fn type_of(channel: &bags::Channel) -> Option<TypeId> {
+    let known = probecell_msgs::by_name(&channel.type_name);
+    let (package, name) = channel.type_name.split_once("/msg/")?;
+    let hash = if channel.type_hash.is_empty() { known?.type_hash.to_owned() } else { channel.type_hash.clone() };
+    Some(TypeId::new(format!("{package}::msg::dds_::{name}_"), hash))
+}
+
+fn qos(recorded: bags::Qos) -> Qos {
+    Qos {
+        reliability: match recorded.reliability {
+            Reliability::Reliable => bus::Reliability::Reliable,
+            Reliability::BestEffort => bus::Reliability::BestEffort,
+        },
+        durability: match recorded.durability {
+            Durability::Volatile => bus::Durability::Volatile,
+            Durability::TransientLocal => bus::Durability::TransientLocal,
+        },
+        history: match recorded.history {
+            History::KeepLast(depth) => bus::History::KeepLast(depth as usize),
+            History::KeepAll => bus::History::KeepAll,
+        },
+    }
+}

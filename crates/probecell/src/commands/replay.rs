@@ -1,0 +1,146 @@
+//! `probecell replay`: every node of a recording computed again, and compared.
+
+use std::{path::Path, time::Instant};
+
+use anyhow::{Context, bail};
+use bags::Bag;
+use cell::{Cell, CellText};
+use graph::{
+    Instance,
+    replay::{Difference, Factory, Recording, Report, Verdict, replay},
+    topics,
+};
+use indicatif::ProgressBar;
+use serde_json::json;
+
+use super::record::{CELL_FILE, ROBOT_FILE};
+use crate::{FAILED, GOOD, LOSS, report};
+
+/// Replays the bag. A bag without step journals is computed from its plan and touches alone.
+pub(crate) fn run(path: &Path, json: bool) -> anyhow::Result<u8> {
+    let bag = Bag::open(path)?;
+    let Some(cell) = embedded_cell(&bag)? else {
+        return super::plan::replay_foreign(&bag, json);
+    };
+    let begun = Instant::now();
+    let recording = read(&bag, &cell)?;
+    let factories: Vec<Factory> = cell.node_names().into_iter().map(|name| factory(&cell, name)).collect();
+    let result = replay(&recording, &factories)?;
+    let seconds = begun.elapsed().as_secs_f64();
+    if json {
+        let damage = bag.damage();
+        report::json(&json!({ "replay": result, "seconds": seconds, "damage": damage }))?;
+    } else {
+        tell(&result, seconds)?;
+        for damage in bag.damage() {
+            report::line(&format!("damage    {damage}"));
+        }
+    }
+    Ok(match result.verdict {
+        Verdict::Equal => GOOD,
+        Verdict::Different => FAILED,
+        Verdict::Incomplete => LOSS,
+    })
+}
+
+/// The cell that a recording carries, if it does.
+pub(crate) fn embedded_cell(bag: &Bag) -> anyhow::Result<Option<Cell>> {
+    let mut text = CellText { name: format!("{} of {}", CELL_FILE, bag.path().display()), ..CellText::default() };
+    for attachment in bag.attachments().flatten() {
+        let content = String::from_utf8(attachment.data.to_vec());
+        match attachment.name.as_str() {
+            CELL_FILE => text.cell = content.context("the embedded cell file is not text")?,
+            ROBOT_FILE => text.robot_description = content.context("the embedded robot description is not text")?,
+            _ => {}
+        }
+    }
+    if text.cell.is_empty() {
+        return Ok(None);
+    }
+    Ok(Some(Cell::from_text(text)?))
+}
+
+fn factory(cell: &Cell, name: &'static str) -> Factory {
+    let cell = cell.clone();
+    Box::new(move || -> Box<dyn Instance> {
+        // The cell was checked when it was read, by building each of its nodes.
+        cell.instance(name, false).unwrap_or_else(|error| panic!("a checked cell builds its nodes: {error}"))
+    })
+}
+
+fn read(bag: &Bag, cell: &Cell) -> anyhow::Result<Recording> {
+    let total: u64 = bag.counts().iter().sum();
+    let progress = ProgressBar::new(total).with_message("reading");
+    let prefix = format!("{}/", cell.namespace());
+    let mut recording = Recording::default();
+    for message in bag.messages() {
+        progress.inc(1);
+        // Damage is told by the bag itself; what is whole is used.
+        let Ok(message) = message else { continue };
+        if let Some(topic) = message.channel.topic.strip_prefix(&prefix) {
+            recording.push(topic, u64::from(message.sequence), &message.payload);
+        }
+    }
+    progress.finish_and_clear();
+    if recording.journaled().next().is_none() {
+        bail!("{} has no step journals: it was not recorded from a running cell", bag.path().display());
+    }
+    Ok(recording)
+}
+
+fn tell(result: &Report, seconds: f64) -> anyhow::Result<()> {
+    for topic in result.topics.iter().filter(|topic| topic.recorded + topic.not_recorded > 0) {
+        let mut line = format!("{:>7} of {:<7} equal  {}", topic.equal, topic.recorded, topic.topic);
+        for (count, word) in [
+            (topic.different, "DIFFERENT"),
+            (topic.not_recomputed, "not recomputed"),
+            (topic.not_recorded, "not recorded"),
+        ] {
+            if count > 0 {
+                line = format!("{line}  {count} {word}");
+            }
+        }
+        report::line(&line);
+    }
+    for node in &result.nodes {
+        if node.steps_left > 0 || node.timers_not_asked_for > 0 {
+            let waits = node.waits_for.as_ref().map(|input| format!(", it waits for {input}")).unwrap_or_default();
+            report::line(&format!(
+                "{}: {} steps not made{waits}; {} timers it had not asked for",
+                node.node, node.steps_left, node.timers_not_asked_for
+            ));
+        }
+    }
+    if let Some(difference) = &result.first_difference {
+        tell_difference(difference)?;
+    }
+    let steps: u64 = result.nodes.iter().map(|node| node.steps).sum();
+    let span = result.span.map_or(0.0, |(first, last)| last.since_s(first));
+    let verdict = match result.verdict {
+        Verdict::Equal => "all outputs of all nodes equal",
+        Verdict::Different => "outputs differ",
+        Verdict::Incomplete => "nothing differs, but part could not be compared",
+    };
+    report::line(&format!(
+        "{verdict}: {steps} steps of {span:.1} s in {seconds:.2} s ({:.0} x real time)",
+        span / seconds.max(1e-9)
+    ));
+    Ok(())
+}
+
+fn tell_difference(difference: &Difference) -> anyhow::Result<()> {
+    let topic = topics::by_name(&difference.topic).context("a node published on a topic that the cell does not have")?;
+    report::line(&format!("first difference: message {} on {}", difference.sequence, difference.topic));
+    let recorded = topic.message.describe(&difference.recorded)?.leaves();
+    let recomputed = topic.message.describe(&difference.recomputed)?.leaves();
+    let mut lines = 0;
+    for index in 0..recorded.len().max(recomputed.len()) {
+        let show = |leaf: Option<&(String, String)>| leaf.map_or_else(|| "-".to_owned(), |(path, value)| format!("{path} = {value}"));
+        let (was, is) = (recorded.get(index), recomputed.get(index));
+        if was != is && lines < 12 {
+            report::line(&format!("  recorded {}    recomputed {}", show(was), show(is)));
+            lines += 1;
+        }
+    }
+    Ok(())
+}
