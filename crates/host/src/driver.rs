@@ -10,7 +10,9 @@ use std::{
 
 use controllers::linuxcnc::{Driver, DriverOutput};
 use graph::{Topic, topics};
-use probecell_msgs::{ControllerCommand, InspectionPlan, MeasurementOrder, Message, from_cdr, to_cdr};
+use probecell_msgs::{
+    ControllerCommand, InspectionPlan, MeasurementOrder, Message, from_cdr, to_cdr,
+};
 use tracing::error;
 
 use crate::{
@@ -37,15 +39,34 @@ pub fn run_driver(
     stopped: &dyn Fn() -> bool,
 ) -> Result<(), BusError> {
     let absolute = |topic: &Topic| format!("{namespace}/{}", topic.name);
-    let publisher = |topic: Topic| bus.publisher(&absolute(&topic), topic.message, bus_qos(topic.qos));
+    let publisher =
+        |topic: Topic| bus.publisher(&absolute(&topic), topic.message, bus_qos(topic.qos));
     let status = publisher(topics::CONTROLLER_STATUS)?;
     let triggers = publisher(topics::PROBE_TRIGGERS)?;
     let replies = publisher(topics::CONTROLLER_REPLIES)?;
     let (sender, receiver) = channel();
     let subscriptions = [
-        hear(&bus, namespace, topics::CONTROLLER_COMMANDS, &sender, |message| Heard::Command(Box::new(message)))?,
-        hear(&bus, namespace, topics::INSPECTION_PLAN, &sender, |message| Heard::Plan(Box::new(message)))?,
-        hear(&bus, namespace, topics::MEASUREMENT_ORDER, &sender, |message| Heard::Order(Box::new(message)))?,
+        hear(
+            &bus,
+            namespace,
+            topics::CONTROLLER_COMMANDS,
+            &sender,
+            |message| Heard::Command(Box::new(message)),
+        )?,
+        hear(
+            &bus,
+            namespace,
+            topics::INSPECTION_PLAN,
+            &sender,
+            |message| Heard::Plan(Box::new(message)),
+        )?,
+        hear(
+            &bus,
+            namespace,
+            topics::MEASUREMENT_ORDER,
+            &sender,
+            |message| Heard::Order(Box::new(message)),
+        )?,
     ];
     let mut next = Instant::now();
     while !stopped() {
@@ -86,9 +107,19 @@ fn hear<M: Message>(
     let on_sample = move |received: Received<'_>| match from_cdr::<M>(&received.payload) {
         // The queue outlives the subscription only at the end, when nobody needs the message any more.
         Ok(message) => drop(sender.send(wrap(message))),
-        Err(refused) => error!("a message on {} is not usable: {refused}: passed over", topic.name),
+        Err(refused) => error!(
+            "a message on {} is not usable: {refused}: passed over",
+            topic.name
+        ),
     };
-    let on_lost = move |lost: crate::bus::Lost| error!("lost {} messages on {}", lost.count, topic.name);
+    let on_lost =
+        move |lost: crate::bus::Lost| error!("lost {} messages on {}", lost.count, topic.name);
     let name = format!("{namespace}/{}", topic.name);
-    bus.subscribe(&name, topic.message, bus_qos(topic.qos), Box::new(on_sample), Box::new(on_lost))
+    bus.subscribe(
+        &name,
+        topic.message,
+        bus_qos(topic.qos),
+        Box::new(on_sample),
+        Box::new(on_lost),
+    )
 }

@@ -64,8 +64,15 @@ pub enum ProcessError {
 }
 
 enum Event {
-    Message { port: usize, sequence: u64, payload: Vec<u8> },
-    Lost { port: usize, lost: Lost },
+    Message {
+        port: usize,
+        sequence: u64,
+        payload: Vec<u8>,
+    },
+    Lost {
+        port: usize,
+        lost: Lost,
+    },
     Stop,
 }
 
@@ -80,7 +87,10 @@ pub fn run_node(
     hand_over(Stop(sender.clone()));
     let mut process = Process::join(&bus, node, settings, &sender)?;
     if let Some(topic) = wait_until_heard(&bus, &process.awaited(settings), START_PATIENCE) {
-        warn!("{} starts although not everybody hears {topic}", process.node.name());
+        warn!(
+            "{} starts although not everybody hears {topic}",
+            process.node.name()
+        );
     }
     process.run(&receiver)?;
     process.publish_journal()?;
@@ -115,14 +125,22 @@ impl Process {
             .map(|topic| bus.publisher(&absolute(topic.name), topic.message, bus_qos(topic.qos)))
             .collect::<Result<_, _>>()?;
         let (message, qos) = topics::JOURNAL;
-        let journal_publisher = bus.publisher(&absolute(&topics::journal_name(node.name())), message, bus_qos(qos))?;
+        let journal_publisher = bus.publisher(
+            &absolute(&topics::journal_name(node.name())),
+            message,
+            bus_qos(qos),
+        )?;
         let mut subscriptions = Vec::new();
         for (port, topic) in node.inputs().iter().enumerate() {
             let (samples, losses) = (sender.clone(), sender.clone());
             // The queue outlives the subscription only at the end, when nobody needs the message any more.
             let on_sample = move |received: Received<'_>| {
                 let sequence = received.sequence;
-                drop(samples.send(Event::Message { port, sequence, payload: received.payload.into_owned() }));
+                drop(samples.send(Event::Message {
+                    port,
+                    sequence,
+                    payload: received.payload.into_owned(),
+                }));
             };
             let on_lost = move |lost| drop(losses.send(Event::Lost { port, lost }));
             subscriptions.push(bus.subscribe(
@@ -136,17 +154,35 @@ impl Process {
         let journal = Journal::new(node.name(), settings.incarnation);
         let namespace = settings.namespace.clone();
         let (timers, last) = (BTreeMap::new(), Stamp::default());
-        Ok(Self { node, namespace, publishers, journal_publisher, subscriptions, journal, timers, asked: 0, last })
+        Ok(Self {
+            node,
+            namespace,
+            publishers,
+            journal_publisher,
+            subscriptions,
+            journal,
+            timers,
+            asked: 0,
+            last,
+        })
     }
 
     /// Absolute topic, type and number of subscriptions to wait for.
     fn awaited(&self, settings: &NodeProcess) -> Vec<(String, TypeId, usize)> {
         let journal = topics::journal_name(self.node.name());
-        let own = self.node.outputs().iter().map(|topic| (topic.name, topic.message));
+        let own = self
+            .node
+            .outputs()
+            .iter()
+            .map(|topic| (topic.name, topic.message));
         own.chain([(journal.as_str(), topics::JOURNAL.0)])
             .filter_map(|(name, message)| {
                 let count = *settings.awaited.get(name)?;
-                Some((format!("{}/{name}", self.namespace), TypeId::from(message), count))
+                Some((
+                    format!("{}/{name}", self.namespace),
+                    TypeId::from(message),
+                    count,
+                ))
             })
             .collect()
     }
@@ -157,15 +193,27 @@ impl Process {
         loop {
             self.fire_due()?;
             match receiver.recv_timeout(self.patience()) {
-                Ok(Event::Message { port, sequence, payload }) => self.message(port, sequence, &payload)?,
+                Ok(Event::Message {
+                    port,
+                    sequence,
+                    payload,
+                }) => self.message(port, sequence, &payload)?,
                 Ok(Event::Lost { port, lost }) => {
                     let topic = self.node.inputs()[port].name;
-                    error!("{}: lost {} messages on {topic} from number {}", self.node.name(), lost.count, lost.first);
+                    error!(
+                        "{}: lost {} messages on {topic} from number {}",
+                        self.node.name(),
+                        lost.count,
+                        lost.first
+                    );
                 }
                 Ok(Event::Stop) | Err(RecvTimeoutError::Disconnected) => return Ok(()),
                 Err(RecvTimeoutError::Timeout) => {}
             }
-            let age = self.journal.oldest().map_or(0.0, |oldest| now().since_s(oldest));
+            let age = self
+                .journal
+                .oldest()
+                .map_or(0.0, |oldest| now().since_s(oldest));
             if self.journal.len() >= JOURNAL_STEPS || age >= JOURNAL_AGE {
                 self.publish_journal()?;
             }
@@ -181,9 +229,14 @@ impl Process {
     /// Until the next timer, or until the journal is due.
     fn patience(&self) -> Duration {
         let next = self.timers.keys().next().map(|&(at, _)| at);
-        let journal = self.journal.oldest().map(|oldest| oldest.after_s(JOURNAL_AGE));
+        let journal = self
+            .journal
+            .oldest()
+            .map(|oldest| oldest.after_s(JOURNAL_AGE));
         let due = next.into_iter().chain(journal).min();
-        due.map_or(Duration::from_secs(1), |due| Duration::from_secs_f64(due.since_s(now()).clamp(0.0, 1.0)))
+        due.map_or(Duration::from_secs(1), |due| {
+            Duration::from_secs_f64(due.since_s(now()).clamp(0.0, 1.0))
+        })
     }
 
     fn fire_due(&mut self) -> Result<(), BusError> {
@@ -200,13 +253,27 @@ impl Process {
 
     fn timer(&mut self, instant: Stamp, id: u32) -> Result<(), BusError> {
         let emitted = self.node.timer(instant, id);
-        self.settle(Step { now: instant, port: TIMER_PORT, sequence: u64::from(id) }, emitted)
+        self.settle(
+            Step {
+                now: instant,
+                port: TIMER_PORT,
+                sequence: u64::from(id),
+            },
+            emitted,
+        )
     }
 
     fn message(&mut self, port: usize, sequence: u64, payload: &[u8]) -> Result<(), BusError> {
         let instant = self.clock();
         match self.node.deliver(instant, port, payload) {
-            Ok(emitted) => self.settle(Step { now: instant, port: port as u16, sequence }, emitted),
+            Ok(emitted) => self.settle(
+                Step {
+                    now: instant,
+                    port: port as u16,
+                    sequence,
+                },
+                emitted,
+            ),
             Err(refused) => {
                 error!("{}: {refused}: passed over", self.node.name());
                 Ok(())
@@ -228,7 +295,8 @@ impl Process {
 
     fn publish_journal(&mut self) -> Result<(), BusError> {
         if let Some(message) = self.journal.take() {
-            self.journal_publisher.publish(&to_cdr(&message), self.last.0)?;
+            self.journal_publisher
+                .publish(&to_cdr(&message), self.last.0)?;
         }
         Ok(())
     }

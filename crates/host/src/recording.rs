@@ -3,12 +3,7 @@
 //! Subscriptions push on the transport's threads into a bounded queue; a thread of the bag's own writes. A loss on the
 //! bus is written down in the bag and published on `loss_reports`.
 
-use std::{
-    collections::BTreeMap,
-    path::PathBuf,
-    sync::Arc,
-    time::Duration,
-};
+use std::{collections::BTreeMap, path::PathBuf, sync::Arc, time::Duration};
 
 use bags::{Channel, Recorder, RecorderOptions, SplitAt, Statistics};
 use graph::{Stamp, topics};
@@ -76,13 +71,30 @@ impl RecorderProcess {
             publisher: bus.publisher(&name, topic.message, bus_qos(topic.qos))?,
             namespace: settings.namespace.clone(),
         });
-        let mut process = Self { recorder, subscriptions: Vec::new() };
+        let mut process = Self {
+            recorder,
+            subscriptions: Vec::new(),
+        };
         for topic in topics::ALL {
-            process.subscribe(bus, &settings.namespace, topic.name, topic.message, topic.qos, &losses)?;
+            process.subscribe(
+                bus,
+                &settings.namespace,
+                topic.name,
+                topic.message,
+                topic.qos,
+                &losses,
+            )?;
         }
         for node in &settings.nodes {
             let (message, qos) = topics::JOURNAL;
-            process.subscribe(bus, &settings.namespace, &topics::journal_name(node), message, qos, &losses)?;
+            process.subscribe(
+                bus,
+                &settings.namespace,
+                &topics::journal_name(node),
+                message,
+                qos,
+                &losses,
+            )?;
         }
         Ok(process)
     }
@@ -102,7 +114,13 @@ impl RecorderProcess {
         let for_losses = pusher.clone();
         let on_sample = move |received: Received<'_>| {
             let (reception, source) = (received.received_ns as u64, received.source_time_ns as u64);
-            let pushed = pusher.push(channel, received.sequence, reception, source, received.payload.into_owned());
+            let pushed = pusher.push(
+                channel,
+                received.sequence,
+                reception,
+                source,
+                received.payload.into_owned(),
+            );
             // A full queue is counted by the bag itself; a stopped or failed one is told by `finish`.
             drop(pushed);
         };
@@ -111,8 +129,13 @@ impl RecorderProcess {
             for_losses.report_bus_loss(channel, lost.count, false);
             losses.tell(&topic, lost);
         };
-        let subscription =
-            bus.subscribe(&absolute, message, bus_qos(qos), Box::new(on_sample), Box::new(on_lost))?;
+        let subscription = bus.subscribe(
+            &absolute,
+            message,
+            bus_qos(qos),
+            Box::new(on_sample),
+            Box::new(on_lost),
+        )?;
         self.subscriptions.push(subscription);
         Ok(())
     }
@@ -132,9 +155,15 @@ impl RecorderProcess {
 impl Losses {
     fn tell(&self, topic: &str, lost: crate::bus::Lost) {
         let instant: Stamp = now();
-        error!("lost {} messages on {}/{topic} from number {}", lost.count, self.namespace, lost.first);
+        error!(
+            "lost {} messages on {}/{topic} from number {}",
+            lost.count, self.namespace, lost.first
+        );
         let report = LossReport {
-            header: std_msgs::Header { stamp: instant.time(), frame_id: String::new() },
+            header: std_msgs::Header {
+                stamp: instant.time(),
+                frame_id: String::new(),
+            },
             observer: "recorder".to_owned(),
             topic: topic.to_owned(),
             first_sequence: lost.first,
@@ -149,14 +178,26 @@ impl Losses {
 
 fn bag_qos(qos: graph::Qos) -> bags::Qos {
     bags::Qos {
-        reliability: if qos.reliable { bags::Reliability::Reliable } else { bags::Reliability::BestEffort },
-        durability: if qos.transient_local { bags::Durability::TransientLocal } else { bags::Durability::Volatile },
-        history: qos.depth.map_or(bags::History::KeepAll, bags::History::KeepLast),
+        reliability: if qos.reliable {
+            bags::Reliability::Reliable
+        } else {
+            bags::Reliability::BestEffort
+        },
+        durability: if qos.transient_local {
+            bags::Durability::TransientLocal
+        } else {
+            bags::Durability::Volatile
+        },
+        history: qos
+            .depth
+            .map_or(bags::History::KeepAll, bags::History::KeepLast),
     }
 }
 
 /// Subscriptions that the recorder adds to each topic: one, for each topic of the cell and each journal.
 pub fn heard_by_recorder(nodes: &[&str]) -> BTreeMap<String, usize> {
     let own = topics::ALL.iter().map(|topic| topic.name.to_owned());
-    own.chain(nodes.iter().map(|node| topics::journal_name(node))).map(|name| (name, 1)).collect()
+    own.chain(nodes.iter().map(|node| topics::journal_name(node)))
+        .map(|name| (name, 1))
+        .collect()
 }

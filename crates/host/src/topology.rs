@@ -12,25 +12,43 @@ const LOOK: Duration = Duration::from_millis(20);
 /// Quality of service of the table of topics, as the bus takes it.
 pub fn bus_qos(qos: graph::Qos) -> Qos {
     Qos {
-        reliability: if qos.reliable { Reliability::Reliable } else { Reliability::BestEffort },
-        durability: if qos.transient_local { Durability::TransientLocal } else { Durability::Volatile },
-        history: qos.depth.map_or(History::KeepAll, |depth| History::KeepLast(depth as usize)),
+        reliability: if qos.reliable {
+            Reliability::Reliable
+        } else {
+            Reliability::BestEffort
+        },
+        durability: if qos.transient_local {
+            Durability::TransientLocal
+        } else {
+            Durability::Volatile
+        },
+        history: qos
+            .depth
+            .map_or(History::KeepAll, |depth| History::KeepLast(depth as usize)),
     }
 }
 
 /// The instant now.
 pub fn now() -> Stamp {
-    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    let since = SystemTime::now()
+        .duration_since(UNIX_EPOCH)
+        .unwrap_or_default();
     Stamp(i64::try_from(since.as_nanos()).unwrap_or(i64::MAX))
 }
 
 /// Waits until each of `wanted` (absolute topic, type, number) has that many subscriptions. The first topic that has
 /// not when `within` is over comes back.
-pub fn wait_until_heard<'a>(bus: &Bus, wanted: &'a [(String, TypeId, usize)], within: Duration) -> Option<&'a str> {
+pub fn wait_until_heard<'a>(
+    bus: &Bus,
+    wanted: &'a [(String, TypeId, usize)],
+    within: Duration,
+) -> Option<&'a str> {
     let deadline = Instant::now() + within;
     loop {
         let graph = bus.graph();
-        let missing = wanted.iter().find(|(topic, ty, count)| graph.subscriptions(topic, ty) < *count);
+        let missing = wanted
+            .iter()
+            .find(|(topic, ty, count)| graph.subscriptions(topic, ty) < *count);
         match missing {
             None => return None,
             Some((topic, ..)) if Instant::now() >= deadline => return Some(topic),

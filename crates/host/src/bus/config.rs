@@ -3,6 +3,9 @@
 //! The defaults are those of a session of rmw_zenoh, narrowed to loopback: a peer that looks for the router at
 //! `tcp/127.0.0.1:7447`, listens on loopback only, speaks no multicast, gossips, and stamps. Every setting of Zenoh
 //! (TLS, access control, user and password, links) passes through as a table laid over these defaults.
+//!
+//! Peers of one router are taken to reach one another, hence it forwards nothing between them. A node that looks for
+//! its router on another machine cannot promise that, and is a client: everything it hears comes by the router.
 
 use std::net::{IpAddr, Ipv4Addr};
 use std::time::Duration;
@@ -43,7 +46,7 @@ pub struct BusConfig {
     pub domain_id: u32,
     /// Routers to connect to, as Zenoh locators; DDS finds its peers itself.
     pub endpoints: Vec<String>,
-    /// Where this session accepts direct connections, as Zenoh locators.
+    /// Where this session accepts direct connections, as Zenoh locators; not used by a client.
     pub listen: Vec<String>,
     /// Settings of Zenoh, laid over the defaults; unknown ones are refused.
     pub zenoh: Value,
@@ -81,14 +84,16 @@ impl Default for BusConfig {
 
 impl BusConfig {
     pub(super) fn to_zenoh(&self) -> Result<zenoh::Config, BusError> {
+        let is_peer = self.endpoints.iter().all(|endpoint| is_loopback(endpoint));
+        let listen: &[String] = if is_peer { &self.listen } else { &[] };
         let mut settings = json!({
-            "mode": "peer",
+            "mode": if is_peer { "peer" } else { "client" },
             "connect": {
                 "endpoints": self.endpoints,
                 "timeout_ms": self.connect_timeout.as_millis() as u64,
                 "exit_on_failure": true,
             },
-            "listen": { "endpoints": self.listen, "exit_on_failure": true },
+            "listen": { "endpoints": listen, "exit_on_failure": true },
             "scouting": { "multicast": { "enabled": false }, "gossip": { "enabled": true } },
             "timestamping": { "enabled": true },
         });
@@ -133,6 +138,16 @@ impl RouterConfig {
     }
 }
 
+/// The locator's address is one of this machine only.
+fn is_loopback(endpoint: &str) -> bool {
+    let address = endpoint
+        .split_once('/')
+        .map_or(endpoint, |(_, address)| address);
+    let host = address.rsplit_once(':').map_or(address, |(host, _)| host);
+    let host = host.trim_start_matches('[').trim_end_matches(']');
+    host == "localhost" || host.parse().is_ok_and(|host: IpAddr| host.is_loopback())
+}
+
 /// Lays `over` on `base`: tables are merged, everything else is replaced.
 fn overlay(base: &mut Value, over: &Value) {
     match (base, over) {
@@ -169,6 +184,29 @@ mod tests {
             config.get_json("scouting/multicast/enabled").unwrap(),
             "false"
         );
+    }
+
+    #[test]
+    fn a_node_of_a_distant_router_is_a_client() {
+        for (endpoint, mode) in [
+            ("tcp/127.0.0.1:7447", "peer"),
+            ("tls/localhost:7447", "peer"),
+            ("tcp/[::1]:7447", "peer"),
+            ("tcp/192.168.1.7:7447", "client"),
+            ("tls/cell.example:7447", "client"),
+        ] {
+            let config = BusConfig {
+                endpoints: vec![endpoint.to_owned()],
+                ..BusConfig::default()
+            }
+            .to_zenoh()
+            .unwrap();
+            assert_eq!(
+                config.get_json("mode").unwrap(),
+                format!("\"{mode}\""),
+                "{endpoint}"
+            );
+        }
     }
 
     #[test]

@@ -163,7 +163,7 @@ impl ZenohBus {
             &publisher.ty,
             count,
             deadline,
-        )
+        ) && publisher.wait_for_match(count, deadline)
     }
 
     pub(super) fn close(self, within: Duration) -> Result<(), BusError> {
@@ -286,6 +286,38 @@ impl ZenohPublisher {
             .map_err(|reason| BusError::transport("publish", &reason))?;
         stream.0 += 1;
         Ok(sequence)
+    }
+
+    /// Others announce a subscription before they declare it: waits for the declaration as well.
+    fn wait_for_match(&self, count: usize, deadline: Instant) -> bool {
+        let (sender, changes) = mpsc::channel();
+        let listener = lock(&self.stream)
+            .1
+            .matching_listener()
+            .callback(move |status| {
+                // The wait may be over.
+                drop(sender.send(status.matching()));
+            })
+            .wait();
+        let Ok(_listener) = listener else {
+            return false;
+        };
+        let matching = || {
+            lock(&self.stream)
+                .1
+                .matching_status()
+                .wait()
+                .is_ok_and(|status| status.matching())
+        };
+        let mut matched = count == 0 || matching();
+        while !matched {
+            let left = deadline.saturating_duration_since(Instant::now());
+            let Ok(change) = changes.recv_timeout(left) else {
+                return false;
+            };
+            matched = change;
+        }
+        true
     }
 
     pub(super) fn gid(&self) -> Gid {

@@ -1,16 +1,21 @@
-//! Tells DDS which node our endpoints belong to, and reads the same from others (`ros_discovery_info`).
+//! Tells DDS which node our endpoints belong to, reads the same from others (`ros_discovery_info`), and knows who has
+//! found whom.
 
-use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex};
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::thread::JoinHandle;
+use std::time::Instant;
 
 use futures::channel::oneshot;
 use futures::future::{Either, select};
-use futures::{StreamExt, pin_mut};
+use futures::{StreamExt, pin_mut, stream};
 use ros2_client::builtin_topics::ros_discovery;
 use ros2_client::entities_info::{NodeEntitiesInfo, ParticipantEntitiesInfo};
 use rustdds::no_key::{DataWriterCdr, SimpleDataReaderCdr};
-use rustdds::{DomainParticipant, GUID, QosPolicies, RTPSEntity, TopicKind, policy};
+use rustdds::{
+    DomainParticipant, DomainParticipantStatusEvent, DomainParticipantStatusListener, GUID,
+    QosPolicies, RTPSEntity, StatusEvented, TopicKind, policy,
+};
 
 use super::super::BusError;
 use super::super::graph::{Graph, lock};
@@ -21,15 +26,22 @@ use super::super::wire::{Channel, Entity, EntityKind, Gid, NodeName};
 /// First 12 bytes of every identifier of one participant.
 type Prefix = [u8; 12];
 
-/// Nodes of each participant.
-type Nodes = Arc<Mutex<BTreeMap<Prefix, Vec<NodeName>>>>;
+/// What others have told, and what the participant has matched.
+#[derive(Default)]
+struct Known {
+    /// Nodes of each participant.
+    nodes: Mutex<BTreeMap<Prefix, Vec<NodeName>>>,
+    /// Readers of each of our writers.
+    readers: Mutex<BTreeMap<GUID, BTreeSet<GUID>>>,
+    matched: Condvar,
+}
 
 pub(super) struct Discovery {
     participant: GUID,
     domain_id: u32,
     own: Mutex<NodeEntitiesInfo>,
     writer: DataWriterCdr<ParticipantEntitiesInfo>,
-    nodes: Nodes,
+    known: Arc<Known>,
     stop: Option<oneshot::Sender<()>>,
     thread: Option<JoinHandle<()>>,
 }
@@ -60,13 +72,14 @@ impl Discovery {
         let reader: SimpleDataReaderCdr<ParticipantEntitiesInfo> = subscriber
             .create_simple_datareader_no_key(&topic, None)
             .map_err(failed)?;
-        let nodes = Nodes::default();
+        let known = Arc::new(Known::default());
+        let statuses = participant.status_listener();
         let (stop, stopped) = oneshot::channel();
         let thread = std::thread::Builder::new()
             .name("bus discovery".to_owned())
             .spawn({
-                let nodes = Arc::clone(&nodes);
-                move || futures::executor::block_on(read(&reader, stopped, &nodes))
+                let known = Arc::clone(&known);
+                move || futures::executor::block_on(watch(&reader, &statuses, stopped, &known))
             })
             .map_err(|reason| BusError::transport("start the discovery thread", &reason))?;
         let discovery = Self {
@@ -74,7 +87,7 @@ impl Discovery {
             domain_id: u32::from(participant.domain_id()),
             own: Mutex::new(NodeEntitiesInfo::new(name)),
             writer,
-            nodes,
+            known,
             stop: Some(stop),
             thread: Some(thread),
         };
@@ -103,10 +116,28 @@ impl Discovery {
             .map_err(|reason| BusError::transport("tell our endpoints", &reason.forget_data()))
     }
 
+    /// Waits until at least `count` readers have found `writer`; false when `deadline` came first.
+    pub(super) fn wait_for_readers(&self, writer: GUID, count: usize, deadline: Instant) -> bool {
+        let mut readers = lock(&self.known.readers);
+        while readers.get(&writer).map_or(0, BTreeSet::len) < count {
+            let left = deadline.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                return false;
+            }
+            readers = self
+                .known
+                .matched
+                .wait_timeout(readers, left)
+                .unwrap_or_else(PoisonError::into_inner)
+                .0;
+        }
+        true
+    }
+
     /// Nodes and endpoints that other participants have told; an endpoint of a participant with several nodes is
     /// shown under the name that ROS 2 gives to the unknown.
     pub(super) fn graph(&self, participant: &DomainParticipant) -> Graph {
-        let nodes = lock(&self.nodes);
+        let nodes = lock(&self.known.nodes);
         let mut entities = Vec::new();
         for (prefix, nodes) in nodes.iter() {
             for (number, node) in nodes.iter().enumerate() {
@@ -183,34 +214,62 @@ impl Drop for Discovery {
     }
 }
 
-async fn read(
+async fn watch(
     reader: &SimpleDataReaderCdr<ParticipantEntitiesInfo>,
+    statuses: &DomainParticipantStatusListener,
     mut stopped: oneshot::Receiver<()>,
-    nodes: &Nodes,
+    known: &Known,
 ) {
-    let changes = reader.as_async_stream();
-    pin_mut!(changes);
-    loop {
-        match select(changes.next(), &mut stopped).await {
-            Either::Left((Some(Ok(change)), _)) => {
-                let info = change.into_value();
-                let (prefix, _) = split(info.gid().to_bytes16());
-                let names = info
-                    .nodes()
-                    .iter()
-                    .map(|node| NodeName {
-                        enclave: "/".to_owned(),
-                        namespace: node.namespace().to_owned(),
-                        name: node.name().to_owned(),
-                    })
-                    .collect();
-                lock(nodes).insert(prefix, names);
-            }
-            Either::Left((Some(Err(reason)), _)) => {
+    let told = reader.as_async_stream().map(Either::Left);
+    let events = statuses.as_async_status_stream().map(Either::Right);
+    let news = stream::select(told, events);
+    pin_mut!(news);
+    while let Either::Left((Some(item), _)) = select(news.next(), &mut stopped).await {
+        match item {
+            Either::Left(Ok(change)) => known.take_nodes(&change.into_value()),
+            Either::Left(Err(reason)) => {
                 tracing::warn!(%reason, "ROS discovery could not be read");
             }
-            Either::Left((None, _)) | Either::Right(_) => break,
+            Either::Right(event) => known.take_event(&event),
         }
+    }
+}
+
+impl Known {
+    fn take_nodes(&self, info: &ParticipantEntitiesInfo) {
+        let (prefix, _) = split(info.gid().to_bytes16());
+        let names = info
+            .nodes()
+            .iter()
+            .map(|node| NodeName {
+                enclave: "/".to_owned(),
+                namespace: node.namespace().to_owned(),
+                name: node.name().to_owned(),
+            })
+            .collect();
+        lock(&self.nodes).insert(prefix, names);
+    }
+
+    fn take_event(&self, event: &DomainParticipantStatusEvent) {
+        let mut readers = lock(&self.readers);
+        match event {
+            DomainParticipantStatusEvent::RemoteReaderMatched {
+                local_writer,
+                remote_reader,
+            } => {
+                readers
+                    .entry(*local_writer)
+                    .or_default()
+                    .insert(*remote_reader);
+            }
+            DomainParticipantStatusEvent::ReaderLost { guid, .. } => {
+                for matched in readers.values_mut() {
+                    matched.remove(guid);
+                }
+            }
+            _ => return,
+        }
+        self.matched.notify_all();
     }
 }
 

@@ -40,9 +40,6 @@ use super::{BusError, Lost, Received, wall_ns};
 /// How long a keep-last writer waits for room when a reader does not keep up.
 const KEEP_LAST_WAIT: rustdds::Duration = rustdds::Duration::from_millis(100);
 
-/// How often the matches of a writer are looked at while waiting for subscribers.
-const MATCH_INTERVAL: Duration = Duration::from_millis(10);
-
 type Writer = DataWriter<Payload, PassThrough>;
 type Reader = SimpleDataReader<Payload, PassThrough>;
 
@@ -139,16 +136,8 @@ impl DdsBus {
         count: usize,
         deadline: Instant,
     ) -> bool {
-        loop {
-            if publisher.writer.get_matched_subscriptions().len() >= count {
-                return true;
-            }
-            let left = deadline.saturating_duration_since(Instant::now());
-            if left.is_zero() {
-                return false;
-            }
-            std::thread::sleep(left.min(MATCH_INTERVAL));
-        }
+        self.discovery
+            .wait_for_readers(publisher.writer.guid(), count, deadline)
     }
 
     pub(super) fn close(self, within: Duration) -> Result<(), BusError> {

@@ -18,7 +18,7 @@ use super::super::qos::Qos;
 use super::super::types::ServiceId;
 use super::super::{BusError, Handler, wall_ns};
 use super::payload::{Payload, timestamp};
-use super::{DdsBus, MATCH_INTERVAL, Reading, Writer};
+use super::{DdsBus, Discovery, Reading, Writer};
 
 const CYCLONE_HEADER: usize = 16;
 
@@ -36,17 +36,15 @@ pub(in super::super) struct DdsServer {
 pub(in super::super) struct DdsClient {
     name: String,
     mapping: DdsServices,
+    discovery: Arc<Discovery>,
     writer: Arc<Writer>,
     next: AtomicI64,
     waiting: Arc<Mutex<Waiting>>,
     _reading: Reading,
 }
 
-/// Calls under way, and replies that came before the call had told its identity.
-#[derive(Default)]
-struct Waiting {
-    calls: BTreeMap<RequestId, mpsc::Sender<Vec<u8>>>,
-}
+/// Calls under way.
+type Waiting = BTreeMap<RequestId, mpsc::Sender<Vec<u8>>>;
 
 impl DdsBus {
     pub(in super::super) fn serve(
@@ -90,7 +88,7 @@ impl DdsBus {
             move |change| {
                 // The lock is held by a call that is being sent, so that no reply overtakes its identity.
                 if let Some((id, response)) = response_of(mapping, &change)
-                    && let Some(call) = lock(&waiting).calls.remove(&id)
+                    && let Some(call) = lock(&waiting).remove(&id)
                 {
                     // The caller may have run into its timeout meanwhile.
                     drop(call.send(response));
@@ -100,6 +98,7 @@ impl DdsBus {
         Ok(DdsClient {
             name: name.to_owned(),
             mapping,
+            discovery: Arc::clone(&self.discovery),
             writer,
             next: AtomicI64::new(1),
             waiting,
@@ -183,20 +182,19 @@ impl DdsClient {
         timeout: Duration,
     ) -> Result<Vec<u8>, BusError> {
         let deadline = Instant::now() + timeout;
-        while self.writer.get_matched_subscriptions().is_empty() {
-            let left = deadline.saturating_duration_since(Instant::now());
-            if left.is_zero() {
-                return Err(BusError::NoServer {
-                    name: self.name.clone(),
-                });
-            }
-            std::thread::sleep(left.min(MATCH_INTERVAL));
+        if !self
+            .discovery
+            .wait_for_readers(self.writer.guid(), 1, deadline)
+        {
+            return Err(BusError::NoServer {
+                name: self.name.clone(),
+            });
         }
         let (sender, receiver) = mpsc::channel();
         let id = self.send(request, sender)?;
         let left = deadline.saturating_duration_since(Instant::now());
         receiver.recv_timeout(left).map_err(|_| {
-            lock(&self.waiting).calls.remove(&id);
+            lock(&self.waiting).remove(&id);
             BusError::Timeout {
                 name: self.name.clone(),
                 seconds: timeout.as_secs_f64(),
@@ -227,7 +225,7 @@ impl DdsClient {
             DdsServices::Enhanced => RequestId::Enhanced(sent),
             DdsServices::Cyclone => RequestId::Cyclone(front),
         };
-        waiting.calls.insert(id, call);
+        waiting.insert(id, call);
         Ok(id)
     }
 }
