@@ -7,6 +7,7 @@ use nalgebra::Vector3;
 
 use crate::attribution::{Attribution, Model, attribute};
 use crate::candidate::Candidate;
+use crate::drives::diagnose_drives;
 use crate::effects::{Variant, library};
 use crate::groups::{indistinguishable, signature};
 use crate::observation::Observations;
@@ -33,11 +34,14 @@ pub struct Options {
     pub without: Vec<String>,
 }
 
-/// Explains why a session of touches differs from its model.
+/// Explains why a session differs from its model: touches where there is a plan, drives elsewhere.
 ///
 /// # Errors
 /// [`DiagnoseError`] names what makes the session unusable.
 pub fn diagnose(session: &Session, options: &Options) -> Result<Report, DiagnoseError> {
+    if session.plan.is_none() && session.events.is_empty() && !session.joint_states.is_empty() {
+        return diagnose_drives(std::slice::from_ref(session), &[]);
+    }
     let mut observations = Observations::from_session(session)?;
     let mut variants = library(&observations);
     variants.retain(|variant| !options.without.contains(&variant.effect));

@@ -7,6 +7,7 @@
 pub mod attribution;
 pub mod candidate;
 pub mod diagnose;
+pub mod drives;
 pub mod effects;
 pub mod evidence;
 pub mod groups;
@@ -24,5 +25,6 @@ mod summary;
 pub mod timing;
 
 pub use diagnose::{Options, diagnose};
+pub use drives::diagnose_drives;
 pub use report::{Report, Verdict};
 pub use session::{DiagnoseError, Session};

@@ -31,7 +31,7 @@ pub enum DeviationError {
         /// Identifier of the plan.
         plan: String,
     },
-    /// The ball's radius is not positive.
+    /// The ball's radius is negative.
     #[error("plan `{plan}` has a ball radius of {radius} m")]
     BallRadius {
         /// Identifier of the plan.
@@ -125,7 +125,7 @@ impl Nominal {
         };
         let ball = point(&plan.stylus.ball_center).ok_or_else(|| number("ball centre"))?;
         let ball_radius = plan.stylus.ball_radius;
-        if !ball_radius.is_finite() || ball_radius <= 0.0 {
+        if !ball_radius.is_finite() || ball_radius < 0.0 {
             return Err(DeviationError::BallRadius {
                 plan: plan.plan_id.clone(),
                 radius: ball_radius,
