@@ -22,6 +22,9 @@ use tour::Tour;
 /// Moves looked at for nearest-neighbour paths; each path looks at n² of them.
 const BEGINNING_MOVES: usize = 20_000_000;
 
+/// Kicks per point in the first cycle of cooling.
+const CYCLE: u64 = 10;
+
 /// A path that can be kicked, improved and brought back.
 trait Kicked {
     /// The points, as a path or a ring.
@@ -33,8 +36,8 @@ trait Kicked {
     fn kick(&mut self, rng: &mut Pcg32);
     /// Brings back the path as it was before the kick.
     fn revert(&mut self);
-    /// Temperature of the acceptance, in mean moves.
-    fn warmth(&self) -> f64;
+    /// Temperature of the acceptance at the beginning and at the end of a cycle, in mean moves.
+    fn warmth(&self) -> (f64, f64);
 }
 
 /// Searches until the budget ends or the caller stops; returns the best order and the kicks made.
@@ -55,6 +58,24 @@ pub(crate) fn run(
             options,
             &mut reporter,
         )
+    }
+}
+
+/// A stretch of the search in which the acceptance cools down. Each is twice as long as the one before, so that a
+/// search stopped at any time has just spent a good part of it cooling.
+struct Cycle {
+    begun: u64,
+    length: u64,
+}
+
+impl Cycle {
+    /// How much of the cycle has passed, from 0 to 1.
+    fn part(&mut self, kicks: u64) -> f64 {
+        if kicks >= self.begun + self.length {
+            self.begun += self.length;
+            self.length *= 2;
+        }
+        (kicks - self.begun) as f64 / self.length as f64
     }
 }
 
@@ -114,7 +135,12 @@ fn iterate(
     let mut best_length = path.length();
     let mut here = best_length;
     let mut rng = Pcg32::seed_from_u64(options.seed);
-    let warmth = path.warmth() * best_length as f64 / best.len() as f64;
+    let mean_move = best_length as f64 / best.len() as f64;
+    let (hot, cold) = path.warmth();
+    let mut cycle = Cycle {
+        begun: 0,
+        length: CYCLE * best.len() as u64,
+    };
     let every = options.report_every.max(1);
     let mut kicks = 0;
     loop {
@@ -128,8 +154,8 @@ fn iterate(
         path.kick(&mut rng);
         let length = path.length();
         let luck = (f64::from(rng.next_u32()) + 1.0) / 4_294_967_297.0;
-        let left = 1.0 - kicks as f64 / options.kicks as f64;
-        if ((length - here) as f64) <= -luck.ln() * warmth * left {
+        let warmth = mean_move * hot * (cold / hot).powf(cycle.part(kicks));
+        if ((length - here) as f64) <= -luck.ln() * warmth {
             here = length;
             if length < best_length {
                 best_length = length;

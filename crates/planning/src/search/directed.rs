@@ -16,7 +16,10 @@ use super::grid::Grid;
 /// Longest stretch that a kick rearranges.
 const KICK_SPAN: usize = 50;
 
-/// Random kicks drawn until one keeps the rules.
+/// Most exchanges of a kick.
+const KICK_EXCHANGES: usize = 2;
+
+/// Random exchanges drawn until enough keep the rules.
 const KICK_DRAWS: usize = 20;
 
 /// Longest segment moved by Or-opt.
@@ -484,7 +487,8 @@ impl Kicked for Directed<'_> {
         self.improve_queue();
     }
 
-    /// Exchanges two neighbouring stretches of together up to [`KICK_SPAN`] positions.
+    /// Exchanges neighbouring stretches among up to [`KICK_SPAN`] positions, at times twice: of a short path, the
+    /// improvement would undo a single exchange at once.
     fn kick(&mut self, rng: &mut Pcg32) {
         if self.touched.0 <= self.touched.1 {
             let range = self.touched.0..=self.touched.1;
@@ -494,12 +498,19 @@ impl Kicked for Directed<'_> {
         self.touched = (usize::MAX, 0);
         let inner = self.order.len() - 2;
         let mut draw = |below: usize| ((u64::from(rng.next_u32()) * below as u64) >> 32) as usize;
+        let width = 2 + draw(inner.min(KICK_SPAN) - 1);
+        let begin = 1 + draw(inner - width + 1);
+        let wanted = 1 + draw(KICK_EXCHANGES);
+        let mut exchanges = 0;
         for _ in 0..KICK_DRAWS {
-            let width = 2 + draw(inner.min(KICK_SPAN) - 1);
-            let from = 1 + draw(inner - width + 1);
-            let second = from + 1 + draw(width - 1);
-            if self.may_exchange(from, second, from + width - 1) {
-                self.exchange(from, second, from + width - 1);
+            let size = 2 + draw(width - 1);
+            let from = begin + draw(width - size + 1);
+            let second = from + 1 + draw(size - 1);
+            if self.may_exchange(from, second, from + size - 1) {
+                self.exchange(from, second, from + size - 1);
+                exchanges += 1;
+            }
+            if exchanges == wanted {
                 break;
             }
         }
@@ -515,7 +526,7 @@ impl Kicked for Directed<'_> {
         }
     }
 
-    fn warmth(&self) -> f64 {
-        0.1
+    fn warmth(&self) -> (f64, f64) {
+        (1.0, 0.03)
     }
 }

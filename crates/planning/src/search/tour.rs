@@ -219,9 +219,9 @@ impl<'a> Tour<'a> {
         let edges = exchange.edges;
         let size = self.order.len() as u32;
         let mut cuts = [0; DEPTH];
-        for edge in 0..edges {
+        for (edge, cut) in cuts[..edges].iter_mut().enumerate() {
             let [at_a, at_b] = [0, 1].map(|end| self.place[exchange.ends[2 * edge + end] as usize]);
-            cuts[edge] = if self.next_place(at_a) == at_b {
+            *cut = if self.next_place(at_a) == at_b {
                 at_a
             } else {
                 at_b
@@ -416,8 +416,8 @@ impl Kicked for Tour<'_> {
         self.length = self.kept_length;
     }
 
-    fn warmth(&self) -> f64 {
-        0.5
+    fn warmth(&self) -> (f64, f64) {
+        (2.0, 0.05)
     }
 }
 
