@@ -12,7 +12,9 @@ use graph::{Instance, Running};
 use machine::Chain;
 use serde::Deserialize;
 
-pub use sections::{BusSection, CellSection, DriverSection, RecorderSection, Source, TransportName};
+pub use sections::{
+    BusSection, CellSection, DriverSection, RecorderSection, Source, TransportName,
+};
 
 /// Text of a cell file and of the robot description that it names.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -102,20 +104,38 @@ pub enum CellError {
 }
 
 /// Names of the nodes that decide, in the order of the data flow.
-pub const NODES: [&str; 6] = ["machine_state", "probe_events", "path_planning", "analysis", "compensation", "cycle"];
+pub const NODES: [&str; 6] = [
+    "machine_state",
+    "probe_events",
+    "path_planning",
+    "analysis",
+    "compensation",
+    "cycle",
+];
 
 impl Cell {
     /// Reads a cell file and its robot description, and checks everything.
     pub fn read(path: &Path) -> Result<Self, CellError> {
         let read = |what, path: &Path| {
-            std::fs::read_to_string(path).map_err(|source| CellError::Read { what, path: path.to_owned(), source })
+            std::fs::read_to_string(path).map_err(|source| CellError::Read {
+                what,
+                path: path.to_owned(),
+                source,
+            })
         };
         let name = path.display().to_string();
         let cell = read("the cell file", path)?;
         let parsed = Self::parse(&cell, &name)?;
-        let urdf = path.parent().unwrap_or(Path::new("")).join(&parsed.cell.robot_description);
+        let urdf = path
+            .parent()
+            .unwrap_or(Path::new(""))
+            .join(&parsed.cell.robot_description);
         let robot_description = read("the robot description", &urdf)?;
-        Self::from_text(CellText { name, cell, robot_description })
+        Self::from_text(CellText {
+            name,
+            cell,
+            robot_description,
+        })
     }
 
     /// The cell of texts that belong together. Every node is built once, so that a wrong setting is told here.
@@ -128,9 +148,14 @@ impl Cell {
 
     fn parse(text: &str, name: &str) -> Result<Self, CellError> {
         toml::from_str(text).map_err(|error| {
-            let line = error.span().map(|span| text[..span.start].matches('\n').count() + 1);
+            let line = error
+                .span()
+                .map(|span| text[..span.start].matches('\n').count() + 1);
             let place = line.map_or_else(|| name.to_owned(), |line| format!("{name} line {line}"));
-            CellError::Parse { place, message: with_nearest(error.message()) }
+            CellError::Parse {
+                place,
+                message: with_nearest(error.message()),
+            }
         })
     }
 
@@ -152,32 +177,49 @@ impl Cell {
     /// The nodes that decide or simulate, in the order of the data flow.
     pub fn node_names(&self) -> Vec<&'static str> {
         let simulated = self.driver.source == Source::Simulator;
-        NODES.into_iter().chain(simulated.then_some("simulator")).collect()
+        NODES
+            .into_iter()
+            .chain(simulated.then_some("simulator"))
+            .collect()
     }
 
     /// All nodes at their start.
     pub fn nodes(&self, replayed: bool) -> Result<Vec<Box<dyn Instance>>, CellError> {
-        self.node_names().into_iter().map(|name| self.instance(name, replayed)).collect()
+        self.node_names()
+            .into_iter()
+            .map(|name| self.instance(name, replayed))
+            .collect()
     }
 
     /// One node at its start. `replayed`: it runs on a recording, so nothing may reach a machine.
     pub fn instance(&self, name: &str, replayed: bool) -> Result<Box<dyn Instance>, CellError> {
         let chain = Chain::from_urdf(&self.text.robot_description).map_err(|error| {
             let file = self.cell.robot_description.display().to_string();
-            CellError::Setting { file, message: error.to_string() }
+            CellError::Setting {
+                file,
+                message: error.to_string(),
+            }
         })?;
-        let allowances = || self.cycle.passes.iter().map(|pass| pass.allowance_mm * 1e-3).collect();
+        let allowances = || {
+            self.cycle
+                .passes
+                .iter()
+                .map(|pass| pass.allowance_mm * 1e-3)
+                .collect()
+        };
         Ok(match name {
             "machine_state" => {
                 let urdf = self.text.robot_description.clone();
-                let config = self.setting(self.machine_state.check(urdf, chain.name(), replayed))?;
+                let config =
+                    self.setting(self.machine_state.check(urdf, chain.name(), replayed))?;
                 Box::new(Running::<machine_state::MachineStateNode>::new(config))
             }
-            "probe_events" => {
-                Box::new(Running::<probe_events::ProbeEventsNode>::new(probe_events::Config { chain }))
-            }
+            "probe_events" => Box::new(Running::<probe_events::ProbeEventsNode>::new(
+                probe_events::Config { chain },
+            )),
             "path_planning" => {
-                let config = self.setting(self.path_planning.check(chain, &self.part, allowances()))?;
+                let config =
+                    self.setting(self.path_planning.check(chain, &self.part, allowances()))?;
                 Box::new(Running::<path_planning::PathPlanningNode>::new(config))
             }
             "analysis" => {
@@ -188,20 +230,33 @@ impl Cell {
                 let config = self.setting(self.compensation.check(replayed))?;
                 Box::new(Running::<compensation::CompensationNode>::new(config))
             }
-            "cycle" => Box::new(Running::<cycle::CycleNode>::new(self.setting(self.cycle.check())?)),
+            "cycle" => Box::new(Running::<cycle::CycleNode>::new(
+                self.setting(self.cycle.check())?,
+            )),
             "simulator" => {
-                let raw = self.setting(self.simulator.as_ref().ok_or("the section [simulator] is missing"))?;
-                let config = self.setting(raw.check(chain, self.part.stylus.ball_radius_mm * 1e-3))?;
+                let raw = self.setting(
+                    self.simulator
+                        .as_ref()
+                        .ok_or("the section [simulator] is missing"),
+                )?;
+                let config =
+                    self.setting(raw.check(chain, self.part.stylus.ball_radius_mm * 1e-3))?;
                 Box::new(Running::<simulator::SimulatorNode>::new(config))
             }
             _ => {
-                return Err(CellError::NoNode { name: name.to_owned(), known: self.node_names().join(", ") });
+                return Err(CellError::NoNode {
+                    name: name.to_owned(),
+                    known: self.node_names().join(", "),
+                });
             }
         })
     }
 
     fn setting<T, E: std::fmt::Display>(&self, checked: Result<T, E>) -> Result<T, CellError> {
-        checked.map_err(|error| CellError::Setting { file: self.text.name.clone(), message: error.to_string() })
+        checked.map_err(|error| CellError::Setting {
+            file: self.text.name.clone(),
+            message: error.to_string(),
+        })
     }
 }
 
@@ -213,6 +268,11 @@ fn with_nearest(message: &str) -> String {
     }
     let unknown = quoted[0];
     let likeness = |known: &&&str| strsim::jaro_winkler(unknown, known);
-    let nearest = quoted[1..].iter().max_by(|a, b| likeness(a).total_cmp(&likeness(b)));
-    nearest.map_or_else(|| message.to_owned(), |nearest| format!("unknown key {unknown:?}: did you mean {nearest:?}?"))
+    let nearest = quoted[1..]
+        .iter()
+        .max_by(|a, b| likeness(a).total_cmp(&likeness(b)));
+    nearest.map_or_else(
+        || message.to_owned(),
+        |nearest| format!("unknown key {unknown:?}: did you mean {nearest:?}?"),
+    )
 }

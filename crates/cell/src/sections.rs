@@ -81,7 +81,12 @@ pub struct RecorderSection {
 
 impl Default for RecorderSection {
     fn default() -> Self {
-        Self { folder: "recordings".into(), flush_interval_s: 1.0, split_size_mib: None, split_duration_s: None }
+        Self {
+            folder: "recordings".into(),
+            flush_interval_s: 1.0,
+            split_size_mib: None,
+            split_duration_s: None,
+        }
     }
 }
 

@@ -23,7 +23,7 @@ JOINT_HOMED YES YES NO NO NO NO\r\nERROR OK\r\n";
 
 fn recorded() -> Vec<(u64, String)> {
     let mut lines = Lines::default();
-    lines.push(RECORDED).unwrap();
+    lines.push(RECORDED).expect("recorded text");
     std::iter::from_fn(|| lines.next_line()).collect()
 }
 
@@ -35,7 +35,7 @@ fn answer<T>(get: Get, read: impl Fn(Words) -> T) -> T {
         .iter()
         .find(|(_, text)| begins(text))
         .expect("recorded");
-    read(protocol::value(get, *line, text).unwrap())
+    read(protocol::value(get, *line, text).expect("an answer to this request"))
 }
 
 #[test]

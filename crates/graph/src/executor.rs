@@ -72,7 +72,11 @@ impl Wiring {
             for topic in node.outputs() {
                 if let Some(first) = wiring.producers.insert(topic.name, index) {
                     let first = nodes[first].name();
-                    return Err(WiringError::TwoProducers { topic: topic.name, first, second: node.name() });
+                    return Err(WiringError::TwoProducers {
+                        topic: topic.name,
+                        first,
+                        second: node.name(),
+                    });
                 }
                 types.insert(topic.name, topic.message.name);
             }
@@ -82,9 +86,18 @@ impl Wiring {
                 let spoken = *types.entry(topic.name).or_insert(topic.message.name);
                 if spoken != topic.message.name {
                     let (topic, heard) = (topic.name, topic.message.name);
-                    return Err(WiringError::TypeMismatch { topic, node: node.name(), heard, spoken });
+                    return Err(WiringError::TypeMismatch {
+                        topic,
+                        node: node.name(),
+                        heard,
+                        spoken,
+                    });
                 }
-                wiring.subscribers.entry(topic.name).or_default().push((index, port));
+                wiring
+                    .subscribers
+                    .entry(topic.name)
+                    .or_default()
+                    .push((index, port));
             }
         }
         Ok(wiring)
@@ -122,7 +135,10 @@ impl Executor {
     /// A graph whose nodes all start at `start`.
     pub fn new(nodes: Vec<Box<dyn Instance>>, start: Stamp) -> Result<Self, WiringError> {
         let wiring = Wiring::of(&nodes)?;
-        let journals = nodes.iter().map(|node| Journal::new(node.name(), 0)).collect();
+        let journals = nodes
+            .iter()
+            .map(|node| Journal::new(node.name(), 0))
+            .collect();
         let mut executor = Self {
             nodes,
             wiring,
@@ -150,7 +166,11 @@ impl Executor {
     }
 
     /// Replaces the state of node `name` by a snapshot.
-    pub fn restore(&mut self, name: &str, snapshot: serde_json::Value) -> Result<(), crate::RestoreError> {
+    pub fn restore(
+        &mut self,
+        name: &str,
+        snapshot: serde_json::Value,
+    ) -> Result<(), crate::RestoreError> {
         for node in &mut self.nodes {
             if node.name() == name {
                 return node.restore(snapshot);
@@ -161,7 +181,13 @@ impl Executor {
 
     /// Publishes a message from outside the graph at `at` (never before [`Executor::now`]).
     pub fn inject(&mut self, at: Stamp, topic: impl Into<String>, payload: Vec<u8>) {
-        self.schedule(at.max(self.now), Event::External { topic: topic.into(), payload });
+        self.schedule(
+            at.max(self.now),
+            Event::External {
+                topic: topic.into(),
+                payload,
+            },
+        );
     }
 
     /// Runs events in order until one later than `until`, or until nothing is left. True when events are left.
@@ -207,15 +233,21 @@ impl Executor {
     }
 
     fn run_event(&mut self, key: (Stamp, u64)) {
-        let Some(event) = self.queue.remove(&key) else { return };
+        let Some(event) = self.queue.remove(&key) else {
+            return;
+        };
         self.now = key.0;
         match event {
             Event::Timer { node, id } => {
-                self.journals[node].push(Step { now: self.now, port: TIMER_PORT, sequence: u64::from(id) });
+                self.journals[node].push(Step {
+                    now: self.now,
+                    port: TIMER_PORT,
+                    sequence: u64::from(id),
+                });
                 let emitted = self.nodes[node].timer(self.now, id);
                 self.settle(node, emitted);
             }
-            Event::External { topic, payload } => self.publish(&topic, payload),
+            Event::External { topic, payload } => self.publish(&topic, &payload),
         }
     }
 
@@ -226,7 +258,13 @@ impl Executor {
         }
         for (port, payload) in emitted.messages {
             // Through the queue, at this instant, so that a step ends before what it caused begins.
-            self.schedule(self.now, Event::External { topic: outputs[port].name.to_owned(), payload });
+            self.schedule(
+                self.now,
+                Event::External {
+                    topic: outputs[port].name.to_owned(),
+                    payload,
+                },
+            );
         }
     }
 
@@ -234,16 +272,25 @@ impl Executor {
         let count = self.counts.entry(topic.to_owned()).or_insert(0);
         *count += 1;
         let sequence = *count;
-        self.log.push(Published { topic: topic.to_owned(), sequence, at: self.now, payload });
+        self.log.push(Published {
+            topic: topic.to_owned(),
+            sequence,
+            at: self.now,
+            payload,
+        });
         sequence
     }
 
-    fn publish(&mut self, topic: &str, payload: Vec<u8>) {
-        let sequence = self.record(topic, payload.clone());
+    fn publish(&mut self, topic: &str, payload: &[u8]) {
+        let sequence = self.record(topic, payload.to_vec());
         for (node, port) in self.wiring.subscribers(topic).to_vec() {
             // A payload that the node cannot read makes no step: the live process refuses it in the same way.
-            if let Ok(emitted) = self.nodes[node].deliver(self.now, port, &payload) {
-                self.journals[node].push(Step { now: self.now, port: port as u16, sequence });
+            if let Ok(emitted) = self.nodes[node].deliver(self.now, port, payload) {
+                self.journals[node].push(Step {
+                    now: self.now,
+                    port: port as u16,
+                    sequence,
+                });
                 self.settle(node, emitted);
             }
         }
@@ -251,6 +298,11 @@ impl Executor {
 
     /// Topics that are heard but that no node of the graph publishes.
     pub fn external_topics(&self) -> BTreeSet<&'static str> {
-        self.wiring.subscribers.keys().copied().filter(|topic| self.wiring.producer(topic).is_none()).collect()
+        self.wiring
+            .subscribers
+            .keys()
+            .copied()
+            .filter(|topic| self.wiring.producer(topic).is_none())
+            .collect()
     }
 }

@@ -71,7 +71,10 @@ impl<N: Node> Running<N> {
     fn step(&mut self, now: Stamp, input: N::Input) -> Emitted {
         let mut outbox = Outbox::default();
         N::step(&self.config, &mut self.state, now, input, &mut outbox);
-        Emitted { messages: outbox.messages.iter().map(Outputs::write).collect(), timers: outbox.timers }
+        Emitted {
+            messages: outbox.messages.iter().map(Outputs::write).collect(),
+            timers: outbox.timers,
+        }
     }
 }
 
@@ -91,7 +94,11 @@ impl<N: Node> Instance for Running<N> {
     fn deliver(&mut self, now: Stamp, port: usize, cdr: &[u8]) -> Result<Emitted, DeliverError> {
         let input = N::Input::read(port, cdr).map_err(|source| {
             let topic = &N::Input::topics()[port];
-            DeliverError { topic: topic.name, message: topic.message.name, source }
+            DeliverError {
+                topic: topic.name,
+                message: topic.message.name,
+                source,
+            }
         })?;
         Ok(self.step(now, input))
     }
@@ -102,12 +109,18 @@ impl<N: Node> Instance for Running<N> {
 
     fn snapshot(&self) -> serde_json::Value {
         serde_json::to_value(&self.state).unwrap_or_else(|error| {
-            panic!("the state of {} must serialise: it is plain data: {error}", N::NAME)
+            panic!(
+                "the state of {} must serialise: it is plain data: {error}",
+                N::NAME
+            )
         })
     }
 
     fn restore(&mut self, snapshot: serde_json::Value) -> Result<(), RestoreError> {
-        self.state = serde_json::from_value(snapshot).map_err(|source| RestoreError { node: N::NAME, source })?;
+        self.state = serde_json::from_value(snapshot).map_err(|source| RestoreError {
+            node: N::NAME,
+            source,
+        })?;
         Ok(())
     }
 }

@@ -34,7 +34,12 @@ pub struct Journal {
 impl Journal {
     /// An empty journal of the `incarnation`-th start of `node` in this session, counted from 0.
     pub fn new(node: impl Into<String>, incarnation: u32) -> Self {
-        Self { node: node.into(), incarnation, first_step: 0, steps: Vec::new() }
+        Self {
+            node: node.into(),
+            incarnation,
+            first_step: 0,
+            steps: Vec::new(),
+        }
     }
 
     /// Adds a step.
@@ -61,7 +66,10 @@ impl Journal {
     pub fn take(&mut self) -> Option<StepJournal> {
         let last = self.steps.last()?;
         let message = StepJournal {
-            header: Header { stamp: last.now.time(), frame_id: String::new() },
+            header: Header {
+                stamp: last.now.time(),
+                frame_id: String::new(),
+            },
             node: self.node.clone(),
             incarnation: self.incarnation,
             first_step: self.first_step,
@@ -77,9 +85,14 @@ impl Journal {
 
 /// The steps that a message lists. Lists of unequal length are cut to the shortest.
 pub fn steps(message: &StepJournal) -> impl Iterator<Item = Step> + '_ {
-    message.now.iter().zip(&message.port).zip(&message.sequence).map(|((&now, &port), &sequence)| Step {
-        now: Stamp(now),
-        port,
-        sequence,
-    })
+    message
+        .now
+        .iter()
+        .zip(&message.port)
+        .zip(&message.sequence)
+        .map(|((&now, &port), &sequence)| Step {
+            now: Stamp(now),
+            port,
+            sequence,
+        })
 }

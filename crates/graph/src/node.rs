@@ -65,7 +65,10 @@ pub struct Outbox<O> {
 
 impl<O> Default for Outbox<O> {
     fn default() -> Self {
-        Self { messages: Vec::new(), timers: Vec::new() }
+        Self {
+            messages: Vec::new(),
+            timers: Vec::new(),
+        }
     }
 }
 

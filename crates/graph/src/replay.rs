@@ -4,7 +4,7 @@
 //! topic another replayed node publishes is taken from what that node says *now*; only inputs from outside come from
 //! the recording. So nothing that a node said in the recording can make up for what it fails to say in the replay.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use probecell_msgs::{StepJournal, from_cdr};
 use serde::Serialize;
@@ -34,7 +34,10 @@ impl Recording {
             match from_cdr::<StepJournal>(payload) {
                 Ok(message) => {
                     let steps = journal::steps(&message).map(|step| (message.incarnation, step));
-                    self.journals.entry(node.to_owned()).or_default().extend(steps);
+                    self.journals
+                        .entry(node.to_owned())
+                        .or_default()
+                        .extend(steps);
                 }
                 Err(_) => self.unreadable_journals += 1,
             }
@@ -47,7 +50,10 @@ impl Recording {
             None => (0, sequence),
         };
         self.last.insert(topic.to_owned(), key);
-        self.topics.entry(topic.to_owned()).or_default().insert(key, payload.to_vec());
+        self.topics
+            .entry(topic.to_owned())
+            .or_default()
+            .insert(key, payload.to_vec());
     }
 
     /// Nodes that left a journal.
@@ -166,7 +172,9 @@ impl Player {
     /// The key of a heard sequence number: it counts the publisher's restarts as the recording does.
     fn key(&self, step: Step) -> Key {
         match self.heard.get(&step.port) {
-            Some(&(restart, last)) if step.sequence < last && step.sequence == 1 => (restart + 1, 1),
+            Some(&(restart, last)) if step.sequence < last && step.sequence == 1 => {
+                (restart + 1, 1)
+            }
             Some(&(restart, _)) => (restart, step.sequence),
             None => (0, step.sequence),
         }
@@ -190,12 +198,20 @@ pub fn replay(recording: &Recording, factories: &[Factory]) -> Result<Report, Wi
     let mut players: Vec<Player> = nodes
         .into_iter()
         .map(|node| Player {
-            steps: recording.journals.get(node.name()).cloned().unwrap_or_default(),
+            steps: recording
+                .journals
+                .get(node.name())
+                .cloned()
+                .unwrap_or_default(),
             incarnation: 0,
             next: 0,
             pending: BTreeMap::new(),
             heard: BTreeMap::new(),
-            said: node.outputs().iter().map(|topic| (topic.name, (0, 0))).collect(),
+            said: node
+                .outputs()
+                .iter()
+                .map(|topic| (topic.name, (0, 0)))
+                .collect(),
             timers_not_asked_for: 0,
             waits_for: None,
             node,
@@ -207,10 +223,22 @@ pub fn replay(recording: &Recording, factories: &[Factory]) -> Result<Report, Wi
     while progress {
         progress = false;
         for index in 0..players.len() {
-            while let Some(emitted) = advance(&mut players[index], &factories[index], recording, &wiring, &said) {
+            while let Some(emitted) = advance(
+                &mut players[index],
+                &factories[index],
+                recording,
+                &wiring,
+                &said,
+            ) {
                 progress = true;
                 let now = players[index].steps[players[index].next - 1].1.now;
-                settle(&mut players[index], emitted, now, &mut comparison, &mut said);
+                settle(
+                    &mut players[index],
+                    emitted,
+                    now,
+                    &mut comparison,
+                    &mut said,
+                );
             }
         }
     }
@@ -248,7 +276,10 @@ fn advance(
         player.heard.insert(step.port, key);
         // A message that a process could not read made no step, and so stands in no journal; one that cannot be read
         // now differs from what was recorded, and what should have come of it will be missing.
-        player.node.deliver(step.now, usize::from(step.port), payload).unwrap_or_default()
+        player
+            .node
+            .deliver(step.now, usize::from(step.port), payload)
+            .unwrap_or_default()
     };
     player.waits_for = None;
     player.next += 1;
@@ -277,13 +308,16 @@ fn settle(
 struct Comparison<'a> {
     recording: &'a Recording,
     compared: BTreeMap<&'static str, (u64, u64, u64)>,
-    seen: BTreeSet<(&'static str, Key)>,
     first: Option<Difference>,
 }
 
 impl<'a> Comparison<'a> {
     fn new(recording: &'a Recording) -> Self {
-        Self { recording, compared: BTreeMap::new(), seen: BTreeSet::new(), first: None }
+        Self {
+            recording,
+            compared: BTreeMap::new(),
+            first: None,
+        }
     }
 
     fn compare(&mut self, topic: &'static str, key: Key, at: Stamp, recomputed: &[u8]) {
@@ -292,7 +326,6 @@ impl<'a> Comparison<'a> {
             counts.2 += 1;
             return;
         };
-        self.seen.insert((topic, key));
         if recorded.as_slice() == recomputed {
             counts.0 += 1;
             return;
@@ -323,8 +356,13 @@ impl<'a> Comparison<'a> {
         let mut topics = Vec::new();
         for player in players {
             for topic in player.node.outputs() {
-                let (equal, different, not_recorded) = self.compared.get(topic.name).copied().unwrap_or_default();
-                let recorded = self.recording.topics.get(topic.name).map_or(0, |messages| messages.len() as u64);
+                let (equal, different, not_recorded) =
+                    self.compared.get(topic.name).copied().unwrap_or_default();
+                let recorded = self
+                    .recording
+                    .topics
+                    .get(topic.name)
+                    .map_or(0, |messages| messages.len() as u64);
                 topics.push(TopicReport {
                     topic: topic.name.to_owned(),
                     node: player.node.name().to_owned(),
@@ -338,16 +376,30 @@ impl<'a> Comparison<'a> {
         }
         let differs = topics.iter().any(|topic| topic.different > 0)
             || nodes.iter().any(|node| node.timers_not_asked_for > 0);
-        let incomplete = topics.iter().any(|topic| topic.not_recomputed + topic.not_recorded > 0)
-            || nodes.iter().any(|node| node.steps_left > 0 || node.steps == 0)
+        let incomplete = topics
+            .iter()
+            .any(|topic| topic.not_recomputed + topic.not_recorded > 0)
+            || nodes
+                .iter()
+                .any(|node| node.steps_left > 0 || node.steps == 0)
             || self.recording.unreadable_journals > 0;
         let verdict = match (differs, incomplete) {
             (true, _) => Verdict::Different,
             (false, true) => Verdict::Incomplete,
             (false, false) => Verdict::Equal,
         };
-        let instants = || players.iter().flat_map(|player| player.steps.iter().map(|(_, step)| step.now));
+        let instants = || {
+            players
+                .iter()
+                .flat_map(|player| player.steps.iter().map(|(_, step)| step.now))
+        };
         let span = instants().min().zip(instants().max());
-        Report { verdict, nodes, topics, first_difference: self.first, span }
+        Report {
+            verdict,
+            nodes,
+            topics,
+            first_difference: self.first,
+            span,
+        }
     }
 }

@@ -4,7 +4,9 @@ use probecell_msgs::builtin_interfaces::Time;
 use serde::{Deserialize, Serialize};
 
 /// Nanoseconds since 1970-01-01 UTC, as ROS stamps count them.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,
+)]
 pub struct Stamp(pub i64);
 
 impl Stamp {

@@ -4,10 +4,11 @@
 //! prints both sides. Contract topics keep the contract's names and QoS.
 
 use probecell_msgs::{
-    ControllerCommand, ControllerReply, ControllerStatus, Correction, CorrectionAcknowledgement, Fault, FeatureResult,
-    GapReport, InspectionPlan, LossReport, MachineState, MeasurementOrder, Message, MessageType, OperationReport,
-    OperationRequest, OperatorReply, OperatorRequest, PartReport, PassDecision, ProbeEvent, ProbeTrigger,
-    ReferenceMeasurement, StepJournal, ToolOffsets, TouchDeviation, Verdict, sensor_msgs::JointState, std_msgs,
+    ControllerCommand, ControllerReply, ControllerStatus, Correction, CorrectionAcknowledgement,
+    Fault, FeatureResult, GapReport, InspectionPlan, LossReport, MachineState, MeasurementOrder,
+    Message, MessageType, OperationReport, OperationRequest, OperatorReply, OperatorRequest,
+    PartReport, PassDecision, ProbeEvent, ProbeTrigger, ReferenceMeasurement, StepJournal,
+    ToolOffsets, TouchDeviation, Verdict, sensor_msgs::JointState, std_msgs,
 };
 
 /// Quality of service of a topic, in ROS 2 terms.
@@ -24,16 +25,28 @@ pub struct Qos {
 impl Qos {
     /// Reliable, volatile, keep last `depth`.
     pub const fn reliable(depth: u32) -> Self {
-        Self { reliable: true, transient_local: false, depth: Some(depth) }
+        Self {
+            reliable: true,
+            transient_local: false,
+            depth: Some(depth),
+        }
     }
 
     /// Reliable, transient local, keep last `depth`.
     pub const fn latched(depth: u32) -> Self {
-        Self { reliable: true, transient_local: true, depth: Some(depth) }
+        Self {
+            reliable: true,
+            transient_local: true,
+            depth: Some(depth),
+        }
     }
 
     /// Reliable, volatile, keep all.
-    pub const KEEP_ALL: Self = Self { reliable: true, transient_local: false, depth: None };
+    pub const KEEP_ALL: Self = Self {
+        reliable: true,
+        transient_local: false,
+        depth: None,
+    };
 }
 
 /// One topic of the cell.

@@ -22,5 +22,6 @@ pub mod size_gap;
 
 pub mod autocorrelation;
 
+pub mod profile;
 pub mod separation;
 pub mod slip;

@@ -53,13 +53,18 @@ pub(crate) fn bus_config(cell: &Cell) -> anyhow::Result<BusConfig> {
 }
 
 fn zenoh_settings(table: Option<&impl serde::Serialize>) -> anyhow::Result<serde_json::Value> {
-    Ok(table.map(serde_json::to_value).transpose()?.unwrap_or_else(|| serde_json::json!({})))
+    Ok(table
+        .map(serde_json::to_value)
+        .transpose()?
+        .unwrap_or_else(|| serde_json::json!({})))
 }
 
 /// The folder of the next recording: the cell's name and the time, in the cell's folder of recordings.
 pub(crate) fn new_recording(cell: &Cell) -> PathBuf {
     let stamp = host::now().0 / 1_000_000;
-    cell.recorder.folder.join(format!("{}_{stamp}", cell.cell.name))
+    cell.recorder
+        .folder
+        .join(format!("{}_{stamp}", cell.cell.name))
 }
 
 /// Runs a cell until it is told to end, or until one part is made.
@@ -101,8 +106,13 @@ fn start_router(cell: &Cell) -> anyhow::Result<Option<Router>> {
     match Router::start(&config) {
         Ok(router) => Ok(Some(router)),
         // Somebody routes there already: zenohd, rmw_zenoh's router, or another cell.
-        Err(BusError::PortTaken { endpoint, answers: true }) => {
-            report::remark(&format!("a router answers at {endpoint}: this cell joins it"));
+        Err(BusError::PortTaken {
+            endpoint,
+            answers: true,
+        }) => {
+            report::remark(&format!(
+                "a router answers at {endpoint}: this cell joins it"
+            ));
             Ok(None)
         }
         Err(error) => Err(error.into()),
@@ -136,7 +146,11 @@ fn watch(
             operator.ask_for_part(&cell.cell.part)?;
             asked = true;
         } else if !asked && Instant::now() > deadline {
-            let text = format!("the cell was not ready within {} s: {}", READY_PATIENCE.as_secs(), operator.not_ready());
+            let text = format!(
+                "the cell was not ready within {} s: {}",
+                READY_PATIENCE.as_secs(),
+                operator.not_ready()
+            );
             return Err(Failed(text).into());
         }
         std::thread::sleep(LOOK);
@@ -162,31 +176,63 @@ struct Processes {
 
 impl Processes {
     fn new(file: &Path, recorded: bool) -> Self {
-        Self { file: file.to_owned(), recorded, nodes: Vec::new(), recorder: None }
+        Self {
+            file: file.to_owned(),
+            recorded,
+            nodes: Vec::new(),
+            recorder: None,
+        }
     }
 
     fn start(&mut self, name: &str) -> anyhow::Result<()> {
         let child = self.spawn_node(name, 0)?;
         let name = name.to_owned();
-        self.nodes.push(Supervised { name, child, starts: 1, pause: FIRST_PAUSE, restart_at: None });
+        self.nodes.push(Supervised {
+            name,
+            child,
+            starts: 1,
+            pause: FIRST_PAUSE,
+            restart_at: None,
+        });
         Ok(())
     }
 
     fn spawn_node(&self, name: &str, incarnation: u32) -> anyhow::Result<Child> {
         let mut command = Command::new(std::env::current_exe()?);
-        command.args(["node", name, "--supervised", "--incarnation", &incarnation.to_string(), "--cell"]).arg(&self.file);
+        command
+            .args([
+                "node",
+                name,
+                "--supervised",
+                "--incarnation",
+                &incarnation.to_string(),
+                "--cell",
+            ])
+            .arg(&self.file);
         if !self.recorded {
             command.arg("--no-record");
         }
-        command.spawn().with_context(|| format!("cannot start the process of {name}"))
+        command
+            .spawn()
+            .with_context(|| format!("cannot start the process of {name}"))
     }
 
     fn start_recorder(&mut self, folder: &Path) -> anyhow::Result<()> {
         let mut command = Command::new(std::env::current_exe()?);
-        command.args(["record", "--supervised", "--cell"]).arg(&self.file).arg("--folder").arg(folder);
+        command
+            .args(["record", "--supervised", "--cell"])
+            .arg(&self.file)
+            .arg("--folder")
+            .arg(folder);
         let child = command.spawn().context("cannot start the recorder")?;
         let name = RECORDER.to_owned();
-        self.recorder = Some(Supervised { name, child, starts: 1, pause: FIRST_PAUSE, restart_at: None });
+        self.recorder = Some(Supervised {
+            name,
+            child,
+            starts: 1,
+            pause: FIRST_PAUSE,
+            restart_at: None,
+        });
         Ok(())
     }
 
@@ -199,9 +245,14 @@ impl Processes {
                     if let Some(status) = node.child.try_wait()? {
                         // A wrong setting does not get better by trying again.
                         if status.code() == Some(i32::from(crate::BAD_INPUT)) {
-                            return Err(Failed(format!("{} cannot run: see above", node.name)).into());
+                            return Err(
+                                Failed(format!("{} cannot run: see above", node.name)).into()
+                            );
                         }
-                        report::remark(&format!("{} ended ({status}); it is started again", node.name));
+                        report::remark(&format!(
+                            "{} ended ({status}); it is started again",
+                            node.name
+                        ));
                         node.restart_at = Some(Instant::now() + node.pause);
                         node.pause = (node.pause * 2).min(LAST_PAUSE);
                     }
@@ -220,7 +271,10 @@ impl Processes {
         if let Some(recorder) = &mut self.recorder
             && let Some(status) = recorder.child.try_wait()?
         {
-            return Err(Failed(format!("the recorder ended ({status}): a cell does not run unrecorded")).into());
+            return Err(Failed(format!(
+                "the recorder ended ({status}): a cell does not run unrecorded"
+            ))
+            .into());
         }
         Ok(())
     }
@@ -228,7 +282,8 @@ impl Processes {
     /// Name, whether it runs, and starts, of each process.
     fn states(&self) -> Vec<(String, bool, u32)> {
         let all = self.nodes.iter().chain(&self.recorder);
-        all.map(|one| (one.name.clone(), one.restart_at.is_none(), one.starts)).collect()
+        all.map(|one| (one.name.clone(), one.restart_at.is_none(), one.starts))
+            .collect()
     }
 
     /// Ends the nodes, then the recorder. True when the recorder lost something.
@@ -239,7 +294,9 @@ impl Processes {
         for node in &mut self.nodes {
             wait_for_end(&mut node.child)?;
         }
-        let Some(recorder) = &mut self.recorder else { return Ok(false) };
+        let Some(recorder) = &mut self.recorder else {
+            return Ok(false);
+        };
         ask_to_end(&mut recorder.child);
         let code = wait_for_end(&mut recorder.child)?;
         Ok(code != Some(0))

@@ -163,15 +163,21 @@ enum Command {
 }
 
 fn main() -> ExitCode {
-    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("warn,zenoh=error,rustdds=error"));
-    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).init();
+    let filter = EnvFilter::try_from_default_env()
+        .unwrap_or_else(|_| EnvFilter::new("warn,zenoh=error,rustdds=error"));
+    tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_writer(std::io::stderr)
+        .init();
     match run(Arguments::parse().command) {
         Ok(status) => ExitCode::from(status),
         Err(error) => {
             tracing::debug!("{error:?}");
             report::error(&error);
             let failed = error.chain().any(|cause| {
-                cause.is::<host::bus::BusError>() || cause.is::<host::ProcessError>() || cause.is::<launcher::Failed>()
+                cause.is::<host::bus::BusError>()
+                    || cause.is::<host::ProcessError>()
+                    || cause.is::<launcher::Failed>()
             });
             ExitCode::from(if failed { FAILED } else { BAD_INPUT })
         }
@@ -180,16 +186,31 @@ fn main() -> ExitCode {
 
 fn run(command: Command) -> anyhow::Result<u8> {
     match command {
-        Command::Up { cell, once, no_record } => launcher::up(&cell, once, !no_record),
-        Command::Node { name, cell, incarnation, no_record, supervised } => {
-            commands::node::run(&name, &cell, incarnation, !no_record, supervised)
-        }
+        Command::Up {
+            cell,
+            once,
+            no_record,
+        } => launcher::up(&cell, once, !no_record),
+        Command::Node {
+            name,
+            cell,
+            incarnation,
+            no_record,
+            supervised,
+        } => commands::node::run(&name, &cell, incarnation, !no_record, supervised),
         Command::Router { listen, join } => commands::router::run(listen, join),
-        Command::Record { cell, folder, supervised } => commands::record::run(&cell, folder, supervised),
+        Command::Record {
+            cell,
+            folder,
+            supervised,
+        } => commands::record::run(&cell, folder, supervised),
         Command::Run { part, cell } => operator::ask_for_part(&cell, &part),
-        Command::Approve { correction, operator, reject, cell } => {
-            operator::approve(&cell, &correction, &operator, !reject)
-        }
+        Command::Approve {
+            correction,
+            operator,
+            reject,
+            cell,
+        } => operator::approve(&cell, &correction, &operator, !reject),
         Command::Play(arguments) => commands::play::run(&arguments),
         Command::Replay { bag, json } => commands::replay::run(&bag, json),
         Command::Info { bag, verify, json } => commands::info::run(&bag, verify, json),
@@ -198,7 +219,12 @@ fn run(command: Command) -> anyhow::Result<u8> {
         Command::Diagnose(arguments) => commands::diagnose::run(&arguments),
         Command::Doctor { cell, json } => commands::doctor::run(&cell, json),
         Command::Completions { shell } => {
-            clap_complete::generate(shell, &mut Arguments::command(), "probecell", &mut std::io::stdout());
+            clap_complete::generate(
+                shell,
+                &mut Arguments::command(),
+                "probecell",
+                &mut std::io::stdout(),
+            );
             Ok(GOOD)
         }
     }

@@ -21,8 +21,9 @@ use host::{
     bus_qos,
 };
 use probecell_msgs::{
-    Correction, CorrectionAcknowledgement, Fault, MachineState, Message, OperatorReply, OperatorRequest, PartReport,
-    PassDecision, Service, Verdict, diagnostic_msgs, from_cdr, srv, std_msgs, to_cdr,
+    Correction, CorrectionAcknowledgement, Fault, MachineState, Message, OperatorReply,
+    OperatorRequest, PartReport, PassDecision, Service, Verdict, diagnostic_msgs, from_cdr, srv,
+    std_msgs, to_cdr,
 };
 
 use crate::{FAILED, GOOD, launcher, report};
@@ -75,7 +76,11 @@ fn lock(heard: &Mutex<Heard>) -> MutexGuard<'_, Heard> {
 
 impl Gate {
     /// Publishes a call and waits for its answer.
-    fn call(&self, reply_topic: &'static str, request: OperatorRequest) -> Result<OperatorReply, String> {
+    fn call(
+        &self,
+        reply_topic: &'static str,
+        request: OperatorRequest,
+    ) -> Result<OperatorReply, String> {
         let publisher = match reply_topic {
             name if name == topics::PLAN_REPLIES.name => &self.plan,
             name if name == topics::RUN_REPLIES.name => &self.run,
@@ -90,9 +95,18 @@ impl Gate {
             request_id
         };
         let instant = host::now();
-        let header = std_msgs::Header { stamp: instant.time(), frame_id: String::new() };
-        let request = OperatorRequest { header, request_id, ..request };
-        publisher.publish(&to_cdr(&request), instant.0).map_err(|error| error.to_string())?;
+        let header = std_msgs::Header {
+            stamp: instant.time(),
+            frame_id: String::new(),
+        };
+        let request = OperatorRequest {
+            header,
+            request_id,
+            ..request
+        };
+        publisher
+            .publish(&to_cdr(&request), instant.0)
+            .map_err(|error| error.to_string())?;
         let answer = receiver.recv_timeout(ANSWER_PATIENCE);
         lock(&self.heard).waiting.remove(&(reply_topic, request_id));
         answer.map_err(|_| format!("no node answered within {} s", ANSWER_PATIENCE.as_secs()))
@@ -103,8 +117,9 @@ impl Operator {
     /// Takes the operator's place in a cell.
     pub(crate) fn join(bus: Bus, cell: &Cell) -> anyhow::Result<Self> {
         let namespace = cell.namespace();
-        let publisher =
-            |topic: Topic| bus.publisher(&cell.topic(topic.name), topic.message, bus_qos(topic.qos));
+        let publisher = |topic: Topic| {
+            bus.publisher(&cell.topic(topic.name), topic.message, bus_qos(topic.qos))
+        };
         let heard = Arc::new(Mutex::new(Heard::default()));
         let gate = Arc::new(Gate {
             plan: publisher(topics::PLAN_REQUESTS)?,
@@ -117,34 +132,62 @@ impl Operator {
             diagnostic_msgs::DiagnosticArray::TYPE,
             bus_qos(graph::Qos::reliable(10)),
         )?;
-        let mut operator =
-            Self { bus, namespace, heard, gate, diagnostics, subscriptions: Vec::new(), servers: Vec::new() };
+        let mut operator = Self {
+            bus,
+            namespace,
+            heard,
+            gate,
+            diagnostics,
+            subscriptions: Vec::new(),
+            servers: Vec::new(),
+        };
         operator.listen()?;
         operator.serve()?;
         Ok(operator)
     }
 
     fn listen(&mut self) -> anyhow::Result<()> {
-        self.hear(topics::MACHINE_STATE, |heard, _: MachineState| heard.machine = true)?;
+        self.hear(topics::MACHINE_STATE, |heard, _: MachineState| {
+            heard.machine = true
+        })?;
         self.hear(topics::VERDICTS, |heard, verdict: Verdict| {
-            heard.verdicts.entry(verdict.plan_id.clone()).or_default().push(verdict);
+            heard
+                .verdicts
+                .entry(verdict.plan_id.clone())
+                .or_default()
+                .push(verdict);
         })?;
         self.hear(topics::PASS_DECISIONS, |heard, decision: PassDecision| {
             let verdicts = heard.verdicts.remove(&decision.plan_id).unwrap_or_default();
             tell_measurement(&decision, &verdicts);
         })?;
-        self.hear(topics::CORRECTIONS, |_, correction: Correction| tell_correction(&correction))?;
-        self.hear(topics::CORRECTION_ACKNOWLEDGEMENTS, |_, answer: CorrectionAcknowledgement| tell_answer(&answer))?;
+        self.hear(topics::CORRECTIONS, |_, correction: Correction| {
+            tell_correction(&correction)
+        })?;
+        self.hear(
+            topics::CORRECTION_ACKNOWLEDGEMENTS,
+            |_, answer: CorrectionAcknowledgement| tell_answer(&answer),
+        )?;
         self.hear(topics::PART_REPORTS, |heard, part: PartReport| {
             tell_part(&part);
             heard.part = Some(part);
         })?;
-        for topic in topics::ALL.iter().filter(|topic| topic.name.ends_with("/faults")) {
+        for topic in topics::ALL
+            .iter()
+            .filter(|topic| topic.name.ends_with("/faults"))
+        {
             self.hear(*topic, |_, fault: Fault| {
-                report::remark(&format!("fault {} of {}: {}", fault.code, fault.node, fault.text));
+                report::remark(&format!(
+                    "fault {} of {}: {}",
+                    fault.code, fault.node, fault.text
+                ));
             })?;
         }
-        for topic in [topics::PLAN_REPLIES, topics::RUN_REPLIES, topics::APPROVAL_REPLIES] {
+        for topic in [
+            topics::PLAN_REPLIES,
+            topics::RUN_REPLIES,
+            topics::APPROVAL_REPLIES,
+        ] {
             self.hear(topic, move |heard, reply: OperatorReply| {
                 if let Some(waiting) = heard.waiting.remove(&(topic.name, reply.request_id)) {
                     // Who asked may have given up.
@@ -167,29 +210,53 @@ impl Operator {
             }
         };
         let on_lost = move |lost: host::bus::Lost| {
-            report::remark(&format!("the operator lost {} messages on {}", lost.count, topic.name));
+            report::remark(&format!(
+                "the operator lost {} messages on {}",
+                lost.count, topic.name
+            ));
         };
         let name = format!("{}/{}", self.namespace, topic.name);
         let qos = bus_qos(topic.qos);
-        self.subscriptions.push(self.bus.subscribe(&name, topic.message, qos, Box::new(on_sample), Box::new(on_lost))?);
+        self.subscriptions.push(self.bus.subscribe(
+            &name,
+            topic.message,
+            qos,
+            Box::new(on_sample),
+            Box::new(on_lost),
+        )?);
         Ok(())
     }
 
     fn serve(&mut self) -> anyhow::Result<()> {
-        self.offer::<srv::Plan>("plan", topics::PLAN_REPLIES, |request| OperatorRequest {
-            subject: request.plan_id,
-            ..OperatorRequest::default()
-        }, |accepted, text| srv::PlanResponse { accepted, text })?;
-        self.offer::<srv::Run>("run", topics::RUN_REPLIES, |request| OperatorRequest {
-            subject: request.part_id,
-            ..OperatorRequest::default()
-        }, |accepted, text| srv::RunResponse { accepted, text })?;
-        self.offer::<srv::ApproveCorrection>("approve_correction", topics::APPROVAL_REPLIES, |request| OperatorRequest {
-            subject: request.correction_id,
-            operator_name: request.operator_name,
-            approve: request.approve,
-            ..OperatorRequest::default()
-        }, |accepted, text| srv::ApproveCorrectionResponse { accepted, text })
+        self.offer::<srv::Plan>(
+            "plan",
+            topics::PLAN_REPLIES,
+            |request| OperatorRequest {
+                subject: request.plan_id,
+                ..OperatorRequest::default()
+            },
+            |accepted, text| srv::PlanResponse { accepted, text },
+        )?;
+        self.offer::<srv::Run>(
+            "run",
+            topics::RUN_REPLIES,
+            |request| OperatorRequest {
+                subject: request.part_id,
+                ..OperatorRequest::default()
+            },
+            |accepted, text| srv::RunResponse { accepted, text },
+        )?;
+        self.offer::<srv::ApproveCorrection>(
+            "approve_correction",
+            topics::APPROVAL_REPLIES,
+            |request| OperatorRequest {
+                subject: request.correction_id,
+                operator_name: request.operator_name,
+                approve: request.approve,
+                ..OperatorRequest::default()
+            },
+            |accepted, text| srv::ApproveCorrectionResponse { accepted, text },
+        )
     }
 
     fn offer<S: Service>(
@@ -206,28 +273,46 @@ impl Operator {
             Ok(to_cdr(&answer(reply.accepted, reply.text)))
         };
         let name = format!("{}/{name}", self.namespace);
-        self.servers.push(self.bus.serve(&name, S::TYPE, Box::new(handler))?);
+        self.servers
+            .push(self.bus.serve(&name, S::TYPE, Box::new(handler))?);
         Ok(())
     }
 
     /// The machine has been heard, and everybody hears a request for a part.
     pub(crate) fn ready(&self) -> bool {
         let topic = topics::RUN_REQUESTS;
-        let heard = self.bus.graph().subscriptions(&format!("{}/{}", self.namespace, topic.name), &TypeId::from(topic.message));
+        let heard = self.bus.graph().subscriptions(
+            &format!("{}/{}", self.namespace, topic.name),
+            &TypeId::from(topic.message),
+        );
         lock(&self.heard).machine && heard > 0
     }
 
     /// What is missing.
     pub(crate) fn not_ready(&self) -> &'static str {
-        if lock(&self.heard).machine { "nobody hears requests for parts" } else { "the machine was not heard" }
+        if lock(&self.heard).machine {
+            "nobody hears requests for parts"
+        } else {
+            "the machine was not heard"
+        }
     }
 
     /// Asks for a part; a refusal is an error.
     pub(crate) fn ask_for_part(&self, part: &str) -> anyhow::Result<()> {
-        let request = OperatorRequest { subject: part.to_owned(), operator_name: "up".to_owned(), ..OperatorRequest::default() };
-        let reply = self.gate.call(topics::RUN_REPLIES.name, request).map_err(launcher::Failed)?;
+        let request = OperatorRequest {
+            subject: part.to_owned(),
+            operator_name: "up".to_owned(),
+            ..OperatorRequest::default()
+        };
+        let reply = self
+            .gate
+            .call(topics::RUN_REPLIES.name, request)
+            .map_err(launcher::Failed)?;
         if !reply.accepted {
-            bail!(launcher::Failed(format!("the cell does not make the part: {}", reply.text)));
+            bail!(launcher::Failed(format!(
+                "the cell does not make the part: {}",
+                reply.text
+            )));
         }
         Ok(())
     }
@@ -235,27 +320,49 @@ impl Operator {
     /// How the part ended, once.
     pub(crate) fn part_ended(&self) -> Option<PartEnd> {
         let part = lock(&self.heard).part.take()?;
-        Some(PartEnd { qualified: part.verdict == PartReport::QUALIFIED })
+        Some(PartEnd {
+            qualified: part.verdict == PartReport::QUALIFIED,
+        })
     }
 
     /// Publishes the state of the processes on `/diagnostics`, once a second.
     pub(crate) fn tell_processes(&self, states: &[(String, bool, u32)]) {
         let mut heard = lock(&self.heard);
-        if heard.diagnosed.is_some_and(|last| last.elapsed() < DIAGNOSTICS_PERIOD) {
+        if heard
+            .diagnosed
+            .is_some_and(|last| last.elapsed() < DIAGNOSTICS_PERIOD)
+        {
             return;
         }
         heard.diagnosed = Some(Instant::now());
         drop(heard);
         let instant = host::now();
-        let status = states.iter().map(|(name, runs, starts)| diagnostic_msgs::DiagnosticStatus {
-            level: if *runs { diagnostic_msgs::DiagnosticStatus::OK } else { diagnostic_msgs::DiagnosticStatus::ERROR },
-            name: format!("{}/{name}", self.namespace),
-            message: if *runs { "runs" } else { "ended; it is started again" }.to_owned(),
-            hardware_id: String::new(),
-            values: vec![diagnostic_msgs::KeyValue { key: "starts".to_owned(), value: starts.to_string() }],
-        });
+        let status = states
+            .iter()
+            .map(|(name, runs, starts)| diagnostic_msgs::DiagnosticStatus {
+                level: if *runs {
+                    diagnostic_msgs::DiagnosticStatus::OK
+                } else {
+                    diagnostic_msgs::DiagnosticStatus::ERROR
+                },
+                name: format!("{}/{name}", self.namespace),
+                message: if *runs {
+                    "runs"
+                } else {
+                    "ended; it is started again"
+                }
+                .to_owned(),
+                hardware_id: String::new(),
+                values: vec![diagnostic_msgs::KeyValue {
+                    key: "starts".to_owned(),
+                    value: starts.to_string(),
+                }],
+            });
         let array = diagnostic_msgs::DiagnosticArray {
-            header: std_msgs::Header { stamp: instant.time(), frame_id: String::new() },
+            header: std_msgs::Header {
+                stamp: instant.time(),
+                frame_id: String::new(),
+            },
             status: status.collect(),
         };
         if let Err(error) = self.diagnostics.publish(&to_cdr(&array), instant.0) {
@@ -274,15 +381,26 @@ impl Operator {
 
 /// `probecell run`: a call of the cell's service.
 pub(crate) fn ask_for_part(file: &Path, part: &str) -> anyhow::Result<u8> {
-    let request = srv::RunRequest { part_id: part.to_owned() };
+    let request = srv::RunRequest {
+        part_id: part.to_owned(),
+    };
     let response: srv::RunResponse = call::<srv::Run>(file, "run", &request)?;
     tell_reply(response.accepted, &response.text)
 }
 
 /// `probecell approve`: a call of the cell's service.
-pub(crate) fn approve(file: &Path, correction: &str, operator: &str, approve: bool) -> anyhow::Result<u8> {
+pub(crate) fn approve(
+    file: &Path,
+    correction: &str,
+    operator: &str,
+    approve: bool,
+) -> anyhow::Result<u8> {
     let (correction_id, operator_name) = (correction.to_owned(), operator.to_owned());
-    let request = srv::ApproveCorrectionRequest { correction_id, operator_name, approve };
+    let request = srv::ApproveCorrectionRequest {
+        correction_id,
+        operator_name,
+        approve,
+    };
     let response = call::<srv::ApproveCorrection>(file, "approve_correction", &request)?;
     tell_reply(response.accepted, &response.text)
 }
@@ -294,8 +412,17 @@ fn tell_reply(accepted: bool, text: &str) -> anyhow::Result<u8> {
 
 fn call<S: Service>(file: &Path, name: &str, request: &S::Request) -> anyhow::Result<S::Response> {
     let cell = Cell::read(file)?;
-    let bus = Bus::open(&launcher::bus_config(&cell)?, "operator_call", &cell.namespace())?;
-    let response = bus.call(&cell.topic(name), S::TYPE, &to_cdr(request), ANSWER_PATIENCE)?;
+    let bus = Bus::open(
+        &launcher::bus_config(&cell)?,
+        "operator_call",
+        &cell.namespace(),
+    )?;
+    let response = bus.call(
+        &cell.topic(name),
+        S::TYPE,
+        &to_cdr(request),
+        ANSWER_PATIENCE,
+    )?;
     bus.close(Duration::from_secs(2))?;
     from_cdr(&response).context("the answer is not of the service's type")
 }
@@ -305,8 +432,15 @@ fn tell_measurement(decision: &PassDecision, verdicts: &[Verdict]) {
     for verdict in verdicts {
         let (size, error) = (verdict.size * 1e3, verdict.error * 1e6);
         let word = verdict_word(verdict.verdict);
-        let note = if verdict.text.is_empty() { String::new() } else { format!("  {}", verdict.text) };
-        report::line(&format!("  {:<8} {size:9.4} mm  {error:+7.1} µm  {word}{note}", verdict.feature_id));
+        let note = if verdict.text.is_empty() {
+            String::new()
+        } else {
+            format!("  {}", verdict.text)
+        };
+        report::line(&format!(
+            "  {:<8} {size:9.4} mm  {error:+7.1} µm  {word}{note}",
+            verdict.feature_id
+        ));
     }
     let next = match decision.decision {
         PassDecision::NEXT => "next pass",
@@ -331,17 +465,25 @@ fn verdict_word(verdict: u8) -> &'static str {
 fn tell_correction(correction: &Correction) {
     let (from, to) = (correction.previous_value * 1e6, correction.new_value * 1e6);
     let who = match correction.approval {
-        Correction::APPROVAL_NONE => format!("waits for approval: probecell approve {} --operator NAME", correction.correction_id),
+        Correction::APPROVAL_NONE => format!(
+            "waits for approval: probecell approve {} --operator NAME",
+            correction.correction_id
+        ),
         Correction::APPROVAL_REJECTED => format!("rejected by {}", correction.approved_by),
         _ => format!("approved by {}", correction.approved_by),
     };
-    report::line(&format!("  correction of tool {}: {from:+.1} -> {to:+.1} µm, {who}", correction.tool_number));
+    report::line(&format!(
+        "  correction of tool {}: {from:+.1} -> {to:+.1} µm, {who}",
+        correction.tool_number
+    ));
 }
 
 fn tell_answer(answer: &CorrectionAcknowledgement) {
     let (before, after) = (answer.value_before * 1e6, answer.value_after * 1e6);
     let word = match answer.outcome {
-        CorrectionAcknowledgement::APPLIED => format!("applied: the controller read {before:+.1}, now reads {after:+.1} µm"),
+        CorrectionAcknowledgement::APPLIED => {
+            format!("applied: the controller read {before:+.1}, now reads {after:+.1} µm")
+        }
         CorrectionAcknowledgement::ALREADY_APPLIED => "applied before".to_owned(),
         _ => format!("refused: {}", answer.text),
     };
@@ -354,5 +496,8 @@ fn tell_part(part: &PartReport) {
         PartReport::SCRAP => "scrap",
         _ => "stopped",
     };
-    report::line(&format!("part {}: {word} after {} cuts: {}", part.part_id, part.passes, part.text));
+    report::line(&format!(
+        "part {}: {word} after {} cuts: {}",
+        part.part_id, part.passes, part.text
+    ));
 }

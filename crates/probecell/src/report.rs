@@ -1,6 +1,10 @@
 //! What a person or a program reads on the terminal.
 
-#![expect(clippy::print_stdout, clippy::print_stderr, reason = "this module is the terminal")]
+#![expect(
+    clippy::print_stdout,
+    clippy::print_stderr,
+    reason = "this module is the terminal"
+)]
 
 use serde::Serialize;
 
@@ -25,7 +29,11 @@ pub(crate) fn error(error: &anyhow::Error) {
     let mut sentence = String::new();
     for cause in error.chain().map(ToString::to_string) {
         if !sentence.contains(&cause) {
-            sentence = if sentence.is_empty() { cause } else { format!("{sentence}: {cause}") };
+            sentence = if sentence.is_empty() {
+                cause
+            } else {
+                format!("{sentence}: {cause}")
+            };
         }
     }
     eprintln!("probecell: {}", sentence.replace('\n', " "));

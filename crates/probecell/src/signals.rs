@@ -13,11 +13,13 @@ use signal_hook::{
 /// Calls `on_signal` at the first SIGINT or SIGTERM, on a thread of its own.
 pub(crate) fn on_end(on_signal: impl FnOnce() + Send + 'static) -> anyhow::Result<()> {
     let mut signals = Signals::new([SIGINT, SIGTERM])?;
-    std::thread::Builder::new().name("signals".to_owned()).spawn(move || {
-        if signals.forever().next().is_some() {
-            on_signal();
-        }
-    })?;
+    std::thread::Builder::new()
+        .name("signals".to_owned())
+        .spawn(move || {
+            if signals.forever().next().is_some() {
+                on_signal();
+            }
+        })?;
     Ok(())
 }
 

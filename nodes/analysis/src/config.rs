@@ -73,17 +73,28 @@ impl RawConfig {
     /// Checks the settings.
     pub fn check(&self, chain: Chain) -> Result<Config, ConfigError> {
         for (key, value) in [
-            ("touch_standard_uncertainty_um", self.touch_standard_uncertainty_um),
+            (
+                "touch_standard_uncertainty_um",
+                self.touch_standard_uncertainty_um,
+            ),
             ("coverage_factor", self.coverage_factor),
             ("repeat_limit_um", self.repeat_limit_um),
         ] {
             if !(value.is_finite() && value > 0.0) {
-                return Err(ConfigError { key, value, more: "above 0" });
+                return Err(ConfigError {
+                    key,
+                    value,
+                    more: "above 0",
+                });
             }
         }
         let value = self.common_standard_uncertainty_um;
         if !(value.is_finite() && value >= 0.0) {
-            return Err(ConfigError { key: "common_standard_uncertainty_um", value, more: "that is not negative" });
+            return Err(ConfigError {
+                key: "common_standard_uncertainty_um",
+                value,
+                more: "that is not negative",
+            });
         }
         Ok(Config {
             chain,

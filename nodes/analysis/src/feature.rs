@@ -45,29 +45,48 @@ const LARGEST_TILT: f64 = 0.1;
 const CONSTRAINED: &str = "too few touches for a free fit: nominal position and direction taken";
 
 /// Fits one feature.
-pub fn fit(feature: &InspectionFeature, ball_radius: f64, samples: &[Sample]) -> Result<Fitted, FitError> {
+pub fn fit(
+    feature: &InspectionFeature,
+    ball_radius: f64,
+    samples: &[Sample],
+) -> Result<Fitted, FitError> {
     match feature.kind {
-        InspectionFeature::CYLINDER | InspectionFeature::BORE => axial(feature, ball_radius, samples),
+        InspectionFeature::CYLINDER | InspectionFeature::BORE => {
+            Ok(axial(feature, ball_radius, samples))
+        }
         InspectionFeature::SPHERE => sphere(feature, ball_radius, samples),
-        InspectionFeature::PLANE => plane(feature, ball_radius, samples),
+        InspectionFeature::PLANE => Ok(plane(feature, ball_radius, samples)),
         _ => Ok(surface(feature, samples)),
     }
 }
 
 /// Fills the measured part of a result.
-pub fn describe(result: &mut FeatureResult, fitted: &Fitted, touch_uncertainty: f64, common_uncertainty: f64) {
+pub fn describe(
+    result: &mut FeatureResult,
+    fitted: &Fitted,
+    touch_uncertainty: f64,
+    common_uncertainty: f64,
+) {
     result.size = fitted.size;
     result.nominal_size = fitted.nominal_size;
     result.size_deviation = fitted.size - fitted.nominal_size;
     result.form = fitted.form;
-    result.origin = geometry_msgs::Point { x: fitted.origin.x, y: fitted.origin.y, z: fitted.origin.z };
-    result.axis = geometry_msgs::Vector3 { x: fitted.axis.x, y: fitted.axis.y, z: fitted.axis.z };
+    result.origin = geometry_msgs::Point {
+        x: fitted.origin.x,
+        y: fitted.origin.y,
+        z: fitted.origin.z,
+    };
+    result.axis = geometry_msgs::Vector3 {
+        x: fitted.axis.x,
+        y: fitted.axis.y,
+        z: fitted.axis.z,
+    };
     result.standard_uncertainty =
         (fitted.sensitivity * touch_uncertainty).hypot(fitted.common * common_uncertainty);
     fitted.note.clone_into(&mut result.text);
 }
 
-fn axial(feature: &InspectionFeature, ball_radius: f64, samples: &[Sample]) -> Result<Fitted, FitError> {
+fn axial(feature: &InspectionFeature, ball_radius: f64, samples: &[Sample]) -> Fitted {
     let bore = feature.kind == InspectionFeature::BORE;
     let offset = if bore { -ball_radius } else { ball_radius };
     let nominal_axis = vector(&feature.axis).normalize();
@@ -78,7 +97,7 @@ fn axial(feature: &InspectionFeature, ball_radius: f64, samples: &[Sample]) -> R
         && fit.shape.axis.cross(&nominal_axis).norm() < LARGEST_TILT
         && let Some(sensitivity) = fit.uncertainty("radius", 2.0)
     {
-        return Ok(Fitted {
+        return Fitted {
             size: 2.0 * (fit.shape.radius - offset),
             nominal_size,
             form: fit.form,
@@ -87,15 +106,18 @@ fn axial(feature: &InspectionFeature, ball_radius: f64, samples: &[Sample]) -> R
             sensitivity,
             common: 2.0,
             note: "",
-        });
+        };
     }
     // A circle across the nominal axis.
-    let flat: Vec<Vector3<f64>> = centres.iter().map(|p| p - nominal_axis * nominal_axis.dot(p)).collect();
+    let flat: Vec<Vector3<f64>> = centres
+        .iter()
+        .map(|p| p - nominal_axis * nominal_axis.dot(p))
+        .collect();
     if let Ok(fit) = fit::circle(&flat)
         && let Some(sensitivity) = fit.uncertainty("radius", 2.0)
     {
         let height = nominal_axis * mean(centres.iter().map(|p| nominal_axis.dot(p)));
-        return Ok(Fitted {
+        return Fitted {
             size: 2.0 * (fit.shape.radius - offset),
             nominal_size,
             form: fit.form,
@@ -104,13 +126,20 @@ fn axial(feature: &InspectionFeature, ball_radius: f64, samples: &[Sample]) -> R
             sensitivity,
             common: 2.0,
             note: "touches do not determine the direction of the axis: nominal direction taken",
-        });
+        };
     }
     let sign = if bore { -1.0 } else { 1.0 };
-    Ok(Fitted { nominal_size, ..constrained(feature, samples, 2.0 * sign, nominal_size) })
+    Fitted {
+        nominal_size,
+        ..constrained(feature, samples, 2.0 * sign, nominal_size)
+    }
 }
 
-fn sphere(feature: &InspectionFeature, ball_radius: f64, samples: &[Sample]) -> Result<Fitted, FitError> {
+fn sphere(
+    feature: &InspectionFeature,
+    ball_radius: f64,
+    samples: &[Sample],
+) -> Result<Fitted, FitError> {
     let nominal_size = 2.0 * feature.radius;
     if samples.len() < 4 {
         return Ok(constrained(feature, samples, 2.0, nominal_size));
@@ -128,15 +157,15 @@ fn sphere(feature: &InspectionFeature, ball_radius: f64, samples: &[Sample]) -> 
     })
 }
 
-fn plane(feature: &InspectionFeature, ball_radius: f64, samples: &[Sample]) -> Result<Fitted, FitError> {
+fn plane(feature: &InspectionFeature, ball_radius: f64, samples: &[Sample]) -> Fitted {
     let normal = vector(&feature.axis).normalize();
     let origin = vector_of(&feature.origin);
     let nominal_size = normal.dot(&origin);
     let Ok(fit) = fit::plane(&centres(samples)) else {
-        return Ok(constrained(feature, samples, 1.0, nominal_size));
+        return constrained(feature, samples, 1.0, nominal_size);
     };
     let shape = fit.shape.facing(&normal);
-    Ok(Fitted {
+    Fitted {
         // The middle of the touches lies on the fitted plane: its height does not depend on the tilt.
         size: normal.dot(&shape.point) - ball_radius,
         nominal_size,
@@ -146,16 +175,24 @@ fn plane(feature: &InspectionFeature, ball_radius: f64, samples: &[Sample]) -> R
         sensitivity: (samples.len() as f64).sqrt().recip(),
         common: 1.0,
         note: "",
-    })
+    }
 }
 
 /// A profile or surface without a closed form: mean and range of the deviations.
 fn surface(feature: &InspectionFeature, samples: &[Sample]) -> Fitted {
-    Fitted { note: "", ..constrained(feature, samples, 1.0, 0.0) }
+    Fitted {
+        note: "",
+        ..constrained(feature, samples, 1.0, 0.0)
+    }
 }
 
 /// Size from the mean deviation, position and direction as nominal. `factor` is size per deviation.
-fn constrained(feature: &InspectionFeature, samples: &[Sample], factor: f64, nominal_size: f64) -> Fitted {
+fn constrained(
+    feature: &InspectionFeature,
+    samples: &[Sample],
+    factor: f64,
+    nominal_size: f64,
+) -> Fitted {
     let deviations = || samples.iter().map(|sample| sample.deviation);
     let highest = deviations().fold(f64::NEG_INFINITY, f64::max);
     let lowest = deviations().fold(f64::INFINITY, f64::min);
@@ -181,7 +218,11 @@ fn mean(values: impl Iterator<Item = f64>) -> f64 {
 }
 
 fn along(direction: Vector3<f64>, nominal: Vector3<f64>) -> Vector3<f64> {
-    if direction.dot(&nominal) < 0.0 { -direction } else { direction }
+    if direction.dot(&nominal) < 0.0 {
+        -direction
+    } else {
+        direction
+    }
 }
 
 fn vector(v: &geometry_msgs::Vector3) -> Vector3<f64> {

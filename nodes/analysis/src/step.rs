@@ -7,7 +7,8 @@ use machine::Nominal;
 use metrology::conformance::{Conformance, Tolerance, conformance};
 use nalgebra::Point3;
 use probecell_msgs::{
-    Fault, FeatureResult, InspectionFeature, InspectionPlan, ProbeEvent, TouchDeviation, geometry_msgs, std_msgs,
+    Fault, FeatureResult, InspectionFeature, InspectionPlan, ProbeEvent, TouchDeviation,
+    geometry_msgs, std_msgs,
 };
 use serde::{Deserialize, Serialize};
 
@@ -77,7 +78,13 @@ impl Node for AnalysisNode {
         State::default()
     }
 
-    fn step(config: &Config, state: &mut State, now: Stamp, input: Input, out: &mut Outbox<Output>) {
+    fn step(
+        config: &Config,
+        state: &mut State,
+        now: Stamp,
+        input: Input,
+        out: &mut Outbox<Output>,
+    ) {
         match input {
             Input::Timer(_) => {}
             Input::Plan(plan) => {
@@ -93,7 +100,9 @@ impl Node for AnalysisNode {
                 }
             }
         }
-        let Some(plan) = state.plan.take() else { return };
+        let Some(plan) = state.plan.take() else {
+            return;
+        };
         for event in std::mem::take(&mut state.waiting) {
             if event.plan_id == plan.plan_id {
                 take(config, state, now, &plan, &event, out);
@@ -114,7 +123,10 @@ fn take(
     out: &mut Outbox<Output>,
 ) {
     let Some(nominal) = plan.points.get(event.point_index as usize) else {
-        let text = format!("event {} names point {}, which plan {:?} does not have", event.sequence, event.point_index, plan.plan_id);
+        let text = format!(
+            "event {} names point {}, which plan {:?} does not have",
+            event.sequence, event.point_index, plan.plan_id
+        );
         return fault(now, &text, out);
     };
     let mut found = None;
@@ -134,20 +146,39 @@ fn take(
             standard_uncertainty: config.touch_uncertainty.hypot(config.common_uncertainty),
         }));
     }
-    let touch = Touch { sequence: event.sequence, found: found.map(|(centre, d)| ([centre.x, centre.y, centre.z], d)) };
-    state.touches.entry(event.point_index).or_default().push(touch);
+    let touch = Touch {
+        sequence: event.sequence,
+        found: found.map(|(centre, d)| ([centre.x, centre.y, centre.z], d)),
+    };
+    state
+        .touches
+        .entry(event.point_index)
+        .or_default()
+        .push(touch);
     let feature = nominal.feature;
     report_when_complete(config, state, plan, feature, &event.header, out);
 }
 
 /// Ball centre in the part frame and deviation d = n·(c − p) − r, by the nominal chain.
-fn locate(config: &Config, plan: &InspectionPlan, event: &ProbeEvent) -> Result<(Point3<f64>, f64), String> {
+fn locate(
+    config: &Config,
+    plan: &InspectionPlan,
+    event: &ProbeEvent,
+) -> Result<(Point3<f64>, f64), String> {
     let part = Nominal::from_plan(plan).map_err(|error| error.to_string())?;
-    let positions =
-        config.chain.positions(&event.axis_names, &event.axis_positions).map_err(|error| error.to_string())?;
-    let centre = config.chain.ball_in_part(&positions, &part.part_pose, &part.ball);
+    let positions = config
+        .chain
+        .positions(&event.axis_names, &event.axis_positions)
+        .map_err(|error| error.to_string())?;
+    let centre = config
+        .chain
+        .ball_in_part(&positions, &part.part_pose, &part.ball);
     let deviation = part.deviation(&config.chain, event.point_index as usize, &positions);
-    if deviation.is_finite() { Ok((centre, deviation)) } else { Err("its deviation is not a finite number".to_owned()) }
+    if deviation.is_finite() {
+        Ok((centre, deviation))
+    } else {
+        Err("its deviation is not a finite number".to_owned())
+    }
 }
 
 fn report_when_complete(
@@ -158,14 +189,27 @@ fn report_when_complete(
     header: &std_msgs::Header,
     out: &mut Outbox<Output>,
 ) {
-    let Some(feature) = plan.features.get(index as usize) else { return };
-    let points: BTreeSet<u32> =
-        (0..plan.points.len() as u32).filter(|&point| plan.points[point as usize].feature == index).collect();
+    let Some(feature) = plan.features.get(index as usize) else {
+        return;
+    };
+    let points: BTreeSet<u32> = (0..plan.points.len() as u32)
+        .filter(|&point| plan.points[point as usize].feature == index)
+        .collect();
     if !points.iter().all(|point| state.touches.contains_key(point)) {
         return;
     }
-    let touches: Vec<&Touch> = points.iter().flat_map(|point| &state.touches[point]).collect();
-    let result = result(config, plan, feature, header, &touches, repeat_spread(state, &points));
+    let touches: Vec<&Touch> = points
+        .iter()
+        .flat_map(|point| &state.touches[point])
+        .collect();
+    let result = result(
+        config,
+        plan,
+        feature,
+        header,
+        &touches,
+        repeat_spread(state, &points),
+    );
     publish(state, result, out);
     for width in &config.widths {
         if width.planes.contains(&feature.id)
@@ -177,17 +221,27 @@ fn report_when_complete(
 }
 
 fn publish(state: &mut State, result: FeatureResult, out: &mut Outbox<Output>) {
-    state.reported.insert(result.feature_id.clone(), result.clone());
+    state
+        .reported
+        .insert(result.feature_id.clone(), result.clone());
     out.send(Output::Feature(result));
 }
 
 /// Largest range of the deviations of one point, m.
 fn repeat_spread(state: &State, points: &BTreeSet<u32>) -> f64 {
     let spread = |point: &u32| {
-        let found = || state.touches[point].iter().filter_map(|touch| touch.found.map(|(_, deviation)| deviation));
+        let found = || {
+            state.touches[point]
+                .iter()
+                .filter_map(|touch| touch.found.map(|(_, deviation)| deviation))
+        };
         let highest = found().fold(f64::NEG_INFINITY, f64::max);
         let lowest = found().fold(f64::INFINITY, f64::min);
-        if highest > lowest { highest - lowest } else { 0.0 }
+        if highest > lowest {
+            highest - lowest
+        } else {
+            0.0
+        }
     };
     points.iter().map(spread).fold(0.0, f64::max)
 }
@@ -203,7 +257,10 @@ fn result(
     let samples: Vec<Sample> = touches
         .iter()
         .filter_map(|touch| touch.found)
-        .map(|(centre, deviation)| Sample { centre: Point3::from(centre), deviation })
+        .map(|(centre, deviation)| Sample {
+            centre: Point3::from(centre),
+            deviation,
+        })
         .collect();
     let mut result = FeatureResult {
         header: header.clone(),
@@ -220,19 +277,33 @@ fn result(
     };
     let missing = touches.len() - samples.len();
     if missing > 0 {
-        result.text = format!("{missing} of {} probing moves gave no usable touch", touches.len());
+        result.text = format!(
+            "{missing} of {} probing moves gave no usable touch",
+            touches.len()
+        );
         return result;
     }
     if spread > config.repeat_limit {
         let (spread, limit) = (spread * 1e6, config.repeat_limit * 1e6);
-        result.text = format!("repeated touches of one point differ by {spread:.1} µm, more than {limit:.1} µm");
+        result.text = format!(
+            "repeated touches of one point differ by {spread:.1} µm, more than {limit:.1} µm"
+        );
         return result;
     }
     match feature::fit(feature, plan.stylus.ball_radius, &samples) {
         Err(error) => result.text = error.to_string(),
         Ok(fitted) => {
-            feature::describe(&mut result, &fitted, config.touch_uncertainty, config.common_uncertainty);
-            decide(&mut result, feature.lower_tolerance, feature.upper_tolerance);
+            feature::describe(
+                &mut result,
+                &fitted,
+                config.touch_uncertainty,
+                config.common_uncertainty,
+            );
+            decide(
+                &mut result,
+                feature.lower_tolerance,
+                feature.upper_tolerance,
+            );
         }
     }
     result
@@ -257,24 +328,35 @@ fn width_result(
         size_deviation: a.size_deviation + b.size_deviation,
         form: a.form.max(b.form),
         // Independent touches add in squares; what all touches share adds up.
-        standard_uncertainty: own(config, a).hypot(own(config, b)).hypot(2.0 * config.common_uncertainty),
+        standard_uncertainty: own(config, a)
+            .hypot(own(config, b))
+            .hypot(2.0 * config.common_uncertainty),
         repeat_spread: a.repeat_spread.max(b.repeat_spread),
         text: String::new(),
         origin: geometry_msgs::Point::default(),
         ..a.clone()
     };
-    if let Some(invalid) = [a, b].into_iter().find(|plane| plane.decision == FeatureResult::INVALID) {
+    if let Some(invalid) = [a, b]
+        .into_iter()
+        .find(|plane| plane.decision == FeatureResult::INVALID)
+    {
         result.decision = FeatureResult::INVALID;
         result.text = format!("{}: {}", invalid.feature_id, invalid.text);
     } else {
-        decide(&mut result, width.tolerance_um[0] * 1e-6, width.tolerance_um[1] * 1e-6);
+        decide(
+            &mut result,
+            width.tolerance_um[0] * 1e-6,
+            width.tolerance_um[1] * 1e-6,
+        );
     }
     Some(result)
 }
 
 /// The part of a plane's uncertainty that it does not share with others, m.
 fn own(config: &Config, plane: &FeatureResult) -> f64 {
-    (plane.standard_uncertainty.powi(2) - config.common_uncertainty.powi(2)).max(0.0).sqrt()
+    (plane.standard_uncertainty.powi(2) - config.common_uncertainty.powi(2))
+        .max(0.0)
+        .sqrt()
 }
 
 /// ISO 14253-1: conforms only when the whole expanded uncertainty lies inside the limits.
@@ -290,7 +372,10 @@ fn decide(result: &mut FeatureResult, lower: f64, upper: f64) {
 
 fn fault(now: Stamp, text: &str, out: &mut Outbox<Output>) {
     out.send(Output::Fault(Fault {
-        header: std_msgs::Header { stamp: now.time(), frame_id: String::new() },
+        header: std_msgs::Header {
+            stamp: now.time(),
+            frame_id: String::new(),
+        },
         node: AnalysisNode::NAME.to_owned(),
         severity: Fault::ERROR,
         code: "event_not_usable".to_owned(),

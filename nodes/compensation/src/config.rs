@@ -107,7 +107,12 @@ impl RawConfig {
             return Err(ConfigError::NoCharacteristic);
         }
         let tolerances = self.characteristics.iter();
-        let tolerances = tolerances.map(|raw| (format!("characteristics.{}.tolerance_mm", raw.id), raw.tolerance_mm));
+        let tolerances = tolerances.map(|raw| {
+            (
+                format!("characteristics.{}.tolerance_mm", raw.id),
+                raw.tolerance_mm,
+            )
+        });
         let own = [
             ("wear_limit_mm".to_owned(), self.wear_limit_mm),
             ("validity_s".to_owned(), self.validity_s),
@@ -131,7 +136,11 @@ impl RawConfig {
             automatic_approval: self.automatic_approval,
             validity: self.validity_s,
             wear_per_size: self.wear_per_size,
-            policy: if self.literal_macro { Policy::Literal } else { Policy::Compensate },
+            policy: if self.literal_macro {
+                Policy::Literal
+            } else {
+                Policy::Compensate
+            },
             replayed,
         })
     }

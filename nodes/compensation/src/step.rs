@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use graph::{Node, Outbox, Stamp, inputs, outputs, topics};
 use metrology::decision::{self, Action, Invalid, Reading, decide};
 use probecell_msgs::{
-    Correction, FeatureResult, OperationRequest, OperatorReply, OperatorRequest, PassDecision, ToolOffsets,
-    Verdict, std_msgs,
+    Correction, FeatureResult, OperationRequest, OperatorReply, OperatorRequest, PassDecision,
+    ToolOffsets, Verdict, std_msgs,
 };
 use serde::{Deserialize, Serialize};
 
@@ -76,7 +76,13 @@ impl Node for CompensationNode {
         State::default()
     }
 
-    fn step(config: &Config, state: &mut State, now: Stamp, input: Input, out: &mut Outbox<Output>) {
+    fn step(
+        config: &Config,
+        state: &mut State,
+        now: Stamp,
+        input: Input,
+        out: &mut Outbox<Output>,
+    ) {
         match input {
             Input::Timer(_) => {}
             Input::Offsets(offsets) => state.offsets = Some(offsets),
@@ -96,7 +102,13 @@ impl Node for CompensationNode {
     }
 }
 
-fn take(config: &Config, state: &mut State, now: Stamp, result: FeatureResult, out: &mut Outbox<Output>) {
+fn take(
+    config: &Config,
+    state: &mut State,
+    now: Stamp,
+    result: FeatureResult,
+    out: &mut Outbox<Output>,
+) {
     match &state.measurement {
         Some((plan_id, _)) if *plan_id == result.plan_id => {}
         _ => {
@@ -107,7 +119,11 @@ fn take(config: &Config, state: &mut State, now: Stamp, result: FeatureResult, o
             return;
         }
     }
-    if !config.characteristics.iter().any(|characteristic| characteristic.id == result.feature_id) {
+    if !config
+        .characteristics
+        .iter()
+        .any(|characteristic| characteristic.id == result.feature_id)
+    {
         return;
     }
     state.results.insert(result.feature_id.clone(), result);
@@ -117,10 +133,19 @@ fn take(config: &Config, state: &mut State, now: Stamp, result: FeatureResult, o
 }
 
 fn decide_on_all(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Output>) {
-    let Some((plan_id, pass)) = state.measurement.take() else { return };
+    let Some((plan_id, pass)) = state.measurement.take() else {
+        return;
+    };
     let results = std::mem::take(&mut state.results);
-    let part_id = results.values().next().map(|result| result.part_id.clone()).unwrap_or_default();
-    let run = plan_id.rsplit_once('/').map_or(plan_id.as_str(), |(run, _)| run).to_owned();
+    let part_id = results
+        .values()
+        .next()
+        .map(|result| result.part_id.clone())
+        .unwrap_or_default();
+    let run = plan_id
+        .rsplit_once('/')
+        .map_or(plan_id.as_str(), |(run, _)| run)
+        .to_owned();
     let counted = Some((run, pass));
     if state.counted != counted {
         state.counted = counted;
@@ -145,7 +170,10 @@ fn decide_on_all(config: &Config, state: &mut State, now: Stamp, out: &mut Outbo
                 tolerance: characteristic.tolerance,
                 tool_wear: wear.unwrap_or(f64::NAN),
                 text: match wear {
-                    None => format!("the controller has not told the wear offset of tool {}", characteristic.tool_number),
+                    None => format!(
+                        "the controller has not told the wear offset of tool {}",
+                        characteristic.tool_number
+                    ),
                     Some(_) if result.decision == FeatureResult::INVALID => result.text.clone(),
                     Some(_) => String::new(),
                 },
@@ -153,20 +181,50 @@ fn decide_on_all(config: &Config, state: &mut State, now: Stamp, out: &mut Outbo
             (characteristic, verdict, action)
         })
         .collect();
-    let worst = decided.iter().map(|(_, verdict, _)| rank(*verdict)).max().unwrap_or(0);
-    let literal = decided.iter().any(|(_, verdict, action)| *verdict == decision::Verdict::Compensable && *action == Action::Stop);
+    let worst = decided
+        .iter()
+        .map(|(_, verdict, _)| rank(*verdict))
+        .max()
+        .unwrap_or(0);
+    let literal = decided.iter().any(|(_, verdict, action)| {
+        *verdict == decision::Verdict::Compensable && *action == Action::Stop
+    });
     let names = |wanted: u32| -> String {
-        let named = decided.iter().filter(|(_, verdict, _)| rank(*verdict) == wanted);
-        named.map(|(characteristic, _, _)| characteristic.id.as_str()).collect::<Vec<_>>().join(", ")
+        let named = decided
+            .iter()
+            .filter(|(_, verdict, _)| rank(*verdict) == wanted);
+        named
+            .map(|(characteristic, _, _)| characteristic.id.as_str())
+            .collect::<Vec<_>>()
+            .join(", ")
     };
     let (decision, text) = match worst {
         0 => (PassDecision::NEXT, "all sizes qualified".to_owned()),
-        1 if literal => (PassDecision::STOP, format!("{} could be corrected, but the policy is to stop", names(1))),
-        1 => (PassDecision::RECUT, format!("{} can be corrected", names(1))),
-        2 => (PassDecision::STOP, format!("{} still out of tolerance after {} corrections", names(2), state.corrections)),
-        3 => (PassDecision::STOP, format!("the tool of {} is worn", names(3))),
+        1 if literal => (
+            PassDecision::STOP,
+            format!("{} could be corrected, but the policy is to stop", names(1)),
+        ),
+        1 => (
+            PassDecision::RECUT,
+            format!("{} can be corrected", names(1)),
+        ),
+        2 => (
+            PassDecision::STOP,
+            format!(
+                "{} still out of tolerance after {} corrections",
+                names(2),
+                state.corrections
+            ),
+        ),
+        3 => (
+            PassDecision::STOP,
+            format!("the tool of {} is worn", names(3)),
+        ),
         4 => (PassDecision::SCRAP, format!("{} cut below size", names(4))),
-        _ => (PassDecision::STOP, format!("{} could not be measured", names(5))),
+        _ => (
+            PassDecision::STOP,
+            format!("{} could not be measured", names(5)),
+        ),
     };
     let mut correction_ids = Vec::new();
     if decision == PassDecision::RECUT {
@@ -174,7 +232,9 @@ fn decide_on_all(config: &Config, state: &mut State, now: Stamp, out: &mut Outbo
         for correction in corrections(config, state, now, &plan_id, &results, &decided) {
             correction_ids.push(correction.correction_id.clone());
             if correction.approval == Correction::APPROVAL_NONE {
-                state.proposed.insert(correction.correction_id.clone(), (correction.clone(), pass));
+                state
+                    .proposed
+                    .insert(correction.correction_id.clone(), (correction.clone(), pass));
             }
             out.send(Output::Correction(correction));
         }
@@ -204,8 +264,19 @@ fn decide_on_one(
     // The table counts wear on the size.
     let wear = wear.unwrap_or(0.0) / config.wear_per_size;
     let limits = config.limits(characteristic);
-    decide(reading, result.nominal_size, characteristic.side, wear, state.corrections, &limits, config.policy)
-        .map_or((decision::Verdict::MeasurementInvalid, Action::Stop), |decision| (decision.verdict, decision.action))
+    decide(
+        reading,
+        result.nominal_size,
+        characteristic.side,
+        wear,
+        state.corrections,
+        &limits,
+        config.policy,
+    )
+    .map_or(
+        (decision::Verdict::MeasurementInvalid, Action::Stop),
+        |decision| (decision.verdict, decision.action),
+    )
 }
 
 /// One correction for each tool with a size that can be corrected.
@@ -219,24 +290,46 @@ fn corrections(
 ) -> Vec<Correction> {
     let mut by_tool: BTreeMap<u32, Vec<&Characteristic>> = BTreeMap::new();
     for (characteristic, _, _) in decided {
-        by_tool.entry(characteristic.tool_number).or_default().push(characteristic);
+        by_tool
+            .entry(characteristic.tool_number)
+            .or_default()
+            .push(characteristic);
     }
     let correctable = |tool: u32| {
-        decided.iter().any(|(characteristic, _, action)| characteristic.tool_number == tool && *action == Action::Recut)
+        decided.iter().any(|(characteristic, _, action)| {
+            characteristic.tool_number == tool && *action == Action::Recut
+        })
     };
     let mut made = Vec::new();
     for (tool, characteristics) in by_tool {
-        let (true, Some(held), Some(offsets)) = (correctable(tool), wear(state, tool), &state.offsets) else {
+        let (true, Some(held), Some(offsets)) =
+            (correctable(tool), wear(state, tool), &state.offsets)
+        else {
             continue;
         };
-        let of_tool: Vec<&FeatureResult> = characteristics.iter().map(|one| &results[&one.id]).collect();
+        let of_tool: Vec<&FeatureResult> = characteristics
+            .iter()
+            .map(|one| &results[&one.id])
+            .collect();
         let count = of_tool.len() as f64;
         // Excess of material, which a more negative offset (outer) or a more positive one (inner) takes off.
         let signs = characteristics.iter().map(|one| one.side.sign());
-        let error = of_tool.iter().zip(signs).map(|(result, sign)| sign * result.size_deviation).sum::<f64>() / count;
+        let error = of_tool
+            .iter()
+            .zip(signs)
+            .map(|(result, sign)| sign * result.size_deviation)
+            .sum::<f64>()
+            / count;
         let change = -characteristics[0].side.sign() * error * config.wear_per_size;
-        let variance = of_tool.iter().map(|result| result.standard_uncertainty.powi(2)).sum::<f64>() / (count * count);
-        let sequences: Vec<u64> = of_tool.iter().flat_map(|result| result.sequences.iter().copied()).collect();
+        let variance = of_tool
+            .iter()
+            .map(|result| result.standard_uncertainty.powi(2))
+            .sum::<f64>()
+            / (count * count);
+        let sequences: Vec<u64> = of_tool
+            .iter()
+            .flat_map(|result| result.sequences.iter().copied())
+            .collect();
         let first = sequences.iter().min().copied().unwrap_or(0);
         made.push(Correction {
             header: header(now),
@@ -251,19 +344,36 @@ fn corrections(
             lower_bound: -config.wear_limit,
             upper_bound: config.wear_limit,
             plan_id: plan_id.to_owned(),
-            feature_ids: of_tool.iter().map(|result| result.feature_id.clone()).collect(),
+            feature_ids: of_tool
+                .iter()
+                .map(|result| result.feature_id.clone())
+                .collect(),
             sequences,
             measured_error: error,
             standard_uncertainty: variance.sqrt(),
-            approval: if config.automatic_approval { Correction::APPROVAL_POLICY } else { Correction::APPROVAL_NONE },
-            approved_by: if config.automatic_approval { "policy of the cell file".to_owned() } else { String::new() },
+            approval: if config.automatic_approval {
+                Correction::APPROVAL_POLICY
+            } else {
+                Correction::APPROVAL_NONE
+            },
+            approved_by: if config.automatic_approval {
+                "policy of the cell file".to_owned()
+            } else {
+                String::new()
+            },
             expires: now.after_s(config.validity).time(),
         });
     }
     made
 }
 
-fn approve(config: &Config, state: &mut State, now: Stamp, request: &OperatorRequest, out: &mut Outbox<Output>) {
+fn approve(
+    config: &Config,
+    state: &mut State,
+    now: Stamp,
+    request: &OperatorRequest,
+    out: &mut Outbox<Output>,
+) {
     let mut reply = OperatorReply {
         header: header(now),
         request_id: request.request_id,
@@ -271,10 +381,14 @@ fn approve(config: &Config, state: &mut State, now: Stamp, request: &OperatorReq
         text: format!("no correction {:?} waits for approval", request.subject),
     };
     if request.operator_name.is_empty() {
-        reply.text = "an approval needs the name of the operator".to_owned();
+        "an approval needs the name of the operator".clone_into(&mut reply.text);
     } else if let Some((mut correction, pass)) = state.proposed.remove(&request.subject) {
         correction.header = header(now);
-        correction.approval = if request.approve { Correction::APPROVAL_OPERATOR } else { Correction::APPROVAL_REJECTED };
+        correction.approval = if request.approve {
+            Correction::APPROVAL_OPERATOR
+        } else {
+            Correction::APPROVAL_REJECTED
+        };
         correction.approved_by.clone_from(&request.operator_name);
         correction.expires = now.after_s(config.validity).time();
         if !request.approve {
@@ -283,7 +397,10 @@ fn approve(config: &Config, state: &mut State, now: Stamp, request: &OperatorReq
                 plan_id: correction.plan_id.clone(),
                 pass_number: pass,
                 decision: PassDecision::STOP,
-                text: format!("{} rejected correction {}", request.operator_name, correction.correction_id),
+                text: format!(
+                    "{} rejected correction {}",
+                    request.operator_name, correction.correction_id
+                ),
                 ..PassDecision::default()
             }));
         }
@@ -297,8 +414,15 @@ fn approve(config: &Config, state: &mut State, now: Stamp, request: &OperatorReq
 /// Wear offset of a tool, m; `None` when the controller has not told it.
 fn wear(state: &State, tool: u32) -> Option<f64> {
     let offsets = state.offsets.as_ref()?;
-    let position = offsets.tool_numbers.iter().position(|&number| number == tool)?;
-    offsets.wear.get(position).copied().filter(|wear| wear.is_finite())
+    let position = offsets
+        .tool_numbers
+        .iter()
+        .position(|&number| number == tool)?;
+    offsets
+        .wear
+        .get(position)
+        .copied()
+        .filter(|wear| wear.is_finite())
 }
 
 /// To the 0.1 µm that controllers keep, so that what is read back is what was asked for.
@@ -330,5 +454,8 @@ fn code(verdict: decision::Verdict) -> u8 {
 }
 
 fn header(now: Stamp) -> std_msgs::Header {
-    std_msgs::Header { stamp: now.time(), frame_id: String::new() }
+    std_msgs::Header {
+        stamp: now.time(),
+        frame_id: String::new(),
+    }
 }

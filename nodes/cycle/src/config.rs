@@ -50,7 +50,9 @@ pub enum ConfigError {
     #[error("cycle.decision_limit_s = {0} must be a positive finite number")]
     DecisionLimit(f64),
     /// An allowance that is not a length.
-    #[error("cycle.passes: allowance_mm = {value} of pass {pass:?} must be a finite number that is not negative")]
+    #[error(
+        "cycle.passes: allowance_mm = {value} of pass {pass:?} must be a finite number that is not negative"
+    )]
     Allowance {
         /// The pass.
         pass: String,
@@ -70,9 +72,15 @@ impl RawConfig {
         }
         for pass in &self.passes {
             if !(pass.allowance_mm.is_finite() && pass.allowance_mm >= 0.0) {
-                return Err(ConfigError::Allowance { pass: pass.name.clone(), value: pass.allowance_mm });
+                return Err(ConfigError::Allowance {
+                    pass: pass.name.clone(),
+                    value: pass.allowance_mm,
+                });
             }
         }
-        Ok(Config { passes: self.passes.clone(), decision_limit: self.decision_limit_s })
+        Ok(Config {
+            passes: self.passes.clone(),
+            decision_limit: self.decision_limit_s,
+        })
     }
 }

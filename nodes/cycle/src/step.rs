@@ -4,8 +4,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use graph::{Node, Outbox, Stamp, inputs, outputs, topics};
 use probecell_msgs::{
-    CorrectionAcknowledgement, Fault, OperationReport, OperationRequest, OperatorReply, OperatorRequest, PartReport,
-    PassDecision, std_msgs,
+    CorrectionAcknowledgement, Fault, OperationReport, OperationRequest, OperatorReply,
+    OperatorRequest, PartReport, PassDecision, std_msgs,
 };
 use serde::{Deserialize, Serialize};
 
@@ -115,7 +115,13 @@ impl Node for CycleNode {
         State::default()
     }
 
-    fn step(config: &Config, state: &mut State, now: Stamp, input: Input, out: &mut Outbox<Output>) {
+    fn step(
+        config: &Config,
+        state: &mut State,
+        now: Stamp,
+        input: Input,
+        out: &mut Outbox<Output>,
+    ) {
         match input {
             Input::Timer(id) => overdue(state, now, id, out),
             Input::Run(request) => run(config, state, now, &request, out),
@@ -127,7 +133,15 @@ impl Node for CycleNode {
             | Input::PlanningFault(fault)
             | Input::AnalysisFault(fault) => {
                 if fault.severity == Fault::ERROR && state.run.is_some() {
-                    request(state, now, OperationRequest { kind: OperationRequest::STOP, ..OperationRequest::default() }, out);
+                    request(
+                        state,
+                        now,
+                        OperationRequest {
+                            kind: OperationRequest::STOP,
+                            ..OperationRequest::default()
+                        },
+                        out,
+                    );
                     let text = format!("{}: {}: {}", fault.node, fault.code, fault.text);
                     end(state, now, PartReport::STOPPED, &text, out);
                 }
@@ -136,7 +150,13 @@ impl Node for CycleNode {
     }
 }
 
-fn run(config: &Config, state: &mut State, now: Stamp, asked: &OperatorRequest, out: &mut Outbox<Output>) {
+fn run(
+    config: &Config,
+    state: &mut State,
+    now: Stamp,
+    asked: &OperatorRequest,
+    out: &mut Outbox<Output>,
+) {
     let refusal = if state.run.is_some() {
         Some("a part is being made")
     } else if asked.subject.is_empty() {
@@ -152,19 +172,35 @@ fn run(config: &Config, state: &mut State, now: Stamp, asked: &OperatorRequest, 
     }));
     if refusal.is_none() {
         state.answered.clear();
-        let stage = Stage::Cutting { index: 0, request_id: 0 };
-        state.run = Some(Run { part_id: asked.subject.clone(), pass: 0, attempt: 0, cuts: 0, stage });
+        let stage = Stage::Cutting {
+            index: 0,
+            request_id: 0,
+        };
+        state.run = Some(Run {
+            part_id: asked.subject.clone(),
+            pass: 0,
+            attempt: 0,
+            cuts: 0,
+            stage,
+        });
         cut(config, state, now, 0, out);
     }
 }
 
 /// Cuts operation `index` of the pass, or measures when all are cut.
 fn cut(config: &Config, state: &mut State, now: Stamp, index: usize, out: &mut Outbox<Output>) {
-    let Some(mut run) = state.run.take() else { return };
+    let Some(mut run) = state.run.take() else {
+        return;
+    };
     let pass = &config.passes[run.pass as usize];
     if let Some(operation) = pass.operations.get(index) {
         let kind = OperationRequest::CUT;
-        let asked = OperationRequest { kind, operation: operation.clone(), pass_number: run.pass, ..OperationRequest::default() };
+        let asked = OperationRequest {
+            kind,
+            operation: operation.clone(),
+            pass_number: run.pass,
+            ..OperationRequest::default()
+        };
         let request_id = request(state, now, asked, out);
         run.stage = Stage::Cutting { index, request_id };
     } else {
@@ -172,19 +208,42 @@ fn cut(config: &Config, state: &mut State, now: Stamp, index: usize, out: &mut O
         run.attempt += 1;
         let plan_id = format!("{}/{}/{}", run.part_id, pass.name, run.attempt);
         let kind = OperationRequest::MEASURE;
-        let asked = OperationRequest { kind, plan_id: plan_id.clone(), pass_number: run.pass, ..OperationRequest::default() };
+        let asked = OperationRequest {
+            kind,
+            plan_id: plan_id.clone(),
+            pass_number: run.pass,
+            ..OperationRequest::default()
+        };
         let request_id = request(state, now, asked, out);
-        run.stage = Stage::Measuring { plan_id, request_id, done: false, decision: None };
+        run.stage = Stage::Measuring {
+            plan_id,
+            request_id,
+            done: false,
+            decision: None,
+        };
     }
     state.run = Some(run);
 }
 
-fn reported(config: &Config, state: &mut State, now: Stamp, report: &OperationReport, out: &mut Outbox<Output>) {
+fn reported(
+    config: &Config,
+    state: &mut State,
+    now: Stamp,
+    report: &OperationReport,
+    out: &mut Outbox<Output>,
+) {
     let Some(run) = &mut state.run else { return };
     let mut early = None;
     let next = match &mut run.stage {
-        Stage::Cutting { index, request_id } if *request_id == report.request_id => Some(*index + 1),
-        Stage::Measuring { request_id, done, decision, .. } if *request_id == report.request_id => {
+        Stage::Cutting { index, request_id } if *request_id == report.request_id => {
+            Some(*index + 1)
+        }
+        Stage::Measuring {
+            request_id,
+            done,
+            decision,
+            ..
+        } if *request_id == report.request_id => {
             *done = true;
             early = decision.take();
             None
@@ -192,7 +251,10 @@ fn reported(config: &Config, state: &mut State, now: Stamp, report: &OperationRe
         _ => return,
     };
     if report.outcome != OperationReport::DONE {
-        let text = format!("the machine did not carry out what it was asked: {}", report.text);
+        let text = format!(
+            "the machine did not carry out what it was asked: {}",
+            report.text
+        );
         end(state, now, PartReport::STOPPED, &text, out);
         return;
     }
@@ -200,28 +262,56 @@ fn reported(config: &Config, state: &mut State, now: Stamp, report: &OperationRe
         (Some(index), _) => cut(config, state, now, index, out),
         (None, Some(decision)) => decided(config, state, now, &decision, out),
         // Numbered by the request, so that a timer of an earlier measurement says nothing about this one.
-        (None, None) => out.wake_at(now.after_s(config.decision_limit), report.request_id as u32 + 1),
+        (None, None) => out.wake_at(
+            now.after_s(config.decision_limit),
+            report.request_id as u32 + 1,
+        ),
     }
 }
 
 fn overdue(state: &mut State, now: Stamp, timer: u32, out: &mut Outbox<Output>) {
-    let Some(Run { stage: Stage::Measuring { request_id, done: true, plan_id, .. }, .. }) = &state.run else { return };
+    let Some(Run {
+        stage:
+            Stage::Measuring {
+                request_id,
+                done: true,
+                plan_id,
+                ..
+            },
+        ..
+    }) = &state.run
+    else {
+        return;
+    };
     if *request_id as u32 + 1 == timer {
         let text = format!("no decision on {plan_id} came in time");
         end(state, now, PartReport::STOPPED, &text, out);
     }
 }
 
-fn decided(config: &Config, state: &mut State, now: Stamp, decision: &PassDecision, out: &mut Outbox<Output>) {
+fn decided(
+    config: &Config,
+    state: &mut State,
+    now: Stamp,
+    decision: &PassDecision,
+    out: &mut Outbox<Output>,
+) {
     let Some(run) = &mut state.run else { return };
     let current = match &run.stage {
-        Stage::Measuring { plan_id, .. } | Stage::Correcting { plan_id, .. } => *plan_id == decision.plan_id,
+        Stage::Measuring { plan_id, .. } | Stage::Correcting { plan_id, .. } => {
+            *plan_id == decision.plan_id
+        }
         Stage::Cutting { .. } => false,
     };
     if !current {
         return;
     }
-    if let Stage::Measuring { done: false, decision: early, .. } = &mut run.stage {
+    if let Stage::Measuring {
+        done: false,
+        decision: early,
+        ..
+    } = &mut run.stage
+    {
         *early = Some(decision.clone());
         return;
     }
@@ -237,7 +327,10 @@ fn decided(config: &Config, state: &mut State, now: Stamp, decision: &PassDecisi
         }
         PassDecision::RECUT => {
             let awaited = decision.correction_ids.iter().cloned().collect();
-            run.stage = Stage::Correcting { plan_id: decision.plan_id.clone(), awaited };
+            run.stage = Stage::Correcting {
+                plan_id: decision.plan_id.clone(),
+                awaited,
+            };
             recut_when_corrected(config, state, now, out);
         }
         PassDecision::SCRAP => end(state, now, PartReport::SCRAP, &decision.text, out),
@@ -253,17 +346,33 @@ fn acknowledged(
     out: &mut Outbox<Output>,
 ) {
     if state.run.is_some() {
-        state.answered.insert(answer.correction_id, (answer.outcome, answer.text));
+        state
+            .answered
+            .insert(answer.correction_id, (answer.outcome, answer.text));
         recut_when_corrected(config, state, now, out);
     }
 }
 
 fn recut_when_corrected(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Output>) {
-    let State { run: Some(Run { stage: Stage::Correcting { awaited, .. }, .. }), answered, .. } = state else { return };
+    let State {
+        run:
+            Some(Run {
+                stage: Stage::Correcting { awaited, .. },
+                ..
+            }),
+        answered,
+        ..
+    } = state
+    else {
+        return;
+    };
     let mut refused = None;
     awaited.retain(|id| match answered.get(id) {
         None => true,
-        Some((CorrectionAcknowledgement::APPLIED | CorrectionAcknowledgement::ALREADY_APPLIED, _)) => false,
+        Some((
+            CorrectionAcknowledgement::APPLIED | CorrectionAcknowledgement::ALREADY_APPLIED,
+            _,
+        )) => false,
         Some((_, text)) => {
             refused = Some(format!("correction {id} was refused: {text}"));
             false
@@ -277,10 +386,19 @@ fn recut_when_corrected(config: &Config, state: &mut State, now: Stamp, out: &mu
     }
 }
 
-fn request(state: &mut State, now: Stamp, asked: OperationRequest, out: &mut Outbox<Output>) -> u64 {
+fn request(
+    state: &mut State,
+    now: Stamp,
+    asked: OperationRequest,
+    out: &mut Outbox<Output>,
+) -> u64 {
     let request_id = state.next_request;
     state.next_request += 1;
-    out.send(Output::Request(OperationRequest { header: header(now), request_id, ..asked }));
+    out.send(Output::Request(OperationRequest {
+        header: header(now),
+        request_id,
+        ..asked
+    }));
     request_id
 }
 
@@ -298,5 +416,8 @@ fn end(state: &mut State, now: Stamp, verdict: u8, text: &str, out: &mut Outbox<
 }
 
 fn header(now: Stamp) -> std_msgs::Header {
-    std_msgs::Header { stamp: now.time(), frame_id: String::new() }
+    std_msgs::Header {
+        stamp: now.time(),
+        frame_id: String::new(),
+    }
 }

@@ -18,7 +18,12 @@ pub struct RawConfig {
 
 impl Default for RawConfig {
     fn default() -> Self {
-        Self { machine_id: String::new(), silence_limit_s: 1.0, order_limit_s: 10.0, wear_limit_mm: 0.5 }
+        Self {
+            machine_id: String::new(),
+            silence_limit_s: 1.0,
+            order_limit_s: 10.0,
+            wear_limit_mm: 0.5,
+        }
     }
 }
 
@@ -49,7 +54,12 @@ pub struct ConfigError {
 
 impl RawConfig {
     /// Checks the settings.
-    pub fn check(&self, robot_description: String, robot: &str, replayed: bool) -> Result<Config, ConfigError> {
+    pub fn check(
+        &self,
+        robot_description: String,
+        robot: &str,
+        replayed: bool,
+    ) -> Result<Config, ConfigError> {
         for (key, value) in [
             ("silence_limit_s", self.silence_limit_s),
             ("order_limit_s", self.order_limit_s),
@@ -59,7 +69,11 @@ impl RawConfig {
                 return Err(ConfigError { key, value });
             }
         }
-        let machine_id = if self.machine_id.is_empty() { robot.to_owned() } else { self.machine_id.clone() };
+        let machine_id = if self.machine_id.is_empty() {
+            robot.to_owned()
+        } else {
+            self.machine_id.clone()
+        };
         Ok(Config {
             machine_id,
             robot_description,

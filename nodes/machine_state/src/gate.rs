@@ -18,33 +18,57 @@ pub(crate) struct Refusal {
 }
 
 fn refuse<T>(outcome: u8, text: impl Into<String>) -> Result<T, Refusal> {
-    Err(Refusal { outcome, text: text.into() })
+    Err(Refusal {
+        outcome,
+        text: text.into(),
+    })
 }
 
 /// Checks an approved correction against everything on record. Gives the offset that the controller holds now.
-pub(crate) fn check(config: &Config, state: &State, now: Stamp, correction: &Correction) -> Result<f64, Refusal> {
+pub(crate) fn check(
+    config: &Config,
+    state: &State,
+    now: Stamp,
+    correction: &Correction,
+) -> Result<f64, Refusal> {
     if config.replayed || correction.replayed {
         return refuse(Ack::REFUSED_REPLAY, "it was made from a recording");
     }
     if correction.approved_by.is_empty()
-        || ![Correction::APPROVAL_POLICY, Correction::APPROVAL_OPERATOR].contains(&correction.approval)
+        || ![Correction::APPROVAL_POLICY, Correction::APPROVAL_OPERATOR]
+            .contains(&correction.approval)
     {
-        return refuse(Ack::REFUSED_NOT_APPROVED, "nobody is on record as having approved it");
+        return refuse(
+            Ack::REFUSED_NOT_APPROVED,
+            "nobody is on record as having approved it",
+        );
     }
     let controller = ready(state)?;
     if correction.session != controller.status.session {
-        return refuse(Ack::REFUSED_STALE, "it rests on a measurement of another run of the driver");
+        return refuse(
+            Ack::REFUSED_STALE,
+            "it rests on a measurement of another run of the driver",
+        );
     }
     if now > Stamp::from(&correction.expires) {
         return refuse(Ack::REFUSED_STALE, "it has expired");
     }
     check_source(state, correction)?;
     if correction.kind != Correction::TOOL_WEAR {
-        return refuse(Ack::FAILED, format!("offsets of kind {} are not written by this cell", correction.kind));
+        return refuse(
+            Ack::FAILED,
+            format!(
+                "offsets of kind {} are not written by this cell",
+                correction.kind
+            ),
+        );
     }
     let held = wear_of(controller, correction.tool_number);
     let Some(held) = held else {
-        return refuse(Ack::FAILED, format!("the controller has no tool {}", correction.tool_number));
+        return refuse(
+            Ack::FAILED,
+            format!("the controller has no tool {}", correction.tool_number),
+        );
     };
     if !((held - correction.previous_value).abs() <= SAME_OFFSET) {
         let text = format!(
@@ -71,13 +95,22 @@ fn ready(state: &State) -> Result<&Controller, Refusal> {
 
 fn check_source(state: &State, correction: &Correction) -> Result<(), Refusal> {
     if correction.feature_ids.is_empty() || correction.sequences.is_empty() {
-        return refuse(Ack::REFUSED_NO_SOURCE, "it names no feature or no touch that it rests on");
+        return refuse(
+            Ack::REFUSED_NO_SOURCE,
+            "it names no feature or no touch that it rests on",
+        );
     }
     if !(correction.measured_error.is_finite() && correction.standard_uncertainty.is_finite()) {
-        return refuse(Ack::REFUSED_NO_SOURCE, "its measured error is not a finite number");
+        return refuse(
+            Ack::REFUSED_NO_SOURCE,
+            "its measured error is not a finite number",
+        );
     }
     if !state.measured.contains(&correction.plan_id) {
-        let text = format!("plan {:?} was not measured on this machine in this session", correction.plan_id);
+        let text = format!(
+            "plan {:?} was not measured on this machine in this session",
+            correction.plan_id
+        );
         return refuse(Ack::REFUSED_NO_SOURCE, text);
     }
     Ok(())
@@ -101,6 +134,10 @@ fn check_bounds(config: &Config, correction: &Correction) -> Result<(), Refusal>
 
 /// Wear offset of a tool as the controller last told it.
 fn wear_of(controller: &Controller, tool: u32) -> Option<f64> {
-    let position = controller.status.tool_numbers.iter().position(|&number| number == tool)?;
+    let position = controller
+        .status
+        .tool_numbers
+        .iter()
+        .position(|&number| number == tool)?;
     controller.status.tool_wear.get(position).copied()
 }

@@ -2,8 +2,9 @@
 
 use graph::{Node, Outbox, START, Stamp, inputs, outputs, topics};
 use probecell_msgs::{
-    ControllerCommand, ControllerReply, ControllerStatus, Correction, CorrectionAcknowledgement, Fault, MachineState,
-    MeasurementOrder, OperationReport, OperationRequest, ToolOffsets, sensor_msgs::JointState, std_msgs,
+    ControllerCommand, ControllerReply, ControllerStatus, Correction, CorrectionAcknowledgement,
+    Fault, MachineState, MeasurementOrder, OperationReport, OperationRequest, ToolOffsets,
+    sensor_msgs::JointState, std_msgs,
 };
 
 use crate::{
@@ -73,11 +74,19 @@ impl Node for MachineStateNode {
         State::default()
     }
 
-    fn step(config: &Config, state: &mut State, now: Stamp, input: Input, out: &mut Outbox<Output>) {
+    fn step(
+        config: &Config,
+        state: &mut State,
+        now: Stamp,
+        input: Input,
+        out: &mut Outbox<Output>,
+    ) {
         match input {
             Input::Timer(id) => {
                 if id == START {
-                    let description = std_msgs::String { data: config.robot_description.clone() };
+                    let description = std_msgs::String {
+                        data: config.robot_description.clone(),
+                    };
                     out.send(Output::RobotDescription(description));
                 }
                 watch(config, state, now, out);
@@ -98,7 +107,13 @@ impl Node for MachineStateNode {
 }
 
 /// Takes a sample in: new session, faults that begin or end, and the contract's messages.
-fn sample(config: &Config, state: &mut State, now: Stamp, status: ControllerStatus, out: &mut Outbox<Output>) {
+fn sample(
+    config: &Config,
+    state: &mut State,
+    now: Stamp,
+    status: ControllerStatus,
+    out: &mut Outbox<Output>,
+) {
     let finite = |values: &[f64]| values.iter().all(|value| value.is_finite());
     if !finite(&status.axis_positions)
         || !finite(&status.axis_commands)
@@ -109,16 +124,34 @@ fn sample(config: &Config, state: &mut State, now: Stamp, status: ControllerStat
         return;
     }
     state.standing.remove("status_not_finite");
-    if state.controller.as_ref().is_some_and(|known| known.status.session != status.session) {
+    if state
+        .controller
+        .as_ref()
+        .is_some_and(|known| known.status.session != status.session)
+    {
         fail_operation(state, now, "the driver was started again", out);
-        raise(state, now, "controller_restarted", "the driver was started again: what it was doing is void", out);
+        raise(
+            state,
+            now,
+            "controller_restarted",
+            "the driver was started again: what it was doing is void",
+            out,
+        );
         state.standing.remove("controller_restarted");
         let standing = std::mem::take(&mut state.standing);
-        *state = State { order: state.order.take(), standing, ..State::default() };
+        *state = State {
+            order: state.order.take(),
+            standing,
+            ..State::default()
+        };
     }
     tell_faults(state, now, &status, out);
     publish(config, state, &status, out);
-    state.controller = Some(Controller { status, at: now, lost: false });
+    state.controller = Some(Controller {
+        status,
+        at: now,
+        lost: false,
+    });
     state.standing.remove("controller_lost");
 }
 
@@ -129,15 +162,27 @@ fn tell_faults(state: &mut State, now: Stamp, status: &ControllerStatus, out: &m
     } else {
         state.standing.remove("estop");
     }
-    let touch = status.alarms.iter().find(|alarm| alarm.to_lowercase().contains(UNPLANNED_TOUCH));
+    let touch = status
+        .alarms
+        .iter()
+        .find(|alarm| alarm.to_lowercase().contains(UNPLANNED_TOUCH));
     if let Some(alarm) = touch {
         raise(state, now, "unplanned_touch", alarm, out);
-        fail_operation(state, now, "the probe touched where no touch was planned", out);
+        fail_operation(
+            state,
+            now,
+            "the probe touched where no touch was planned",
+            out,
+        );
     } else {
         state.standing.remove("unplanned_touch");
     }
     if touch.is_none() && status.execution == MachineState::EXECUTION_ALARM {
-        let text = if status.alarms.is_empty() { "the controller gives no text".to_owned() } else { status.alarms.join("; ") };
+        let text = if status.alarms.is_empty() {
+            "the controller gives no text".to_owned()
+        } else {
+            status.alarms.join("; ")
+        };
         raise(state, now, "controller_alarm", &text, out);
         fail_operation(state, now, &text, out);
     } else {
@@ -146,7 +191,10 @@ fn tell_faults(state: &mut State, now: Stamp, status: &ControllerStatus, out: &m
 }
 
 fn publish(config: &Config, state: &State, status: &ControllerStatus, out: &mut Outbox<Output>) {
-    let header = std_msgs::Header { stamp: status.header.stamp, frame_id: "foundation".to_owned() };
+    let header = std_msgs::Header {
+        stamp: status.header.stamp,
+        frame_id: "foundation".to_owned(),
+    };
     let joints = |position: &[f64]| JointState {
         header: header.clone(),
         name: status.axis_names.clone(),
@@ -171,7 +219,10 @@ fn publish(config: &Config, state: &State, status: &ControllerStatus, out: &mut 
         temperatures: status.temperatures.clone(),
         alarms: status.alarms.clone(),
     }));
-    let held = state.controller.as_ref().map(|known| (&known.status.tool_numbers, &known.status.tool_wear));
+    let held = state
+        .controller
+        .as_ref()
+        .map(|known| (&known.status.tool_numbers, &known.status.tool_wear));
     if held != Some((&status.tool_numbers, &status.tool_wear)) {
         out.send(Output::ToolOffsets(ToolOffsets {
             header,
@@ -184,14 +235,27 @@ fn publish(config: &Config, state: &State, status: &ControllerStatus, out: &mut 
 
 /// Looks for a silent controller and for an order that does not come.
 fn watch(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Output>) {
-    let silent = state.controller.as_ref().filter(|known| !known.lost).map(|known| now.since_s(known.at));
+    let silent = state
+        .controller
+        .as_ref()
+        .filter(|known| !known.lost)
+        .map(|known| now.since_s(known.at));
     if silent.is_some_and(|seconds| seconds > config.silence_limit) {
-        raise(state, now, "controller_lost", "the controller has gone silent", out);
+        raise(
+            state,
+            now,
+            "controller_lost",
+            "the controller has gone silent",
+            out,
+        );
         fail_operation(state, now, "the controller has gone silent", out);
         if let Some(known) = &mut state.controller {
             known.lost = true;
             out.send(Output::State(MachineState {
-                header: std_msgs::Header { stamp: now.time(), frame_id: "foundation".to_owned() },
+                header: std_msgs::Header {
+                    stamp: now.time(),
+                    frame_id: "foundation".to_owned(),
+                },
                 machine_id: config.machine_id.clone(),
                 mode: known.status.mode,
                 execution: MachineState::EXECUTION_ALARM,
@@ -200,11 +264,23 @@ fn watch(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Output
             }));
         }
     }
-    if state.awaited.as_ref().is_some_and(|awaited| now > awaited.until)
+    if state
+        .awaited
+        .as_ref()
+        .is_some_and(|awaited| now > awaited.until)
         && let Some(awaited) = state.awaited.take()
     {
-        let text = format!("no measuring order for plan {:?} came in time", awaited.request.plan_id);
-        report(now, awaited.request.request_id, OperationReport::FAILED, &text, out);
+        let text = format!(
+            "no measuring order for plan {:?} came in time",
+            awaited.request.plan_id
+        );
+        report(
+            now,
+            awaited.request.request_id,
+            OperationReport::FAILED,
+            &text,
+            out,
+        );
     }
 }
 
@@ -219,8 +295,12 @@ fn request_operation(
         _ if config.replayed => Some("this graph runs on a recording"),
         None => Some("no controller has been heard"),
         Some(known) if known.lost => Some("the controller is silent"),
-        Some(known) if known.status.execution == MachineState::EXECUTION_ESTOP => Some("the machine is in emergency stop"),
-        Some(_) if request.kind != OperationRequest::STOP && state.operation.is_some() => Some("the machine is busy"),
+        Some(known) if known.status.execution == MachineState::EXECUTION_ESTOP => {
+            Some("the machine is in emergency stop")
+        }
+        Some(_) if request.kind != OperationRequest::STOP && state.operation.is_some() => {
+            Some("the machine is busy")
+        }
         Some(_) => None,
     };
     if let Some(text) = refusal {
@@ -232,7 +312,10 @@ fn request_operation(
         match &state.order {
             Some((plan, indices)) if *plan == request.plan_id => order.clone_from(indices),
             _ => {
-                state.awaited = Some(Awaited { request, until: now.after_s(config.order_limit) });
+                state.awaited = Some(Awaited {
+                    request,
+                    until: now.after_s(config.order_limit),
+                });
                 return;
             }
         }
@@ -251,25 +334,51 @@ fn request_operation(
         ..ControllerCommand::default()
     };
     let command_id = tell(state, now, command, out);
-    state.operation = Some(Operation { request_id: request.request_id, command_id });
+    state.operation = Some(Operation {
+        request_id: request.request_id,
+        command_id,
+    });
 }
 
-fn correct(config: &Config, state: &mut State, now: Stamp, correction: &Correction, out: &mut Outbox<Output>) {
+fn correct(
+    config: &Config,
+    state: &mut State,
+    now: Stamp,
+    correction: &Correction,
+    out: &mut Outbox<Output>,
+) {
     // A proposal, or one that was turned down: nothing is asked of the machine.
     if [Correction::APPROVAL_NONE, Correction::APPROVAL_REJECTED].contains(&correction.approval)
-        || state.writing.values().any(|writing| writing.correction_id == correction.correction_id)
+        || state
+            .writing
+            .values()
+            .any(|writing| writing.correction_id == correction.correction_id)
     {
         return;
     }
     if let Some(&(before, after)) = state.applied.get(&correction.correction_id) {
         let outcome = CorrectionAcknowledgement::ALREADY_APPLIED;
-        acknowledge(now, correction, outcome, (before, after), "it was written before", out);
+        acknowledge(
+            now,
+            correction,
+            outcome,
+            (before, after),
+            "it was written before",
+            out,
+        );
         return;
     }
     match gate::check(config, state, now, correction) {
         Err(refusal) => {
             let held = correction.previous_value;
-            acknowledge(now, correction, refusal.outcome, (held, held), &refusal.text, out);
+            acknowledge(
+                now,
+                correction,
+                refusal.outcome,
+                (held, held),
+                &refusal.text,
+                out,
+            );
         }
         Ok(_held) => {
             let command = ControllerCommand {
@@ -286,33 +395,77 @@ fn correct(config: &Config, state: &mut State, now: Stamp, correction: &Correcti
 }
 
 /// Sends a command to the driver that runs now; gives its number.
-fn tell(state: &mut State, now: Stamp, command: ControllerCommand, out: &mut Outbox<Output>) -> u64 {
+fn tell(
+    state: &mut State,
+    now: Stamp,
+    command: ControllerCommand,
+    out: &mut Outbox<Output>,
+) -> u64 {
     let command_id = state.next_command;
     state.next_command += 1;
-    let session = state.controller.as_ref().map(|known| known.status.session.clone()).unwrap_or_default();
-    let header = std_msgs::Header { stamp: now.time(), frame_id: String::new() };
-    out.send(Output::Command(ControllerCommand { header, session, command_id, ..command }));
+    let session = state
+        .controller
+        .as_ref()
+        .map(|known| known.status.session.clone())
+        .unwrap_or_default();
+    let header = std_msgs::Header {
+        stamp: now.time(),
+        frame_id: String::new(),
+    };
+    out.send(Output::Command(ControllerCommand {
+        header,
+        session,
+        command_id,
+        ..command
+    }));
     command_id
 }
 
 /// What the driver says of a command, to whoever asked for it.
 fn answer(state: &mut State, now: Stamp, reply: &ControllerReply, out: &mut Outbox<Output>) {
-    if state.controller.as_ref().is_none_or(|known| known.status.session != reply.session) {
+    if state
+        .controller
+        .as_ref()
+        .is_none_or(|known| known.status.session != reply.session)
+    {
         return;
     }
     if let Some(correction) = state.writing.remove(&reply.command_id) {
         let values = (reply.value_before, reply.value);
         let written = (reply.value - correction.new_value).abs() <= 0.5e-6;
         if reply.outcome == ControllerReply::DONE && written {
-            state.applied.insert(correction.correction_id.clone(), values);
-            acknowledge(now, &correction, CorrectionAcknowledgement::APPLIED, values, "", out);
+            state
+                .applied
+                .insert(correction.correction_id.clone(), values);
+            acknowledge(
+                now,
+                &correction,
+                CorrectionAcknowledgement::APPLIED,
+                values,
+                "",
+                out,
+            );
         } else {
-            let text = if reply.text.is_empty() { "the value read back is another" } else { &reply.text };
-            acknowledge(now, &correction, CorrectionAcknowledgement::FAILED, values, text, out);
+            let text = if reply.text.is_empty() {
+                "the value read back is another"
+            } else {
+                &reply.text
+            };
+            acknowledge(
+                now,
+                &correction,
+                CorrectionAcknowledgement::FAILED,
+                values,
+                text,
+                out,
+            );
         }
         return;
     }
-    if let Some(operation) = state.operation.take_if(|operation| operation.command_id == reply.command_id) {
+    if let Some(operation) = state
+        .operation
+        .take_if(|operation| operation.command_id == reply.command_id)
+    {
         let outcome = match reply.outcome {
             ControllerReply::DONE => OperationReport::DONE,
             ControllerReply::REFUSED => OperationReport::REFUSED,
@@ -324,13 +477,27 @@ fn answer(state: &mut State, now: Stamp, reply: &ControllerReply, out: &mut Outb
 
 fn fail_operation(state: &mut State, now: Stamp, text: &str, out: &mut Outbox<Output>) {
     if let Some(operation) = state.operation.take() {
-        report(now, operation.request_id, OperationReport::FAILED, text, out);
+        report(
+            now,
+            operation.request_id,
+            OperationReport::FAILED,
+            text,
+            out,
+        );
     }
 }
 
 fn report(now: Stamp, request_id: u64, outcome: u8, text: &str, out: &mut Outbox<Output>) {
-    let header = std_msgs::Header { stamp: now.time(), frame_id: String::new() };
-    out.send(Output::Report(OperationReport { header, request_id, outcome, text: text.to_owned() }));
+    let header = std_msgs::Header {
+        stamp: now.time(),
+        frame_id: String::new(),
+    };
+    out.send(Output::Report(OperationReport {
+        header,
+        request_id,
+        outcome,
+        text: text.to_owned(),
+    }));
 }
 
 fn acknowledge(
@@ -342,7 +509,10 @@ fn acknowledge(
     out: &mut Outbox<Output>,
 ) {
     out.send(Output::Acknowledgement(CorrectionAcknowledgement {
-        header: std_msgs::Header { stamp: now.time(), frame_id: String::new() },
+        header: std_msgs::Header {
+            stamp: now.time(),
+            frame_id: String::new(),
+        },
         correction_id: correction.correction_id.clone(),
         outcome,
         value_before,
@@ -355,7 +525,10 @@ fn acknowledge(
 fn raise(state: &mut State, now: Stamp, code: &str, text: &str, out: &mut Outbox<Output>) {
     if state.standing.insert(code.to_owned()) {
         out.send(Output::Fault(Fault {
-            header: std_msgs::Header { stamp: now.time(), frame_id: String::new() },
+            header: std_msgs::Header {
+                stamp: now.time(),
+                frame_id: String::new(),
+            },
             node: MachineStateNode::NAME.to_owned(),
             severity: Fault::ERROR,
             code: code.to_owned(),

@@ -21,7 +21,12 @@ pub struct RawConfig {
 
 impl Default for RawConfig {
     fn default() -> Self {
-        Self { clearance_axis: String::new(), clearance_mm: 0.0, kicks: 20_000, overtravel_mm: 2.0 }
+        Self {
+            clearance_axis: String::new(),
+            clearance_mm: 0.0,
+            kicks: 20_000,
+            overtravel_mm: 2.0,
+        }
     }
 }
 
@@ -65,7 +70,12 @@ pub enum ConfigError {
 
 impl RawConfig {
     /// Checks the settings against the machine and the part.
-    pub fn check(&self, chain: Chain, part: &RawPart, allowances: Vec<f64>) -> Result<Config, ConfigError> {
+    pub fn check(
+        &self,
+        chain: Chain,
+        part: &RawPart,
+        allowances: Vec<f64>,
+    ) -> Result<Config, ConfigError> {
         let clearance = if self.clearance_axis.is_empty() {
             None
         } else {
@@ -73,15 +83,30 @@ impl RawConfig {
                 .axis_index(&self.clearance_axis)
                 .ok_or_else(|| ConfigError::ClearanceAxis(self.clearance_axis.clone()))?;
             if !self.clearance_mm.is_finite() {
-                return Err(ConfigError::Number { key: "clearance_mm", value: self.clearance_mm, more: "" });
+                return Err(ConfigError::Number {
+                    key: "clearance_mm",
+                    value: self.clearance_mm,
+                    more: "",
+                });
             }
             Some((index, self.clearance_mm * 1e-3))
         };
         if !(self.overtravel_mm.is_finite() && self.overtravel_mm > 0.0) {
-            return Err(ConfigError::Number { key: "overtravel_mm", value: self.overtravel_mm, more: " above 0" });
+            return Err(ConfigError::Number {
+                key: "overtravel_mm",
+                value: self.overtravel_mm,
+                more: " above 0",
+            });
         }
         let part = part.check(&chain)?;
         let overtravel = self.overtravel_mm * 1e-3;
-        Ok(Config { chain, part, allowances, clearance, kicks: self.kicks, overtravel })
+        Ok(Config {
+            chain,
+            part,
+            allowances,
+            clearance,
+            kicks: self.kicks,
+            overtravel,
+        })
     }
 }

@@ -105,6 +105,9 @@ pub struct RawFeature {
     pub touch_points_mm: Vec<[f64; 3]>,
 }
 
+/// Nominal point (m) and outward normal, part frame.
+type Touch = (Vector3<f64>, Vector3<f64>);
+
 /// As checked: a plan without id and stamp, and what a pass may leave on it.
 #[derive(Clone, Debug)]
 pub struct Part {
@@ -135,10 +138,14 @@ pub enum PartError {
     #[error("feature {0:?}: tolerance_um must be [lower, upper] with lower below upper")]
     Tolerance(String),
     /// No touch.
-    #[error("feature {0:?} has no touches: give touch_angles_deg and touch_heights_mm, or touch_points_mm")]
+    #[error(
+        "feature {0:?} has no touches: give touch_angles_deg and touch_heights_mm, or touch_points_mm"
+    )]
     NoTouches(String),
     /// A touch that cannot be placed.
-    #[error("feature {feature:?}: touch {index} lies on the axis or in the centre, so it has no direction")]
+    #[error(
+        "feature {feature:?}: touch {index} lies on the axis or in the centre, so it has no direction"
+    )]
     Touch {
         /// The feature.
         feature: String,
@@ -180,15 +187,27 @@ impl RawPart {
             machined_on_this_machine: self.machined_on_this_machine,
             part_pose: geometry_msgs::Pose {
                 position: ros_point(metres(self.position_mm)),
-                orientation: geometry_msgs::Quaternion { x: 0.0, y: 0.0, z: 0.0, w: 1.0 },
+                orientation: geometry_msgs::Quaternion {
+                    x: 0.0,
+                    y: 0.0,
+                    z: 0.0,
+                    w: 1.0,
+                },
             },
             stylus: Stylus {
                 id: self.stylus.id.clone(),
                 ball_center: ros_point(metres(self.stylus.ball_center_mm)),
                 ball_radius: self.stylus.ball_radius_mm * 1e-3,
             },
-            operations: self.operations.iter().map(|raw| raw.message(indexing.is_some())).collect(),
-            rotary_names: indexing.iter().map(|_| self.indexing_axis.clone()).collect(),
+            operations: self
+                .operations
+                .iter()
+                .map(|raw| raw.message(indexing.is_some()))
+                .collect(),
+            rotary_names: indexing
+                .iter()
+                .map(|_| self.indexing_axis.clone())
+                .collect(),
             ..InspectionPlan::default()
         };
         for (index, raw) in self.features.iter().enumerate() {
@@ -199,7 +218,10 @@ impl RawPart {
                     feature: index as u32,
                     position: ros_point(position),
                     normal: ros_vector(normal),
-                    rotary_positions: indexing.iter().map(|turn| turn.facing_angle(&normal)).collect(),
+                    rotary_positions: indexing
+                        .iter()
+                        .map(|turn| turn.facing_angle(&normal))
+                        .collect(),
                     approach_distance: self.approach_mm * 1e-3,
                     retract_distance: self.retract_mm * 1e-3,
                     feed: self.feed_mm_per_min / 60e3,
@@ -223,7 +245,8 @@ impl RawPart {
         }
         let about = axis.axis;
         let across = |v: &Vector3<f64>| v - about.into_inner() * about.dot(v);
-        let facing = Unit::try_new(across(&Vector3::from(self.facing)), 1e-9).ok_or(PartError::Facing)?;
+        let facing =
+            Unit::try_new(across(&Vector3::from(self.facing)), 1e-9).ok_or(PartError::Facing)?;
         Ok(Some(Indexing { about, facing }))
     }
 
@@ -231,9 +254,14 @@ impl RawPart {
         if feature.operation.is_empty() {
             return Ok(-1);
         }
-        self.operations.iter().position(|raw| raw.id == feature.operation).map(|index| index as i32).ok_or_else(|| {
-            PartError::Operation { feature: feature.id.clone(), operation: feature.operation.clone() }
-        })
+        self.operations
+            .iter()
+            .position(|raw| raw.id == feature.operation)
+            .map(|index| index as i32)
+            .ok_or_else(|| PartError::Operation {
+                feature: feature.id.clone(),
+                operation: feature.operation.clone(),
+            })
     }
 }
 
@@ -257,7 +285,12 @@ impl RawFeature {
             "cylinder" => InspectionFeature::CYLINDER,
             "bore" => InspectionFeature::BORE,
             "sphere" => InspectionFeature::SPHERE,
-            _ => return Err(PartError::Kind { feature: self.id.clone(), kind: self.kind.clone() }),
+            _ => {
+                return Err(PartError::Kind {
+                    feature: self.id.clone(),
+                    kind: self.kind.clone(),
+                });
+            }
         };
         let axis = Unit::try_new(Vector3::from(self.axis), 1e-9).map(Unit::into_inner);
         let axis = match axis {
@@ -265,7 +298,8 @@ impl RawFeature {
             None if kind == InspectionFeature::SPHERE => Vector3::z(),
             None => return Err(PartError::Axis(self.id.clone())),
         };
-        if kind != InspectionFeature::PLANE && !(self.radius_mm.is_finite() && self.radius_mm > 0.0) {
+        if kind != InspectionFeature::PLANE && !(self.radius_mm.is_finite() && self.radius_mm > 0.0)
+        {
             return Err(PartError::Radius(self.id.clone()));
         }
         let [lower, upper] = self.tolerance_um;
@@ -285,15 +319,24 @@ impl RawFeature {
     }
 
     /// Nominal point (m) and outward normal of each touch.
-    fn touches(&self, feature: &InspectionFeature) -> Result<Vec<(Vector3<f64>, Vector3<f64>)>, PartError> {
+    fn touches(&self, feature: &InspectionFeature) -> Result<Vec<Touch>, PartError> {
         let origin = metres(self.origin_mm);
         let axis = Vector3::new(feature.axis.x, feature.axis.y, feature.axis.z);
         let mut touches = Vec::new();
         for &height in &self.touch_heights_mm {
             for &angle in &self.touch_angles_deg {
-                let outward = Rotation3::from_axis_angle(&Unit::new_normalize(axis), angle.to_radians()) * across(&axis);
+                let outward =
+                    Rotation3::from_axis_angle(&Unit::new_normalize(axis), angle.to_radians())
+                        * across(&axis);
                 let position = origin + axis * (height * 1e-3) + outward * feature.radius;
-                touches.push((position, if feature.kind == InspectionFeature::BORE { -outward } else { outward }));
+                touches.push((
+                    position,
+                    if feature.kind == InspectionFeature::BORE {
+                        -outward
+                    } else {
+                        outward
+                    },
+                ));
             }
         }
         for (index, &near) in self.touch_points_mm.iter().enumerate() {
@@ -307,11 +350,15 @@ impl RawFeature {
                         foot += axis * axis.dot(&arm);
                         arm -= axis * axis.dot(&arm);
                     }
-                    let outward = arm
-                        .try_normalize(1e-9)
-                        .ok_or_else(|| PartError::Touch { feature: self.id.clone(), index })?;
+                    let outward = arm.try_normalize(1e-9).ok_or_else(|| PartError::Touch {
+                        feature: self.id.clone(),
+                        index,
+                    })?;
                     let inside = kind == InspectionFeature::BORE;
-                    (foot + outward * feature.radius, if inside { -outward } else { outward })
+                    (
+                        foot + outward * feature.radius,
+                        if inside { -outward } else { outward },
+                    )
                 }
             };
             touches.push(touch);
@@ -336,7 +383,9 @@ impl Indexing {
         if across.norm() < 1e-9 {
             return 0.0;
         }
-        self.about.dot(&across.cross(&self.facing)).atan2(across.dot(&self.facing))
+        self.about
+            .dot(&across.cross(&self.facing))
+            .atan2(across.dot(&self.facing))
     }
 }
 
@@ -353,7 +402,11 @@ impl Part {
             }
         }
         for (index, feature) in plan.features.iter_mut().enumerate() {
-            let cut = self.template.points.iter().any(|point| point.feature as usize == index && point.operation >= 0);
+            let cut = self
+                .template
+                .points
+                .iter()
+                .any(|point| point.feature as usize == index && point.operation >= 0);
             if !cut {
                 continue;
             }
@@ -372,7 +425,11 @@ impl Part {
 }
 
 fn across(axis: &Vector3<f64>) -> Vector3<f64> {
-    let reference = if axis.x.abs() < 0.9 { Vector3::x() } else { Vector3::y() };
+    let reference = if axis.x.abs() < 0.9 {
+        Vector3::x()
+    } else {
+        Vector3::y()
+    };
     (reference - axis * axis.dot(&reference)).normalize()
 }
 
@@ -381,9 +438,17 @@ fn metres(mm: [f64; 3]) -> Vector3<f64> {
 }
 
 fn ros_point(v: Vector3<f64>) -> geometry_msgs::Point {
-    geometry_msgs::Point { x: v.x, y: v.y, z: v.z }
+    geometry_msgs::Point {
+        x: v.x,
+        y: v.y,
+        z: v.z,
+    }
 }
 
 fn ros_vector(v: Vector3<f64>) -> geometry_msgs::Vector3 {
-    geometry_msgs::Vector3 { x: v.x, y: v.y, z: v.z }
+    geometry_msgs::Vector3 {
+        x: v.x,
+        y: v.y,
+        z: v.z,
+    }
 }

@@ -11,7 +11,6 @@ use nalgebra::{Point3, UnitQuaternion};
 use planning::{CostMatrix, Options, Problem, solve};
 use probecell_msgs::{InspectionFeature, InspectionPlan, MeasurementOrder, ProbingMove};
 
-
 /// Speed taken for an axis whose URDF gives none (m/s or rad/s): slow, so that it is not preferred.
 const UNKNOWN_SPEED: f64 = 0.05;
 
@@ -83,16 +82,34 @@ struct Stations {
 impl Route<'_> {
     /// The shortest order found and its moves. `seeds` has one entry for each point, or is empty (the axes then start
     /// in the middle of their travel).
-    pub fn order(&self, plan: &InspectionPlan, seeds: &[Seed]) -> Result<MeasurementOrder, RouteError> {
+    pub fn order(
+        &self,
+        plan: &InspectionPlan,
+        seeds: &[Seed],
+    ) -> Result<MeasurementOrder, RouteError> {
         let stations = self.stations(plan, seeds)?;
         let count = stations.len();
-        let time = |from: usize, to: usize| if from == to { 0.0 } else { self.time(plan, &stations, from, to) };
-        let table = CostMatrix::from_fn(count, time).map_err(|error| RouteError::Cost(error.to_string()))?;
+        let time = |from: usize, to: usize| {
+            if from == to {
+                0.0
+            } else {
+                self.time(plan, &stations, from, to)
+            }
+        };
+        let table = CostMatrix::from_fn(count, time)
+            .map_err(|error| RouteError::Cost(error.to_string()))?;
         let problem = Problem::new(table).given((0..count).collect());
-        let options = Options { kicks: self.kicks, ..Options::default() };
-        let solution = solve(&problem, &options, &mut |_| true).map_err(|error| RouteError::Cost(error.to_string()))?;
+        let options = Options {
+            kicks: self.kicks,
+            ..Options::default()
+        };
+        let solution = solve(&problem, &options, &mut |_| true)
+            .map_err(|error| RouteError::Cost(error.to_string()))?;
         let length = |order: &[usize]| -> f64 {
-            order.windows(2).map(|pair| (stations[pair[0]].ball[1] - stations[pair[1]].ball[0]).norm()).sum()
+            order
+                .windows(2)
+                .map(|pair| (stations[pair[0]].ball[1] - stations[pair[1]].ball[0]).norm())
+                .sum()
         };
         Ok(MeasurementOrder {
             plan_id: plan.plan_id.clone(),
@@ -112,12 +129,21 @@ impl Route<'_> {
         let chain = self.chain;
         let mut rotary = Vec::new();
         for name in &plan.rotary_names {
-            rotary.push(chain.axis_index(name).ok_or_else(|| RouteError::Rotary(name.clone()))?);
+            rotary.push(
+                chain
+                    .axis_index(name)
+                    .ok_or_else(|| RouteError::Rotary(name.clone()))?,
+            );
         }
         let part = Nominal::from_plan(plan)?;
         let radius = part.ball_radius;
         let middle: Vec<f64> = (0..chain.axes().len())
-            .map(|index| chain.axis(index).limits.map_or(0.0, |(lower, upper)| f64::midpoint(lower, upper)))
+            .map(|index| {
+                chain
+                    .axis(index)
+                    .limits
+                    .map_or(0.0, |(lower, upper)| f64::midpoint(lower, upper))
+            })
             .collect();
         let mut last = middle;
         let mut all = Vec::with_capacity(plan.points.len());
@@ -127,7 +153,11 @@ impl Route<'_> {
             }
             if nominal.rotary_positions.len() != rotary.len() {
                 let given = nominal.rotary_positions.len();
-                return Err(RouteError::Rotaries { point: index, given, axes: rotary.len() });
+                return Err(RouteError::Rotaries {
+                    point: index,
+                    given,
+                    axes: rotary.len(),
+                });
             }
             let mut prescribed = vec![None; chain.axes().len()];
             for (&axis, &angle) in rotary.iter().zip(&nominal.rotary_positions) {
@@ -138,9 +168,17 @@ impl Route<'_> {
             let attitude = seed.and_then(|seed| seed.attitude);
             let mut station = |height: f64| {
                 let (position, normal) = part.points[index];
-                let target = Target { ball: position + normal.into_inner() * height, orientation: attitude };
-                let reached = self.chain.reach(&target, &prescribed, &start, &part.part_pose, &part.ball);
-                let reached = reached.map_err(|source| RouteError::Reach { point: index, source })?;
+                let target = Target {
+                    ball: position + normal.into_inner() * height,
+                    orientation: attitude,
+                };
+                let reached =
+                    self.chain
+                        .reach(&target, &prescribed, &start, &part.part_pose, &part.ball);
+                let reached = reached.map_err(|source| RouteError::Reach {
+                    point: index,
+                    source,
+                })?;
                 start.clone_from(&reached);
                 Ok::<_, RouteError>((target.ball, reached))
             };
@@ -148,15 +186,26 @@ impl Route<'_> {
             let (_, touch) = station(radius - self.overtravel)?;
             let (retract_ball, retract) = station(radius + nominal.retract_distance)?;
             last.clone_from(&approach);
-            all.push(Stations { approach, touch, retract, ball: [approach_ball, retract_ball] });
+            all.push(Stations {
+                approach,
+                touch,
+                retract,
+                ball: [approach_ball, retract_ball],
+            });
         }
         Ok(all)
     }
 
     /// Joint targets between the retract of one touch and the approach of the next.
-    fn between(&self, plan: &InspectionPlan, stations: &[Stations], from: usize, to: usize) -> Vec<Vec<f64>> {
+    fn between(
+        &self,
+        plan: &InspectionPlan,
+        stations: &[Stations],
+        from: usize,
+        to: usize,
+    ) -> Vec<Vec<f64>> {
         let (start, end) = (&stations[from].retract, &stations[to].approach);
-        let Some((axis, clear)) = self.clearance.filter(|_| !self.direct(plan, from, to)) else {
+        let Some((axis, clear)) = self.clearance.filter(|_| !direct(plan, from, to)) else {
             return vec![end.clone()];
         };
         let mut out = start.clone();
@@ -164,16 +213,6 @@ impl Route<'_> {
         let mut over = end.clone();
         over[axis] = clear;
         vec![out, over, end.clone()]
-    }
-
-    /// The straight way from one touch to the next cannot lead through the feature: points of one plane, or of one bore,
-    /// at the same rotary positions. (Between retracts over a plane, and within a convex hole, straight lines stay out of
-    /// the material.)
-    fn direct(&self, plan: &InspectionPlan, from: usize, to: usize) -> bool {
-        let (a, b) = (&plan.points[from], &plan.points[to]);
-        a.feature == b.feature
-            && a.rotary_positions == b.rotary_positions
-            && [InspectionFeature::PLANE, InspectionFeature::BORE].contains(&plan.features[a.feature as usize].kind)
     }
 
     /// Seconds from the retract of one touch to the approach of the next.
@@ -189,14 +228,26 @@ impl Route<'_> {
     }
 
     fn move_time(&self, from: &[f64], to: &[f64]) -> f64 {
-        (0..from.len()).map(|index| (to[index] - from[index]).abs() / top_speed(self.chain, index)).fold(0.0, f64::max)
+        (0..from.len())
+            .map(|index| (to[index] - from[index]).abs() / top_speed(self.chain, index))
+            .fold(0.0, f64::max)
     }
 
-    fn moves(&self, plan: &InspectionPlan, stations: &[Stations], order: &[usize]) -> Vec<ProbingMove> {
+    fn moves(
+        &self,
+        plan: &InspectionPlan,
+        stations: &[Stations],
+        order: &[usize],
+    ) -> Vec<ProbingMove> {
         let mut moves = Vec::new();
         for (place, &index) in order.iter().enumerate() {
             let mut push = |kind: u8, axis_positions: Vec<f64>, feed: f64| {
-                moves.push(ProbingMove { kind, point_index: index as u32, axis_positions, feed });
+                moves.push(ProbingMove {
+                    kind,
+                    point_index: index as u32,
+                    axis_positions,
+                    feed,
+                });
             };
             if place > 0 {
                 let mut way = self.between(plan, stations, order[place - 1], index);
@@ -210,7 +261,11 @@ impl Route<'_> {
                 push(ProbingMove::CLEARANCE, over, 0.0);
             }
             push(ProbingMove::APPROACH, stations[index].approach.clone(), 0.0);
-            push(ProbingMove::TOUCH, stations[index].touch.clone(), plan.points[index].feed);
+            push(
+                ProbingMove::TOUCH,
+                stations[index].touch.clone(),
+                plan.points[index].feed,
+            );
             push(ProbingMove::RETRACT, stations[index].retract.clone(), 0.0);
         }
         if let (Some((axis, clear)), Some(&last)) = (self.clearance, order.last()) {
@@ -227,8 +282,18 @@ impl Route<'_> {
     }
 }
 
+/// The straight way from one touch to the next cannot lead through the feature: points of one plane, or of one bore,
+/// at the same rotary positions. (Between retracts over a plane, and within a convex hole, straight lines stay out of
+/// the material.)
+fn direct(plan: &InspectionPlan, from: usize, to: usize) -> bool {
+    let (a, b) = (&plan.points[from], &plan.points[to]);
+    a.feature == b.feature
+        && a.rotary_positions == b.rotary_positions
+        && [InspectionFeature::PLANE, InspectionFeature::BORE]
+            .contains(&plan.features[a.feature as usize].kind)
+}
+
 /// Top speed of an axis by its URDF, m/s or rad/s.
 pub fn top_speed(chain: &Chain, index: usize) -> f64 {
     chain.axis(index).speed.unwrap_or(UNKNOWN_SPEED)
 }
-

@@ -2,7 +2,8 @@
 
 use graph::{Node, Outbox, Stamp, inputs, outputs, topics};
 use probecell_msgs::{
-    Fault, InspectionPlan, MeasurementOrder, OperationRequest, OperatorReply, OperatorRequest, std_msgs,
+    Fault, InspectionPlan, MeasurementOrder, OperationRequest, OperatorReply, OperatorRequest,
+    std_msgs,
 };
 use serde::{Deserialize, Serialize};
 
@@ -53,12 +54,22 @@ impl Node for PathPlanningNode {
         State::default()
     }
 
-    fn step(config: &Config, _state: &mut State, now: Stamp, input: Input, out: &mut Outbox<Output>) {
+    fn step(
+        config: &Config,
+        _state: &mut State,
+        now: Stamp,
+        input: Input,
+        out: &mut Outbox<Output>,
+    ) {
         match input {
             Input::Timer(_) => {}
             Input::Request(request) => {
                 if request.kind == OperationRequest::MEASURE {
-                    let allowance = config.allowances.get(request.pass_number as usize).copied().unwrap_or(0.0);
+                    let allowance = config
+                        .allowances
+                        .get(request.pass_number as usize)
+                        .copied()
+                        .unwrap_or(0.0);
                     if let Err(error) = publish(config, now, &request.plan_id, allowance, out) {
                         out.send(Output::Fault(Fault {
                             header: header(now),
@@ -71,7 +82,11 @@ impl Node for PathPlanningNode {
                 }
             }
             Input::Plan(request) => {
-                let plan_id = if request.subject.is_empty() { "preview" } else { &request.subject };
+                let plan_id = if request.subject.is_empty() {
+                    "preview"
+                } else {
+                    &request.subject
+                };
                 let made = publish(config, now, plan_id, 0.0, out);
                 out.send(Output::Reply(OperatorReply {
                     header: header(now),
@@ -93,8 +108,11 @@ fn publish(
     out: &mut Outbox<Output>,
 ) -> Result<String, RouteError> {
     let mut plan = config.part.plan(allowance);
-    plan.header = std_msgs::Header { stamp: now.time(), frame_id: "workpiece".to_owned() };
-    plan.plan_id = plan_id.to_owned();
+    plan.header = std_msgs::Header {
+        stamp: now.time(),
+        frame_id: "workpiece".to_owned(),
+    };
+    plan_id.clone_into(&mut plan.plan_id);
     let route = Route {
         chain: &config.chain,
         clearance: config.clearance,
@@ -115,5 +133,8 @@ fn publish(
 }
 
 fn header(now: Stamp) -> std_msgs::Header {
-    std_msgs::Header { stamp: now.time(), frame_id: String::new() }
+    std_msgs::Header {
+        stamp: now.time(),
+        frame_id: String::new(),
+    }
 }

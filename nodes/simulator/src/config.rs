@@ -203,7 +203,9 @@ pub enum ConfigError {
     #[error("simulator.{0}")]
     Number(String),
     /// A home position of an axis that the machine lacks, or in the unit of the other kind of axis.
-    #[error("simulator.home.{0}: not an axis of the machine, or mm for a rotary or deg for a linear axis")]
+    #[error(
+        "simulator.home.{0}: not an axis of the machine, or mm for a rotary or deg for a linear axis"
+    )]
     Home(String),
     /// A name that is not defined.
     #[error("simulator.{place}: {kind} {name:?} is not defined")]
@@ -221,42 +223,67 @@ impl RawConfig {
     /// Checks the settings against the machine and the radius of the stylus ball as the plan has it (m).
     pub fn check(&self, chain: Chain, stylus_radius: f64) -> Result<Config, ConfigError> {
         let mut home: Vec<f64> = (0..chain.axes().len())
-            .map(|index| chain.axis(index).limits.map_or(0.0, |(lower, upper)| 0.0_f64.clamp(lower, upper)))
+            .map(|index| {
+                chain
+                    .axis(index)
+                    .limits
+                    .map_or(0.0, |(lower, upper)| 0.0_f64.clamp(lower, upper))
+            })
             .collect();
         for (name, position) in &self.home {
             let bad = || ConfigError::Home(name.clone());
             let index = chain.axis_index(name).ok_or_else(bad)?;
             home[index] = match (position, chain.axis(index).kind) {
-                (HomePosition::Linear { position_mm }, machine::JointKind::Prismatic) => position_mm * 1e-3,
-                (HomePosition::Rotary { position_deg }, machine::JointKind::Revolute) => position_deg.to_radians(),
+                (HomePosition::Linear { position_mm }, machine::JointKind::Prismatic) => {
+                    position_mm * 1e-3
+                }
+                (HomePosition::Rotary { position_deg }, machine::JointKind::Revolute) => {
+                    position_deg.to_radians()
+                }
                 _ => return Err(bad()),
             };
         }
         self.check_numbers()?;
         self.check_names()?;
         let ball_radius = stylus_radius + self.probe.radius_error_um * 1e-6;
-        Ok(Config { chain, home, ball_radius, raw: self.clone() })
+        Ok(Config {
+            chain,
+            home,
+            ball_radius,
+            raw: self.clone(),
+        })
     }
 
     fn check_numbers(&self) -> Result<(), ConfigError> {
         let not_negative = [
             ("probe.touch_sd_um", self.probe.touch_sd_um),
             ("plant.cut_sd_um", self.plant.cut_sd_um),
-            ("cmm.standard_uncertainty_um", self.cmm.as_ref().map_or(0.0, |cmm| cmm.standard_uncertainty_um)),
+            (
+                "cmm.standard_uncertainty_um",
+                self.cmm
+                    .as_ref()
+                    .map_or(0.0, |cmm| cmm.standard_uncertainty_um),
+            ),
         ];
         for (key, value) in not_negative {
             if !(value.is_finite() && value >= 0.0) {
-                return Err(ConfigError::Number(format!("{key} = {value} must be a finite number that is not negative")));
+                return Err(ConfigError::Number(format!(
+                    "{key} = {value} must be a finite number that is not negative"
+                )));
             }
         }
         if !(0.0..1.0).contains(&self.plant.spring_back) {
             let value = self.plant.spring_back;
-            return Err(ConfigError::Number(format!("plant.spring_back = {value} must be at least 0 and below 1")));
+            return Err(ConfigError::Number(format!(
+                "plant.spring_back = {value} must be at least 0 and below 1"
+            )));
         }
         for operation in &self.operations {
             if !(operation.duration_s.is_finite() && operation.duration_s > 0.0) {
                 let (id, value) = (&operation.id, operation.duration_s);
-                return Err(ConfigError::Number(format!("operations.{id}.duration_s = {value} must be above 0")));
+                return Err(ConfigError::Number(format!(
+                    "operations.{id}.duration_s = {value} must be above 0"
+                )));
             }
         }
         Ok(())
@@ -265,12 +292,24 @@ impl RawConfig {
     fn check_names(&self) -> Result<(), ConfigError> {
         for operation in &self.operations {
             let place = format!("operations.{}", operation.id);
-            if !self.tools.iter().any(|tool| tool.number == operation.tool_number) {
-                return Err(ConfigError::Unknown { place, kind: "tool", name: operation.tool_number.to_string() });
+            if !self
+                .tools
+                .iter()
+                .any(|tool| tool.number == operation.tool_number)
+            {
+                return Err(ConfigError::Unknown {
+                    place,
+                    kind: "tool",
+                    name: operation.tool_number.to_string(),
+                });
             }
             for size in &operation.sizes {
                 if !self.sizes.iter().any(|known| known.id == *size) {
-                    return Err(ConfigError::Unknown { place, kind: "size", name: size.clone() });
+                    return Err(ConfigError::Unknown {
+                        place,
+                        kind: "size",
+                        name: size.clone(),
+                    });
                 }
             }
         }

@@ -8,7 +8,8 @@ use graph::Stamp;
 use machine::{Nominal, Surface};
 use nalgebra::Vector3;
 use probecell_msgs::{
-    ControllerCommand, ControllerReply, InspectionPlan, MeasurementOrder, ProbeTrigger, ProbingMove, std_msgs,
+    ControllerCommand, ControllerReply, InspectionPlan, MeasurementOrder, ProbeTrigger,
+    ProbingMove, std_msgs,
 };
 
 use crate::{
@@ -27,7 +28,9 @@ const HALVINGS: u32 = 40;
 /// Seconds of a move of the axes at top speed.
 pub(crate) fn travel_time(config: &Config, from: &[f64], to: &[f64]) -> f64 {
     let speed = |index: usize| config.chain.axis(index).speed.unwrap_or(UNKNOWN_SPEED);
-    (0..from.len()).map(|index| (to[index] - from[index]).abs() / speed(index)).fold(0.0, f64::max)
+    (0..from.len())
+        .map(|index| (to[index] - from[index]).abs() / speed(index))
+        .fold(0.0, f64::max)
 }
 
 /// Builds a program, one segment after the other.
@@ -39,19 +42,39 @@ pub(crate) struct Builder {
 
 impl Builder {
     pub(crate) fn new(now: Stamp, position: &[f64]) -> Self {
-        Self { segments: std::collections::VecDeque::new(), at: now, position: position.to_vec() }
+        Self {
+            segments: std::collections::VecDeque::new(),
+            at: now,
+            position: position.to_vec(),
+        }
     }
 
     pub(crate) fn push(&mut self, to: Vec<f64>, seconds: f64, then: Then) -> Stamp {
         let end = self.at.after_s(seconds);
         let from = std::mem::replace(&mut self.position, to.clone());
-        self.segments.push_back(Segment { start: self.at, end, from, to, then });
+        self.segments.push_back(Segment {
+            start: self.at,
+            end,
+            from,
+            to,
+            then,
+        });
         self.at = end;
         end
     }
 
-    pub(crate) fn program(self, name: &str, command: ControllerCommand, spindle_speed: f64) -> Program {
-        Program { name: name.to_owned(), command, spindle_speed, segments: self.segments }
+    pub(crate) fn program(
+        self,
+        name: &str,
+        command: ControllerCommand,
+        spindle_speed: f64,
+    ) -> Program {
+        Program {
+            name: name.to_owned(),
+            command,
+            spindle_speed,
+            segments: self.segments,
+        }
     }
 }
 
@@ -67,12 +90,22 @@ pub(crate) fn measuring_program(
     let part = Nominal::from_plan(plan).map_err(|error| error.to_string())?;
     let mut builder = Builder::new(now, &state.position);
     let names: Vec<&str> = config.chain.axis_names().collect();
-    if order.axis_names.iter().map(String::as_str).ne(names.iter().copied()) {
+    if order
+        .axis_names
+        .iter()
+        .map(String::as_str)
+        .ne(names.iter().copied())
+    {
         return Err("the axes of the measuring order are not those of the machine".to_owned());
     }
     for step in &order.moves {
-        if step.axis_positions.len() != names.len() || !step.axis_positions.iter().all(|q| q.is_finite()) {
-            return Err(format!("a move to point {} has unusable axis positions", step.point_index));
+        if step.axis_positions.len() != names.len()
+            || !step.axis_positions.iter().all(|q| q.is_finite())
+        {
+            return Err(format!(
+                "a move to point {} has unusable axis positions",
+                step.point_index
+            ));
         }
         if step.kind == ProbingMove::TOUCH {
             touch(config, state, plan, &part, step, &mut builder);
@@ -83,7 +116,10 @@ pub(crate) fn measuring_program(
     }
     let end = builder.at;
     let reply = ControllerReply {
-        header: std_msgs::Header { stamp: end.time(), frame_id: String::new() },
+        header: std_msgs::Header {
+            stamp: end.time(),
+            frame_id: String::new(),
+        },
         session: state.session.clone(),
         command_id: command.command_id,
         outcome: ControllerReply::DONE,
@@ -102,7 +138,12 @@ fn touch(
     step: &ProbingMove,
     builder: &mut Builder,
 ) {
-    let fault = config.raw.fault.as_ref().filter(|fault| state.touches >= fault.after_touches).map(|fault| fault.kind);
+    let fault = config
+        .raw
+        .fault
+        .as_ref()
+        .filter(|fault| state.touches >= fault.after_touches)
+        .map(|fault| fault.kind);
     state.touches += 1;
     let start = builder.position.clone();
     let seconds = ball_distance(config, part, &start, &step.axis_positions) / step.feed.max(1e-6);
@@ -112,13 +153,30 @@ fn touch(
     let met = match fault {
         Some(Injected::DeadProbe) => None,
         Some(Injected::StuckProbe) => Some(0.0),
-        _ => surface.and_then(|surface| contact(config, state, part, &surface, noise, &start, &step.axis_positions)),
+        _ => surface.and_then(|surface| {
+            contact(
+                config,
+                state,
+                part,
+                &surface,
+                noise,
+                &start,
+                &step.axis_positions,
+            )
+        }),
     };
     let share = met.unwrap_or(1.0);
-    let end: Vec<f64> = start.iter().zip(&step.axis_positions).map(|(from, to)| from + (to - from) * share).collect();
+    let end: Vec<f64> = start
+        .iter()
+        .zip(&step.axis_positions)
+        .map(|(from, to)| from + (to - from) * share)
+        .collect();
     let stamp = builder.at.after_s(seconds * share);
     let trigger = ProbeTrigger {
-        header: std_msgs::Header { stamp: stamp.time(), frame_id: "foundation".to_owned() },
+        header: std_msgs::Header {
+            stamp: stamp.time(),
+            frame_id: "foundation".to_owned(),
+        },
         session: state.session.clone(),
         plan_id: plan.plan_id.clone(),
         point_index: step.point_index,
@@ -134,7 +192,11 @@ fn touch(
 
 /// Path of the ball in the part frame between two positions of the axes, m.
 fn ball_distance(config: &Config, part: &Nominal, from: &[f64], to: &[f64]) -> f64 {
-    let place = |positions: &[f64]| config.chain.ball_in_part(positions, &part.part_pose, &part.ball);
+    let place = |positions: &[f64]| {
+        config
+            .chain
+            .ball_in_part(positions, &part.part_pose, &part.ball)
+    };
     (place(to) - place(from)).norm()
 }
 
@@ -152,8 +214,16 @@ fn contact(
     let ball = part.ball + Vector3::from(state.center_error);
     let reach = part.ball_radius + state.radius_error + noise;
     let clearance = |share: f64| {
-        let positions: Vec<f64> = from.iter().zip(to).map(|(from, to)| from + (to - from) * share).collect();
-        surface.distance(&config.chain.ball_in_part(&positions, &part.part_pose, &ball)) - reach
+        let positions: Vec<f64> = from
+            .iter()
+            .zip(to)
+            .map(|(from, to)| from + (to - from) * share)
+            .collect();
+        surface.distance(
+            &config
+                .chain
+                .ball_in_part(&positions, &part.part_pose, &ball),
+        ) - reach
     };
     let (mut free, mut touching) = (0.0, 1.0);
     if clearance(free) <= 0.0 || clearance(touching) > 0.0 {

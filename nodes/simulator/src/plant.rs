@@ -22,15 +22,31 @@ pub(crate) fn normal(random: &mut impl Rng, standard_deviation: f64) -> f64 {
 
 /// Cuts the sizes of an operation.
 pub(crate) fn cut(config: &Config, state: &mut State, operation: &str) {
-    let Some(operation) = config.raw.operations.iter().find(|raw| raw.id == operation) else { return };
-    let tool = config.raw.tools.iter().find(|tool| tool.number == operation.tool_number);
+    let Some(operation) = config.raw.operations.iter().find(|raw| raw.id == operation) else {
+        return;
+    };
+    let tool = config
+        .raw
+        .tools
+        .iter()
+        .find(|tool| tool.number == operation.tool_number);
     let tool_error = tool.map_or(0.0, |tool| tool.error_um * 1e-6);
-    let wear = state.wear.get(&operation.tool_number).copied().unwrap_or(0.0);
+    let wear = state
+        .wear
+        .get(&operation.tool_number)
+        .copied()
+        .unwrap_or(0.0);
     for id in &operation.sizes {
-        let Some(size) = config.raw.sizes.iter().find(|size| size.id == *id) else { continue };
+        let Some(size) = config.raw.sizes.iter().find(|size| size.id == *id) else {
+            continue;
+        };
         let aimed = (size.nominal_mm + operation.allowance_mm) * 1e-3 + wear + tool_error;
         let before = state.sizes.get(id).copied().unwrap_or(size.stock_mm * 1e-3);
-        let sprung = if before > aimed { aimed + config.raw.plant.spring_back * (before - aimed) } else { before };
+        let sprung = if before > aimed {
+            aimed + config.raw.plant.spring_back * (before - aimed)
+        } else {
+            before
+        };
         let after = sprung + normal(&mut state.random, config.raw.plant.cut_sd_um * 1e-6);
         state.sizes.insert(id.clone(), after);
         if operation.turning {
@@ -43,13 +59,28 @@ pub(crate) fn cut(config: &Config, state: &mut State, operation: &str) {
 
 /// The size that a feature carries.
 fn size_of<'a>(config: &'a Config, feature: &InspectionFeature) -> Option<&'a RawSize> {
-    config.raw.sizes.iter().find(|size| size.features.contains(&feature.id))
+    config
+        .raw
+        .sizes
+        .iter()
+        .find(|size| size.features.contains(&feature.id))
 }
 
 /// How far the true surface lies outside the plan's at a height along the part, m.
-pub(crate) fn excess(config: &Config, state: &State, feature: &InspectionFeature, height: f64) -> f64 {
-    let Some(size) = size_of(config, feature) else { return 0.0 };
-    let true_size = state.sizes.get(&size.id).copied().unwrap_or(size.stock_mm * 1e-3);
+pub(crate) fn excess(
+    config: &Config,
+    state: &State,
+    feature: &InspectionFeature,
+    height: f64,
+) -> f64 {
+    let Some(size) = size_of(config, feature) else {
+        return 0.0;
+    };
+    let true_size = state
+        .sizes
+        .get(&size.id)
+        .copied()
+        .unwrap_or(size.stock_mm * 1e-3);
     let planned = match feature.kind {
         InspectionFeature::PLANE => {
             let (axis, origin) = (direction(feature), place(feature));
@@ -58,13 +89,20 @@ pub(crate) fn excess(config: &Config, state: &State, feature: &InspectionFeature
         }
         _ => 2.0 * feature.radius,
     };
-    let grown = if feature.kind == InspectionFeature::BORE { planned - true_size } else { true_size - planned };
-    (grown + bent(config, state, &size.id, height)) / 2.0
+    let grown = if feature.kind == InspectionFeature::BORE {
+        planned - true_size
+    } else {
+        true_size - planned
+    };
+    // Half of the error of a size lies on each side.
+    0.5 * (grown + bent(config, state, &size.id, height))
 }
 
 /// Error of the diameter at a height, m.
 fn bent(config: &Config, state: &State, size: &str, height: f64) -> f64 {
-    let Some(&finished) = state.turned.get(size) else { return 0.0 };
+    let Some(&finished) = state.turned.get(size) else {
+        return 0.0;
+    };
     let plant = &config.raw.plant;
     let [root, free] = plant.deflection_um;
     let share = if finished { plant.finish_share } else { 1.0 };
@@ -73,10 +111,16 @@ fn bent(config: &Config, state: &State, size: &str, height: f64) -> f64 {
 }
 
 /// The surface that a touch of that point meets; `residual` is what the probe reads too much there (m, per side).
-pub(crate) fn surface(config: &Config, state: &State, plan: &InspectionPlan, point: usize) -> Option<Surface> {
+pub(crate) fn surface(
+    config: &Config,
+    state: &State,
+    plan: &InspectionPlan,
+    point: usize,
+) -> Option<Surface> {
     let nominal = plan.points.get(point)?;
     let feature = plan.features.get(nominal.feature as usize)?;
-    let residual = size_of(config, feature).map_or(0.0, |size| size.reading_residual_um * 1e-6 / 2.0);
+    let residual =
+        size_of(config, feature).map_or(0.0, |size| size.reading_residual_um * 1e-6 / 2.0);
     let out = excess(config, state, feature, nominal.position.z) + residual;
     let (origin, axis) = (place(feature), direction(feature));
     Some(match feature.kind {
@@ -85,7 +129,11 @@ pub(crate) fn surface(config: &Config, state: &State, plan: &InspectionPlan, poi
         InspectionFeature::SPHERE => Surface::Sphere(origin, feature.radius + out),
         InspectionFeature::PLANE => Surface::Plane(origin + axis.into_inner() * out, axis),
         _ => {
-            let normal = Unit::new_normalize(Vector3::new(nominal.normal.x, nominal.normal.y, nominal.normal.z));
+            let normal = Unit::new_normalize(Vector3::new(
+                nominal.normal.x,
+                nominal.normal.y,
+                nominal.normal.z,
+            ));
             let touched = Point3::new(nominal.position.x, nominal.position.y, nominal.position.z);
             Surface::Plane(touched + normal.into_inner() * out, normal)
         }
@@ -106,7 +154,9 @@ pub(crate) fn reference(
         .iter()
         .map(|point| {
             let feature = plan.features.get(point.feature as usize);
-            feature.map_or(0.0, |feature| excess(config, state, feature, point.position.z))
+            feature.map_or(0.0, |feature| {
+                excess(config, state, feature, point.position.z)
+            })
         })
         .collect();
     Some(ReferenceMeasurement {
@@ -114,7 +164,10 @@ pub(crate) fn reference(
         plan_id: plan.plan_id.clone(),
         instrument: cmm.instrument.clone(),
         point_index: (0..plan.points.len() as u32).collect(),
-        deviation: true_deviations.iter().map(|d| d + normal(&mut state.random, standard_uncertainty)).collect(),
+        deviation: true_deviations
+            .iter()
+            .map(|d| d + normal(&mut state.random, standard_uncertainty))
+            .collect(),
         standard_uncertainty,
     })
 }

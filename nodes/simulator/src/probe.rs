@@ -40,24 +40,38 @@ fn calibrate(mut center: [f64; 3], ball_radius: f64, gauge_error: f64) -> Option
             Step::Rotate => {
                 let reading = |index: u32| {
                     let angle = f64::from(index) / f64::from(ANGLES) * std::f64::consts::TAU;
-                    (angle, calibration::quantised(dx * angle.cos() + dy * angle.sin(), DIVISION))
+                    (
+                        angle,
+                        calibration::quantised(dx * angle.cos() + dy * angle.sin(), DIVISION),
+                    )
                 };
-                Done::Rotated { readings: (0..ANGLES).map(reading).collect() }
+                Done::Rotated {
+                    readings: (0..ANGLES).map(reading).collect(),
+                }
             }
             Step::Adjust => {
                 let fit = cycle.indicator()?;
                 center[0] -= fit.offset_x;
                 center[1] -= fit.offset_y;
-                Done::Adjusted { x: -fit.offset_x, y: -fit.offset_y }
+                Done::Adjusted {
+                    x: -fit.offset_x,
+                    y: -fit.offset_y,
+                }
             }
             Step::StoreOffsets => Done::OffsetsStored,
             Step::BallRadius => {
                 let x = ((GAUGE_RADIUS + ball_radius).powi(2) - dy * dy).sqrt() - dx;
-                Done::ReferenceTouched { x, diameter: 2.0 * GAUGE_RADIUS + gauge_error }
+                Done::ReferenceTouched {
+                    x,
+                    diameter: 2.0 * GAUGE_RADIUS + gauge_error,
+                }
             }
             Step::Length => {
                 center[2] = 0.0;
-                Done::LengthTouched { z: dz, reference: 0.0 }
+                Done::LengthTouched {
+                    z: dz,
+                    reference: 0.0,
+                }
             }
             Step::Complete => {
                 return Some((center, ball_radius - cycle.stored()?.ball_radius));

@@ -3,7 +3,9 @@
 use std::collections::{BTreeMap, VecDeque};
 
 use graph::Stamp;
-use probecell_msgs::{ControllerCommand, ControllerReply, InspectionPlan, MeasurementOrder, ProbeTrigger};
+use probecell_msgs::{
+    ControllerCommand, ControllerReply, InspectionPlan, MeasurementOrder, ProbeTrigger,
+};
 use rand_pcg::Pcg64;
 use serde::{Deserialize, Serialize};
 
@@ -91,7 +93,15 @@ impl Segment {
     /// Axis positions at an instant, m and rad; held before the start and after the end.
     pub fn at(&self, now: Stamp) -> Vec<f64> {
         let duration = self.end.since_s(self.start);
-        let part = if duration > 0.0 { (now.since_s(self.start) / duration).clamp(0.0, 1.0) } else { 1.0 };
-        self.from.iter().zip(&self.to).map(|(from, to)| from + (to - from) * part).collect()
+        let part = if duration > 0.0 {
+            (now.since_s(self.start) / duration).clamp(0.0, 1.0)
+        } else {
+            1.0
+        };
+        self.from
+            .iter()
+            .zip(&self.to)
+            .map(|(from, to)| from + (to - from) * part)
+            .collect()
     }
 }

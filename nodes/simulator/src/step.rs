@@ -2,8 +2,8 @@
 
 use graph::{Node, Outbox, START, Stamp, inputs, outputs, topics};
 use probecell_msgs::{
-    ControllerCommand, ControllerReply, ControllerStatus, InspectionPlan, MachineState, MeasurementOrder, ProbeTrigger,
-    ReferenceMeasurement, std_msgs,
+    ControllerCommand, ControllerReply, ControllerStatus, InspectionPlan, MachineState,
+    MeasurementOrder, ProbeTrigger, ReferenceMeasurement, std_msgs,
 };
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
@@ -64,8 +64,16 @@ impl Node for SimulatorNode {
             random: Pcg64::seed_from_u64(raw.seed),
             center_error,
             radius_error,
-            wear: raw.tools.iter().map(|tool| (tool.number, tool.wear_um * 1e-6)).collect(),
-            sizes: raw.sizes.iter().map(|size| (size.id.clone(), size.stock_mm * 1e-3)).collect(),
+            wear: raw
+                .tools
+                .iter()
+                .map(|tool| (tool.number, tool.wear_um * 1e-6))
+                .collect(),
+            sizes: raw
+                .sizes
+                .iter()
+                .map(|size| (size.id.clone(), size.stock_mm * 1e-3))
+                .collect(),
             turned: std::collections::BTreeMap::new(),
             position: config.home.clone(),
             program: None,
@@ -80,7 +88,13 @@ impl Node for SimulatorNode {
         }
     }
 
-    fn step(config: &Config, state: &mut State, now: Stamp, input: Input, out: &mut Outbox<Output>) {
+    fn step(
+        config: &Config,
+        state: &mut State,
+        now: Stamp,
+        input: Input,
+        out: &mut Outbox<Output>,
+    ) {
         match input {
             Input::Timer(id) => {
                 if id == START {
@@ -103,7 +117,13 @@ impl Node for SimulatorNode {
     }
 }
 
-fn obey(config: &Config, state: &mut State, now: Stamp, command: ControllerCommand, out: &mut Outbox<Output>) {
+fn obey(
+    config: &Config,
+    state: &mut State,
+    now: Stamp,
+    command: ControllerCommand,
+    out: &mut Outbox<Output>,
+) {
     if state.silent {
         return;
     }
@@ -118,7 +138,11 @@ fn obey(config: &Config, state: &mut State, now: Stamp, command: ControllerComma
     };
     if let Some(text) = refusal {
         let outcome = ControllerReply::REFUSED;
-        out.send(Output::Reply(ControllerReply { outcome, text: text.to_owned(), ..reply(state, now, &command) }));
+        out.send(Output::Reply(ControllerReply {
+            outcome,
+            text: text.to_owned(),
+            ..reply(state, now, &command)
+        }));
         return;
     }
     match command.kind {
@@ -135,21 +159,44 @@ fn obey(config: &Config, state: &mut State, now: Stamp, command: ControllerComma
         kind => {
             let text = format!("commands of kind {kind} are not known here");
             let outcome = ControllerReply::REFUSED;
-            out.send(Output::Reply(ControllerReply { outcome, text, ..reply(state, now, &command) }));
+            out.send(Output::Reply(ControllerReply {
+                outcome,
+                text,
+                ..reply(state, now, &command)
+            }));
         }
     }
 }
 
-fn start_cut(config: &Config, state: &mut State, now: Stamp, command: ControllerCommand, out: &mut Outbox<Output>) {
-    let Some(operation) = config.raw.operations.iter().find(|raw| raw.id == command.operation) else {
+fn start_cut(
+    config: &Config,
+    state: &mut State,
+    now: Stamp,
+    command: ControllerCommand,
+    out: &mut Outbox<Output>,
+) {
+    let Some(operation) = config
+        .raw
+        .operations
+        .iter()
+        .find(|raw| raw.id == command.operation)
+    else {
         let text = format!("there is no operation {:?}", command.operation);
         let outcome = ControllerReply::REFUSED;
-        out.send(Output::Reply(ControllerReply { outcome, text, ..reply(state, now, &command) }));
+        out.send(Output::Reply(ControllerReply {
+            outcome,
+            text,
+            ..reply(state, now, &command)
+        }));
         return;
     };
     state.tool = operation.tool_number;
     let mut builder = Builder::new(now, &state.position);
-    builder.push(state.position.clone(), operation.duration_s, Then::Cut(operation.id.clone()));
+    builder.push(
+        state.position.clone(),
+        operation.duration_s,
+        Then::Cut(operation.id.clone()),
+    );
     let done = reply(state, now, &command);
     builder.push(state.position.clone(), 0.0, Then::Finish(done));
     let spindle_speed = operation.spindle_rpm * std::f64::consts::TAU / 60.0;
@@ -157,8 +204,14 @@ fn start_cut(config: &Config, state: &mut State, now: Stamp, command: Controller
 }
 
 fn measure_when_ready(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Output>) {
-    let (Some(command), Some(plan), Some(order)) = (&state.awaiting, &state.plan, &state.order) else { return };
-    if command.plan_id != plan.plan_id || command.plan_id != order.plan_id || command.order != order.order {
+    let (Some(command), Some(plan), Some(order)) = (&state.awaiting, &state.plan, &state.order)
+    else {
+        return;
+    };
+    if command.plan_id != plan.plan_id
+        || command.plan_id != order.plan_id
+        || command.order != order.order
+    {
         return;
     }
     let (command, plan, order) = (command.clone(), plan.clone(), order.clone());
@@ -168,7 +221,11 @@ fn measure_when_ready(config: &Config, state: &mut State, now: Stamp, out: &mut 
         Ok(program) => state.program = Some(program),
         Err(text) => {
             let outcome = ControllerReply::REFUSED;
-            out.send(Output::Reply(ControllerReply { outcome, text, ..reply(state, now, &command) }));
+            out.send(Output::Reply(ControllerReply {
+                outcome,
+                text,
+                ..reply(state, now, &command)
+            }));
         }
     }
 }
@@ -177,11 +234,22 @@ fn set_wear(state: &mut State, now: Stamp, command: &ControllerCommand, out: &mu
     let answer = match state.wear.get_mut(&command.tool_number) {
         Some(wear) if command.value.is_finite() => {
             let value_before = std::mem::replace(wear, command.value);
-            ControllerReply { value_before, value: command.value, ..reply(state, now, command) }
+            ControllerReply {
+                value_before,
+                value: command.value,
+                ..reply(state, now, command)
+            }
         }
         _ => {
-            let text = format!("tool {} has no offset that {} could be", command.tool_number, command.value);
-            ControllerReply { outcome: ControllerReply::REFUSED, text, ..reply(state, now, command) }
+            let text = format!(
+                "tool {} has no offset that {} could be",
+                command.tool_number, command.value
+            );
+            ControllerReply {
+                outcome: ControllerReply::REFUSED,
+                text,
+                ..reply(state, now, command)
+            }
         }
     };
     out.send(Output::Reply(answer));
@@ -204,8 +272,14 @@ fn run(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Output>)
                 let measured = state.program.take().is_some_and(|program| {
                     program.command.kind == ControllerCommand::RUN_MEASUREMENT
                 });
-                let header = std_msgs::Header { stamp: segment.end.time(), frame_id: "part".to_owned() };
-                out.send(Output::Reply(ControllerReply { header: header.clone(), ..done }));
+                let header = std_msgs::Header {
+                    stamp: segment.end.time(),
+                    frame_id: "part".to_owned(),
+                };
+                out.send(Output::Reply(ControllerReply {
+                    header: header.clone(),
+                    ..done
+                }));
                 if let Some(plan) = state.plan.clone().filter(|_| measured)
                     && let Some(reference) = plant::reference(config, state, &plan, header)
                 {
@@ -218,15 +292,27 @@ fn run(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Output>)
 
 fn next_ended(state: &mut State, now: Stamp) -> Option<Segment> {
     let segments = &mut state.program.as_mut()?.segments;
-    if segments.front()?.end <= now { segments.pop_front() } else { None }
+    if segments.front()?.end <= now {
+        segments.pop_front()
+    } else {
+        None
+    }
 }
 
 /// Lets go wrong what the cell file wants to go wrong, once enough touches are behind.
 fn inject(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Output>) {
-    let Some(fault) = &config.raw.fault else { return };
+    let Some(fault) = &config.raw.fault else {
+        return;
+    };
     let touched = |state: &State| {
-        let Some(program) = &state.program else { return false };
-        let left = program.segments.iter().filter(|segment| matches!(segment.then, Then::Touch(_))).count();
+        let Some(program) = &state.program else {
+            return false;
+        };
+        let left = program
+            .segments
+            .iter()
+            .filter(|segment| matches!(segment.then, Then::Touch(_)))
+            .count();
         program.command.kind == ControllerCommand::RUN_MEASUREMENT
             && state.touches.saturating_sub(left as u32) >= fault.after_touches
     };
@@ -236,8 +322,15 @@ fn inject(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Outpu
     match fault.kind {
         Injected::DeadProbe | Injected::StuckProbe => {}
         Injected::UnplannedTouch => {
-            state.alarms.push("Probe tripped during non-probe move.".to_owned());
-            abort(state, now, "the probe tripped in a move that is not a probing move", out);
+            state
+                .alarms
+                .push("Probe tripped during non-probe move.".to_owned());
+            abort(
+                state,
+                now,
+                "the probe tripped in a move that is not a probing move",
+                out,
+            );
         }
         Injected::Estop => {
             state.estop = true;
@@ -248,9 +341,19 @@ fn inject(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Outpu
 }
 
 fn abort(state: &mut State, now: Stamp, text: &str, out: &mut Outbox<Output>) {
-    for command in [state.program.take().map(|program| program.command), state.awaiting.take()].into_iter().flatten() {
+    for command in [
+        state.program.take().map(|program| program.command),
+        state.awaiting.take(),
+    ]
+    .into_iter()
+    .flatten()
+    {
         let outcome = ControllerReply::FAILED;
-        out.send(Output::Reply(ControllerReply { outcome, text: text.to_owned(), ..reply(state, now, &command) }));
+        out.send(Output::Reply(ControllerReply {
+            outcome,
+            text: text.to_owned(),
+            ..reply(state, now, &command)
+        }));
     }
 }
 
@@ -258,7 +361,10 @@ fn sample(config: &Config, state: &State, now: Stamp, out: &mut Outbox<Output>) 
     if state.silent {
         return;
     }
-    let segment = state.program.as_ref().and_then(|program| program.segments.front());
+    let segment = state
+        .program
+        .as_ref()
+        .and_then(|program| program.segments.front());
     let position = segment.map_or_else(|| state.position.clone(), |segment| segment.at(now));
     let execution = if state.estop {
         MachineState::EXECUTION_ESTOP
@@ -270,14 +376,24 @@ fn sample(config: &Config, state: &State, now: Stamp, out: &mut Outbox<Output>) 
         MachineState::EXECUTION_IDLE
     };
     out.send(Output::Status(ControllerStatus {
-        header: std_msgs::Header { stamp: now.time(), frame_id: "foundation".to_owned() },
+        header: std_msgs::Header {
+            stamp: now.time(),
+            frame_id: "foundation".to_owned(),
+        },
         session: state.session.clone(),
         mode: MachineState::MODE_AUTO,
         execution,
-        program: state.program.as_ref().map(|program| program.name.clone()).unwrap_or_default(),
+        program: state
+            .program
+            .as_ref()
+            .map(|program| program.name.clone())
+            .unwrap_or_default(),
         tool_number: state.tool,
         feed_override: 1.0,
-        spindle_speed: state.program.as_ref().map_or(0.0, |program| program.spindle_speed),
+        spindle_speed: state
+            .program
+            .as_ref()
+            .map_or(0.0, |program| program.spindle_speed),
         axis_names: config.chain.axis_names().map(str::to_owned).collect(),
         axis_commands: position.clone(),
         axis_positions: position,
@@ -292,7 +408,10 @@ fn sample(config: &Config, state: &State, now: Stamp, out: &mut Outbox<Output>) 
 
 fn reply(state: &State, now: Stamp, command: &ControllerCommand) -> ControllerReply {
     ControllerReply {
-        header: std_msgs::Header { stamp: now.time(), frame_id: String::new() },
+        header: std_msgs::Header {
+            stamp: now.time(),
+            frame_id: String::new(),
+        },
         session: state.session.clone(),
         command_id: command.command_id,
         outcome: ControllerReply::DONE,

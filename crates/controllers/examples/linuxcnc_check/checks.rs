@@ -414,7 +414,7 @@ fn faults(scratch: &Path) -> anyhow::Result<()> {
 /// What must not be begun is refused, with a reason.
 fn refusals(rig: &mut Rig) -> anyhow::Result<()> {
     let mut command = rig.prepare(artefact::bore("refused", 3, 0.0));
-    command.plan_id = "another".to_owned();
+    "another".clone_into(&mut command.plan_id);
     let reply = rig.run(command)?.reply;
     ensure!(
         reply.outcome == ControllerReply::REFUSED,

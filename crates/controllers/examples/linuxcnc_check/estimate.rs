@@ -25,8 +25,8 @@ pub(crate) const NAMES: [&str; 9] = [
 pub(crate) fn deviation(plan: &InspectionPlan, trigger: &ProbeTrigger) -> f64 {
     let point = &plan.points[trigger.point_index as usize];
     let (position, normal) = (
-        <[f64; 3]>::from(point.position.clone()),
-        <[f64; 3]>::from(point.normal.clone()),
+        <[f64; 3]>::from(point.position),
+        <[f64; 3]>::from(point.normal),
     );
     let along = (0..3)
         .map(|axis| normal[axis] * (trigger.axis_positions[axis] - position[axis]))
@@ -40,7 +40,7 @@ pub(crate) fn errors(touches: &[(&InspectionPlan, &ProbeTrigger)]) -> anyhow::Re
     let mut rows = Vec::new();
     let mut values = Vec::new();
     for (plan, trigger) in touches {
-        let normal = <[f64; 3]>::from(plan.points[trigger.point_index as usize].normal.clone());
+        let normal = <[f64; 3]>::from(plan.points[trigger.point_index as usize].normal);
         let reading = &trigger.axis_positions;
         rows.extend([1.0, -normal[0], -normal[1], -normal[2]]);
         rows.extend([-normal[0] * reading[0], -normal[1] * reading[1]]);

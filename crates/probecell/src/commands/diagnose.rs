@@ -26,7 +26,9 @@ pub(crate) struct Arguments {
 
 /// Diagnoses each bag.
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
-    let options = Options { without: arguments.without.clone() };
+    let options = Options {
+        without: arguments.without.clone(),
+    };
     for path in &arguments.bags {
         let session = read(path, arguments.plan.as_deref())?;
         let result = diagnose(&session, &options)?;
@@ -41,19 +43,45 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
 
 fn read(path: &Path, plan: Option<&str>) -> anyhow::Result<Session> {
     let bag = Bag::open(path)?;
-    let measurement = plan.map_or(Measurement::Last, |plan| Measurement::Named(plan.to_owned()));
+    let measurement = plan.map_or(Measurement::Last, |plan| {
+        Measurement::Named(plan.to_owned())
+    });
     let session = bags::Session::read_measurement(&bag, &measurement)?;
     for damage in &session.damage {
-        report::remark(&format!("warning: {damage}: only the complete part is diagnosed"));
+        report::remark(&format!(
+            "warning: {damage}: only the complete part is diagnosed"
+        ));
     }
     Ok(Session {
-        name: path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned()),
+        name: path
+            .file_name()
+            .map_or_else(String::new, |name| name.to_string_lossy().into_owned()),
         robot_description: session.robot_description,
         plan: session.plan,
-        events: session.events.into_iter().map(|stamped| stamped.message).collect(),
-        joint_states: session.joint_states.into_iter().map(|stamped| stamped.message).collect(),
-        joint_commands: session.joint_commands.into_iter().map(|stamped| stamped.message).collect(),
-        machine_states: session.machine_states.into_iter().map(|stamped| stamped.message).collect(),
-        references: session.references.into_iter().map(|stamped| stamped.message).collect(),
+        events: session
+            .events
+            .into_iter()
+            .map(|stamped| stamped.message)
+            .collect(),
+        joint_states: session
+            .joint_states
+            .into_iter()
+            .map(|stamped| stamped.message)
+            .collect(),
+        joint_commands: session
+            .joint_commands
+            .into_iter()
+            .map(|stamped| stamped.message)
+            .collect(),
+        machine_states: session
+            .machine_states
+            .into_iter()
+            .map(|stamped| stamped.message)
+            .collect(),
+        references: session
+            .references
+            .into_iter()
+            .map(|stamped| stamped.message)
+            .collect(),
     })
 }

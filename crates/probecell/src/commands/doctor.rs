@@ -29,16 +29,31 @@ pub(crate) fn run(file: &Path, json: bool) -> anyhow::Result<u8> {
             Ok(text) => (true, text),
             Err(text) => (false, text),
         };
-        findings.push(Finding { what: what.to_owned(), good, text });
+        findings.push(Finding {
+            what: what.to_owned(),
+            good,
+            text,
+        });
     };
     match Cell::read(file) {
         Err(error) => find("cell file", Err(error.to_string())),
         Ok(cell) => {
-            find("cell file", Ok(format!("{}: {}", file.display(), cell.node_names().join(", "))));
+            find(
+                "cell file",
+                Ok(format!(
+                    "{}: {}",
+                    file.display(),
+                    cell.node_names().join(", ")
+                )),
+            );
             find("graph", graph(&cell));
             find("recordings", recordings(&cell));
             find("bus", bus(&cell));
-            if let Some(linuxcnc) = cell.linuxcnc.as_ref().filter(|_| cell.driver.source == Source::Linuxcnc) {
+            if let Some(linuxcnc) = cell
+                .linuxcnc
+                .as_ref()
+                .filter(|_| cell.driver.source == Source::Linuxcnc)
+            {
                 find("linuxcnc", reach(&linuxcnc.address));
             }
         }
@@ -63,21 +78,33 @@ fn graph(cell: &Cell) -> Result<String, String> {
     let outside = ["driver", "operator", "instrument", "recorder"];
     for node in &nodes {
         for topic in node.inputs() {
-            let known = topics::by_name(topic.name).is_some_and(|known| outside.contains(&known.producer));
+            let known =
+                topics::by_name(topic.name).is_some_and(|known| outside.contains(&known.producer));
             if wiring.producer(topic.name).is_none() && !known {
-                return Err(format!("{} hears {}, on which nobody speaks", node.name(), topic.name));
+                return Err(format!(
+                    "{} hears {}, on which nobody speaks",
+                    node.name(),
+                    topic.name
+                ));
             }
         }
     }
-    Ok(format!("{} nodes, {} topics, each with one producer", names.len(), topics::ALL.len()))
+    Ok(format!(
+        "{} nodes, {} topics, each with one producer",
+        names.len(),
+        topics::ALL.len()
+    ))
 }
 
 fn recordings(cell: &Cell) -> Result<String, String> {
     let folder = &cell.recorder.folder;
-    std::fs::create_dir_all(folder).map_err(|error| format!("{} cannot be made: {error}", folder.display()))?;
+    std::fs::create_dir_all(folder)
+        .map_err(|error| format!("{} cannot be made: {error}", folder.display()))?;
     let probe = folder.join(".probecell_doctor");
-    std::fs::write(&probe, b"").map_err(|error| format!("{} cannot be written: {error}", folder.display()))?;
-    std::fs::remove_file(&probe).map_err(|error| format!("{} cannot be removed: {error}", probe.display()))?;
+    std::fs::write(&probe, b"")
+        .map_err(|error| format!("{} cannot be written: {error}", folder.display()))?;
+    std::fs::remove_file(&probe)
+        .map_err(|error| format!("{} cannot be removed: {error}", probe.display()))?;
     Ok(format!("{} can be written", folder.display()))
 }
 
@@ -86,9 +113,13 @@ fn bus(cell: &Cell) -> Result<String, String> {
         return Ok("DDS: needs multicast; nothing else to look at before a start".to_owned());
     }
     let endpoint = &cell.bus.router_endpoint;
-    let address = endpoint.split_once('/').map_or(endpoint.as_str(), |(_, address)| address);
+    let address = endpoint
+        .split_once('/')
+        .map_or(endpoint.as_str(), |(_, address)| address);
     if reach(address).is_err() {
-        return Ok(format!("nothing listens at {endpoint} yet: `up` carries its own router"));
+        return Ok(format!(
+            "nothing listens at {endpoint} yet: `up` carries its own router"
+        ));
     }
     let mut config = launcher::bus_config(cell).map_err(|error| error.to_string())?;
     config.connect_timeout = Duration::from_secs(2);
@@ -97,13 +128,19 @@ fn bus(cell: &Cell) -> Result<String, String> {
     // Liveliness tokens of a session that has just joined arrive within a round trip.
     std::thread::sleep(Duration::from_millis(300));
     let graph = bus.graph();
-    let text = format!("a router answers at {endpoint}; nodes seen: {}", graph.nodes().join(", "));
-    bus.close(Duration::from_secs(2)).map_err(|error| error.to_string())?;
+    let text = format!(
+        "a router answers at {endpoint}; nodes seen: {}",
+        graph.nodes().join(", ")
+    );
+    bus.close(Duration::from_secs(2))
+        .map_err(|error| error.to_string())?;
     Ok(text)
 }
 
 fn reach(address: &str) -> Result<String, String> {
-    let addresses = address.to_socket_addrs().map_err(|error| format!("{address}: {error}"))?;
+    let addresses = address
+        .to_socket_addrs()
+        .map_err(|error| format!("{address}: {error}"))?;
     for candidate in addresses {
         if TcpStream::connect_timeout(&candidate, Duration::from_secs(2)).is_ok() {
             return Ok(format!("{address} answers"));

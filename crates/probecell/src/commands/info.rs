@@ -14,14 +14,28 @@ pub(crate) fn run(path: &Path, verify: bool, json: bool) -> anyhow::Result<u8> {
     } else {
         report::line(&format!("{}  ({})", info.path.display(), info.library));
         let seconds = info.duration_ns as f64 * 1e-9;
-        report::line(&format!("{} messages in {seconds:.1} s, {} file(s)", info.messages, info.files.len()));
+        report::line(&format!(
+            "{} messages in {seconds:.1} s, {} file(s)",
+            info.messages,
+            info.files.len()
+        ));
         for topic in &info.topics {
             let missing = topic.losses.missing();
-            let lost = if missing > 0 { format!("  {missing} MISSING") } else { String::new() };
-            report::line(&format!("{:>9}  {}  [{}]{lost}", topic.messages, topic.topic, topic.type_name));
+            let lost = if missing > 0 {
+                format!("  {missing} MISSING")
+            } else {
+                String::new()
+            };
+            report::line(&format!(
+                "{:>9}  {}  [{}]{lost}",
+                topic.messages, topic.topic, topic.type_name
+            ));
         }
         for attachment in &info.attachments {
-            report::line(&format!("attached  {} ({} bytes)", attachment.name, attachment.bytes));
+            report::line(&format!(
+                "attached  {} ({} bytes)",
+                attachment.name, attachment.bytes
+            ));
         }
         for damage in &info.damage {
             report::line(&format!("damage    {damage}"));

@@ -9,7 +9,9 @@ use cell::Cell;
 use graph::{Executor, Running, Stamp, topics};
 use machine::{Chain, Nominal};
 use path_planning::route::{Route, Seed};
-use probecell_msgs::{FeatureResult, InspectionPlan, MeasurementOrder, ProbeEvent, TouchDeviation, from_cdr, to_cdr};
+use probecell_msgs::{
+    FeatureResult, InspectionPlan, MeasurementOrder, ProbeEvent, TouchDeviation, from_cdr, to_cdr,
+};
 use serde_json::json;
 
 use crate::{GOOD, report};
@@ -21,21 +23,40 @@ const OVERTRAVEL: f64 = 2e-3;
 
 /// Plans and prints.
 pub(crate) fn run(source: &Path, as_json: bool) -> anyhow::Result<u8> {
-    let (plan, order) =
-        if source.extension().is_some_and(|extension| extension == "toml") { of_cell(source)? } else { of_bag(source)? };
+    let (plan, order) = if source
+        .extension()
+        .is_some_and(|extension| extension == "toml")
+    {
+        of_cell(source)?
+    } else {
+        of_bag(source)?
+    };
     if as_json {
         report::json(&order)?;
         return Ok(GOOD);
     }
     let saved = 100.0 * (1.0 - order.air_time / order.given_air_time.max(1e-12));
-    report::line(&format!("{}: {} touches of {} features", plan.part_id, plan.points.len(), plan.features.len()));
+    report::line(&format!(
+        "{}: {} touches of {} features",
+        plan.part_id,
+        plan.points.len(),
+        plan.features.len()
+    ));
     report::line(&format!(
         "moves between touches: {:.2} s against {:.2} s in the order given ({saved:.1} % less){}",
         order.air_time,
         order.given_air_time,
-        if order.optimal { ", proved shortest" } else { "" }
+        if order.optimal {
+            ", proved shortest"
+        } else {
+            ""
+        }
     ));
-    report::line(&format!("path of the ball in the part: {:.1} mm against {:.1} mm", order.air_length * 1e3, order.given_air_length * 1e3));
+    report::line(&format!(
+        "path of the ball in the part: {:.1} mm against {:.1} mm",
+        order.air_length * 1e3,
+        order.given_air_length * 1e3
+    ));
     report::line(&format!("order: {:?}", order.order));
     Ok(GOOD)
 }
@@ -46,33 +67,59 @@ fn of_cell(file: &Path) -> anyhow::Result<(InspectionPlan, MeasurementOrder)> {
     let config = cell.path_planning.check(chain, &cell.part, Vec::new())?;
     let plan = config.part.plan(0.0);
     let (clearance, overtravel, kicks) = (config.clearance, config.overtravel, config.kicks);
-    let order = Route { chain: &config.chain, clearance, overtravel, kicks }.order(&plan, &[])?;
+    let order = Route {
+        chain: &config.chain,
+        clearance,
+        overtravel,
+        kicks,
+    }
+    .order(&plan, &[])?;
     Ok((plan, order))
 }
 
 /// Orders the plan of a recording again, against the order in which it was measured.
 fn of_bag(path: &Path) -> anyhow::Result<(InspectionPlan, MeasurementOrder)> {
     let session = Session::read(&Bag::open(path)?)?;
-    let recorded = session.plan.as_ref().context("the bag has no inspection plan to order")?;
+    let recorded = session
+        .plan
+        .as_ref()
+        .context("the bag has no inspection plan to order")?;
     let chain = Chain::from_urdf(&session.robot_description)?;
     let part_pose = Nominal::from_plan(recorded)?.part_pose;
     // The first touch of each point gives the order to beat, and where the axes stood.
     let mut seeds = Vec::new();
-    let mut plan = InspectionPlan { points: Vec::new(), ..recorded.clone() };
+    let mut plan = InspectionPlan {
+        points: Vec::new(),
+        ..recorded.clone()
+    };
     let mut places = Vec::new();
     for event in session.events.iter().map(|stamped| &stamped.message) {
         if places.contains(&event.point_index) {
             continue;
         }
-        let point = recorded.points.get(event.point_index as usize).context("an event names a point that the plan does not have")?;
+        let point = recorded
+            .points
+            .get(event.point_index as usize)
+            .context("an event names a point that the plan does not have")?;
         let positions = chain.positions(&event.axis_names, &event.axis_positions)?;
         // Without rotary axes in the plan (an arm) the probe keeps the attitude that it had.
-        let attitude = recorded.rotary_names.is_empty().then(|| chain.part_from_mount(&positions, &part_pose).rotation);
-        seeds.push(Seed { positions, attitude });
+        let attitude = recorded
+            .rotary_names
+            .is_empty()
+            .then(|| chain.part_from_mount(&positions, &part_pose).rotation);
+        seeds.push(Seed {
+            positions,
+            attitude,
+        });
         plan.points.push(point.clone());
         places.push(event.point_index);
     }
-    let route = Route { chain: &chain, clearance: None, overtravel: OVERTRAVEL, kicks: KICKS };
+    let route = Route {
+        chain: &chain,
+        clearance: None,
+        overtravel: OVERTRAVEL,
+        kicks: KICKS,
+    };
     let mut order = route.order(&plan, &seeds)?;
     for index in &mut order.order {
         *index = places[*index as usize];
@@ -86,10 +133,16 @@ fn of_bag(path: &Path) -> anyhow::Result<(InspectionPlan, MeasurementOrder)> {
 /// Runs the analysis on a recording of somebody else: its plan and touches, on virtual time.
 pub(crate) fn replay_foreign(bag: &Bag, as_json: bool) -> anyhow::Result<u8> {
     let session = Session::read(bag)?;
-    let plan = session.plan.as_ref().context("the bag has neither step journals nor an inspection plan: there is nothing to replay")?;
+    let plan = session.plan.as_ref().context(
+        "the bag has neither step journals nor an inspection plan: there is nothing to replay",
+    )?;
     let chain = Chain::from_urdf(&session.robot_description)?;
     let config = analysis::RawConfig::default().check(chain)?;
-    let start = session.events.first().map_or(Stamp(0), |first| Stamp(first.log_time as i64)).after_s(-1.0);
+    let start = session
+        .events
+        .first()
+        .map_or(Stamp(0), |first| Stamp(first.log_time as i64))
+        .after_s(-1.0);
     let mut executor = Executor::new(vec![Box::new(Running::<AnalysisNode>::new(config))], start)?;
     executor.inject(start, topics::INSPECTION_PLAN.name, to_cdr(plan));
     for event in &session.events {
@@ -113,7 +166,11 @@ pub(crate) fn replay_foreign(bag: &Bag, as_json: bool) -> anyhow::Result<u8> {
         report::json(&json!({ "deviations": deviations, "features": features }))?;
         return Ok(GOOD);
     }
-    report::line(&format!("{} touches of plan {:?}, computed again; nothing of this cell was recorded to compare with", deviations.len(), plan.plan_id));
+    report::line(&format!(
+        "{} touches of plan {:?}, computed again; nothing of this cell was recorded to compare with",
+        deviations.len(),
+        plan.plan_id
+    ));
     for result in features.values() {
         report::line(&format!(
             "  {:<20} {:10.4} mm  {:+8.2} µm  form {:7.2} µm  {}",

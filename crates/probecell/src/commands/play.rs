@@ -86,7 +86,13 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
     let player = Player::new(&bus, &bag, arguments)?;
     player.wait_for_subscribers(&arguments.wait_for);
     let orders = orders(arguments.interactive || arguments.paused)?;
-    let mut pace = Pace { rate: arguments.rate, paused: arguments.paused, zero: first, since: Instant::now(), at: first };
+    let mut pace = Pace {
+        rate: arguments.rate,
+        paused: arguments.paused,
+        zero: first,
+        since: Instant::now(),
+        at: first,
+    };
     pace.seek(first + (arguments.start_s.max(0.0) * 1e9) as u64);
     loop {
         let finished = player.play_once(&bag, &mut pace, &orders, first, last)?;
@@ -111,7 +117,11 @@ struct Pace {
 impl Pace {
     /// Recorded time that is due now, ns.
     fn due(&self) -> u64 {
-        if self.paused { self.at } else { self.zero + (self.since.elapsed().as_secs_f64() * self.rate * 1e9) as u64 }
+        if self.paused {
+            self.at
+        } else {
+            self.zero + (self.since.elapsed().as_secs_f64() * self.rate * 1e9) as u64
+        }
     }
 
     fn seek(&mut self, to: u64) {
@@ -120,7 +130,11 @@ impl Pace {
 
     /// Until recorded time `to` is due.
     fn wait(&self, to: u64) -> Duration {
-        if self.paused { CLOCK_PERIOD } else { Duration::from_secs_f64(to.saturating_sub(self.due()) as f64 * 1e-9 / self.rate) }
+        if self.paused {
+            CLOCK_PERIOD
+        } else {
+            Duration::from_secs_f64(to.saturating_sub(self.due()) as f64 * 1e-9 / self.rate)
+        }
     }
 }
 
@@ -140,18 +154,28 @@ impl<'a> Player<'a> {
                 continue;
             }
             let Some(ty) = type_of(channel) else {
-                report::remark(&format!("{} is not played: its type {} has no hash", channel.topic, channel.type_name));
+                report::remark(&format!(
+                    "{} is not played: its type {} has no hash",
+                    channel.topic, channel.type_name
+                ));
                 continue;
             };
             let target = format!("{namespace}{}", channel.topic);
-            publishers.insert(channel.topic.clone(), bus.publisher(&target, ty, qos(channel.qos))?);
+            publishers.insert(
+                channel.topic.clone(),
+                bus.publisher(&target, ty, qos(channel.qos))?,
+            );
         }
         let clock = if arguments.clock {
             Some(bus.publisher("/clock", Clock::TYPE, Qos::best_effort(1))?)
         } else {
             None
         };
-        Ok(Self { bus, publishers, clock })
+        Ok(Self {
+            bus,
+            publishers,
+            clock,
+        })
     }
 
     fn wait_for_subscribers(&self, wanted: &[String]) {
@@ -207,7 +231,8 @@ impl<'a> Player<'a> {
                     }
                     if told.elapsed() >= CLOCK_PERIOD {
                         self.tell_clock(pace.due().min(message.log_time))?;
-                        progress.set_position(message.log_time.saturating_sub(first) / 1_000_000_000);
+                        progress
+                            .set_position(message.log_time.saturating_sub(first) / 1_000_000_000);
                         told = Instant::now();
                     }
                 }
@@ -223,7 +248,12 @@ impl<'a> Player<'a> {
     fn tell_clock(&self, recorded: u64) -> anyhow::Result<()> {
         if let Some(publisher) = &self.clock {
             let stamp = Stamp(recorded as i64);
-            publisher.publish(&to_cdr(&Clock { clock: stamp.time() }), stamp.0)?;
+            publisher.publish(
+                &to_cdr(&Clock {
+                    clock: stamp.time(),
+                }),
+                stamp.0,
+            )?;
         }
         Ok(())
     }
@@ -235,14 +265,18 @@ fn orders(interactive: bool) -> anyhow::Result<Receiver<Order>> {
     let at_end = sender.clone();
     signals::on_end(move || drop(at_end.send(Order::Quit)))?;
     if interactive {
-        std::thread::Builder::new().name("orders".to_owned()).spawn(move || {
-            for line in std::io::stdin().lock().lines().map_while(Result::ok) {
-                match order(&line) {
-                    Some(order) => drop(sender.send(order)),
-                    None => report::remark("orders are: pause, resume, seek SECONDS, rate FACTOR, quit"),
+        std::thread::Builder::new()
+            .name("orders".to_owned())
+            .spawn(move || {
+                for line in std::io::stdin().lock().lines().map_while(Result::ok) {
+                    match order(&line) {
+                        Some(order) => drop(sender.send(order)),
+                        None => report::remark(
+                            "orders are: pause, resume, seek SECONDS, rate FACTOR, quit",
+                        ),
+                    }
                 }
-            }
-        })?;
+            })?;
     }
     Ok(receiver)
 }
@@ -253,8 +287,20 @@ fn order(line: &str) -> Option<Order> {
         None | Some("resume") => Order::Resume,
         Some("pause") => Order::Pause,
         Some("quit") => Order::Quit,
-        Some("seek") => Order::Seek(words.next()?.parse().ok().filter(|seconds: &f64| seconds.is_finite())?),
-        Some("rate") => Order::Rate(words.next()?.parse().ok().filter(|rate: &f64| rate.is_finite() && *rate > 0.0)?),
+        Some("seek") => Order::Seek(
+            words
+                .next()?
+                .parse()
+                .ok()
+                .filter(|seconds: &f64| seconds.is_finite())?,
+        ),
+        Some("rate") => Order::Rate(
+            words
+                .next()?
+                .parse()
+                .ok()
+                .filter(|rate: &f64| rate.is_finite() && *rate > 0.0)?,
+        ),
         Some(_) => return None,
     };
     Some(order)
@@ -264,7 +310,11 @@ fn order(line: &str) -> Option<Order> {
 fn type_of(channel: &bags::Channel) -> Option<TypeId> {
     let known = probecell_msgs::by_name(&channel.type_name);
     let (package, name) = channel.type_name.split_once("/msg/")?;
-    let hash = if channel.type_hash.is_empty() { known?.type_hash.to_owned() } else { channel.type_hash.clone() };
+    let hash = if channel.type_hash.is_empty() {
+        known?.type_hash.to_owned()
+    } else {
+        channel.type_hash.clone()
+    };
     Some(TypeId::new(format!("{package}::msg::dds_::{name}_"), hash))
 }
 

@@ -35,10 +35,18 @@ pub(crate) fn run(file: &Path, folder: Option<PathBuf>, supervised: bool) -> any
     let statistics = process.finish()?;
     bus.close(Duration::from_secs(2))?;
     if !supervised {
-        report::line(&format!("{} messages in {}", statistics.messages, folder.display()));
+        report::line(&format!(
+            "{} messages in {}",
+            statistics.messages,
+            folder.display()
+        ));
     }
     if statistics.missing() > 0 {
-        report::line(&format!("{} messages are missing from {}", statistics.missing(), folder.display()));
+        report::line(&format!(
+            "{} messages are missing from {}",
+            statistics.missing(),
+            folder.display()
+        ));
         return Ok(LOSS);
     }
     Ok(GOOD)
@@ -46,7 +54,9 @@ pub(crate) fn run(file: &Path, folder: Option<PathBuf>, supervised: bool) -> any
 
 fn settings(cell: &Cell, folder: PathBuf) -> RecordingSettings {
     let text = cell.text();
-    let attachment = |name: &str, media: &str, data: &str| (name.to_owned(), media.to_owned(), data.as_bytes().to_vec());
+    let attachment = |name: &str, media: &str, data: &str| {
+        (name.to_owned(), media.to_owned(), data.as_bytes().to_vec())
+    };
     RecordingSettings {
         folder,
         namespace: cell.namespace(),
@@ -54,7 +64,10 @@ fn settings(cell: &Cell, folder: PathBuf) -> RecordingSettings {
         sync_interval: Duration::from_secs_f64(cell.recorder.flush_interval_s.clamp(0.01, 3600.0)),
         split: SplitAt {
             bytes: cell.recorder.split_size_mib.map(|mib| mib << 20),
-            duration: cell.recorder.split_duration_s.map(|seconds| Duration::from_secs_f64(seconds.clamp(0.1, 1e9))),
+            duration: cell
+                .recorder
+                .split_duration_s
+                .map(|seconds| Duration::from_secs_f64(seconds.clamp(0.1, 1e9))),
         },
         attachments: vec![
             attachment(CELL_FILE, "application/toml", &text.cell),

@@ -24,7 +24,11 @@ pub(crate) fn run(path: &Path, json: bool) -> anyhow::Result<u8> {
     };
     let begun = Instant::now();
     let recording = read(&bag, &cell)?;
-    let factories: Vec<Factory> = cell.node_names().into_iter().map(|name| factory(&cell, name)).collect();
+    let factories: Vec<Factory> = cell
+        .node_names()
+        .into_iter()
+        .map(|name| factory(&cell, name))
+        .collect();
     let result = replay(&recording, &factories)?;
     let seconds = begun.elapsed().as_secs_f64();
     if json {
@@ -45,12 +49,18 @@ pub(crate) fn run(path: &Path, json: bool) -> anyhow::Result<u8> {
 
 /// The cell that a recording carries, if it does.
 pub(crate) fn embedded_cell(bag: &Bag) -> anyhow::Result<Option<Cell>> {
-    let mut text = CellText { name: format!("{} of {}", CELL_FILE, bag.path().display()), ..CellText::default() };
+    let mut text = CellText {
+        name: format!("{} of {}", CELL_FILE, bag.path().display()),
+        ..CellText::default()
+    };
     for attachment in bag.attachments().flatten() {
         let content = String::from_utf8(attachment.data.to_vec());
         match attachment.name.as_str() {
             CELL_FILE => text.cell = content.context("the embedded cell file is not text")?,
-            ROBOT_FILE => text.robot_description = content.context("the embedded robot description is not text")?,
+            ROBOT_FILE => {
+                text.robot_description =
+                    content.context("the embedded robot description is not text")?
+            }
             _ => {}
         }
     }
@@ -64,7 +74,8 @@ fn factory(cell: &Cell, name: &'static str) -> Factory {
     let cell = cell.clone();
     Box::new(move || -> Box<dyn Instance> {
         // The cell was checked when it was read, by building each of its nodes.
-        cell.instance(name, false).unwrap_or_else(|error| panic!("a checked cell builds its nodes: {error}"))
+        cell.instance(name, false)
+            .unwrap_or_else(|error| panic!("a checked cell builds its nodes: {error}"))
     })
 }
 
@@ -83,14 +94,24 @@ fn read(bag: &Bag, cell: &Cell) -> anyhow::Result<Recording> {
     }
     progress.finish_and_clear();
     if recording.journaled().next().is_none() {
-        bail!("{} has no step journals: it was not recorded from a running cell", bag.path().display());
+        bail!(
+            "{} has no step journals: it was not recorded from a running cell",
+            bag.path().display()
+        );
     }
     Ok(recording)
 }
 
 fn tell(result: &Report, seconds: f64) -> anyhow::Result<()> {
-    for topic in result.topics.iter().filter(|topic| topic.recorded + topic.not_recorded > 0) {
-        let mut line = format!("{:>7} of {:<7} equal  {}", topic.equal, topic.recorded, topic.topic);
+    for topic in result
+        .topics
+        .iter()
+        .filter(|topic| topic.recorded + topic.not_recorded > 0)
+    {
+        let mut line = format!(
+            "{:>7} of {:<7} equal  {}",
+            topic.equal, topic.recorded, topic.topic
+        );
         for (count, word) in [
             (topic.different, "DIFFERENT"),
             (topic.not_recomputed, "not recomputed"),
@@ -104,7 +125,11 @@ fn tell(result: &Report, seconds: f64) -> anyhow::Result<()> {
     }
     for node in &result.nodes {
         if node.steps_left > 0 || node.timers_not_asked_for > 0 {
-            let waits = node.waits_for.as_ref().map(|input| format!(", it waits for {input}")).unwrap_or_default();
+            let waits = node
+                .waits_for
+                .as_ref()
+                .map(|input| format!(", it waits for {input}"))
+                .unwrap_or_default();
             report::line(&format!(
                 "{}: {} steps not made{waits}; {} timers it had not asked for",
                 node.node, node.steps_left, node.timers_not_asked_for
@@ -129,16 +154,29 @@ fn tell(result: &Report, seconds: f64) -> anyhow::Result<()> {
 }
 
 fn tell_difference(difference: &Difference) -> anyhow::Result<()> {
-    let topic = topics::by_name(&difference.topic).context("a node published on a topic that the cell does not have")?;
-    report::line(&format!("first difference: message {} on {}", difference.sequence, difference.topic));
+    let topic = topics::by_name(&difference.topic)
+        .context("a node published on a topic that the cell does not have")?;
+    report::line(&format!(
+        "first difference: message {} on {}",
+        difference.sequence, difference.topic
+    ));
     let recorded = topic.message.describe(&difference.recorded)?.leaves();
     let recomputed = topic.message.describe(&difference.recomputed)?.leaves();
     let mut lines = 0;
     for index in 0..recorded.len().max(recomputed.len()) {
-        let show = |leaf: Option<&(String, String)>| leaf.map_or_else(|| "-".to_owned(), |(path, value)| format!("{path} = {value}"));
+        let show = |leaf: Option<&(String, String)>| {
+            leaf.map_or_else(
+                || "-".to_owned(),
+                |(path, value)| format!("{path} = {value}"),
+            )
+        };
         let (was, is) = (recorded.get(index), recomputed.get(index));
         if was != is && lines < 12 {
-            report::line(&format!("  recorded {}    recomputed {}", show(was), show(is)));
+            report::line(&format!(
+                "  recorded {}    recomputed {}",
+                show(was),
+                show(is)
+            ));
             lines += 1;
         }
     }

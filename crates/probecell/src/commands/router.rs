@@ -8,11 +8,21 @@ use crate::{GOOD, report, signals};
 
 /// Routes until it is told to end.
 pub(crate) fn run(listen: Vec<String>, connect: Vec<String>) -> anyhow::Result<u8> {
-    let router = Router::start(&RouterConfig { listen: listen.clone(), connect, ..RouterConfig::default() })?;
+    let router = Router::start(&RouterConfig {
+        listen: listen.clone(),
+        connect,
+        ..RouterConfig::default()
+    })?;
     let (sender, receiver) = channel();
     signals::on_end(move || drop(sender.send(())))?;
-    report::line(&format!("router {} listens on {}", router.id(), listen.join(", ")));
-    while receiver.recv_timeout(Duration::from_secs(3600)) == Err(std::sync::mpsc::RecvTimeoutError::Timeout) {}
+    report::line(&format!(
+        "router {} listens on {}",
+        router.id(),
+        listen.join(", ")
+    ));
+    while receiver.recv_timeout(Duration::from_secs(3600))
+        == Err(std::sync::mpsc::RecvTimeoutError::Timeout)
+    {}
     router.close()?;
     Ok(GOOD)
 }
