@@ -379,14 +379,10 @@ impl Drives {
             },
             rejected,
             next_measurement: Vec::new(),
-            warnings: vec![format!(
-                "judged by {}",
-                if self.channel == Channel::Motion {
-                    "motion"
-                } else {
-                    "effort"
-                }
-            )],
+            warnings: vec![match self.channel {
+                Channel::Motion => "judged by motion".to_owned(),
+                Channel::Effort => crate::summary::BY_EFFORT.to_owned(),
+            }],
         }
     }
 

@@ -4,6 +4,9 @@ use std::fmt;
 
 use crate::report::{Effect, ParameterEstimate, Place, Report, Verdict};
 
+/// Remark of a report whose sizes are efforts.
+pub(crate) const BY_EFFORT: &str = "judged by effort";
+
 impl fmt::Display for Report {
     fn fmt(&self, to: &mut fmt::Formatter<'_>) -> fmt::Result {
         let verdict = match self.verdict {
@@ -13,6 +16,14 @@ impl fmt::Display for Report {
             Verdict::Unexplained => "gap not explained: something outside the known effects acts",
         };
         writeln!(to, "{}: {verdict}", self.bag)?;
+        let effort = self.warnings.iter().any(|warning| warning == BY_EFFORT);
+        let micro = |value: f64| {
+            if effort {
+                format!("{value:.3}")
+            } else {
+                micro(value)
+            }
+        };
         let (rms, floor) = (micro(self.gap.rms), micro(self.gap.noise_floor));
         writeln!(
             to,
@@ -20,7 +31,7 @@ impl fmt::Display for Report {
             self.samples, self.gap.ratio
         )?;
         for effect in &self.effects {
-            write_effect(to, effect)?;
+            write_effect(to, effect, &micro)?;
         }
         if !self.unexplained.place.is_empty() {
             writeln!(to, "  unexplained: {}", micro(self.unexplained.rms))?;
@@ -43,7 +54,11 @@ impl fmt::Display for Report {
     }
 }
 
-fn write_effect(to: &mut fmt::Formatter<'_>, effect: &Effect) -> fmt::Result {
+fn write_effect(
+    to: &mut fmt::Formatter<'_>,
+    effect: &Effect,
+    micro: &dyn Fn(f64) -> String,
+) -> fmt::Result {
     let (before, after) = (micro(effect.rms_before), micro(effect.rms_after));
     writeln!(
         to,

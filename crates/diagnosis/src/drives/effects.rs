@@ -177,7 +177,12 @@ fn motion(signals: &Signals) -> Vec<DriveEffect> {
 
 fn effort(chain: &Chain, signals: &Signals) -> Vec<DriveEffect> {
     let speed = &signals.speed;
-    let sign = signs(speed);
+    // The command knows its sign without noise, and a drive answers it within a sample or two.
+    let sign = signs(if signals.command_speed.is_empty() {
+        speed
+    } else {
+        &signals.command_speed
+    });
     let mut effects = vec![
         one("drive.coulomb_friction", "force", "effort", sign.clone()),
         one(
