@@ -387,6 +387,16 @@ impl<'a> Directed<'a> {
         true
     }
 
+    fn replace(&mut self, at: usize, place: u32) {
+        self.length -= self.cost(at - 1, at) + self.cost(at, at + 1);
+        self.order[at] = place;
+        self.length += self.cost(at - 1, at) + self.cost(at, at + 1);
+        self.settle(at, at);
+        for near in [at - 1, at, at + 1] {
+            self.push(near);
+        }
+    }
+
     /// Finds the best places of the positions `from..=to`, whose outer neighbours stay, layer by layer.
     fn choose_places(&mut self, from: usize, to: usize) -> bool {
         let rules = &self.grid.rules;
@@ -488,7 +498,7 @@ impl Kicked for Directed<'_> {
     }
 
     /// Exchanges neighbouring stretches among up to [`KICK_SPAN`] positions, at times twice: of a short path, the
-    /// improvement would undo a single exchange at once.
+    /// improvement would undo a single exchange at once. As many points change their place.
     fn kick(&mut self, rng: &mut Pcg32) {
         if self.touched.0 <= self.touched.1 {
             let range = self.touched.0..=self.touched.1;
@@ -512,6 +522,13 @@ impl Kicked for Directed<'_> {
             }
             if exchanges == wanted {
                 break;
+            }
+        }
+        if self.grid.rules.alternatives {
+            for _ in 0..wanted {
+                let at = begin + draw(width);
+                let places = &self.grid.rules.places_of[self.point_at(at) as usize];
+                self.replace(at, places[draw(places.len())]);
             }
         }
         self.improve_queue();
