@@ -139,9 +139,11 @@ fn serve(stream: &TcpStream, desk: &Mutex<Desk>) {
 }
 
 /// A driver at a shell, a folder of its own, and a clock that steps 10 ms with each poll.
+///
+/// The driver is dropped first: the shell waits for its connection to end.
 struct Cell {
-    shell: Shell,
     driver: Driver,
+    shell: Shell,
     folder: PathBuf,
     now: i64,
 }
@@ -180,6 +182,17 @@ impl Cell {
         self.driver.poll(self.now)
     }
 
+    /// Polls until it is so.
+    fn until(&mut self, so: impl Fn(&Self, &[DriverOutput]) -> bool) {
+        for _ in 0..2000 {
+            let out = self.poll();
+            if so(self, &out) {
+                return;
+            }
+        }
+        panic!("not so after 20 s; told: {:?}", self.shell.told());
+    }
+
     /// Polls until the driver has replied; gives triggers, the reply, and the last status.
     fn reply(&mut self) -> (Vec<ProbeTrigger>, ControllerReply, Option<ControllerStatus>) {
         let (mut triggers, mut status) = (Vec::new(), None);
@@ -212,11 +225,7 @@ impl Cell {
         self.driver.plan(plan);
         self.driver.order(order);
         self.driver.command(command);
-        self.shell.set("program_status", "RUNNING");
-        self.shell.set("program_status", "IDLE");
-        while !self.shell.told().iter().any(|line| line == "set run") {
-            self.poll();
-        }
+        self.until(|cell, _| cell.shell.told().contains(&"set run".to_owned()));
         self.shell.set("program_status", "RUNNING");
         self.poll();
     }
@@ -346,9 +355,7 @@ fn an_unplanned_touch_is_named_and_the_modal_state_is_put_right() {
     let status = status.expect("a status");
     assert_eq!(status.execution, MachineState::EXECUTION_ALARM);
     assert_eq!(status.alarms, ["Probe tripped during non-probe move."]);
-    while !cell.driver.is_idle() {
-        cell.poll();
-    }
+    cell.until(|cell, _| cell.driver.is_idle());
     let told = cell.shell.told();
     assert_eq!(told[told.len() - 2..], ["set mode mdi", "set mdi M72"]);
 }
@@ -397,7 +404,7 @@ fn a_controller_that_goes_in_mid_program_is_named_and_ends_the_session() {
     );
     assert_eq!(reply.session, "run.0");
     lock(&cell.shell.desk).hang_up = false;
-    while cell.poll().is_empty() {}
+    cell.until(|_, out| !out.is_empty());
     assert_eq!(cell.driver.session(), "run.1");
     assert_eq!(
         cell.shell.told().last().map(String::as_str),
@@ -474,9 +481,7 @@ fn a_wear_that_is_not_read_back_is_not_called_written() {
         value: -70e-6,
         ..ControllerCommand::default()
     });
-    while !cell.shell.told().iter().any(|line| line == "set run") {
-        cell.poll();
-    }
+    cell.until(|cell, _| cell.shell.told().contains(&"set run".to_owned()));
     let program =
         fs::read_to_string(cell.folder.join("probecell-run_0-0.ngc")).expect("the program");
     assert!(program.contains("G10 L1 P2 R4.965\n"), "{program}");
