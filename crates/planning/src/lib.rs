@@ -9,16 +9,24 @@
 //! local search runs until its budget ends or the caller stops it. The answer is never longer than the order given.
 
 mod axes;
+mod check;
 mod costs;
 mod exact;
+mod moves;
 mod problem;
 mod resume;
 mod search;
+mod solids;
 mod solve;
 
 pub use axes::{Axes, AxesError, Axis};
+pub use check::{Collision, check_moves};
 pub use costs::{CostError, CostMatrix};
 pub use exact::EXACT_LIMIT;
+pub use moves::{
+    Clearances, LimitError, MoveError, Station, Touch, Workspace, check_limits, path_length,
+};
 pub use problem::{Problem, ProblemError};
 pub use resume::{Remainder, cheapest_revisit};
+pub use solids::{Solid, StylusShape, Vector};
 pub use solve::{Options, Progress, Solution, solve};
