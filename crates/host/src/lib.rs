@@ -12,4 +12,4 @@ mod topology;
 pub use driver::run_driver;
 pub use process::{NodeProcess, ProcessError, Stop, run_node};
 pub use recording::{RecorderProcess, RecordingSettings};
-pub use topology::{bus_qos, now, wait_until_heard};
+pub use topology::{bus_qos, endpoint_answers, now, wait_until_heard};

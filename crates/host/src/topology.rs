@@ -1,6 +1,9 @@
 //! What processes of one cell need to know of one another: quality of service on the wire, and who must be there.
 
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::{
+    net::{TcpStream, ToSocketAddrs},
+    time::{Duration, Instant, SystemTime, UNIX_EPOCH},
+};
 
 use graph::Stamp;
 
@@ -56,4 +59,17 @@ pub fn wait_until_heard<'a>(
             Some(_) => std::thread::sleep(LOOK),
         }
     }
+}
+
+/// Something accepts a TCP connection at this Zenoh locator.
+pub fn endpoint_answers(endpoint: &str) -> bool {
+    let address = endpoint
+        .split_once('/')
+        .map_or(endpoint, |(_, address)| address);
+    let address = address.split(['?', '#']).next().unwrap_or(address);
+    let Ok(mut candidates) = address.to_socket_addrs() else {
+        return false;
+    };
+    candidates
+        .any(|candidate| TcpStream::connect_timeout(&candidate, Duration::from_millis(500)).is_ok())
 }

@@ -13,7 +13,7 @@ use std::{
 
 use anyhow::Context;
 use cell::{Cell, Source, TransportName};
-use host::bus::{Bus, BusConfig, BusError, Router, RouterConfig, Transport};
+use host::bus::{Bus, BusConfig, Router, RouterConfig, Transport};
 use rustix::process::{Pid, Signal, kill_process};
 
 use crate::{FAILED, GOOD, LOSS, operator::Operator, report, signals};
@@ -103,20 +103,15 @@ fn start_router(cell: &Cell) -> anyhow::Result<Option<Router>> {
         connect: cell.bus.join.clone(),
         zenoh: zenoh_settings(cell.bus.router_zenoh.as_ref())?,
     };
-    match Router::start(&config) {
-        Ok(router) => Ok(Some(router)),
-        // Somebody routes there already: zenohd, rmw_zenoh's router, or another cell.
-        Err(BusError::PortTaken {
-            endpoint,
-            answers: true,
-        }) => {
-            report::remark(&format!(
-                "a router answers at {endpoint}: this cell joins it"
-            ));
-            Ok(None)
-        }
-        Err(error) => Err(error.into()),
+    // Somebody may route there already: zenohd, rmw_zenoh's router, another cell, or a router on another machine.
+    if host::endpoint_answers(&cell.bus.router_endpoint) {
+        report::remark(&format!(
+            "something answers at {}: this cell joins it",
+            cell.bus.router_endpoint
+        ));
+        return Ok(None);
     }
+    Ok(Some(Router::start(&config)?))
 }
 
 fn process_names(cell: &Cell) -> Vec<&'static str> {

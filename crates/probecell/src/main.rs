@@ -9,7 +9,7 @@ mod operator;
 mod report;
 mod signals;
 
-use std::{path::PathBuf, process::ExitCode};
+use std::{io::IsTerminal, path::PathBuf, process::ExitCode};
 
 use clap::{CommandFactory, Parser, Subcommand};
 use tracing_subscriber::EnvFilter;
@@ -164,10 +164,11 @@ enum Command {
 
 fn main() -> ExitCode {
     let filter = EnvFilter::try_from_default_env()
-        .unwrap_or_else(|_| EnvFilter::new("warn,zenoh=error,rustdds=error"));
+        .unwrap_or_else(|_| EnvFilter::new("warn,zenoh=error,rustdds=off,ros2_client=off"));
     tracing_subscriber::fmt()
         .with_env_filter(filter)
         .with_writer(std::io::stderr)
+        .with_ansi(std::io::stderr().is_terminal())
         .init();
     match run(Arguments::parse().command) {
         Ok(status) => ExitCode::from(status),

@@ -44,6 +44,9 @@ pub(crate) struct PartEnd {
 struct Heard {
     machine: bool,
     verdicts: BTreeMap<String, Vec<Verdict>>,
+    decisions: BTreeMap<String, PassDecision>,
+    /// Sizes that decide on the part: so many verdicts belong to each decision.
+    sizes: usize,
     part: Option<PartReport>,
     waiting: BTreeMap<(&'static str, u64), Sender<OperatorReply>>,
     next_request: u64,
@@ -72,6 +75,22 @@ struct Gate {
 fn lock(heard: &Mutex<Heard>) -> MutexGuard<'_, Heard> {
     // A panic elsewhere leaves plain data behind: there is no half-made state in it.
     heard.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Heard {
+    /// Tells a measurement once its decision and all its verdicts are there: they travel on different topics.
+    fn tell_when_complete(&mut self, plan_id: &str) {
+        let complete = self
+            .verdicts
+            .get(plan_id)
+            .is_some_and(|verdicts| verdicts.len() >= self.sizes);
+        if complete
+            && let Some(decision) = self.decisions.remove(plan_id)
+            && let Some(verdicts) = self.verdicts.remove(plan_id)
+        {
+            tell_measurement(&decision, &verdicts);
+        }
+    }
 }
 
 impl Gate {
@@ -120,7 +139,11 @@ impl Operator {
         let publisher = |topic: Topic| {
             bus.publisher(&cell.topic(topic.name), topic.message, bus_qos(topic.qos))
         };
-        let heard = Arc::new(Mutex::new(Heard::default()));
+        let sizes = cell.compensation.characteristics.len();
+        let heard = Arc::new(Mutex::new(Heard {
+            sizes,
+            ..Heard::default()
+        }));
         let gate = Arc::new(Gate {
             plan: publisher(topics::PLAN_REQUESTS)?,
             run: publisher(topics::RUN_REQUESTS)?,
@@ -151,15 +174,18 @@ impl Operator {
             heard.machine = true
         })?;
         self.hear(topics::VERDICTS, |heard, verdict: Verdict| {
+            let plan_id = verdict.plan_id.clone();
             heard
                 .verdicts
-                .entry(verdict.plan_id.clone())
+                .entry(plan_id.clone())
                 .or_default()
                 .push(verdict);
+            heard.tell_when_complete(&plan_id);
         })?;
         self.hear(topics::PASS_DECISIONS, |heard, decision: PassDecision| {
-            let verdicts = heard.verdicts.remove(&decision.plan_id).unwrap_or_default();
-            tell_measurement(&decision, &verdicts);
+            let plan_id = decision.plan_id.clone();
+            heard.decisions.insert(plan_id.clone(), decision);
+            heard.tell_when_complete(&plan_id);
         })?;
         self.hear(topics::CORRECTIONS, |_, correction: Correction| {
             tell_correction(&correction)

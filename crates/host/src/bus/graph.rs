@@ -86,7 +86,7 @@ impl Graph {
             .collect()
     }
 
-    /// Number of subscriptions to `topic` with this type.
+    /// Number of subscriptions to `topic` with this type; by its name alone where the transport tells no hash.
     pub fn subscriptions(&self, topic: &str, ty: &TypeId) -> usize {
         self.count(EntityKind::Subscription, topic, ty)
     }
@@ -96,7 +96,12 @@ impl Graph {
             .iter()
             .filter(|entity| entity.kind == kind)
             .filter_map(|entity| entity.channel.as_ref())
-            .filter(|channel| channel.name == name && channel.ty == *ty)
+            // DDS tells no hash.
+            .filter(|channel| {
+                channel.name == name
+                    && channel.ty.dds_name() == ty.dds_name()
+                    && (channel.ty.hash().is_empty() || channel.ty.hash() == ty.hash())
+            })
             .count()
     }
 }

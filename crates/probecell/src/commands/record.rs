@@ -20,7 +20,7 @@ pub(crate) fn run(file: &Path, folder: Option<PathBuf>, supervised: bool) -> any
     }
     let cell = Cell::read(file)?;
     let (sender, receiver) = channel();
-    signals::on_end(move || drop(sender.send(())))?;
+    signals::on_end(move || sender.send(()).unwrap_or_default())?;
     let folder = folder.unwrap_or_else(|| launcher::new_recording(&cell));
     if let Some(parent) = folder.parent() {
         std::fs::create_dir_all(parent)?;

@@ -14,7 +14,7 @@ pub(crate) fn run(listen: Vec<String>, connect: Vec<String>) -> anyhow::Result<u
         ..RouterConfig::default()
     })?;
     let (sender, receiver) = channel();
-    signals::on_end(move || drop(sender.send(())))?;
+    signals::on_end(move || sender.send(()).unwrap_or_default())?;
     report::line(&format!(
         "router {} listens on {}",
         router.id(),
