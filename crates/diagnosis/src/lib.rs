@@ -5,6 +5,7 @@
 //! deterministic: no files, no clock, no randomness.
 
 pub mod attribution;
+pub mod blind;
 pub mod candidate;
 pub mod diagnose;
 pub mod drives;

@@ -1,0 +1,359 @@
+//! What can be wrong in a blind session, each with its own finite parametrisation.
+
+use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
+use rand::Rng;
+use rand_pcg::Pcg64Mcg;
+
+use super::scene::{Axis, Scene, Touch};
+
+/// A hidden cause: what it is, where it acts and how much.
+#[derive(Debug, Clone)]
+pub struct Cause {
+    kind: Kind,
+    axis: &'static str,
+    component: usize,
+    size: f64,
+    angle: f64,
+    constant: f64,
+    direction: Vector3<f64>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    StylusOffset,
+    StylusLength,
+    BallRadius,
+    Lobing,
+    Latency,
+    Scale,
+    Straightness,
+    Angular,
+    Backlash,
+    Cyclic,
+    Lag,
+    Indexing,
+    ErrorMotion,
+    Link,
+    SpindleGrowth,
+    PartExpansion,
+    Drift,
+    Shift,
+    Tilt,
+    ToolRadius,
+    ToolWear,
+    Runout,
+    Deflection,
+    Slip,
+    XBump,
+    XVibration,
+    XTwist,
+    XPatch,
+    XFeature,
+    XWander,
+}
+
+const COMPONENTS: [&str; 6] = ["X", "Y", "Z", "A", "B", "C"];
+
+/// The machine and part seen from a cause at one touch.
+pub(super) struct Moment<'a> {
+    pub(super) touch: &'a Touch,
+    pub(super) index: usize,
+    pub(super) count: usize,
+    pub(super) span: f64,
+    /// Speed of an axis during the approach.
+    pub(super) speed: f64,
+    pub(super) cutting: bool,
+}
+
+impl Cause {
+    pub(super) fn random(random: &mut Pcg64Mcg, scene: &Scene, outside: bool) -> Self {
+        use Kind::*;
+        let mut kinds = vec![
+            StylusOffset,
+            StylusLength,
+            BallRadius,
+            Lobing,
+            Latency,
+            Scale,
+            Straightness,
+            Angular,
+            Backlash,
+            Cyclic,
+            Lag,
+            Indexing,
+            ErrorMotion,
+            Link,
+            Link,
+            Link,
+            SpindleGrowth,
+            PartExpansion,
+            Drift,
+            Slip,
+        ];
+        if scene.cut_here {
+            kinds.extend([ToolRadius, ToolWear, Runout, Deflection]);
+        } else {
+            kinds.extend([Shift, Tilt]);
+        }
+        if outside {
+            kinds = vec![XBump, XVibration, XTwist, XPatch, XFeature, XWander];
+        }
+        let kind = kinds[random.random_range(0..kinds.len())];
+        let axes: Vec<&Axis> = scene.part_axes.iter().chain(&scene.tool_axes).collect();
+        let turning = matches!(kind, Indexing | ErrorMotion);
+        let any = kind == Link;
+        let fits: Vec<&&Axis> = axes
+            .iter()
+            .filter(|axis| any || axis.turns == turning)
+            .filter(|axis| axis.name != "S")
+            .collect();
+        let axis = fits[random.random_range(0..fits.len())];
+        let mut component = random.random_range(0..6);
+        if matches!(kind, Straightness | ErrorMotion | XBump) {
+            component = (0..3)
+                .filter(|&k| axis.direction[k].abs() < 0.5)
+                .nth(random.random_range(0..2))
+                .unwrap_or(0);
+        }
+        let mut direction = Vector3::from_fn(|_, _| random.random_range(-1.0..1.0));
+        if direction.norm() < 0.1 {
+            direction = Vector3::x();
+        }
+        Self {
+            kind,
+            axis: axis.name,
+            component,
+            size: 1e-5,
+            angle: random.random_range(0.0..std::f64::consts::TAU),
+            constant: random.random_range(0.0..1.0),
+            direction: direction.normalize(),
+        }
+    }
+
+    /// Identifier of the vocabulary, or one that begins with `x.`.
+    pub fn id(&self) -> String {
+        let axis = |name: &str| format!("axis.{}.{name}", self.axis);
+        match self.kind {
+            Kind::StylusOffset => "probe.stylus_offset".into(),
+            Kind::StylusLength => "probe.stylus_length".into(),
+            Kind::BallRadius => "probe.ball_radius".into(),
+            Kind::Lobing => "probe.pretravel_lobing".into(),
+            Kind::Latency => "probe.trigger_latency".into(),
+            Kind::Scale => axis("scale"),
+            Kind::Straightness => axis("straightness"),
+            Kind::Angular => axis("angular"),
+            Kind::Backlash => axis("backlash"),
+            Kind::Cyclic => axis("cyclic"),
+            Kind::Lag => axis("lag"),
+            Kind::Indexing => axis("indexing"),
+            Kind::ErrorMotion => axis("error_motion"),
+            Kind::Link => format!("link.E{}0{}", COMPONENTS[self.component], self.axis),
+            Kind::SpindleGrowth => "thermal.spindle_growth".into(),
+            Kind::PartExpansion => "thermal.part_expansion".into(),
+            Kind::Drift => "thermal.drift".into(),
+            Kind::Shift => "fixture.shift".into(),
+            Kind::Tilt => "fixture.tilt".into(),
+            Kind::ToolRadius => "process.tool_radius".into(),
+            Kind::ToolWear => "process.tool_wear".into(),
+            Kind::Runout => "process.tool_runout".into(),
+            Kind::Deflection => "process.deflection".into(),
+            Kind::Slip => "process.slip".into(),
+            Kind::XBump => "x.bump".into(),
+            Kind::XVibration => "x.vibration".into(),
+            Kind::XTwist => "x.twist".into(),
+            Kind::XPatch => "x.patch".into(),
+            Kind::XFeature => "x.feature".into(),
+            Kind::XWander => "x.wander".into(),
+        }
+    }
+
+    pub(super) fn resize(&mut self, factor: f64) {
+        self.size *= factor;
+    }
+
+    /// False where only an absurd size would show.
+    pub(super) fn sensible(&self) -> bool {
+        self.size.abs()
+            < match self.kind {
+                Kind::Latency | Kind::Lag => 0.05,
+                Kind::Scale | Kind::Angular | Kind::Link | Kind::Tilt | Kind::Indexing => 5e-3,
+                Kind::XTwist => 1.0,
+                _ => 1e-3,
+            }
+    }
+
+    /// Displacement of a joint before and after its motion, and what its position is off by.
+    pub(super) fn joint(
+        &self,
+        axis: &Axis,
+        position: f64,
+        moment: &Moment<'_>,
+    ) -> (Isometry3<f64>, f64, Isometry3<f64>) {
+        let none = Isometry3::identity();
+        if axis.name != self.axis {
+            return (none, 0.0, none);
+        }
+        let along = |component: usize, by: f64| {
+            let mut shift = Vector3::zeros();
+            shift[component] = by;
+            Isometry3::from_parts(Translation3::from(shift), UnitQuaternion::identity())
+        };
+        let about = |component: usize, by: f64| {
+            let mut turn = Vector3::zeros();
+            turn[component] = by;
+            Isometry3::from_parts(
+                Translation3::identity(),
+                UnitQuaternion::from_scaled_axis(turn),
+            )
+        };
+        let moving = if moment.cutting { 0.0 } else { moment.speed };
+        match self.kind {
+            Kind::Scale => (none, self.size * position, none),
+            Kind::Backlash => (
+                none,
+                -0.5 * self.size * if moving == 0.0 { 0.0 } else { moving.signum() },
+                none,
+            ),
+            Kind::Lag => (none, -self.size * moving, none),
+            Kind::Cyclic => {
+                let pitch = 0.002 * 10.0_f64.powf(self.constant);
+                (
+                    none,
+                    self.size * (std::f64::consts::TAU * position / pitch + self.angle).cos(),
+                    none,
+                )
+            }
+            Kind::Indexing => (none, self.size * (position + self.angle).sin(), none),
+            Kind::ErrorMotion => (
+                along(self.component, self.size * (position + self.angle).cos()),
+                0.0,
+                none,
+            ),
+            Kind::Straightness => {
+                let u = position / 0.08;
+                (
+                    none,
+                    0.0,
+                    along(
+                        self.component,
+                        self.size * (u * u - 0.2 * self.constant * u * u * u),
+                    ),
+                )
+            }
+            Kind::Angular => (
+                none,
+                0.0,
+                about(self.component % 3, self.size * position / 0.1),
+            ),
+            Kind::Link if self.component < 3 => (along(self.component, self.size), 0.0, none),
+            Kind::Link => (about(self.component - 3, self.size), 0.0, none),
+            Kind::XBump => {
+                let u = (position - 0.04 * (self.constant - 0.5)) / 0.01;
+                (
+                    none,
+                    0.0,
+                    along(self.component, self.size * (-0.5 * u * u).exp()),
+                )
+            }
+            _ => (none, 0.0, none),
+        }
+    }
+
+    /// Displacement of the part in its frame.
+    pub(super) fn part(&self, point: &Point3<f64>, moment: &Moment<'_>) -> Vector3<f64> {
+        if moment.cutting {
+            return Vector3::zeros();
+        }
+        let time = moment.touch.time;
+        match self.kind {
+            Kind::Shift => self.direction * self.size,
+            Kind::Tilt => {
+                UnitQuaternion::from_scaled_axis(self.direction * self.size) * point.coords
+                    - point.coords
+            }
+            Kind::Drift => self.direction * (self.size * time / moment.span),
+            Kind::PartExpansion => point.coords * (self.size * warmth(time) / 0.1),
+            Kind::XTwist => {
+                let turn = self.size * (point.z - 0.03);
+                UnitQuaternion::from_scaled_axis(Vector3::z() * turn) * point.coords - point.coords
+            }
+            _ => Vector3::zeros(),
+        }
+    }
+
+    /// Displacement of the ball in the probe mount.
+    pub(super) fn ball(&self, moment: &Moment<'_>) -> Vector3<f64> {
+        match self.kind {
+            _ if moment.cutting => Vector3::zeros(),
+            Kind::StylusOffset => Vector3::new(self.angle.cos(), self.angle.sin(), 0.0) * self.size,
+            Kind::StylusLength => Vector3::z() * self.size,
+            Kind::SpindleGrowth => {
+                let slow = 60.0 * 10.0_f64.powf(1.2 * self.constant);
+                Vector3::z() * (self.size * (1.0 - (-moment.touch.time / slow).exp()))
+            }
+            _ => Vector3::zeros(),
+        }
+    }
+
+    /// Change of the reading along the normal: `touched` is the normal in the probe mount.
+    pub(super) fn reading(&self, touched: &Vector3<f64>, moment: &Moment<'_>) -> f64 {
+        let touch = moment.touch;
+        match self.kind {
+            Kind::BallRadius => self.size,
+            Kind::Lobing => {
+                let angle = touched.y.atan2(touched.x);
+                self.size * touched.x.hypot(touched.y) * (3.0 * angle + self.angle).sin()
+            }
+            Kind::Latency => -touch.feed * self.size,
+            Kind::Slip => {
+                let from = (moment.count as f64 * (0.2 + 0.6 * self.constant)) as usize;
+                if moment.index >= from { self.size } else { 0.0 }
+            }
+            Kind::XVibration => {
+                self.size
+                    * (std::f64::consts::TAU * touch.time / (120.0 + 150.0 * self.constant)
+                        + self.angle)
+                        .sin()
+            }
+            Kind::XWander => {
+                let u = touch.time / moment.span;
+                self.size
+                    * ((7.0 * u + self.angle).sin() + 0.7 * (17.0 * u + 2.0 * self.angle).sin())
+            }
+            _ => 0.0,
+        }
+    }
+
+    /// Material left on the part at a point.
+    pub(super) fn material(&self, moment: &Moment<'_>) -> f64 {
+        let touch = moment.touch;
+        let own = touch.operation == i32::from(self.constant > 0.5);
+        match self.kind {
+            Kind::ToolRadius if own => self.size,
+            Kind::ToolWear if own => self.size * touch.cut_length / 10.0,
+            Kind::Runout if touch.operation == 0 => {
+                let u = touch.tool_height / 0.06;
+                self.size * (1.0 - 1.5 * u + self.constant * u * u)
+            }
+            Kind::Deflection if touch.operation >= 0 => {
+                let u = touch.overhang / 0.1;
+                self.size * u * u * (3.0 - u)
+            }
+            Kind::XPatch => {
+                let place = Point3::new(0.05 * self.direction.x, 0.04 * self.direction.y, 0.04);
+                let far = (touch.point - place).norm() / 0.022;
+                self.size * (-0.5 * far * far).exp()
+            }
+            Kind::XFeature => {
+                let phase = self.angle + touch.feature as f64 * 2.4;
+                self.size * phase.sin()
+            }
+            _ => 0.0,
+        }
+    }
+}
+
+/// Part temperature above 20 °C.
+pub(super) fn warmth(time: f64) -> f64 {
+    3.0 * (1.0 - (-time / 700.0).exp())
+}

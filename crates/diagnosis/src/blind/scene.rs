@@ -1,0 +1,337 @@
+//! A made-up machine, part and plan.
+
+use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
+use rand::Rng;
+use rand_pcg::Pcg64Mcg;
+
+/// A joint of the made-up machine.
+#[derive(Debug, Clone)]
+pub(super) struct Axis {
+    pub(super) name: &'static str,
+    pub(super) turns: bool,
+    pub(super) direction: Vector3<f64>,
+    pub(super) origin: Vector3<f64>,
+}
+
+impl Axis {
+    pub(super) fn motion(&self, position: f64) -> Isometry3<f64> {
+        if self.turns {
+            Isometry3::from_parts(
+                Translation3::identity(),
+                UnitQuaternion::from_scaled_axis(self.direction * position),
+            )
+        } else {
+            Isometry3::translation(
+                self.direction.x * position,
+                self.direction.y * position,
+                self.direction.z * position,
+            )
+        }
+    }
+}
+
+/// What a surface is.
+#[derive(Debug, Clone)]
+pub(super) enum Shape {
+    Plane,
+    Round {
+        centre: Point3<f64>,
+        axis: Vector3<f64>,
+        hole: bool,
+    },
+    Ball {
+        centre: Point3<f64>,
+    },
+}
+
+/// One planned touch.
+#[derive(Debug, Clone)]
+pub(super) struct Touch {
+    pub(super) feature: usize,
+    pub(super) point: Point3<f64>,
+    pub(super) normal: Vector3<f64>,
+    pub(super) fixed: Vec<f64>,
+    pub(super) feed: f64,
+    pub(super) time: f64,
+    pub(super) operation: i32,
+    pub(super) cut_length: f64,
+    pub(super) tool_height: f64,
+    pub(super) overhang: f64,
+}
+
+#[derive(Debug, Clone)]
+pub(super) struct Feature {
+    pub(super) name: String,
+    pub(super) kind: u8,
+    pub(super) shape: Shape,
+    pub(super) origin: Point3<f64>,
+    pub(super) axis: Vector3<f64>,
+    pub(super) radius: f64,
+}
+
+/// Machine, part and plan.
+#[derive(Debug, Clone)]
+pub(super) struct Scene {
+    pub(super) machine: String,
+    pub(super) part_axes: Vec<Axis>,
+    pub(super) tool_axes: Vec<Axis>,
+    pub(super) fixed: Vec<&'static str>,
+    pub(super) part_height: f64,
+    pub(super) stylus: Vector3<f64>,
+    pub(super) ball_radius: f64,
+    pub(super) features: Vec<Feature>,
+    pub(super) touches: Vec<Touch>,
+    pub(super) cut_here: bool,
+}
+
+fn axis(name: &'static str, turns: bool, direction: [f64; 3], origin: [f64; 3]) -> Axis {
+    Axis {
+        name,
+        turns,
+        direction: direction.into(),
+        origin: origin.into(),
+    }
+}
+
+impl Scene {
+    pub(super) fn random(random: &mut Pcg64Mcg) -> Self {
+        let length = random.random_range(0.1..0.2);
+        let (machine, part_axes, tool_axes, fixed) = match random.random_range(0..3) {
+            0 => (
+                "trunnion",
+                vec![
+                    axis("X", false, [1., 0., 0.], [0., 0., 0.]),
+                    axis("A", true, [1., 0., 0.], [0., 0., 0.]),
+                    axis(
+                        "C",
+                        true,
+                        [0., 0., 1.],
+                        [0., 0., random.random_range(-0.02..0.02)],
+                    ),
+                ],
+                vec![
+                    axis("Y", false, [0., 1., 0.], [0., 0., 0.]),
+                    axis("Z", false, [0., 0., 1.], [0., 0., 0.4]),
+                    axis("S", true, [0., 0., 1.], [0., 0., 0.]),
+                ],
+                vec!["A", "C", "S"],
+            ),
+            1 => (
+                "swivel_head",
+                vec![
+                    axis("X", false, [1., 0., 0.], [0., 0., 0.]),
+                    axis("C", true, [0., 0., 1.], [0., 0., 0.]),
+                ],
+                vec![
+                    axis("Y", false, [0., 1., 0.], [0., 0., 0.]),
+                    axis("Z", false, [0., 0., 1.], [0., 0., 0.5]),
+                    axis("B", true, [0., 1., 0.], [0., 0., 0.]),
+                    axis("S", true, [0., 0., 1.], [0., 0., -0.1]),
+                ],
+                vec!["C", "B", "S"],
+            ),
+            _ => (
+                "table",
+                vec![
+                    axis("Y", false, [0., 1., 0.], [0., 0., 0.]),
+                    axis("B", true, [0., 1., 0.], [0., 0., 0.]),
+                    axis("C", true, [0., 0., 1.], [0., 0., 0.03]),
+                ],
+                vec![
+                    axis("X", false, [1., 0., 0.], [0., 0., 0.]),
+                    axis("Z", false, [0., 0., 1.], [0., 0., 0.4]),
+                    axis("S", true, [0., 0., 1.], [0., 0., 0.]),
+                ],
+                vec!["B", "C", "S"],
+            ),
+        };
+        let cut_here = random.random_bool(0.4);
+        let mut scene = Self {
+            machine: machine.to_owned(),
+            part_axes,
+            tool_axes,
+            fixed,
+            part_height: random.random_range(0.03..0.08),
+            stylus: Vector3::new(0.0, 0.0, -length),
+            ball_radius: random.random_range(0.001..0.004),
+            features: Vec::new(),
+            touches: Vec::new(),
+            cut_here,
+        };
+        scene.part(random);
+        scene.plan(random);
+        scene
+    }
+
+    fn part(&mut self, random: &mut Pcg64Mcg) {
+        let (x, y, z) = (
+            random.random_range(0.04..0.09),
+            random.random_range(0.03..0.08),
+            random.random_range(0.03..0.08),
+        );
+        let mut plane = |name: &str, origin: [f64; 3], axis: [f64; 3]| {
+            self.features.push(Feature {
+                name: name.to_owned(),
+                kind: 0,
+                shape: Shape::Plane,
+                origin: origin.into(),
+                axis: axis.into(),
+                radius: 0.0,
+            });
+        };
+        plane("left", [-x, 0., 0.5 * z], [-1., 0., 0.]);
+        plane("right", [x, 0., 0.5 * z], [1., 0., 0.]);
+        plane("front", [0., -y, 0.5 * z], [0., -1., 0.]);
+        plane("back", [0., y, 0.5 * z], [0., 1., 0.]);
+        plane("top", [0., 0., z], [0., 0., 1.]);
+        let mut round = |name: &str, x: f64, radius: f64, hole: bool| {
+            let centre = Point3::new(x, 0.0, z);
+            self.features.push(Feature {
+                name: name.to_owned(),
+                kind: if hole { 2 } else { 1 },
+                shape: Shape::Round {
+                    centre,
+                    axis: Vector3::z(),
+                    hole,
+                },
+                origin: centre,
+                axis: Vector3::z(),
+                radius,
+            });
+        };
+        round("bore", -0.5 * x, random.random_range(0.010..0.018), true);
+        round("boss", 0.5 * x, random.random_range(0.010..0.018), false);
+        if random.random_bool(0.3) {
+            let centre = Point3::new(0.0, 0.5 * y, z + 0.03);
+            let radius = random.random_range(0.008..0.015);
+            self.features.push(Feature {
+                name: "ball".to_owned(),
+                kind: 3,
+                shape: Shape::Ball { centre },
+                origin: centre,
+                axis: Vector3::z(),
+                radius,
+            });
+        }
+    }
+
+    fn plan(&mut self, random: &mut Pcg64Mcg) {
+        let count = random.random_range(80..160);
+        let tilt = random.random_range(0.2..0.7);
+        let tilted = random.random_bool(0.85);
+        let feeds: Vec<f64> = if random.random_bool(0.6) {
+            vec![0.002, 0.005]
+        } else {
+            vec![0.003]
+        };
+        let mut time = 5.0;
+        for _ in 0..count {
+            let feature = random.random_range(0..self.features.len());
+            let (point, normal) = self.point(random, feature);
+            let first = if tilted {
+                [-tilt, 0.0, tilt][random.random_range(0..3)]
+            } else {
+                0.0
+            };
+            let turn = std::f64::consts::FRAC_PI_2 * f64::from(random.random_range(-1..3));
+            let spindle = if random.random_bool(0.5) {
+                std::f64::consts::PI
+            } else {
+                0.0
+            };
+            let (first, second) = if self.fixed[0] == "C" {
+                (turn, first)
+            } else {
+                (first, turn)
+            };
+            time += random.random_range(6.0..12.0);
+            let round = matches!(self.features[feature].shape, Shape::Round { .. });
+            self.touches.push(Touch {
+                feature,
+                point,
+                normal,
+                fixed: vec![first, second, spindle],
+                feed: feeds[random.random_range(0..feeds.len())],
+                time,
+                operation: if self.cut_here { i32::from(round) } else { -1 },
+                cut_length: if self.cut_here {
+                    random.random_range(0.0..30.0)
+                } else {
+                    0.0
+                },
+                tool_height: if self.cut_here && !round {
+                    point.z.max(0.0)
+                } else {
+                    0.0
+                },
+                overhang: if self.cut_here {
+                    point.z.max(0.0) + 0.02
+                } else {
+                    0.0
+                },
+            });
+        }
+    }
+
+    fn point(&self, random: &mut Pcg64Mcg, index: usize) -> (Point3<f64>, Vector3<f64>) {
+        let feature = &self.features[index];
+        match &feature.shape {
+            Shape::Plane => {
+                let normal = feature.axis;
+                let mut across = Vector3::new(
+                    random.random_range(-0.03..0.03),
+                    random.random_range(-0.025..0.025),
+                    random.random_range(-0.012..0.012),
+                );
+                across -= normal * normal.dot(&across);
+                (feature.origin + across, normal)
+            }
+            Shape::Round { centre, hole, .. } => {
+                let angle = random.random_range(0.0..std::f64::consts::TAU);
+                let out = Vector3::new(angle.cos(), angle.sin(), 0.0);
+                let height = random.random_range(0.003..0.012) * if *hole { -1.0 } else { 1.0 };
+                let normal = if *hole { -out } else { out };
+                (
+                    centre + out * feature.radius + Vector3::z() * height,
+                    normal,
+                )
+            }
+            Shape::Ball { centre } => {
+                let angle = random.random_range(0.0..std::f64::consts::TAU);
+                let up: f64 = random.random_range(0.0..1.3);
+                let out = Vector3::new(angle.cos() * up.cos(), angle.sin() * up.cos(), up.sin());
+                (centre + out * feature.radius, out)
+            }
+        }
+    }
+
+    /// The machine as a robot description.
+    pub(super) fn urdf(&self) -> String {
+        let mut text = format!(
+            "<robot name=\"{}\"><link name=\"foundation\"/>",
+            self.machine
+        );
+        for (axes, end) in [
+            (&self.part_axes, "workpiece"),
+            (&self.tool_axes, "probe_mount"),
+        ] {
+            let mut parent = "foundation".to_owned();
+            for (index, axis) in axes.iter().enumerate() {
+                let child = if index + 1 == axes.len() {
+                    end.to_owned()
+                } else {
+                    format!("{}_link", axis.name)
+                };
+                let kind = if axis.turns { "revolute" } else { "prismatic" };
+                let (o, d) = (axis.origin, axis.direction);
+                text += &format!(
+                    "<link name=\"{child}\"/><joint name=\"{}\" type=\"{kind}\"><parent link=\"{parent}\"/><child link=\"{child}\"/>\
+                     <origin xyz=\"{} {} {}\"/><axis xyz=\"{} {} {}\"/><limit lower=\"-7\" upper=\"7\" effort=\"0\" velocity=\"1\"/></joint>",
+                    axis.name, o.x, o.y, o.z, d.x, d.y, d.z
+                );
+                parent = child;
+            }
+        }
+        text + "</robot>"
+    }
+}
