@@ -1,9 +1,15 @@
 //! Whole cells without a bus: the harness of the tests beside it.
 
+pub mod trace;
+
 use std::path::PathBuf;
 
 use cell::{Cell, CellText};
-use graph::{Executor, Published, Stamp, topics};
+use graph::{
+    Executor, Instance, Published, Stamp,
+    replay::{Factory, Recording},
+    topics,
+};
 use probecell_msgs::{Message, OperatorRequest, PartReport, from_cdr, to_cdr};
 
 /// When every virtual session begins: 2026-01-01 00:00 UTC.
@@ -17,11 +23,17 @@ pub fn launch_scripts() -> PathBuf {
     PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../launch-scripts"))
 }
 
-/// A cell file of the project, after `edit` has changed its text.
+/// A cell file of the project, after `edit` has changed its text. The search for an order is short: sessions are run
+/// many times here, and none of these tests is about the length of the way.
 pub fn cell(file: &str, edit: impl Fn(&str) -> String) -> Cell {
     let path = launch_scripts().join(file);
     let original = Cell::read(&path).unwrap_or_else(|error| panic!("{error}"));
-    let text = CellText { cell: edit(&original.text().cell), ..original.text().clone() };
+    let edit =
+        |text: &str| edit(&text.replacen("[path_planning]\n", "[path_planning]\nkicks = 50\n", 1));
+    let text = CellText {
+        cell: edit(&original.text().cell),
+        ..original.text().clone()
+    };
     Cell::from_text(text).unwrap_or_else(|error| panic!("{error}"))
 }
 
@@ -33,16 +45,28 @@ pub fn executor(cell: &Cell) -> Executor {
 
 /// Asks for a part one second after the beginning.
 pub fn ask_for_a_part(executor: &mut Executor, part: &str) {
-    let request = OperatorRequest { subject: part.to_owned(), operator: "test".to_owned(), ..OperatorRequest::default() };
-    executor.inject(BEGIN.after_s(1.0), topics::RUN_REQUESTS.name, to_cdr(&request));
+    let request = OperatorRequest {
+        subject: part.to_owned(),
+        operator_name: "test".to_owned(),
+        ..OperatorRequest::default()
+    };
+    executor.inject(
+        BEGIN.after_s(1.0),
+        topics::RUN_REQUESTS.name,
+        to_cdr(&request),
+    );
 }
 
 /// Makes one part; gives its report and everything that was published.
 pub fn make_part(cell: &Cell, part: &str) -> (PartReport, Vec<Published>) {
     let mut executor = executor(cell);
     ask_for_a_part(&mut executor, part);
-    let reported = executor.run_until_published(topics::PART_REPORTS.name, BEGIN.after_s(PART_LIMIT));
-    assert!(reported, "no part report within {PART_LIMIT} s of virtual time");
+    let reported =
+        executor.run_until_published(topics::PART_REPORTS.name, BEGIN.after_s(PART_LIMIT));
+    assert!(
+        reported,
+        "no part report within {PART_LIMIT} s of virtual time"
+    );
     // What the report itself causes still belongs to the session.
     executor.run_until(executor.now());
     let log = executor.take_log();
@@ -50,10 +74,36 @@ pub fn make_part(cell: &Cell, part: &str) -> (PartReport, Vec<Published>) {
     (reports.remove(0), log)
 }
 
+/// What the log of a run would be as a recording of the same session.
+pub fn recording(log: &[Published]) -> Recording {
+    let mut recording = Recording::default();
+    for published in log {
+        recording.push(&published.topic, published.sequence, &published.payload);
+    }
+    recording
+}
+
+/// What makes the nodes of that name again, for a replay.
+pub fn factories(cell: &Cell, nodes: &[&'static str]) -> Vec<Factory> {
+    let make = |&name: &&'static str| -> Factory {
+        let cell = cell.clone();
+        Box::new(move || instance(&cell, name))
+    };
+    nodes.iter().map(make).collect()
+}
+
+/// One node of the cell at its start.
+pub fn instance(cell: &Cell, name: &str) -> Box<dyn Instance> {
+    cell.instance(name, false)
+        .unwrap_or_else(|error| panic!("{error}"))
+}
+
 /// The messages on one topic.
 pub fn messages<M: Message>(log: &[Published], topic: &str) -> Vec<M> {
     log.iter()
         .filter(|published| published.topic == topic)
-        .map(|published| from_cdr(&published.payload).unwrap_or_else(|error| panic!("{topic}: {error}")))
+        .map(|published| {
+            from_cdr(&published.payload).unwrap_or_else(|error| panic!("{topic}: {error}"))
+        })
         .collect()
 }

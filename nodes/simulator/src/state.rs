@@ -6,7 +6,7 @@ use graph::Stamp;
 use probecell_msgs::{
     ControllerCommand, ControllerReply, InspectionPlan, MeasurementOrder, ProbeTrigger,
 };
-use rand_pcg::Pcg64;
+use rand_pcg::Pcg32;
 use serde::{Deserialize, Serialize};
 
 /// The memory of the simulator.
@@ -15,7 +15,7 @@ pub struct State {
     /// Name of this run, from the instant of its start.
     pub session: String,
     /// Source of all randomness.
-    pub random: Pcg64,
+    pub random: Pcg32,
     /// True ball centre less the stored one in `probe_mount`, m.
     pub center_error: [f64; 3],
     /// True ball radius less the stored one, m.

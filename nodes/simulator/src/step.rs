@@ -6,7 +6,7 @@ use probecell_msgs::{
     MeasurementOrder, ProbeTrigger, ReferenceMeasurement, std_msgs,
 };
 use rand::SeedableRng;
-use rand_pcg::Pcg64;
+use rand_pcg::Pcg32;
 
 use crate::{
     config::{Config, Injected},
@@ -61,7 +61,7 @@ impl Node for SimulatorNode {
         let (center_error, radius_error) = crate::probe::stored(raw, config.ball_radius);
         State {
             session: String::new(),
-            random: Pcg64::seed_from_u64(raw.seed),
+            random: Pcg32::seed_from_u64(raw.seed),
             center_error,
             radius_error,
             wear: raw
