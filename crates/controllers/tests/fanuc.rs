@@ -1,0 +1,430 @@
+//! The interpreter against FANUC's rules, and the generated programs against the plan and the decision table.
+
+use std::collections::BTreeMap;
+
+use controllers::{
+    fanuc::{
+        End, Event, Interpreter, Probe,
+        decision::{Feature, main_program},
+        interpreter::{Position, Variables},
+        program::{UNPLANNED_TOUCH, measuring_program},
+    },
+    results::printed_touches,
+};
+use metrology::decision::{DecisionLimits, Policy, Reading, Side, Verdict, decide};
+use probecell_msgs::{
+    InspectionPlan, InspectionPoint, Stylus,
+    geometry_msgs::{Point, Vector3},
+};
+
+/// Nothing is in the way.
+struct Air;
+
+impl Probe for Air {
+    fn skip(
+        &mut self,
+        _from: &Position,
+        _to: &Position,
+        _variables: &Variables,
+    ) -> Option<Position> {
+        None
+    }
+}
+
+/// Value of #100 after a program.
+fn result(text: &str) -> Option<f64> {
+    let mut controller = Interpreter::new(&['X', 'Y', 'Z']);
+    controller.load(text).expect("readable");
+    assert_eq!(controller.run(1, &mut Air).expect("runs").0, End::Finished);
+    controller.variables.get(&100).copied()
+}
+
+#[test]
+fn expressions_follow_the_control() {
+    let cases = [
+        ("#100=1+2*3", Some(7.0)),
+        ("#100=[1+2]*3", Some(9.0)),
+        ("#100=10-4-3", Some(3.0)),
+        ("#100=ATAN[1]/[-1]", Some(135.0)),
+        ("#100=SIN[30]+COS[60]", Some(1.0)),
+        ("#100=ROUND[2.5]+ROUND[-2.5]+FIX[-1.9]+FUP[1.1]", Some(1.0)),
+        ("#100=7MOD4AND6", Some(2.0)),
+        ("#100=SQRT[ABS[-16]]", Some(4.0)),
+        ("#101=102\n#102=5\n#100=#[#101]", Some(5.0)),
+        ("#100=#0", None),
+        ("#100=#199+1", Some(1.0)),
+        ("#100=1\nIF[#199EQ0]THEN#100=2", Some(1.0)),
+        ("#100=1\nIF[#199EQ#0]THEN#100=2", Some(2.0)),
+        (
+            "#100=0\nWHILE[#100LT5]DO1\n#101=0\nWHILE[#101LT3]DO2\n#101=#101+1\nEND2\n#100=#100+#101\nEND1",
+            Some(6.0),
+        ),
+        ("G65P2A1.5X4L2\nM30\nO2\n#100=#100+#1*#24\nM99", Some(12.0)),
+        ("#1=7\nM98P2\nM30\nO2\n#100=#1\nM99", Some(7.0)),
+        ("G10L2P2Y-3.5\n#100=#5242", Some(-3.5)),
+        ("GOTO20\n#100=1\nN20(LABEL)", None),
+    ];
+    for (text, expected) in cases {
+        let found = result(&format!("%\nO0001(TEST)\n{text}\n%\n"));
+        let same = match (found, expected) {
+            (Some(found), Some(expected)) => (found - expected).abs() < 1e-12,
+            (found, expected) => found == expected,
+        };
+        assert!(same, "{text}: {found:?} instead of {expected:?}");
+    }
+}
+
+#[test]
+fn printing_pads_nothing_and_loses_nothing() {
+    let mut controller = Interpreter::new(&['X']);
+    let text =
+        "O1\n#2=-12.34567\n#3=3\nPOPEN\nDPRNT[X#2[53]*A#3[20]*#4[31]]\nDPRNT[]\nPCLOS\nM30\n";
+    controller.load(text).expect("readable");
+    let (_, events) = controller.run(1, &mut Air).expect("runs");
+    assert_eq!(
+        events,
+        [
+            Event::Print("X-12.346 A3. 0.0".to_owned()),
+            Event::Print(String::new())
+        ]
+    );
+}
+
+#[test]
+fn mistakes_are_told_with_line_and_column_and_nothing_runs_for_ever() {
+    let read = |text: &str| {
+        Interpreter::new(&['X'])
+            .load(text)
+            .expect_err("not readable")
+            .to_string()
+    };
+    assert_eq!(
+        read("O1\n#1=2*\n"),
+        "line 2, column 6: expected a number, a variable, a function or '[', found the end of the line"
+    );
+    assert_eq!(
+        read("O1\nIF[#1 EQ 2] G0 X1\n"),
+        "line 2, column 13: expected GOTO or THEN, found 'G'"
+    );
+    assert_eq!(
+        read("G0 X1\n"),
+        "line 1, column 1: expected a program number O, found 'G'"
+    );
+    assert_eq!(
+        read(&format!("O1\n#1={}1\n", "[".repeat(5000))),
+        "line 2, column 37: expected fewer brackets, found '['"
+    );
+    let run = |text: &str| {
+        let mut controller = Interpreter::new(&['X']);
+        controller.load(text).expect("readable");
+        controller
+            .run(1, &mut Air)
+            .expect_err("does not run")
+            .to_string()
+    };
+    assert_eq!(run("O1\nN1GOTO1\n"), "line 2: no end after 1000000 blocks");
+    assert_eq!(
+        run("O1\nM98P1\n"),
+        "line 2: calls are nested deeper than 16"
+    );
+    assert_eq!(run("O1\n#1=1/0\n"), "line 2: / has no finite value");
+    assert_eq!(run("O1\nG81X1\n"), "line 2: G81 is not understood");
+    assert_eq!(run("O1\nM98P77\n"), "line 2: there is no program O0077");
+}
+
+/// A bore about Z below Z = 0, and whether the probe works.
+struct Bore {
+    /// mm, of the ball's centre at contact.
+    reach: f64,
+    works: bool,
+}
+
+impl Probe for Bore {
+    fn skip(&mut self, from: &Position, to: &Position, _variables: &Variables) -> Option<Position> {
+        if !self.works {
+            return None;
+        }
+        let at = |share: f64| -> BTreeMap<char, f64> {
+            from.iter()
+                .map(|(axis, start)| (*axis, start + (to[axis] - start) * share))
+                .collect()
+        };
+        let inside =
+            |place: &Position| place[&'Z'] > 0.0 || place[&'X'].hypot(place[&'Y']) < self.reach;
+        if inside(to) {
+            return None;
+        }
+        // Bisection on the way in which it leaves the free space.
+        let (mut free, mut hit) = (0.0, 1.0);
+        for _ in 0..60 {
+            let middle = 0.5 * (free + hit);
+            if inside(&at(middle)) {
+                free = middle;
+            } else {
+                hit = middle;
+            }
+        }
+        Some(at(hit))
+    }
+}
+
+fn bore_plan() -> InspectionPlan {
+    let points = (0..6)
+        .map(|index| {
+            let (sine, cosine) = (f64::from(index) * std::f64::consts::FRAC_PI_3).sin_cos();
+            InspectionPoint {
+                position: Point {
+                    x: 0.025 * cosine,
+                    y: 0.025 * sine,
+                    z: -0.005,
+                },
+                normal: Vector3 {
+                    x: -cosine,
+                    y: -sine,
+                    z: 0.0,
+                },
+                approach_distance: 0.002,
+                retract_distance: 0.002,
+                feed: 0.5e-3,
+                ..InspectionPoint::default()
+            }
+        })
+        .collect();
+    let stylus = Stylus {
+        ball_radius: 0.003,
+        ..Stylus::default()
+    };
+    InspectionPlan {
+        plan_id: "bore".to_owned(),
+        stylus,
+        points,
+        ..InspectionPlan::default()
+    }
+}
+
+fn measure(bore: &mut Bore) -> (End, Vec<Event>) {
+    let order = [3, 0, 5, 1, 4, 2];
+    let text = measuring_program(&bore_plan(), &order, 0.02, 0.03).expect("a good plan");
+    let mut controller = Interpreter::new(&['X', 'Y', 'Z']);
+    controller.position.insert('Z', 50.0);
+    controller.load(&text).expect("readable");
+    controller.run(390, bore).expect("runs")
+}
+
+fn prints(events: &[Event]) -> String {
+    let lines = events.iter().filter_map(|event| match event {
+        Event::Print(line) => Some(format!("{line}\n")),
+        _ => None,
+    });
+    lines.collect()
+}
+
+#[test]
+fn a_measuring_program_touches_each_point_of_the_plan_in_order() {
+    let (end, events) = measure(&mut Bore {
+        reach: 22.05,
+        works: true,
+    });
+    assert_eq!(end, End::Finished);
+    let touches = printed_touches(&prints(&events)).expect("its own lines");
+    assert_eq!(
+        touches
+            .iter()
+            .map(|touch| touch.point_index)
+            .collect::<Vec<_>>(),
+        [3, 0, 5, 1, 4, 2]
+    );
+    let plan = bore_plan();
+    for touch in touches {
+        let point = &plan.points[touch.point_index as usize];
+        let expected = [-point.normal.x * 22.05, -point.normal.y * 22.05, -5.0];
+        let off = (0..3)
+            .map(|axis| (touch.position[axis] - expected[axis]).abs())
+            .fold(0.0, f64::max);
+        assert!(
+            touch.touched && off < 1e-4,
+            "point {}: {:?}",
+            touch.point_index,
+            touch.position
+        );
+    }
+    let crosses = |event: &Event| matches!(event, Event::Move(at) if at[&'Z'] < 0.0 && at[&'X'].hypot(at[&'Y']) > 22.05);
+    assert!(
+        !events.iter().any(crosses),
+        "an ordinary move goes into the material"
+    );
+}
+
+#[test]
+fn a_dead_probe_prints_misses_and_a_small_bore_ends_in_the_alarm_of_an_unplanned_touch() {
+    let (end, events) = measure(&mut Bore {
+        reach: 22.0,
+        works: false,
+    });
+    assert_eq!(end, End::Finished);
+    let touches = printed_touches(&prints(&events)).expect("its own lines");
+    assert!(touches.len() == 6 && touches.iter().all(|touch| !touch.touched));
+    let (end, events) = measure(&mut Bore {
+        reach: 15.0,
+        works: true,
+    });
+    assert_eq!(
+        end,
+        End::Alarm {
+            number: UNPLANNED_TOUCH,
+            text: "UNPLANNED TOUCH".to_owned()
+        }
+    );
+    assert!(
+        prints(&events).is_empty(),
+        "nothing is called a measurement"
+    );
+}
+
+#[test]
+fn a_plan_that_cannot_be_programmed_is_refused() {
+    let mut plan = bore_plan();
+    assert!(measuring_program(&plan, &[9], 0.02, 0.03).is_err());
+    plan.points[2].position.y = f64::NAN;
+    let error = measuring_program(&plan, &[2], 0.02, 0.03).expect_err("NaN");
+    assert_eq!(error.to_string(), "point 2: a coordinate is NaN");
+}
+
+const NOMINAL: f64 = 19.8e-3;
+
+fn feature(bore: bool) -> Feature {
+    Feature {
+        nominal: NOMINAL,
+        tolerance: 10e-6,
+        wear_limit: -110e-6,
+        max_corrections: 5,
+        bore,
+    }
+}
+
+/// Runs O0405 alone: the row, and the wear afterwards in mm.
+fn decided(size: Option<f64>, wear: f64, count: u32, bore: bool) -> (f64, f64) {
+    let mut controller = Interpreter::new(&['X', 'Z']);
+    controller
+        .load(&main_program(&feature(bore)))
+        .expect("readable");
+    let preset = [
+        (601, 0.01),
+        (602, -0.11),
+        (603, 5.0),
+        (604, f64::from(count)),
+        (605, if bore { -1.0 } else { 1.0 }),
+    ];
+    controller.variables.extend(preset);
+    controller
+        .variables
+        .extend([(700, NOMINAL * 1e3), (10002, wear)]);
+    controller.variables.extend(size.map(|size| (600, size)));
+    controller.run(405, &mut Air).expect("runs");
+    (controller.variables[&606], controller.variables[&10002])
+}
+
+#[test]
+fn the_macro_gives_the_published_rows() {
+    let cases = [
+        (Some(19.810), 0.0, 0, 1.0, 0.0),
+        (Some(19.811), 0.0, 0, 5.0, -0.011),
+        (Some(19.790), 0.0, 0, 1.0, 0.0),
+        (Some(19.789), 0.0, 0, 2.0, 0.0),
+        (Some(19.835), -0.070, 0, 5.0, -0.105),
+        (Some(19.835), -0.080, 0, 3.0, -0.080),
+        (Some(19.840), -0.070, 0, 5.0, -0.110),
+        (Some(19.835), 0.0, 5, 4.0, 0.0),
+        (None, -0.02, 0, 0.0, -0.02),
+    ];
+    for (size, wear, count, row, after) in cases {
+        let found = decided(size, wear, count, false);
+        assert!(
+            found.0 == row && (found.1 - after).abs() < 1e-9,
+            "{size:?} with wear {wear}: {found:?}"
+        );
+    }
+}
+
+#[test]
+fn the_macro_and_the_cell_decide_alike() {
+    let rows = |verdict| match verdict {
+        Verdict::MeasurementInvalid => 0.0,
+        Verdict::Qualified => 1.0,
+        Verdict::OvercutNotCompensable => 2.0,
+        Verdict::ToolWorn => 3.0,
+        Verdict::NotConverged => 4.0,
+        Verdict::Compensable => 5.0,
+    };
+    let mut seen = [0; 6];
+    for bore in [false, true] {
+        let side = if bore { Side::Bore } else { Side::Outer };
+        for step in -60..=60 {
+            for wear in [-0.110, -0.0855, -0.03, 0.0, 0.05] {
+                for count in [0, 4, 5] {
+                    let size = 19.8 + f64::from(step) * 0.0005;
+                    let reading = Reading::Size(size * 1e-3);
+                    let wear = if bore { -wear } else { wear };
+                    let limits = DecisionLimits::default();
+                    let cell = decide(
+                        reading,
+                        NOMINAL,
+                        side,
+                        wear * 1e-3,
+                        count,
+                        &limits,
+                        Policy::Compensate,
+                    );
+                    let cell = cell.expect("good limits");
+                    let (row, after) = decided(Some(size), wear, count, bore);
+                    let same =
+                        row == rows(cell.verdict) && (after - cell.new_wear * 1e3).abs() < 1e-9;
+                    assert!(
+                        same,
+                        "{size} with wear {wear}: row {row}, {after}; cell {cell:?}"
+                    );
+                    seen[row as usize] += 1;
+                }
+            }
+        }
+    }
+    assert!(
+        seen[1..].iter().all(|&count| count > 0),
+        "a row was never reached: {seen:?}"
+    );
+}
+
+/// A part that each cut makes as large as the tool's wear register says, and 25 µm more.
+#[test]
+fn the_main_program_corrects_recuts_and_finishes() {
+    let cycle = "O0400(ROUGH)\n#510=#700+0.025+#10002\n#511=#511+1\nM99\n\
+                 O0403(FINISH)\n#510=#700+0.025+#10002\n#512=#512+1\nM99\n\
+                 O0404(MEASURE)\nIF[#513EQ1]GOTO9\n#600=#510\nN9M99\n";
+    let run = |preset: &[(u32, f64)]| {
+        let mut controller = Interpreter::new(&['X', 'Z']);
+        controller
+            .load(&main_program(&feature(false)))
+            .expect("readable");
+        controller.load(cycle).expect("readable");
+        controller.variables.extend(preset.iter().copied());
+        let end = controller.run(399, &mut Air).expect("runs").0;
+        (end, controller.variables)
+    };
+    let (end, variables) = run(&[(10002, 0.0)]);
+    assert_eq!(end, End::Finished);
+    assert!((variables[&10002] + 0.025).abs() < 1e-9 && (variables[&510] - 19.8).abs() < 1e-9);
+    assert_eq!(
+        (variables[&511], variables[&512]),
+        (2.0, 1.0),
+        "rough twice, finish once"
+    );
+    let alarm = |number: u32, text: &str| End::Alarm {
+        number,
+        text: text.to_owned(),
+    };
+    assert_eq!(
+        run(&[(10002, 0.0), (513, 1.0)]).0,
+        alarm(100, "MEASUREMENT INVALID")
+    );
+    assert_eq!(run(&[(10002, -0.040)]).0, alarm(102, "OVERCUT"));
+}
