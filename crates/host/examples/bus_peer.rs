@@ -132,7 +132,7 @@ impl Peer {
         Ok(match *words {
             ["subscribe", topic, ty, qos] => self.subscribe(topic, ty, qos)?,
             ["publish", topic, ty, qos, cdr] => {
-                let number = self.publisher(topic, ty, qos)?.publish(&bytes(cdr)?, 42)?;
+                let number = self.publisher(topic, ty, qos)?.publish(bytes(cdr)?, 42)?;
                 json!({ "published": number })
             }
             ["flood", topic, ty, qos, count, period] => {
@@ -140,7 +140,7 @@ impl Peer {
                 let publisher = self.publisher(topic, ty, qos)?;
                 for count in 0..count.parse::<u64>()? {
                     let cdr = [[0, 1, 0, 0].as_slice(), &count.to_le_bytes()].concat();
-                    publisher.publish(&cdr, 42)?;
+                    publisher.publish(cdr, 42)?;
                     std::thread::sleep(period);
                 }
                 json!({ "flooded": topic })

@@ -93,7 +93,7 @@ pub fn run_driver(
 }
 
 fn publish(publisher: &Publisher, message: &impl Message, instant: i64) -> Result<(), BusError> {
-    publisher.publish(&to_cdr(message), instant).map(drop)
+    publisher.publish(to_cdr(message), instant).map(drop)
 }
 
 fn hear<M: Message>(

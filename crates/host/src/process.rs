@@ -283,7 +283,7 @@ impl Process {
 
     fn settle(&mut self, step: Step, emitted: Emitted) -> Result<(), BusError> {
         for (port, payload) in emitted.messages {
-            self.publishers[port].publish(&payload, step.now.0)?;
+            self.publishers[port].publish(payload, step.now.0)?;
         }
         for (at, id) in emitted.timers {
             self.timers.insert((at, self.asked), id);
@@ -296,7 +296,7 @@ impl Process {
     fn publish_journal(&mut self) -> Result<(), BusError> {
         if let Some(message) = self.journal.take() {
             self.journal_publisher
-                .publish(&to_cdr(&message), self.last.0)?;
+                .publish(to_cdr(&message), self.last.0)?;
         }
         Ok(())
     }

@@ -170,7 +170,7 @@ impl Losses {
             count: lost.count,
             recovered: false,
         };
-        if let Err(error) = self.publisher.publish(&to_cdr(&report), instant.0) {
+        if let Err(error) = self.publisher.publish(to_cdr(&report), instant.0) {
             error!("a loss could not be told on the bus: {error}");
         }
     }

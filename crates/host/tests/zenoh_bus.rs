@@ -111,7 +111,7 @@ fn every_message_arrives_once_and_in_order() {
     for number in 1..=5000 {
         assert_eq!(
             publisher
-                .publish(&message(number), number as i64 * 1000)
+                .publish(message(number), number as i64 * 1000)
                 .unwrap(),
             number
         );
@@ -135,14 +135,14 @@ fn closing_delivers_what_was_published() {
     assert!(a.wait_for_subscribers(&publisher, 1, deadline()));
     for number in 1..=20_000 {
         publisher
-            .publish(&message(number), number as i64 * 1000)
+            .publish(message(number), number as i64 * 1000)
             .unwrap();
     }
     a.close(PATIENCE).unwrap();
     for number in 1..=20_000 {
         assert_eq!(events.recv_timeout(PATIENCE).unwrap(), sample(number));
     }
-    assert!(publisher.publish(&message(0), 0).is_err());
+    assert!(publisher.publish(message(0), 0).is_err());
 }
 
 #[test]
@@ -154,7 +154,7 @@ fn a_late_joiner_of_a_latched_topic_gets_exactly_the_last_samples() {
         let publisher = a.publisher(&topic, string(), Qos::latched(depth)).unwrap();
         for number in 1..=7 {
             publisher
-                .publish(&message(number), number as i64 * 1000)
+                .publish(message(number), number as i64 * 1000)
                 .unwrap();
         }
         let (on_sample, on_lost, events) = queue();
@@ -166,7 +166,7 @@ fn a_late_joiner_of_a_latched_topic_gets_exactly_the_last_samples() {
             assert_eq!(events.recv_timeout(PATIENCE).unwrap(), sample(number));
         }
         // What comes next is the next one published, hence nothing came twice.
-        publisher.publish(&message(8), 8000).unwrap();
+        publisher.publish(message(8), 8000).unwrap();
         assert_eq!(events.recv_timeout(PATIENCE).unwrap(), sample(8));
     }
 }
@@ -180,7 +180,7 @@ fn a_late_joiner_of_a_volatile_topic_gets_only_what_follows() {
         .unwrap();
     for number in 1..=5 {
         publisher
-            .publish(&message(number), number as i64 * 1000)
+            .publish(message(number), number as i64 * 1000)
             .unwrap();
     }
     let (on_sample, on_lost, events) = queue();
@@ -193,7 +193,7 @@ fn a_late_joiner_of_a_volatile_topic_gets_only_what_follows() {
         events.recv_timeout(Duration::from_millis(1100)),
         Err(RecvTimeoutError::Timeout)
     );
-    publisher.publish(&message(6), 6000).unwrap();
+    publisher.publish(message(6), 6000).unwrap();
     assert_eq!(events.recv_timeout(PATIENCE).unwrap(), sample(6));
 }
 

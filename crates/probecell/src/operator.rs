@@ -124,7 +124,7 @@ impl Gate {
             ..request
         };
         publisher
-            .publish(&to_cdr(&request), instant.0)
+            .publish(to_cdr(&request), instant.0)
             .map_err(|error| error.to_string())?;
         let answer = receiver.recv_timeout(ANSWER_PATIENCE);
         lock(&self.heard).waiting.remove(&(reply_topic, request_id));
@@ -391,7 +391,7 @@ impl Operator {
             },
             status: status.collect(),
         };
-        if let Err(error) = self.diagnostics.publish(&to_cdr(&array), instant.0) {
+        if let Err(error) = self.diagnostics.publish(to_cdr(&array), instant.0) {
             report::remark(&format!("diagnostics could not be published: {error}"));
         }
     }

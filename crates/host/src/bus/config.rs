@@ -1,8 +1,10 @@
 //! What a bus is told at start, and the Zenoh configuration made from it.
 //!
 //! The defaults are those of a session of rmw_zenoh, narrowed to loopback: a peer that looks for the router at
-//! `tcp/127.0.0.1:7447`, listens on loopback only, speaks no multicast, gossips, and stamps. Every setting of Zenoh
-//! (TLS, access control, user and password, links) passes through as a table laid over these defaults.
+//! `tcp/127.0.0.1:7447`, listens on loopback only, speaks no multicast and gossips. It does not stamp: caches are
+//! ordered by position, the source time stands in the attachment, and Zenoh's own stamps cost both ends a clock.
+//! Every setting of Zenoh (TLS, access control, user and password, links) passes through as a table laid over these
+//! defaults.
 //!
 //! Peers of one router are taken to reach one another, hence it forwards nothing between them. A node that looks for
 //! its router on another machine cannot promise that, and is a client: everything it hears comes by the router.
@@ -95,7 +97,6 @@ impl BusConfig {
             },
             "listen": { "endpoints": listen, "exit_on_failure": true },
             "scouting": { "multicast": { "enabled": false }, "gossip": { "enabled": true } },
-            "timestamping": { "enabled": true },
         });
         overlay(&mut settings, &self.zenoh);
         parse(&settings)

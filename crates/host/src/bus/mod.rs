@@ -20,7 +20,8 @@
 //! | transient local | the same, and announces itself | history on joining, then as above (`zenoh-ext`, as rmw_zenoh does) |
 //! | best effort | plain | counts gaps |
 //!
-//! Keep-all publishers block while the link is congested; all others drop, and the subscription fetches or reports.
+//! No publisher blocks while a link is congested, not even a keep-all one (rmw_zenoh does): a recorder behind a cut link
+//! would stop the machine. What is dropped stands in the publisher's cache, and the subscription fetches or reports it.
 //! A clean end is [`Bus::close`]: what was published before it is written to the links first.
 
 pub mod config;
@@ -237,7 +238,9 @@ enum PublisherInner {
 
 impl Publisher {
     /// Publishes one message (CDR with header) that says what was so at `source_time_ns`, and returns its number.
-    pub fn publish(&self, cdr: &[u8], source_time_ns: i64) -> Result<u64, BusError> {
+    /// Bytes that are given away are not copied.
+    pub fn publish(&self, cdr: impl Into<Vec<u8>>, source_time_ns: i64) -> Result<u64, BusError> {
+        let cdr = cdr.into();
         match &self.inner {
             PublisherInner::Zenoh(publisher) => publisher.publish(cdr, source_time_ns),
             PublisherInner::Dds(publisher) => publisher.publish(cdr, source_time_ns),

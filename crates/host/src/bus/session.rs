@@ -99,11 +99,6 @@ impl ZenohBus {
         let core = &self.core;
         let key = data_key(core.domain_id, topic, &ty);
         let failed = |reason| BusError::transport("declare a publisher", &reason);
-        let congestion = if qos.is_reliable() && qos.keeps_all() {
-            CongestionControl::Block
-        } else {
-            CongestionControl::Drop
-        };
         let reliability = if qos.is_reliable() {
             Reliability::Reliable
         } else {
@@ -112,16 +107,20 @@ impl ZenohBus {
         let mut builder = core
             .session
             .declare_publisher(key)
-            .congestion_control(congestion)
+            // Never block: see the module doc of the bus.
+            .congestion_control(CongestionControl::Drop)
             .reliability(reliability)
             .advanced();
         if qos.is_reliable() || qos.is_latched() {
             let depth = qos.depth(core.keep_all_depth);
-            builder = builder.cache(CacheConfig::default().max_samples(depth));
-        }
-        if qos.is_reliable() {
-            builder =
-                builder.sample_miss_detection(MissDetectionConfig::default().heartbeat(HEARTBEAT));
+            let positions = MissDetectionConfig::default();
+            builder = builder
+                .cache(CacheConfig::default().max_samples(depth))
+                .sample_miss_detection(if qos.is_reliable() {
+                    positions.heartbeat(HEARTBEAT)
+                } else {
+                    positions
+                });
         }
         if qos.is_latched() {
             builder = builder.publisher_detection();
@@ -270,7 +269,7 @@ pub(super) struct ZenohPublisher {
 }
 
 impl ZenohPublisher {
-    pub(super) fn publish(&self, cdr: &[u8], source_time_ns: i64) -> Result<u64, BusError> {
+    pub(super) fn publish(&self, cdr: Vec<u8>, source_time_ns: i64) -> Result<u64, BusError> {
         let mut stream = lock(&self.stream);
         let sequence = stream.0;
         let attachment = Attachment {
@@ -296,7 +295,7 @@ impl ZenohPublisher {
             .matching_listener()
             .callback(move |status| {
                 // The wait may be over.
-                drop(sender.send(status.matching()));
+                sender.send(status.matching()).ok();
             })
             .wait();
         let Ok(_listener) = listener else {

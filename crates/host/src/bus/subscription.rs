@@ -182,12 +182,18 @@ impl Lane {
             return;
         };
         let source = source_of(&sample);
+        if let Some((source, position)) = source
+            && self.take_next(source, position, &attachment, &sample)
+        {
+            return;
+        }
         self.step(|state, now, actions| {
             if let (Some(recovery), Some((source, position))) = (&mut state.recovery, source) {
+                let offset = attachment.sequence - i64::from(position);
                 state
                     .known
                     .entry(source)
-                    .or_insert_with(|| (attachment.gid, attachment.sequence - i64::from(position)));
+                    .or_insert((attachment.gid, offset));
                 recovery.sample(now, source, position, is_reply, sample, actions);
                 return;
             }
@@ -203,8 +209,27 @@ impl Lane {
                     count,
                 }),
             }
-            self.deliver(&sample);
+            self.deliver(&attachment, &sample);
         });
+    }
+
+    /// Delivers the sample if it is the next one and nothing is missing; false when there is more to decide.
+    fn take_next(
+        &self,
+        source: Source,
+        position: u32,
+        attachment: &Attachment,
+        sample: &Sample,
+    ) -> bool {
+        let mut state = lock(&self.state);
+        let is_next = state
+            .recovery
+            .as_mut()
+            .is_some_and(|recovery| recovery.is_next(source, position));
+        if is_next {
+            self.deliver(attachment, sample);
+        }
+        is_next
     }
 
     /// A publisher told the position of its newest sample.
@@ -250,7 +275,11 @@ impl Lane {
             change(&mut state, self.origin.elapsed(), &mut actions);
             for action in actions.drain(..) {
                 match action {
-                    Action::Deliver(sample) => self.deliver(&sample),
+                    Action::Deliver(sample) => {
+                        if let Some(attachment) = attachment_of(&sample) {
+                            self.deliver(&attachment, &sample);
+                        }
+                    }
                     Action::Ask { source, from } => asks.push((source, from)),
                     Action::Lost {
                         source,
@@ -302,10 +331,7 @@ impl Lane {
         }
     }
 
-    fn deliver(&self, sample: &Sample) {
-        let Some(attachment) = attachment_of(sample) else {
-            return;
-        };
+    fn deliver(&self, attachment: &Attachment, sample: &Sample) {
         (self.taker.on_sample)(Received {
             payload: sample.payload().to_bytes(),
             sequence: attachment.sequence.max(0) as u64,

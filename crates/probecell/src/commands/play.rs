@@ -237,7 +237,7 @@ impl<'a> Player<'a> {
                     }
                 }
                 if let Some(publisher) = self.publishers.get(&message.channel.topic) {
-                    publisher.publish(&message.payload, message.publish_time as i64)?;
+                    publisher.publish(message.payload.to_vec(), message.publish_time as i64)?;
                 }
             }
             progress.finish_and_clear();
@@ -249,7 +249,7 @@ impl<'a> Player<'a> {
         if let Some(publisher) = &self.clock {
             let stamp = Stamp(recorded as i64);
             publisher.publish(
-                &to_cdr(&Clock {
+                to_cdr(&Clock {
                     clock: stamp.time(),
                 }),
                 stamp.0,

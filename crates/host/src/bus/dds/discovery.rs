@@ -4,7 +4,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::thread::JoinHandle;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use futures::channel::oneshot;
 use futures::future::{Either, select};
@@ -26,14 +26,34 @@ use super::super::wire::{Channel, Entity, EntityKind, Gid, NodeName};
 /// First 12 bytes of every identifier of one participant.
 type Prefix = [u8; 12];
 
+/// A writer learns that it has found a reader, but not that the reader has found the writer, and a volatile reader
+/// takes what was written before that as past. Both find each other by the same exchange, hence a match counts only
+/// after this time.
+const MUTUAL_AFTER: Duration = Duration::from_millis(200);
+
 /// What others have told, and what the participant has matched.
 #[derive(Default)]
 struct Known {
     /// Nodes of each participant.
     nodes: Mutex<BTreeMap<Prefix, Vec<NodeName>>>,
+    matches: Mutex<Matches>,
+    changed: Condvar,
+}
+
+/// Who has found whom, and since when.
+#[derive(Default)]
+struct Matches {
     /// Readers of each of our writers.
-    readers: Mutex<BTreeMap<GUID, BTreeSet<GUID>>>,
-    matched: Condvar,
+    readers: BTreeMap<GUID, BTreeMap<GUID, Instant>>,
+    /// Writers of each of our readers.
+    writers: BTreeMap<GUID, BTreeSet<GUID>>,
+}
+
+/// Answer to the question whether what is waited for is there.
+enum Readiness {
+    Ready,
+    At(Instant),
+    Unknown,
 }
 
 pub(super) struct Discovery {
@@ -116,22 +136,81 @@ impl Discovery {
             .map_err(|reason| BusError::transport("tell our endpoints", &reason.forget_data()))
     }
 
-    /// Waits until at least `count` readers have found `writer`; false when `deadline` came first.
+    /// Waits until `writer` and at least `count` readers have found each other; false when `deadline` came first.
     pub(super) fn wait_for_readers(&self, writer: GUID, count: usize, deadline: Instant) -> bool {
-        let mut readers = lock(&self.known.readers);
-        while readers.get(&writer).map_or(0, BTreeSet::len) < count {
-            let left = deadline.saturating_duration_since(Instant::now());
-            if left.is_zero() {
+        self.wait(deadline, |matches| {
+            let mut since: Vec<Instant> = matches
+                .readers
+                .get(&writer)
+                .map(|readers| readers.values().copied().collect())
+                .unwrap_or_default();
+            since.sort();
+            match count.checked_sub(1).map(|last| since.get(last)) {
+                None => Readiness::Ready,
+                Some(Some(&found)) => Readiness::At(found + MUTUAL_AFTER),
+                Some(None) => Readiness::Unknown,
+            }
+        })
+    }
+
+    /// Waits until `reader` has found a writer; false when `deadline` came first.
+    pub(super) fn wait_for_writer(&self, reader: GUID, deadline: Instant) -> bool {
+        self.wait(deadline, |matches| {
+            if matches
+                .writers
+                .get(&reader)
+                .is_some_and(|writers| !writers.is_empty())
+            {
+                Readiness::Ready
+            } else {
+                Readiness::Unknown
+            }
+        })
+    }
+
+    /// Waits until `writer` has found a reader of the participant that `peer` belongs to; false when `deadline` came
+    /// first.
+    pub(super) fn wait_for_reader_beside(
+        &self,
+        writer: GUID,
+        peer: GUID,
+        deadline: Instant,
+    ) -> bool {
+        let (prefix, _) = split(peer.to_bytes());
+        self.wait(deadline, |matches| {
+            let found = matches.readers.get(&writer).is_some_and(|readers| {
+                readers
+                    .keys()
+                    .any(|reader| split(reader.to_bytes()).0 == prefix)
+            });
+            if found {
+                Readiness::Ready
+            } else {
+                Readiness::Unknown
+            }
+        })
+    }
+
+    fn wait(&self, deadline: Instant, ready: impl Fn(&Matches) -> Readiness) -> bool {
+        let mut matches = lock(&self.known.matches);
+        loop {
+            let now = Instant::now();
+            let until = match ready(&matches) {
+                Readiness::Ready => return true,
+                Readiness::At(instant) if instant <= now => return true,
+                Readiness::At(instant) => instant.min(deadline),
+                Readiness::Unknown => deadline,
+            };
+            if deadline <= now {
                 return false;
             }
-            readers = self
+            matches = self
                 .known
-                .matched
-                .wait_timeout(readers, left)
+                .changed
+                .wait_timeout(matches, until.saturating_duration_since(now))
                 .unwrap_or_else(PoisonError::into_inner)
                 .0;
         }
-        true
     }
 
     /// Nodes and endpoints that other participants have told; an endpoint of a participant with several nodes is
@@ -251,25 +330,42 @@ impl Known {
     }
 
     fn take_event(&self, event: &DomainParticipantStatusEvent) {
-        let mut readers = lock(&self.readers);
-        match event {
+        let mut matches = lock(&self.matches);
+        match *event {
             DomainParticipantStatusEvent::RemoteReaderMatched {
                 local_writer,
                 remote_reader,
             } => {
-                readers
-                    .entry(*local_writer)
+                matches
+                    .readers
+                    .entry(local_writer)
                     .or_default()
-                    .insert(*remote_reader);
+                    .entry(remote_reader)
+                    .or_insert_with(Instant::now);
+            }
+            DomainParticipantStatusEvent::RemoteWriterMatched {
+                local_reader,
+                remote_writer,
+            } => {
+                matches
+                    .writers
+                    .entry(local_reader)
+                    .or_default()
+                    .insert(remote_writer);
             }
             DomainParticipantStatusEvent::ReaderLost { guid, .. } => {
-                for matched in readers.values_mut() {
-                    matched.remove(guid);
+                for readers in matches.readers.values_mut() {
+                    readers.remove(&guid);
+                }
+            }
+            DomainParticipantStatusEvent::WriterLost { guid, .. } => {
+                for writers in matches.writers.values_mut() {
+                    writers.remove(&guid);
                 }
             }
             _ => return,
         }
-        self.matched.notify_all();
+        self.changed.notify_all();
     }
 }
 

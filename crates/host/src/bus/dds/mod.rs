@@ -233,7 +233,7 @@ pub(super) struct DdsPublisher {
 }
 
 impl DdsPublisher {
-    pub(super) fn publish(&self, cdr: &[u8], source_time_ns: i64) -> Result<u64, BusError> {
+    pub(super) fn publish(&self, cdr: Vec<u8>, source_time_ns: i64) -> Result<u64, BusError> {
         let payload = Payload::from_cdr(cdr)?;
         let options = WriteOptionsBuilder::new()
             .source_timestamp(timestamp(source_time_ns))

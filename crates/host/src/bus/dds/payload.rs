@@ -20,9 +20,15 @@ pub(super) struct Payload {
 }
 
 impl Payload {
-    /// Takes little-endian CDR with its header.
-    pub(super) fn from_cdr(cdr: &[u8]) -> Result<Self, BusError> {
-        Self::from_parts(cdr, &[])
+    /// Takes little-endian CDR with its header, without copying it.
+    pub(super) fn from_cdr(cdr: Vec<u8>) -> Result<Self, BusError> {
+        match cdr.as_slice() {
+            [0, 1, _, _, ..] => Ok(Self {
+                header: CDR_LE,
+                body: Bytes::from(cdr).slice(4..),
+            }),
+            _ => Err(BusError::Payload),
+        }
     }
 
     /// Takes little-endian CDR with its header, and puts `front` before its body.
@@ -30,11 +36,7 @@ impl Payload {
         match cdr {
             [0, 1, _, _, body @ ..] => Ok(Self {
                 header: CDR_LE,
-                body: if front.is_empty() {
-                    Bytes::copy_from_slice(body)
-                } else {
-                    [front, body].concat().into()
-                },
+                body: [front, body].concat().into(),
             }),
             _ => Err(BusError::Payload),
         }
@@ -151,9 +153,9 @@ mod tests {
     #[test]
     fn bytes_pass_untouched_and_other_encodings_are_refused() {
         let cdr = [0, 1, 0, 0, 7, 8, 9];
-        assert_eq!(Payload::from_cdr(&cdr).unwrap().with_header(), cdr);
-        assert!(Payload::from_cdr(&[0, 0, 0, 0, 7]).is_err());
-        assert!(Payload::from_cdr(&[0, 1]).is_err());
+        assert_eq!(Payload::from_cdr(cdr.to_vec()).unwrap().with_header(), cdr);
+        assert!(Payload::from_cdr(vec![0, 0, 0, 0, 7]).is_err());
+        assert!(Payload::from_cdr(vec![0, 1]).is_err());
         let framed = Payload::from_parts(&cdr, &[1, 2]).unwrap();
         assert_eq!(framed.split_front::<2>(), Some(([1, 2], cdr.to_vec())));
         assert_eq!(framed.split_front::<9>(), None);

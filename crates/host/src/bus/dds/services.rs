@@ -10,7 +10,7 @@ use std::sync::{Arc, Mutex, mpsc};
 use std::time::{Duration, Instant};
 
 use rustdds::no_key::DeserializedCacheChange;
-use rustdds::{RTPSEntity, SampleIdentity, SequenceNumber, WriteOptionsBuilder};
+use rustdds::{GUID, RTPSEntity, SampleIdentity, SequenceNumber, WriteOptionsBuilder};
 
 use super::super::config::DdsServices;
 use super::super::graph::lock;
@@ -21,6 +21,9 @@ use super::payload::{Payload, timestamp};
 use super::{DdsBus, Discovery, Reading, Writer};
 
 const CYCLONE_HEADER: usize = 16;
+
+/// How long a response waits for the client's reader of responses to be found; the request may have come before.
+const CLIENT_WAIT: Duration = Duration::from_secs(1);
 
 /// What tells one request from all others.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -38,6 +41,7 @@ pub(in super::super) struct DdsClient {
     mapping: DdsServices,
     discovery: Arc<Discovery>,
     writer: Arc<Writer>,
+    reader: GUID,
     next: AtomicI64,
     waiting: Arc<Mutex<Waiting>>,
     _reading: Reading,
@@ -56,6 +60,7 @@ impl DdsBus {
         let (requests, replies) = self.service_topics(name, ty)?;
         let writer = self.writer(&replies)?;
         let mapping = self.services;
+        let discovery = Arc::clone(&self.discovery);
         let name = name.to_owned();
         // The reader's own thread answers: requests wait in the reader meanwhile.
         let reading = Reading::start(self.reader(&requests)?, move |change| {
@@ -64,7 +69,9 @@ impl DdsBus {
                 return;
             };
             let answered = handler(&request).and_then(|response| {
-                reply(&writer, id, &response).map_err(|reason| reason.to_string())
+                let deadline = Instant::now() + CLIENT_WAIT;
+                discovery.wait_for_reader_beside(writer.guid(), change.writer_guid, deadline);
+                reply(&writer, id, response).map_err(|reason| reason.to_string())
             });
             if let Err(reason) = answered {
                 // DDS has no way to refuse: the client runs into its timeout.
@@ -83,7 +90,9 @@ impl DdsBus {
         let writer = self.writer(&requests)?;
         let mapping = self.services;
         let waiting = Arc::new(Mutex::new(Waiting::default()));
-        let reading = Reading::start(self.reader(&replies)?, {
+        let reader = self.reader(&replies)?;
+        let reader_guid = reader.guid();
+        let reading = Reading::start(reader, {
             let waiting = Arc::clone(&waiting);
             move |change| {
                 // The lock is held by a call that is being sent, so that no reply overtakes its identity.
@@ -100,6 +109,7 @@ impl DdsBus {
             mapping,
             discovery: Arc::clone(&self.discovery),
             writer,
+            reader: reader_guid,
             next: AtomicI64::new(1),
             waiting,
             _reading: reading,
@@ -160,14 +170,14 @@ fn response_of(
     }
 }
 
-fn reply(writer: &Writer, id: RequestId, response: &[u8]) -> Result<(), BusError> {
+fn reply(writer: &Writer, id: RequestId, response: Vec<u8>) -> Result<(), BusError> {
     let options = WriteOptionsBuilder::new().source_timestamp(timestamp(wall_ns()));
     let (payload, options) = match id {
         RequestId::Enhanced(id) => (
             Payload::from_cdr(response)?,
             options.related_sample_identity(id),
         ),
-        RequestId::Cyclone(front) => (Payload::from_parts(response, &front)?, options),
+        RequestId::Cyclone(front) => (Payload::from_parts(&response, &front)?, options),
     };
     writer
         .write_with_options(payload, options.build())
@@ -182,10 +192,11 @@ impl DdsClient {
         timeout: Duration,
     ) -> Result<Vec<u8>, BusError> {
         let deadline = Instant::now() + timeout;
-        if !self
-            .discovery
-            .wait_for_readers(self.writer.guid(), 1, deadline)
-        {
+        let served = self.discovery.wait_for_writer(self.reader, deadline)
+            && self
+                .discovery
+                .wait_for_readers(self.writer.guid(), 1, deadline);
+        if !served {
             return Err(BusError::NoServer {
                 name: self.name.clone(),
             });
@@ -205,7 +216,7 @@ impl DdsClient {
     fn send(&self, request: &[u8], call: mpsc::Sender<Vec<u8>>) -> Result<RequestId, BusError> {
         let mut front = [0; CYCLONE_HEADER];
         let payload = match self.mapping {
-            DdsServices::Enhanced => Payload::from_cdr(request)?,
+            DdsServices::Enhanced => Payload::from_cdr(request.to_vec())?,
             DdsServices::Cyclone => {
                 let number = self.next.fetch_add(1, Ordering::Relaxed);
                 front[..8].copy_from_slice(&self.writer.guid().to_bytes()[8..]);
