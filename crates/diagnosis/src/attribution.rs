@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 
 use crate::candidate::Candidate;
 use crate::effects::Variant;
-use crate::evidence::{Fit, Products, dot};
+use crate::evidence::{Fit, Products, add_scaled, dot, scale};
 use crate::observation::Observations;
 use crate::rivals::{Rival, rivals};
 use crate::search::{Priors, Scored, search, usual_beam};
@@ -78,7 +78,7 @@ pub fn attribute(
         }
         scored = pool.search();
     }
-    pool.finish(scored)
+    pool.finish(&scored)
 }
 
 /// The best set of each size up to `most`, and the best of all.
@@ -98,6 +98,9 @@ fn best_of_each_size(scored: &[Scored], most: usize) -> Vec<Vec<usize>> {
     sets
 }
 
+/// A value of a shape and the weighted columns it gives.
+type Trial = (f64, Vec<Vec<f64>>);
+
 /// Candidates under construction.
 struct Pool<'a> {
     observations: &'a Observations,
@@ -107,7 +110,7 @@ struct Pool<'a> {
     candidates: Vec<Candidate>,
     aliases: Vec<Vec<usize>>,
     products: Products,
-    scans: BTreeMap<usize, Vec<(f64, Vec<Vec<f64>>)>>,
+    scans: BTreeMap<usize, Vec<Trial>>,
 }
 
 impl<'a> Pool<'a> {
@@ -301,14 +304,12 @@ impl<'a> Pool<'a> {
                 for _ in 0..2 {
                     for known in &basis {
                         let along = dot(known, &rest);
-                        rest.iter_mut()
-                            .zip(known)
-                            .for_each(|(value, part)| *value -= along * part);
+                        add_scaled(&mut rest, -along, known);
                     }
                 }
                 let length = dot(&rest, &rest).sqrt();
                 if length > 1e-6 {
-                    rest.iter_mut().for_each(|value| *value /= length);
+                    scale(&mut rest, 1.0 / length);
                     basis.push(rest);
                 }
             }
@@ -316,7 +317,7 @@ impl<'a> Pool<'a> {
         basis
     }
 
-    fn finish(self, scored: Vec<Scored>) -> Attribution {
+    fn finish(self, scored: &[Scored]) -> Attribution {
         let priors = self.priors();
         let rivals = rivals(self.observations, self.active);
         let mut models: Vec<Model> = scored
@@ -329,7 +330,7 @@ impl<'a> Pool<'a> {
                 score: scored.score + (1.0 - UNKNOWN).ln(),
             })
             .collect();
-        self.challenge(&scored, &rivals, &priors, &mut models);
+        self.challenge(scored, &rivals, &priors, &mut models);
         models.sort_by(|one, other| other.score.total_cmp(&one.score));
         models.dedup_by(|one, other| one.set == other.set && one.rival == other.rival);
         let best = models.first().map_or(0.0, |model| model.score);
@@ -476,14 +477,13 @@ impl<'a> Beside<'a> {
             .collect();
         let count = plain.qy.len();
         let mut whitened = plain.clone();
-        for one in 0..count {
+        for (one, own) in weighted.iter().enumerate() {
             for other in one..count {
-                let value =
-                    plain.qq[one * count + other] - dot(&weighted[one], &self.crossed[other]);
+                let value = plain.qq[one * count + other] - dot(own, &self.crossed[other]);
                 whitened.qq[one * count + other] = value;
                 whitened.qq[other * count + one] = value;
             }
-            whitened.qy[one] -= dot(&weighted[one], &self.seen);
+            whitened.qy[one] -= dot(own, &self.seen);
         }
         whitened.yy -= self
             .seen
@@ -554,9 +554,7 @@ fn project(y: &[f64], active: &[bool], basis: &[Vec<f64>]) -> Vec<f64> {
         .collect();
     for known in basis {
         let along = dot(known, &left);
-        left.iter_mut()
-            .zip(known)
-            .for_each(|(value, part)| *value -= along * part);
+        add_scaled(&mut left, -along, known);
     }
     left
 }
@@ -570,15 +568,13 @@ fn gain(columns: &[Vec<f64>], basis: &[Vec<f64>], left: &[f64]) -> f64 {
         let mut rest = column.clone();
         for known in basis.iter().chain(&own) {
             let along = dot(known, &rest);
-            rest.iter_mut()
-                .zip(known)
-                .for_each(|(value, part)| *value -= along * part);
+            add_scaled(&mut rest, -along, known);
         }
         let power = dot(&rest, &rest);
         if power > 1e-4 * full && power > 0.0 {
             gain += dot(&rest, left).powi(2) / power;
             let length = power.sqrt();
-            rest.iter_mut().for_each(|value| *value /= length);
+            scale(&mut rest, 1.0 / length);
             own.push(rest);
         }
     }

@@ -57,11 +57,7 @@ pub fn session(seed: u64, content: Content) -> (Session, Truth) {
     };
     let mut causes: Vec<Cause> = Vec::new();
     let mut sizes = Vec::new();
-    let still = Plant {
-        scene: &scene,
-        causes: &[],
-    }
-    .deviations();
+    let still = Plant::new(&scene, &[]).deviations();
     while causes.len() < known + strange {
         let outside = causes.len() >= known;
         let mut cause = Cause::random(&mut random, &scene, outside);
@@ -71,11 +67,7 @@ pub fn session(seed: u64, content: Content) -> (Session, Truth) {
         let wanted = noise * 10.0_f64.powf(random.random_range(0.5..1.4));
         let mut size = 0.0;
         for _ in 0..3 {
-            let moved = Plant {
-                scene: &scene,
-                causes: std::slice::from_ref(&cause),
-            }
-            .deviations();
+            let moved = Plant::new(&scene, std::slice::from_ref(&cause)).deviations();
             let sum: f64 = moved
                 .iter()
                 .zip(&still)
@@ -97,11 +89,7 @@ pub fn session(seed: u64, content: Content) -> (Session, Truth) {
     let errors: Vec<f64> = (0..scene.touches.len())
         .map(|_| normal.sample(&mut random))
         .collect();
-    let session = Plant {
-        scene: &scene,
-        causes: &causes,
-    }
-    .session(seed, &errors);
+    let session = Plant::new(&scene, &causes).session(seed, &errors);
     let effects = causes.iter().map(Cause::id).collect();
     (
         session,

@@ -7,6 +7,7 @@
 use nalgebra::{DMatrix, Vector3};
 
 use crate::effects::Variant;
+use crate::evidence::{add_scaled, scale};
 use crate::observation::{Column, Observations};
 
 /// Directions whose signature stays below this rms at a hundred times the plausible size are unobservable, m.
@@ -121,9 +122,7 @@ impl Candidate {
             let own = bend.along.iter().zip(&back).fold(
                 vec![0.0; columns.len()],
                 |mut sum, (along, back)| {
-                    sum.iter_mut()
-                        .zip(back)
-                        .for_each(|(value, part)| *value -= along * part);
+                    add_scaled(&mut sum, -along, back);
                     sum
                 },
             );
@@ -190,10 +189,7 @@ fn bend(
     let mut along = Vec::with_capacity(block.len());
     for known in block {
         let product: f64 = known.iter().zip(&column).map(|(a, b)| a * b).sum();
-        column
-            .iter_mut()
-            .zip(known)
-            .for_each(|(value, part)| *value -= product * part);
+        add_scaled(&mut column, -product, known);
         along.push(product);
     }
     let left = rms(&column);
@@ -201,7 +197,7 @@ fn bend(
         return None;
     }
     let length = left * (column.len() as f64).sqrt();
-    column.iter_mut().for_each(|value| *value /= length);
-    along.iter_mut().for_each(|value| *value /= length);
+    scale(&mut column, 1.0 / length);
+    scale(&mut along, 1.0 / length);
     Some(Bend { column, along })
 }

@@ -9,6 +9,7 @@ use crate::attribution::{Attribution, Model, attribute};
 use crate::candidate::Candidate;
 use crate::drives::diagnose_drives;
 use crate::effects::{Variant, library};
+use crate::evidence::add_scaled;
 use crate::groups::{indistinguishable, signature};
 use crate::observation::Observations;
 use crate::report::{
@@ -209,9 +210,7 @@ fn residuals(attribution: &Attribution, model: &Model) -> Vec<f64> {
             .iter()
             .flat_map(|&member| &attribution.candidates[member].block);
         for (column, coefficient) in columns.zip(&fit.coefficients) {
-            left.iter_mut()
-                .zip(column)
-                .for_each(|(value, part)| *value -= coefficient * part);
+            add_scaled(&mut left, -coefficient, column);
         }
     }
     let place = attribution
@@ -219,9 +218,7 @@ fn residuals(attribution: &Attribution, model: &Model) -> Vec<f64> {
         .iter()
         .position(|known| std::ptr::eq(known, model));
     if let Some((_, part)) = place.and_then(|place| places::rival_part(attribution, place)) {
-        left.iter_mut()
-            .zip(&part)
-            .for_each(|(value, part)| *value -= part);
+        add_scaled(&mut left, -1.0, &part);
     }
     left
 }

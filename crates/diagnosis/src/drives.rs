@@ -12,10 +12,10 @@ mod signals;
 use machine::{Chain, JointKind, Side};
 use nalgebra::{DMatrix, DVector};
 
-pub use effects::Channel;
-use effects::{DriveEffect, difference, library};
+use effects::{Channel, DriveEffect, difference, library};
 use signals::{Signals, signals};
 
+use crate::evidence::add_scaled;
 use crate::report::{
     Effect, Gap, ParameterEstimate, Place, Rejected, Report, SCHEMA, Unexplained, Verdict,
 };
@@ -476,9 +476,7 @@ impl Drives {
     fn residuals(&self, axis: &Axis, chosen: &Chosen, coefficients: &[f64]) -> Vec<f64> {
         let mut left = centred(&axis.difference, self.channel);
         for (column, coefficient) in self.columns(axis, chosen).iter().zip(coefficients) {
-            left.iter_mut()
-                .zip(column)
-                .for_each(|(value, part)| *value -= coefficient * part);
+            add_scaled(&mut left, -coefficient, column);
         }
         left
     }

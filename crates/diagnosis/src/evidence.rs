@@ -172,6 +172,20 @@ pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(x, y)| x * y).sum()
 }
 
+/// Adds `factor` times `column` to `values`.
+pub(crate) fn add_scaled(values: &mut [f64], factor: f64, column: &[f64]) {
+    for (value, part) in values.iter_mut().zip(column) {
+        *value += factor * part;
+    }
+}
+
+/// Multiplies `values` by `factor`.
+pub(crate) fn scale(values: &mut [f64], factor: f64) {
+    for value in values {
+        *value *= factor;
+    }
+}
+
 /// Cholesky factor in the lower triangle of a row-major matrix; gives its log-determinant.
 pub(crate) fn cholesky(matrix: &mut [f64], n: usize) -> Option<f64> {
     let mut log_determinant = 0.0;

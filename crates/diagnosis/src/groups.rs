@@ -8,7 +8,7 @@ use std::collections::BTreeSet;
 use crate::attribution::Attribution;
 use crate::candidate::Candidate;
 use crate::effects::Variant;
-use crate::evidence::dot;
+use crate::evidence::{add_scaled, dot};
 use crate::observation::Observations;
 
 /// Two signatures closer than this share of the noise are the same.
@@ -136,10 +136,7 @@ pub fn indistinguishable(
 pub fn signature(candidate: &Candidate, coefficients: &[f64]) -> Vec<f64> {
     let mut signature = vec![0.0; candidate.block.first().map_or(0, Vec::len)];
     for (column, coefficient) in candidate.block.iter().zip(coefficients) {
-        signature
-            .iter_mut()
-            .zip(column)
-            .for_each(|(value, part)| *value += coefficient * part);
+        add_scaled(&mut signature, *coefficient, column);
     }
     signature
 }
@@ -161,9 +158,7 @@ fn without(values: &[f64], basis: &[Vec<f64>]) -> Vec<f64> {
     let mut rest = values.to_vec();
     for known in basis {
         let along = dot(known, &rest);
-        rest.iter_mut()
-            .zip(known)
-            .for_each(|(value, part)| *value -= along * part);
+        add_scaled(&mut rest, -along, known);
     }
     rest
 }

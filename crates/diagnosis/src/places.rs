@@ -3,6 +3,7 @@
 //! Shares of the sum of squares; intervals in m, rad or s from the start of the session.
 
 use crate::attribution::Attribution;
+use crate::evidence::add_scaled;
 use crate::observation::{Observations, Row};
 use crate::report::Place;
 use crate::rivals::Kind;
@@ -117,9 +118,7 @@ pub fn rival_part(attribution: &Attribution, model: usize) -> Option<(Kind, Vec<
         .iter()
         .flat_map(|&member| &attribution.candidates[member].block);
     for (column, coefficient) in columns.zip(&fit.coefficients) {
-        left.iter_mut()
-            .zip(column)
-            .for_each(|(value, part)| *value -= coefficient * part);
+        add_scaled(&mut left, -coefficient, column);
     }
     let used: Vec<usize> = (0..left.len())
         .filter(|&row| attribution.active[row])

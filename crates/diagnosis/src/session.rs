@@ -68,6 +68,10 @@ pub enum DiagnoseError {
 }
 
 /// Seconds of a stamp.
+#[expect(
+    clippy::trivially_copy_pass_by_ref,
+    reason = "stamps stand in messages that are borrowed"
+)]
 pub(crate) fn seconds(stamp: &probecell_msgs::builtin_interfaces::Time) -> f64 {
     f64::from(stamp.sec) + 1e-9 * f64::from(stamp.nanosec)
 }

@@ -6,7 +6,7 @@ use bags::Bag;
 use diagnosis::Session;
 
 /// The only session of a bag.
-pub fn read(path: &Path) -> anyhow::Result<Session> {
+pub(crate) fn read(path: &Path) -> anyhow::Result<Session> {
     let read = bags::Session::read(&Bag::open(path)?)?;
     Ok(Session {
         name: path

@@ -63,11 +63,19 @@ pub(super) struct Moment<'a> {
     /// Speed of an axis during the approach.
     pub(super) speed: f64,
     pub(super) cutting: bool,
+    /// Middle and half of the travel used by the axis at hand.
+    pub(super) middle: f64,
+    pub(super) half: f64,
 }
 
 impl Cause {
     pub(super) fn random(random: &mut Pcg64Mcg, scene: &Scene, outside: bool) -> Self {
-        use Kind::*;
+        use Kind::{
+            Angular, Backlash, BallRadius, Cyclic, Deflection, Drift, ErrorMotion, Indexing, Lag,
+            Latency, Link, Lobing, PartExpansion, Runout, Scale, Shift, Slip, SpindleGrowth,
+            Straightness, StylusLength, StylusOffset, Tilt, ToolRadius, ToolWear, XBump, XFeature,
+            XPatch, XTwist, XVibration, XWander,
+        };
         let mut kinds = vec![
             StylusOffset,
             StylusLength,
@@ -230,7 +238,7 @@ impl Cause {
                 none,
             ),
             Kind::Straightness => {
-                let u = position / 0.08;
+                let u = (position - moment.middle) / moment.half;
                 (
                     none,
                     0.0,

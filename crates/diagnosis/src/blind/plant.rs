@@ -16,11 +16,39 @@ const EPOCH: f64 = 1.7e9;
 
 /// Machine and part with causes at work.
 pub(super) struct Plant<'a> {
-    pub(super) scene: &'a Scene,
-    pub(super) causes: &'a [Cause],
+    scene: &'a Scene,
+    causes: &'a [Cause],
+    travels: Vec<(f64, f64)>,
 }
 
-impl Plant<'_> {
+impl<'a> Plant<'a> {
+    /// The scene with these causes at work.
+    pub(super) fn new(scene: &'a Scene, causes: &'a [Cause]) -> Self {
+        let mut plant = Self {
+            scene,
+            causes,
+            travels: Vec::new(),
+        };
+        let contact = |touch: &Touch| touch.point + touch.normal * scene.ball_radius;
+        let all: Vec<Vec<f64>> = scene
+            .touches
+            .iter()
+            .map(|touch| plant.positions(&contact(touch), &touch.fixed))
+            .collect();
+        let count = scene.part_axes.len() + scene.tool_axes.len();
+        plant.travels = (0..count)
+            .map(|axis| {
+                let (low, high) = all
+                    .iter()
+                    .fold((f64::MAX, f64::MIN), |(low, high), positions| {
+                        (low.min(positions[axis]), high.max(positions[axis]))
+                    });
+                (0.5 * (low + high), (0.5 * (high - low)).max(1e-3))
+            })
+            .collect();
+        plant
+    }
+
     /// Deviation at every touch, without noise.
     pub(super) fn deviations(&self) -> Vec<f64> {
         (0..self.scene.touches.len())
@@ -62,6 +90,8 @@ impl Plant<'_> {
             span: self.scene.touches.last().map_or(1.0, |last| last.time),
             speed,
             cutting,
+            middle: 0.0,
+            half: 1.0,
         };
         let (ball, mount) = self.ball(&positions, &speeds, &moment(false, 0.0));
         let still = moment(false, 0.0);
@@ -141,6 +171,7 @@ impl Plant<'_> {
         let nominal = Plant {
             scene: self.scene,
             causes: &[],
+            travels: Vec::new(),
         };
         let axes: Vec<&Axis> = self
             .scene
@@ -168,6 +199,8 @@ impl Plant<'_> {
             span: 1.0,
             speed: 0.0,
             cutting: false,
+            middle: 0.0,
+            half: 1.0,
         };
         let still = vec![0.0; positions.len()];
         let (start, _) = nominal.ball(&positions, &still, &moment);

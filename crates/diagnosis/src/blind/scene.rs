@@ -1,5 +1,7 @@
 //! A made-up machine, part and plan.
 
+use std::fmt::Write;
+
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use rand::Rng;
 use rand_pcg::Pcg64Mcg;
@@ -324,11 +326,13 @@ impl Scene {
                 };
                 let kind = if axis.turns { "revolute" } else { "prismatic" };
                 let (o, d) = (axis.origin, axis.direction);
-                text += &format!(
+                write!(
+ text,
                     "<link name=\"{child}\"/><joint name=\"{}\" type=\"{kind}\"><parent link=\"{parent}\"/><child link=\"{child}\"/>\
                      <origin xyz=\"{} {} {}\"/><axis xyz=\"{} {} {}\"/><limit lower=\"-7\" upper=\"7\" effort=\"0\" velocity=\"1\"/></joint>",
                     axis.name, o.x, o.y, o.z, d.x, d.y, d.z
-                );
+                )
+                .unwrap_or_else(|_| unreachable!("writing to a string cannot fail"));
                 parent = child;
             }
         }

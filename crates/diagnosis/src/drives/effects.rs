@@ -15,7 +15,7 @@ const TURN: f64 = 0.02;
 
 /// Which difference is explained.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Channel {
+pub(super) enum Channel {
     /// Measured against commanded position.
     Motion,
     /// Measured against nominal effort.
@@ -24,30 +24,30 @@ pub enum Channel {
 
 /// One linear parameter of an effect on one axis.
 #[derive(Debug, Clone)]
-pub struct Term {
+pub(super) struct Term {
     /// Name of the parameter.
-    pub name: String,
+    pub(super) name: String,
     /// Unit.
-    pub unit: String,
+    pub(super) unit: String,
     /// Column over the samples.
-    pub column: Vec<f64>,
+    pub(super) column: Vec<f64>,
 }
 
 /// An effect on one axis: its terms at a definite shape.
 #[derive(Debug, Clone)]
-pub struct DriveEffect {
+pub(super) struct DriveEffect {
     /// Identifier of the vocabulary.
-    pub effect: &'static str,
+    pub(super) effect: &'static str,
     /// Sign that physics asks of its terms; 0 where both occur.
-    pub sign: f64,
+    pub(super) sign: f64,
     /// Effects that are the same to first order.
-    pub same_as: Vec<String>,
+    pub(super) same_as: Vec<String>,
     /// Terms, alternatives for the shapes of the effect.
-    pub shapes: Vec<Vec<Term>>,
+    pub(super) shapes: Vec<Vec<Term>>,
 }
 
 /// Effects that can act on an axis in a channel.
-pub fn library(chain: &Chain, signals: &Signals, channel: Channel) -> Vec<DriveEffect> {
+pub(super) fn library(chain: &Chain, signals: &Signals, channel: Channel) -> Vec<DriveEffect> {
     let mut effects = match channel {
         Channel::Motion => motion(signals),
         Channel::Effort => effort(chain, signals),
@@ -72,7 +72,7 @@ pub fn library(chain: &Chain, signals: &Signals, channel: Channel) -> Vec<DriveE
 }
 
 /// The difference that a channel explains; `None` where the record lacks a signal.
-pub fn difference(chain: &Chain, signals: &Signals, channel: Channel) -> Option<Vec<f64>> {
+pub(super) fn difference(chain: &Chain, signals: &Signals, channel: Channel) -> Option<Vec<f64>> {
     match channel {
         Channel::Motion if signals.command.is_empty() => None,
         Channel::Motion => Some(
@@ -99,7 +99,7 @@ pub fn difference(chain: &Chain, signals: &Signals, channel: Channel) -> Option<
 }
 
 /// Mass (kg) or inertia about the axis (kg m²) of the link that a joint moves.
-pub fn nominal_inertia(chain: &Chain, axis: &str) -> f64 {
+pub(super) fn nominal_inertia(chain: &Chain, axis: &str) -> f64 {
     let Some(index) = chain.axis_index(axis) else {
         return 0.0;
     };

@@ -15,25 +15,25 @@ const GAP: f64 = 2.5;
 
 /// One axis over time.
 #[derive(Debug, Clone, Default)]
-pub struct Signals {
+pub(super) struct Signals {
     /// Axis name.
-    pub axis: String,
+    pub(super) axis: String,
     /// Seconds from the first sample.
-    pub time: Vec<f64>,
+    pub(super) time: Vec<f64>,
     /// Number of the uninterrupted piece of the record each sample belongs to.
-    pub piece: Vec<usize>,
+    pub(super) piece: Vec<usize>,
     /// Measured position.
-    pub position: Vec<f64>,
+    pub(super) position: Vec<f64>,
     /// Measured speed.
-    pub speed: Vec<f64>,
+    pub(super) speed: Vec<f64>,
     /// Acceleration, from the speed.
-    pub acceleration: Vec<f64>,
+    pub(super) acceleration: Vec<f64>,
     /// Effort; empty where the record has none.
-    pub effort: Vec<f64>,
+    pub(super) effort: Vec<f64>,
     /// Commanded position; empty where the record has none.
-    pub command: Vec<f64>,
+    pub(super) command: Vec<f64>,
     /// Speed of the command.
-    pub command_speed: Vec<f64>,
+    pub(super) command_speed: Vec<f64>,
 }
 
 struct Sample {
@@ -46,7 +46,7 @@ struct Sample {
 }
 
 /// Signals of every axis that moves.
-pub fn signals(session: &Session) -> Vec<Signals> {
+pub(super) fn signals(session: &Session) -> Vec<Signals> {
     let mut commands: BTreeMap<i64, &JointState> = BTreeMap::new();
     for command in &session.joint_commands {
         commands.insert(ticks(command), command);

@@ -1,7 +1,8 @@
 //! `process.deflection`: tool or part bends under the cut, the more the farther from the clamping.
 //!
 //! d = tip·(overhang/length)^m with length the largest overhang; m = 3 for a cantilever loaded at the tool (domain
-//! specification A.6), 2 for a chuck that tilts; the exponent is profiled. Typical 5–60 µm.
+//! specification A.6), 2 for a chuck that tilts; the exponent is profiled. As a beam
+//! loaded at its free end, d = tip·u²(3 − u)/2 with u = overhang/(free length). Typical 5–60 µm.
 
 use super::{Parameter, Shape, Variant, linspace, tools};
 use crate::observation::Observations;
