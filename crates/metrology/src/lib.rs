@@ -8,6 +8,8 @@
 pub mod statistics;
 pub mod uncertainty;
 
+pub mod alignment;
+pub mod datum;
 pub mod fit;
 pub mod solver;
 

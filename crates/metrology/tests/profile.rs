@@ -125,9 +125,9 @@ fn the_corrected_curve_commands_the_measured_offset() {
         assert!((curve.closest(p).distance).abs() < 1e-13, "point {i}");
     }
     // Between the points the command has to follow the smooth deviation as well; all of it seen along the normal.
-    for i in 0..POINTS {
-        let foot = curve.closest(&case.points[i]);
-        worst = worst.max((foot.distance - deviations[i]).abs());
+    for (point, deviation) in case.points.iter().zip(&deviations) {
+        let foot = curve.closest(point);
+        worst = worst.max((foot.distance - deviation).abs());
     }
     assert!(worst < 0.02e-6, "{worst:e}");
 }

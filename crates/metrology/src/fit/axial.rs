@@ -24,17 +24,22 @@ const SAMPLE: usize = 96;
 
 /// Axis frame, foot point, radius at the foot and half angle; a cylinder is the cone of half angle zero.
 #[derive(Clone, Copy)]
-struct Axial {
+pub(super) struct Axial {
     frame: Matrix3<f64>,
-    foot: Vector3<f64>,
-    radius: f64,
-    half_angle: f64,
+    pub(super) foot: Vector3<f64>,
+    pub(super) radius: f64,
+    pub(super) half_angle: f64,
     sin: f64,
     cos: f64,
 }
 
 impl Axial {
-    fn new(frame: Matrix3<f64>, foot: Vector3<f64>, radius: f64, half_angle: f64) -> Self {
+    pub(super) fn new(
+        frame: Matrix3<f64>,
+        foot: Vector3<f64>,
+        radius: f64,
+        half_angle: f64,
+    ) -> Self {
         let (sin, cos) = half_angle.sin_cos();
         Self {
             frame,
@@ -46,7 +51,7 @@ impl Axial {
         }
     }
 
-    fn axis(&self) -> Vector3<f64> {
+    pub(super) fn axis(&self) -> Vector3<f64> {
         self.frame.column(2).into()
     }
 
@@ -72,7 +77,7 @@ impl Axial {
 }
 
 #[derive(Clone, Copy)]
-struct Straight(Axial);
+pub(super) struct Straight(pub(super) Axial);
 
 impl Model<5> for Straight {
     fn linearise(&self, p: &Point) -> (f64, SVector<f64, 5>) {
@@ -95,7 +100,7 @@ impl Model<5> for Straight {
 }
 
 #[derive(Clone, Copy)]
-struct Tapered(Axial);
+pub(super) struct Tapered(pub(super) Axial);
 
 impl Model<6> for Tapered {
     fn linearise(&self, p: &Point) -> (f64, SVector<f64, 6>) {

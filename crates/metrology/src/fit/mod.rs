@@ -6,14 +6,19 @@
 //!
 //! Each fit carries the cofactor matrix `(JᵀJ)⁻¹` of its parameters in a local frame, so that
 //! `u²·(JᵀJ)⁻¹` is their covariance for independent points of standard uncertainty `u` (GUM, JCGM 100, 5.1.2,
-//! first order). What the fits do not do: reject outliers (see the robust functions) or judge the result.
+//! first order). What these fits do not do: reject outliers ([`robust`]), touch the
+//! points ([`zone`]), or judge the result.
 
 mod axial;
 mod cloud;
+mod enclosing;
+mod linear_program;
 mod refine;
+pub mod robust;
 mod round;
 mod shapes;
 mod straight;
+pub mod zone;
 
 pub use axial::{cone, cylinder};
 pub use round::{circle, sphere};

@@ -13,15 +13,15 @@ use super::{Circle, Fit, FitError, Point, Shape, Sphere, frame_about, spread};
 const LIMIT: usize = 500;
 
 #[derive(Clone, Copy)]
-struct PlaneCircle {
-    center: Vector2<f64>,
-    radius: f64,
+pub(super) struct PlaneCircle {
+    pub(super) center: Vector2<f64>,
+    pub(super) radius: f64,
 }
 
 impl Model<3> for PlaneCircle {
     fn linearise(&self, p: &Point) -> (f64, Vector3<f64>) {
         let (x, y) = (p.x - self.center.x, p.y - self.center.y);
-        let rho = x.hypot(y);
+        let rho = (x * x + y * y).sqrt();
         let inv = if rho > 0.0 { 1.0 / rho } else { 0.0 };
         (rho - self.radius, Vector3::new(-x * inv, -y * inv, -1.0))
     }
@@ -35,9 +35,9 @@ impl Model<3> for PlaneCircle {
 }
 
 #[derive(Clone, Copy)]
-struct Ball {
-    center: Vector3<f64>,
-    radius: f64,
+pub(super) struct Ball {
+    pub(super) center: Vector3<f64>,
+    pub(super) radius: f64,
 }
 
 impl Model<4> for Ball {

@@ -1,0 +1,349 @@
+//! Places a part: rigid best fit of points, and of deviations along normals.
+//!
+//! Lengths in m, angles in rad. Point pairs by the closed solution of Arun, Huang and Blostein (1987) with Umeyama's
+//! (1991) guard against reflection; deviations along normals (B.3 of the source systems in space) by linear least
+//! squares, since set-up errors are small. Points count equally.
+
+use nalgebra::{
+    DMatrix, DVector, Isometry2, Isometry3, Matrix2, Matrix3, Matrix6, Rotation2, Rotation3,
+    SMatrix, SVector, Translation2, Translation3, UnitComplex, UnitQuaternion, Vector2, Vector3,
+    Vector6,
+};
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+/// A placement and what it leaves.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Placement<T> {
+    /// Takes the points of `from` as close as possible to those of `to`.
+    pub to_from: T,
+    /// Distance of each pair after it, m.
+    pub residuals: Vec<f64>,
+    /// Root mean square of these, m.
+    pub rms: f64,
+}
+
+/// Points that cannot be placed.
+#[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
+pub enum AlignmentError {
+    /// The two sets differ in number.
+    #[error("{from} points cannot be paired with {to}")]
+    Unequal {
+        /// Points given to move.
+        from: usize,
+        /// Points given as goal.
+        to: usize,
+    },
+    /// Too few points.
+    #[error("an alignment needs at least {needed} points, {given} given")]
+    TooFewPoints {
+        /// Smallest admissible number.
+        needed: usize,
+        /// Number given.
+        given: usize,
+    },
+    /// A coordinate is NaN or infinite.
+    #[error("pair {0} has a coordinate that is not a number")]
+    NotFinite(usize),
+    /// The points or normals leave `free` of the displacements undetermined.
+    #[error("the points leave {free} displacements or rotations of the part undetermined")]
+    Undetermined {
+        /// How many.
+        free: usize,
+    },
+}
+
+/// Centroids of both sets, and a rotation.
+type Turned<const D: usize> = (SVector<f64, D>, SVector<f64, D>, SMatrix<f64, D, D>);
+
+/// Centroids, and the rotation that turns `from` into `to` about them.
+fn rotation<const D: usize>(
+    from: &[SVector<f64, D>],
+    to: &[SVector<f64, D>],
+) -> Result<Turned<D>, AlignmentError> {
+    if from.len() != to.len() {
+        return Err(AlignmentError::Unequal {
+            from: from.len(),
+            to: to.len(),
+        });
+    }
+    if from.len() < D {
+        return Err(AlignmentError::TooFewPoints {
+            needed: D,
+            given: from.len(),
+        });
+    }
+    let finite = |v: &SVector<f64, D>| v.iter().all(|c| c.is_finite());
+    if let Some(index) = (0..from.len()).find(|&i| !(finite(&from[i]) && finite(&to[i]))) {
+        return Err(AlignmentError::NotFinite(index));
+    }
+    let n = from.len() as f64;
+    let (a, b) = (
+        from.iter().sum::<SVector<f64, D>>() / n,
+        to.iter().sum::<SVector<f64, D>>() / n,
+    );
+    let covariance: DMatrix<f64> = DMatrix::from_fn(D, D, |i, j| {
+        let pairs = from.iter().zip(to);
+        pairs.map(|(p, q)| (q[i] - b[i]) * (p[j] - a[j])).sum()
+    });
+    let svd = covariance.svd(true, true);
+    let values = &svd.singular_values;
+    // A rotation is determined by all but one direction.
+    let free = (0..D - 1)
+        .filter(|i| values[*i].is_nan() || values[*i] <= 1e-12 * values[0].max(f64::MIN_POSITIVE))
+        .count();
+    let (Some(u), Some(v_t), 0) = (svd.u, svd.v_t, free) else {
+        return Err(AlignmentError::Undetermined { free: free.max(1) });
+    };
+    let mut signs = DVector::from_element(D, 1.0);
+    signs[D - 1] = (u.determinant() * v_t.determinant()).signum();
+    let turned = u * DMatrix::from_diagonal(&signs) * v_t;
+    Ok((a, b, SMatrix::from_fn(|i, j| turned[(i, j)])))
+}
+
+fn placement<T, const D: usize>(
+    to_from: T,
+    residuals: impl Iterator<Item = SVector<f64, D>>,
+) -> Placement<T> {
+    let residuals: Vec<f64> = residuals.map(|r| r.norm()).collect();
+    let squares: f64 = residuals.iter().map(|r| r * r).sum();
+    Placement {
+        to_from,
+        rms: (squares / residuals.len() as f64).sqrt(),
+        residuals,
+    }
+}
+
+/// Rigid motion of the plane that brings `from` closest to `to` (m, in pairs).
+///
+/// # Errors
+/// See [`AlignmentError`].
+pub fn align_plane(
+    from: &[Vector2<f64>],
+    to: &[Vector2<f64>],
+) -> Result<Placement<Isometry2<f64>>, AlignmentError> {
+    let (a, b, matrix): (_, _, Matrix2<f64>) = rotation(from, to)?;
+    let mut turn = UnitComplex::from_rotation_matrix(&Rotation2::from_matrix_unchecked(matrix));
+    // What rounding the singular vectors carry, in closed form.
+    let (mut sine, mut cosine) = (0.0, 0.0);
+    for (p, q) in from.iter().zip(to) {
+        let turned = turn * (p - a);
+        sine += turned.perp(&(q - b));
+        cosine += turned.dot(&(q - b));
+    }
+    turn = UnitComplex::new(sine.atan2(cosine)) * turn;
+    let to_from = Isometry2::from_parts(Translation2::from(b - turn * a), turn);
+    let left = from.iter().zip(to);
+    Ok(placement(
+        to_from,
+        left.map(|(p, q)| q - (turn * p + to_from.translation.vector)),
+    ))
+}
+
+/// Rigid motion of space that brings `from` closest to `to` (m, in pairs).
+///
+/// # Errors
+/// See [`AlignmentError`].
+pub fn align_space(
+    from: &[Vector3<f64>],
+    to: &[Vector3<f64>],
+) -> Result<Placement<Isometry3<f64>>, AlignmentError> {
+    let (a, b, matrix): (_, _, Matrix3<f64>) = rotation(from, to)?;
+    let mut turn = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(matrix));
+    // The singular vectors carry some rounding; one Gauss–Newton step on the rotation removes it.
+    let (mut normal, mut gradient) = (Matrix3::zeros(), Vector3::zeros());
+    for (p, q) in from.iter().zip(to) {
+        let turned = turn * (p - a);
+        normal += Matrix3::identity() * turned.norm_squared() - turned * turned.transpose();
+        gradient += turned.cross(&(q - b));
+    }
+    if let Some(factor) = normal.cholesky() {
+        turn = UnitQuaternion::from_scaled_axis(factor.solve(&gradient)) * turn;
+    }
+    let to_from = Isometry3::from_parts(Translation3::from(b - turn * a), turn);
+    let left = from.iter().zip(to);
+    Ok(placement(
+        to_from,
+        left.map(|(p, q)| q - (turn * p + to_from.translation.vector)),
+    ))
+}
+
+/// Small displacement of a part that explains its deviations along the normals.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SmallDisplacement {
+    /// Shift of the origin, m.
+    pub shift: Vector3<f64>,
+    /// Rotation vector, rad.
+    pub rotation: Vector3<f64>,
+    /// Deviations less the displacement's, m: form.
+    pub residuals: Vec<f64>,
+    /// `(JᵀJ)⁻¹` of (shift, rotation), m and rad.
+    pub cofactor: Matrix6<f64>,
+}
+
+/// Least squares of d_i = n_i·(shift + rotation × p_i) for `(point in m, unit normal, deviation in m)`.
+///
+/// # Errors
+/// See [`AlignmentError`]: six normals that oppose six displacements are needed; a cylinder alone has too few.
+pub fn fit_displacement(
+    touches: &[(Vector3<f64>, Vector3<f64>, f64)],
+) -> Result<SmallDisplacement, AlignmentError> {
+    let given = touches.len();
+    if given < 6 {
+        return Err(AlignmentError::TooFewPoints { needed: 6, given });
+    }
+    let finite = |v: &Vector3<f64>| v.iter().all(|c| c.is_finite());
+    let sound =
+        |(p, n, d): &(Vector3<f64>, Vector3<f64>, f64)| finite(p) && finite(n) && d.is_finite();
+    if let Some(index) = touches.iter().position(|t| !sound(t)) {
+        return Err(AlignmentError::NotFinite(index));
+    }
+    let count = given as f64;
+    let centre = touches.iter().map(|t| t.0).sum::<Vector3<f64>>() / count;
+    let squares: f64 = touches.iter().map(|t| (t.0 - centre).norm_squared()).sum();
+    let size = (squares / count).sqrt().max(f64::MIN_POSITIVE);
+    let design = DMatrix::from_fn(given, 6, |i, j| {
+        let (p, n, _) = &touches[i];
+        let moment = ((p - centre) / size).cross(n);
+        if j < 3 { n[j] } else { moment[j - 3] }
+    });
+    let svd = design.clone().svd(true, true);
+    let largest = svd.singular_values.max();
+    let tolerance = 1e-9 * largest;
+    let free = svd
+        .singular_values
+        .iter()
+        .filter(|s| **s <= tolerance)
+        .count();
+    let (0, Some(v_t)) = (free, svd.v_t.as_ref()) else {
+        return Err(AlignmentError::Undetermined { free: free.max(1) });
+    };
+    let right = DVector::from_iterator(given, touches.iter().map(|t| t.2));
+    let solution = svd
+        .solve(&right, tolerance)
+        .map_err(|_| AlignmentError::Undetermined { free: 6 })?;
+    let residuals = right - &design * &solution;
+    let inverse = svd.singular_values.map(|s| 1.0 / (s * s));
+    let scaled = v_t.transpose() * DMatrix::from_diagonal(&inverse) * v_t;
+    // Rotation about the centre is rotation about the origin and a shift: shift₀ = shift + c × rotation.
+    let mut back = Matrix6::identity();
+    for axis in 0..3 {
+        let mut unit = Vector3::zeros();
+        unit[axis] = 1.0 / size;
+        back.fixed_view_mut::<3, 1>(0, 3 + axis)
+            .copy_from(&centre.cross(&unit));
+        back[(3 + axis, 3 + axis)] = 1.0 / size;
+    }
+    let moved = back * Vector6::from_column_slice(solution.as_slice());
+    Ok(SmallDisplacement {
+        shift: moved.fixed_rows::<3>(0).into(),
+        rotation: moved.fixed_rows::<3>(3).into(),
+        residuals: residuals.iter().copied().collect(),
+        cofactor: back * Matrix6::from_fn(|i, j| scaled[(i, j)]) * back.transpose(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{Rng, SeedableRng};
+    use rand_pcg::Pcg64;
+
+    #[test]
+    fn any_rigid_motion_is_recovered() {
+        let mut rng = Pcg64::seed_from_u64(1);
+        for n in [3, 4, 10].into_iter().cycle().take(300) {
+            let mut random = || Vector3::from_fn(|_, _| rng.random_range(-1.0..1.0));
+            let motion = Isometry3::new(random(), random() * 1.8);
+            let from: Vec<_> = (0..n).map(|_| random()).collect();
+            let to: Vec<_> = from
+                .iter()
+                .map(|p| motion.rotation * p + motion.translation.vector)
+                .collect();
+            let found = align_space(&from, &to).unwrap();
+            assert!(found.rms < 1e-14, "{n}: {:e}", found.rms);
+            assert!(found.to_from.rotation.angle_to(&motion.rotation) < 1e-7);
+            let flat = |points: &[Vector3<f64>]| points.iter().map(Vector3::xy).collect::<Vec<_>>();
+            let from = flat(&from);
+            let turn = UnitComplex::new(2.5);
+            let to: Vec<_> = from
+                .iter()
+                .map(|p| turn * p + Vector2::new(0.3, -0.1))
+                .collect();
+            let found = align_plane(&from, &to).unwrap();
+            assert!(found.rms < 1e-14 && found.to_from.rotation.angle_to(&turn).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn mirrored_points_are_turned_and_never_mirrored() {
+        let from = [
+            Vector3::new(1.0, 0.0, 0.0),
+            Vector3::new(0.0, 1.0, 0.0),
+            Vector3::new(0.0, 0.0, 1.0),
+            Vector3::new(1.0, 1.0, 1.0),
+        ];
+        let to = from.map(|p| Vector3::new(-p.x, p.y, p.z));
+        let found = align_space(&from, &to).unwrap();
+        let determinant = found
+            .to_from
+            .rotation
+            .to_rotation_matrix()
+            .matrix()
+            .determinant();
+        assert!((determinant - 1.0).abs() < 1e-12 && found.rms > 0.1);
+    }
+
+    #[test]
+    fn undetermined_and_unequal_points_are_refused() {
+        let line: Vec<Vector3<f64>> = (0..5)
+            .map(|i| Vector3::new(f64::from(i), 0.0, 0.0))
+            .collect();
+        assert_eq!(
+            align_space(&line, &line),
+            Err(AlignmentError::Undetermined { free: 1 })
+        );
+        assert!(matches!(
+            align_space(&line, &line[1..]),
+            Err(AlignmentError::Unequal { .. })
+        ));
+        let cylinder: Vec<_> = (0..20)
+            .map(|i| {
+                let n = Vector3::new(f64::from(i).cos(), f64::from(i).sin(), 0.0);
+                (n * 0.01 + Vector3::z() * 0.001 * f64::from(i), n, 0.0)
+            })
+            .collect();
+        assert_eq!(
+            fit_displacement(&cylinder),
+            Err(AlignmentError::Undetermined { free: 2 })
+        );
+    }
+
+    #[test]
+    fn a_small_displacement_of_a_block_is_recovered() {
+        let mut rng = Pcg64::seed_from_u64(2);
+        let (shift, rotation) = (
+            Vector3::new(5e-6, -3e-6, 8e-6),
+            Vector3::new(2e-5, -4e-5, 1e-5),
+        );
+        let touches: Vec<_> = (0..24)
+            .map(|i| {
+                let mut n = Vector3::zeros();
+                n[i % 3] = if i % 2 == 0 { 1.0 } else { -1.0 };
+                let p = Vector3::from_fn(|_, _| rng.random_range(0.1..0.2)) + n * 0.05;
+                (p, n, n.dot(&(shift + rotation.cross(&p))))
+            })
+            .collect();
+        let found = fit_displacement(&touches).unwrap();
+        assert!((found.shift - shift).norm() < 1e-17 && (found.rotation - rotation).norm() < 1e-16);
+        // The covariance against the definition.
+        let design = DMatrix::from_fn(24, 6, |i, j| {
+            let (p, n, _) = touches[i];
+            if j < 3 { n[j] } else { p.cross(&n)[j - 3] }
+        });
+        let expected = (design.transpose() * &design).try_inverse().unwrap();
+        for i in 0..6 {
+            assert!((found.cofactor[(i, i)] / expected[(i, i)] - 1.0).abs() < 1e-8);
+        }
+    }
+}
