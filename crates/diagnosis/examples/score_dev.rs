@@ -49,7 +49,7 @@ fn main() {
             .map(|e| {
                 let mut text = format!("{} {:.3}", e.effect, e.probability);
                 if !e.indistinguishable_from.is_empty() {
-                    text += &format!(" (or {})", e.indistinguishable_from.join(" "));
+                    text = format!("{text} (or {})", e.indistinguishable_from.join(" "));
                 }
                 text
             })
@@ -188,12 +188,12 @@ impl Score {
                     judged += 1;
                     let [low, high] = estimate.ci95;
                     if (low..=high).contains(&value) {
-                        inside += 1
+                        inside += 1;
                     } else {
                         missed.push(format!(
                             "{} {name} true {value:.4e} found {:.4e} [{low:.4e}, {high:.4e}]",
                             found.effect, estimate.value
-                        ))
+                        ));
                     }
                 }
             }

@@ -374,14 +374,31 @@ impl<'a> Pool<'a> {
             .map(|model| model.score)
             .fold(f64::NEG_INFINITY, f64::max);
         let mut promising: Vec<(f64, usize, f64)> = Vec::new();
+        // Only the candidates of these sets are set beside every rival: the whole library would cost too much.
+        let mut members: Vec<usize> = sets.iter().flatten().copied().collect();
+        members.sort_unstable();
+        members.dedup();
+        let few: Vec<&Candidate> = members
+            .iter()
+            .map(|&member| &self.candidates[member])
+            .collect();
+        let plain = self.products.part(&members);
+        let local: Vec<Vec<usize>> = sets
+            .iter()
+            .map(|set| {
+                set.iter()
+                    .filter_map(|member| members.binary_search(member).ok())
+                    .collect()
+            })
+            .collect();
         for (place, rival) in rivals.iter().enumerate() {
-            let beside = Beside::new(&self.products, &self.candidates, rival, self.y, self.active);
+            let beside = Beside::new(&few, rival, self.y, self.active);
             let mut own: Option<(f64, f64)> = None;
             for power in POWERS {
                 let price = rival.log_prior + UNKNOWN.ln() - (POWERS.len() as f64).ln();
-                let whitened = beside.products(power, &self.products);
-                for set in &sets {
-                    let score = whitened.log_evidence(set) + priors.of(set) + price;
+                let whitened = beside.products(power, &plain);
+                for (set, places) in sets.iter().zip(&local) {
+                    let score = whitened.log_evidence(places) + priors.of(set) + price;
                     models.push(Model {
                         set: set.clone(),
                         rival: Some((place, power)),
@@ -404,9 +421,9 @@ impl<'a> Pool<'a> {
                 break;
             }
             let rival = &rivals[place];
+            let all: Vec<&Candidate> = self.candidates.iter().collect();
             let whitened =
-                Beside::new(&self.products, &self.candidates, rival, self.y, self.active)
-                    .products(power, &self.products);
+                Beside::new(&all, rival, self.y, self.active).products(power, &self.products);
             let price = rival.log_prior + UNKNOWN.ln() - (POWERS.len() as f64).ln();
             for found in search(&whitened, priors, 6).into_iter().take(60) {
                 models.push(Model {
@@ -429,13 +446,7 @@ struct Beside<'a> {
 }
 
 impl<'a> Beside<'a> {
-    fn new(
-        _: &Products,
-        candidates: &[Candidate],
-        rival: &'a Rival,
-        y: &[f64],
-        active: &[bool],
-    ) -> Self {
+    fn new(candidates: &[&Candidate], rival: &'a Rival, y: &[f64], active: &[bool]) -> Self {
         let pick = |values: &[f64]| -> Vec<f64> {
             values
                 .iter()
@@ -508,16 +519,15 @@ impl Attribution {
         match model.rival {
             None => self.products.fit(&model.set),
             Some((place, power)) => {
-                let rival = &self.rivals[place];
-                Beside::new(
-                    &self.products,
-                    &self.candidates,
-                    rival,
-                    &self.y,
-                    &self.active,
-                )
-                .products(power, &self.products)
-                .fit(&model.set)
+                let members: Vec<&Candidate> = model
+                    .set
+                    .iter()
+                    .map(|&member| &self.candidates[member])
+                    .collect();
+                let places: Vec<usize> = (0..members.len()).collect();
+                Beside::new(&members, &self.rivals[place], &self.y, &self.active)
+                    .products(power, &self.products.part(&model.set))
+                    .fit(&places)
             }
         }
     }

@@ -73,6 +73,29 @@ impl Products {
         }
     }
 
+    /// The products of some candidates only, in the given order.
+    pub fn part(&self, members: &[usize]) -> Self {
+        let count = self.qy.len();
+        let mut spans = Vec::with_capacity(members.len());
+        let mut columns = Vec::new();
+        for &member in members {
+            let (first, width) = self.spans[member];
+            spans.push((columns.len(), width));
+            columns.extend(first..first + width);
+        }
+        let qq = columns
+            .iter()
+            .flat_map(|&a| columns.iter().map(move |&b| self.qq[a * count + b]));
+        Self {
+            rows: self.rows,
+            yy: self.yy,
+            qy: columns.iter().map(|&column| self.qy[column]).collect(),
+            qq: qq.collect(),
+            spans,
+            offset: self.offset,
+        }
+    }
+
     /// Evidence and fit of the candidates in `set`; `None` for more columns than can be solved.
     pub fn fit(&self, set: &[usize]) -> Option<Fit> {
         self.solve(set, true)
