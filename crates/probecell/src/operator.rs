@@ -170,8 +170,8 @@ impl Operator {
     }
 
     fn listen(&mut self) -> anyhow::Result<()> {
-        self.hear(topics::MACHINE_STATE, |heard, _: MachineState| {
-            heard.machine = true
+        self.hear(topics::MACHINE_STATE, |heard, state: MachineState| {
+            heard.machine = state.execution == MachineState::EXECUTION_IDLE;
         })?;
         self.hear(topics::VERDICTS, |heard, verdict: Verdict| {
             let plan_id = verdict.plan_id.clone();
@@ -304,7 +304,7 @@ impl Operator {
         Ok(())
     }
 
-    /// The machine has been heard, and everybody hears a request for a part.
+    /// The machine is idle, and everybody hears a request for a part.
     pub(crate) fn ready(&self) -> bool {
         let topic = topics::RUN_REQUESTS;
         let heard = self.bus.graph().subscriptions(
@@ -319,7 +319,7 @@ impl Operator {
         if lock(&self.heard).machine {
             "nobody hears requests for parts"
         } else {
-            "the machine was not heard"
+            "the machine is not idle"
         }
     }
 

@@ -1,0 +1,86 @@
+#!/bin/bash
+# The whole cell on LinuxCNC: cell.sh PROBECELL. A bore is cut (the simulated machine's radius follows the tool table),
+# measured, corrected and cut again; the next part shows the correction; a box is measured with a hidden scale error;
+# a dead probe, a stuck probe and a controller that goes away end in named faults. Hidden errors are set by halcmd.
+# Exit status 0: all hold; 1: one does not; 77: skipped, the simulated machine is not here.
+set -euo pipefail
+probecell=$(realpath "${1:?usage: cell.sh PROBECELL}")
+here=$(cd "$(dirname "$0")" && pwd)
+root=$(cd "$here/../../.." && pwd)
+"$here/install.sh"
+scratch=$(mktemp -d)
+cleanup() {
+    "$here/stop.sh" "$scratch" || true
+    rm -rf "$scratch"
+}
+trap cleanup EXIT INT TERM
+"$here/prepare.sh" "$scratch"
+cd "$scratch"
+
+# The "cut": the program tells the simulated machine the radius that its tool leaves, 20 µm of material and the wear
+# offset of tool 2 included, through an analog output of the controller.
+cat >finish_bore.ngc <<'N'
+%
+G21 G90 G40 G49
+T2 M6
+M68 E0 Q[24.980 + [#5410 - 10.0] / 2]
+G4 P0.2
+M2
+%
+N
+sed 's/ommprobe.0.radius/ommprobe.0.radius/' omm3.hal >omm3.hal.new && mv omm3.hal.new omm3.hal
+echo 'net cut-radius motion.analog-out-00 => ommprobe.0.radius' >>omm3.hal
+printf 'T1   P1   D+6.000000 Z+0.000000 ;probe\nT2   P2   D+10.000000 Z+0.000000 ;endmill\n' >omm3.tbl
+
+for name in bore box; do
+    sed "s#/home/linuxcnc/omm3#$scratch#g" "$root/launch-scripts/linuxcnc_$name.toml" >"$name.toml"
+done
+cp "$root/launch-scripts/three_axis.urdf" .
+
+pins() { for pair in "$@"; do halcmd setp "ommprobe.0.${pair%%=*}" "${pair#*=}"; done; }
+start() { "$here/start.sh" "$scratch"; halcmd setp motion.analog-out-00 24.98 2>/dev/null || true; }
+check() { # NAME EXPECTED_STATUS FILE PATTERN…
+    local name=$1 wanted=$2 file=$3; shift 3
+    local status=0
+    timeout 240 "$probecell" up "$file" --once >"$scratch/out.txt" 2>&1 || status=$?
+    for pattern in "$@"; do
+        grep -qE "$pattern" "$scratch/out.txt" || { echo "FAILED $name: nothing matches: $pattern"; cat "$scratch/out.txt"; exit 1; }
+    done
+    [ "$status" = "$wanted" ] || { echo "FAILED $name: status $status"; cat "$scratch/out.txt"; exit 1; }
+    echo "good: $name"
+}
+near() { # NAME ID EXPECTED_UM: the first error printed for ID is within 2 µm
+    python3 - "$scratch/out.txt" "$2" "$3" <<'P' || { echo "FAILED $1"; cat "$scratch/out.txt"; exit 1; }
+import re, sys
+text, name, wanted = open(sys.argv[1]).read(), sys.argv[2], float(sys.argv[3])
+error = float(re.search(rf"^\s+{name}\s+[-\d.]+ mm\s+([-+][\d.]+) µm", text, re.M).group(1))
+print(f"  {name}: measured {error:+.1f} µm, the pins say {wanted:+.1f} µm")
+sys.exit(abs(error - wanted) > 2)
+P
+}
+
+start
+pins artefact=2 cx=0 cy=0 cz=0 ball-r=2.995
+check "a bore is cut, measured, corrected and cut again" 0 bore.toml "can be recut" "applied: the controller read" "part bore: qualified"
+# 40 µm too small, and read 10 µm too large by a ball that is 5 µm too small.
+near "bore" bore -30
+grep -qE '^T2 .*D\+?10\.03' omm3.tbl || { echo "FAILED: the tool table does not hold the correction"; cat omm3.tbl; exit 1; }
+check "the next part shows the correction" 0 bore.toml "part bore: qualified after 1 cuts"
+near "next part" bore 0
+
+pins artefact=4 hx=25 hy=15 hz=10 cx=0 cy=0 cz=0 ball-r=3.0 scale-x=400 scale-y=0
+check "a box with a hidden scale error is measured" 1 box.toml "width_x" "cut below size|does not converge|could not be measured|worn|out of tolerance"
+# The ball goes 1.0004 times as far as the reading says: 56 mm of travel read 22.4 µm short.
+near "box x" width_x -22.4
+near "box y" width_y 0
+
+pins scale-x=0 probe-armed=0
+check "a dead probe is a named fault" 1 box.toml "fault probe_dead" "part box: stopped"
+pins probe-armed=1 always-on=1
+check "a stuck probe is a named fault" 1 box.toml "part box: stopped"
+pins always-on=0
+( for _ in $(seq 400); do grep -q . "$scratch/going" 2>/dev/null && break; sleep 0.1; done; sleep 15; "$here/stop.sh" "$scratch" ) &
+echo going >"$scratch/going"
+check "a controller that goes away in mid-program is a named fault" 1 box.toml "fault controller_(lost|restarted|alarm)" "part box: stopped"
+wait
+echo "the cell on LinuxCNC: good"
