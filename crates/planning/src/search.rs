@@ -5,6 +5,7 @@
 //! confined to a short stretch; a kicked path is accepted like in annealing. Costs are integers, so sums are exact and
 //! comparisons need no tolerance; a free end is a dummy point without costs.
 
+mod ascent;
 mod directed;
 mod grid;
 mod tour;
@@ -23,7 +24,7 @@ use tour::Tour;
 const BEGINNING_MOVES: usize = 20_000_000;
 
 /// Kicks per point in the first cycle of cooling.
-const CYCLE: u64 = 10;
+const CYCLE: u64 = 4;
 
 /// A path that can be kicked, improved and brought back.
 trait Kicked {
@@ -69,13 +70,18 @@ struct Cycle {
 }
 
 impl Cycle {
-    /// How much of the cycle has passed, from 0 to 1.
+    /// How much of the cycle has passed, from 0 to 1. The first stays cold: a search stopped that soon has no time to
+    /// make good what it accepts.
     fn part(&mut self, kicks: u64) -> f64 {
         if kicks >= self.begun + self.length {
             self.begun += self.length;
             self.length *= 2;
         }
-        (kicks - self.begun) as f64 / self.length as f64
+        if self.begun == 0 {
+            1.0
+        } else {
+            (kicks - self.begun) as f64 / self.length as f64
+        }
     }
 }
 

@@ -1,5 +1,6 @@
 //! Holds a problem in the form the search wants: integer costs, a first and a last point, near neighbours.
 
+use super::ascent::most_promising;
 use crate::problem::Checked;
 
 /// Near neighbours per point and direction.
@@ -13,6 +14,9 @@ const MOST: usize = 10;
 
 /// The largest cost becomes this integer; rounding is 7e-9 of it.
 const LARGEST: f64 = (1_u32 << 26) as f64;
+
+/// Neighbours kept of those, where the search goes by how likely they belong to a shortest ring.
+const PROMISING: usize = 5;
 
 /// Cost of the edge that closes the path to a ring: so cheap that no exchange of a few edges removes it.
 const CLOSING: i32 = -(1 << 30);
@@ -144,6 +148,9 @@ impl Grid {
             rules,
         };
         grid.after = grid.select(Self::cost);
+        if symmetric && problem.is_plain() {
+            grid.after = most_promising(&grid.after, PROMISING);
+        }
         grid.before = if symmetric {
             grid.after.clone()
         } else {
