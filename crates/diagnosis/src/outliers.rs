@@ -64,7 +64,7 @@ fn misses(columns: &[&Vec<f64>], y: &[f64], active: &[bool]) -> Option<Vec<f64>>
         }
     }
     let right: Vec<f64> = thin.iter().map(|column| dot(column, &target)).collect();
-    let mut best: Option<(f64, Vec<f64>)> = None;
+    let mut best: Option<(f64, Vec<f64>, Vec<f64>)> = None;
     for power in [1.0, 10.0, 100.0, 1e3, 1e4] {
         let mut factor = gram.clone();
         for i in 0..n {
@@ -76,16 +76,15 @@ fn misses(columns: &[&Vec<f64>], y: &[f64], active: &[bool]) -> Option<Vec<f64>>
         let left = (yy - dot(&right, &mean)).max(1e-30);
         let evidence = -0.5 * used.len() as f64 * left.ln()
             - 0.5 * (log_determinant + n as f64 * f64::ln(power));
-        if best.as_ref().is_none_or(|(known, _)| evidence > *known) {
-            let mut inverse = vec![0.0; n * n];
-            invert(&factor, n, &mut inverse);
-            best = Some((
-                evidence,
-                standardised(&thin, &target, &mean, &inverse, &used, y.len()),
-            ));
+        if best.as_ref().is_none_or(|(known, _, _)| evidence > *known) {
+            best = Some((evidence, factor, mean));
         }
     }
-    best.map(|(_, misses)| misses)
+    best.map(|(_, factor, mean)| {
+        let mut inverse = vec![0.0; n * n];
+        invert(&factor, n, &mut inverse);
+        standardised(&thin, &target, &mean, &inverse, &used, y.len())
+    })
 }
 
 fn standardised(
