@@ -25,6 +25,8 @@ impl Driver {
             _ if !alarms.is_empty() => MachineState::EXECUTION_ALARM,
             Interpreter::Paused => MachineState::EXECUTION_HOLD,
             Interpreter::Running => MachineState::EXECUTION_RUNNING,
+            // Not ready for a command until it is homed.
+            Interpreter::Idle if self.power_on.is_some() => MachineState::EXECUTION_RUNNING,
             Interpreter::Idle => MachineState::EXECUTION_IDLE,
         };
         let axes = &self.config.axes;
