@@ -11,7 +11,7 @@ use crate::effects::Variant;
 use crate::evidence::{Fit, Products, add_scaled, dot, scale};
 use crate::observation::Observations;
 use crate::rivals::{Rival, rivals};
-use crate::search::{Priors, Scored, search, usual_beam};
+use crate::search::{MOST_EFFECTS, Priors, Scored, extend, prune, search, usual_beam};
 
 /// Prior probability that something outside the vocabulary acts.
 const UNKNOWN: f64 = 0.05;
@@ -19,6 +19,8 @@ const UNKNOWN: f64 = 0.05;
 const POWERS: [f64; 7] = [0.3, 1.0, 4.0, 16.0, 64.0, 256.0, 1024.0];
 /// A rival this far (natural log) behind the best is not searched further.
 const FAR_BEHIND: f64 = 14.0;
+/// Rounds of growth beyond the search's depth.
+const GROWTHS: usize = 6;
 /// Peaks of a shape's scan that become candidates.
 const PEAKS: usize = 2;
 /// Two blocks are the same when their spans share all but this part.
@@ -78,6 +80,7 @@ pub fn attribute(
         }
         scored = pool.search();
     }
+    pool.grow(&mut scored);
     pool.finish(&scored)
 }
 
@@ -194,13 +197,48 @@ impl<'a> Pool<'a> {
     }
 
     fn search(&mut self) -> Vec<Scored> {
+        self.refresh();
+        search(&self.products, &self.priors(), usual_beam())
+    }
+
+    /// Products of all candidates there are by now.
+    fn refresh(&mut self) {
         let blocks: Vec<&[Vec<f64>]> = self
             .candidates
             .iter()
             .map(|candidate| candidate.block.as_slice())
             .collect();
         self.products = Products::new(&blocks, self.y, self.active);
-        search(&self.products, &self.priors(), usual_beam())
+    }
+
+    /// A machine with more wrong than the search's depth: adds effects one by one, shapes scanned anew each round.
+    fn grow(&mut self, scored: &mut Vec<Scored>) {
+        let Some(mut best) = scored
+            .first()
+            .filter(|best| best.set.len() >= MOST_EFFECTS)
+            .cloned()
+        else {
+            return;
+        };
+        for _ in 0..GROWTHS {
+            self.scan(&best.set);
+            self.refresh();
+            let priors = self.priors();
+            let Some(longer) = extend(&self.products, &priors, &best.set) else {
+                break;
+            };
+            best = prune(&self.products, &priors, longer);
+            scored.insert(0, best.clone());
+        }
+        // Neighbours of the long set tell how sure each member is.
+        let priors = self.priors();
+        for place in 0..best.set.len() {
+            let mut set = best.set.clone();
+            set.remove(place);
+            let score = self.products.log_evidence(&set) + priors.of(&set);
+            scored.push(Scored { set, score });
+        }
+        scored.sort_by(|one, other| other.score.total_cmp(&one.score));
     }
 
     /// Adds the shapes that best explain what `context` leaves.

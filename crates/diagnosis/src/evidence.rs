@@ -11,7 +11,7 @@ const ROUNDS: usize = 6;
 /// One pseudo-observation of noise at the resolution of a good controller, m: keeps perfect fits finite.
 const RESOLUTION: f64 = 2e-8;
 /// Largest set of columns that is solved.
-pub(crate) const MOST_COLUMNS: usize = 40;
+pub(crate) const MOST_COLUMNS: usize = 96;
 
 /// Inner products of all candidate columns with one another and with the deviations.
 #[derive(Debug, Clone)]

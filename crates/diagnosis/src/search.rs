@@ -9,6 +9,8 @@ use crate::evidence::{Products, cholesky, solve_cholesky};
 
 /// Most effects in a set.
 pub const MOST_EFFECTS: usize = 5;
+/// Most effects in a set that grows one by one.
+const MOST_AT_LENGTH: usize = 32;
 /// Sets kept at each size.
 const BEAM: usize = 24;
 /// Candidates tried on each kept set.
@@ -87,6 +89,48 @@ pub fn search(products: &Products, priors: &Priors, beam: usize) -> Vec<Scored> 
     }
     all.sort_by(|one, other| other.score.total_cmp(&one.score));
     all
+}
+
+/// Adds candidates to a set one by one while the posterior rises; `None` when none does.
+pub fn extend(products: &Products, priors: &Priors, start: &[usize]) -> Option<Scored> {
+    let score = |set: &[usize]| products.log_evidence(set) + priors.of(set);
+    let first = score(start);
+    let mut best = Scored {
+        set: start.to_vec(),
+        score: first,
+    };
+    while best.set.len() < MOST_AT_LENGTH {
+        let trials = promising(products, priors, &best.set, TRIED)
+            .into_iter()
+            .map(|candidate| {
+                let mut set = best.set.clone();
+                set.push(candidate);
+                set.sort_unstable();
+                let score = score(&set);
+                Scored { set, score }
+            });
+        match trials.max_by(|one, other| one.score.total_cmp(&other.score)) {
+            Some(next) if next.score > best.score => best = next,
+            _ => break,
+        }
+    }
+    (best.score > first).then_some(best)
+}
+
+/// Takes candidates out of a set one by one while the posterior rises.
+pub fn prune(products: &Products, priors: &Priors, mut best: Scored) -> Scored {
+    loop {
+        let trials = (0..best.set.len()).map(|place| {
+            let mut set = best.set.clone();
+            set.remove(place);
+            let score = products.log_evidence(&set) + priors.of(&set);
+            Scored { set, score }
+        });
+        match trials.max_by(|one, other| one.score.total_cmp(&other.score)) {
+            Some(next) if next.score > best.score => best = next,
+            _ => return best,
+        }
+    }
 }
 
 /// The usual width of the search.
