@@ -18,9 +18,9 @@ const DIRECTIONS: usize = 256;
 /// Rounds of the search: passes over the sample for each start, then how many of the lowest go on.
 const ROUNDS: [(usize, usize); 3] = [(6, 64), (12, 16), (100, 3)];
 /// Points times starts in the first round: few points have many shapes close to them, so all directions start there.
-const EFFORT: usize = 4096;
+const EFFORT: usize = 2560;
 /// Points the search works on; the final descent takes all.
-const SAMPLE: usize = 96;
+const SAMPLE: usize = 64;
 
 /// Axis frame, foot point, radius at the foot and half angle; a cylinder is the cone of half angle zero.
 #[derive(Clone, Copy)]
@@ -252,11 +252,16 @@ where
         models = reached.into_iter().map(|minimum| minimum.model).collect();
     }
     let best = *sums.first()?;
+    let mut previous = f64::NEG_INFINITY;
     models
         .into_iter()
         .zip(sums)
-        // Other basins matter only where the sample hardly tells them from the first.
-        .filter(|(_, sum)| *sum <= 1.5 * best)
+        // Other basins matter only where the sample hardly tells them from the first; equal sums are one basin.
+        .filter(|(_, sum)| {
+            let distinct = *sum <= 1.5 * best && *sum - previous > 1e-9 * best;
+            previous = *sum;
+            distinct
+        })
         .filter_map(|(model, _)| refine(model, points, LIMIT))
         .min_by(|a, b| a.sum.total_cmp(&b.sum))
 }
