@@ -2,8 +2,9 @@
 //!
 //! For a given axis direction both shapes follow from linear equations (after Eberly, "Fitting 3D data with a
 //! cylinder"): across the axis `|q|² = 2c·q + 2r₀k·z + k²·z² + (r₀² − |c|²)`, with k = tan of the half angle, zero for
-//! a cylinder. Directions spread evenly over the hemisphere, and the principal axes, are tried so; the best few that
-//! lie apart descend to the orthogonal distances, and the lowest wins.
+//! a cylinder. Directions spread evenly over the hemisphere, and the principal axes, are tried so on a sample of the
+//! points; the better of them take a few steps towards the least orthogonal distances, the lowest of these more, and the
+//! lowest of all descends on all points.
 
 use nalgebra::{DMatrix, Matrix3, SMatrix, SVector, Vector2, Vector3};
 

@@ -120,7 +120,8 @@ impl Systematic {
 
 /// Root of an ascending function between `low` and `high`.
 fn bisect(mut low: f64, mut high: f64, function: impl Fn(f64) -> f64) -> f64 {
-    for _ in 0..100 {
+    // Sixty halvings reach the rounding of any of the intervals here.
+    for _ in 0..60 {
         let middle = f64::midpoint(low, high);
         if function(middle) > 0.0 {
             high = middle;
