@@ -24,7 +24,10 @@ use tour::Tour;
 const BEGINNING_MOVES: usize = 20_000_000;
 
 /// Kicks per point in the first cycle of cooling.
-const CYCLE: u64 = 4;
+const CYCLE: u64 = 10;
+
+/// More points than this begin with a cold cycle: a search stopped in it has no time to make good what it accepts.
+const LARGE: usize = 3000;
 
 /// A path that can be kicked, improved and brought back.
 trait Kicked {
@@ -67,17 +70,17 @@ pub(crate) fn run(
 struct Cycle {
     begun: u64,
     length: u64,
+    cold_first: bool,
 }
 
 impl Cycle {
-    /// How much of the cycle has passed, from 0 to 1. The first stays cold: a search stopped that soon has no time to
-    /// make good what it accepts.
+    /// How much of the cycle has passed, from 0 to 1; all of it where the cycle is cold.
     fn part(&mut self, kicks: u64) -> f64 {
         if kicks >= self.begun + self.length {
             self.begun += self.length;
             self.length *= 2;
         }
-        if self.begun == 0 {
+        if self.cold_first && self.begun == 0 {
             1.0
         } else {
             (kicks - self.begun) as f64 / self.length as f64
@@ -146,6 +149,7 @@ fn iterate(
     let mut cycle = Cycle {
         begun: 0,
         length: CYCLE * best.len() as u64,
+        cold_first: best.len() > LARGE,
     };
     let every = options.report_every.max(1);
     let mut kicks = 0;
