@@ -117,9 +117,13 @@ fn check_source(state: &State, correction: &Correction) -> Result<(), Refusal> {
 }
 
 fn check_bounds(config: &Config, correction: &Correction) -> Result<(), Refusal> {
+    // A bound that is not a number is none: `max` and `min` would drop it.
+    if correction.lower_bound.is_nan() || correction.upper_bound.is_nan() {
+        return refuse(Ack::REFUSED_OUT_OF_BOUNDS, "its bounds are not numbers");
+    }
     let lower = correction.lower_bound.max(-config.wear_limit);
     let upper = correction.upper_bound.min(config.wear_limit);
-    // Written so that NaN anywhere is out of bounds.
+    // Written so that a value that is not a number is out of bounds.
     if correction.new_value >= lower && correction.new_value <= upper {
         return Ok(());
     }

@@ -1,6 +1,6 @@
 //! Everything the node remembers.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use graph::Stamp;
 use probecell_msgs::{ControllerStatus, Correction, OperationRequest};
@@ -23,6 +23,8 @@ pub struct State {
     pub measured: BTreeSet<String>,
     /// Corrections written to the controller and not yet answered, by command number.
     pub writing: BTreeMap<u64, Correction>,
+    /// Approved corrections that wait until the machine stands still and the one before is written, in order of arrival.
+    pub deferred: VecDeque<Correction>,
     /// Corrections that the controller has, with the values read before and after.
     pub applied: BTreeMap<String, (f64, f64)>,
     /// Codes of faults that stand now, each told once.

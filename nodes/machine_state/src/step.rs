@@ -90,10 +90,18 @@ impl Node for MachineStateNode {
                     out.send(Output::RobotDescription(description));
                 }
                 watch(config, state, now, out);
+                write_deferred(config, state, now, out);
                 out.wake_at(now.after_s(WATCH_PERIOD), WATCH);
             }
-            Input::Status(status) => sample(config, state, now, status, out),
-            Input::Reply(reply) => answer(state, now, &reply, out),
+            Input::Status(status) => {
+                sample(config, state, now, status, out);
+                // An operation may have failed with this sample.
+                write_deferred(config, state, now, out);
+            }
+            Input::Reply(reply) => {
+                answer(state, now, &reply, out);
+                write_deferred(config, state, now, out);
+            }
             Input::Request(request) => request_operation(config, state, now, request, out),
             Input::Order(order) => {
                 state.order = Some((order.plan_id, order.order));
@@ -101,7 +109,7 @@ impl Node for MachineStateNode {
                     request_operation(config, state, now, awaited.request, out);
                 }
             }
-            Input::Correction(correction) => correct(config, state, now, &correction, out),
+            Input::Correction(correction) => correct(config, state, now, correction, out),
         }
     }
 }
@@ -340,45 +348,54 @@ fn request_operation(
     });
 }
 
+/// Takes a correction in: what is not approved asks nothing of the machine, the others are written one after the other
+/// while no program runs.
 fn correct(
+    config: &Config,
+    state: &mut State,
+    now: Stamp,
+    correction: Correction,
+    out: &mut Outbox<Output>,
+) {
+    let silent = [Correction::APPROVAL_NONE, Correction::APPROVAL_REJECTED];
+    let known = |other: &Correction| other.correction_id == correction.correction_id;
+    if silent.contains(&correction.approval)
+        || state.writing.values().any(known)
+        || state.deferred.iter().any(known)
+    {
+        return;
+    }
+    state.deferred.push_back(correction);
+    write_deferred(config, state, now, out);
+}
+
+fn write_deferred(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Output>) {
+    while state.operation.is_none() && state.writing.is_empty() {
+        let Some(correction) = state.deferred.pop_front() else {
+            return;
+        };
+        write(config, state, now, &correction, out);
+    }
+}
+
+fn write(
     config: &Config,
     state: &mut State,
     now: Stamp,
     correction: &Correction,
     out: &mut Outbox<Output>,
 ) {
-    // A proposal, or one that was turned down: nothing is asked of the machine.
-    if [Correction::APPROVAL_NONE, Correction::APPROVAL_REJECTED].contains(&correction.approval)
-        || state
-            .writing
-            .values()
-            .any(|writing| writing.correction_id == correction.correction_id)
-    {
-        return;
-    }
     if let Some(&(before, after)) = state.applied.get(&correction.correction_id) {
         let outcome = CorrectionAcknowledgement::ALREADY_APPLIED;
-        acknowledge(
-            now,
-            correction,
-            outcome,
-            (before, after),
-            "it was written before",
-            out,
-        );
+        let text = "it was written before";
+        acknowledge(now, correction, outcome, (before, after), text, out);
         return;
     }
     match gate::check(config, state, now, correction) {
         Err(refusal) => {
             let held = correction.previous_value;
-            acknowledge(
-                now,
-                correction,
-                refusal.outcome,
-                (held, held),
-                &refusal.text,
-                out,
-            );
+            let values = (held, held);
+            acknowledge(now, correction, refusal.outcome, values, &refusal.text, out);
         }
         Ok(_held) => {
             let command = ControllerCommand {
