@@ -21,6 +21,8 @@ use crate::{outliers, parameters, places, timing};
 
 /// Beside something unknown an effect is named only when it is this probable.
 const SURE_BESIDE_UNKNOWN: f64 = 0.99;
+/// An effect is named only when its set is this many times as probable as the set without it.
+const REFUTED: f64 = 10.0;
 /// A grid is named when it makes at least this share of the noise variance.
 const GRID_SHARE: f64 = 0.2;
 /// Second orders under this share of the noise are left alone.
@@ -201,6 +203,21 @@ fn shifts(
     shifts
 }
 
+/// The smallest explanation within another that is not yet refuted by [`REFUTED`]: a false name costs more than one
+/// left out.
+fn simplest<'a>(attribution: &'a Attribution, model: &'a Model) -> &'a Model {
+    let mut best = model;
+    while let Some(smaller) = attribution.models.iter().find(|other| {
+        other.rival.is_some() == best.rival.is_some()
+            && other.set.len() + 1 == best.set.len()
+            && other.set.iter().all(|member| best.set.contains(member))
+            && other.probability * REFUTED > best.probability
+    }) {
+        best = smaller;
+    }
+    best
+}
+
 /// Weighted residuals of a model, its rival's part taken out as well.
 fn residuals(attribution: &Attribution, model: &Model) -> Vec<f64> {
     let mut left = attribution.y.clone();
@@ -272,7 +289,7 @@ impl Reporter<'_> {
             probability: 0.0,
             score: 0.0,
         };
-        let best = best.unwrap_or(&empty);
+        let best = simplest(attribution, best.unwrap_or(&empty));
         let fit = attribution.fit(best);
         let noise = fit.as_ref().map_or(0.0, |fit| fit.variance.sqrt());
         let (effects, set) = self.effects(best, beside_unknown, noise);

@@ -29,7 +29,12 @@ mod tool_runout;
 mod tool_wear;
 mod trigger_latency;
 
+use machine::{Chain, JointKind, Side};
+
 use crate::observation::{Column, Observations};
+
+/// Fewest turning axes before the probe that make an arm.
+const ARM: usize = 5;
 
 /// One linear parameter of an effect.
 #[derive(Debug, Clone)]
@@ -194,6 +199,12 @@ fn logspace(from: f64, to: f64, count: usize) -> Vec<f64> {
         .into_iter()
         .map(f64::exp)
         .collect()
+}
+
+/// True for a serial arm: at least five turning axes carry the probe.
+fn is_arm(chain: &Chain) -> bool {
+    let turning = |index: &&usize| chain.joints()[**index].kind == JointKind::Revolute;
+    chain.branch(Side::Tool).iter().filter(turning).count() >= ARM
 }
 
 /// Tools that cut points of the session, ascending.

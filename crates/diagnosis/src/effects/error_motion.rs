@@ -2,16 +2,20 @@
 //!
 //! Radial run-out in the frame at rest: along one direction across the axis, e = a·sin(k·q + phase), or on a circle with
 //! or against the turn. k is profiled from 1 to 3 where enough angles are visited. Typical 1–10 µm; at least six angles
-//! part it from the axis's location.
+//! part it from the axis's location. The bearings of an arm run true to micrometres, while its links err by hundreds and
+//! look the same: there it is not offered.
 
 use machine::JointKind;
 use nalgebra::Vector3;
 
 use super::indexing::distinct_angles;
-use super::{Form, Parameter, Shape, Variant};
+use super::{Form, Parameter, Shape, Variant, is_arm};
 use crate::observation::{Observations, Pose};
 
 pub(super) fn offer(observations: &Observations, variants: &mut Vec<Variant>) {
+    if is_arm(&observations.chain) {
+        return;
+    }
     for axis in 0..observations.chain.axes().len() {
         let joint = observations.chain.axis(axis);
         let angles = distinct_angles(observations, axis);

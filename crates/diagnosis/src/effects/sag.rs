@@ -6,21 +6,18 @@
 use machine::{Chain, JointKind, Side};
 use nalgebra::{Isometry3, Point3, Vector3};
 
-use super::{Parameter, Variant};
+use super::{Parameter, Variant, is_arm};
 use crate::observation::{Observations, Pose};
-
-/// Fewest revolute axes in the tool branch that make an arm.
-const ARM: usize = 5;
 
 pub(super) fn offer(observations: &Observations, variants: &mut Vec<Variant>) {
     let chain = &observations.chain;
+    if !is_arm(chain) {
+        return;
+    }
     let turning: Vec<usize> = (0..chain.axes().len())
         .filter(|&axis| chain.axis(axis).kind == JointKind::Revolute)
         .filter(|&axis| chain.carries(chain.axes()[axis], Side::Tool))
         .collect();
-    if turning.len() < ARM {
-        return;
-    }
     let parameters = turning
         .iter()
         .map(|&axis| Parameter::new(chain.axis(axis).name.clone(), "rad/(N m)", 1e-3))

@@ -1,0 +1,124 @@
+//! The diagnosis on sessions of a plant that shares no code with the signatures.
+
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use diagnosis::blind::{Content, Truth, session};
+use diagnosis::{DiagnoseError, Options, Report, Session, Verdict, diagnose};
+
+fn check(seed: u64, content: Content) -> (Truth, Report) {
+    let (session, truth) = session(seed, content);
+    let report = diagnose(&session, &Options::default()).unwrap();
+    (truth, report)
+}
+
+#[test]
+fn a_clean_session_has_no_gap_and_names_nothing() {
+    for seed in 0..8 {
+        let (truth, report) = check(seed, Content::Clean);
+        assert_eq!(report.verdict, Verdict::NoGap, "seed {seed}: {report}");
+        assert!(report.effects.is_empty());
+        assert!(
+            (report.gap.noise_floor / truth.noise - 1.0).abs() < 0.25,
+            "seed {seed}: {report}"
+        );
+    }
+}
+
+#[test]
+fn a_single_effect_is_named_or_stands_among_its_equals() {
+    let mut right = 0;
+    for seed in 20..30 {
+        let (truth, report) = check(seed, Content::Known(1));
+        let id = &truth.effects[0];
+        right += usize::from(
+            report.effects.len() == 1
+                && (report.effects[0].effect == *id
+                    || report.effects[0].indistinguishable_from.contains(id)),
+        );
+    }
+    assert!(right >= 9, "{right} of 10");
+}
+
+#[test]
+fn held_out_rms_comes_down_to_the_noise() {
+    let mut ratios: Vec<f64> = (40..49)
+        .filter_map(|seed| {
+            let (truth, report) = check(seed, Content::Known(2));
+            report
+                .effects
+                .last()
+                .map(|effect| effect.rms_after / truth.noise)
+        })
+        .collect();
+    ratios.sort_by(f64::total_cmp);
+    assert!(ratios[ratios.len() / 2] < 1.15, "{ratios:?}");
+}
+
+#[test]
+fn something_outside_the_vocabulary_stays_unexplained() {
+    let unexplained = (60..70)
+        .filter(|&seed| {
+            let (_, report) = check(seed, Content::Strange);
+            report.verdict == Verdict::Unexplained && report.effects.is_empty()
+        })
+        .count();
+    assert!(unexplained >= 8, "{unexplained} of 10");
+}
+
+#[test]
+fn the_answer_does_not_depend_on_the_order_of_messages() {
+    let (mut shuffled, _) = session(3, Content::Known(2));
+    let ordered = diagnose(&shuffled, &Options::default()).unwrap();
+    shuffled.events.reverse();
+    assert_eq!(diagnose(&shuffled, &Options::default()).unwrap(), ordered);
+}
+
+#[test]
+fn unusable_sessions_are_refused_with_the_reason() {
+    let (good, _) = session(5, Content::Clean);
+    let refused = |change: &dyn Fn(&mut Session), expected: &str| {
+        let mut bad = good.clone();
+        change(&mut bad);
+        let error: DiagnoseError = diagnose(&bad, &Options::default()).unwrap_err();
+        assert!(
+            error.to_string().contains(expected),
+            "got: {error}\nexpected: {expected}"
+        );
+    };
+    refused(&|bad| bad.plan = None, "neither an inspection plan");
+    refused(&|bad| bad.robot_description.clear(), "no robot_description");
+    refused(&|bad| bad.events.truncate(3), "3 touches");
+    refused(
+        &|bad| bad.events[4].axis_names[0] = "W".to_owned(),
+        "axis `W`",
+    );
+    refused(
+        &|bad| bad.events[4].axis_positions[1] = f64::NAN,
+        "not finite",
+    );
+    refused(
+        &|bad| bad.events[4].plan_id = "other".to_owned(),
+        "plan `other`",
+    );
+    refused(&|bad| bad.events[4].point_index = 9999, "names point 9999");
+    refused(
+        &|bad| {
+            for event in &mut bad.events {
+                for (name, position) in event.axis_names.iter().zip(&mut event.axis_positions) {
+                    if ["X", "Y", "Z"].contains(&name.as_str()) {
+                        *position *= 1000.0;
+                    }
+                }
+            }
+        },
+        "millimetres",
+    );
+    refused(
+        &|bad| {
+            let mut twin = bad.events[7].clone();
+            twin.axis_positions[0] += 0.001;
+            bad.events.push(twin);
+        },
+        "event 7 came twice",
+    );
+}
