@@ -338,10 +338,11 @@ fn joint(joint: &urdf_rs::Joint, child: &urdf_rs::Link) -> Result<Joint, ChainEr
     if joint.mimic.is_some() {
         return Err(ChainError::Mimic(name));
     }
-    let axis = Unit::try_new(Vector3::from(*joint.axis.xyz), 1e-9);
-    let axis = match (kind, axis) {
-        (JointKind::Fixed, _) => Vector3::x_axis(),
-        (_, Some(axis)) if axis.iter().all(|value| value.is_finite()) => axis,
+    let axis = Vector3::from(*joint.axis.xyz);
+    let axis = match kind {
+        JointKind::Fixed => Vector3::x_axis(),
+        // The squares of a huge axis overflow, and a division by infinity would leave no direction.
+        _ if axis.norm().is_finite() => Unit::try_new(axis, 1e-9).ok_or_else(|| bad("axis"))?,
         _ => return Err(bad("axis")),
     };
     let origin = isometry(&joint.origin).ok_or_else(|| bad("origin"))?;

@@ -91,6 +91,11 @@ fn unusable_joints_are_named() {
         &format!("{LINKS}{PART}{}", TOOL.replace("0 0 1", "0 0 NaN")),
         "joint `Z` has an unusable axis",
     );
+    // Its length overflows, so that normalising it leaves no direction.
+    check(
+        &format!("{LINKS}{PART}{}", TOOL.replace("0 0 1", "0 0 1e308")),
+        "joint `Z` has an unusable axis",
+    );
     let shifted = TOOL.replace("<axis", r#"<origin xyz="inf 0 0"/><axis"#);
     check(
         &format!("{LINKS}{PART}{shifted}"),

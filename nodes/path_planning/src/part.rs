@@ -105,6 +105,9 @@ pub struct RawFeature {
     pub touch_points_mm: Vec<[f64; 3]>,
 }
 
+/// Largest length (mm), angle (deg) or feed (mm/min) that is taken: far beyond any machine.
+const LARGEST: f64 = 1e9;
+
 /// Nominal point (m) and outward normal, part frame.
 type Touch = (Vector3<f64>, Vector3<f64>);
 
@@ -181,6 +184,12 @@ impl RawPart {
                 return Err(PartError::Number(key.to_owned(), " above 0"));
             }
         }
+        finite("position_mm", &self.position_mm)?;
+        finite("stylus.ball_center_mm", &self.stylus.ball_center_mm)?;
+        for raw in &self.operations {
+            finite("operations.tool_radius_mm", &[raw.tool_radius_mm])?;
+            finite("operations.feed_mm_per_min", &[raw.feed_mm_per_min])?;
+        }
         let indexing = self.indexing(chain)?;
         let mut template = InspectionPlan {
             part_id: self.id.clone(),
@@ -245,6 +254,7 @@ impl RawPart {
         }
         let about = axis.axis;
         let across = |v: &Vector3<f64>| v - about.into_inner() * about.dot(v);
+        finite("facing", &self.facing)?;
         let facing =
             Unit::try_new(across(&Vector3::from(self.facing)), 1e-9).ok_or(PartError::Facing)?;
         Ok(Some(Indexing { about, facing }))
@@ -292,8 +302,12 @@ impl RawFeature {
                 });
             }
         };
-        let axis = Unit::try_new(Vector3::from(self.axis), 1e-9).map(Unit::into_inner);
-        let axis = match axis {
+        finite("features.origin_mm", &self.origin_mm)?;
+        finite("features.radius_mm", &[self.radius_mm])?;
+        finite("features.touch_angles_deg", &self.touch_angles_deg)?;
+        finite("features.touch_heights_mm", &self.touch_heights_mm)?;
+        finite("features.touch_points_mm", self.touch_points_mm.as_flattened())?;
+        let axis = match direction(self.axis) {
             Some(axis) => axis,
             None if kind == InspectionFeature::SPHERE => Vector3::z(),
             None => return Err(PartError::Axis(self.id.clone())),
@@ -431,6 +445,22 @@ fn across(axis: &Vector3<f64>) -> Vector3<f64> {
         Vector3::y()
     };
     (reference - axis * axis.dot(&reference)).normalize()
+}
+
+/// Refuses NaN and infinity, and what is so large that sums and squares of it would become so.
+fn finite(key: &str, values: &[f64]) -> Result<(), PartError> {
+    if values.iter().all(|value| value.abs() <= LARGEST) {
+        Ok(())
+    } else {
+        Err(PartError::Number(key.to_owned(), " within ±1e9"))
+    }
+}
+
+/// A vector of length 1, where there is a direction.
+fn direction(vector: [f64; 3]) -> Option<Vector3<f64>> {
+    let vector = Vector3::from(vector);
+    let direction = Unit::try_new(vector, 1e-9)?.into_inner();
+    vector.norm().is_finite().then_some(direction)
 }
 
 fn metres(mm: [f64; 3]) -> Vector3<f64> {
