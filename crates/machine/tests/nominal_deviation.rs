@@ -1,0 +1,62 @@
+//! Deviations of all touches of the development sessions against an independent NumPy implementation.
+
+use std::path::Path;
+use std::process::Command;
+
+use machine::{Chain, deviation};
+
+#[test]
+fn deviations_agree_with_numpy_to_a_nanometre() {
+    let folder = Path::new(concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../../../shared/trials/dev"
+    ));
+    let Ok(entries) = std::fs::read_dir(folder) else {
+        println!("skipped: no {}", folder.display());
+        return;
+    };
+    let mut bags: Vec<_> = entries.map(|entry| entry.unwrap().path()).collect();
+    bags.retain(|path| {
+        path.extension()
+            .is_some_and(|extension| extension == "mcap")
+    });
+    bags.sort();
+    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/nominal_deviation.py");
+    let imports = Command::new("python3")
+        .args(["-c", "import numpy, mcap_ros2"])
+        .output();
+    if !imports.is_ok_and(|run| run.status.success()) {
+        println!("skipped: python3 with numpy and mcap-ros2-support is not installed");
+        return;
+    }
+    let run = Command::new("python3")
+        .arg(script)
+        .args(&bags)
+        .output()
+        .unwrap();
+    assert!(
+        run.status.success(),
+        "{}",
+        String::from_utf8_lossy(&run.stderr)
+    );
+    let lines = String::from_utf8(run.stdout).unwrap();
+    let expected: Vec<Vec<f64>> = lines
+        .lines()
+        .map(|line| serde_json::from_str(line).unwrap())
+        .collect();
+    assert_eq!(expected.len(), bags.len());
+    for (bag, expected) in bags.iter().zip(expected) {
+        let session = bags::Session::read(&bags::Bag::open(bag).unwrap()).unwrap();
+        let chain = Chain::from_urdf(&session.robot_description).unwrap();
+        let plan = session.plan.unwrap();
+        assert_eq!(session.events.len(), expected.len());
+        for (event, expected) in session.events.iter().zip(expected) {
+            let got = deviation(&chain, &plan, &event.message).unwrap();
+            assert!(
+                (got - expected).abs() < 1e-9,
+                "{}: {got} m, NumPy {expected} m",
+                bag.display()
+            );
+        }
+    }
+}
