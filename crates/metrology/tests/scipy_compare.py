@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Compares metrology's fits with SciPy on random point sets; exit status 1 beyond 1e-9 m.
 
-usage: scipy_compare.py FIT_POINTS [--sets N] [--seed S]
+usage: scipy_compare.py FIT_POINTS [--sets N] [--seed S] [--shapes SHAPE …]
 
 FIT_POINTS is the built example `fit_points`. Both sides minimise the sum of squared orthogonal distances; SciPy starts
 from the shape the points were made from, we start from nothing. Compared are the shapes themselves, as positions (m)
@@ -154,9 +154,12 @@ def main():
     parser.add_argument("fit_points")
     parser.add_argument("--sets", type=int, default=10_000)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--shapes", nargs="+", choices=SHAPES, default=SHAPES)
     arguments = parser.parse_args()
     failed = False
     for which, shape in enumerate(SHAPES):
+        if shape not in arguments.shapes:
+            continue
         rng = np.random.default_rng([arguments.seed, which])
         cases = [make(shape, rng) for _ in range(arguments.sets)]
         text = "".join(json.dumps({"shape": shape, "points": case[0].tolist()}) + "\n" for case in cases)
