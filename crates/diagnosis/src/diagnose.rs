@@ -344,11 +344,11 @@ impl Reporter<'_> {
             unexplained: self.unexplained(beside_unknown),
             rejected: self.rejected(&set),
             next_measurement: crate::next::plan(
-                self.session,
                 self.observations,
                 self.variants,
                 attribution,
                 &set,
+                &effects,
             ),
             effects,
             warnings,

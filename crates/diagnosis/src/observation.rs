@@ -221,6 +221,38 @@ impl Observations {
         }
     }
 
+    /// The row as it would be at other prescribed axis positions and another feed; `None` out of reach.
+    ///
+    /// `prescribed` is in the order of [`Self::prescribed`].
+    pub fn imagined(&self, row: &Row, prescribed: &[f64], feed: f64) -> Option<Row> {
+        let pose = row.pose.as_ref()?;
+        let mut fixed = vec![None; self.chain.axes().len()];
+        for (&axis, &position) in self.prescribed.iter().zip(prescribed) {
+            fixed[axis] = Some(position);
+        }
+        let (part, ball) = (&self.nominal.part_pose, &self.nominal.ball);
+        let target = Target {
+            ball: pose.sensitivity.ball,
+            orientation: None,
+        };
+        let positions = self
+            .chain
+            .reach(&target, &fixed, &pose.positions, part, ball)
+            .ok()?;
+        let sensitivity = self.chain.sensitivity(&positions, part, ball);
+        let speed = row.normal * -feed;
+        let speeds = free_speeds(&self.chain, &self.prescribed, &sensitivity, &speed);
+        Some(Row {
+            feed,
+            pose: Some(Pose {
+                positions,
+                sensitivity,
+                speeds,
+            }),
+            ..row.clone()
+        })
+    }
+
     /// Range of an axis (by place in [`Chain::axes`]) over the touches.
     pub fn travel(&self, axis: usize) -> (f64, f64) {
         let positions = self
@@ -337,11 +369,15 @@ impl Builder<'_> {
         let (nominal, normal) = &self.nominal.points[point];
         let latched = self.chain.sensitivity(&positions, part, ball);
         let missing = nominal + normal.into_inner() * self.nominal.ball_radius - latched.ball;
-        for (position, change) in positions.iter_mut().zip(self.speeds(&latched, &missing)) {
+        for (position, change) in
+            positions
+                .iter_mut()
+                .zip(free_speeds(self.chain, self.prescribed, &latched, &missing))
+        {
             *position += change;
         }
         let sensitivity = self.chain.sensitivity(&positions, part, ball);
-        let speeds = self.speeds(&sensitivity, velocity);
+        let speeds = free_speeds(self.chain, self.prescribed, &sensitivity, velocity);
         Pose {
             positions,
             sensitivity,
@@ -433,36 +469,6 @@ impl Builder<'_> {
         })
     }
 
-    /// Speeds of the free axes that move the ball by `velocity` (m/s, part frame) without turning it.
-    fn speeds(&self, sensitivity: &Sensitivity, velocity: &Vector3<f64>) -> Vec<f64> {
-        let free: Vec<usize> = (0..self.chain.axes().len())
-            .filter(|axis| !self.prescribed.contains(axis))
-            .collect();
-        let mut speeds = vec![0.0; self.chain.axes().len()];
-        if free.is_empty() {
-            return speeds;
-        }
-        let mut jacobian = DMatrix::zeros(6, free.len());
-        for (column, &axis) in free.iter().enumerate() {
-            jacobian
-                .fixed_view_mut::<3, 1>(0, column)
-                .copy_from(&sensitivity.axes[axis]);
-            jacobian
-                .fixed_view_mut::<3, 1>(3, column)
-                .copy_from(&sensitivity.turns[axis]);
-        }
-        let mut wanted = DVector::zeros(6);
-        wanted.fixed_rows_mut::<3>(0).copy_from(velocity);
-        if let Ok(found) = jacobian.svd(true, true).solve(&wanted, 1e-9) {
-            for (&axis, &speed) in free.iter().zip(found.iter()) {
-                if speed.abs() > STANDS * velocity.norm() {
-                    speeds[axis] = speed;
-                }
-            }
-        }
-        speeds
-    }
-
     fn index(&mut self, positions: &[f64]) -> usize {
         let key = self
             .prescribed
@@ -501,4 +507,39 @@ impl Builder<'_> {
             (None, None) => None,
         }
     }
+}
+
+/// Speeds of the free axes that move the ball by `velocity` (m/s, part frame) without turning it.
+fn free_speeds(
+    chain: &Chain,
+    prescribed: &[usize],
+    sensitivity: &Sensitivity,
+    velocity: &Vector3<f64>,
+) -> Vec<f64> {
+    let free: Vec<usize> = (0..chain.axes().len())
+        .filter(|axis| !prescribed.contains(axis))
+        .collect();
+    let mut speeds = vec![0.0; chain.axes().len()];
+    if free.is_empty() {
+        return speeds;
+    }
+    let mut jacobian = DMatrix::zeros(6, free.len());
+    for (column, &axis) in free.iter().enumerate() {
+        jacobian
+            .fixed_view_mut::<3, 1>(0, column)
+            .copy_from(&sensitivity.axes[axis]);
+        jacobian
+            .fixed_view_mut::<3, 1>(3, column)
+            .copy_from(&sensitivity.turns[axis]);
+    }
+    let mut wanted = DVector::zeros(6);
+    wanted.fixed_rows_mut::<3>(0).copy_from(velocity);
+    if let Ok(found) = jacobian.svd(true, true).solve(&wanted, 1e-9) {
+        for (&axis, &speed) in free.iter().zip(found.iter()) {
+            if speed.abs() > STANDS * velocity.norm() {
+                speeds[axis] = speed;
+            }
+        }
+    }
+    speeds
 }

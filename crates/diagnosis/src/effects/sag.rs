@@ -35,15 +35,13 @@ pub(super) fn offer(observations: &Observations, variants: &mut Vec<Variant>) {
             (0..turning.len())
                 .map(|place| {
                     let axis = turning[place];
-                    let mut next = 0;
                     let mut column = observations.machine_column(false, |_, _| Vector3::zeros());
-                    for (row, load) in observations.rows.iter().zip(&loads) {
+                    for (next, (row, load)) in observations.rows.iter().zip(&loads).enumerate() {
                         if let (Some(pose), Some(load)) = (&row.pose, load.get(place)) {
                             let shift = pose.sensitivity.axes[axis] * *load;
                             column.signature[next] = -row.normal.dot(&shift);
                             column.shifts[next] = shift;
                         }
-                        next += 1;
                     }
                     column
                 })
