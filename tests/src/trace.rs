@@ -117,14 +117,31 @@ impl Trace {
         instance(&self.cell, self.node).snapshot()
     }
 
-    /// A fresh node with that state goes on from step `cut`; gives the first step that leaves anything else than it did.
-    pub fn first_difference(&self, cut: usize, snapshot: Value) -> Option<usize> {
-        let mut node = instance(&self.cell, self.node);
+    /// The node at its start.
+    pub fn fresh(&self) -> Box<dyn Instance> {
+        instance(&self.cell, self.node)
+    }
+
+    /// `node` with that state goes on from step `cut` for `count` steps; gives the first one that leaves anything else
+    /// than it did.
+    pub fn first_difference(
+        &self,
+        node: &mut dyn Instance,
+        cut: usize,
+        count: usize,
+        snapshot: Value,
+    ) -> Option<usize> {
         node.restore(snapshot)
             .unwrap_or_else(|error| panic!("{}: {error}", self.node));
-        let mut steps = self.steps.iter().zip(&self.given).enumerate().skip(cut);
+        let mut steps = self
+            .steps
+            .iter()
+            .zip(&self.given)
+            .enumerate()
+            .skip(cut)
+            .take(count);
         steps.find_map(|(index, ((now, cause), given))| {
-            (take(node.as_mut(), *now, cause) != *given).then_some(index)
+            (take(node, *now, cause) != *given).then_some(index)
         })
     }
 }

@@ -126,10 +126,11 @@ fn every_node_resumes_from_any_of_its_snapshots() {
     let log = &*LOG;
     for trace in Trace::all(&cell, log) {
         let cuts: Vec<usize> = (0..12).map(|cut| cut * trace.len() / 12).collect();
+        let mut node = trace.fresh();
         for (&cut, text) in cuts.iter().zip(trace.snapshots(&cuts)) {
             let snapshot = serde_json::from_str(&text).expect("JSON");
             assert_eq!(
-                trace.first_difference(cut, snapshot),
+                trace.first_difference(node.as_mut(), cut, usize::MAX, snapshot),
                 None,
                 "{} from step {cut}",
                 trace.node

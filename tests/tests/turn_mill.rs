@@ -3,19 +3,31 @@
 use cell_tests::{cell, make_part, messages};
 use graph::topics;
 use probecell_msgs::{
-    Correction, CorrectionAcknowledgement, FeatureResult, InspectionPlan, PartReport, ReferenceMeasurement, Verdict,
+    Correction, CorrectionAcknowledgement, FeatureResult, InspectionPlan, PartReport,
+    ReferenceMeasurement, Verdict,
 };
 
 const SIZES: [&str; 5] = ["D1", "D2", "L1", "L2", "L3"];
 
 /// One finished part: (reading less drawing, true less drawing by the reference) of each size, µm.
 fn finished(file: &str, seed: u64) -> Vec<(f64, f64)> {
-    let cell = cell(file, |text| text.replace("seed = 1\n", &format!("seed = {seed}\n")));
+    let cell = cell(file, |text| {
+        text.replace("seed = 1\n", &format!("seed = {seed}\n"))
+    });
     let (report, log) = make_part(&cell, "punch");
-    assert_eq!(report.verdict, PartReport::QUALIFIED, "seed {seed}: {}", report.text);
+    assert_eq!(
+        report.verdict,
+        PartReport::QUALIFIED,
+        "seed {seed}: {}",
+        report.text
+    );
     let results: Vec<FeatureResult> = messages(&log, topics::FEATURE_RESULTS.name);
-    let reference = messages::<ReferenceMeasurement>(&log, topics::REFERENCE.name).pop().expect("a reference");
-    let plan = messages::<InspectionPlan>(&log, topics::INSPECTION_PLAN.name).pop().expect("a plan");
+    let reference = messages::<ReferenceMeasurement>(&log, topics::REFERENCE.name)
+        .pop()
+        .expect("a reference");
+    let plan = messages::<InspectionPlan>(&log, topics::INSPECTION_PLAN.name)
+        .pop()
+        .expect("a plan");
     assert_eq!(reference.plan_id, plan.plan_id);
     let planes = |size: &str| match size {
         "L1" => vec!["flat_1", "flat_4"],
@@ -26,13 +38,19 @@ fn finished(file: &str, seed: u64) -> Vec<(f64, f64)> {
     SIZES
         .iter()
         .map(|size| {
-            let read = results.iter().rev().find(|result| result.feature_id == *size).expect("a result");
+            let read = results
+                .iter()
+                .rev()
+                .find(|result| result.feature_id == *size)
+                .expect("a result");
             let carried = planes(size);
             let deviations: Vec<f64> = plan
                 .points
                 .iter()
                 .zip(&reference.deviation)
-                .filter(|(point, _)| carried.contains(&plan.features[point.feature as usize].id.as_str()))
+                .filter(|(point, _)| {
+                    carried.contains(&plan.features[point.feature as usize].id.as_str())
+                })
                 .map(|(_, deviation)| *deviation)
                 .collect();
             // Both sides of a diameter or width.
@@ -47,7 +65,9 @@ fn means(file: &str) -> Vec<(f64, f64)> {
     let parts: Vec<Vec<(f64, f64)>> = (1..=3).map(|seed| finished(file, seed)).collect();
     (0..SIZES.len())
         .map(|size| {
-            let mean = |pick: fn(&(f64, f64)) -> f64| parts.iter().map(|part| pick(&part[size])).sum::<f64>() / 3.0;
+            let mean = |pick: fn(&(f64, f64)) -> f64| {
+                parts.iter().map(|part| pick(&part[size])).sum::<f64>() / 3.0
+            };
             (mean(|pair| pair.0), mean(|pair| pair.1))
         })
         .collect()
@@ -56,10 +76,24 @@ fn means(file: &str) -> Vec<(f64, f64)> {
 #[test]
 fn an_uncalibrated_probe_reads_the_gaps_of_table_3() {
     let gaps = [75.0, 65.0, 73.0, 67.0, 75.0];
-    for ((size, (read, truth)), gap) in SIZES.iter().zip(means("turn_mill_uncalibrated.toml")).zip(gaps) {
-        assert!((read - truth - gap).abs() <= 2.0, "{size}: gap {:.2} µm, the table has {gap}", read - truth);
-        assert!(read.abs() <= 10.0, "{size}: read {read:.1} µm, but the loop drives the reading to nominal");
-        assert!(truth < -50.0, "{size}: true {truth:.1} µm, the table's punches are undersized by 59 to 73");
+    for ((size, (read, truth)), gap) in SIZES
+        .iter()
+        .zip(means("turn_mill_uncalibrated.toml"))
+        .zip(gaps)
+    {
+        assert!(
+            (read - truth - gap).abs() <= 2.0,
+            "{size}: gap {:.2} µm, the table has {gap}",
+            read - truth
+        );
+        assert!(
+            read.abs() <= 10.0,
+            "{size}: read {read:.1} µm, but the loop drives the reading to nominal"
+        );
+        assert!(
+            truth < -50.0,
+            "{size}: true {truth:.1} µm, the table's punches are undersized by 59 to 73"
+        );
     }
 }
 
@@ -67,8 +101,15 @@ fn an_uncalibrated_probe_reads_the_gaps_of_table_3() {
 fn a_calibrated_probe_reads_the_gaps_of_table_4() {
     let gaps = [6.0, 6.0, 6.0, 6.0, 7.0];
     for ((size, (read, truth)), gap) in SIZES.iter().zip(means("turn_mill.toml")).zip(gaps) {
-        assert!((read - truth - gap).abs() <= 2.0, "{size}: gap {:.2} µm, the table has {gap}", read - truth);
-        assert!(read.abs() <= 10.0 && truth.abs() <= 10.0, "{size}: read {read:.1}, true {truth:.1} µm");
+        assert!(
+            (read - truth - gap).abs() <= 2.0,
+            "{size}: gap {:.2} µm, the table has {gap}",
+            read - truth
+        );
+        assert!(
+            read.abs() <= 10.0 && truth.abs() <= 10.0,
+            "{size}: read {read:.1}, true {truth:.1} µm"
+        );
     }
 }
 
@@ -76,17 +117,36 @@ fn a_calibrated_probe_reads_the_gaps_of_table_4() {
 fn each_correction_is_bounded_sourced_approved_and_acknowledged() {
     let (_, log) = make_part(&cell("turn_mill.toml", str::to_owned), "punch");
     let corrections: Vec<Correction> = messages(&log, topics::CORRECTIONS.name);
-    let answers: Vec<CorrectionAcknowledgement> = messages(&log, topics::CORRECTION_ACKNOWLEDGEMENTS.name);
-    assert!(!corrections.is_empty(), "tools that leave 20 µm must be corrected");
+    let answers: Vec<CorrectionAcknowledgement> =
+        messages(&log, topics::CORRECTION_ACKNOWLEDGEMENTS.name);
+    assert!(
+        !corrections.is_empty(),
+        "tools that leave 20 µm must be corrected"
+    );
     assert_eq!(corrections.len(), answers.len());
     for (correction, answer) in corrections.iter().zip(&answers) {
         assert_eq!(correction.correction_id, answer.correction_id);
-        assert_eq!(answer.outcome, CorrectionAcknowledgement::APPLIED, "{}", answer.text);
+        assert_eq!(
+            answer.outcome,
+            CorrectionAcknowledgement::APPLIED,
+            "{}",
+            answer.text
+        );
         assert!((correction.lower_bound..=correction.upper_bound).contains(&correction.new_value));
         assert!(!correction.sequences.is_empty() && !correction.approved_by.is_empty());
         assert!((answer.value_after - correction.new_value).abs() < 1e-9);
     }
     let verdicts: Vec<Verdict> = messages(&log, topics::VERDICTS.name);
-    assert!(verdicts.iter().any(|verdict| verdict.verdict == Verdict::COMPENSABLE));
-    assert!(verdicts.iter().rev().take(5).all(|verdict| verdict.verdict == Verdict::QUALIFIED));
+    assert!(
+        verdicts
+            .iter()
+            .any(|verdict| verdict.verdict == Verdict::COMPENSABLE)
+    );
+    assert!(
+        verdicts
+            .iter()
+            .rev()
+            .take(5)
+            .all(|verdict| verdict.verdict == Verdict::QUALIFIED)
+    );
 }

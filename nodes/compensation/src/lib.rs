@@ -12,5 +12,5 @@
 mod config;
 mod step;
 
-pub use config::{Characteristic, Config, ConfigError, RawConfig};
+pub use config::{Characteristic, Config, ConfigError, RawCharacteristic, RawConfig};
 pub use step::{CompensationNode, Input, Output, State};

@@ -97,7 +97,7 @@ impl Node for CompensationNode {
                 }
             }
             Input::Feature(result) => take(config, state, now, result, out),
-            Input::Approval(request) => approve(config, state, now, &request, out),
+            Input::Approval(request) => approve(state, now, &request, out),
         }
     }
 }
@@ -367,13 +367,7 @@ fn corrections(
     made
 }
 
-fn approve(
-    config: &Config,
-    state: &mut State,
-    now: Stamp,
-    request: &OperatorRequest,
-    out: &mut Outbox<Output>,
-) {
+fn approve(state: &mut State, now: Stamp, request: &OperatorRequest, out: &mut Outbox<Output>) {
     let mut reply = OperatorReply {
         header: header(now),
         request_id: request.request_id,
@@ -390,7 +384,6 @@ fn approve(
             Correction::APPROVAL_REJECTED
         };
         correction.approved_by.clone_from(&request.operator_name);
-        correction.expires = now.after_s(config.validity).time();
         if !request.approve {
             out.send(Output::Decision(PassDecision {
                 header: header(now),

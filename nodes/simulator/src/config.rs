@@ -5,6 +5,8 @@ use std::collections::BTreeMap;
 use machine::Chain;
 use serde::{Deserialize, Serialize};
 
+use crate::probe;
+
 /// As written in the cell file, section `[simulator]`.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -190,8 +192,10 @@ pub struct Config {
     pub chain: Chain,
     /// Axis positions at the start, in the order of the chain's axes.
     pub home: Vec<f64>,
-    /// m; true radius of the stylus ball, which is near the plan's.
-    pub ball_radius: f64,
+    /// m; true ball centre less the stored one in `probe_mount`, after the calibration if there is one.
+    pub center_error: [f64; 3],
+    /// m; true radius of the stylus ball less the stored one, after the calibration if there is one.
+    pub radius_error: f64,
     /// As written, lengths still in the units of their names.
     pub raw: RawConfig,
 }
@@ -246,10 +250,12 @@ impl RawConfig {
         self.check_numbers()?;
         self.check_names()?;
         let ball_radius = stylus_radius + self.probe.radius_error_um * 1e-6;
+        let (center_error, radius_error) = probe::stored(self, ball_radius);
         Ok(Config {
             chain,
             home,
-            ball_radius,
+            center_error,
+            radius_error,
             raw: self.clone(),
         })
     }

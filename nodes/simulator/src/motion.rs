@@ -154,15 +154,7 @@ fn touch(
         Some(Injected::DeadProbe) => None,
         Some(Injected::StuckProbe) => Some(0.0),
         _ => surface.and_then(|surface| {
-            contact(
-                config,
-                state,
-                part,
-                &surface,
-                noise,
-                &start,
-                &step.axis_positions,
-            )
+            contact(config, part, &surface, noise, &start, &step.axis_positions)
         }),
     };
     let share = met.unwrap_or(1.0);
@@ -204,15 +196,14 @@ fn ball_distance(config: &Config, part: &Nominal, from: &[f64], to: &[f64]) -> f
 /// trigger that much early.
 fn contact(
     config: &Config,
-    state: &State,
     part: &Nominal,
     surface: &Surface,
     noise: f64,
     from: &[f64],
     to: &[f64],
 ) -> Option<f64> {
-    let ball = part.ball + Vector3::from(state.center_error);
-    let reach = part.ball_radius + state.radius_error + noise;
+    let ball = part.ball + Vector3::from(config.center_error);
+    let reach = part.ball_radius + config.radius_error + noise;
     let clearance = |share: f64| {
         let positions: Vec<f64> = from
             .iter()

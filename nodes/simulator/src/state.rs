@@ -16,10 +16,6 @@ pub struct State {
     pub session: String,
     /// Source of all randomness.
     pub random: Pcg32,
-    /// True ball centre less the stored one in `probe_mount`, m.
-    pub center_error: [f64; 3],
-    /// True ball radius less the stored one, m.
-    pub radius_error: f64,
     /// Wear offset of each tool on the size, m.
     pub wear: BTreeMap<u32, f64>,
     /// True sizes, m.

@@ -58,12 +58,9 @@ impl Node for SimulatorNode {
 
     fn start(config: &Config) -> State {
         let raw = &config.raw;
-        let (center_error, radius_error) = crate::probe::stored(raw, config.ball_radius);
         State {
             session: String::new(),
             random: Pcg32::seed_from_u64(raw.seed),
-            center_error,
-            radius_error,
             wear: raw
                 .tools
                 .iter()
@@ -258,6 +255,9 @@ fn set_wear(state: &mut State, now: Stamp, command: &ControllerCommand, out: &mu
 /// Carries out what ended by now.
 fn run(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Output>) {
     inject(config, state, now, out);
+    // A controller that says nothing goes on with its program, unheard.
+    let mut unheard = Outbox::default();
+    let out = if state.silent { &mut unheard } else { out };
     while let Some(segment) = next_ended(state, now) {
         state.position.clone_from(&segment.to);
         match segment.then {

@@ -1,0 +1,280 @@
+//! Step by step: from sizes to verdicts, corrections and a decision (source systems A.4).
+
+use compensation::{CompensationNode, Config, Input, Output, RawCharacteristic, RawConfig};
+use graph::{Node, Outbox, Stamp};
+use probecell_msgs::{
+    Correction, FeatureResult, OperationRequest, OperatorRequest, PassDecision, ToolOffsets,
+    Verdict,
+};
+
+/// One outer diameter of 19.8 mm cut by tool 2, within 10 µm; the table's limits.
+fn config(automatic_approval: bool, inner: bool) -> Config {
+    let characteristic = RawCharacteristic {
+        id: "D1".to_owned(),
+        tolerance_mm: 0.010,
+        tool_number: 2,
+        inner,
+    };
+    let raw = RawConfig {
+        characteristics: vec![characteristic],
+        wear_limit_mm: 0.110,
+        max_corrections: 5,
+        automatic_approval,
+        validity_s: 60.0,
+        wear_per_size: 1.0,
+        literal_macro: false,
+    };
+    raw.check(false).expect("sound settings")
+}
+
+fn offsets(wear_um: f64) -> Input {
+    Input::Offsets(ToolOffsets {
+        session: "run 1".to_owned(),
+        tool_numbers: vec![2],
+        wear: vec![wear_um * 1e-6],
+        ..ToolOffsets::default()
+    })
+}
+
+fn measure(plan: &str) -> Input {
+    let (kind, plan_id) = (OperationRequest::MEASURE, plan.to_owned());
+    Input::Request(OperationRequest {
+        kind,
+        plan_id,
+        ..OperationRequest::default()
+    })
+}
+
+fn result(plan: &str, size_mm: f64) -> Input {
+    Input::Feature(FeatureResult {
+        plan_id: plan.to_owned(),
+        feature_id: "D1".to_owned(),
+        size: size_mm * 1e-3,
+        nominal_size: 19.8e-3,
+        size_deviation: (size_mm - 19.8) * 1e-3,
+        sequences: vec![4, 5],
+        standard_uncertainty: 1e-6,
+        ..FeatureResult::default()
+    })
+}
+
+/// What the last of the inputs makes the node say, a line each.
+fn check(config: &Config, inputs: Vec<Input>, expected: &[&str]) {
+    let mut state = CompensationNode::start(config);
+    let mut said = Vec::new();
+    for input in inputs {
+        let mut out = Outbox::default();
+        CompensationNode::step(config, &mut state, Stamp(0), input, &mut out);
+        said = out.messages().iter().map(line).collect();
+    }
+    assert_eq!(said, expected);
+}
+
+fn line(output: &Output) -> String {
+    match output {
+        Output::Verdict(one) => {
+            let verdict = match one.verdict {
+                Verdict::QUALIFIED => "qualified",
+                Verdict::COMPENSABLE => "compensable",
+                Verdict::OVERCUT_NOT_COMPENSABLE => "overcut",
+                Verdict::TOOL_WORN => "tool worn",
+                Verdict::NOT_CONVERGED => "not converged",
+                _ => "invalid",
+            };
+            format!("{} {verdict}", one.feature_id)
+        }
+        Output::Correction(one) => {
+            let approval = match one.approval {
+                Correction::APPROVAL_NONE => "proposed",
+                Correction::APPROVAL_REJECTED => "rejected",
+                _ => "approved",
+            };
+            let (before, after) = (one.previous_value * 1e6, one.new_value * 1e6);
+            format!(
+                "{} {approval} {before:.1} to {after:.1} by {:?}",
+                one.correction_id, one.approved_by
+            )
+        }
+        Output::Decision(one) => {
+            let decision = ["next", "recut", "stop", "scrap"][usize::from(one.decision)];
+            format!("{decision} {:?}", one.correction_ids)
+        }
+        Output::Reply(one) => format!("accepted {}", one.accepted),
+    }
+}
+
+/// The verdict on one size at that wear.
+fn check_size(size_mm: f64, wear_um: f64, expected: &[&str]) {
+    check(
+        &config(true, false),
+        vec![offsets(wear_um), measure("p/1"), result("p/1", size_mm)],
+        expected,
+    );
+}
+
+#[test]
+fn the_test_vectors_of_the_decision_table_hold() {
+    let corrected = |wear: &str| {
+        vec![
+            "D1 compensable".to_owned(),
+            format!("p/1/T2/4 approved {wear} by \"policy of the cell file\""),
+            "recut [\"p/1/T2/4\"]".to_owned(),
+        ]
+    };
+    let check_corrected = |size: f64, wear: f64, change: &str| {
+        let expected = corrected(change);
+        let expected: Vec<&str> = expected.iter().map(String::as_str).collect();
+        check_size(size, wear, &expected);
+    };
+    check_size(19.810, 0.0, &["D1 qualified", "next []"]);
+    check_corrected(19.811, 0.0, "0.0 to -11.0");
+    check_size(19.790, 0.0, &["D1 qualified", "next []"]);
+    check_size(19.789, 0.0, &["D1 overcut", "scrap []"]);
+    check_corrected(19.835, -70.0, "-70.0 to -105.0");
+    check_size(19.835, -80.0, &["D1 tool worn", "stop []"]);
+    check_corrected(19.840, -70.0, "-70.0 to -110.0");
+}
+
+#[test]
+fn a_bore_is_corrected_the_other_way() {
+    let inputs = vec![offsets(0.0), measure("p/1"), result("p/1", 19.785)];
+    let correction = "p/1/T2/4 approved 0.0 to 15.0 by \"policy of the cell file\"";
+    check(
+        &config(true, true),
+        inputs,
+        &["D1 compensable", correction, "recut [\"p/1/T2/4\"]"],
+    );
+    let inputs = vec![offsets(0.0), measure("p/1"), result("p/1", 19.811)];
+    check(&config(true, true), inputs, &["D1 overcut", "scrap []"]);
+}
+
+#[test]
+fn a_result_that_comes_before_its_request_is_judged_when_the_request_comes() {
+    check(
+        &config(true, false),
+        vec![offsets(0.0), result("p/1", 19.8)],
+        &[],
+    );
+    let late = vec![offsets(0.0), result("p/1", 19.8), measure("p/1")];
+    check(&config(true, false), late, &["D1 qualified", "next []"]);
+}
+
+#[test]
+fn a_result_of_another_measurement_is_not_judged() {
+    check(
+        &config(true, false),
+        vec![offsets(0.0), measure("p/2"), result("p/1", 19.8)],
+        &[],
+    );
+}
+
+#[test]
+fn a_size_without_a_known_wear_or_without_a_number_is_invalid() {
+    check(
+        &config(true, false),
+        vec![measure("p/1"), result("p/1", 19.8)],
+        &["D1 invalid", "stop []"],
+    );
+    check_size(f64::NAN, 0.0, &["D1 invalid", "stop []"]);
+    check_size(f64::INFINITY, 0.0, &["D1 invalid", "stop []"]);
+    check_size(19.8, f64::NAN, &["D1 invalid", "stop []"]);
+    let mut invalid = result("p/1", 19.8);
+    if let Input::Feature(one) = &mut invalid {
+        one.decision = FeatureResult::INVALID;
+    }
+    check(
+        &config(true, false),
+        vec![offsets(0.0), measure("p/1"), invalid],
+        &["D1 invalid", "stop []"],
+    );
+}
+
+fn answer(operator: &str, approve: bool) -> Input {
+    Input::Approval(OperatorRequest {
+        subject: "p/1/T2/4".to_owned(),
+        operator_name: operator.to_owned(),
+        approve,
+        ..OperatorRequest::default()
+    })
+}
+
+#[test]
+fn a_proposed_correction_is_approved_once_by_somebody_with_a_name() {
+    let proposed = || vec![offsets(0.0), measure("p/1"), result("p/1", 19.83)];
+    let config = config(false, false);
+    let proposal = "p/1/T2/4 proposed 0.0 to -30.0 by \"\"";
+    check(
+        &config,
+        proposed(),
+        &["D1 compensable", proposal, "recut [\"p/1/T2/4\"]"],
+    );
+    let with = |more: Vec<Input>| proposed().into_iter().chain(more).collect();
+    let approved = "p/1/T2/4 approved 0.0 to -30.0 by \"Ada\"";
+    check(
+        &config,
+        with(vec![answer("Ada", true)]),
+        &[approved, "accepted true"],
+    );
+    check(
+        &config,
+        with(vec![answer("Ada", true), answer("Ada", true)]),
+        &["accepted false"],
+    );
+    check(&config, with(vec![answer("", true)]), &["accepted false"]);
+    let rejected = "p/1/T2/4 rejected 0.0 to -30.0 by \"Ada\"";
+    check(
+        &config,
+        with(vec![answer("Ada", false)]),
+        &["stop []", rejected, "accepted true"],
+    );
+    check(
+        &config,
+        with(vec![measure("p/2"), answer("Ada", true)]),
+        &["accepted false"],
+    );
+}
+
+#[test]
+fn a_correction_names_what_entitles_it() {
+    let config = config(true, false);
+    let mut state = CompensationNode::start(&config);
+    let mut out = Outbox::default();
+    for input in [offsets(-5.0), measure("p/1"), result("p/1", 19.83)] {
+        CompensationNode::step(&config, &mut state, Stamp(7_000_000_000), input, &mut out);
+    }
+    let correction = out
+        .messages()
+        .iter()
+        .find_map(|output| {
+            if let Output::Correction(correction) = output {
+                Some(correction)
+            } else {
+                None
+            }
+        })
+        .expect("a correction");
+    assert_eq!(
+        (correction.session.as_str(), correction.plan_id.as_str()),
+        ("run 1", "p/1")
+    );
+    assert_eq!(
+        (&correction.sequences, &correction.feature_ids),
+        (&vec![4, 5], &vec!["D1".to_owned()])
+    );
+    assert_eq!(
+        (correction.lower_bound, correction.upper_bound),
+        (-0.110e-3, 0.110e-3)
+    );
+    assert_eq!((correction.expires.sec, correction.replayed), (67, false));
+    assert!((correction.measured_error - 30e-6).abs() < 1e-12);
+    let decided = out.messages().iter().any(|output| {
+        matches!(
+            output,
+            Output::Decision(PassDecision {
+                decision: PassDecision::RECUT,
+                ..
+            })
+        )
+    });
+    assert!(decided);
+}

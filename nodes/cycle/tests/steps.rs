@@ -1,0 +1,276 @@
+//! Step by step: what the part program asks of the machine, and when it ends.
+
+use cycle::{Config, CycleNode, Input, Output, Pass};
+use graph::{Node, Outbox, Stamp};
+use probecell_msgs::{
+    CorrectionAcknowledgement as Ack, Fault, OperationReport, OperationRequest, OperatorRequest,
+    PartReport, PassDecision,
+};
+
+/// A rough pass of two operations and a finishing pass of one.
+fn config() -> Config {
+    let pass = |name: &str, operations: &[&str]| Pass {
+        name: name.to_owned(),
+        operations: operations
+            .iter()
+            .map(|&operation| operation.to_owned())
+            .collect(),
+        allowance_mm: 0.0,
+    };
+    Config {
+        passes: vec![pass("rough", &["turn", "mill"]), pass("finish", &["face"])],
+        decision_limit: 30.0,
+    }
+}
+
+/// Gives the inputs one second apart; what the last one makes the node say, a line each.
+fn check(inputs: Vec<Input>, expected: &[&str]) {
+    let config = config();
+    let mut state = CycleNode::start(&config);
+    let mut said = Vec::new();
+    for (second, input) in inputs.into_iter().enumerate() {
+        let mut out = Outbox::default();
+        CycleNode::step(
+            &config,
+            &mut state,
+            Stamp(second as i64 * 1_000_000_000),
+            input,
+            &mut out,
+        );
+        said = out.messages().iter().map(line).collect();
+    }
+    assert_eq!(said, expected);
+}
+
+fn line(output: &Output) -> String {
+    match output {
+        Output::Request(one) if one.kind == OperationRequest::CUT => {
+            format!("{} cut {}", one.request_id, one.operation)
+        }
+        Output::Request(one) if one.kind == OperationRequest::MEASURE => {
+            format!(
+                "{} measure {} in pass {}",
+                one.request_id, one.plan_id, one.pass_number
+            )
+        }
+        Output::Request(one) => format!("{} stop", one.request_id),
+        Output::Part(one) => {
+            let verdict = match one.verdict {
+                PartReport::QUALIFIED => "qualified",
+                PartReport::SCRAP => "scrap",
+                _ => "stopped",
+            };
+            format!(
+                "{} {verdict} after {} passes: {}",
+                one.part_id, one.passes, one.text
+            )
+        }
+        Output::Reply(one) => format!("accepted {}: {}", one.accepted, one.text),
+    }
+}
+
+fn run(part: &str) -> Input {
+    Input::Run(OperatorRequest {
+        subject: part.to_owned(),
+        ..OperatorRequest::default()
+    })
+}
+
+fn done(request_id: u64) -> Input {
+    Input::Report(OperationReport {
+        request_id,
+        outcome: OperationReport::DONE,
+        ..OperationReport::default()
+    })
+}
+
+fn decision(plan_id: &str, decision: u8, corrections: &[&str]) -> Input {
+    Input::Decision(PassDecision {
+        plan_id: plan_id.to_owned(),
+        decision,
+        correction_ids: corrections.iter().map(|&id| id.to_owned()).collect(),
+        text: "so decided".to_owned(),
+        ..PassDecision::default()
+    })
+}
+
+fn answer(correction: &str, outcome: u8) -> Input {
+    Input::Acknowledgement(Ack {
+        correction_id: correction.to_owned(),
+        outcome,
+        text: "because".to_owned(),
+        ..Ack::default()
+    })
+}
+
+/// The rough pass up to its measurement, which is request 2.
+fn measured() -> Vec<Input> {
+    vec![run("p"), done(0), done(1)]
+}
+
+fn with(mut inputs: Vec<Input>, more: Vec<Input>) -> Vec<Input> {
+    inputs.extend(more);
+    inputs
+}
+
+#[test]
+fn a_run_begins_with_the_first_operation_of_the_first_pass() {
+    check(vec![run("p")], &["accepted true: ", "0 cut turn"]);
+}
+
+#[test]
+fn a_part_without_a_name_and_a_second_part_are_refused() {
+    check(vec![run("")], &["accepted false: the part has no name"]);
+    check(
+        vec![run("p"), run("q")],
+        &["accepted false: a part is being made"],
+    );
+}
+
+#[test]
+fn a_pass_is_measured_when_all_its_operations_are_cut() {
+    check(vec![run("p"), done(0)], &["1 cut mill"]);
+    check(measured(), &["2 measure p/rough/1 in pass 0"]);
+}
+
+#[test]
+fn a_decision_waits_until_the_probe_is_out_of_the_way() {
+    let next = || decision("p/rough/1", PassDecision::NEXT, &[]);
+    check(with(measured(), vec![next()]), &[]);
+    check(with(measured(), vec![next(), done(2)]), &["3 cut face"]);
+    check(with(measured(), vec![done(2), next()]), &["3 cut face"]);
+}
+
+#[test]
+fn a_recut_waits_for_every_correction_in_whatever_order_they_are_answered() {
+    let recut = || decision("p/rough/1", PassDecision::RECUT, &["a", "b"]);
+    check(
+        with(
+            measured(),
+            vec![done(2), recut(), answer("b", Ack::APPLIED)],
+        ),
+        &[],
+    );
+    check(
+        with(
+            measured(),
+            vec![
+                done(2),
+                recut(),
+                answer("b", Ack::APPLIED),
+                answer("a", Ack::APPLIED),
+            ],
+        ),
+        &["3 cut turn"],
+    );
+    check(
+        with(
+            measured(),
+            vec![
+                answer("a", Ack::APPLIED),
+                answer("b", Ack::ALREADY_APPLIED),
+                recut(),
+                done(2),
+            ],
+        ),
+        &["3 cut turn"],
+    );
+}
+
+#[test]
+fn a_refused_correction_stops_the_part() {
+    let recut = decision("p/rough/1", PassDecision::RECUT, &["a"]);
+    check(
+        with(
+            measured(),
+            vec![done(2), recut, answer("a", Ack::REFUSED_STALE)],
+        ),
+        &["p stopped after 1 passes: correction a was refused: because"],
+    );
+}
+
+#[test]
+fn the_last_pass_qualified_qualifies_the_part_and_a_scrapped_pass_scraps_it() {
+    let finish = || {
+        with(
+            measured(),
+            vec![
+                done(2),
+                decision("p/rough/1", PassDecision::NEXT, &[]),
+                done(3),
+                done(4),
+            ],
+        )
+    };
+    check(
+        with(
+            finish(),
+            vec![decision("p/finish/1", PassDecision::NEXT, &[])],
+        ),
+        &["p qualified after 2 passes: so decided"],
+    );
+    check(
+        with(
+            finish(),
+            vec![decision("p/finish/1", PassDecision::SCRAP, &[])],
+        ),
+        &["p scrap after 2 passes: so decided"],
+    );
+}
+
+#[test]
+fn a_decision_on_another_measurement_is_not_followed() {
+    check(
+        with(
+            measured(),
+            vec![done(2), decision("p/rough/7", PassDecision::NEXT, &[])],
+        ),
+        &[],
+    );
+}
+
+#[test]
+fn a_fault_stops_machine_and_part_and_a_warning_does_not() {
+    let fault = |severity| {
+        let (node, code) = ("probe_events".to_owned(), "probe_dead".to_owned());
+        Input::ProbeFault(Fault {
+            node,
+            code,
+            severity,
+            text: "no trigger".to_owned(),
+            ..Fault::default()
+        })
+    };
+    check(with(measured(), vec![fault(Fault::WARNING)]), &[]);
+    check(
+        with(measured(), vec![fault(Fault::ERROR)]),
+        &[
+            "3 stop",
+            "p stopped after 1 passes: probe_events: probe_dead: no trigger",
+        ],
+    );
+    check(vec![fault(Fault::ERROR)], &[]);
+}
+
+#[test]
+fn a_decision_that_does_not_come_stops_the_part_but_only_for_its_own_measurement() {
+    let overdue = "p stopped after 1 passes: no decision on p/rough/1 came in time";
+    check(with(measured(), vec![done(2), Input::Timer(3)]), &[overdue]);
+    check(with(measured(), vec![Input::Timer(3)]), &[]);
+    check(with(measured(), vec![done(2), Input::Timer(2)]), &[]);
+}
+
+#[test]
+fn an_operation_that_fails_stops_the_part() {
+    let outcome = OperationReport::FAILED;
+    let failed = OperationReport {
+        request_id: 0,
+        outcome,
+        text: "no tool".to_owned(),
+        ..OperationReport::default()
+    };
+    check(
+        vec![run("p"), Input::Report(failed)],
+        &["p stopped after 0 passes: the machine did not carry out what it was asked: no tool"],
+    );
+}

@@ -1,0 +1,377 @@
+//! Step by step: what is told of the machine, and what the machine is told.
+
+use graph::{Node, Outbox, START, Stamp};
+use machine_state::{Config, Input, MachineStateNode, Output, RawConfig};
+use probecell_msgs::{
+    ControllerCommand, ControllerReply, ControllerStatus, Correction,
+    CorrectionAcknowledgement as Ack, MachineState, MeasurementOrder, OperationReport,
+    OperationRequest, builtin_interfaces::Time,
+};
+
+fn config() -> Config {
+    RawConfig::default()
+        .check("<robot/>".to_owned(), "mill", false)
+        .expect("defaults")
+}
+
+fn sample() -> ControllerStatus {
+    ControllerStatus {
+        session: "run 1".to_owned(),
+        axis_names: vec!["X".to_owned()],
+        axis_positions: vec![0.25],
+        tool_numbers: vec![2],
+        tool_wear: vec![0.0],
+        ..ControllerStatus::default()
+    }
+}
+
+fn status() -> Input {
+    Input::Status(sample())
+}
+
+fn request(kind: u8, request_id: u64) -> Input {
+    let (operation, plan_id) = ("turn".to_owned(), "p/1".to_owned());
+    Input::Request(OperationRequest {
+        kind,
+        request_id,
+        operation,
+        plan_id,
+        ..OperationRequest::default()
+    })
+}
+
+fn order(plan: &str) -> Input {
+    Input::Order(MeasurementOrder {
+        plan_id: plan.to_owned(),
+        order: vec![1, 0],
+        ..MeasurementOrder::default()
+    })
+}
+
+fn reply(command_id: u64, outcome: u8, value: f64) -> Input {
+    let session = "run 1".to_owned();
+    Input::Reply(ControllerReply {
+        session,
+        command_id,
+        outcome,
+        value,
+        ..ControllerReply::default()
+    })
+}
+
+/// The machine is there, and plan p/1 was measured: command 0.
+fn measured() -> Vec<Input> {
+    vec![
+        status(),
+        order("p/1"),
+        request(OperationRequest::MEASURE, 5),
+        reply(0, ControllerReply::DONE, 0.0),
+    ]
+}
+
+fn correction() -> Correction {
+    Correction {
+        correction_id: "c".to_owned(),
+        session: "run 1".to_owned(),
+        kind: Correction::TOOL_WEAR,
+        tool_number: 2,
+        new_value: -20e-6,
+        lower_bound: -50e-6,
+        upper_bound: 50e-6,
+        plan_id: "p/1".to_owned(),
+        feature_ids: vec!["D1".to_owned()],
+        sequences: vec![0],
+        measured_error: 20e-6,
+        standard_uncertainty: 1e-6,
+        approval: Correction::APPROVAL_POLICY,
+        approved_by: "policy".to_owned(),
+        expires: Time {
+            sec: 100,
+            nanosec: 0,
+        },
+        ..Correction::default()
+    }
+}
+
+/// Gives the inputs 0.1 s apart; what the last one makes the node say, a line each, readings of the axes left out.
+fn check(inputs: Vec<Input>, expected: &[&str]) {
+    let config = config();
+    let mut state = MachineStateNode::start(&config);
+    let mut said = Vec::new();
+    for (index, input) in inputs.into_iter().enumerate() {
+        let mut out = Outbox::default();
+        MachineStateNode::step(
+            &config,
+            &mut state,
+            Stamp(index as i64 * 100_000_000),
+            input,
+            &mut out,
+        );
+        said = out.messages().iter().filter_map(line).collect();
+    }
+    assert_eq!(said, expected);
+}
+
+fn line(output: &Output) -> Option<String> {
+    Some(match output {
+        Output::JointStates(_) | Output::JointCommands(_) => return None,
+        Output::RobotDescription(one) => format!("robot {}", one.data),
+        Output::State(one) => format!("{} execution {}", one.machine_id, one.execution),
+        Output::ToolOffsets(one) => format!("wear {:?}", one.wear),
+        Output::Command(one) => match one.kind {
+            ControllerCommand::RUN_OPERATION => {
+                format!("{} {} run {}", one.session, one.command_id, one.operation)
+            }
+            ControllerCommand::RUN_MEASUREMENT => {
+                format!(
+                    "{} {} measure {} {:?}",
+                    one.session, one.command_id, one.plan_id, one.order
+                )
+            }
+            ControllerCommand::SET_TOOL_WEAR => {
+                format!(
+                    "{} {} wear of {} {:.1} µm",
+                    one.session,
+                    one.command_id,
+                    one.tool_number,
+                    one.value * 1e6
+                )
+            }
+            _ => format!("{} {} stop", one.session, one.command_id),
+        },
+        Output::Report(one) => {
+            let outcome = match one.outcome {
+                OperationReport::DONE => "done",
+                OperationReport::REFUSED => "refused",
+                _ => "failed",
+            };
+            format!("request {} {outcome}: {}", one.request_id, one.text)
+        }
+        Output::Acknowledgement(one) => format!(
+            "{} outcome {}: {}",
+            one.correction_id, one.outcome, one.text
+        ),
+        Output::Fault(one) => one.code.clone(),
+    })
+}
+
+fn with(mut inputs: Vec<Input>, more: Vec<Input>) -> Vec<Input> {
+    inputs.extend(more);
+    inputs
+}
+
+#[test]
+fn the_machine_model_is_published_once_at_the_start() {
+    check(vec![Input::Timer(START)], &["robot <robot/>"]);
+    check(vec![Input::Timer(START), Input::Timer(1)], &[]);
+}
+
+#[test]
+fn wear_offsets_are_told_when_they_change() {
+    check(vec![status()], &["mill execution 0", "wear [0.0]"]);
+    check(vec![status(), status()], &["mill execution 0"]);
+    let worn = ControllerStatus {
+        tool_wear: vec![-1e-5],
+        ..sample()
+    };
+    check(
+        vec![status(), Input::Status(worn)],
+        &["mill execution 0", "wear [-1e-5]"],
+    );
+}
+
+#[test]
+fn nothing_is_asked_of_a_machine_that_has_not_been_heard_or_is_busy() {
+    check(
+        vec![request(OperationRequest::CUT, 3)],
+        &["request 3 refused: no controller has been heard"],
+    );
+    check(
+        vec![status(), request(OperationRequest::CUT, 3)],
+        &["run 1 0 run turn"],
+    );
+    check(
+        vec![
+            status(),
+            request(OperationRequest::CUT, 3),
+            request(OperationRequest::CUT, 4),
+        ],
+        &["request 4 refused: the machine is busy"],
+    );
+    check(
+        vec![
+            status(),
+            request(OperationRequest::CUT, 3),
+            request(OperationRequest::STOP, 4),
+        ],
+        &["run 1 1 stop"],
+    );
+}
+
+#[test]
+fn a_measurement_waits_for_the_order_of_its_own_plan() {
+    let asked = || vec![status(), request(OperationRequest::MEASURE, 3)];
+    check(asked(), &[]);
+    check(
+        with(asked(), vec![order("p/1")]),
+        &["run 1 0 measure p/1 [1, 0]"],
+    );
+    check(with(asked(), vec![order("p/0")]), &[]);
+    check(
+        with(
+            vec![status(), order("p/1")],
+            vec![request(OperationRequest::MEASURE, 3)],
+        ),
+        &["run 1 0 measure p/1 [1, 0]"],
+    );
+}
+
+#[test]
+fn a_reply_is_reported_to_the_request_it_answers_and_only_from_this_run_of_the_driver() {
+    let cutting = || vec![status(), request(OperationRequest::CUT, 3)];
+    check(
+        with(cutting(), vec![reply(0, ControllerReply::DONE, 0.0)]),
+        &["request 3 done: "],
+    );
+    check(
+        with(cutting(), vec![reply(7, ControllerReply::DONE, 0.0)]),
+        &[],
+    );
+    let other = ControllerReply {
+        session: "run 0".to_owned(),
+        ..ControllerReply::default()
+    };
+    check(with(cutting(), vec![Input::Reply(other)]), &[]);
+}
+
+#[test]
+fn a_silent_controller_is_lost_after_the_limit_and_found_again_by_its_next_sample() {
+    let silent = |ticks: usize| {
+        with(
+            vec![status()],
+            (0..ticks).map(|_| Input::Timer(1)).collect(),
+        )
+    };
+    check(silent(10), &[]);
+    check(silent(11), &["controller_lost", "mill execution 3"]);
+    check(silent(12), &[]);
+    check(
+        with(silent(11), vec![request(OperationRequest::CUT, 3)]),
+        &["request 3 refused: the controller is silent"],
+    );
+    check(
+        with(
+            silent(11),
+            vec![status(), request(OperationRequest::CUT, 3)],
+        ),
+        &["run 1 0 run turn"],
+    );
+}
+
+#[test]
+fn an_alarm_fails_what_is_under_way_and_is_told_once_while_it_stands() {
+    let alarm = |text: &str| {
+        let alarms = vec![text.to_owned()];
+        Input::Status(ControllerStatus {
+            execution: MachineState::EXECUTION_ALARM,
+            alarms,
+            ..sample()
+        })
+    };
+    let cutting = || vec![status(), request(OperationRequest::CUT, 3)];
+    check(
+        with(cutting(), vec![alarm("overtravel")]),
+        &[
+            "controller_alarm",
+            "request 3 failed: overtravel",
+            "mill execution 3",
+        ],
+    );
+    check(
+        with(cutting(), vec![alarm("overtravel"), alarm("overtravel")]),
+        &["mill execution 3"],
+    );
+    check(
+        with(
+            cutting(),
+            vec![alarm("Probe tripped during non-probe move.")],
+        ),
+        &[
+            "unplanned_touch",
+            "request 3 failed: the probe touched where no touch was planned",
+            "mill execution 3",
+        ],
+    );
+    check(
+        vec![alarm("overtravel"), status(), alarm("overtravel")],
+        &["controller_alarm", "mill execution 3"],
+    );
+}
+
+#[test]
+fn a_correction_is_written_when_nothing_speaks_against_it_and_acknowledged_by_what_is_read_back() {
+    let written = || with(measured(), vec![Input::Correction(correction())]);
+    check(written(), &["run 1 1 wear of 2 -20.0 µm"]);
+    check(
+        with(written(), vec![reply(1, ControllerReply::DONE, -20e-6)]),
+        &["c outcome 0: "],
+    );
+    check(
+        with(written(), vec![reply(1, ControllerReply::DONE, -19e-6)]),
+        &["c outcome 7: the value read back is another"],
+    );
+    check(
+        with(written(), vec![reply(1, ControllerReply::REFUSED, -20e-6)]),
+        &["c outcome 7: the value read back is another"],
+    );
+    check(with(written(), vec![Input::Correction(correction())]), &[]);
+    check(
+        with(
+            written(),
+            vec![
+                reply(1, ControllerReply::DONE, -20e-6),
+                Input::Correction(correction()),
+            ],
+        ),
+        &["c outcome 1: it was written before"],
+    );
+}
+
+#[test]
+fn a_correction_that_rests_on_nothing_measured_here_is_refused() {
+    let refused = format!(
+        "c outcome {}: plan \"p/1\" was not measured on this machine in this session",
+        Ack::REFUSED_NO_SOURCE
+    );
+    check(vec![status(), Input::Correction(correction())], &[&refused]);
+}
+
+#[test]
+fn a_new_run_of_the_driver_voids_what_was_measured_and_what_was_under_way() {
+    let restarted = || {
+        Input::Status(ControllerStatus {
+            session: "run 2".to_owned(),
+            ..sample()
+        })
+    };
+    check(
+        vec![status(), request(OperationRequest::CUT, 3), restarted()],
+        &[
+            "request 3 failed: the driver was started again",
+            "controller_restarted",
+            "mill execution 0",
+            "wear [0.0]",
+        ],
+    );
+    let stale = format!(
+        "c outcome {}: it rests on a measurement of another run of the driver",
+        Ack::REFUSED_STALE
+    );
+    check(
+        with(
+            measured(),
+            vec![restarted(), Input::Correction(correction())],
+        ),
+        &[&stale],
+    );
+}

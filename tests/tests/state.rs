@@ -1,0 +1,241 @@
+//! Nothing in the memory of a node is there for nothing, and nothing in it can be lost unseen.
+//!
+//! Each field of each node's state is put back to its value at the start, in the middle of a session, and the node goes
+//! on from there on the inputs that it had. Somewhere what it says must change: a field for which it never does is either
+//! not needed, or no session shown here needs it.
+
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    sync::LazyLock,
+};
+
+use cell::Cell;
+use cell_tests::{
+    cell,
+    session::{Session, alone, with_fault},
+    trace::{Cause, Trace},
+};
+use graph::{Published, topics};
+use probecell_msgs::{Correction, OperatorRequest};
+use serde_json::Value;
+
+/// Steps of a trace at which a field is lost, at most.
+const CUTS: usize = 240;
+/// Of those, tried for one field.
+const TRIES: usize = 200;
+
+fn turn_mill(edit: impl Fn(&str) -> String) -> Cell {
+    cell("turn_mill.toml", edit)
+}
+
+/// Two parts, the first seen in a preview; a part that bends; corrections told twice.
+fn automatic() -> (Cell, Vec<Published>) {
+    let cell = turn_mill(|text| {
+        text.replace(
+            "spring_back = 0.0",
+            "spring_back = 0.0\ndeflection_um = [8.0, 35.0]",
+        )
+    });
+    let mut session = Session::new(&cell);
+    let preview = OperatorRequest {
+        subject: "punch/rough/1".to_owned(),
+        ..OperatorRequest::default()
+    };
+    session.send(topics::PLAN_REQUESTS, &preview);
+    session.make("punch");
+    for correction in session.all::<Correction>(topics::CORRECTIONS) {
+        session.send(topics::CORRECTIONS, &correction);
+    }
+    session.make("second");
+    (cell, session.finish())
+}
+
+/// Corrections wait for an operator, who approves one twice.
+fn approved() -> (Cell, Vec<Published>) {
+    let cell =
+        turn_mill(|text| text.replace("automatic_approval = true", "automatic_approval = false"));
+    let mut session = Session::new(&cell);
+    session.ask_for("punch");
+    session.run_to(topics::PASS_DECISIONS);
+    session.run_s(5.0);
+    for proposed in session.all::<Correction>(topics::CORRECTIONS) {
+        session.answer(&proposed, true);
+        session.answer(&proposed, true);
+        session.send(
+            topics::CORRECTIONS,
+            &session.last::<Correction>(topics::CORRECTIONS),
+        );
+    }
+    session.run_to(topics::PASS_DECISIONS);
+    session.run_s(5.0);
+    (cell, session.finish())
+}
+
+/// A tool that moves less than it is told.
+fn not_converging() -> (Cell, Vec<Published>) {
+    let cell = turn_mill(|text| {
+        text.replace("error_um = 20.0", "error_um = 100.0").replace(
+            "max_corrections = 5",
+            "max_corrections = 2\nwear_per_size = 0.2",
+        )
+    });
+    let mut session = Session::new(&cell);
+    session.make("punch");
+    (cell, session.finish())
+}
+
+fn gone_wrong(kind: &str) -> (Cell, Vec<Published>) {
+    let cell = turn_mill(|text| with_fault(text, kind, 20));
+    let mut session = Session::new(&cell);
+    session.make("punch");
+    session.run_s(3.0);
+    // What is asked of a machine in that state must not be carried out.
+    session.ask_for("second");
+    session.run_s(3.0);
+    (cell, session.finish())
+}
+
+/// What the bus can do to the order of messages on different topics.
+fn late(node: &str, topics: &[graph::Topic], seconds: f64) -> (Cell, Vec<Published>) {
+    let (cell, log) = &*AUTOMATIC;
+    (cell.clone(), alone(cell, node, log, topics, seconds))
+}
+
+static AUTOMATIC: LazyLock<(Cell, Vec<Published>)> = LazyLock::new(automatic);
+
+static SESSIONS: LazyLock<Vec<(Cell, Vec<Published>)>> = LazyLock::new(sessions);
+
+fn sessions() -> Vec<(Cell, Vec<Published>)> {
+    let mut sessions = vec![AUTOMATIC.clone(), approved(), not_converging()];
+    sessions.extend(
+        [
+            "dead_probe",
+            "stuck_probe",
+            "unplanned_touch",
+            "estop",
+            "silence",
+        ]
+        .map(gone_wrong),
+    );
+    sessions.push(late("probe_events", &[topics::INSPECTION_PLAN], 20.0));
+    sessions.push(late("analysis", &[topics::INSPECTION_PLAN], 20.0));
+    sessions.push(late("compensation", &[topics::OPERATION_REQUESTS], 100.0));
+    sessions.push(late("cycle", &[topics::PASS_DECISIONS], 4.0));
+    sessions.push(late("simulator", &[topics::INSPECTION_PLAN], 0.005));
+    sessions.push(late("simulator", &[topics::MEASUREMENT_ORDER], 0.005));
+    sessions.push(late("machine_state", &[topics::MEASUREMENT_ORDER], 11.0));
+    sessions
+}
+
+/// Steps to cut at: those on rare messages, and some of all.
+fn cuts(trace: &Trace) -> Vec<usize> {
+    let mut ports: BTreeMap<usize, usize> = BTreeMap::new();
+    for cause in trace.causes() {
+        if let Cause::Message(port, _) = cause {
+            *ports.entry(*port).or_default() += 1;
+        }
+    }
+    let rare = |cause: &Cause| matches!(cause, Cause::Message(port, _) if ports[port] < 300);
+    let steps: Vec<usize> = trace
+        .causes()
+        .enumerate()
+        .filter(|(_, cause)| rare(cause))
+        .map(|(index, _)| index)
+        .collect();
+    let even = (0..CUTS / 4).map(|cut| cut * trace.len() / (CUTS / 4));
+    let chosen: BTreeSet<usize> = spread(&steps, CUTS).into_iter().chain(even).collect();
+    chosen.into_iter().collect()
+}
+
+/// At most `count` of the values, evenly chosen.
+fn spread<T: Clone>(values: &[T], count: usize) -> Vec<T> {
+    let chosen: BTreeSet<usize> = (0..count)
+        .map(|index| index * values.len() / count)
+        .collect();
+    chosen
+        .into_iter()
+        .filter_map(|index| values.get(index).cloned())
+        .collect()
+}
+
+/// Fields whose loss at some step of the trace changes what the node says; `wanted` are those not yet known to.
+fn missed(trace: &Trace, wanted: &BTreeSet<String>) -> BTreeSet<String> {
+    let cuts = cuts(trace);
+    let mut node = trace.fresh();
+    let start = trace.start();
+    let snapshots: Vec<(usize, Value)> = cuts
+        .iter()
+        .zip(trace.snapshots(&cuts))
+        .map(|(&cut, text)| (cut, serde_json::from_str(&text).expect("JSON")))
+        .collect();
+    wanted
+        .iter()
+        .filter(|field| {
+            let changed: Vec<&(usize, Value)> = snapshots
+                .iter()
+                .filter(|(_, snapshot)| snapshot[*field] != start[*field])
+                .collect();
+            spread(&changed, TRIES).into_iter().any(|(cut, snapshot)| {
+                let mut without = snapshot.clone();
+                without[*field] = start[*field].clone();
+                trace
+                    .first_difference(node.as_mut(), *cut, usize::MAX, without)
+                    .is_some()
+            })
+        })
+        .cloned()
+        .collect()
+}
+
+#[test]
+fn losing_any_field_of_any_state_changes_what_is_said() {
+    let mut wanted: BTreeMap<&'static str, BTreeSet<String>> = BTreeMap::new();
+    let mut fields = 0;
+    for (cell, log) in SESSIONS.iter() {
+        for trace in Trace::all(cell, log) {
+            let fresh = trace.start();
+            let of_node = wanted.entry(trace.node).or_insert_with(|| {
+                let keys = fresh.as_object().expect("a state has fields").keys();
+                fields += keys.len();
+                keys.cloned().collect()
+            });
+            if !trace.is_empty() {
+                let missed = missed(&trace, of_node);
+                of_node.retain(|field| !missed.contains(field));
+            }
+        }
+    }
+    assert!(fields > 30, "{fields} fields of all nodes");
+    let never: Vec<String> = wanted
+        .iter()
+        .flat_map(|(node, left)| left.iter().map(move |field| format!("{node}.{field}")))
+        .collect();
+    assert!(
+        never.is_empty(),
+        "state that is never missed: {}",
+        never.join(", ")
+    );
+}
+
+#[test]
+fn every_node_resumes_from_a_snapshot_wherever_something_rare_happens() {
+    for (cell, log) in SESSIONS.iter() {
+        for trace in Trace::all(cell, log)
+            .iter()
+            .filter(|trace| !trace.is_empty())
+        {
+            let cuts = cuts(trace);
+            let mut node = trace.fresh();
+            for (&cut, text) in cuts.iter().zip(trace.snapshots(&cuts)) {
+                let snapshot = serde_json::from_str(&text).expect("JSON");
+                // The next cut is nearer than that, or the rest of the session is quiet.
+                assert_eq!(
+                    trace.first_difference(node.as_mut(), cut, 200, snapshot),
+                    None,
+                    "{} from step {cut}",
+                    trace.node
+                );
+            }
+        }
+    }
+}
