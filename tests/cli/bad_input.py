@@ -248,9 +248,9 @@ def cut_late(folder):
     return cut(plain(folder), 0.97)
 
 
-@case("diagnose {}", 2, "touches.*cut off")
+@case("diagnose {}", 2, "touches are needed|touches; at least")
 def cut_early(folder):
-    return cut(plain(folder), 0.5)
+    return cut(plain(folder), 0.4)
 
 
 # No message is lost, but the file says so only to who reads it all.
@@ -989,6 +989,30 @@ def wait_for_port(port):
 @case("doctor {}", 0, server=router)
 def a_router_is_there_already(folder, port):
     return cell(folder, replaced("127.0.0.1:7447", f"127.0.0.1:{port}"))
+
+
+@case("play {} --router tcp/127.0.0.1:{port} --rate 1e-300", (0, 2), server=router, interrupt_after=2)
+@case("play {} --router tcp/127.0.0.1:{port} --start-s 1e300", (0, 2), server=router, interrupt_after=2)
+@case("play {} --router tcp/127.0.0.1:{port} --start-s nan", 2, "start", server=router, interrupt_after=2)
+@case("play {} --router tcp/127.0.0.1:{port} --namespace //", 2, "name", server=router, interrupt_after=2)
+@case("play {} --router tcp/127.0.0.1:{port} --wait-for /nothing", 2, "/nothing", server=router, interrupt_after=2)
+def playing(folder, _):
+    return Session().write(folder / "bag.mcap")
+
+
+@case("play {} --router tcp/127.0.0.1:{port} --rate 1000", 3, warns="cut off", server=router, interrupt_after=8)
+def playing_a_cut_bag(folder, _):
+    return cut(plain(folder), 0.9)
+
+
+for word in ("nan", "-1.0", "0.0", "1e300"):
+
+    def recording(folder, port, word=word):
+        settings = f"flush_interval_s = {word}\nsplit_duration_s = {word}"
+        return cell(folder, lambda text: replaced("flush_interval_s = 0.5", settings)(text).replace(":7447", f":{port}"))
+
+    recording.__name__ = f"recording_with_times_of_{word}"
+    case("record --cell {} --folder saved", 2, "flush_interval", server=router, interrupt_after=2)(recording)
 
 
 @case("router --listen tcp/127.0.0.1:{port}", 1, "127.0.0.1", server=router)
