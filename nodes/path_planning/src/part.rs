@@ -306,7 +306,10 @@ impl RawFeature {
         finite("features.radius_mm", &[self.radius_mm])?;
         finite("features.touch_angles_deg", &self.touch_angles_deg)?;
         finite("features.touch_heights_mm", &self.touch_heights_mm)?;
-        finite("features.touch_points_mm", self.touch_points_mm.as_flattened())?;
+        finite(
+            "features.touch_points_mm",
+            self.touch_points_mm.as_flattened(),
+        )?;
         let axis = match direction(self.axis) {
             Some(axis) => axis,
             None if kind == InspectionFeature::SPHERE => Vector3::z(),
