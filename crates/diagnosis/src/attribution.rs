@@ -21,6 +21,8 @@ const POWERS: [f64; 7] = [0.3, 1.0, 4.0, 16.0, 64.0, 256.0, 1024.0];
 const FAR_BEHIND: f64 = 14.0;
 /// Rounds of growth beyond the search's depth.
 const GROWTHS: usize = 6;
+/// Rows on which shapes are scanned.
+const SCANNED: usize = 800;
 /// Peaks of a shape's scan that become candidates.
 const PEAKS: usize = 2;
 /// Two blocks are the same when their spans share all but this part.
@@ -114,6 +116,9 @@ struct Pool<'a> {
     aliases: Vec<Vec<usize>>,
     products: Products,
     scans: BTreeMap<usize, Vec<Trial>>,
+    /// Rows on which shapes are scanned: all of a usual session, evenly spaced ones of a long one.
+    sample: Vec<usize>,
+    sampled: Observations,
 }
 
 impl<'a> Pool<'a> {
@@ -123,6 +128,15 @@ impl<'a> Pool<'a> {
         y: &'a [f64],
         active: &'a [bool],
     ) -> Self {
+        let stride = observations.rows.len().div_ceil(SCANNED);
+        let sample: Vec<usize> = (0..observations.rows.len()).step_by(stride).collect();
+        let sampled = Observations {
+            rows: sample
+                .iter()
+                .map(|&row| observations.rows[row].clone())
+                .collect(),
+            ..observations.clone()
+        };
         let mut pool = Self {
             observations,
             variants,
@@ -132,6 +146,8 @@ impl<'a> Pool<'a> {
             aliases: Vec::new(),
             products: Products::new(&[], y, active),
             scans: BTreeMap::new(),
+            sample,
+            sampled,
         };
         for (place, variant) in variants.iter().enumerate() {
             if variant.shape.is_none() {
@@ -243,8 +259,10 @@ impl<'a> Pool<'a> {
 
     /// Adds the shapes that best explain what `context` leaves.
     fn scan(&mut self, context: &[usize]) {
-        let basis = self.basis(context);
-        let left = project(self.y, self.active, &basis);
+        let active: Vec<bool> = self.sample.iter().map(|&row| self.active[row]).collect();
+        let y: Vec<f64> = self.sample.iter().map(|&row| self.y[row]).collect();
+        let basis = self.basis(context, &self.sample);
+        let left = project(&y, &active, &basis);
         for (place, variant) in self.variants.iter().enumerate() {
             let Some(shape) = &variant.shape else {
                 continue;
@@ -257,15 +275,11 @@ impl<'a> Pool<'a> {
             }
             let trials = self.scans.entry(place).or_insert_with(|| {
                 let columns = |&value: &f64| {
-                    let columns = variant.columns(self.observations, value);
+                    let columns = variant.columns(&self.sampled, value);
                     let weighted = |column: crate::observation::Column| -> Vec<f64> {
-                        (column
-                            .signature
-                            .iter()
-                            .zip(&self.observations.rows)
-                            .zip(self.active))
-                        .map(|((part, row), &used)| if used { part * row.weight } else { 0.0 })
-                        .collect()
+                        (column.signature.iter().zip(&self.sampled.rows).zip(&active))
+                            .map(|((part, row), &used)| if used { part * row.weight } else { 0.0 })
+                            .collect()
                     };
                     (value, columns.into_iter().map(weighted).collect())
                 };
@@ -311,7 +325,8 @@ impl<'a> Pool<'a> {
                 .copied()
                 .filter(|&other| other != member)
                 .collect();
-            let basis = self.basis(&others);
+            let every: Vec<usize> = (0..self.y.len()).collect();
+            let basis = self.basis(&others, &every);
             let left = project(self.y, self.active, &basis);
             let value = self.candidates[member].shape;
             let nearest = shape.trials.partition_point(|&trial| trial < value);
@@ -333,12 +348,12 @@ impl<'a> Pool<'a> {
         }
     }
 
-    /// Orthonormal basis of what a set spans over the active rows.
-    fn basis(&self, set: &[usize]) -> Vec<Vec<f64>> {
+    /// Orthonormal basis of what a set spans over the active ones of `rows`.
+    fn basis(&self, set: &[usize], rows: &[usize]) -> Vec<Vec<f64>> {
         let mut basis: Vec<Vec<f64>> = Vec::new();
         for &member in set {
             for column in masked(&self.candidates[member].block, self.active) {
-                let mut rest = column;
+                let mut rest: Vec<f64> = rows.iter().map(|&row| column[row]).collect();
                 for _ in 0..2 {
                     for known in &basis {
                         let along = dot(known, &rest);

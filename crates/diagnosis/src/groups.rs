@@ -15,6 +15,8 @@ use crate::observation::Observations;
 const HALF: f64 = 0.5;
 /// A replacement this much (natural log) less probable is not excluded.
 const NOT_EXCLUDED: f64 = 4.6;
+/// Rows of a usual session; longer ones get fewer trials.
+const USUAL: usize = 400;
 /// Trials of a shape that are compared with a signature.
 const TRIALS: usize = 160;
 
@@ -78,7 +80,8 @@ pub fn indistinguishable(
         else {
             continue;
         };
-        let stride = shape.trials.len().div_ceil(TRIALS);
+        let most = (TRIALS * USUAL / observations.rows.len().max(USUAL)).max(12);
+        let stride = shape.trials.len().div_ceil(most);
         let fits = shape.trials.iter().step_by(stride).any(|&value| {
             Candidate::new(observations, variants, place, value)
                 .is_some_and(|candidate| close(&candidate.block))

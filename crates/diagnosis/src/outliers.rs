@@ -9,6 +9,8 @@ use crate::evidence::{cholesky, dot, invert};
 
 /// Standardised misses beyond this are suspected.
 const SUSPECT: f64 = 5.0;
+/// Rows that miss by this share of the worst are set aside with it.
+const ALIKE: f64 = 0.8;
 /// At most this share of the touches may be stray.
 const MOST: f64 = 0.12;
 /// Prior probability that a touch is stray.
@@ -36,13 +38,17 @@ pub fn suspects(candidates: &[Candidate], y: &[f64]) -> Vec<usize> {
         };
         let worst = (0..y.len())
             .filter(|&row| active[row])
-            .max_by(|&a, &b| misses[a].total_cmp(&misses[b]));
-        match worst {
-            Some(row) if misses[row] > SUSPECT => {
+            .map(|row| misses[row])
+            .fold(0.0, f64::max);
+        if worst <= SUSPECT {
+            break;
+        }
+        // Those nearly as far out as the worst go with it.
+        for row in 0..y.len() {
+            if active[row] && misses[row] > SUSPECT.max(ALIKE * worst) {
                 active[row] = false;
                 found.push(row);
             }
-            _ => break,
         }
     }
     found

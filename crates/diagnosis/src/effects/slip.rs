@@ -6,6 +6,9 @@
 use super::{Parameter, Shape, Variant};
 use crate::observation::{Observations, Row};
 
+/// Instants tried; in longer sessions not every gap is.
+const FINEST: usize = 400;
+
 pub(super) fn offer(observations: &Observations, variants: &mut Vec<Variant>) {
     let touches = observations.touches();
     let trials: Vec<f64> = (2..touches.saturating_sub(1))
