@@ -4,6 +4,7 @@
 //! and is checked by it. A recording carries the file, so that a replay builds the same nodes. This crate knows no
 //! transport: how processes join the bus is only read here, and carried out by `host`.
 
+mod numbers;
 mod sections;
 
 use std::path::{Path, PathBuf};
@@ -147,15 +148,18 @@ impl Cell {
     }
 
     fn parse(text: &str, name: &str) -> Result<Self, CellError> {
-        toml::from_str(text).map_err(|error| {
-            let line = error
+        let place = |at: usize| format!("{name} line {}", text[..at].matches('\n').count() + 1);
+        if let Some(number) = numbers::first_not_finite(text) {
+            return Err(CellError::Parse {
+                place: place(number.at),
+                message: format!("{} = {} is not a finite number", number.key, number.value),
+            });
+        }
+        toml::from_str(text).map_err(|error| CellError::Parse {
+            place: error
                 .span()
-                .map(|span| text[..span.start].matches('\n').count() + 1);
-            let place = line.map_or_else(|| name.to_owned(), |line| format!("{name} line {line}"));
-            CellError::Parse {
-                place,
-                message: with_nearest(error.message()),
-            }
+                .map_or_else(|| name.to_owned(), |span| place(span.start)),
+            message: with_nearest(error.message()),
         })
     }
 

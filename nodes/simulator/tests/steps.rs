@@ -1,0 +1,222 @@
+//! Step by step: what the simulated machine does with what it is told (source systems A.4).
+
+use graph::{Node, Outbox, START, Stamp};
+use machine::Chain;
+use probecell_msgs::{ControllerCommand, ControllerReply, MachineState};
+use simulator::{Config, Input, Output, RawConfig, SimulatorNode, State};
+
+const ROBOT: &str = r#"<robot name="one_axis"><link name="foundation"/><link name="workpiece"/><link name="probe_mount"/>
+<joint name="W" type="fixed"><parent link="foundation"/><child link="workpiece"/></joint>
+<joint name="Z" type="prismatic"><parent link="foundation"/><child link="probe_mount"/><axis xyz="0 0 1"/>
+<limit lower="-1" upper="1" effort="0" velocity="1"/></joint></robot>"#;
+
+/// A size of 20 mm from 21 mm, cut by tool 2 that leaves `error_um`, of which `spring_back` of the depth springs back.
+fn config(error_um: f64, spring_back: f64) -> Config {
+    let text = format!(
+        r#"
+        seed = 1
+        home = {{ Z = {{ position_mm = 100.0 }} }}
+        probe = {{ center_error_um = [0.0, 0.0, 0.0], radius_error_um = 0.0, touch_sd_um = 0.0 }}
+        plant = {{ spring_back = {spring_back}, cut_sd_um = 0.0 }}
+        tools = [{{ number = 2, error_um = {error_um} }}]
+        sizes = [{{ id = "D", features = ["D"], nominal_mm = 20.0, stock_mm = 21.0 }}]
+        operations = [{{ id = "turn", tool_number = 2, sizes = ["D"], duration_s = 2.0, spindle_rpm = 60.0 }}]
+        "#
+    );
+    let raw: RawConfig = toml::from_str(&text).unwrap_or_else(|error| panic!("{error}"));
+    raw.check(Chain::from_urdf(ROBOT).expect("a chain"), 2e-3)
+        .expect("sound settings")
+}
+
+/// A machine that has started at 0 s: its session is `simulator-0`.
+struct Machine {
+    config: Config,
+    state: State,
+}
+
+impl Machine {
+    fn new(config: Config) -> Self {
+        let state = SimulatorNode::start(&config);
+        let mut machine = Self { config, state };
+        machine.step(0.0, Input::Timer(START));
+        machine
+    }
+
+    fn step(&mut self, seconds: f64, input: Input) -> Vec<Output> {
+        let mut out = Outbox::default();
+        SimulatorNode::step(
+            &self.config,
+            &mut self.state,
+            Stamp(0).after_s(seconds),
+            input,
+            &mut out,
+        );
+        out.messages().to_vec()
+    }
+
+    /// Tells it something; the outcome and text of what it answers at once.
+    fn tell(&mut self, seconds: f64, command: ControllerCommand) -> Vec<(u8, String)> {
+        replies(&self.step(seconds, Input::Command(command)))
+    }
+
+    /// What it answers when that time has come.
+    fn at(&mut self, seconds: f64) -> Vec<(u8, String)> {
+        replies(&self.step(seconds, Input::Timer(1)))
+    }
+
+    fn size(&self) -> f64 {
+        self.state.sizes["D"]
+    }
+}
+
+fn replies(outputs: &[Output]) -> Vec<(u8, String)> {
+    let reply = |output: &Output| match output {
+        Output::Reply(reply) => Some((reply.outcome, reply.text.clone())),
+        _ => None,
+    };
+    outputs.iter().filter_map(reply).collect()
+}
+
+fn command(kind: u8) -> ControllerCommand {
+    ControllerCommand {
+        session: "simulator-0".to_owned(),
+        kind,
+        operation: "turn".to_owned(),
+        tool_number: 2,
+        ..ControllerCommand::default()
+    }
+}
+
+/// Cuts once, beginning at that second.
+fn cut(machine: &mut Machine, seconds: f64) {
+    assert!(
+        machine
+            .tell(seconds, command(ControllerCommand::RUN_OPERATION))
+            .is_empty()
+    );
+    assert_eq!(
+        machine.at(seconds + 2.0),
+        [(ControllerReply::DONE, String::new())]
+    );
+}
+
+#[test]
+fn a_cut_leaves_what_the_tool_leaves_and_what_springs_back() {
+    for (error, spring_back, expected_um) in [
+        (0.0, 0.0, 0.0),
+        (20.0, 0.0, 20.0),
+        (20.0, 0.1, 20.0 + 0.1 * 980.0),
+    ] {
+        let mut machine = Machine::new(config(error, spring_back));
+        cut(&mut machine, 1.0);
+        let left = (machine.size() - 20e-3) * 1e6;
+        assert!(
+            (left - expected_um).abs() < 1e-6,
+            "{left} µm against {expected_um}"
+        );
+    }
+}
+
+#[test]
+fn a_wear_offset_shifts_the_next_cut_and_not_the_last_one() {
+    let mut machine = Machine::new(config(20.0, 0.0));
+    cut(&mut machine, 1.0);
+    let wear = ControllerCommand {
+        value: -20e-6,
+        ..command(ControllerCommand::SET_TOOL_WEAR)
+    };
+    assert_eq!(
+        machine.tell(4.0, wear),
+        [(ControllerReply::DONE, String::new())]
+    );
+    assert!((machine.size() - 20.02e-3).abs() < 1e-12);
+    cut(&mut machine, 5.0);
+    assert!((machine.size() - 20e-3).abs() < 1e-12);
+}
+
+#[test]
+fn what_was_cut_away_does_not_come_back() {
+    let mut machine = Machine::new(config(0.0, 0.0));
+    cut(&mut machine, 1.0);
+    let wear = ControllerCommand {
+        value: 50e-6,
+        ..command(ControllerCommand::SET_TOOL_WEAR)
+    };
+    machine.tell(4.0, wear);
+    cut(&mut machine, 5.0);
+    assert!((machine.size() - 20e-3).abs() < 1e-12);
+}
+
+#[test]
+fn a_command_for_another_run_for_a_busy_machine_or_for_nothing_there_is_refused() {
+    let refused = |text: &str| [(ControllerReply::REFUSED, text.to_owned())];
+    let mut machine = Machine::new(config(0.0, 0.0));
+    let other = ControllerCommand {
+        session: "simulator-1".to_owned(),
+        ..command(ControllerCommand::RUN_OPERATION)
+    };
+    assert_eq!(
+        machine.tell(1.0, other),
+        refused("it was made for another run of the driver")
+    );
+    let unknown = ControllerCommand {
+        operation: "saw".to_owned(),
+        ..command(ControllerCommand::RUN_OPERATION)
+    };
+    assert_eq!(
+        machine.tell(1.0, unknown),
+        refused("there is no operation \"saw\"")
+    );
+    let nothing = ControllerCommand {
+        value: f64::NAN,
+        ..command(ControllerCommand::SET_TOOL_WEAR)
+    };
+    assert_eq!(
+        machine.tell(1.0, nothing),
+        refused("tool 2 has no offset that NaN could be")
+    );
+    machine.tell(1.0, command(ControllerCommand::RUN_OPERATION));
+    assert_eq!(
+        machine.tell(2.0, command(ControllerCommand::RUN_OPERATION)),
+        refused("a program is running")
+    );
+}
+
+#[test]
+fn a_stop_ends_the_program_before_it_has_cut() {
+    let mut machine = Machine::new(config(0.0, 0.0));
+    machine.tell(1.0, command(ControllerCommand::RUN_OPERATION));
+    let answers = machine.tell(2.0, command(ControllerCommand::STOP));
+    assert_eq!(
+        answers,
+        [
+            (ControllerReply::FAILED, "stopped".to_owned()),
+            (ControllerReply::DONE, String::new())
+        ]
+    );
+    assert!(machine.at(4.0).is_empty());
+    assert_eq!(machine.size(), 21e-3);
+}
+
+#[test]
+fn samples_tell_where_the_axes_are_and_that_a_program_runs() {
+    let mut machine = Machine::new(config(0.0, 0.0));
+    machine.tell(1.0, command(ControllerCommand::RUN_OPERATION));
+    let outputs = machine.step(1.5, Input::Timer(1));
+    let [Output::Status(sample)] = outputs.as_slice() else {
+        panic!("{outputs:?}")
+    };
+    assert_eq!(
+        (sample.session.as_str(), sample.program.as_str()),
+        ("simulator-0", "turn")
+    );
+    assert_eq!(
+        (&sample.axis_names, &sample.axis_positions),
+        (&vec!["Z".to_owned()], &vec![0.1])
+    );
+    assert_eq!(
+        (sample.execution, sample.tool_number),
+        (MachineState::EXECUTION_RUNNING, 2)
+    );
+    assert!((sample.spindle_speed - std::f64::consts::TAU).abs() < 1e-12);
+}
