@@ -488,8 +488,24 @@ fn answer(state: &mut State, now: Stamp, reply: &ControllerReply, out: &mut Outb
             ControllerReply::REFUSED => OperationReport::REFUSED,
             _ => OperationReport::FAILED,
         };
+        if outcome == OperationReport::FAILED
+            && let Some((code, text)) = named(&reply.text)
+        {
+            raise(state, now, code, text, out);
+            state.standing.remove(code);
+        }
         report(now, operation.request_id, outcome, &reply.text, out);
     }
+}
+
+/// The name of a fault that a driver puts before its sentence: `probe_stuck: the probe ...`.
+fn named(text: &str) -> Option<(&str, &str)> {
+    let (code, sentence) = text.split_once(": ")?;
+    let is_name = |code: &str| {
+        code.bytes()
+            .all(|byte| byte.is_ascii_lowercase() || byte == b'_')
+    };
+    (!code.is_empty() && is_name(code)).then_some((code, sentence))
 }
 
 fn fail_operation(state: &mut State, now: Stamp, text: &str, out: &mut Outbox<Output>) {
