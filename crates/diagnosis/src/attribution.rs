@@ -20,7 +20,7 @@ const POWERS: [f64; 7] = [0.3, 1.0, 4.0, 16.0, 64.0, 256.0, 1024.0];
 /// A rival this far (natural log) behind the best is not searched further.
 const FAR_BEHIND: f64 = 14.0;
 /// Rounds of growth beyond the search's depth.
-const GROWTHS: usize = 6;
+const GROWTHS: usize = 3;
 /// Rows on which shapes are scanned.
 const SCANNED: usize = 800;
 /// Peaks of a shape's scan that become candidates.

@@ -15,6 +15,8 @@ const MOST_AT_LENGTH: usize = 32;
 const BEAM: usize = 24;
 /// Candidates tried on each kept set.
 const TRIED: usize = 14;
+/// Candidates tried on a set that grows one by one.
+const TRIED_AT_LENGTH: usize = 6;
 /// A level whose best set lies this far (natural log) behind the best of all ends the search.
 const HOPELESS: f64 = 25.0;
 
@@ -100,7 +102,7 @@ pub fn extend(products: &Products, priors: &Priors, start: &[usize]) -> Option<S
         score: first,
     };
     while best.set.len() < MOST_AT_LENGTH {
-        let trials = promising(products, priors, &best.set, TRIED)
+        let trials = promising(products, priors, &best.set, TRIED_AT_LENGTH)
             .into_iter()
             .map(|candidate| {
                 let mut set = best.set.clone();

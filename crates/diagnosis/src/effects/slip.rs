@@ -12,6 +12,7 @@ const FINEST: usize = 400;
 pub(super) fn offer(observations: &Observations, variants: &mut Vec<Variant>) {
     let touches = observations.touches();
     let trials: Vec<f64> = (2..touches.saturating_sub(1))
+        .step_by(touches.div_ceil(FINEST).max(1))
         .map(|index| index as f64)
         .collect();
     if trials.is_empty() {
