@@ -12,8 +12,16 @@ use crate::metadata;
 /// without it all `.mcap` files are taken, ordered by the number at the end of their names.
 pub(super) fn of(path: &Path) -> Result<(Vec<PathBuf>, Vec<Damage>), Error> {
     let failed = |source| Error::io("read the recording", path, source);
-    if !std::fs::metadata(path).map_err(failed)?.is_dir() {
+    let kind = std::fs::metadata(path).map_err(failed)?.file_type();
+    if kind.is_file() {
         return Ok((vec![path.to_owned()], Vec::new()));
+    }
+    if !kind.is_dir() {
+        let source = std::io::Error::new(
+            std::io::ErrorKind::InvalidInput,
+            "neither a file nor a folder",
+        );
+        return Err(failed(source));
     }
     let mut present = Vec::new();
     for entry in std::fs::read_dir(path).map_err(failed)? {

@@ -4,6 +4,7 @@
 //! and is checked by it. A recording carries the file, so that a replay builds the same nodes. This crate knows no
 //! transport: how processes join the bus is only read here, and carried out by `host`.
 
+mod checks;
 mod numbers;
 mod sections;
 
@@ -143,6 +144,7 @@ impl Cell {
     pub fn from_text(text: CellText) -> Result<Self, CellError> {
         let mut cell = Self::parse(&text.cell, &text.name)?;
         cell.text = text;
+        cell.setting(checks::sections(&cell))?;
         cell.nodes(false)?;
         Ok(cell)
     }

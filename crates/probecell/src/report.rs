@@ -24,6 +24,20 @@ pub(crate) fn json(value: &impl Serialize) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// Warns of the damage of a bag; gives the exit status of a command that used what is whole.
+pub(crate) fn damage(found: &[bags::Damage]) -> u8 {
+    for damage in found {
+        remark(&format!(
+            "warning: {damage}: only the complete part is used"
+        ));
+    }
+    if found.is_empty() {
+        crate::GOOD
+    } else {
+        crate::LOSS
+    }
+}
+
 /// An error as one sentence: causes that the sentence already tells are left out.
 pub(crate) fn error(error: &anyhow::Error) {
     let mut sentence = String::new();

@@ -3,7 +3,7 @@
 use std::{collections::BTreeMap, path::Path};
 
 use analysis::AnalysisNode;
-use anyhow::Context;
+use anyhow::{Context, bail};
 use bags::{Bag, Session};
 use cell::Cell;
 use graph::{Executor, Running, Stamp, topics};
@@ -23,7 +23,7 @@ const OVERTRAVEL: f64 = 2e-3;
 
 /// Plans and prints.
 pub(crate) fn run(source: &Path, as_json: bool) -> anyhow::Result<u8> {
-    let (plan, order) = if source
+    let (plan, order, status) = if source
         .extension()
         .is_some_and(|extension| extension == "toml")
     {
@@ -33,7 +33,7 @@ pub(crate) fn run(source: &Path, as_json: bool) -> anyhow::Result<u8> {
     };
     if as_json {
         report::json(&order)?;
-        return Ok(GOOD);
+        return Ok(status);
     }
     let saved = 100.0 * (1.0 - order.air_time / order.given_air_time.max(1e-12));
     report::line(&format!(
@@ -58,10 +58,10 @@ pub(crate) fn run(source: &Path, as_json: bool) -> anyhow::Result<u8> {
         order.given_air_length * 1e3
     ));
     report::line(&format!("order: {:?}", order.order));
-    Ok(GOOD)
+    Ok(status)
 }
 
-fn of_cell(file: &Path) -> anyhow::Result<(InspectionPlan, MeasurementOrder)> {
+fn of_cell(file: &Path) -> anyhow::Result<(InspectionPlan, MeasurementOrder, u8)> {
     let cell = Cell::read(file)?;
     let chain = Chain::from_urdf(&cell.text().robot_description)?;
     let config = cell.path_planning.check(chain, &cell.part, Vec::new())?;
@@ -74,18 +74,22 @@ fn of_cell(file: &Path) -> anyhow::Result<(InspectionPlan, MeasurementOrder)> {
         kicks,
     }
     .order(&plan, &[])?;
-    Ok((plan, order))
+    Ok((plan, order, GOOD))
 }
 
 /// Orders the plan of a recording again, against the order in which it was measured.
-fn of_bag(path: &Path) -> anyhow::Result<(InspectionPlan, MeasurementOrder)> {
+fn of_bag(path: &Path) -> anyhow::Result<(InspectionPlan, MeasurementOrder, u8)> {
     let session = Session::read(&Bag::open(path)?)?;
+    let status = report::damage(&session.damage);
     let recorded = session
         .plan
         .as_ref()
         .context("the bag has no inspection plan to order")?;
     let chain = Chain::from_urdf(&session.robot_description)?;
     let part_pose = Nominal::from_plan(recorded)?.part_pose;
+    if session.events.is_empty() {
+        bail!("the bag has no probe events: no order was measured that could be beaten");
+    }
     // The first touch of each point gives the order to beat, and where the axes stood.
     let mut seeds = Vec::new();
     let mut plan = InspectionPlan {
@@ -127,15 +131,19 @@ fn of_bag(path: &Path) -> anyhow::Result<(InspectionPlan, MeasurementOrder)> {
     for one in &mut order.moves {
         one.point_index = places[one.point_index as usize];
     }
-    Ok((recorded.clone(), order))
+    Ok((recorded.clone(), order, status))
 }
 
 /// Runs the analysis on a recording of somebody else: its plan and touches, on virtual time.
 pub(crate) fn replay_foreign(bag: &Bag, as_json: bool) -> anyhow::Result<u8> {
     let session = Session::read(bag)?;
+    let status = report::damage(&session.damage);
     let plan = session.plan.as_ref().context(
         "the bag has neither step journals nor an inspection plan: there is nothing to replay",
     )?;
+    if session.events.is_empty() {
+        bail!("the bag has no probe events: there is nothing to replay");
+    }
     let chain = Chain::from_urdf(&session.robot_description)?;
     let config = analysis::RawConfig::default().check(chain)?;
     let start = session
@@ -164,7 +172,7 @@ pub(crate) fn replay_foreign(bag: &Bag, as_json: bool) -> anyhow::Result<u8> {
     }
     if as_json {
         report::json(&json!({ "deviations": deviations, "features": features }))?;
-        return Ok(GOOD);
+        return Ok(status);
     }
     report::line(&format!(
         "{} touches of plan {:?}, computed again; nothing of this cell was recorded to compare with",
@@ -181,5 +189,5 @@ pub(crate) fn replay_foreign(bag: &Bag, as_json: bool) -> anyhow::Result<u8> {
             result.text
         ));
     }
-    Ok(GOOD)
+    Ok(status)
 }

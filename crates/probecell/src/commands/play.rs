@@ -25,6 +25,9 @@ use crate::{GOOD, report, signals};
 /// Between two messages of `/clock` while nothing else happens.
 const CLOCK_PERIOD: Duration = Duration::from_millis(25);
 
+/// Speeds at which a recording can be played.
+const RATES: std::ops::RangeInclusive<f64> = 1e-3..=1e6;
+
 /// What the user asks for.
 #[derive(Args)]
 pub(crate) struct Arguments {
@@ -72,8 +75,16 @@ enum Order {
 
 /// Plays the bag.
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
-    if !(arguments.rate.is_finite() && arguments.rate > 0.0) {
-        bail!("--rate {} must be a finite number above 0", arguments.rate);
+    if !RATES.contains(&arguments.rate) {
+        bail!(
+            "--rate {} must lie between {} and {}",
+            arguments.rate,
+            RATES.start(),
+            RATES.end()
+        );
+    }
+    if !arguments.start_s.is_finite() {
+        bail!("--start-s {} must be a finite number", arguments.start_s);
     }
     let bag = Bag::open(&arguments.bag)?;
     let (first, last) = bag.bounds().context("the bag has no messages to play")?;
@@ -102,7 +113,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
         pace.seek(first);
     }
     bus.close(Duration::from_secs(5))?;
-    Ok(GOOD)
+    Ok(report::damage(&bag.damage()))
 }
 
 /// Where the playing stands, in recorded time.
@@ -133,7 +144,8 @@ impl Pace {
         if self.paused {
             CLOCK_PERIOD
         } else {
-            Duration::from_secs_f64(to.saturating_sub(self.due()) as f64 * 1e-9 / self.rate)
+            let seconds = to.saturating_sub(self.due()) as f64 * 1e-9 / self.rate;
+            Duration::from_secs_f64(seconds.min(CLOCK_PERIOD.as_secs_f64()))
         }
     }
 }
@@ -299,7 +311,7 @@ fn order(line: &str) -> Option<Order> {
                 .next()?
                 .parse()
                 .ok()
-                .filter(|rate: &f64| rate.is_finite() && *rate > 0.0)?,
+                .filter(|rate| RATES.contains(rate))?,
         ),
         Some(_) => return None,
     };

@@ -1,0 +1,84 @@
+//! What no single node can see of a cell file: names that must fit together, and the sections of no node.
+
+use std::collections::BTreeSet;
+
+use crate::{Cell, Source};
+
+/// s; shortest and longest time after which a recording is flushed.
+const FLUSH_INTERVAL: std::ops::RangeInclusive<f64> = 0.01..=3600.0;
+
+/// One sentence about the first thing that is wrong.
+pub(crate) fn sections(cell: &Cell) -> Result<(), String> {
+    let name = &cell.cell.name;
+    let legal = |byte: u8| byte.is_ascii_alphanumeric() || byte == b'_';
+    if !name.bytes().all(legal) || !name.starts_with(|first: char| first.is_ascii_alphabetic()) {
+        return Err(format!(
+            "cell.name = {name:?} must be letters, digits and underscores and begin with a letter"
+        ));
+    }
+    if cell.driver.source == Source::Linuxcnc {
+        let section = cell.linuxcnc.clone();
+        let section = section
+            .ok_or("driver.source is \"linuxcnc\", but the section [linuxcnc] is missing")?;
+        section.check().map_err(|error| error.to_string())?;
+    }
+    recorder(cell)?;
+    names(cell)
+}
+
+fn recorder(cell: &Cell) -> Result<(), String> {
+    let flush = cell.recorder.flush_interval_s;
+    if !FLUSH_INTERVAL.contains(&flush) {
+        let (least, most) = (FLUSH_INTERVAL.start(), FLUSH_INTERVAL.end());
+        return Err(format!(
+            "recorder.flush_interval_s = {flush} must lie between {least} and {most}"
+        ));
+    }
+    if let Some(split) = cell.recorder.split_duration_s
+        && !(1.0..=1e9).contains(&split)
+    {
+        return Err(format!(
+            "recorder.split_duration_s = {split} must be at least 1 and at most 1e9"
+        ));
+    }
+    if cell.recorder.split_size_mib == Some(0) {
+        return Err("recorder.split_size_mib = 0 must be at least 1".to_owned());
+    }
+    Ok(())
+}
+
+/// Features, widths and characteristics refer to one another by name.
+fn names(cell: &Cell) -> Result<(), String> {
+    let mut sizes = BTreeSet::new();
+    for feature in &cell.part.features {
+        if !sizes.insert(feature.id.as_str()) {
+            return Err(format!(
+                "part.features: {:?} stands there twice",
+                feature.id
+            ));
+        }
+    }
+    for width in &cell.analysis.widths {
+        for plane in &width.planes {
+            let is_plane = |feature: &path_planning::part::RawFeature| {
+                feature.id == *plane && feature.kind == "plane"
+            };
+            if !cell.part.features.iter().any(is_plane) {
+                return Err(format!(
+                    "analysis.widths: {:?} names {plane:?}, which is not a plane of the part",
+                    width.id
+                ));
+            }
+        }
+    }
+    sizes.extend(cell.analysis.widths.iter().map(|width| width.id.as_str()));
+    for characteristic in &cell.compensation.characteristics {
+        if !sizes.contains(characteristic.id.as_str()) {
+            return Err(format!(
+                "compensation.characteristics: {:?} is neither a feature of the part nor a width",
+                characteristic.id
+            ));
+        }
+    }
+    Ok(())
+}
