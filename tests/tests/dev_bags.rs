@@ -1,5 +1,10 @@
 //! Recordings of other cells, ../shared/trials/dev: every touch's deviation against NumPy, every plan ordered again.
 
+#![allow(
+    clippy::print_stdout,
+    reason = "a test that is skipped says so, and figures are told"
+)]
+
 use std::{
     collections::BTreeMap,
     path::{Path, PathBuf},

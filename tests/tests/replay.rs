@@ -323,7 +323,7 @@ fn written(log: &[Published], folder: &std::path::Path, split_bytes: Option<u64>
     let mut options = RecorderOptions::new(folder);
     options.overflow = Overflow::Block;
     options.chunk_bytes = 1 << 16;
-    options.sync_interval = Duration::from_mins(1);
+    options.sync_interval = Duration::from_secs(60);
     options.split = SplitAt {
         bytes: split_bytes,
         duration: None,
@@ -341,7 +341,7 @@ fn written(log: &[Published], folder: &std::path::Path, split_bytes: Option<u64>
             };
             recorder
                 .channel(&Channel::of(
-                    &format!("/turn_mill/{}", one.topic),
+                    format!("/turn_mill/{}", one.topic),
                     message,
                     qos,
                 ))
