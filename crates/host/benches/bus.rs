@@ -7,7 +7,7 @@
 #![expect(clippy::print_stdout, reason = "a benchmark tells its figures")]
 
 use std::net::TcpListener;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, mpsc};
 use std::time::{Duration, Instant};
 
@@ -28,17 +28,23 @@ const PATIENCE: Duration = Duration::from_secs(60);
 const ZENOH_BURST: u64 = 100_000;
 const DDS_BURST: u64 = 10_000;
 
+/// Messages under way at most: publishers do not block, and would drop what no queue can hold.
+const WINDOW: u64 = 1_000;
+
 type Send = Box<dyn Fn(&ProbeEvent) -> anyhow::Result<()>>;
+type SendBack = Box<dyn Fn(&ProbeEvent) + std::marker::Send + Sync>;
 type Take = Box<dyn Fn(ProbeEvent) + std::marker::Send + Sync>;
 
 /// Two ends and a topic each way: what `near` sends arrives at `far`'s callback, and back.
 struct Pair {
     name: &'static str,
     near: Send,
-    /// Time of one round trip, and count of what arrived at the far end.
+    /// One for each message that came back.
     echoes: mpsc::Receiver<()>,
+    /// Messages that the far end has taken.
     arrived: Arc<AtomicU64>,
-    echoing: Arc<std::sync::atomic::AtomicBool>,
+    /// The far end sends back what it takes.
+    echoing: Arc<AtomicBool>,
     _kept: Vec<Box<dyn std::any::Any>>,
 }
 
@@ -59,8 +65,16 @@ impl Pair {
         self.echoing.store(false, Ordering::SeqCst);
         let goal = self.arrived.load(Ordering::SeqCst) + burst;
         let start = Instant::now();
-        for _ in 0..burst {
+        for sent in 1..=burst {
             (self.near)(event)?;
+            while self.arrived.load(Ordering::Relaxed) + WINDOW < goal - burst + sent {
+                anyhow::ensure!(
+                    start.elapsed() < PATIENCE,
+                    "{}: messages are missing",
+                    self.name
+                );
+                std::thread::yield_now();
+            }
         }
         while self.arrived.load(Ordering::SeqCst) < goal {
             anyhow::ensure!(
@@ -87,7 +101,6 @@ fn main() -> anyhow::Result<()> {
         let (endpoint, _router) = router()?;
         let config = BusConfig {
             endpoints: vec![endpoint],
-            keep_all_depth: std::env::var("D").map_or(10_000, |d| d.parse().unwrap()),
             ..BusConfig::default()
         };
         compare(&ours(&config)?, &bare_zenoh(&config)?, &event, ZENOH_BURST)
@@ -136,9 +149,9 @@ fn median(mut values: Vec<f64>) -> f64 {
 }
 
 /// The far end: counts, and sends back when told to.
-fn far_end(back: Send2) -> (Take, Arc<AtomicU64>, Arc<std::sync::atomic::AtomicBool>) {
+fn far_end(back: SendBack) -> (Take, Arc<AtomicU64>, Arc<AtomicBool>) {
     let arrived = Arc::new(AtomicU64::new(0));
-    let echoing = Arc::new(std::sync::atomic::AtomicBool::new(false));
+    let echoing = Arc::new(AtomicBool::new(false));
     let take: Take = Box::new({
         let (arrived, echoing) = (Arc::clone(&arrived), Arc::clone(&echoing));
         move |event| {
@@ -150,8 +163,6 @@ fn far_end(back: Send2) -> (Take, Arc<AtomicU64>, Arc<std::sync::atomic::AtomicB
     });
     (take, arrived, echoing)
 }
-
-type Send2 = Box<dyn Fn(&ProbeEvent) + std::marker::Send + Sync>;
 
 fn router() -> anyhow::Result<(String, Router)> {
     let port = TcpListener::bind("127.0.0.1:0")?.local_addr()?.port();
@@ -244,7 +255,7 @@ fn bare_zenoh(config: &BusConfig) -> anyhow::Result<Pair> {
     let publisher = |session: &zenoh::Session, key: &'static str| {
         session
             .declare_publisher(key)
-            .congestion_control(CongestionControl::Block)
+            .congestion_control(CongestionControl::Drop)
             .wait()
             .map_err(failed)
     };

@@ -43,6 +43,8 @@ class Raw:
         config.insert_json5("scouting/multicast/enabled", "false")
         config.insert_json5("timestamping/enabled", "true")
         self.session = zenoh.open(config)
+        self.alive = set()
+        self.graph = self.session.liveliness().declare_subscriber("@ros2_lv/0/**", self._token, history=True)
 
     def __enter__(self):
         return self
@@ -50,9 +52,13 @@ class Raw:
     def __exit__(self, *_):
         self.session.close()
 
-    def tokens(self, domain=0):
-        replies = self.session.liveliness().get(f"@ros2_lv/{domain}/**")
-        return {str(reply.ok.key_expr) for reply in replies if reply.ok}
+    def _token(self, sample):
+        change = self.alive.add if sample.kind == zenoh.SampleKind.PUT else self.alive.discard
+        change(str(sample.key_expr))
+
+    def tokens(self):
+        """What is announced now. A subscription knows; a single query may catch the graph half told."""
+        return set(self.alive)
 
     def listen(self, key):
         samples = queue.Queue()
@@ -199,17 +205,19 @@ def late_joiners(program, endpoint, messages, sdk):
         # The SDK asks for history in its own way: of topics without a namespace, and for the last sample only.
         for cdr in encoded:
             ours.ask("published", "publish", "/latched_once", name, "latched:1", cdr.hex())
-        session = ZenohSession.get_instance()
-        until("the token to reach the SDK", lambda: any(
-            "%latched_once" in str(reply.ok.key_expr) for reply in session.liveliness.get("@ros2_lv/0/**") if reply.ok
-        ))
+        # It asks once who publishes, which may catch the graph half told: then it is joined by another one.
         taken = queue.Queue()
-        subscriber = ROS2Subscriber(
-            topic="/latched_once", callback=taken.put, msg_type=name, type_hash=messages.hash(name),
-            qos=TOKEN_QOS["latched:1"], **sdk,
-        )
-        check("history of ours, by the SDK", messages.encode(taken.get(timeout=PATIENCE), name), encoded[-1])
-        subscriber.close()
+
+        def joined():
+            subscriber = ROS2Subscriber(
+                topic="/latched_once", callback=taken.put, msg_type=name, type_hash=messages.hash(name),
+                qos=TOKEN_QOS["latched:1"], **sdk,
+            )
+            subscriber.close()
+            return not taken.empty()
+
+        until("history for the SDK", joined)
+        check("history of ours, by the SDK", messages.encode(taken.get(), name), encoded[-1])
         # The library's advanced publisher, as rmw_zenoh sets it up; we join late.
         publisher = zenoh.ext.declare_advanced_publisher(
             raw.session, key_of(messages, "latched_raw", name),

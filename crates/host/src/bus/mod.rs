@@ -22,7 +22,8 @@
 //!
 //! No publisher blocks while a link is congested, not even a keep-all one (rmw_zenoh does): a recorder behind a cut link
 //! would stop the machine. What is dropped stands in the publisher's cache, and the subscription fetches or reports it.
-//! A clean end is [`Bus::close`]: what was published before it is written to the links first.
+//! A clean end is [`Bus::close`]: what was published before it is written to the links first, and a node that has just
+//! published something reliable stays for a second, so that what a busy link dropped can still be fetched.
 
 pub mod config;
 pub mod dds;
@@ -231,6 +232,10 @@ pub struct Publisher {
     inner: PublisherInner,
 }
 
+#[expect(
+    clippy::large_enum_variant,
+    reason = "one for each topic, and never moved about"
+)]
 enum PublisherInner {
     Zenoh(session::ZenohPublisher),
     Dds(dds::DdsPublisher),

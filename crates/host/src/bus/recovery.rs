@@ -5,10 +5,14 @@
 //! 64 bits. Rules:
 //!
 //! - What a publisher had published when the subscription joined is past: it is neither delivered nor missing. The
-//!   join ends when every reachable cache has told its last position. A publisher met later owes everything it has.
-//! - A gap holds back what follows it while the publisher's cache is asked. Delivery is in order, once each.
+//!   join ends when every reachable cache has told its last position, and publishers have had the time to tell it by
+//!   heartbeat. A publisher met later owes everything it has.
+//! - A gap holds back what follows it. Delivery is in order, once each.
+//! - Heartbeats and answers may take another way than the samples and overtake them. Hence a gap is looked at only
+//!   when nothing has filled any of it for two ticks: then the publisher's cache is asked.
 //! - The cache is asked with an open end. It always holds the newest sample, hence an answer without any sample is
-//!   no answer, and is asked again; an answer whose oldest sample lies behind the gap proves the gap lost.
+//!   no answer, and is asked again; an answer whose oldest sample lies behind the gap proves, after ten more quiet
+//!   ticks, that the gap is lost.
 //! - After `patience` without an answer the gap is lost, so that a dead publisher blocks nobody.
 
 use std::collections::BTreeMap;
@@ -16,6 +20,12 @@ use std::time::Duration;
 
 /// How often a gap inside an answered range is asked for again before it counts as lost.
 const ATTEMPTS: u32 = 3;
+
+/// Ticks without progress after which a gap is asked for.
+const QUIET_TICKS: u32 = 2;
+
+/// Ticks without progress after which what the cache no longer has counts as lost, and is not merely overtaken.
+const LOST_TICKS: u32 = 10;
 
 /// What the transport must do.
 #[derive(Debug, PartialEq, Eq)]
@@ -42,9 +52,13 @@ struct Source<S> {
     asking: bool,
     /// Oldest position that the query under way has returned.
     oldest_reply: Option<u64>,
+    /// The cache no longer has what lies before this position.
+    gone_before: Option<u64>,
     /// Answered queries that left this gap open.
     attempts: u32,
-    /// Since when the gap is known.
+    /// Ticks since a sample was last delivered, or asked for.
+    quiet: u32,
+    /// Since when the gap is known without progress.
     gap_since: Option<Duration>,
 }
 
@@ -75,7 +89,7 @@ impl<K: Ord + Copy, S> Recovery<K, S> {
         }
     }
 
-    /// Every reachable cache has told its newest sample.
+    /// Every publisher within reach has told its newest sample.
     pub(crate) fn joined(&mut self) {
         self.joined = true;
     }
@@ -124,20 +138,14 @@ impl<K: Ord + Copy, S> Recovery<K, S> {
         }
         if position > state.next {
             state.held.entry(position).or_insert(sample);
+            state.gap_since.get_or_insert(now);
         } else {
-            state.deliver(sample, actions);
+            state.deliver(now, sample, actions);
         }
-        state.ask_if_due(now, source, actions);
     }
 
     /// A publisher told that `position` is its newest sample.
-    pub(crate) fn heartbeat(
-        &mut self,
-        now: Duration,
-        source: K,
-        position: u32,
-        actions: &mut Vec<Action<K, S>>,
-    ) {
+    pub(crate) fn heartbeat(&mut self, now: Duration, source: K, position: u32) {
         let joined = self.joined;
         let state = self.sources.entry(source).or_insert_with(|| {
             if joined {
@@ -151,34 +159,56 @@ impl<K: Ord + Copy, S> Recovery<K, S> {
         if !(state.next_is_past && position == state.next) {
             state.end = state.end.max(position + 1);
         }
-        state.ask_if_due(now, source, actions);
+        if state.has_gap() {
+            state.gap_since.get_or_insert(now);
+        }
     }
 
     /// The query asked for has ended, answered or not.
-    pub(crate) fn answered(&mut self, now: Duration, source: K, actions: &mut Vec<Action<K, S>>) {
-        let patience = self.patience;
+    pub(crate) fn answered(&mut self, source: K) {
         let Some(state) = self.sources.get_mut(&source) else {
             return;
         };
         state.asking = false;
-        if let Some(oldest) = state.oldest_reply.take() {
-            state.give_up_before(source, oldest, actions);
-            state.attempts += 1;
-            if state.attempts >= ATTEMPTS {
-                state.give_up_to_held(source, actions);
-            }
-            state.ask_if_due(now, source, actions);
-        } else {
-            state.expire(now, patience, source, actions);
+        state.quiet = 0;
+        let Some(oldest) = state.oldest_reply.take() else {
+            return;
+        };
+        state.attempts += 1;
+        if state.attempts >= ATTEMPTS {
+            let reachable = state.held.first_key_value().map(|(&held, _)| held);
+            state.gone_before = Some(reachable.unwrap_or(state.end));
+        } else if oldest > state.next {
+            state.gone_before = Some(oldest);
         }
     }
 
-    /// Time passes: asks again, or gives up.
+    /// A tick has passed: asks, or gives up.
     pub(crate) fn tick(&mut self, now: Duration, actions: &mut Vec<Action<K, S>>) {
         for (&source, state) in &mut self.sources {
-            if state.has_gap() && !state.asking {
-                state.expire(now, self.patience, source, actions);
-                state.ask_if_due(now, source, actions);
+            if !state.has_gap() || state.asking {
+                continue;
+            }
+            state.quiet += 1;
+            let patience = if state.gone_before.is_some() {
+                LOST_TICKS
+            } else {
+                QUIET_TICKS
+            };
+            if state.quiet < patience {
+                continue;
+            }
+            let waited = now.saturating_sub(*state.gap_since.get_or_insert(now));
+            if let Some(gone) = state.gone_before.take() {
+                state.give_up_before(now, source, gone, actions);
+            } else if waited >= self.patience {
+                state.give_up_all(now, source, actions);
+            } else {
+                state.asking = true;
+                actions.push(Action::Ask {
+                    source,
+                    from: state.next,
+                });
             }
         }
     }
@@ -198,7 +228,9 @@ impl<S> Source<S> {
             end: next,
             asking: false,
             oldest_reply: None,
+            gone_before: None,
             attempts: 0,
+            quiet: 0,
             gap_since: None,
         }
     }
@@ -221,43 +253,36 @@ impl<S> Source<S> {
         self.end > self.next
     }
 
-    fn deliver<K>(&mut self, sample: S, actions: &mut Vec<Action<K, S>>) {
+    fn deliver<K>(&mut self, now: Duration, sample: S, actions: &mut Vec<Action<K, S>>) {
         actions.push(Action::Deliver(sample));
         self.next += 1;
         self.next_is_past = false;
-        self.flush(actions);
+        self.flush(now, actions);
     }
 
-    fn flush<K>(&mut self, actions: &mut Vec<Action<K, S>>) {
+    /// Delivers what was held back for the samples before it; the clock of the rest of the gap starts anew.
+    fn flush<K>(&mut self, now: Duration, actions: &mut Vec<Action<K, S>>) {
         while let Some(sample) = self.held.remove(&self.next) {
             actions.push(Action::Deliver(sample));
             self.next += 1;
         }
         self.end = self.end.max(self.next);
+        self.quiet = 0;
+        self.gone_before = self.gone_before.filter(|&gone| gone > self.next);
+        self.gap_since = self.has_gap().then_some(now);
         if !self.has_gap() {
-            self.gap_since = None;
             self.attempts = 0;
         }
     }
 
-    fn ask_if_due<K>(&mut self, now: Duration, source: K, actions: &mut Vec<Action<K, S>>) {
-        if self.has_gap() {
-            self.gap_since.get_or_insert(now);
-            if !self.asking {
-                self.asking = true;
-                actions.push(Action::Ask {
-                    source,
-                    from: self.next,
-                });
-            }
-        }
-    }
-
     /// Everything before `position` that did not come is lost.
-    fn give_up_before<K>(&mut self, source: K, position: u64, actions: &mut Vec<Action<K, S>>)
-    where
-        K: Copy,
-    {
+    fn give_up_before<K: Copy>(
+        &mut self,
+        now: Duration,
+        source: K,
+        position: u64,
+        actions: &mut Vec<Action<K, S>>,
+    ) {
         while self.next < position {
             let reachable = self
                 .held
@@ -270,34 +295,13 @@ impl<S> Source<S> {
             });
             self.next = reachable;
             self.next_is_past = false;
-            self.flush(actions);
+            self.flush(now, actions);
         }
     }
 
-    /// Everything before the first held sample, or all that is known to exist, is lost.
-    fn give_up_to_held<K: Copy>(&mut self, source: K, actions: &mut Vec<Action<K, S>>) {
-        while self.has_gap() {
-            let position = self
-                .held
-                .first_key_value()
-                .map_or(self.end, |(&held, _)| held);
-            self.give_up_before(source, position, actions);
-        }
-    }
-
-    fn expire<K: Copy>(
-        &mut self,
-        now: Duration,
-        patience: Duration,
-        source: K,
-        actions: &mut Vec<Action<K, S>>,
-    ) {
-        if self
-            .gap_since
-            .is_some_and(|since| now.saturating_sub(since) >= patience)
-        {
-            self.give_up_to_held(source, actions);
-        }
+    /// Everything that is known to exist and did not come is lost.
+    fn give_up_all<K: Copy>(&mut self, now: Duration, source: K, actions: &mut Vec<Action<K, S>>) {
+        self.give_up_before(now, source, self.end, actions);
     }
 }
 
@@ -345,17 +349,23 @@ mod tests {
                 self.recovery
                     .sample(self.now, 0, position, true, position, &mut self.actions);
             }
-            self.recovery.answered(self.now, 0, &mut self.actions);
+            self.recovery.answered(0);
         }
 
         fn heartbeat(&mut self, position: u32) {
-            self.recovery
-                .heartbeat(self.now, 0, position, &mut self.actions);
+            self.recovery.heartbeat(self.now, 0, position);
         }
 
-        fn tick(&mut self, seconds: u64) {
-            self.now += Duration::from_secs(seconds);
-            self.recovery.tick(self.now, &mut self.actions);
+        /// Ticks within which nothing comes, until a gap is asked for.
+        fn quiet(&mut self) {
+            self.quiet_for(QUIET_TICKS);
+        }
+
+        fn quiet_for(&mut self, ticks: u32) {
+            for _ in 0..ticks {
+                self.now += Duration::from_millis(100);
+                self.recovery.tick(self.now, &mut self.actions);
+            }
         }
 
         fn did(&mut self) -> Vec<Action<u8, u32>> {
@@ -391,6 +401,7 @@ mod tests {
     fn a_gap_is_fetched_and_delivered_in_order() {
         let mut bench = Bench::joined();
         bench.live([0, 1, 5]);
+        bench.quiet();
         assert_eq!(bench.did(), [delivered([0, 1]), vec![ask(2)]].concat_all());
         bench.live([6]);
         assert_eq!(bench.did(), vec![]);
@@ -400,11 +411,40 @@ mod tests {
     }
 
     #[test]
+    fn what_was_only_overtaken_is_not_asked_for() {
+        let mut bench = Bench::joined();
+        bench.live([0, 2]);
+        bench.heartbeat(40);
+        for position in [1, 3, 4, 5, 6] {
+            bench.recovery.tick(bench.now, &mut bench.actions);
+            bench.live([position]);
+        }
+        assert_eq!(bench.did(), delivered(0..=6));
+    }
+
+    #[test]
+    fn an_answer_that_overtakes_the_samples_loses_none() {
+        let mut bench = Bench::joined();
+        bench.live([0]);
+        bench.heartbeat(9);
+        bench.quiet();
+        bench.answer([8, 9]);
+        bench.did();
+        bench.live(1..=9);
+        bench.quiet_for(LOST_TICKS);
+        assert_eq!(bench.did(), delivered(1..=9));
+    }
+
+    #[test]
     fn a_cache_that_was_too_small_gives_the_number_of_the_first_lost() {
         let mut bench = Bench::joined();
         bench.live([0, 9]);
-        bench.did();
+        bench.quiet();
         bench.answer([7, 8, 9]);
+        bench.did();
+        bench.quiet_for(LOST_TICKS - 1);
+        assert_eq!(bench.did(), vec![]);
+        bench.quiet_for(1);
         assert_eq!(
             bench.did(),
             [vec![lost(1, 6)], delivered([7, 8, 9])].concat_all()
@@ -417,6 +457,7 @@ mod tests {
         bench.live([0]);
         bench.did();
         bench.heartbeat(3);
+        bench.quiet();
         assert_eq!(bench.did(), vec![ask(1)]);
         bench.answer([1, 2, 3]);
         assert_eq!(bench.did(), delivered([1, 2, 3]));
@@ -426,13 +467,14 @@ mod tests {
     fn an_empty_answer_is_asked_again_and_given_up_in_the_end() {
         let mut bench = Bench::joined();
         bench.live([0, 3]);
+        bench.quiet();
         bench.did();
         bench.answer([]);
-        assert_eq!(bench.did(), vec![]);
-        bench.tick(1);
+        bench.quiet();
         assert_eq!(bench.did(), vec![ask(1)]);
         bench.answer([]);
-        bench.tick(9);
+        bench.now += PATIENCE;
+        bench.quiet();
         assert_eq!(bench.did(), [vec![lost(1, 2)], delivered([3])].concat_all());
         assert!(!bench.recovery.has_gap());
     }
@@ -442,9 +484,11 @@ mod tests {
         let mut bench = Bench::joined();
         bench.live([0]);
         bench.heartbeat(4);
+        bench.quiet();
         bench.did();
         bench.answer([]);
-        bench.tick(10);
+        bench.now += PATIENCE;
+        bench.quiet();
         assert_eq!(bench.did(), vec![lost(1, 4)]);
     }
 
@@ -473,6 +517,7 @@ mod tests {
         bench.recovery.past(0, 41);
         bench.recovery.joined();
         bench.live([44]);
+        bench.quiet();
         assert_eq!(bench.did(), vec![ask(42)]);
     }
 
@@ -480,6 +525,7 @@ mod tests {
     fn a_publisher_met_after_the_join_owes_everything() {
         let mut bench = Bench::joined();
         bench.heartbeat(2);
+        bench.quiet();
         assert_eq!(bench.did(), vec![ask(0)]);
         bench.answer([0, 1, 2]);
         assert_eq!(bench.did(), delivered([0, 1, 2]));
@@ -489,6 +535,7 @@ mod tests {
     fn positions_wrap_after_32_bits() {
         let mut bench = Bench::joining();
         bench.live([u32::MAX - 1, u32::MAX, 0, 2]);
+        bench.quiet();
         assert_eq!(
             bench.did(),
             [
@@ -500,18 +547,16 @@ mod tests {
     }
 
     #[test]
-    fn a_hole_in_the_answers_is_asked_three_times() {
+    fn a_hole_in_an_answer_is_asked_for_again() {
         let mut bench = Bench::joined();
         bench.live([0, 4]);
+        bench.quiet();
         bench.did();
         bench.answer([1, 3, 4]);
+        bench.quiet();
         assert_eq!(bench.did(), [delivered([1]), vec![ask(2)]].concat_all());
-        // The cache no longer answers with 2: what it has begins at 3.
-        bench.answer([3, 4]);
-        assert_eq!(
-            bench.did(),
-            [vec![lost(2, 1)], delivered([3, 4])].concat_all()
-        );
+        bench.answer([2, 3, 4]);
+        assert_eq!(bench.did(), delivered([2, 3, 4]));
     }
 
     trait ConcatAll {

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use zenoh::Wait;
 use zenoh::liveliness::LivelinessToken;
-use zenoh::query::{ConsolidationMode, Query, QueryTarget, Queryable};
+use zenoh::query::{ConsolidationMode, Querier, Query, QueryTarget, Queryable};
 
 use super::qos::Qos;
 use super::session::{Announced, Core, ZenohBus};
@@ -25,6 +25,8 @@ pub(super) struct ZenohClient {
     name: String,
     ty: TypeId,
     announced: Announced,
+    /// Knows whether the service can be reached; its announcement may come earlier than its declaration.
+    querier: Querier<'static>,
     next: AtomicI64,
 }
 
@@ -68,11 +70,18 @@ impl ZenohBus {
         let core = Arc::clone(self.core());
         let announced =
             core.announce_channel(EntityKind::Client, name, ty.0.clone(), Qos::services())?;
+        let querier = core
+            .session
+            .declare_querier(core.key(name, &ty.0))
+            .target(QueryTarget::AllComplete)
+            .wait()
+            .map_err(|reason| BusError::transport("declare a client", &reason))?;
         Ok(ZenohClient {
             core,
             name: name.to_owned(),
             ty: ty.0,
             announced,
+            querier,
             next: AtomicI64::new(1),
         })
     }
@@ -106,12 +115,38 @@ fn answer(query: &Query, handler: &mut Handler) {
 }
 
 impl ZenohClient {
+    /// False when nobody serves by `deadline`.
+    fn wait_for_server(&self, deadline: Instant) -> Result<bool, BusError> {
+        let failed = |reason| BusError::transport("look for a server", &reason);
+        let (sender, changes) = mpsc::channel();
+        let _listener = self
+            .querier
+            .matching_listener()
+            .callback(move |status| {
+                // The wait may be over.
+                sender.send(status.matching()).ok();
+            })
+            .wait()
+            .map_err(failed)?;
+        let mut served = self
+            .querier
+            .matching_status()
+            .wait()
+            .map_err(failed)?
+            .matching();
+        while !served {
+            let left = deadline.saturating_duration_since(Instant::now());
+            let Ok(change) = changes.recv_timeout(left) else {
+                return Ok(false);
+            };
+            served = change;
+        }
+        Ok(true)
+    }
+
     pub(super) fn call(&self, request: &[u8], timeout: Duration) -> Result<Vec<u8>, BusError> {
         let deadline = Instant::now() + timeout;
-        let served =
-            self.core
-                .graph
-                .wait_for(EntityKind::Server, &self.name, &self.ty, 1, deadline);
+        let served = self.wait_for_server(deadline)?;
         if !served {
             return Err(BusError::NoServer {
                 name: self.name.clone(),

@@ -1,6 +1,6 @@
 //! The Zenoh side of the bus: one session per node, its tokens, its publishers.
 
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 use std::sync::mpsc::{self, RecvTimeoutError, Sender};
 use std::sync::{Arc, Mutex, Weak};
 use std::time::{Duration, Instant};
@@ -23,8 +23,12 @@ use super::wire::{Attachment, Channel, Entity, EntityKind, Gid, NodeName, TOKEN_
 /// How often a publisher repeats its last number, so that a lost last sample is noticed; rmw_zenoh's value.
 const HEARTBEAT: Duration = Duration::from_millis(500);
 
+/// How long a publisher stays after its last reliable message, so that whoever missed it learns so and fetches it:
+/// a heartbeat, the ticks until a gap is asked for, and the answer.
+const LINGER: Duration = Duration::from_secs(1);
+
 /// How often gaps are looked at.
-const TICK: Duration = Duration::from_millis(200);
+const TICK: Duration = Duration::from_millis(100);
 
 /// What publishers, subscriptions and services of one node share.
 pub(super) struct Core {
@@ -35,6 +39,9 @@ pub(super) struct Core {
     domain_id: u32,
     keep_all_depth: usize,
     next_entity: AtomicU32,
+    /// When a reliable message was last published, in ms since `opened`; 0 for never.
+    last_reliable_ms: Arc<AtomicU64>,
+    opened: Instant,
     ticker: Mutex<Option<Sender<Weak<Lane>>>>,
 }
 
@@ -76,6 +83,8 @@ impl ZenohBus {
             domain_id: config.domain_id,
             keep_all_depth: config.keep_all_depth,
             next_entity: AtomicU32::new(1),
+            last_reliable_ms: Arc::default(),
+            opened: Instant::now(),
             ticker: Mutex::new(None),
         };
         let node_token = core.announce(&core.entity(EntityKind::Node, 0, None))?;
@@ -132,6 +141,10 @@ impl ZenohBus {
             ty,
             gid: announced.gid,
             stream: Mutex::new((1, publisher)),
+            opened: core.opened,
+            last_reliable_ms: qos
+                .is_reliable()
+                .then(|| Arc::clone(&core.last_reliable_ms)),
             _token: announced.token,
         })
     }
@@ -166,10 +179,22 @@ impl ZenohBus {
     }
 
     pub(super) fn close(self, within: Duration) -> Result<(), BusError> {
+        let last = self.core.last_reliable_ms.load(Ordering::Relaxed);
+        let since = self
+            .core
+            .opened
+            .elapsed()
+            .saturating_sub(Duration::from_millis(last));
+        let linger = if last == 0 {
+            Duration::ZERO
+        } else {
+            LINGER.saturating_sub(since).min(within)
+        };
+        std::thread::sleep(linger);
         self.core
             .session
             .close()
-            .timeout(within)
+            .timeout(within.saturating_sub(linger))
             .wait()
             .map_err(|reason| BusError::transport("close the session", &reason))
     }
@@ -265,6 +290,9 @@ pub(super) struct ZenohPublisher {
     gid: Gid,
     /// Next sequence number; one lock for both, so that numbers and positions of the cache rise together.
     stream: Mutex<(u64, AdvancedPublisher<'static>)>,
+    opened: Instant,
+    /// Where a reliable publisher notes the time; none for others.
+    last_reliable_ms: Option<Arc<AtomicU64>>,
     _token: LivelinessToken,
 }
 
@@ -284,6 +312,12 @@ impl ZenohPublisher {
             .wait()
             .map_err(|reason| BusError::transport("publish", &reason))?;
         stream.0 += 1;
+        if let Some(last) = &self.last_reliable_ms {
+            last.store(
+                self.opened.elapsed().as_millis() as u64 + 1,
+                Ordering::Relaxed,
+            );
+        }
         Ok(sequence)
     }
 

@@ -26,6 +26,10 @@ use super::{BusError, Lost, OnLost, OnSample, Received, wall_ns};
 /// How long a cache may take to tell its last sample to a subscription that joins.
 const JOIN_TIMEOUT: Duration = Duration::from_secs(2);
 
+/// How long a subscription joins at least: two heartbeats, by which publishers tell their position whose cache could
+/// not be asked yet.
+const JOIN_AT_LEAST: Duration = Duration::from_secs(1);
+
 /// How long an answer of a cache may take.
 const QUERY_TIMEOUT: Duration = Duration::from_secs(5);
 
@@ -50,6 +54,8 @@ pub(super) struct Lane {
 struct State {
     /// None where nothing can be fetched, or where `zenoh-ext` fetches.
     recovery: Option<Recovery<Source, Sample>>,
+    /// All caches that could be asked have told their last sample.
+    caches_told: bool,
     /// Identifier of each source, and what to add to a position for the number on the wire.
     known: BTreeMap<Source, (Gid, i64)>,
     gaps: Gaps,
@@ -89,6 +95,7 @@ impl ZenohSubscription {
             taker,
             state: Mutex::new(State {
                 recovery: recovers.then(|| Recovery::new(core.patience)),
+                caches_told: false,
                 known: BTreeMap::new(),
                 gaps: Gaps::default(),
                 actions: Vec::new(),
@@ -244,9 +251,9 @@ impl Lane {
             });
         let position = z_deserialize::<u32>(sample.payload());
         if let (Some(source), Ok(position)) = (source, position) {
-            self.step(|state, now, actions| {
+            self.step(|state, now, _| {
                 if let Some(recovery) = &mut state.recovery {
-                    recovery.heartbeat(now, source, position, actions);
+                    recovery.heartbeat(now, source, position);
                 }
             });
         }
@@ -254,10 +261,13 @@ impl Lane {
 
     pub(super) fn tick(self: &Arc<Self>) {
         self.step(|state, now, actions| {
-            if let Some(recovery) = &mut state.recovery
-                && recovery.has_gap()
-            {
-                recovery.tick(now, actions);
+            if let Some(recovery) = &mut state.recovery {
+                if state.caches_told && now >= JOIN_AT_LEAST {
+                    recovery.joined();
+                }
+                if recovery.has_gap() {
+                    recovery.tick(now, actions);
+                }
             }
         });
     }
@@ -348,14 +358,12 @@ struct Ended(Arc<Lane>, Option<Source>);
 impl Drop for Ended {
     fn drop(&mut self) {
         let source = self.1;
-        self.0.step(|state, now, actions| {
-            if let Some(recovery) = &mut state.recovery {
-                match source {
-                    None => recovery.joined(),
-                    Some(source) => recovery.answered(now, source, actions),
-                }
-            }
-        });
+        let mut state = lock(&self.0.state);
+        match (source, &mut state.recovery) {
+            (Some(source), Some(recovery)) => recovery.answered(source),
+            (None, _) => state.caches_told = true,
+            (Some(_), None) => {}
+        }
     }
 }
 

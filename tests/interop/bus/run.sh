@@ -1,0 +1,53 @@
+#!/usr/bin/env bash
+# Checks the bus against programs that are not ours, inside network namespaces of its own:
+#   zenoh    every byte of rmw_zenoh's wire format; eclipse-zenoh and zenoh-ros2-sdk both ways
+#   dds      Cyclone DDS both ways
+#   outage   two machines and a router between them, with one link down for 10 s
+#   bench    what DDS through the bus costs over bare RustDDS (not part of the checks)
+# Without an argument: zenoh, dds, outage. Needs root for the namespaces; installs its Python packages into a folder.
+set -euo pipefail
+
+here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
+root=$(cd "$here/../../.." && pwd)
+scratch=${PROBECELL_BUS_SCRATCH:-${TMPDIR:-/tmp}/probecell-bus}
+target=${CARGO_TARGET_DIR:-$root/target}
+
+# Loopback with multicast, and a folder for named namespaces that nobody else sees.
+isolated() {
+    unshare --net --mount bash -euo pipefail -c '
+        ip link set lo up multicast on
+        ip route add 224.0.0.0/4 dev lo
+        mkdir -p /run/netns
+        mount -t tmpfs tmpfs /run/netns
+        exec "$@"' isolated "$@"
+}
+
+if [ "${1:-}" = bench ]; then
+    bench=$(cd "$root" && cargo build --release -p host --bench bus --message-format=json 2>/dev/null |
+        sed -n 's/.*"executable":"\([^"]*bus-[^"]*\)".*/\1/p' | tail -1)
+    isolated "$bench" dds
+    exit
+fi
+
+venv=$scratch/venv
+mkdir -p "$scratch"
+[ -x "$venv/bin/python" ] || python3 -m venv "$venv"
+"$venv/bin/python" -m pip install --quiet --disable-pip-version-check \
+    'eclipse-zenoh==1.10.*' 'zenoh-ros2-sdk==0.1.*' 'cyclonedds==11.*' 'rosbags==0.11.*' 'xxhash>=3'
+(cd "$root" && cargo build --quiet --release -p host --example bus_peer)
+peer=$target/release/examples/bus_peer
+
+for check in "${@:-zenoh dds outage}"; do
+    for name in $check; do
+        echo "== $name"
+        case $name in
+        zenoh) isolated "$venv/bin/python" "$here/zenoh_peers.py" --peer "$peer" --msgs "$root/msgs" ;;
+        dds) isolated "$venv/bin/python" "$here/dds_peers.py" --peer "$peer" --msgs "$root/msgs" ;;
+        outage) isolated "$venv/bin/python" "$here/outage.py" --peer "$peer" ;;
+        *)
+            echo "no check $name: zenoh, dds, outage or bench" >&2
+            exit 2
+            ;;
+        esac
+    done
+done
