@@ -1,5 +1,10 @@
 //! Nodes on a loopback router of their own: delivery, late joiners, recovery, services, graph.
 
+#![expect(
+    clippy::unwrap_used,
+    reason = "the helpers of a test stop at the first surprise, as the test does"
+)]
+
 use std::net::TcpListener;
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};

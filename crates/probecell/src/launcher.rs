@@ -315,7 +315,7 @@ fn ask_to_end(child: &mut Child) {
         && let Some(pid) = i32::try_from(child.id()).ok().and_then(Pid::from_raw)
     {
         // It may have ended between the two lines; then there is nobody to ask.
-        drop(kill_process(pid, Signal::TERM));
+        kill_process(pid, Signal::TERM).unwrap_or_default();
     }
 }
 

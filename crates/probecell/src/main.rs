@@ -146,6 +146,18 @@ enum Command {
     },
     /// Say why a recorded session differs from the declared model of its cell.
     Diagnose(commands::diagnose::Arguments),
+    /// Check the diagnosis on sealed sessions, and print the score card.
+    Blind {
+        /// Sessions, shared out over the kinds of content.
+        #[arg(long, default_value_t = 120, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
+        trials: u64,
+        /// Seed of the sessions.
+        #[arg(long, default_value_t = 1)]
+        seed: u64,
+        /// Print JSON.
+        #[arg(long)]
+        json: bool,
+    },
     /// Say what is wrong with this set-up.
     Doctor {
         /// Cell file.
@@ -199,7 +211,7 @@ fn run(command: Command) -> anyhow::Result<u8> {
             no_record,
             supervised,
         } => commands::node::run(&name, &cell, incarnation, !no_record, supervised),
-        Command::Router { listen, join } => commands::router::run(listen, join),
+        Command::Router { listen, join } => commands::router::run(&listen, &join),
         Command::Record {
             cell,
             folder,
@@ -218,6 +230,7 @@ fn run(command: Command) -> anyhow::Result<u8> {
         Command::Recover { bag, to } => commands::recover::run(&bag, &to),
         Command::Plan { source, json } => commands::plan::run(&source, json),
         Command::Diagnose(arguments) => commands::diagnose::run(&arguments),
+        Command::Blind { trials, seed, json } => commands::blind::run(trials, seed, json),
         Command::Doctor { cell, json } => commands::doctor::run(&cell, json),
         Command::Completions { shell } => {
             clap_complete::generate(

@@ -188,7 +188,7 @@ impl Operator {
             heard.tell_when_complete(&plan_id);
         })?;
         self.hear(topics::CORRECTIONS, |_, correction: Correction| {
-            tell_correction(&correction)
+            tell_correction(&correction);
         })?;
         self.hear(
             topics::CORRECTION_ACKNOWLEDGEMENTS,
@@ -411,7 +411,7 @@ pub(crate) fn ask_for_part(file: &Path, part: &str) -> anyhow::Result<u8> {
         part_id: part.to_owned(),
     };
     let response: srv::RunResponse = call::<srv::Run>(file, "run", &request)?;
-    tell_reply(response.accepted, &response.text)
+    Ok(tell_reply(response.accepted, &response.text))
 }
 
 /// `probecell approve`: a call of the cell's service.
@@ -428,12 +428,12 @@ pub(crate) fn approve(
         approve,
     };
     let response = call::<srv::ApproveCorrection>(file, "approve_correction", &request)?;
-    tell_reply(response.accepted, &response.text)
+    Ok(tell_reply(response.accepted, &response.text))
 }
 
-fn tell_reply(accepted: bool, text: &str) -> anyhow::Result<u8> {
+fn tell_reply(accepted: bool, text: &str) -> u8 {
     report::line(if accepted { "accepted" } else { text });
-    Ok(if accepted { GOOD } else { FAILED })
+    if accepted { GOOD } else { FAILED }
 }
 
 fn call<S: Service>(file: &Path, name: &str, request: &S::Request) -> anyhow::Result<S::Response> {
@@ -454,7 +454,7 @@ fn call<S: Service>(file: &Path, name: &str, request: &S::Request) -> anyhow::Re
 }
 
 fn tell_measurement(decision: &PassDecision, verdicts: &[Verdict]) {
-    report::line(&format!("{}", decision.plan_id));
+    report::line(&decision.plan_id);
     for verdict in verdicts {
         let (size, error) = (verdict.size * 1e3, verdict.error * 1e6);
         let word = verdict_word(verdict.verdict);

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use bags::{Bag, Measurement};
-use diagnosis::{Options, Session, diagnose};
+use diagnosis::{Options, Session, diagnose, diagnose_drives};
 
 use crate::{GOOD, report};
 
@@ -16,6 +16,9 @@ pub(crate) struct Arguments {
     /// The plan to diagnose where a bag holds several; the last one measured if none is named.
     #[arg(long)]
     plan: Option<String>,
+    /// Drive bags that judge what the others were fitted to.
+    #[arg(long, num_args = 1..)]
+    withhold: Vec<PathBuf>,
     /// Leave an effect out of the library.
     #[arg(long)]
     without: Vec<String>,
@@ -26,6 +29,9 @@ pub(crate) struct Arguments {
 
 /// Diagnoses each bag.
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
+    if !arguments.withhold.is_empty() {
+        return drives(arguments);
+    }
     let options = Options {
         without: arguments.without.clone(),
     };
@@ -37,6 +43,23 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
         } else {
             report::line(&result.to_string());
         }
+    }
+    Ok(GOOD)
+}
+
+/// Fits drive bags together and judges on those withheld.
+fn drives(arguments: &Arguments) -> anyhow::Result<u8> {
+    let sessions = |paths: &[PathBuf]| {
+        paths
+            .iter()
+            .map(|path| read(path, None))
+            .collect::<anyhow::Result<Vec<_>>>()
+    };
+    let result = diagnose_drives(&sessions(&arguments.bags)?, &sessions(&arguments.withhold)?)?;
+    if arguments.json {
+        report::json(&result)?;
+    } else {
+        report::line(&result.to_string());
     }
     Ok(GOOD)
 }

@@ -1,5 +1,6 @@
 //! One module for each command that is not the launcher or the operator.
 
+pub(crate) mod blind;
 pub(crate) mod diagnose;
 pub(crate) mod doctor;
 pub(crate) mod info;

@@ -33,7 +33,7 @@ pub(crate) fn run(
     };
     let mut trouble = None;
     run_node(bus, instance, &settings, |stop| {
-        trouble = signals::on_end(move || stop.stop()).err()
+        trouble = signals::on_end(move || stop.stop()).err();
     })?;
     trouble.map_or(Ok(GOOD), Err)
 }

@@ -20,7 +20,7 @@ use host::bus::{self, Bus, BusConfig, Publisher, Qos, TypeId};
 use indicatif::ProgressBar;
 use probecell_msgs::{Message, rosgraph_msgs::Clock, to_cdr};
 
-use crate::{GOOD, report, signals};
+use crate::{report, signals};
 
 /// Between two messages of `/clock` while nothing else happens.
 const CLOCK_PERIOD: Duration = Duration::from_millis(25);
@@ -30,6 +30,10 @@ const RATES: std::ops::RangeInclusive<f64> = 1e-3..=1e6;
 
 /// What the user asks for.
 #[derive(Args)]
+#[expect(
+    clippy::struct_excessive_bools,
+    reason = "each is a flag of the command line"
+)]
 pub(crate) struct Arguments {
     /// Bag: a folder or an .mcap file.
     bag: PathBuf,

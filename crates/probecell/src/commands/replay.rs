@@ -59,7 +59,7 @@ pub(crate) fn embedded_cell(bag: &Bag) -> anyhow::Result<Option<Cell>> {
             CELL_FILE => text.cell = content.context("the embedded cell file is not text")?,
             ROBOT_FILE => {
                 text.robot_description =
-                    content.context("the embedded robot description is not text")?
+                    content.context("the embedded robot description is not text")?;
             }
             _ => {}
         }

@@ -7,10 +7,10 @@ use host::bus::{Router, RouterConfig};
 use crate::{GOOD, report, signals};
 
 /// Routes until it is told to end.
-pub(crate) fn run(listen: Vec<String>, connect: Vec<String>) -> anyhow::Result<u8> {
+pub(crate) fn run(listen: &[String], connect: &[String]) -> anyhow::Result<u8> {
     let router = Router::start(&RouterConfig {
-        listen: listen.clone(),
-        connect,
+        listen: listen.to_vec(),
+        connect: connect.to_vec(),
         ..RouterConfig::default()
     })?;
     let (sender, receiver) = channel();
