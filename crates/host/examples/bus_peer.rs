@@ -260,7 +260,11 @@ fn qos(text: &str) -> anyhow::Result<Qos> {
 }
 
 fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+    bytes
+        .iter()
+        .flat_map(|byte| [byte >> 4, byte & 15])
+        .filter_map(|digit| char::from_digit(u32::from(digit), 16))
+        .collect()
 }
 
 fn bytes(hex: &str) -> anyhow::Result<Vec<u8>> {
