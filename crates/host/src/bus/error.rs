@@ -87,7 +87,39 @@ impl BusError {
     pub(crate) fn transport(action: &'static str, reason: &dyn Display) -> Self {
         Self::Transport {
             action,
-            reason: reason.to_string(),
+            reason: without_places(&reason.to_string()),
         }
+    }
+}
+
+/// Zenoh ends its errors in the source line that made them, ` at /path/file.rs:12.`, which tells a user nothing.
+fn without_places(reason: &str) -> String {
+    let mut parts = reason.split(" at /");
+    let mut text = parts.next().unwrap_or_default().to_owned();
+    for part in parts {
+        if let Some((_, rest)) = part.split_once(".rs:") {
+            text.push_str(rest.trim_start_matches(|digit: char| digit.is_ascii_digit()));
+        } else {
+            text.push_str(" at /");
+            text.push_str(part);
+        }
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::without_places;
+
+    #[test]
+    fn places_in_the_source_are_left_out_and_the_rest_is_kept() {
+        assert_eq!(
+            without_places("no link at /a/b-1.0/src/net.rs:388. caused by: refused at /c/d.rs:1."),
+            "no link. caused by: refused."
+        );
+        assert_eq!(
+            without_places("no file at /etc/hosts"),
+            "no file at /etc/hosts"
+        );
     }
 }
