@@ -325,9 +325,12 @@ impl Reporter<'_> {
         Report {
             schema: SCHEMA.to_owned(),
             bag: self.session.name.clone(),
+            fitted: Vec::new(),
+            withheld: Vec::new(),
             samples: self.observations.touches(),
             verdict,
             gap: Gap {
+                unit: "m".to_owned(),
                 rms,
                 noise_floor,
                 ratio: if noise_floor > 0.0 {
@@ -417,6 +420,7 @@ impl Reporter<'_> {
                 held_out: true,
                 indistinguishable_from: equals,
                 placebo_rms_after: self.placebo(&set, place, &held_out),
+                sessions: Vec::new(),
             });
         }
         (effects, set)
@@ -633,6 +637,7 @@ fn plain(
         held_out: false,
         indistinguishable_from: Vec::new(),
         placebo_rms_after: None,
+        sessions: Vec::new(),
     }
 }
 

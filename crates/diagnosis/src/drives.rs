@@ -304,6 +304,7 @@ impl Drives {
             held_out: true,
             indistinguishable_from,
             placebo_rms_after: placebo.map(|relative| relative / after.relative * after.rms),
+            sessions: Vec::new(),
         }
     }
 
@@ -351,6 +352,8 @@ impl Drives {
         Report {
             schema: SCHEMA.to_owned(),
             bag: session.name.clone(),
+            fitted: Vec::new(),
+            withheld: Vec::new(),
             samples: self
                 .fitted
                 .iter()
@@ -359,6 +362,12 @@ impl Drives {
                 .sum(),
             verdict,
             gap: Gap {
+                unit: if self.channel == Channel::Effort {
+                    "effort"
+                } else {
+                    "m"
+                }
+                .to_owned(),
                 rms: nothing.rms,
                 noise_floor: floor,
                 ratio: if floor > 0.0 {

@@ -26,8 +26,14 @@ pub enum Verdict {
 pub struct Report {
     /// [`SCHEMA`].
     pub schema: String,
-    /// Where the session came from.
+    /// Where the session came from; several names joined by ` + ` in a joint diagnosis.
     pub bag: String,
+    /// Names of the sessions the model was fitted to; empty where it is one alone.
+    #[serde(skip_serializing_if = "Vec::is_empty", default)]
+    pub fitted: Vec<String>,
+    /// Names of the sessions that judged it without being fitted.
+    #[serde(skip_serializing_if = "Vec::is_empty", default)]
+    pub withheld: Vec<String>,
     /// Number of touches (or samples) used.
     pub samples: usize,
     /// The answer in a word.
@@ -49,15 +55,22 @@ pub struct Report {
     pub warnings: Vec<String>,
 }
 
-/// Size of the gap, m (effort units for a drive).
+/// Size of the gap.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Gap {
+    /// Unit of every root mean square of the report: `m`, `rad`, or that of an effort channel (`N`, `N m`, `A`).
+    #[serde(default = "metres")]
+    pub unit: String,
     /// Root mean square of the deviations.
     pub rms: f64,
     /// Standard deviation of the noise.
     pub noise_floor: f64,
     /// `rms` over `noise_floor`.
     pub ratio: f64,
+}
+
+fn metres() -> String {
+    "m".to_owned()
 }
 
 /// A place and its share of an energy.
@@ -99,6 +112,25 @@ pub struct Effect {
     /// Held-out rms when a wrong effect with as many parameters stands in its place, m.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub placebo_rms_after: Option<f64>,
+    /// The same for each session that judges, where several do.
+    #[serde(skip_serializing_if = "Vec::is_empty", default)]
+    pub sessions: Vec<OfSession>,
+}
+
+/// What an effect does to the gap of one session (and one axis of it) that judges.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct OfSession {
+    /// Name of the session.
+    pub bag: String,
+    /// Axis, in a drive session.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub axis: Option<String>,
+    /// Held-out rms without the effect.
+    pub rms_before: f64,
+    /// Held-out rms with it.
+    pub rms_after: f64,
+    /// 95 % interval of `rms_after`.
+    pub ci95_after: [f64; 2],
 }
 
 /// A parameter with its uncertainty.
