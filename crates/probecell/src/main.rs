@@ -158,6 +158,9 @@ enum Command {
         #[arg(long)]
         json: bool,
     },
+    /// Run the register of known gaps between a cell and its model.
+    #[command(subcommand)]
+    Scenario(commands::scenario::Command),
     /// Say what is wrong with this set-up.
     Doctor {
         /// Cell file.
@@ -231,6 +234,7 @@ fn run(command: Command) -> anyhow::Result<u8> {
         Command::Plan { source, json } => commands::plan::run(&source, json),
         Command::Diagnose(arguments) => commands::diagnose::run(&arguments),
         Command::Blind { trials, seed, json } => commands::blind::run(trials, seed, json),
+        Command::Scenario(command) => commands::scenario::run(&command),
         Command::Doctor { cell, json } => commands::doctor::run(&cell, json),
         Command::Completions { shell } => {
             clap_complete::generate(

@@ -11,3 +11,4 @@ pub(crate) mod record;
 pub(crate) mod recover;
 pub(crate) mod replay;
 pub(crate) mod router;
+pub(crate) mod scenario;

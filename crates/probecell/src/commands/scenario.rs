@@ -1,0 +1,213 @@
+//! `probecell scenario`: the register of known gaps, run and judged.
+//!
+//! Exit status: 0 all rules kept, 1 one broken, 2 wrong usage.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use indicatif::{ProgressBar, ProgressStyle};
+use scenarios::{Judged, Run, Scenario, Value};
+use serde::Serialize;
+use serde_json::{Map, json};
+
+use crate::{FAILED, GOOD, report};
+
+mod recording;
+
+/// What the user asks for.
+#[derive(clap::Subcommand)]
+pub(crate) enum Command {
+    /// List the scenarios.
+    List {
+        /// Print JSON.
+        #[arg(long)]
+        json: bool,
+    },
+    /// Run scenarios and compare with the source's figures.
+    Run(RunArguments),
+}
+
+/// What is to be run.
+#[derive(clap::Args)]
+pub(crate) struct RunArguments {
+    /// Scenarios, as `list` names them.
+    #[arg(required_unless_present = "all")]
+    names: Vec<String>,
+    /// All of them.
+    #[arg(long, conflicts_with = "names")]
+    all: bool,
+    /// Seed of all randomness.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Print one JSON object.
+    #[arg(long)]
+    json: bool,
+    /// Write the sessions of each scenario as recordings below this folder.
+    #[arg(long, value_name = "DIR")]
+    bag: Option<PathBuf>,
+}
+
+/// One scenario in the JSON object.
+#[derive(Serialize)]
+struct Row<'a> {
+    name: &'a str,
+    effect: &'a str,
+    /// Figures of the source, by key.
+    source: Map<String, serde_json::Value>,
+    /// Figures of the run, by key.
+    ours: Map<String, serde_json::Value>,
+    pass: bool,
+    seed: u64,
+    reference: &'a str,
+    figures: Vec<serde_json::Value>,
+    sessions: Vec<serde_json::Value>,
+    remarks: &'a [String],
+}
+
+/// Lists or runs.
+pub(crate) fn run(command: &Command) -> anyhow::Result<u8> {
+    match command {
+        Command::List { json } => list(*json),
+        Command::Run(arguments) => run_all(arguments),
+    }
+}
+
+fn list(as_json: bool) -> anyhow::Result<u8> {
+    let all = scenarios::register();
+    if as_json {
+        let rows = all
+            .iter()
+            .map(|one| json!({ "name": one.name, "effect": one.effect, "reference": one.source }));
+        report::json(&json!({ "scenarios": rows.collect::<Vec<_>>() }))?;
+    } else {
+        for one in all {
+            report::line(&format!("{:<16} {}", one.name, one.effect));
+        }
+    }
+    Ok(GOOD)
+}
+
+fn run_all(arguments: &RunArguments) -> anyhow::Result<u8> {
+    let chosen: Vec<&Scenario> = if arguments.all {
+        scenarios::register().iter().collect()
+    } else {
+        let found = arguments.names.iter().map(|name| scenarios::find(name));
+        found.collect::<Result<_, _>>()?
+    };
+    let bar = progress_bar(chosen.len())?;
+    let mut judged = Vec::new();
+    for (index, scenario) in chosen.iter().enumerate() {
+        bar.set_message(scenario.name);
+        let run = Run {
+            seed: arguments.seed,
+            progress: &|share| bar.set_position(position(index, share)),
+        };
+        let one = scenario
+            .judge(&run)
+            .with_context(|| format!("scenario {}", scenario.name))?;
+        bar.set_position(position(index + 1, 0.0));
+        if let Some(folder) = &arguments.bag {
+            record(folder, scenario, &one)?;
+        }
+        judged.push(one);
+    }
+    bar.finish_and_clear();
+    if arguments.json {
+        let rows: Vec<Row<'_>> = chosen
+            .iter()
+            .zip(&judged)
+            .map(|(scenario, one)| row(scenario, one, arguments.seed))
+            .collect();
+        report::json(&json!({ "scenarios": rows }))?;
+    } else {
+        for (scenario, one) in chosen.iter().zip(&judged) {
+            tell(scenario, one);
+        }
+    }
+    let all_pass = judged.iter().all(Judged::passes);
+    Ok(if all_pass { GOOD } else { FAILED })
+}
+
+/// Steps of the progress bar that one scenario has.
+const STEPS: u64 = 1000;
+
+fn position(index: usize, share: f64) -> u64 {
+    index as u64 * STEPS + (share.clamp(0.0, 1.0) * STEPS as f64) as u64
+}
+
+fn progress_bar(count: usize) -> anyhow::Result<ProgressBar> {
+    let style = ProgressStyle::with_template("{wide_bar} {percent} % {msg}")?;
+    Ok(ProgressBar::new(position(count, 0.0)).with_style(style))
+}
+
+fn record(folder: &Path, scenario: &Scenario, judged: &Judged) -> anyhow::Result<()> {
+    for (recorded, _) in &judged.sessions {
+        let name = format!("{}-{}", scenario.name, recorded.name);
+        recording::write(&folder.join(name), &recorded.session)?;
+    }
+    Ok(())
+}
+
+fn row<'a>(scenario: &'a Scenario, judged: &'a Judged, seed: u64) -> Row<'a> {
+    let figures = &judged.outcome.figures;
+    let value = |value: &Value| serde_json::to_value(value).unwrap_or_default();
+    Row {
+        name: scenario.name,
+        effect: scenario.effect,
+        source: figures
+            .iter()
+            .filter_map(|figure| Some((figure.key.to_owned(), value(figure.source.as_ref()?))))
+            .collect(),
+        ours: figures
+            .iter()
+            .map(|figure| (figure.key.to_owned(), value(&figure.ours)))
+            .collect(),
+        pass: judged.passes(),
+        seed,
+        reference: scenario.source,
+        figures: figures
+            .iter()
+            .map(|figure| {
+                json!({
+                    "name": figure.key, "title": figure.title, "unit": figure.unit,
+                    "source": figure.source, "ours": figure.ours,
+                    "rule": figure.rule_text(), "pass": figure.passes(),
+                })
+            })
+            .collect(),
+        sessions: judged
+            .sessions
+            .iter()
+            .map(|(recorded, report)| json!({ "name": recorded.name, "diagnosis": report }))
+            .collect(),
+        remarks: &judged.outcome.remarks,
+    }
+}
+
+fn tell(scenario: &Scenario, judged: &Judged) {
+    let verdict = if judged.passes() { "pass" } else { "FAIL" };
+    report::line(&format!(
+        "{}: {verdict}  ({})",
+        scenario.name, scenario.effect
+    ));
+    for figure in &judged.outcome.figures {
+        let mark = if figure.passes() { ' ' } else { '!' };
+        let beside = figure
+            .source
+            .as_ref()
+            .map_or_else(String::new, |source| format!("  source {}", source.text()));
+        let rule = match figure.rule_text() {
+            text if text.is_empty() => text,
+            text => format!("  ({text})"),
+        };
+        report::line(&format!(
+            " {mark} {}: {} {}{beside}{rule}",
+            figure.title,
+            figure.ours.text(),
+            figure.unit
+        ));
+    }
+    for remark in &judged.outcome.remarks {
+        report::line(&format!("   {remark}"));
+    }
+}
