@@ -115,7 +115,7 @@ pub enum Rule {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Figure {
     /// Name for programs: words joined by `_`, the unit last.
-    pub key: &'static str,
+    pub key: String,
     /// Name for a person.
     pub title: String,
     /// Unit of the figure; empty for words, counts and ratios.
@@ -131,13 +131,13 @@ pub struct Figure {
 impl Figure {
     /// A figure that is reported and judged by nothing yet.
     pub fn new(
-        key: &'static str,
+        key: impl Into<String>,
         title: impl Into<String>,
         unit: &'static str,
         ours: impl Into<Value>,
     ) -> Self {
         Self {
-            key,
+            key: key.into(),
             title: title.into(),
             unit,
             source: None,

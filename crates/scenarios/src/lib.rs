@@ -11,6 +11,7 @@
 mod error;
 mod figure;
 mod outcome;
+mod page;
 mod recorded;
 mod register;
 mod scenario;
@@ -20,7 +21,8 @@ mod probe_offset;
 
 pub use error::ScenarioError;
 pub use figure::{Figure, Rule, Value};
-pub use outcome::{Outcome, Picture, Series, Style, Table};
+pub use outcome::Outcome;
+pub use page::page;
 pub use recorded::{Expected, Recorded};
 pub use register::{Unknown, find, register};
-pub use scenario::{Judged, Run, Scenario};
+pub use scenario::{Judged, Run, Scenario, Sessions};

@@ -6,8 +6,10 @@
 use metrology::decision::{DecisionLimits, Policy, Reading, Side, Verdict, decide};
 use metrology::size_gap::{GapLaw, SizeGap, size_gap};
 
+use report::{Axis, Plot, Series, Table, Unit};
+
 use crate::turn_mill::{ProbeState, SIZES, make};
-use crate::{Figure, Outcome, Picture, Rule, Run, Scenario, ScenarioError, Series, Table};
+use crate::{Figure, Outcome, Rule, Run, Scenario, ScenarioError};
 
 pub(crate) const SCENARIO: Scenario = Scenario {
     name: "A-probe-offset",
@@ -15,7 +17,7 @@ pub(crate) const SCENARIO: Scenario = Scenario {
     source: "tables 3 and 4: the reference's mean error falls from -68.2 to -4.4 µm (93.5 %), its largest from 73 to 6; \
              the gap between machine and reference from 71.0 to 6.2 µm (91.3 %)",
     run,
-    sessions: Scenario::no_sessions,
+    sessions: None,
 };
 
 /// Punches whose mean the tables give.
@@ -294,7 +296,7 @@ fn run(run: &Run<'_>) -> Result<Outcome, ScenarioError> {
     ];
     Ok(Outcome {
         figures,
-        pictures: pictures(&before, &after),
+        plots: plots(&before, &after),
         tables: vec![table(&before, &after, &recorded)],
         remarks: vec![
             "The source prints +7 µm for D2 before; its sizes give +6, and so does its own maximum.".to_owned(),
@@ -302,25 +304,24 @@ fn run(run: &Run<'_>) -> Result<Outcome, ScenarioError> {
     })
 }
 
-fn pictures(before: &Errors, after: &Errors) -> Vec<Picture> {
+fn plots(before: &Errors, after: &Errors) -> Vec<Plot> {
     let drawn = |title: &str, errors: &Errors| {
         let series = |name: &str, values: Vec<f64>| {
             let points = values.iter().enumerate();
-            Series::points(name, points.map(|(i, v)| [(i + 1) as f64, *v]))
+            Series::points(
+                name,
+                points.map(|(i, v)| ((i + 1) as f64, v * 1e-6)).collect(),
+            )
         };
-        Picture {
-            title: title.to_owned(),
-            x: "size: D1, D2, L1, L2, L3".to_owned(),
-            y: "error, µm".to_owned(),
-            series: vec![
-                series("machine", by_machine(errors)),
-                series("reference", by_reference(errors)),
-            ],
-            limits: vec![
-                ("upper tolerance".to_owned(), TOLERANCE),
-                ("lower tolerance".to_owned(), -TOLERANCE),
-            ],
-        }
+        Plot::new(
+            title,
+            Axis::new("size: D1, D2, L1, L2, L3", Unit::ONE),
+            Axis::new("error", Unit::UM),
+        )
+        .with(series("machine", by_machine(errors)))
+        .with(series("reference", by_reference(errors)))
+        .with(Series::level("upper tolerance", TOLERANCE * 1e-6))
+        .with(Series::level("lower tolerance", -TOLERANCE * 1e-6))
     };
     vec![
         drawn("Sizes before the calibration of the probe", before),
@@ -329,18 +330,21 @@ fn pictures(before: &Errors, after: &Errors) -> Vec<Picture> {
 }
 
 fn table(before: &Errors, after: &Errors, recorded: &(Errors, Errors)) -> Table {
-    let columns = [
-        "size",
-        "machine before, µm",
-        "reference before, µm",
-        "source",
-        "machine after, µm",
-        "reference after, µm",
-        "source",
-    ];
+    let mut table = Table::new(
+        "Errors against the drawing in µm, means of three punches; source: machine / reference",
+        &[
+            "size",
+            "machine before",
+            "reference before",
+            "source",
+            "machine after",
+            "reference after",
+            "source",
+        ],
+    );
     let pair = |(read, found): (f64, f64)| format!("{read:+.0} / {found:+.0}");
-    let rows = SIZES.iter().enumerate().map(|(i, (name, _, nominal))| {
-        vec![
+    for (i, (name, _, nominal)) in SIZES.iter().enumerate() {
+        table.row(vec![
             format!("{name} = {nominal} mm"),
             format!("{:+.1}", before[i].0),
             format!("{:+.1}", before[i].1),
@@ -348,11 +352,7 @@ fn table(before: &Errors, after: &Errors, recorded: &(Errors, Errors)) -> Table 
             format!("{:+.1}", after[i].0),
             format!("{:+.1}", after[i].1),
             pair(recorded.1[i]),
-        ]
-    });
-    Table {
-        title: "Errors against the drawing, means of three punches".to_owned(),
-        columns: columns.map(str::to_owned).to_vec(),
-        rows: rows.collect(),
+        ]);
     }
+    table
 }

@@ -55,7 +55,7 @@ impl Recorded {
                 };
                 vec![
                     Figure::new(
-                        "diagnosis",
+                        format!("diagnosis_{}", self.name),
                         format!("diagnosis of session {}", self.name),
                         "",
                         verdict,
@@ -76,14 +76,14 @@ impl Recorded {
                 };
                 vec![
                     Figure::new(
-                        "diagnosis",
+                        format!("diagnosis_{}", self.name),
                         format!("diagnosis of session {}", self.name),
                         "",
                         text,
                     )
                     .rule(Rule::Equals(hidden.join(", ").into())),
                     Figure::new(
-                        "diagnosis_gap_ratio",
+                        format!("diagnosis_{}_gap_ratio", self.name),
                         format!(
                             "held-out gap of session {}: with the effect, over without",
                             self.name

@@ -13,7 +13,7 @@ pub struct Run<'a> {
     pub progress: &'a dyn Fn(f64),
 }
 
-impl<'a> Run<'a> {
+impl Run<'_> {
     /// A run that tells nobody how far it is.
     pub fn silent(seed: u64) -> Self {
         Self {
@@ -28,6 +28,9 @@ impl<'a> Run<'a> {
     }
 }
 
+/// Makes recorded sessions from a seed.
+pub type Sessions = fn(u64) -> Result<Vec<Recorded>, ScenarioError>;
+
 /// A scenario of the register.
 #[derive(Clone, Copy)]
 pub struct Scenario {
@@ -39,8 +42,8 @@ pub struct Scenario {
     pub source: &'static str,
     /// Runs it.
     pub run: fn(&Run<'_>) -> Result<Outcome, ScenarioError>,
-    /// Sessions as a cell would have recorded them, from a seed; none where the effect shows in no probing session.
-    pub sessions: fn(u64) -> Result<Vec<Recorded>, ScenarioError>,
+    /// Sessions as a cell would have recorded them, from a seed; `None` where the effect shows in no probing session.
+    pub sessions: Option<Sessions>,
 }
 
 /// A scenario that was run: its outcome, with the figures of its sessions' diagnoses, and those diagnoses.
@@ -57,17 +60,14 @@ impl Scenario {
     pub fn judge(&self, run: &Run<'_>) -> Result<Judged, ScenarioError> {
         let mut outcome = (self.run)(run)?;
         let mut sessions = Vec::new();
-        for recorded in (self.sessions)(run.seed)? {
-            let report = recorded.diagnose()?;
-            outcome.figures.extend(recorded.judge(&report));
-            sessions.push((recorded, report));
+        if let Some(record) = self.sessions {
+            for recorded in record(run.seed)? {
+                let report = recorded.diagnose()?;
+                outcome.figures.extend(recorded.judge(&report));
+                sessions.push((recorded, report));
+            }
         }
         Ok(Judged { outcome, sessions })
-    }
-
-    /// For a scenario whose effect shows in no probing session.
-    pub(crate) fn no_sessions(_seed: u64) -> Result<Vec<Recorded>, ScenarioError> {
-        Ok(Vec::new())
     }
 }
 

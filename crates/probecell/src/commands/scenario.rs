@@ -42,6 +42,9 @@ pub(crate) struct RunArguments {
     /// Print one JSON object.
     #[arg(long)]
     json: bool,
+    /// Write a page for each scenario into this folder.
+    #[arg(long, value_name = "DIR")]
+    html: Option<PathBuf>,
     /// Write the sessions of each scenario as recordings below this folder.
     #[arg(long, value_name = "DIR")]
     bag: Option<PathBuf>,
@@ -109,6 +112,9 @@ fn run_all(arguments: &RunArguments) -> anyhow::Result<u8> {
         if let Some(folder) = &arguments.bag {
             record(folder, scenario, &one)?;
         }
+        if let Some(folder) = &arguments.html {
+            page(folder, scenario, &one, arguments.seed)?;
+        }
         judged.push(one);
     }
     bar.finish_and_clear();
@@ -140,6 +146,14 @@ fn progress_bar(count: usize) -> anyhow::Result<ProgressBar> {
     Ok(ProgressBar::new(position(count, 0.0)).with_style(style))
 }
 
+fn page(folder: &Path, scenario: &Scenario, judged: &Judged, seed: u64) -> anyhow::Result<()> {
+    let file = folder.join(format!("{}.html", scenario.name));
+    let html = scenarios::page(scenario, judged, seed)?.html();
+    std::fs::create_dir_all(folder)
+        .and_then(|()| std::fs::write(&file, html))
+        .with_context(|| format!("cannot write {}", file.display()))
+}
+
 fn record(folder: &Path, scenario: &Scenario, judged: &Judged) -> anyhow::Result<()> {
     for (recorded, _) in &judged.sessions {
         let name = format!("{}-{}", scenario.name, recorded.name);
@@ -156,11 +170,11 @@ fn row<'a>(scenario: &'a Scenario, judged: &'a Judged, seed: u64) -> Row<'a> {
         effect: scenario.effect,
         source: figures
             .iter()
-            .filter_map(|figure| Some((figure.key.to_owned(), value(figure.source.as_ref()?))))
+            .filter_map(|figure| Some((figure.key.clone(), value(figure.source.as_ref()?))))
             .collect(),
         ours: figures
             .iter()
-            .map(|figure| (figure.key.to_owned(), value(&figure.ours)))
+            .map(|figure| (figure.key.clone(), value(&figure.ours)))
             .collect(),
         pass: judged.passes(),
         seed,
