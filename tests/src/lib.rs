@@ -1,5 +1,6 @@
 //! Whole cells without a bus: the harness of the tests beside it.
 
+pub mod bag;
 pub mod session;
 pub mod trace;
 

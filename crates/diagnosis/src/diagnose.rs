@@ -15,9 +15,10 @@ use crate::observation::Observations;
 use crate::report::{
     Effect, Gap, ParameterEstimate, Rejected, Report, SCHEMA, Unexplained, Verdict,
 };
+use crate::rivals::Kind;
 use crate::session::{DiagnoseError, Session};
 use crate::shrinkage::Blocks;
-use crate::{outliers, parameters, places, timing};
+use crate::{outliers, parameters, places, referenced, timing};
 
 /// Beside something unknown an effect is named only when it is this probable.
 const SURE_BESIDE_UNKNOWN: f64 = 0.99;
@@ -63,13 +64,35 @@ pub fn diagnose(session: &Session, options: &Options) -> Result<Report, Diagnose
         }
         explained = explain(&observations, &variants);
     }
-    Ok(Reporter {
+    let joint = Reporter {
         session,
         observations: &observations,
         variants: &variants,
         explained: &explained,
+        covered: 0.0,
     }
-    .report())
+    .report();
+    let parted =
+        referenced::part(&observations).filter(|parted| referenced::is_better(parted, &joint));
+    let Some(parted) = parted else {
+        return Ok(joint);
+    };
+    let alone = |session: &Session, observations: &Observations, variants: Vec<Variant>| {
+        Reporter {
+            session,
+            observations,
+            variants: &variants,
+            explained: &explain(observations, &variants),
+            covered: observations.reference_uncertainty,
+        }
+        .report()
+    };
+    Ok(referenced::report(
+        session,
+        &parted,
+        &options.without,
+        alone,
+    ))
 }
 
 /// An attribution together with what was done to the deviations before.
@@ -267,22 +290,21 @@ struct Reporter<'a> {
     observations: &'a Observations,
     variants: &'a [Variant],
     explained: &'a Explained,
+    /// Rms below which a discrepancy may be the reference's own, m.
+    covered: f64,
 }
 
 impl Reporter<'_> {
     fn report(&self) -> Report {
         let attribution = &self.explained.attribution;
-        let unknown: f64 = attribution
-            .models
-            .iter()
-            .filter(|model| model.rival.is_some())
-            .map(|model| model.probability)
+        let unknown: f64 = (0..attribution.models.len())
+            .filter(|&model| self.is_unknown(model))
+            .map(|model| attribution.models[model].probability)
             .sum();
         let beside_unknown = unknown > 0.5;
-        let best = attribution
-            .models
-            .iter()
-            .find(|model| model.rival.is_some() == beside_unknown);
+        let best = (0..attribution.models.len())
+            .find(|&model| self.is_unknown(model) == beside_unknown)
+            .map(|model| &attribution.models[model]);
         let empty = Model {
             set: Vec::new(),
             rival: None,
@@ -356,6 +378,16 @@ impl Reporter<'_> {
             effects,
             warnings,
         }
+    }
+
+    /// True for a model beside something that neither the vocabulary nor the reference's own uncertainty explains.
+    fn is_unknown(&self, model: usize) -> bool {
+        let attribution = &self.explained.attribution;
+        if attribution.models[model].rival.is_none() {
+            return false;
+        }
+        let covered = |(_, part): (Kind, Vec<f64>)| rms(part.into_iter()) <= self.covered;
+        !(self.covered > 0.0 && places::rival_part(attribution, model).is_some_and(covered))
     }
 
     /// Named effects in the order in which they close the gap, and their candidates.

@@ -17,6 +17,7 @@ pub mod observation;
 pub mod outliers;
 pub mod parameters;
 pub mod places;
+mod referenced;
 pub mod report;
 pub mod rivals;
 pub mod search;

@@ -118,9 +118,10 @@ pub struct RawSize {
     pub nominal_mm: f64,
     /// Size before machining.
     pub stock_mm: f64,
-    /// What the probe reads too much on this size alone (residual of the source's Tables 3 and 4).
+    /// What the reference instrument finds too much on this size alone: the residuals of the source's Tables 3 and 4,
+    /// which lie within its repeatability.
     #[serde(default)]
-    pub reading_residual_um: f64,
+    pub cmm_residual_um: f64,
 }
 
 /// An operation.
@@ -154,8 +155,11 @@ pub struct RawOperation {
 pub struct RawCmm {
     /// Its name.
     pub instrument: String,
-    /// Standard uncertainty of a deviation.
+    /// Standard uncertainty of a deviation, as it declares it.
     pub standard_uncertainty_um: f64,
+    /// Standard deviation of its single touches; what else it errs is common to a size.
+    #[serde(default)]
+    pub touch_sd_um: f64,
 }
 
 /// Something that goes wrong after some touches.
@@ -269,6 +273,10 @@ impl RawConfig {
                 self.cmm
                     .as_ref()
                     .map_or(0.0, |cmm| cmm.standard_uncertainty_um),
+            ),
+            (
+                "cmm.touch_sd_um",
+                self.cmm.as_ref().map_or(0.0, |cmm| cmm.touch_sd_um),
             ),
         ];
         for (key, value) in not_negative {

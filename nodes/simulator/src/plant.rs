@@ -110,7 +110,7 @@ fn bent(config: &Config, state: &State, size: &str, height: f64) -> f64 {
     share * (root + (free - root) * place.powi(3)) * 1e-6
 }
 
-/// The surface that a touch of that point meets; `residual` is what the probe reads too much there (m, per side).
+/// The surface that a touch of that point meets.
 pub(crate) fn surface(
     config: &Config,
     state: &State,
@@ -119,9 +119,7 @@ pub(crate) fn surface(
 ) -> Option<Surface> {
     let nominal = plan.points.get(point)?;
     let feature = plan.features.get(nominal.feature as usize)?;
-    let residual =
-        size_of(config, feature).map_or(0.0, |size| size.reading_residual_um * 1e-6 / 2.0);
-    let out = excess(config, state, feature, nominal.position.z) + residual;
+    let out = excess(config, state, feature, nominal.position.z);
     let (origin, axis) = (place(feature), direction(feature));
     Some(match feature.kind {
         InspectionFeature::CYLINDER => Surface::Cylinder(origin, axis, feature.radius + out),
@@ -149,13 +147,15 @@ pub(crate) fn reference(
 ) -> Option<ReferenceMeasurement> {
     let cmm = config.raw.cmm.as_ref()?;
     let standard_uncertainty = cmm.standard_uncertainty_um * 1e-6;
-    let true_deviations: Vec<f64> = plan
+    let found: Vec<f64> = plan
         .points
         .iter()
         .map(|point| {
             let feature = plan.features.get(point.feature as usize);
             feature.map_or(0.0, |feature| {
-                excess(config, state, feature, point.position.z)
+                // Half of the error of a size lies on each side.
+                let own = size_of(config, feature).map_or(0.0, |size| size.cmm_residual_um * 1e-6);
+                excess(config, state, feature, point.position.z) + 0.5 * own
             })
         })
         .collect();
@@ -164,9 +164,9 @@ pub(crate) fn reference(
         plan_id: plan.plan_id.clone(),
         instrument: cmm.instrument.clone(),
         point_index: (0..plan.points.len() as u32).collect(),
-        deviation: true_deviations
+        deviation: found
             .iter()
-            .map(|d| d + normal(&mut state.random, standard_uncertainty))
+            .map(|d| d + normal(&mut state.random, cmm.touch_sd_um * 1e-6))
             .collect(),
         standard_uncertainty,
     })

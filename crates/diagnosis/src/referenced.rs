@@ -1,0 +1,174 @@
+//! A session whose part an outside instrument has measured: the cell's reading against the part, and the part against
+//! its plan.
+//!
+//! A controller that corrects itself drives its reading to the plan: the error of its probe and the material that it
+//! cut away for it cancel in what it reads, and the worn tool of its registers is a phantom (source systems A.4).
+//! Reading − reference holds what probe and machine do while they measure; cutting is judged by the reference, or, where
+//! the loop has followed the reading, by the reading that it followed. Discrepancies below the reference's standard
+//! uncertainty, which may be common to all points of a feature, are not told from its own errors. Metres.
+
+use std::collections::BTreeMap;
+
+use crate::effects::{Variant, library};
+use crate::observation::Observations;
+use crate::report::{Effect, Report, Verdict};
+use crate::session::Session;
+
+/// Share of the touched points that the reference must know.
+const MOST: f64 = 0.9;
+/// Reading and part err against each other when their difference is so many times the reading's own deviation.
+const CANCELS: f64 = 3.0;
+
+/// A session parted in two.
+pub(crate) struct Parted {
+    /// Touches with reading − reference.
+    pub(crate) reading: Observations,
+    /// Touches with what cutting has left.
+    pub(crate) part: Observations,
+    /// Mean of the reference on the points of each tool, m; `None`: of no tool.
+    tools: Vec<(Option<u32>, f64)>,
+    /// True where reading and part err against each other.
+    cancels: bool,
+}
+
+/// Parts a session; `None` where the reference knows too few of the touched points.
+pub(crate) fn part(observations: &Observations) -> Option<Parted> {
+    let touches = observations.touches();
+    let known = |point: usize| {
+        (touches..observations.rows.len())
+            .find(|&row| observations.rows[row].point == point)
+            .map(|row| observations.deviations[row])
+    };
+    let pairs: Vec<(usize, f64)> = (0..touches)
+        .filter_map(|row| Some((row, known(observations.rows[row].point)?)))
+        .collect();
+    if (pairs.len() as f64) < MOST * touches as f64 || pairs.is_empty() {
+        return None;
+    }
+    let with = |deviations: Vec<f64>| Observations {
+        rows: pairs
+            .iter()
+            .map(|&(row, _)| observations.rows[row].clone())
+            .collect(),
+        deviations,
+        ..observations.clone()
+    };
+    let read = |row: usize| observations.deviations[row];
+    let reading = with(pairs.iter().map(|&(row, r)| read(row) - r).collect());
+    let followed: Vec<f64> = pairs.iter().map(|&(row, _)| read(row)).collect();
+    let size = rms(&reading.deviations);
+    let cancels =
+        size > CANCELS * rms(&followed) && size > 2.0 * observations.reference_uncertainty;
+    let part = with(if cancels {
+        followed
+    } else {
+        pairs.iter().map(|&(_, r)| r).collect()
+    });
+    let mut tools: BTreeMap<Option<u32>, (f64, f64)> = BTreeMap::new();
+    for &(row, r) in &pairs {
+        let sum = tools.entry(observations.rows[row].tool).or_default();
+        *sum = (sum.0 + r, sum.1 + 1.0);
+    }
+    Some(Parted {
+        reading,
+        part,
+        tools: tools
+            .into_iter()
+            .map(|(tool, (sum, count))| (tool, sum / count))
+            .collect(),
+        cancels,
+    })
+}
+
+/// True where the joint explanation does not hold: something is left, or the errors cancel in the reading.
+pub(crate) fn is_better(parted: &Parted, joint: &Report) -> bool {
+    parted.cancels
+        || matches!(
+            joint.verdict,
+            Verdict::Unexplained | Verdict::PartlyExplained
+        )
+}
+
+/// The report of a parted session. `explain` reports rows with the effects that it is given.
+pub(crate) fn report(
+    session: &Session,
+    parted: &Parted,
+    without: &[String],
+    explain: impl Fn(&Session, &Observations, Vec<Variant>) -> Report,
+) -> Report {
+    let uncertainty = parted.reading.reference_uncertainty;
+    let offered = |observations: &Observations, wanted: &dyn Fn(&str) -> bool| {
+        let mut variants = library(observations);
+        variants.retain(|variant| wanted(&variant.effect) && !without.contains(&variant.effect));
+        variants
+    };
+    // A slip is an event of a measurement, not of the part.
+    let of_cutting = |effect: &str| effect.starts_with("process.") && effect != "process.slip";
+    let reading = offered(&parted.reading, &|effect| !of_cutting(effect));
+    let mut report = explain(session, &parted.reading, reading);
+    // Records (clocks, grids) are the reading's, and have been told.
+    let quiet = Session {
+        events: Vec::new(),
+        joint_states: Vec::new(),
+        ..session.clone()
+    };
+    let part = explain(&quiet, &parted.part, offered(&parted.part, &of_cutting));
+    report.gap.noise_floor = report.gap.noise_floor.hypot(uncertainty);
+    report.gap.ratio = report.gap.rms / report.gap.noise_floor;
+    if report.unexplained.place.is_empty() {
+        report.unexplained = part.unexplained;
+    }
+    let beyond = |effect: &Effect| {
+        of_cutting(&effect.effect) && (effect.rms_before - effect.rms_after) > uncertainty
+    };
+    report
+        .effects
+        .extend(part.effects.into_iter().filter(beyond));
+    let improbable = part.rejected.into_iter();
+    report
+        .rejected
+        .extend(improbable.filter(|effect| of_cutting(&effect.effect)));
+    report.verdict = match (
+        report.unexplained.place.is_empty(),
+        report.effects.is_empty(),
+    ) {
+        (false, false) => Verdict::PartlyExplained,
+        (false, true) => Verdict::Unexplained,
+        (true, false) => Verdict::Explained,
+        (true, true) => Verdict::NoGap,
+    };
+    report.warnings.extend(remarks(session, parted));
+    report
+}
+
+fn remarks(session: &Session, parted: &Parted) -> Vec<String> {
+    let instrument = session
+        .references
+        .first()
+        .map_or("the reference", |one| one.instrument.as_str());
+    let um = 1e6;
+    let mut remarks = vec![format!(
+        "the gap is the reading less that of {instrument}, whose standard uncertainty is {:.2} µm",
+        parted.reading.reference_uncertainty * um
+    )];
+    if parted.cancels {
+        let tools: Vec<String> = parted
+            .tools
+            .iter()
+            .map(|(tool, mean)| match tool {
+                Some(tool) => format!("{:+.1} µm by tool {tool}", mean * um),
+                None => format!("{:+.1} µm elsewhere", mean * um),
+            })
+            .collect();
+        remarks.push(format!(
+            "corrections have followed the reading: the part is off its plan by {}; the tools' offsets hold the error of \
+             the reading, not wear",
+            tools.join(" and ")
+        ));
+    }
+    remarks
+}
+
+fn rms(values: &[f64]) -> f64 {
+    (values.iter().map(|value| value * value).sum::<f64>() / values.len().max(1) as f64).sqrt()
+}
