@@ -180,6 +180,18 @@ impl Chain {
             * self.end_pose(Side::Tool, positions)
     }
 
+    /// Part that really lies there from probe mount, when the chain errs by `errors`; their ball is not part of it.
+    pub fn part_from_mount_with(
+        &self,
+        positions: &[f64],
+        part_pose: &Isometry3<f64>,
+        errors: &ChainErrors,
+    ) -> Isometry3<f64> {
+        (self.end_pose_with(Side::Part, positions, errors) * part_pose * displacement(&errors.part))
+            .inverse()
+            * self.end_pose_with(Side::Tool, positions, errors)
+    }
+
     /// All first derivatives of [`Self::ball_in_part`] and of [`Self::ball_in_part_with`] at zero error.
     pub fn sensitivity(
         &self,

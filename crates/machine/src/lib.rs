@@ -7,11 +7,17 @@
 pub mod chain;
 pub mod contact;
 pub mod deviation;
+pub mod head;
 pub mod inverse;
 pub mod kinematics;
+pub mod links;
+pub mod volumetric;
 
 pub use chain::{Chain, ChainError, Joint, JointKind, Side};
 pub use contact::Surface;
 pub use deviation::{DeviationError, Nominal, deviation, touch_positions};
+pub use head::{HEAD_AXES, SwivelHead};
 pub use inverse::{ReachError, Target};
 pub use kinematics::{ChainErrors, NO_TWIST, PositionError, Sensitivity, Twist, displacement};
+pub use links::{LinkError, LinkNameError};
+pub use volumetric::{Correction, Volumetric};

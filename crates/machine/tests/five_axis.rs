@@ -6,20 +6,7 @@ use machine::{Chain, ChainErrors, Side, Target};
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 
 /// WCBXFZYSt with {F} at the B-C intersection; axis values 0 put the ball there.
-const WCBXFZYST: &str = r#"<robot name="wcbxfzyst">
-  <link name="foundation"/><link name="x"/><link name="b"/><link name="workpiece"/>
-  <link name="z"/><link name="y"/><link name="probe_mount"/>
-  <joint name="X" type="prismatic"><parent link="foundation"/><child link="x"/><axis xyz="1 0 0"/>
-    <limit lower="-0.4" upper="0.4" effort="0" velocity="0.2"/></joint>
-  <joint name="B" type="revolute"><parent link="x"/><child link="b"/><axis xyz="0 1 0"/>
-    <limit lower="-1.92" upper="1.92" effort="0" velocity="0.5"/></joint>
-  <joint name="C" type="continuous"><parent link="b"/><child link="workpiece"/><axis xyz="0 0 1"/></joint>
-  <joint name="Z" type="prismatic"><parent link="foundation"/><child link="z"/><axis xyz="0 0 1"/>
-    <limit lower="-0.35" upper="0.35" effort="0" velocity="0.2"/></joint>
-  <joint name="Y" type="prismatic"><parent link="z"/><child link="y"/><axis xyz="0 1 0"/>
-    <limit lower="-0.3" upper="0.3" effort="0" velocity="0.2"/></joint>
-  <joint name="S" type="fixed"><parent link="y"/><child link="probe_mount"/></joint>
-</robot>"#;
+const WCBXFZYST: &str = include_str!("../../../launch-scripts/wcbxfzyst.urdf");
 
 /// The eight errors of D.2: joint and component (X Y Z A B C = 0..5).
 const ERRORS: [(&str, usize); 8] = [
@@ -46,8 +33,13 @@ fn pose(chain: &Chain, p: Vector3<f64>, b: f64, c: f64) -> (Vec<f64>, Vector3<f6
     let turn = nalgebra::Rotation3::from_axis_angle(&Vector3::y_axis(), b)
         * nalgebra::Rotation3::from_axis_angle(&Vector3::z_axis(), c);
     let r = turn * p;
-    let names = ["X", "B", "C", "Z", "Y"].map(String::from);
-    (chain.positions(&names, &[-r.x, b, c, r.z, r.y]).unwrap(), r)
+    let names = ["X", "B", "C", "Z", "Y", "S"].map(String::from);
+    (
+        chain
+            .positions(&names, &[-r.x, b, c, r.z, r.y, 0.0])
+            .unwrap(),
+        r,
+    )
 }
 
 /// D.2, tool frame, tool minus feature.
@@ -192,7 +184,7 @@ fn derivatives_agree_with_finite_errors() {
         Vector3::new(0.1, 0.2, -0.3),
     );
     let ball = Point3::new(0.001, -0.002, -0.15);
-    let positions = [0.1, 0.7, -1.2, 0.05, -0.04];
+    let positions = [0.1, 0.7, -1.2, 0.05, -0.04, 0.9];
     let sensitivity = chain.sensitivity(&positions, &part, &ball);
     let step = 1e-6;
     let central = |set: &dyn Fn(&mut ChainErrors, f64)| {
@@ -238,6 +230,7 @@ fn linear_axes_are_found_for_prescribed_rotary_axes() {
         .map(|name| match name {
             "B" => Some(0.6),
             "C" => Some(2.0),
+            "S" => Some(0.0),
             _ => None,
         })
         .collect();
@@ -246,7 +239,7 @@ fn linear_axes_are_found_for_prescribed_rotary_axes() {
         orientation: None,
     };
     let found = chain
-        .reach(&target, &prescribed, &[0.0; 5], &part, &ball)
+        .reach(&target, &prescribed, &[0.0; 6], &part, &ball)
         .unwrap();
     assert!((chain.ball_in_part(&found, &part, &ball) - wanted).norm() < 1e-9);
     let far = Target {
@@ -254,7 +247,7 @@ fn linear_axes_are_found_for_prescribed_rotary_axes() {
         orientation: None,
     };
     let error = chain
-        .reach(&far, &prescribed, &[0.0; 5], &part, &ball)
+        .reach(&far, &prescribed, &[0.0; 6], &part, &ball)
         .unwrap_err();
     assert!(error.to_string().contains("end of travel"), "{error}");
 }
