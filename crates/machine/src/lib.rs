@@ -11,6 +11,7 @@ pub mod head;
 pub mod inverse;
 pub mod kinematics;
 pub mod links;
+pub mod models;
 pub mod volumetric;
 
 pub use chain::{Chain, ChainError, Joint, JointKind, Side};

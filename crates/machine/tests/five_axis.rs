@@ -6,7 +6,7 @@ use machine::{Chain, ChainErrors, Side, Target};
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 
 /// WCBXFZYSt with {F} at the B-C intersection; axis values 0 put the ball there.
-const WCBXFZYST: &str = include_str!("../../../launch-scripts/wcbxfzyst.urdf");
+use machine::models::WCBXFZYST;
 
 /// The eight errors of D.2: joint and component (X Y Z A B C = 0..5).
 const ERRORS: [(&str, usize); 8] = [
