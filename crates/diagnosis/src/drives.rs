@@ -390,7 +390,7 @@ impl Drives {
             next_measurement: Vec::new(),
             warnings: vec![match self.channel {
                 Channel::Motion => "judged by motion".to_owned(),
-                Channel::Effort => crate::summary::BY_EFFORT.to_owned(),
+                Channel::Effort => "judged by effort".to_owned(),
             }],
         }
     }

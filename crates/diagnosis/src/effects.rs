@@ -202,7 +202,7 @@ fn logspace(from: f64, to: f64, count: usize) -> Vec<f64> {
 }
 
 /// True for a serial arm: at least five turning axes carry the probe.
-fn is_arm(chain: &Chain) -> bool {
+pub(crate) fn is_arm(chain: &Chain) -> bool {
     let turning = |index: &&usize| chain.joints()[**index].kind == JointKind::Revolute;
     chain.branch(Side::Tool).iter().filter(turning).count() >= ARM
 }

@@ -12,6 +12,7 @@ pub mod drives;
 pub mod effects;
 pub mod evidence;
 pub mod groups;
+pub mod joint;
 pub mod next;
 pub mod observation;
 pub mod outliers;
@@ -28,5 +29,6 @@ pub mod timing;
 
 pub use diagnose::{Options, diagnose};
 pub use drives::diagnose_drives;
+pub use joint::{diagnose_joint, diagnose_together};
 pub use report::{Report, Verdict};
 pub use session::{DiagnoseError, Session};

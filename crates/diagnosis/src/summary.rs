@@ -1,11 +1,8 @@
-//! The report for a person: what was found, how sure, what remains; lengths in µm, angles in µrad.
+//! The report for a person: what was found, how sure, what remains; lengths in µm, angles in µrad, efforts as recorded.
 
 use std::fmt;
 
 use crate::report::{Effect, ParameterEstimate, Place, Report, Verdict};
-
-/// Remark of a report whose sizes are efforts.
-pub(crate) const BY_EFFORT: &str = "judged by effort";
 
 impl fmt::Display for Report {
     fn fmt(&self, to: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -16,13 +13,10 @@ impl fmt::Display for Report {
             Verdict::Unexplained => "gap not explained: something outside the known effects acts",
         };
         writeln!(to, "{}: {verdict}", self.bag)?;
-        let effort = self.warnings.iter().any(|warning| warning == BY_EFFORT);
-        let micro = |value: f64| {
-            if effort {
-                format!("{value:.3}")
-            } else {
-                micro(value)
-            }
+        let micro = |value: f64| match self.gap.unit.as_str() {
+            "m" => format!("{:.2} µm", value * 1e6),
+            "rad" => format!("{:.2} µrad", value * 1e6),
+            unit => format!("{value:.4} {unit}"),
         };
         let (rms, floor) = (micro(self.gap.rms), micro(self.gap.noise_floor));
         writeln!(
@@ -32,6 +26,23 @@ impl fmt::Display for Report {
         )?;
         for effect in &self.effects {
             write_effect(to, effect, &micro)?;
+        }
+        if let (Some(first), Some(last)) = (self.effects.first(), self.effects.last()) {
+            let judged = if self.withheld.is_empty() {
+                "held out"
+            } else {
+                "withheld"
+            };
+            for (before, after) in first.sessions.iter().zip(&last.sessions) {
+                let axis = after.axis.as_deref().unwrap_or_default();
+                let [low, high] = after.ci95_after.map(micro);
+                let (from, to_size) = (micro(before.rms_before), micro(after.rms_after));
+                writeln!(
+                    to,
+                    "  {judged} {} {axis}: {from} -> {to_size} ({low} to {high})",
+                    after.bag
+                )?;
+            }
         }
         if !self.unexplained.place.is_empty() {
             writeln!(to, "  unexplained: {}", micro(self.unexplained.rms))?;
@@ -104,8 +115,4 @@ fn place_text(place: &Place) -> String {
         place.key,
         place.share * 100.0
     )
-}
-
-fn micro(metres: f64) -> String {
-    format!("{:.2} µm", metres * 1e6)
 }

@@ -3,65 +3,74 @@
 use std::path::{Path, PathBuf};
 
 use bags::{Bag, Measurement};
-use diagnosis::{Options, Session, diagnose, diagnose_drives};
+use diagnosis::{Options, Report, Session, diagnose, diagnose_together};
 
 use crate::{GOOD, report};
 
 /// What the user asks for.
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
-    /// Bags: folders or .mcap files.
-    #[arg(required = true)]
+    /// Bags: folders or .mcap files. Several are diagnosed together: one set of causes for all.
+    #[arg(required_unless_present = "fit")]
     bags: Vec<PathBuf>,
+    /// The same, for use before `--withhold`.
+    #[arg(long, num_args = 1.., conflicts_with = "bags")]
+    fit: Vec<PathBuf>,
+    /// Bags that judge what the others were fitted to.
+    #[arg(long, num_args = 1..)]
+    withhold: Vec<PathBuf>,
+    /// Diagnose each bag by itself.
+    #[arg(long, conflicts_with = "withhold")]
+    each: bool,
     /// The plan to diagnose where a bag holds several; the last one measured if none is named.
     #[arg(long)]
     plan: Option<String>,
-    /// Drive bags that judge what the others were fitted to.
-    #[arg(long, num_args = 1..)]
-    withhold: Vec<PathBuf>,
     /// Leave an effect out of the library.
     #[arg(long)]
     without: Vec<String>,
-    /// Print JSON, one object for each bag.
+    /// Print JSON: one object, or one for each bag with `--each`.
     #[arg(long)]
     json: bool,
 }
 
-/// Diagnoses each bag.
+/// Diagnoses the bags together, or each.
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
-    if !arguments.withhold.is_empty() {
-        return drives(arguments);
-    }
     let options = Options {
         without: arguments.without.clone(),
     };
-    for path in &arguments.bags {
-        let session = read(path, arguments.plan.as_deref())?;
-        let result = diagnose(&session, &options)?;
-        if arguments.json {
-            report::json(&result)?;
-        } else {
-            report::line(&result.to_string());
+    let bags = if arguments.fit.is_empty() {
+        &arguments.bags
+    } else {
+        &arguments.fit
+    };
+    if arguments.each || (bags.len() == 1 && arguments.withhold.is_empty()) {
+        for path in bags {
+            let session = read(path, arguments.plan.as_deref())?;
+            tell(&diagnose(&session, &options)?, arguments.json)?;
         }
+        return Ok(GOOD);
     }
-    Ok(GOOD)
-}
-
-/// Fits drive bags together and judges on those withheld.
-fn drives(arguments: &Arguments) -> anyhow::Result<u8> {
     let sessions = |paths: &[PathBuf]| {
         paths
             .iter()
-            .map(|path| read(path, None))
+            .map(|path| read(path, arguments.plan.as_deref()))
             .collect::<anyhow::Result<Vec<_>>>()
     };
-    let result = diagnose_drives(&sessions(&arguments.bags)?, &sessions(&arguments.withhold)?)?;
-    if arguments.json {
-        report::json(&result)?;
+    let (fit, withheld) = (sessions(bags)?, sessions(&arguments.withhold)?);
+    tell(
+        &diagnose_together(&fit, &withheld, &options)?,
+        arguments.json,
+    )?;
+    Ok(GOOD)
+}
+
+fn tell(result: &Report, json: bool) -> anyhow::Result<()> {
+    if json {
+        report::json(result)?;
     } else {
         report::line(&result.to_string());
     }
-    Ok(GOOD)
+    Ok(())
 }
 
 fn read(path: &Path, plan: Option<&str>) -> anyhow::Result<Session> {

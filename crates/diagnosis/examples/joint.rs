@@ -1,0 +1,29 @@
+//! Diagnoses bags of touches together: `joint FIT… [--withhold BAG…]`.
+#![expect(clippy::print_stdout, reason = "a program for a person")]
+
+use std::path::Path;
+
+mod common;
+
+fn main() -> anyhow::Result<()> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let split = arguments
+        .iter()
+        .position(|argument| argument == "--withhold")
+        .unwrap_or(arguments.len());
+    let read = |paths: &[String]| {
+        paths
+            .iter()
+            .map(|path| common::read(Path::new(path)))
+            .collect::<Result<Vec<_>, _>>()
+    };
+    let fit = read(&arguments[..split])?;
+    let withheld = read(arguments.get(split + 1..).unwrap_or_default())?;
+    let begun = std::time::Instant::now();
+    println!(
+        "{}",
+        diagnosis::diagnose_joint(&fit, &withheld, &diagnosis::Options::default())?
+    );
+    println!("{:.0} ms", begun.elapsed().as_secs_f64() * 1e3);
+    Ok(())
+}

@@ -1,0 +1,441 @@
+//! The joint diagnosis of several sessions of touches on one machine: one set of causes, each session its own pose.
+//!
+//! The part's pose is fitted anew in every session and is never a cause here; on an arm so is where the probe sits on
+//! the flange, since tool and workpiece are registered together. Effects are those of the library that act alike in
+//! every session; growth is by evidence, judgement on touches that were not used to fit: whole withheld sessions where
+//! given, blocks of touches of every session elsewhere. Slips and drifts, which belong to one session, and the second
+//! order on curved surfaces are left to the diagnosis of one session.
+
+mod gram;
+mod grow;
+mod judge;
+mod linear;
+mod pool;
+pub mod rows;
+
+use crate::diagnose::Options;
+use crate::drives::diagnose_drives;
+use crate::places;
+use crate::report::{
+    Effect, Gap, ParameterEstimate, Rejected, Report, SCHEMA, Unexplained, Verdict,
+};
+use crate::rivals::rivals;
+use crate::session::{DiagnoseError, Session};
+use gram::{Set, rms};
+use grow::{Grown, Rows, price, taken, without};
+use judge::{Judge, Judged};
+use pool::Pool;
+use rows::Joined;
+
+/// Touches that miss by more than this many robust standard deviations are set aside.
+const STRAY: f64 = 6.0;
+/// Rounds of setting aside.
+const ROUNDS: usize = 3;
+/// Log odds against something unknown, before the data.
+const UNKNOWN: f64 = 4.6;
+/// A replacement this much (natural log) less probable is not excluded.
+const NOT_EXCLUDED: f64 = 4.6;
+/// Harmonics of a smooth function that are reported at most.
+const HARMONICS: usize = 5;
+
+/// Explains several sessions together, touches or drives; fits on `fit`, judges on `withheld` where given.
+///
+/// # Errors
+/// [`DiagnoseError`] names what makes a session unusable.
+pub fn diagnose_together(
+    fit: &[Session],
+    withheld: &[Session],
+    options: &Options,
+) -> Result<Report, DiagnoseError> {
+    let drives = |session: &Session| session.plan.is_none() && session.events.is_empty();
+    if fit.iter().chain(withheld).all(drives) {
+        return diagnose_drives(fit, withheld);
+    }
+    diagnose_joint(fit, withheld, options)
+}
+
+/// Explains several sessions of touches together; fits on `fit`, judges on `withheld` where given.
+///
+/// # Errors
+/// [`DiagnoseError`] names what makes a session unusable.
+pub fn diagnose_joint(
+    fit: &[Session],
+    withheld: &[Session],
+    options: &Options,
+) -> Result<Report, DiagnoseError> {
+    let sessions: Vec<&Session> = fit.iter().chain(withheld).collect();
+    let joined = Joined::new(&sessions)?;
+    let observations = &joined.observations;
+    let y: Vec<f64> = (observations.deviations.iter().zip(&observations.rows))
+        .map(|(deviation, row)| deviation * row.weight)
+        .collect();
+    let free: Vec<Vec<f64>> = joined.poses.concat();
+    let excluded: Vec<String> = options
+        .without
+        .iter()
+        .cloned()
+        .chain(joined.registered.iter().map(|&effect| effect.to_owned()))
+        .collect();
+    let mut active: Vec<bool> = joined.session.iter().map(|&of| of < fit.len()).collect();
+    let mut pool = Pool::new(observations, &excluded);
+    let mut last: Option<(Grown, Vec<bool>)> = None;
+    for _ in 0..ROUNDS {
+        let rows = Rows {
+            observations,
+            free: &free,
+            y: &y,
+            active: &active,
+        };
+        let start = last
+            .as_ref()
+            .map_or_else(Set::default, |(grown, _)| grown.set.clone());
+        let Some(grown) = rows.grow(&mut pool, &start) else {
+            break;
+        };
+        let left = rows.left(&pool, &grown.solved.columns, grown.solved.mean.as_slice());
+        let stray = stray(&left, &active);
+        last = Some((grown, active.clone()));
+        if stray.is_empty() {
+            break;
+        }
+        for row in stray {
+            active[row] = false;
+        }
+    }
+    let (grown, active) = last.ok_or(DiagnoseError::TooFew(0, 1))?;
+    let rows = Rows {
+        observations,
+        free: &free,
+        y: &y,
+        active: &active,
+    };
+    let judge = Judge::new(&rows, &joined, fit.len(), false);
+    let withheld_judge =
+        (!withheld.is_empty()).then(|| Judge::new(&rows, &joined, fit.len(), true));
+    Ok(Reporter {
+        fit,
+        withheld,
+        joined: &joined,
+        rows: &rows,
+        pool: &pool,
+        judge: &judge,
+        withheld_judge: withheld_judge.as_ref(),
+    }
+    .report(grown))
+}
+
+/// Rows in use that miss by more than [`STRAY`] robust standard deviations.
+fn stray(left: &[f64], active: &[bool]) -> Vec<usize> {
+    let mut sizes: Vec<f64> = gram::pick(left, active).iter().map(|v| v.abs()).collect();
+    sizes.sort_by(f64::total_cmp);
+    let Some(&middle) = sizes.get(sizes.len() / 2) else {
+        return Vec::new();
+    };
+    let bound = STRAY * 1.4826 * middle.max(1e-9);
+    (0..left.len())
+        .filter(|&row| active[row] && left[row].abs() > bound)
+        .collect()
+}
+
+struct Reporter<'a> {
+    fit: &'a [Session],
+    withheld: &'a [Session],
+    joined: &'a Joined,
+    rows: &'a Rows<'a>,
+    pool: &'a Pool,
+    /// Decides what is named: never the withheld sessions.
+    judge: &'a Judge<'a>,
+    withheld_judge: Option<&'a Judge<'a>>,
+}
+
+impl Reporter<'_> {
+    fn report(&self, grown: Grown) -> Report {
+        let Grown {
+            mut set,
+            gram,
+            mut solved,
+        } = grown;
+        let mut judged = self.judge.prefixes(self.pool, &gram, &set);
+        // What does not shrink the gap on touches that were not fitted is no cause.
+        while let Some(place) = (0..set.members.len()).find(|&p| !judged[p + 1].better(&judged[p]))
+        {
+            set = without(&set, place);
+            let Some(again) = gram.resize(&mut set, 1) else {
+                break;
+            };
+            solved = again;
+            judged = self.judge.prefixes(self.pool, &gram, &set);
+        }
+        if let Some(judge) = self.withheld_judge {
+            judged = judge.prefixes(self.pool, &gram, &set);
+        }
+        let variance = solved.variance(gram.rows());
+        let floor = variance.sqrt();
+        let (unexplained, unknown) = self.unknown(&gram, &solved);
+        let verdict = match (unknown, set.members.is_empty()) {
+            (true, true) => Verdict::Unexplained,
+            (true, false) => Verdict::PartlyExplained,
+            (false, true) => Verdict::NoGap,
+            (false, false) => Verdict::Explained,
+        };
+        let effects = self.effects(&gram, &set, &solved, &judged, variance);
+        let all = &self.joined.observations.deviations;
+        let used: Vec<f64> = gram::pick(all, self.rows.active);
+        let size = rms(&used);
+        Report {
+            schema: SCHEMA.to_owned(),
+            bag: names(self.fit).join(" + "),
+            fitted: names(self.fit),
+            withheld: names(self.withheld),
+            samples: used.len(),
+            verdict,
+            gap: Gap {
+                unit: "m".to_owned(),
+                rms: size,
+                noise_floor: floor,
+                ratio: if floor > 0.0 { size / floor } else { 0.0 },
+            },
+            place: places::shares(&self.joined.observations, all, self.rows.active),
+            rejected: self.rejected(&gram, &set, &solved),
+            effects,
+            unexplained,
+            next_measurement: Vec::new(),
+            warnings: self.warnings(),
+        }
+    }
+
+    fn warnings(&self) -> Vec<String> {
+        let observations = &self.joined.observations;
+        let mut warnings: Vec<String> = (observations.skipped.iter())
+            .map(|(sequence, why)| format!("event {sequence} not used: {why}"))
+            .collect();
+        if !self.joined.registered.is_empty() {
+            warnings.push(format!(
+                "fitted anew in every session: {}",
+                self.joined.registered.join(", ")
+            ));
+        }
+        let of_fit = |row: &usize| self.joined.session[*row] < self.fit.len();
+        let stray = (0..self.rows.active.len())
+            .filter(of_fit)
+            .filter(|&row| !self.rows.active[row])
+            .count();
+        if stray > 0 {
+            warnings.push(format!("{stray} touches set aside as stray"));
+        }
+        warnings
+    }
+
+    fn effects(
+        &self,
+        gram: &gram::Gram,
+        set: &Set,
+        solved: &gram::Solved,
+        judged: &[Judged],
+        variance: f64,
+    ) -> Vec<Effect> {
+        let covariance = solved.covariance();
+        let mut next = self.rows.free.len();
+        let mut effects = Vec::new();
+        for (place, &member) in set.members.iter().enumerate() {
+            let block = &self.pool.blocks[member];
+            let span = next..next + block.columns.len();
+            next = span.end;
+            let own = solved.mean.rows(span.start, span.len()).into_owned();
+            let spread = covariance.view((span.start, span.start), (span.len(), span.len()));
+            let values = &block.back * own;
+            let doubt = &block.back * spread * block.back.transpose() * variance;
+            let (before, after) = (&judged[place], &judged[place + 1]);
+            let (equals, probability) = self.equals(gram, set, place);
+            effects.push(Effect {
+                effect: block.effect.clone(),
+                probability,
+                parameters: estimates(block, values.as_slice(), &doubt),
+                rms_before: before.all.rms,
+                rms_after: after.all.rms,
+                ci95_after: after.all.ci95,
+                held_out: true,
+                indistinguishable_from: equals,
+                placebo_rms_after: None,
+                sessions: after.of_sessions(before, &self.names_judged()),
+            });
+        }
+        effects
+    }
+
+    fn names_judged(&self) -> Vec<String> {
+        let judged = if self.withheld.is_empty() {
+            self.fit
+        } else {
+            self.withheld
+        };
+        names(judged)
+    }
+
+    /// Effects that could stand in a member's place, and the probability that it or one of them acts.
+    fn equals(&self, gram: &gram::Gram, set: &Set, place: usize) -> (Vec<String>, f64) {
+        let rest = without(set, place);
+        let Some(solved) = gram.solve(&rest) else {
+            return (Vec::new(), 0.0);
+        };
+        let own = set.members[place];
+        let with = gram.gain(&solved, own).0 - price(self.pool, own);
+        let name = &self.pool.blocks[own].effect;
+        let mut equals: Vec<String> = Vec::new();
+        for (other, block) in self.pool.blocks.iter().enumerate() {
+            if block.effect == *name
+                || taken(self.pool, set, other)
+                || equals.contains(&block.effect)
+            {
+                continue;
+            }
+            if gram.gain(&solved, other).0 - price(self.pool, other) > with - NOT_EXCLUDED {
+                equals.push(block.effect.clone());
+            }
+        }
+        (equals, 1.0 / (1.0 + (-with).exp()))
+    }
+
+    /// Effects that were considered, with the probability that they act beside the set.
+    fn rejected(&self, gram: &gram::Gram, set: &Set, solved: &gram::Solved) -> Vec<Rejected> {
+        let mut rejected: Vec<Rejected> = Vec::new();
+        for (other, block) in self.pool.blocks.iter().enumerate() {
+            if taken(self.pool, set, other) {
+                continue;
+            }
+            let odds = gram.gain(solved, other).0 - price(self.pool, other);
+            let probability = 1.0 / (1.0 + (-odds).exp());
+            match rejected.iter_mut().find(|r| r.effect == block.effect) {
+                Some(known) => known.probability = known.probability.max(probability),
+                None => rejected.push(Rejected {
+                    effect: block.effect.clone(),
+                    probability,
+                }),
+            }
+        }
+        rejected.sort_by(|one, other| other.probability.total_cmp(&one.probability));
+        rejected.truncate(12);
+        rejected
+    }
+
+    /// Smooth discrepancies beside the set: whether one of them acts, how large it is and on what it depends.
+    fn unknown(&self, gram: &gram::Gram, solved: &gram::Solved) -> (Unexplained, bool) {
+        let observations = &self.joined.observations;
+        let active = self.rows.active;
+        let all = self.rows.columns(self.pool);
+        let spread = |values: &[f64]| -> Vec<f64> {
+            let mut used = values.iter();
+            let of_row = |&used_row: &bool| {
+                if used_row {
+                    used.next().copied()
+                } else {
+                    Some(0.0)
+                }
+            };
+            active
+                .iter()
+                .map(of_row)
+                .map(Option::unwrap_or_default)
+                .collect()
+        };
+        let known = rivals(observations, active);
+        let kinds = known.len().max(1) as f64;
+        let groups: Vec<Vec<Vec<f64>>> = known
+            .iter()
+            .map(|rival| {
+                (rival.directions.iter().zip(&rival.powers))
+                    .map(|(direction, power)| {
+                        let length = power.sqrt();
+                        spread(&direction.iter().map(|v| v * length).collect::<Vec<_>>())
+                    })
+                    .collect()
+            })
+            .collect();
+        let slices: Vec<&[Vec<f64>]> = groups.iter().map(Vec::as_slice).collect();
+        let gains = gram.foreign(solved, &all, &slices, self.rows.y, active);
+        // Times of different sessions have nothing in common.
+        let best = (gains.into_iter().enumerate())
+            .filter(|(place, _)| known[*place].kind != crate::rivals::Kind::Time)
+            .max_by(|one, other| one.1.0.total_cmp(&other.1.0));
+        let nothing = Unexplained {
+            rms: 0.0,
+            place: Vec::new(),
+        };
+        let Some((place, (gain, size))) = best else {
+            return (nothing, false);
+        };
+        let columns = &groups[place];
+        if gain < (kinds.ln() + UNKNOWN).max(grow::least(gram)) {
+            return (nothing, false);
+        }
+        let left = self
+            .rows
+            .left(self.pool, &solved.columns, solved.mean.as_slice());
+        let chosen: Vec<&Vec<f64>> = columns.iter().collect();
+        let matrix = gram::picked(&chosen, active);
+        let mut normal = matrix.tr_mul(&matrix);
+        for diagonal in 0..columns.len() {
+            normal[(diagonal, diagonal)] += 1.0 / size;
+        }
+        let right = matrix.tr_mul(&nalgebra::DVector::from_vec(gram::pick(&left, active)));
+        let Some(factor) = nalgebra::Cholesky::new(normal) else {
+            return (nothing, false);
+        };
+        let part = gram::predict(&chosen, factor.solve(&right).as_slice());
+        let unexplained = Unexplained {
+            rms: rms(&gram::pick(&part, active)),
+            place: places::of_rival(observations, &known[place].kind, &part, 1.0),
+        };
+        (unexplained, true)
+    }
+}
+
+fn names(sessions: &[Session]) -> Vec<String> {
+    sessions
+        .iter()
+        .map(|session| session.name.clone())
+        .collect()
+}
+
+/// Parameters with their intervals; of many harmonics the largest, as amplitudes.
+fn estimates(
+    block: &pool::Block,
+    values: &[f64],
+    covariance: &nalgebra::DMatrix<f64>,
+) -> Vec<ParameterEstimate> {
+    let one = |name: &str, value: f64, unit: &str, half: f64| ParameterEstimate {
+        name: name.to_owned(),
+        value,
+        unit: unit.to_owned(),
+        ci95: [value - half, value + half],
+    };
+    let mut result = Vec::new();
+    if block.harmonics {
+        let mut waves: Vec<ParameterEstimate> = (0..values.len() / 2)
+            .map(|wave| {
+                let (sine, cosine) = (values[2 * wave], values[2 * wave + 1]);
+                let spread =
+                    covariance[(2 * wave, 2 * wave)] + covariance[(2 * wave + 1, 2 * wave + 1)];
+                let about = &block.parameters[2 * wave];
+                let name = about.name.replace("sin", "a");
+                one(
+                    &name,
+                    sine.hypot(cosine),
+                    about.unit,
+                    1.96 * (0.5 * spread).max(0.0).sqrt(),
+                )
+            })
+            .collect();
+        waves.sort_by(|a, b| b.value.total_cmp(&a.value));
+        waves.truncate(HARMONICS);
+        return waves;
+    }
+    for (place, (value, about)) in values.iter().zip(&block.parameters).enumerate() {
+        let half = 1.96 * covariance[(place, place)].max(0.0).sqrt();
+        result.push(one(&about.name, *value, about.unit, half));
+    }
+    if let Some((name, value, unit)) = block.shape {
+        result.push(one(name, value, unit, 0.0));
+    }
+    result
+}

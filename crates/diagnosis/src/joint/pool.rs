@@ -1,0 +1,218 @@
+//! Candidates of a joint diagnosis: effects of the library as blocks of columns over the rows of all sessions.
+//!
+//! An effect that is harmonic in an angle is offered as one smooth function of it, all harmonics sharing one size: a
+//! gear or a joint's transmission has many. Other nonlinear constants are scanned against what a set leaves. Metres.
+
+use nalgebra::DMatrix;
+
+use crate::candidate::Candidate;
+use crate::effects::{Parameter, Variant, library};
+use crate::evidence::{dot, scale};
+use crate::observation::Observations;
+
+/// Effects that belong to the part's pose in one session, or to an instant of it.
+const OWN: [&str; 4] = [
+    "fixture.shift",
+    "fixture.tilt",
+    "process.slip",
+    "thermal.drift",
+];
+/// Effects of a probe that is triggered on the move.
+const TRIGGER: [&str; 2] = ["probe.pretravel_lobing", "probe.trigger_latency"];
+/// Name of the constant that counts harmonics.
+const HARMONIC: &str = "k";
+/// From this many harmonics on they are taken together.
+const MANY: usize = 8;
+/// The k-th harmonic is expected exp(−k²/2w²) as large as the first: a smooth function of the angle, correlated over
+/// 1/w rad, which says nothing about angles that no session visits.
+const WIDTH: f64 = 20.0;
+
+/// A candidate of the joint diagnosis.
+pub(super) struct Block {
+    /// Identifier of its effect.
+    pub(super) effect: String,
+    /// Columns over all rows, weighted.
+    pub(super) columns: Vec<Vec<f64>>,
+    /// Parameters (in their units) from coefficients of the columns.
+    pub(super) back: DMatrix<f64>,
+    /// Names and units of the parameters.
+    pub(super) parameters: Vec<Parameter>,
+    /// Value of its nonlinear constant, with name and unit.
+    pub(super) shape: Option<(&'static str, f64, &'static str)>,
+    /// True where the parameters are (sine, cosine) pairs of successive harmonics.
+    pub(super) harmonics: bool,
+    /// Natural logarithm of what choosing it costs.
+    pub(super) price: f64,
+}
+
+/// The library as blocks, and the variants that must be scanned.
+pub(super) struct Pool {
+    pub(super) blocks: Vec<Block>,
+    shaped: Vec<Shaped>,
+}
+
+struct Shaped {
+    variant: Variant,
+    price: f64,
+    trials: Vec<(f64, Vec<Vec<f64>>)>,
+    used: Vec<f64>,
+}
+
+impl Pool {
+    /// All that can act on the machine in the same way in every session, less `excluded` effects.
+    pub(super) fn new(observations: &Observations, excluded: &[String]) -> Self {
+        let mut variants = library(observations);
+        // Readings taken at a standstill (a tracker's, a dial's) come from no trigger.
+        let still = observations.rows.iter().all(|row| row.feed == 0.0);
+        let left_out = |effect: &str| {
+            OWN.contains(&effect)
+                || (still && TRIGGER.contains(&effect))
+                || excluded.iter().any(|other| other == effect)
+        };
+        variants.retain(|variant| !left_out(&variant.effect));
+        let mut names: Vec<String> = variants.iter().map(|v| v.effect.clone()).collect();
+        let variants_of: Vec<usize> = names
+            .iter()
+            .map(|name| names.iter().filter(|other| *other == name).count())
+            .collect();
+        names.sort_unstable();
+        names.dedup();
+        let effects = names.len().max(1) as f64;
+        let mut blocks = Vec::new();
+        let mut shaped = Vec::new();
+        for (place, count) in variants_of.iter().enumerate() {
+            let base = (effects * *count as f64).ln();
+            match &variants[place].shape {
+                None => blocks.extend(linear(observations, &variants, place, base)),
+                Some(shape) if shape.name == HARMONIC && shape.trials.len() >= MANY => {
+                    blocks.push(smooth(observations, &variants[place], base));
+                }
+                Some(_) => shaped.push(place),
+            }
+        }
+        let mut all: Vec<Option<Variant>> = variants.into_iter().map(Some).collect();
+        let shaped = shaped
+            .into_iter()
+            .filter_map(|place| {
+                let variant = all[place].take()?;
+                let distinct = variant.shape.as_ref().map_or(1.0, |s| s.distinct.max(1.0));
+                let price = (effects * variants_of[place] as f64 * distinct).ln();
+                Some(Shaped {
+                    trials: trials(observations, &variant),
+                    variant,
+                    price,
+                    used: Vec::new(),
+                })
+            })
+            .collect();
+        Self { blocks, shaped }
+    }
+
+    /// All trials of the nonlinear constants, variant by variant.
+    pub(super) fn trials(&self) -> Vec<&[Vec<f64>]> {
+        (self.shaped.iter().flat_map(|shaped| &shaped.trials))
+            .map(|(_, columns)| columns.as_slice())
+            .collect()
+    }
+
+    /// Adds the best value of each nonlinear constant as a block; `gains` are in the order of [`Self::trials`].
+    pub(super) fn add_best(&mut self, observations: &Observations, gains: &[(f64, f64)]) {
+        let mut gains = gains.iter();
+        for shaped in &mut self.shaped {
+            let best = (shaped.trials.iter().zip(&mut gains))
+                .map(|((value, _), gain)| (gain.0, *value))
+                .max_by(|one, other| one.0.total_cmp(&other.0));
+            let Some((_, value)) = best.filter(|(_, value)| !shaped.used.contains(value)) else {
+                continue;
+            };
+            shaped.used.push(value);
+            let variants = std::slice::from_ref(&shaped.variant);
+            if let Some(candidate) = Candidate::new(observations, variants, 0, value) {
+                let shape = shaped.variant.shape.as_ref();
+                self.blocks.push(Block {
+                    effect: shaped.variant.effect.clone(),
+                    columns: candidate.block,
+                    back: candidate.parameters_from_block,
+                    parameters: shaped.variant.parameters.clone(),
+                    shape: shape.map(|shape| (shape.name, value, shape.unit)),
+                    harmonics: false,
+                    price: shaped.price,
+                });
+            }
+        }
+    }
+}
+
+fn linear(
+    observations: &Observations,
+    variants: &[Variant],
+    place: usize,
+    price: f64,
+) -> Option<Block> {
+    let candidate = Candidate::new(observations, variants, place, 0.0)?;
+    Some(Block {
+        effect: variants[place].effect.clone(),
+        columns: candidate.block,
+        back: candidate.parameters_from_block,
+        parameters: variants[place].parameters.clone(),
+        shape: None,
+        harmonics: false,
+        price,
+    })
+}
+
+/// All harmonics of a variant as one block; their coefficients share one size in the parameters' unit.
+fn smooth(observations: &Observations, variant: &Variant, price: f64) -> Block {
+    let built = trials(observations, variant);
+    let mut weights = Vec::new();
+    let mut columns = Vec::new();
+    for (k, own) in built {
+        for mut column in own {
+            let weight = (-0.5 * (k / WIDTH).powi(2)).exp();
+            scale(&mut column, weight);
+            weights.push(weight);
+            columns.push(column);
+        }
+    }
+    let power: f64 = columns.iter().map(|column| dot(column, column)).sum();
+    let size = (power / columns.len().max(1) as f64)
+        .sqrt()
+        .max(f64::MIN_POSITIVE);
+    for value in columns.iter_mut().flatten() {
+        *value /= size;
+    }
+    let shape = variant.shape.as_ref();
+    let mut parameters = Vec::new();
+    for k in shape.map_or(&[][..], |shape| &shape.trials) {
+        for parameter in &variant.parameters {
+            let name = format!("{}(k={k})", parameter.name);
+            parameters.push(Parameter::new(name, parameter.unit, parameter.plausible));
+        }
+    }
+    Block {
+        effect: variant.effect.clone(),
+        back: DMatrix::from_diagonal(&nalgebra::DVector::from_vec(weights)) / size,
+        columns,
+        parameters,
+        shape: None,
+        harmonics: true,
+        price,
+    }
+}
+
+/// Weighted columns of a variant at every trial of its constant.
+fn trials(observations: &Observations, variant: &Variant) -> Vec<(f64, Vec<Vec<f64>>)> {
+    let weighted = |column: crate::observation::Column| -> Vec<f64> {
+        (column.signature.iter().zip(&observations.rows))
+            .map(|(part, row)| part * row.weight)
+            .collect()
+    };
+    let values = variant.shape.as_ref().map_or(&[][..], |s| &s.trials);
+    values
+        .iter()
+        .map(|&value| {
+            let columns = variant.columns(observations, value);
+            (value, columns.into_iter().map(weighted).collect())
+        })
+        .collect()
+}
