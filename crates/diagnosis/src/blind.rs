@@ -4,6 +4,7 @@
 //! parametrised in other ways than the library's, some lie outside the vocabulary. Metres, radians, seconds, kelvins.
 //! All randomness comes from the seed. Collisions, dynamics and drives are not modelled.
 
+pub mod card;
 mod causes;
 mod plant;
 mod scene;
@@ -18,8 +19,13 @@ use crate::session::Session;
 use plant::Plant;
 use scene::Scene;
 
+/// Correlation of one touch's noise with the next one's in [`Content::Correlated`].
+const CORRELATION: f64 = 0.7;
+/// Share of stray touches in [`Content::Stray`].
+const STRAY: f64 = 0.03;
+
 /// What a blind session holds.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Content {
     /// Nothing but noise.
     Clean,
@@ -29,6 +35,10 @@ pub enum Content {
     Strange,
     /// One effect of the vocabulary and something outside it.
     Mixed,
+    /// This many effects of the vocabulary, under noise that remembers the touch before.
+    Correlated(usize),
+    /// One effect of the vocabulary, and 3 % false touches.
+    Stray,
 }
 
 /// What was hidden in a session.
@@ -40,6 +50,8 @@ pub struct Truth {
     pub noise: f64,
     /// Root mean square of each effect's own signature, m.
     pub sizes: Vec<f64>,
+    /// Parameters of each effect as a report names them, in its units; only those that mean the same there.
+    pub parameters: Vec<Vec<(String, f64)>>,
     /// Name of the machine.
     pub machine: String,
 }
@@ -51,9 +63,10 @@ pub fn session(seed: u64, content: Content) -> (Session, Truth) {
     let noise = 10.0_f64.powf(random.random_range(-6.4..-5.7));
     let (known, strange) = match content {
         Content::Clean => (0, 0),
-        Content::Known(count) => (count, 0),
+        Content::Known(count) | Content::Correlated(count) => (count, 0),
         Content::Strange => (0, 1),
         Content::Mixed => (1, 1),
+        Content::Stray => (1, 0),
     };
     let mut causes: Vec<Cause> = Vec::new();
     let mut sizes = Vec::new();
@@ -84,20 +97,43 @@ pub fn session(seed: u64, content: Content) -> (Session, Truth) {
             causes.push(cause);
         }
     }
-    let normal = Normal::new(0.0, noise)
-        .unwrap_or_else(|_| unreachable!("the noise is finite and positive"));
-    let errors: Vec<f64> = (0..scene.touches.len())
-        .map(|_| normal.sample(&mut random))
-        .collect();
+    let errors = errors(&mut random, content, noise, scene.touches.len());
     let session = Plant::new(&scene, &causes).session(seed, &errors);
     let effects = causes.iter().map(Cause::id).collect();
+    let span = scene.touches.last().map_or(1.0, |last| last.time);
+    let parameters = causes.iter().map(|cause| cause.parameters(span)).collect();
     (
         session,
         Truth {
             effects,
             noise,
             sizes,
+            parameters,
             machine: scene.machine.clone(),
         },
     )
+}
+
+/// Errors of the touches, m, in their order.
+fn errors(random: &mut Pcg64Mcg, content: Content, noise: f64, count: usize) -> Vec<f64> {
+    let normal = Normal::new(0.0, noise)
+        .unwrap_or_else(|_| unreachable!("the noise is finite and positive"));
+    let mut errors: Vec<f64> = (0..count).map(|_| normal.sample(random)).collect();
+    match content {
+        Content::Correlated(_) => {
+            let fresh = (1.0 - CORRELATION * CORRELATION).sqrt();
+            for index in 1..count {
+                errors[index] = CORRELATION * errors[index - 1] + fresh * errors[index];
+            }
+        }
+        Content::Stray => {
+            for error in &mut errors {
+                if random.random_bool(STRAY) {
+                    *error += 10.0_f64.powf(random.random_range(-4.7..-4.0));
+                }
+            }
+        }
+        _ => {}
+    }
+    errors
 }

@@ -69,6 +69,27 @@ impl Candidate {
         )
     }
 
+    /// [`Self::new`] and [`Self::bent`] of a variant without a shape.
+    pub(crate) fn both(
+        observations: &Observations,
+        variants: &[Variant],
+        place: usize,
+    ) -> (Option<Self>, Option<Self>) {
+        let columns = variants[place].columns(observations, 0.0);
+        let of = |bent| {
+            Self::from_columns(
+                observations,
+                &variants[place],
+                place,
+                0.0,
+                &columns,
+                bent,
+            )
+        };
+        let bends = columns.iter().all(|column| !column.shifts.is_empty());
+        (of(false), if bends { of(true) } else { None })
+    }
+
     fn from_columns(
         observations: &Observations,
         variant: &Variant,

@@ -5,13 +5,14 @@
 
 use nalgebra::Vector3;
 
-use crate::attribution::{Attribution, Model, attribute};
+use crate::attribution::{Attribution, Model, attribute_with};
 use crate::candidate::Candidate;
 use crate::drives::diagnose_drives;
 use crate::effects::{Variant, library};
 use crate::evidence::add_scaled;
 use crate::groups::{indistinguishable, signature};
 use crate::observation::Observations;
+use crate::pool::Shapes;
 use crate::report::{
     Effect, Gap, ParameterEstimate, Rejected, Report, SCHEMA, Unexplained, Verdict,
 };
@@ -49,9 +50,10 @@ pub fn diagnose(session: &Session, options: &Options) -> Result<Report, Diagnose
     let mut observations = Observations::from_session(session)?;
     let mut variants = library(&observations);
     variants.retain(|variant| !options.without.contains(&variant.effect));
-    let mut explained = explain(&observations, &variants);
     if observations.reference_uncertainty > 0.0 {
-        let touches: Vec<f64> = explained.residuals(&observations);
+        // Only the session itself tells how a touch weighs against the reference.
+        let explained = explain(&Shapes::new(&observations, &variants));
+        let touches: Vec<f64> = explained.residuals();
         let noise =
             (touches.iter().map(|r| r * r).sum::<f64>() / touches.len().max(1) as f64).sqrt();
         let weight = (noise / observations.reference_uncertainty).clamp(0.1, 10.0);
@@ -62,13 +64,14 @@ pub fn diagnose(session: &Session, options: &Options) -> Result<Report, Diagnose
         {
             row.weight = weight;
         }
-        explained = explain(&observations, &variants);
     }
+    let shapes = Shapes::new(&observations, &variants);
     let joint = Reporter {
         session,
         observations: &observations,
         variants: &variants,
-        explained: &explained,
+        shapes: &shapes,
+        explained: &explain(&shapes),
         covered: 0.0,
     }
     .report();
@@ -78,11 +81,13 @@ pub fn diagnose(session: &Session, options: &Options) -> Result<Report, Diagnose
         return Ok(joint);
     };
     let alone = |session: &Session, observations: &Observations, variants: Vec<Variant>| {
+        let shapes = Shapes::new(observations, &variants);
         Reporter {
             session,
             observations,
             variants: &variants,
-            explained: &explain(observations, &variants),
+            shapes: &shapes,
+            explained: &explain(&shapes),
             covered: observations.reference_uncertainty,
         }
         .report()
@@ -104,7 +109,7 @@ struct Explained {
 
 impl Explained {
     /// Residuals of the touches in use, m.
-    fn residuals(&self, _: &Observations) -> Vec<f64> {
+    fn residuals(&self) -> Vec<f64> {
         let all = residuals(&self.attribution, &self.attribution.models[0]);
         all.into_iter()
             .zip(&self.attribution.active)
@@ -114,15 +119,11 @@ impl Explained {
     }
 }
 
-fn explain(observations: &Observations, variants: &[Variant]) -> Explained {
-    let linear: Vec<Candidate> = (0..variants.len())
-        .filter(|&place| variants[place].shape.is_none())
-        .filter_map(|place| Candidate::new(observations, variants, place, 0.0))
-        .collect();
-    let suspects = outliers::suspects(&linear, &weighted(observations, &[]));
-    let mut best = straightened(observations, variants, &[]);
+fn explain(shapes: &Shapes<'_>) -> Explained {
+    let suspects = outliers::suspects(shapes.base(), &weighted(shapes.observations, &[]));
+    let mut best = straightened(shapes, &[]);
     if !suspects.is_empty() {
-        let other = straightened(observations, variants, &suspects);
+        let other = straightened(shapes, &suspects);
         if other.score > best.score {
             best = other;
         }
@@ -132,7 +133,7 @@ fn explain(observations: &Observations, variants: &[Variant]) -> Explained {
         if stray == best.stray {
             break;
         }
-        let other = straightened(observations, variants, &stray);
+        let other = straightened(shapes, &stray);
         if other.score <= best.score {
             break;
         }
@@ -142,15 +143,15 @@ fn explain(observations: &Observations, variants: &[Variant]) -> Explained {
 }
 
 /// Attribution with the second order of curved surfaces taken into account.
-fn straightened(observations: &Observations, variants: &[Variant], stray: &[usize]) -> Explained {
+fn straightened(shapes: &Shapes<'_>, stray: &[usize]) -> Explained {
+    let (observations, variants) = (shapes.observations, shapes.variants);
     let mut active = vec![true; observations.rows.len()];
     for &row in stray {
         active[row] = false;
     }
     let mut correction: Vec<f64> = Vec::new();
-    let mut attribution = attribute(
-        observations,
-        variants,
+    let mut attribution = attribute_with(
+        shapes,
         &weighted(observations, &correction),
         &active,
     );
@@ -168,9 +169,8 @@ fn straightened(observations: &Observations, variants: &[Variant], stray: &[usiz
             break;
         }
         correction = second;
-        attribution = attribute(
-            observations,
-            variants,
+        attribution = attribute_with(
+            shapes,
             &weighted(observations, &correction),
             &active,
         );
@@ -289,6 +289,7 @@ struct Reporter<'a> {
     session: &'a Session,
     observations: &'a Observations,
     variants: &'a [Variant],
+    shapes: &'a Shapes<'a>,
     explained: &'a Explained,
     /// Rms below which a discrepancy may be the reference's own, m.
     covered: f64,
@@ -403,8 +404,7 @@ impl Reporter<'_> {
             let own = &fit.coefficients[start..start + candidate.block.len()];
             start += candidate.block.len();
             let equals = indistinguishable(
-                self.observations,
-                self.variants,
+                self.shapes,
                 attribution,
                 &best.set,
                 member,

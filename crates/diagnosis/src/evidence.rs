@@ -10,6 +10,8 @@ const SIZE_PRICE: f64 = 1.5;
 const ROUNDS: usize = 6;
 /// One pseudo-observation of noise at the resolution of a good controller, m: keeps perfect fits finite.
 const RESOLUTION: f64 = 2e-8;
+/// Sizes that change by less than this share have settled.
+const SETTLED: f64 = 0.03;
 /// Largest set of columns that is solved.
 pub(crate) const MOST_COLUMNS: usize = 96;
 
@@ -41,18 +43,35 @@ pub struct Fit {
     pub covariance: Vec<f64>,
     /// Noise variance, m².
     pub variance: f64,
+    /// Variance of each block's coefficients over that of the noise.
+    pub sizes: Vec<f64>,
 }
 
 impl Products {
     /// Products of the blocks over the rows with positive weight in `active`.
     pub fn new(blocks: &[&[Vec<f64>]], y: &[f64], active: &[bool]) -> Self {
+        Self::correlated(blocks, y, active, 0, 0.0)
+    }
+
+    /// The same where the noise of the first `touches` rows remembers a share `correlation` of the row before.
+    pub fn correlated(
+        blocks: &[&[Vec<f64>]],
+        y: &[f64],
+        active: &[bool],
+        touches: usize,
+        correlation: f64,
+    ) -> Self {
         let mut spans = Vec::with_capacity(blocks.len());
         let mut columns: Vec<Vec<f64>> = Vec::new();
         for block in blocks {
             spans.push((columns.len(), block.len()));
-            columns.extend(block.iter().map(|column| pick(column, active)));
+            let own = block
+                .iter()
+                .map(|column| whitened(column, active, touches, correlation));
+            columns.extend(own);
         }
-        let y = pick(y, active);
+        let y = whitened(y, active, touches, correlation);
+        let remembered = active.iter().take(touches).filter(|&&used| used).count() as f64;
         let count = columns.len();
         let mut qq = vec![0.0; count * count];
         for one in 0..count {
@@ -69,7 +88,7 @@ impl Products {
             qy,
             qq,
             spans,
-            offset: 0.0,
+            offset: 0.5 * (remembered - 1.0).max(0.0) * (1.0 - correlation * correlation).ln(),
         }
     }
 
@@ -109,58 +128,53 @@ impl Products {
 
     fn solve(&self, set: &[usize], full: bool) -> Option<Fit> {
         let count = self.qy.len();
-        let columns: Vec<usize> = set
-            .iter()
-            .flat_map(|&j| self.spans[j].0..self.spans[j].0 + self.spans[j].1)
-            .collect();
+        let mut columns: Vec<usize> = Vec::with_capacity(2 * set.len());
+        let mut owner: Vec<usize> = Vec::with_capacity(2 * set.len());
+        for (place, &j) in set.iter().enumerate() {
+            let (first, width) = self.spans[j];
+            columns.extend(first..first + width);
+            owner.extend(std::iter::repeat_n(place, width));
+        }
         let n = columns.len();
         if n > MOST_COLUMNS {
             return None;
         }
-        let owner: Vec<usize> = set
-            .iter()
-            .enumerate()
-            .flat_map(|(place, &j)| std::iter::repeat_n(place, self.spans[j].1))
-            .collect();
+        let mut gram = Vec::with_capacity(n * n);
+        for &a in &columns {
+            gram.extend(columns.iter().map(|&b| self.qq[a * count + b]));
+        }
+        let right: Vec<f64> = columns.iter().map(|&a| self.qy[a]).collect();
         let pseudo = RESOLUTION * RESOLUTION;
         let freedom = self.rows + 1.0;
         let mut sizes = vec![self.yy / pseudo.max(self.yy / self.rows); set.len()];
-        let mut matrix = vec![0.0; n * n];
-        let mut mean = vec![0.0; n];
+        let mut matrix = gram.clone();
+        let mut mean = right.clone();
         let mut inverse = vec![0.0; n * n];
         let (mut log_determinant, mut left) = (0.0, self.yy);
         let rounds = if n == 0 { 0 } else { ROUNDS };
+        let mut settled = false;
         for round in 0..=rounds {
-            for (i, &a) in columns.iter().enumerate() {
-                for (k, &b) in columns.iter().enumerate().take(i + 1) {
-                    matrix[i * n + k] = self.qq[a * count + b];
-                }
-                matrix[i * n + i] += 1.0 / sizes[owner[i]];
+            matrix.copy_from_slice(&gram);
+            for (i, &place) in owner.iter().enumerate() {
+                matrix[i * n + i] += 1.0 / sizes[place];
             }
             log_determinant = cholesky(&mut matrix, n)?;
-            for (value, &a) in mean.iter_mut().zip(&columns) {
-                *value = self.qy[a];
-            }
+            mean.copy_from_slice(&right);
             solve_cholesky(&matrix, n, &mut mean);
-            left = self.yy
-                - columns
-                    .iter()
-                    .zip(&mean)
-                    .map(|(&a, m)| self.qy[a] * m)
-                    .sum::<f64>();
-            left = left.max(0.0);
-            if round == rounds {
+            left = (self.yy - right.iter().zip(&mean).map(|(q, m)| q * m).sum::<f64>()).max(0.0);
+            if round == rounds || settled {
                 break;
             }
-            invert(&matrix, n, &mut inverse);
+            let spreads = inverse_diagonal(&matrix, n, &mut inverse);
             let variance = (left + pseudo) / freedom;
+            settled = true;
             for (place, &j) in set.iter().enumerate() {
                 let width = self.spans[j].1;
                 let own = (0..n).filter(|&i| owner[i] == place);
-                let power: f64 = own
-                    .map(|i| mean[i] * mean[i] / variance + inverse[i * n + i])
-                    .sum();
-                sizes[place] = (power / width as f64).max(1.0);
+                let power: f64 = own.map(|i| mean[i] * mean[i] / variance + spreads[i]).sum();
+                let size = (power / width as f64).max(1.0);
+                settled &= (size - sizes[place]).abs() < SETTLED * size;
+                sizes[place] = size;
             }
         }
         if full && n > 0 {
@@ -177,8 +191,74 @@ impl Products {
             coefficients: mean,
             covariance: if full { inverse } else { Vec::new() },
             variance: (left + pseudo) / freedom,
+            sizes,
         })
     }
+
+    /// Log evidence of a set whose blocks have these sizes, their price included: a quick look, nothing is optimised.
+    pub(crate) fn log_evidence_at(&self, set: &[usize], sizes: &[f64]) -> f64 {
+        let count = self.qy.len();
+        let mut columns: Vec<(usize, f64)> = Vec::with_capacity(2 * set.len());
+        for (&j, &size) in set.iter().zip(sizes) {
+            let (first, width) = self.spans[j];
+            columns.extend((first..first + width).map(|column| (column, size)));
+        }
+        let n = columns.len();
+        let mut matrix = vec![0.0; n * n];
+        for (i, &(a, size)) in columns.iter().enumerate() {
+            for (k, &(b, _)) in columns.iter().enumerate().take(i + 1) {
+                matrix[i * n + k] = self.qq[a * count + b];
+            }
+            matrix[i * n + i] += 1.0 / size;
+        }
+        let Some(log_determinant) = cholesky(&mut matrix, n) else {
+            return f64::NEG_INFINITY;
+        };
+        let mut seen: Vec<f64> = columns.iter().map(|&(a, _)| self.qy[a]).collect();
+        forward(&matrix, n, &mut seen);
+        let left = (self.yy - dot(&seen, &seen)).max(0.0) + RESOLUTION * RESOLUTION;
+        let freedom = self.rows + 1.0;
+        let spread: f64 = columns.iter().map(|(_, size)| size.ln()).sum();
+        ln_gamma(0.5 * freedom)
+            - 0.5 * freedom * (std::f64::consts::PI * left).ln()
+            - 0.5 * (spread + log_determinant)
+            - SIZE_PRICE * set.len() as f64
+            - self.offset
+    }
+}
+
+/// Diagonal of the inverse from a Cholesky factor; `scratch` holds n² values.
+fn inverse_diagonal(factor: &[f64], n: usize, scratch: &mut [f64]) -> Vec<f64> {
+    // Column by column the inverse of the factor; the inverse's diagonal is the sum of its squares.
+    let mut diagonal = vec![0.0; n];
+    for column in 0..n {
+        for row in column..n {
+            let mut sum = if row == column { 1.0 } else { 0.0 };
+            for k in column..row {
+                sum -= factor[row * n + k] * scratch[column * n + k];
+            }
+            let value = sum / factor[row * n + row];
+            scratch[column * n + row] = value;
+            diagonal[column] += value * value;
+        }
+    }
+    diagonal
+}
+
+/// The rows in use; with a correlation, each touch less what the touch before foretells of its noise.
+///
+/// For noise that remembers a share `correlation` of the touch before (AR(1), touches in the order of time), this makes
+/// it white with the same variance.
+pub(crate) fn whitened(values: &[f64], active: &[bool], touches: usize, correlation: f64) -> Vec<f64> {
+    let mut picked = pick(values, active);
+    if correlation != 0.0 {
+        let touched = active.iter().take(touches).filter(|&&used| used).count();
+        let fresh = 1.0 / (1.0 - correlation * correlation).sqrt();
+        for index in (1..touched).rev() {
+            picked[index] = (picked[index] - correlation * picked[index - 1]) * fresh;
+        }
+    }
+    picked
 }
 
 fn pick(values: &[f64], active: &[bool]) -> Vec<f64> {
@@ -192,7 +272,18 @@ fn pick(values: &[f64], active: &[bool]) -> Vec<f64> {
 
 /// Inner product.
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(x, y)| x * y).sum()
+    // Eight sums side by side, since one alone waits for each addition.
+    let mut sums = [0.0; 8];
+    let (one, other) = (a.chunks_exact(8), b.chunks_exact(8));
+    let rest: f64 = (one.remainder().iter().zip(other.remainder()))
+        .map(|(x, y)| x * y)
+        .sum();
+    for (x, y) in one.zip(other) {
+        for (sum, (x, y)) in sums.iter_mut().zip(x.iter().zip(y)) {
+            *sum += x * y;
+        }
+    }
+    rest + sums.iter().sum::<f64>()
 }
 
 /// Adds `factor` times `column` to `values`.
@@ -232,8 +323,8 @@ pub(crate) fn cholesky(matrix: &mut [f64], n: usize) -> Option<f64> {
     Some(log_determinant)
 }
 
-/// Solves in place with a Cholesky factor.
-pub(crate) fn solve_cholesky(factor: &[f64], n: usize, right: &mut [f64]) {
+/// Solves in place with the lower triangle only.
+pub(crate) fn forward(factor: &[f64], n: usize, right: &mut [f64]) {
     for i in 0..n {
         let mut sum = right[i];
         for k in 0..i {
@@ -241,6 +332,11 @@ pub(crate) fn solve_cholesky(factor: &[f64], n: usize, right: &mut [f64]) {
         }
         right[i] = sum / factor[i * n + i];
     }
+}
+
+/// Solves in place with a Cholesky factor.
+pub(crate) fn solve_cholesky(factor: &[f64], n: usize, right: &mut [f64]) {
+    forward(factor, n, right);
     for i in (0..n).rev() {
         let mut sum = right[i];
         for k in i + 1..n {

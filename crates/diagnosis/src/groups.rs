@@ -7,29 +7,26 @@ use std::collections::BTreeSet;
 
 use crate::attribution::Attribution;
 use crate::candidate::Candidate;
-use crate::effects::Variant;
 use crate::evidence::{add_scaled, dot};
-use crate::observation::Observations;
+use crate::pool::{Shapes, Trial, orthonormal, remove};
 
 /// Two signatures closer than this share of the noise are the same.
 const HALF: f64 = 0.5;
 /// A replacement this much (natural log) less probable is not excluded.
 const NOT_EXCLUDED: f64 = 4.6;
-/// Rows of a usual session; longer ones get fewer trials.
-const USUAL: usize = 400;
 /// Trials of a shape that are compared with a signature.
 const TRIALS: usize = 160;
 
 /// Effects that could stand in the place of `member` of a set, in the order of the library.
-pub fn indistinguishable(
-    observations: &Observations,
-    variants: &[Variant],
+pub(crate) fn indistinguishable(
+    shapes: &Shapes<'_>,
     attribution: &Attribution,
     set: &[usize],
     member: usize,
     coefficients: &[f64],
     noise: f64,
 ) -> Vec<String> {
+    let variants = shapes.variants;
     let own = &variants[attribution.candidates[member].variant].effect;
     let others: Vec<usize> = set
         .iter()
@@ -48,23 +45,29 @@ pub fn indistinguishable(
     for &alias in &attribution.aliases[member] {
         found.insert(&variants[alias].effect);
     }
-    let signature = signature(&attribution.candidates[member], coefficients);
+    let seen = |column: &[f64]| -> Vec<f64> {
+        (shapes.sample.iter())
+            .map(|&row| if attribution.active[row] { column[row] } else { 0.0 })
+            .collect()
+    };
     let basis = orthonormal(
         others
             .iter()
-            .flat_map(|&other| attribution.candidates[other].block.iter()),
+            .flat_map(|&other| &attribution.candidates[other].block)
+            .map(|column| seen(column)),
     );
-    let left = without(&signature, &basis);
-    let bound = (HALF * noise).powi(2) * signature.len() as f64;
-    let close = |columns: &[Vec<f64>]| {
-        let own = orthonormal(basis.iter().chain(columns));
-        let rest = without(&left, &own);
-        dot(&rest, &rest) <= bound
-    };
+    let mut left = seen(&signature(&attribution.candidates[member], coefficients));
+    remove(&mut left, &basis);
+    let power = dot(&left, &left);
+    let bound = (HALF * noise).powi(2) * left.len() as f64;
+    let out: Vec<usize> = (0..left.len())
+        .filter(|&place| !attribution.active[shapes.sample[place]])
+        .collect();
+    let close = |trial: &Trial| power - trial.gain(&basis, &left, &out) <= bound;
     for (place, candidate) in attribution.candidates.iter().enumerate() {
-        let effect = variants[candidate.variant].effect.as_str();
-        if place != member && close(&candidate.block) {
-            found.insert(effect);
+        let block = candidate.block.iter().map(|column| seen(column)).collect();
+        if place != member && close(&Trial::new(candidate.shape, block)) {
+            found.insert(variants[candidate.variant].effect.as_str());
             found.extend(
                 attribution.aliases[place]
                     .iter()
@@ -73,20 +76,12 @@ pub fn indistinguishable(
         }
     }
     for (place, variant) in variants.iter().enumerate() {
-        let Some(shape) = variant
-            .shape
-            .as_ref()
-            .filter(|_| !found.contains(variant.effect.as_str()))
-        else {
+        if found.contains(variant.effect.as_str()) {
             continue;
-        };
-        let most = (TRIALS * USUAL / observations.rows.len().max(USUAL)).max(12);
-        let stride = shape.trials.len().div_ceil(most);
-        let fits = shape.trials.iter().step_by(stride).any(|&value| {
-            Candidate::new(observations, variants, place, value)
-                .is_some_and(|candidate| close(&candidate.block))
-        });
-        if fits {
+        }
+        let trials = shapes.trials(place);
+        let stride = trials.len().div_ceil(TRIALS).max(1);
+        if trials.iter().step_by(stride).any(close) {
             found.insert(&variant.effect);
         }
     }
@@ -142,26 +137,4 @@ pub fn signature(candidate: &Candidate, coefficients: &[f64]) -> Vec<f64> {
         add_scaled(&mut signature, *coefficient, column);
     }
     signature
-}
-
-fn orthonormal<'a>(columns: impl Iterator<Item = &'a Vec<f64>>) -> Vec<Vec<f64>> {
-    let mut basis: Vec<Vec<f64>> = Vec::new();
-    for column in columns {
-        let full = dot(column, column);
-        let rest = without(&without(column, &basis), &basis);
-        let power = dot(&rest, &rest);
-        if power > 1e-9 * full && power > 0.0 {
-            basis.push(rest.iter().map(|value| value / power.sqrt()).collect());
-        }
-    }
-    basis
-}
-
-fn without(values: &[f64], basis: &[Vec<f64>]) -> Vec<f64> {
-    let mut rest = values.to_vec();
-    for known in basis {
-        let along = dot(known, &rest);
-        add_scaled(&mut rest, -along, known);
-    }
-    rest
 }

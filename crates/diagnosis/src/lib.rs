@@ -5,6 +5,7 @@
 //! deterministic: no files, no clock, no randomness.
 
 pub mod attribution;
+mod beside;
 pub mod blind;
 pub mod candidate;
 pub mod diagnose;
@@ -18,6 +19,7 @@ pub mod observation;
 pub mod outliers;
 pub mod parameters;
 pub mod places;
+mod pool;
 mod referenced;
 pub mod report;
 pub mod rivals;

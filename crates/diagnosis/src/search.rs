@@ -5,7 +5,7 @@
 
 use std::collections::BTreeSet;
 
-use crate::evidence::{Products, cholesky, solve_cholesky};
+use crate::evidence::{Products, cholesky, forward};
 
 /// Most effects in a set.
 pub const MOST_EFFECTS: usize = 5;
@@ -158,8 +158,10 @@ fn promising(products: &Products, priors: &Priors, set: &[usize], most: usize) -
     if cholesky(&mut factor, n).is_none() {
         return Vec::new();
     }
-    let mut mean: Vec<f64> = columns.iter().map(|&a| products.qy[a]).collect();
-    solve_cholesky(&factor, n, &mut mean);
+    // With the factor L of the set's products: what the set leaves of a column c is c·c − |L⁻¹c|², of y against it
+    // c·y − (L⁻¹c)·(L⁻¹y).
+    let mut seen: Vec<f64> = columns.iter().map(|&a| products.qy[a]).collect();
+    forward(&factor, n, &mut seen);
     let mut ranked: Vec<(f64, usize)> = Vec::new();
     let mut cross = vec![0.0; n];
     for candidate in 0..products.spans.len() {
@@ -172,15 +174,13 @@ fn promising(products: &Products, priors: &Priors, set: &[usize], most: usize) -
         let (first, width) = products.spans[candidate];
         let mut gain = 0.0;
         for column in first..first + width {
-            let mut left = products.qy[column];
-            for (i, &a) in columns.iter().enumerate() {
-                cross[i] = products.qq[column * count + a];
-                left -= cross[i] * mean[i];
+            for (value, &a) in cross.iter_mut().zip(&columns) {
+                *value = products.qq[column * count + a];
             }
-            let own = cross.clone();
-            solve_cholesky(&factor, n, &mut cross);
+            forward(&factor, n, &mut cross);
+            let left = products.qy[column] - cross.iter().zip(&seen).map(|(x, y)| x * y).sum::<f64>();
             let free = products.qq[column * count + column]
-                - own.iter().zip(&cross).map(|(x, y)| x * y).sum::<f64>();
+                - cross.iter().map(|x| x * x).sum::<f64>();
             if free > 1e-5 {
                 gain += left * left / free;
             }

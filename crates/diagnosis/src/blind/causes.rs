@@ -16,6 +16,8 @@ pub struct Cause {
     angle: f64,
     constant: f64,
     direction: Vector3<f64>,
+    /// Displacements that grow along an axis vanish at its zero instead of at the middle of the travel used.
+    from_zero: bool,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -50,6 +52,9 @@ enum Kind {
     XPatch,
     XFeature,
     XWander,
+    XKink,
+    XOval,
+    XCross,
 }
 
 const COMPONENTS: [&str; 6] = ["X", "Y", "Z", "A", "B", "C"];
@@ -73,8 +78,8 @@ impl Cause {
         use Kind::{
             Angular, Backlash, BallRadius, Cyclic, Deflection, Drift, ErrorMotion, Indexing, Lag,
             Latency, Link, Lobing, PartExpansion, Runout, Scale, Shift, Slip, SpindleGrowth,
-            Straightness, StylusLength, StylusOffset, Tilt, ToolRadius, ToolWear, XBump, XFeature,
-            XPatch, XTwist, XVibration, XWander,
+            Straightness, StylusLength, StylusOffset, Tilt, ToolRadius, ToolWear, XBump, XCross,
+            XFeature, XKink, XOval, XPatch, XTwist, XVibration, XWander,
         };
         let mut kinds = vec![
             StylusOffset,
@@ -104,7 +109,9 @@ impl Cause {
             kinds.extend([Shift, Tilt]);
         }
         if outside {
-            kinds = vec![XBump, XVibration, XTwist, XPatch, XFeature, XWander];
+            kinds = vec![
+                XBump, XVibration, XTwist, XPatch, XFeature, XWander, XKink, XOval, XCross,
+            ];
         }
         let kind = kinds[random.random_range(0..kinds.len())];
         let axes: Vec<&Axis> = scene.part_axes.iter().chain(&scene.tool_axes).collect();
@@ -117,7 +124,7 @@ impl Cause {
             .collect();
         let axis = fits[random.random_range(0..fits.len())];
         let mut component = random.random_range(0..6);
-        if matches!(kind, Straightness | ErrorMotion | XBump) {
+        if matches!(kind, Straightness | ErrorMotion | XBump | XKink) {
             component = (0..3)
                 .filter(|&k| axis.direction[k].abs() < 0.5)
                 .nth(random.random_range(0..2))
@@ -135,6 +142,7 @@ impl Cause {
             angle: random.random_range(0.0..std::f64::consts::TAU),
             constant: random.random_range(0.0..1.0),
             direction: direction.normalize(),
+            from_zero: random.random_bool(0.25),
         }
     }
 
@@ -172,6 +180,70 @@ impl Cause {
             Kind::XPatch => "x.patch".into(),
             Kind::XFeature => "x.feature".into(),
             Kind::XWander => "x.wander".into(),
+            Kind::XKink => "x.kink".into(),
+            Kind::XOval => "x.oval".into(),
+            Kind::XCross => "x.cross".into(),
+        }
+    }
+
+    /// True parameters as the effect's report names them, where the two agree on what they mean.
+    pub(super) fn parameters(&self, span: f64) -> Vec<(String, f64)> {
+        use std::f64::consts::{FRAC_PI_2, TAU};
+        let (size, angle) = (self.size, self.angle);
+        let of = |pairs: &[(&str, f64)]| -> Vec<(String, f64)> {
+            let named = pairs
+                .iter()
+                .map(|&(name, value)| (name.to_owned(), value));
+            named.collect()
+        };
+        let vector = |names: [&str; 3], factor: f64| -> Vec<(String, f64)> {
+            let parts = self.direction.iter().map(|part| part * size * factor);
+            names.map(str::to_owned).into_iter().zip(parts).collect()
+        };
+        let wave = |phase: f64, turn: f64| {
+            let phase = if size < 0.0 { phase + 0.5 * turn } else { phase };
+            (size.abs(), phase.rem_euclid(turn))
+        };
+        match self.kind {
+            Kind::StylusOffset => of(&[("dx", size * angle.cos()), ("dy", size * angle.sin())]),
+            Kind::StylusLength => of(&[("dz", size)]),
+            Kind::BallRadius => of(&[("dr", size)]),
+            Kind::Lobing => {
+                let (a, phase) = wave((FRAC_PI_2 - angle) / 3.0, TAU / 3.0);
+                of(&[("a", a), ("phase", phase)])
+            }
+            Kind::Latency | Kind::Lag => of(&[("tau", size)]),
+            Kind::Scale => of(&[("k", size)]),
+            Kind::Angular => of(&[("k", size / 0.1)]),
+            Kind::Straightness if !self.from_zero => {
+                of(&[("a", size), ("a3", -0.4 * (self.constant - 0.5) * size)])
+            }
+            Kind::Backlash => of(&[("b", size)]),
+            Kind::Cyclic => {
+                let (a, phase) = wave(angle + FRAC_PI_2, TAU);
+                let period = 0.002 * 10.0_f64.powf(self.constant);
+                of(&[("a", a), ("phase", phase), ("period", period)])
+            }
+            Kind::Indexing => {
+                let (a, phase) = wave(angle, TAU);
+                of(&[("a", a), ("phase", phase)])
+            }
+            Kind::ErrorMotion => {
+                let (a, phase) = wave(angle + FRAC_PI_2, TAU);
+                of(&[("a", a), ("phase", phase)])
+            }
+            Kind::Link | Kind::ToolRadius => of(&[("e", size)]),
+            Kind::SpindleGrowth => {
+                let slow = 60.0 * 10.0_f64.powf(1.2 * self.constant);
+                of(&[("g", size), ("tau", slow)])
+            }
+            Kind::PartExpansion => of(&[("alpha", size / 0.1)]),
+            Kind::Drift => vector(["rate_x", "rate_y", "rate_z"], 1.0 / span),
+            Kind::Shift => vector(["x", "y", "z"], 1.0),
+            Kind::Tilt => vector(["a", "b", "c"], 1.0),
+            Kind::ToolWear => of(&[("rate", size / 10.0)]),
+            Kind::Slip => of(&[("step", size)]),
+            _ => Vec::new(),
         }
     }
 
@@ -238,30 +310,36 @@ impl Cause {
                 none,
             ),
             Kind::Straightness => {
-                let u = (position - moment.middle) / moment.half;
-                (
-                    none,
-                    0.0,
-                    along(
-                        self.component,
-                        self.size * (u * u - 0.2 * self.constant * u * u * u),
-                    ),
-                )
+                let cubic = 0.4 * (self.constant - 0.5);
+                let shape = if self.from_zero {
+                    let u = position / moment.half;
+                    u * u - cubic * u.powi(3)
+                } else {
+                    let u = (position - moment.middle) / moment.half;
+                    (u * u - 1.0 / 3.0) - cubic * (u.powi(3) - 0.6 * u)
+                };
+                (none, 0.0, along(self.component, self.size * shape))
             }
-            Kind::Angular => (
-                none,
-                0.0,
-                about(self.component % 3, self.size * position / 0.1),
-            ),
+            Kind::Angular => {
+                let from = if self.from_zero { 0.0 } else { moment.middle };
+                let turn = self.size * (position - from) / 0.1;
+                (none, 0.0, about(self.component % 3, turn))
+            }
             Kind::Link if self.component < 3 => (along(self.component, self.size), 0.0, none),
             Kind::Link => (about(self.component - 3, self.size), 0.0, none),
             Kind::XBump => {
-                let u = (position - 0.04 * (self.constant - 0.5)) / 0.01;
+                let at = moment.middle + 1.2 * moment.half * (self.constant - 0.5);
+                let u = (position - at) / (0.006 + 0.008 * self.constant);
                 (
                     none,
                     0.0,
                     along(self.component, self.size * (-0.5 * u * u).exp()),
                 )
+            }
+            Kind::XKink => {
+                let at = moment.middle + moment.half * (self.constant - 0.5);
+                let beyond = (position - at).max(0.0) / moment.half;
+                (none, 0.0, along(self.component, self.size * beyond))
             }
             _ => (none, 0.0, none),
         }
@@ -351,6 +429,15 @@ impl Cause {
                 let place = Point3::new(0.05 * self.direction.x, 0.04 * self.direction.y, 0.04);
                 let far = (touch.point - place).norm() / 0.022;
                 self.size * (-0.5 * far * far).exp()
+            }
+            Kind::XOval if touch.round => {
+                let lobes = if self.constant > 0.5 { 2.0 } else { 3.0 };
+                let angle = touch.normal.y.atan2(touch.normal.x);
+                self.size * (lobes * angle + self.angle).cos()
+            }
+            Kind::XCross => {
+                let (u, v) = (touch.point.x / 0.05, touch.point.y / 0.05);
+                self.size * u * v * touch.normal.dot(&self.direction)
             }
             Kind::XFeature => {
                 let phase = self.angle + touch.feature as f64 * 2.4;

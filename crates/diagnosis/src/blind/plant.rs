@@ -139,8 +139,11 @@ impl<'a> Plant<'a> {
             let mut pose = Isometry3::identity();
             for (offset, axis) in axes.iter().enumerate() {
                 let position = positions[first + offset];
+                let (middle, half) = self.travels.get(first + offset).map_or((0.0, 1.0), |&t| t);
                 let at = Moment {
                     speed: speeds[first + offset],
+                    middle,
+                    half,
                     ..*moment
                 };
                 pose *= Isometry3::translation(axis.origin.x, axis.origin.y, axis.origin.z);

@@ -59,6 +59,8 @@ pub(super) struct Touch {
     pub(super) cut_length: f64,
     pub(super) tool_height: f64,
     pub(super) overhang: f64,
+    /// On a bore or a boss.
+    pub(super) round: bool,
 }
 
 #[derive(Debug, Clone)]
@@ -271,6 +273,7 @@ impl Scene {
                 } else {
                     0.0
                 },
+                round,
             });
         }
     }

@@ -1,0 +1,265 @@
+//! Rivals beside sets of effects: every explanation with something unknown in it.
+//!
+//! A first look at fixed sizes tells which rivals are worth more; those stand beside the best sets, and the best of them
+//! have the library searched anew beside them. Metres.
+
+use crate::attribution::Model;
+use crate::candidate::Candidate;
+use crate::evidence::{Products, dot};
+use crate::pool::Pool;
+use crate::rivals::Rival;
+use crate::search::{Priors, Scored, search};
+
+/// Prior probability that something outside the vocabulary acts.
+pub(crate) const UNKNOWN: f64 = 0.05;
+/// Variances of a rival over that of the noise that are tried.
+const POWERS: [f64; 7] = [0.3, 1.0, 4.0, 16.0, 64.0, 256.0, 1024.0];
+/// A rival this far (natural log) behind the best is not searched further.
+const FAR_BEHIND: f64 = 7.0;
+/// At a first look, sizes and set are not the best: a rival this far behind is not looked at again.
+const OUT_OF_SIGHT: f64 = 16.0;
+/// Rivals that are looked at again, and those beside which the library is searched.
+const SECOND_LOOK: usize = 10;
+const SEARCHED: usize = 6;
+/// Best sets beside which a rival is set.
+const SETS: usize = 12;
+/// Sets of a first look.
+const FIRST_SETS: usize = 5;
+
+/// Sets every rival beside the best sets, and searches anew beside those that do well.
+pub(crate) fn challenge(
+    pool: &Pool<'_>,
+    scored: &[Scored],
+    rivals: &[Rival],
+    priors: &Priors,
+    models: &mut Vec<Model>,
+) {
+    let sets = sets_of(scored);
+    // Only the candidates of these sets are set beside every rival: the whole library would cost too much.
+    let mut members: Vec<usize> = sets.iter().flatten().copied().collect();
+    members.sort_unstable();
+    members.dedup();
+    let few: Vec<&Candidate> = members
+        .iter()
+        .map(|&member| &pool.candidates[member])
+        .collect();
+    let plain = pool.products.part(&members);
+    let local = |set: &Vec<usize>| -> Vec<usize> {
+        set.iter()
+            .filter_map(|member| members.binary_search(member).ok())
+            .collect()
+    };
+    let mut best = models
+        .iter()
+        .map(|model| model.score)
+        .fold(f64::NEG_INFINITY, f64::max);
+    let looks = first_look(pool, rivals, priors, scored, best);
+    let sets: Vec<(Vec<usize>, Vec<usize>)> = sets
+        .into_iter()
+        .map(|set| {
+            let places = local(&set);
+            (set, places)
+        })
+        .collect();
+    let mut promising: Vec<(f64, usize, f64)> = Vec::new();
+    for (_, place, middle) in looks {
+        let rival = &rivals[place];
+        let beside = Beside::new(&few, rival, pool.y, pool.active);
+        let mut own: Option<(f64, f64)> = None;
+        let near = middle.saturating_sub(1)..(middle + 2).min(POWERS.len());
+        for &power in &POWERS[near] {
+            let price = price(rival);
+            let whitened = beside.products(power, &plain);
+            for (set, places) in &sets {
+                let score = whitened.log_evidence(places) + priors.of(set) + price;
+                models.push(Model {
+                    set: set.clone(),
+                    rival: Some((place, power)),
+                    probability: 0.0,
+                    score,
+                });
+                if own.is_none_or(|(known, _)| score > known) {
+                    own = Some((score, power));
+                }
+            }
+        }
+        if let Some((score, power)) = own {
+            best = best.max(score);
+            promising.push((score, place, power));
+        }
+    }
+    promising.sort_by(|one, other| other.0.total_cmp(&one.0));
+    for (score, place, power) in promising.into_iter().take(SEARCHED) {
+        if score < best - FAR_BEHIND {
+            break;
+        }
+        let rival = &rivals[place];
+        let all: Vec<&Candidate> = pool.candidates.iter().collect();
+        let whitened =
+            Beside::new(&all, rival, pool.y, pool.active).products(power, &pool.products);
+        for found in search(&whitened, priors, 6).into_iter().take(60) {
+            best = best.max(found.score + price(rival));
+            models.push(Model {
+                set: found.set,
+                rival: Some((place, power)),
+                probability: 0.0,
+                score: found.score + price(rival),
+            });
+        }
+    }
+}
+
+fn price(rival: &Rival) -> f64 {
+    rival.log_prior + UNKNOWN.ln() - (POWERS.len() as f64).ln()
+}
+
+/// The best sets, each of them less one of its effects, and nothing.
+fn sets_of(scored: &[Scored]) -> Vec<Vec<usize>> {
+    let mut sets: Vec<Vec<usize>> = vec![Vec::new()];
+    for scored in scored.iter().take(SETS) {
+        for size in 0..=scored.set.len() {
+            let mut part = scored.set.clone();
+            if size < part.len() {
+                part.remove(size);
+            }
+            if !sets.contains(&part) {
+                sets.push(part);
+            }
+        }
+    }
+    sets
+}
+
+/// Rivals worth a second look, best first, with the place of their best power.
+fn first_look(
+    pool: &Pool<'_>,
+    rivals: &[Rival],
+    priors: &Priors,
+    scored: &[Scored],
+    best: f64,
+) -> Vec<(f64, usize, usize)> {
+    let mut sets: Vec<&Vec<usize>> = Vec::new();
+    for scored in scored {
+        if sets.iter().all(|known| known.len() != scored.set.len()) {
+            sets.push(&scored.set);
+        }
+        if sets.len() == FIRST_SETS {
+            break;
+        }
+    }
+    let mut members: Vec<usize> = sets.iter().copied().flatten().copied().collect();
+    members.sort_unstable();
+    members.dedup();
+    let few: Vec<&Candidate> = members
+        .iter()
+        .map(|&member| &pool.candidates[member])
+        .collect();
+    let plain = pool.products.part(&members);
+    let sized: Vec<(Vec<usize>, Vec<f64>, f64)> = sets
+        .iter()
+        .filter_map(|set| {
+            let places: Vec<usize> = set
+                .iter()
+                .filter_map(|member| members.binary_search(member).ok())
+                .collect();
+            let sizes = plain.fit(&places)?.sizes;
+            Some((places, sizes, priors.of(set)))
+        })
+        .collect();
+    let mut looks: Vec<(f64, usize, usize)> = Vec::new();
+    for (place, rival) in rivals.iter().enumerate() {
+        let beside = Beside::new(&few, rival, pool.y, pool.active);
+        let mut own: Option<(f64, usize, usize)> = None;
+        for (number, &power) in POWERS.iter().enumerate() {
+            let whitened = beside.products(power, &plain);
+            for (places, sizes, prior) in &sized {
+                let score = whitened.log_evidence_at(places, sizes) + prior + price(rival);
+                if own.is_none_or(|(known, _, _)| score > known) {
+                    own = Some((score, place, number));
+                }
+            }
+        }
+        looks.extend(own);
+    }
+    looks.sort_by(|one, other| other.0.total_cmp(&one.0));
+    let best = looks.first().map_or(best, |look| look.0.max(best));
+    looks.truncate(SECOND_LOOK);
+    looks.retain(|look| look.0 > best - OUT_OF_SIGHT);
+    looks
+}
+
+/// Products of the candidates with a rival's directions.
+pub(crate) struct Beside<'a> {
+    rival: &'a Rival,
+    /// Per candidate column, its products with the rival's directions.
+    crossed: Vec<Vec<f64>>,
+    seen: Vec<f64>,
+}
+
+impl<'a> Beside<'a> {
+    pub(crate) fn new(candidates: &[&Candidate], rival: &'a Rival, y: &[f64], active: &[bool]) -> Self {
+        let pick = |values: &[f64]| -> Vec<f64> {
+            values
+                .iter()
+                .zip(active)
+                .filter(|&(_, &used)| used)
+                .map(|(&value, _)| value)
+                .collect()
+        };
+        let against = |values: &[f64]| -> Vec<f64> {
+            let values = pick(values);
+            rival
+                .directions
+                .iter()
+                .map(|direction| dot(direction, &values))
+                .collect()
+        };
+        let crossed = candidates
+            .iter()
+            .flat_map(|candidate| candidate.block.iter().map(|column| against(column)));
+        Self {
+            rival,
+            crossed: crossed.collect(),
+            seen: against(y),
+        }
+    }
+
+    /// The products with the rival's part of the rows whitened, for a variance over that of the noise.
+    pub(crate) fn products(&self, power: f64, plain: &Products) -> Products {
+        let shares: Vec<f64> = self
+            .rival
+            .powers
+            .iter()
+            .map(|own| power * own / (1.0 + power * own))
+            .collect();
+        let weighted: Vec<Vec<f64>> = self
+            .crossed
+            .iter()
+            .map(|column| column.iter().zip(&shares).map(|(x, w)| x * w).collect())
+            .collect();
+        let count = plain.qy.len();
+        let mut whitened = plain.clone();
+        for (one, own) in weighted.iter().enumerate() {
+            for other in one..count {
+                let value = plain.qq[one * count + other] - dot(own, &self.crossed[other]);
+                whitened.qq[one * count + other] = value;
+                whitened.qq[other * count + one] = value;
+            }
+            whitened.qy[one] -= dot(own, &self.seen);
+        }
+        whitened.yy -= self
+            .seen
+            .iter()
+            .zip(&shares)
+            .map(|(x, w)| x * x * w)
+            .sum::<f64>();
+        whitened.offset += 0.5
+            * self
+                .rival
+                .powers
+                .iter()
+                .map(|own| (1.0 + power * own).ln())
+                .sum::<f64>();
+        whitened
+    }
+}

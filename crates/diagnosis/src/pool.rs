@@ -1,0 +1,474 @@
+//! Candidates under construction: the library's blocks, and the shapes that a session makes likely.
+//!
+//! What does not depend on the deviations is built once ([`Shapes`]) and shared by all attributions of a session. Shapes
+//! are scanned against what the best sets leave and refined continuously. Metres.
+
+use std::cell::OnceCell;
+use std::collections::BTreeMap;
+
+use crate::candidate::Candidate;
+use crate::effects::Variant;
+use crate::evidence::{Products, add_scaled, dot, scale};
+use crate::observation::Observations;
+use crate::search::{Priors, Scored, search, usual_beam};
+
+/// Rows on which shapes are scanned.
+const SCANNED: usize = 800;
+/// Peaks of a shape's scan that become candidates.
+const PEAKS: usize = 2;
+/// A shape with at most so many separate values offers them all.
+const FEW: usize = 4;
+/// Two blocks are the same when their spans share all but this part.
+const SAME: f64 = 1e-7;
+/// Rounds of the search for the best value of a shape.
+const REFINED: usize = 16;
+/// A column that keeps less than this share of its power beside a basis says nothing of its own.
+const OWN: f64 = 1e-4;
+
+/// A value of a shape, the weighted columns it gives over the scanned rows, and their inner products.
+pub(crate) struct Trial {
+    pub(crate) value: f64,
+    columns: Vec<Vec<f64>>,
+    gram: Vec<f64>,
+}
+
+impl Trial {
+    pub(crate) fn new(value: f64, columns: Vec<Vec<f64>>) -> Self {
+        let gram = columns
+            .iter()
+            .flat_map(|one| columns.iter().map(move |other| dot(one, other)))
+            .collect();
+        Self {
+            value,
+            columns,
+            gram,
+        }
+    }
+
+    /// How much of `left` the columns explain beside an orthonormal basis; `out` are rows that do not count.
+    pub(crate) fn gain(&self, basis: &[Vec<f64>], left: &[f64], out: &[usize]) -> f64 {
+        let width = self.columns.len();
+        let mut gram = self.gram.clone();
+        let mut right: Vec<f64> = self.columns.iter().map(|column| dot(column, left)).collect();
+        let shared: Vec<Vec<f64>> = self
+            .columns
+            .iter()
+            .map(|column| basis.iter().map(|known| dot(known, column)).collect())
+            .collect();
+        for i in 0..width {
+            for k in 0..width {
+                let missing: f64 = (out.iter())
+                    .map(|&row| self.columns[i][row] * self.columns[k][row])
+                    .sum();
+                let known: f64 = shared[i].iter().zip(&shared[k]).map(|(a, b)| a * b).sum();
+                gram[i * width + k] -= missing + known;
+            }
+        }
+        let mut gain = 0.0;
+        for i in 0..width {
+            let power = gram[i * width + i];
+            if power <= OWN * self.gram[i * width + i] || power <= 0.0 {
+                continue;
+            }
+            gain += right[i] * right[i] / power;
+            for k in i + 1..width {
+                let factor = gram[k * width + i] / power;
+                right[k] -= factor * right[i];
+                for other in i + 1..width {
+                    gram[k * width + other] -= factor * gram[i * width + other];
+                }
+            }
+        }
+        gain
+    }
+}
+
+/// What the library offers in a session, whatever its deviations.
+pub(crate) struct Shapes<'a> {
+    pub(crate) observations: &'a Observations,
+    pub(crate) variants: &'a [Variant],
+    base: Vec<Candidate>,
+    aliases: Vec<Vec<usize>>,
+    trials: Vec<OnceCell<Vec<Trial>>>,
+    /// Rows on which shapes are scanned: all of a usual session, evenly spaced ones of a long one.
+    pub(crate) sample: Vec<usize>,
+    sampled: Option<Observations>,
+}
+
+impl<'a> Shapes<'a> {
+    pub(crate) fn new(observations: &'a Observations, variants: &'a [Variant]) -> Self {
+        let rows = observations.rows.len();
+        let stride = rows.div_ceil(SCANNED).max(1);
+        let sample: Vec<usize> = (0..rows).step_by(stride).collect();
+        let sampled = (stride > 1).then(|| Observations {
+            rows: sample
+                .iter()
+                .map(|&row| observations.rows[row].clone())
+                .collect(),
+            ..observations.clone()
+        });
+        let mut shapes = Self {
+            observations,
+            variants,
+            base: Vec::new(),
+            aliases: Vec::new(),
+            trials: variants.iter().map(|_| OnceCell::new()).collect(),
+            sample,
+            sampled,
+        };
+        for (place, variant) in variants.iter().enumerate() {
+            let (plain, bent) = match &variant.shape {
+                None => Candidate::both(observations, variants, place),
+                Some(shape) if !shape.continuous && shape.trials.len() <= FEW => {
+                    for &value in &shape.trials {
+                        let candidate = Candidate::new(observations, variants, place, value);
+                        shapes.add(candidate);
+                    }
+                    continue;
+                }
+                Some(_) => continue,
+            };
+            shapes.add(plain);
+            shapes.add(bent);
+        }
+        shapes
+    }
+
+    fn add(&mut self, candidate: Option<Candidate>) {
+        if let Some(candidate) = candidate {
+            join(
+                self.variants,
+                &mut self.base,
+                &mut self.aliases,
+                candidate,
+            );
+        }
+    }
+
+    /// The linear blocks and those of the few shapes that are always there.
+    pub(crate) fn base(&self) -> &[Candidate] {
+        &self.base
+    }
+
+    /// Tried values of a variant's shape; none where it has no shape.
+    pub(crate) fn trials(&self, place: usize) -> &[Trial] {
+        let Some(shape) = &self.variants[place].shape else {
+            return &[];
+        };
+        self.trials[place].get_or_init(|| {
+            shape
+                .trials
+                .iter()
+                .map(|&value| self.trial(place, value, self.sampled.as_ref()))
+                .collect()
+        })
+    }
+
+    fn trial(&self, place: usize, value: f64, rows: Option<&Observations>) -> Trial {
+        let observations = rows.unwrap_or(self.observations);
+        let columns = self.variants[place].columns(observations, value);
+        let weighted = |column: crate::observation::Column| -> Vec<f64> {
+            (column.signature.iter().zip(&observations.rows))
+                .map(|(part, row)| part * row.weight)
+                .collect()
+        };
+        Trial::new(value, columns.into_iter().map(weighted).collect())
+    }
+}
+
+/// Adds a candidate unless its span is there already; then its effect becomes an alias.
+fn join(
+    variants: &[Variant],
+    candidates: &mut Vec<Candidate>,
+    aliases: &mut Vec<Vec<usize>>,
+    candidate: Candidate,
+) -> usize {
+    for (place, known) in candidates.iter().enumerate() {
+        if same_span(known, &candidate) {
+            let effect = &variants[candidate.variant].effect;
+            let named = |&alias: &usize| variants[alias].effect == *effect;
+            if *effect != variants[known.variant].effect && !aliases[place].iter().any(named) {
+                aliases[place].push(candidate.variant);
+            }
+            return place;
+        }
+    }
+    candidates.push(candidate);
+    aliases.push(Vec::new());
+    candidates.len() - 1
+}
+
+/// Candidates of one attribution.
+pub(crate) struct Pool<'a> {
+    pub(crate) shapes: &'a Shapes<'a>,
+    pub(crate) y: &'a [f64],
+    pub(crate) active: &'a [bool],
+    /// Share of a touch's noise that the next one remembers.
+    pub(crate) correlation: f64,
+    pub(crate) candidates: Vec<Candidate>,
+    pub(crate) aliases: Vec<Vec<usize>>,
+    pub(crate) products: Products,
+}
+
+impl<'a> Pool<'a> {
+    pub(crate) fn new(
+        shapes: &'a Shapes<'a>,
+        y: &'a [f64],
+        active: &'a [bool],
+        correlation: f64,
+    ) -> Self {
+        Self {
+            shapes,
+            y,
+            active,
+            correlation,
+            candidates: shapes.base.clone(),
+            aliases: shapes.aliases.clone(),
+            products: Products::new(&[], y, active),
+        }
+    }
+
+    fn effect(&self, member: usize) -> &str {
+        &self.shapes.variants[self.candidates[member].variant].effect
+    }
+
+    pub(crate) fn priors(&self) -> Priors {
+        let mut numbers: BTreeMap<&str, usize> = BTreeMap::new();
+        let mut counts: BTreeMap<&str, f64> = BTreeMap::new();
+        for variant in self.shapes.variants {
+            let next = numbers.len();
+            numbers.entry(&variant.effect).or_insert(next);
+            *counts.entry(&variant.effect).or_insert(0.0) += 1.0;
+        }
+        let classes = |place: usize| {
+            let mut effects: Vec<&str> = self.aliases[place]
+                .iter()
+                .map(|&alias| self.shapes.variants[alias].effect.as_str())
+                .collect();
+            effects.sort_unstable();
+            effects.dedup();
+            (1.0 + effects.len() as f64).ln()
+        };
+        let members = 0..self.candidates.len();
+        Priors {
+            effect: members
+                .clone()
+                .map(|member| numbers[self.effect(member)])
+                .collect(),
+            log_prior: members
+                .map(|member| {
+                    self.candidates[member].log_prior - counts[self.effect(member)].ln()
+                        + classes(member)
+                })
+                .collect(),
+            effects: numbers.len(),
+        }
+    }
+
+    pub(crate) fn search(&mut self) -> Vec<Scored> {
+        self.refresh();
+        search(&self.products, &self.priors(), usual_beam())
+    }
+
+    /// Products of all candidates there are by now.
+    pub(crate) fn refresh(&mut self) {
+        let blocks: Vec<&[Vec<f64>]> = self
+            .candidates
+            .iter()
+            .map(|candidate| candidate.block.as_slice())
+            .collect();
+        self.products = Products::correlated(
+            &blocks,
+            self.y,
+            self.active,
+            self.shapes.observations.touches(),
+            self.correlation,
+        );
+    }
+
+    fn add(&mut self, candidate: Option<Candidate>) {
+        if let Some(candidate) = candidate {
+            join(
+                self.shapes.variants,
+                &mut self.candidates,
+                &mut self.aliases,
+                candidate,
+            );
+        }
+    }
+
+    /// Adds the shapes that best explain what `context` leaves; an effect of the context is scanned beside the others.
+    pub(crate) fn scan(&mut self, context: &[usize]) {
+        let shapes = self.shapes;
+        let mut bases: BTreeMap<Option<usize>, (Vec<Vec<f64>>, Vec<f64>)> = BTreeMap::new();
+        let out = self.out();
+        for (place, variant) in shapes.variants.iter().enumerate() {
+            let offered = variant
+                .shape
+                .as_ref()
+                .is_some_and(|shape| shape.continuous || shape.trials.len() > FEW);
+            if !offered {
+                continue;
+            }
+            let own = context
+                .iter()
+                .position(|&member| self.effect(member) == variant.effect);
+            let (basis, left) = bases.entry(own).or_insert_with(|| {
+                let others: Vec<usize> = (0..context.len())
+                    .filter(|&place| Some(place) != own)
+                    .map(|place| context[place])
+                    .collect();
+                let basis = self.basis(&others, &shapes.sample);
+                let left = self.left(&basis, &shapes.sample);
+                (basis, left)
+            });
+            let trials = shapes.trials(place);
+            let gains: Vec<f64> = trials
+                .iter()
+                .map(|trial| trial.gain(basis, left, &out))
+                .collect();
+            let mut peaks: Vec<usize> = (0..gains.len())
+                .filter(|&i| {
+                    (i == 0 || gains[i] >= gains[i - 1])
+                        && (i + 1 == gains.len() || gains[i] >= gains[i + 1])
+                })
+                .collect();
+            peaks.sort_by(|&one, &other| gains[other].total_cmp(&gains[one]).then(one.cmp(&other)));
+            for peak in peaks.into_iter().take(PEAKS) {
+                let value = trials[peak].value;
+                self.add(Candidate::new(
+                    shapes.observations,
+                    shapes.variants,
+                    place,
+                    value,
+                ));
+            }
+        }
+    }
+
+    /// Refines the continuous shapes of a set, one after the other, and adds the refined candidates.
+    pub(crate) fn refine(&mut self, set: &[usize]) {
+        let shapes = self.shapes;
+        for &member in set {
+            let place = self.candidates[member].variant;
+            let variant = &shapes.variants[place];
+            let Some(shape) = variant.shape.as_ref().filter(|shape| shape.continuous) else {
+                continue;
+            };
+            let others: Vec<usize> = set
+                .iter()
+                .copied()
+                .filter(|&other| other != member)
+                .collect();
+            let basis = self.basis(&others, &shapes.sample);
+            let left = self.left(&basis, &shapes.sample);
+            let out = self.out();
+            let value = self.candidates[member].shape;
+            let nearest = shape.trials.partition_point(|&trial| trial < value);
+            let low = shape.trials[nearest.saturating_sub(1)];
+            let high = shape.trials[(nearest + 1).min(shape.trials.len() - 1)];
+            let quality = |value: f64| {
+                shapes
+                    .trial(place, value, shapes.sampled.as_ref())
+                    .gain(&basis, &left, &out)
+            };
+            let best = golden(low, high, quality);
+            self.add(Candidate::new(
+                shapes.observations,
+                shapes.variants,
+                place,
+                best,
+            ));
+        }
+    }
+
+    /// Scanned rows that are not in use.
+    fn out(&self) -> Vec<usize> {
+        let sample = self.shapes.sample.iter().enumerate();
+        sample
+            .filter(|&(_, &row)| !self.active[row])
+            .map(|(place, _)| place)
+            .collect()
+    }
+
+    /// Orthonormal basis of what a set spans over the active ones of `rows`.
+    fn basis(&self, set: &[usize], rows: &[usize]) -> Vec<Vec<f64>> {
+        let columns = set
+            .iter()
+            .flat_map(|&member| &self.candidates[member].block)
+            .map(|column| {
+                rows.iter()
+                    .map(|&row| if self.active[row] { column[row] } else { 0.0 })
+                    .collect()
+            });
+        orthonormal(columns)
+    }
+
+    /// What a basis leaves of the deviations over the active ones of `rows`.
+    fn left(&self, basis: &[Vec<f64>], rows: &[usize]) -> Vec<f64> {
+        let mut left: Vec<f64> = rows
+            .iter()
+            .map(|&row| if self.active[row] { self.y[row] } else { 0.0 })
+            .collect();
+        remove(&mut left, basis);
+        left
+    }
+}
+
+/// Orthonormal basis of columns.
+pub(crate) fn orthonormal(columns: impl Iterator<Item = Vec<f64>>) -> Vec<Vec<f64>> {
+    let mut basis: Vec<Vec<f64>> = Vec::new();
+    for mut rest in columns {
+        let full = dot(&rest, &rest);
+        remove(&mut rest, &basis);
+        remove(&mut rest, &basis);
+        let power = dot(&rest, &rest);
+        if power > 1e-10 * full && power > 0.0 {
+            scale(&mut rest, 1.0 / power.sqrt());
+            basis.push(rest);
+        }
+    }
+    basis
+}
+
+/// Takes the part in an orthonormal basis away.
+pub(crate) fn remove(values: &mut [f64], basis: &[Vec<f64>]) {
+    for known in basis {
+        let along = dot(known, values);
+        add_scaled(values, -along, known);
+    }
+}
+
+fn same_span(one: &Candidate, other: &Candidate) -> bool {
+    if one.block.len() != other.block.len() {
+        return false;
+    }
+    let width = one.block.len() as f64;
+    let mut shared = 0.0;
+    for (place, a) in one.block.iter().enumerate() {
+        shared += other.block.iter().map(|b| dot(a, b).powi(2)).sum::<f64>();
+        if shared < (place as f64 + 1.0) - width * SAME {
+            return false;
+        }
+    }
+    shared > width * (1.0 - SAME)
+}
+
+/// Place of the maximum of a unimodal function.
+fn golden(mut low: f64, mut high: f64, quality: impl Fn(f64) -> f64) -> f64 {
+    let ratio = 0.5 * (5.0_f64.sqrt() - 1.0);
+    let (mut a, mut b) = (high - ratio * (high - low), low + ratio * (high - low));
+    let (mut qa, mut qb) = (quality(a), quality(b));
+    for _ in 0..REFINED {
+        if qa > qb {
+            (high, b, qb) = (b, a, qa);
+            a = high - ratio * (high - low);
+            qa = quality(a);
+        } else {
+            (low, a, qa) = (a, b, qb);
+            b = low + ratio * (high - low);
+            qb = quality(b);
+        }
+    }
+    0.5 * (low + high)
+}
