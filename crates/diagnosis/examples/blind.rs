@@ -10,7 +10,9 @@ fn main() -> anyhow::Result<()> {
         arguments.get(place + 1)?.parse().ok()
     };
     let verbose = arguments.iter().any(|argument| argument == "--verbose");
-    let each = number("--trials").unwrap_or(100).div_ceil(TRIALS.len() as u64);
+    let each = number("--trials")
+        .unwrap_or(100)
+        .div_ceil(TRIALS.len() as u64);
     let seed = number("--seed").unwrap_or(1);
     let only = number("--only");
     let mut all = Vec::new();
@@ -44,7 +46,12 @@ fn tell(judged: &Judged) {
         judged.report.gap.noise_floor * 1e6,
         judged.took_ms,
     );
-    for ((id, size), parameters) in truth.effects.iter().zip(&truth.sizes).zip(&truth.parameters) {
+    for ((id, size), parameters) in truth
+        .effects
+        .iter()
+        .zip(&truth.sizes)
+        .zip(&truth.parameters)
+    {
         println!("      truth {id} {:.1} {parameters:?}", size / truth.noise);
     }
     for effect in &judged.report.effects {
@@ -62,9 +69,21 @@ fn tell(judged: &Judged) {
         );
     }
     for place in judged.report.unexplained.place.iter().take(2) {
-        println!("      where {} {} {:.2}", place.dimension, place.key, place.share);
+        println!(
+            "      where {} {} {:.2}",
+            place.dimension, place.key, place.share
+        );
     }
-    for rejected in judged.report.rejected.iter().take(3).filter(|rejected| rejected.probability > 0.02) {
-        println!("      rejected {} {:.3}", rejected.effect, rejected.probability);
+    for rejected in judged
+        .report
+        .rejected
+        .iter()
+        .take(3)
+        .filter(|rejected| rejected.probability > 0.02)
+    {
+        println!(
+            "      rejected {} {:.3}",
+            rejected.effect, rejected.probability
+        );
     }
 }

@@ -198,7 +198,11 @@ fn finish(pool: Pool<'_>, scored: &[Scored]) -> Attribution {
     } else {
         Vec::new()
     };
-    let noise = if white { 1.0 - REMEMBERS } else { REMEMBERS / CORRELATIONS.len() as f64 };
+    let noise = if white {
+        1.0 - REMEMBERS
+    } else {
+        REMEMBERS / CORRELATIONS.len() as f64
+    };
     let mut models: Vec<Model> = scored
         .iter()
         .take(KEPT)

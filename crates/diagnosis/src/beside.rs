@@ -197,7 +197,12 @@ pub(crate) struct Beside<'a> {
 }
 
 impl<'a> Beside<'a> {
-    pub(crate) fn new(candidates: &[&Candidate], rival: &'a Rival, y: &[f64], active: &[bool]) -> Self {
+    pub(crate) fn new(
+        candidates: &[&Candidate],
+        rival: &'a Rival,
+        y: &[f64],
+        active: &[bool],
+    ) -> Self {
         let pick = |values: &[f64]| -> Vec<f64> {
             values
                 .iter()

@@ -1,7 +1,7 @@
 //! Candidates: variants of effects at definite shapes, as orthonormal blocks over the rows of a session.
 //!
 //! A block spans what a variant can do to the weighted deviations; its columns are orthonormal, so that prior sizes are
-//! sizes of the signature and not of a parametrisation. Directions that would not show even at a hundred times the
+//! sizes of the signature and not of a parametrisation. Directions that would not show even at a thousand times the
 //! largest plausible size are left out. Metres.
 
 use nalgebra::{DMatrix, Vector3};
@@ -10,10 +10,10 @@ use crate::effects::Variant;
 use crate::evidence::{add_scaled, scale};
 use crate::observation::{Column, Observations};
 
-/// Directions whose signature stays below this rms at a hundred times the plausible size are unobservable, m.
+/// Directions whose signature stays below this rms at a thousand times the plausible size are unobservable, m.
 const INVISIBLE: f64 = 2e-7;
-/// A hundred times.
-const FAR: f64 = 100.0;
+/// A thousand times.
+const FAR: f64 = 1000.0;
 
 /// A variant at a definite shape.
 #[derive(Debug, Clone)]
@@ -24,6 +24,8 @@ pub struct Candidate {
     pub shape: f64,
     /// Orthonormal columns over the weighted rows.
     pub block: Vec<Vec<f64>>,
+    /// Largest plausible coefficient of each column, m.
+    pub plausible: Vec<f64>,
     /// Parameters (in their units) from block coefficients.
     pub parameters_from_block: DMatrix<f64>,
     /// Natural logarithm of the prior probability of this variant and shape within its effect.
@@ -76,16 +78,8 @@ impl Candidate {
         place: usize,
     ) -> (Option<Self>, Option<Self>) {
         let columns = variants[place].columns(observations, 0.0);
-        let of = |bent| {
-            Self::from_columns(
-                observations,
-                &variants[place],
-                place,
-                0.0,
-                &columns,
-                bent,
-            )
-        };
+        let of =
+            |bent| Self::from_columns(observations, &variants[place], place, 0.0, &columns, bent);
         let bends = columns.iter().all(|column| !column.shifts.is_empty());
         (of(false), if bends { of(true) } else { None })
     }
@@ -117,9 +111,11 @@ impl Candidate {
         });
         let mut block: Vec<Vec<f64>> = Vec::new();
         let mut back: Vec<Vec<f64>> = Vec::new();
+        let mut plausible: Vec<f64> = Vec::new();
         for &index in &seen {
             let length = eigen.eigenvalues[index].sqrt();
             let direction = eigen.eigenvectors.column(index);
+            plausible.push(length);
             block.push((&scaled * direction / length).iter().copied().collect());
             back.push(
                 direction
@@ -148,6 +144,7 @@ impl Candidate {
                 },
             );
             block.push(bend.column);
+            plausible.push(f64::INFINITY);
             back.push(own);
         }
         if block.is_empty() {
@@ -163,6 +160,7 @@ impl Candidate {
             variant: place,
             shape,
             block,
+            plausible,
             parameters_from_block,
             log_prior: -shapes - if bent { std::f64::consts::LN_2 } else { 0.0 },
             bends: bent,

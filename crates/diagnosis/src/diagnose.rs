@@ -150,11 +150,7 @@ fn straightened(shapes: &Shapes<'_>, stray: &[usize]) -> Explained {
         active[row] = false;
     }
     let mut correction: Vec<f64> = Vec::new();
-    let mut attribution = attribute_with(
-        shapes,
-        &weighted(observations, &correction),
-        &active,
-    );
+    let mut attribution = attribute_with(shapes, &weighted(observations, &correction), &active);
     for _ in 0..ROUNDS {
         let model = &attribution.models[0];
         let Some(fit) = attribution.fit(model) else {
@@ -169,11 +165,7 @@ fn straightened(shapes: &Shapes<'_>, stray: &[usize]) -> Explained {
             break;
         }
         correction = second;
-        attribution = attribute_with(
-            shapes,
-            &weighted(observations, &correction),
-            &active,
-        );
+        attribution = attribute_with(shapes, &weighted(observations, &correction), &active);
     }
     let score = attribution.models[0].score + outliers::log_evidence(stray.len());
     Explained {
@@ -226,14 +218,13 @@ fn shifts(
     shifts
 }
 
-/// The smallest explanation within another that is not yet refuted by [`REFUTED`]: a false name costs more than one
-/// left out.
+/// The smallest explanation that is not yet refuted by [`REFUTED`] against a larger one: a false name costs more than
+/// one left out.
 fn simplest<'a>(attribution: &'a Attribution, model: &'a Model) -> &'a Model {
     let mut best = model;
     while let Some(smaller) = attribution.models.iter().find(|other| {
         other.rival.is_some() == best.rival.is_some()
-            && other.set.len() + 1 == best.set.len()
-            && other.set.iter().all(|member| best.set.contains(member))
+            && other.set.len() < best.set.len()
             && other.probability * REFUTED > best.probability
     }) {
         best = smaller;
@@ -318,7 +309,7 @@ impl Reporter<'_> {
         let (effects, set) = self.effects(best, beside_unknown, noise);
         let mut effects = effects;
         let grid = self.grid(noise, &mut effects);
-        self.records(noise, &mut effects);
+        self.records(noise, beside_unknown, &mut effects);
         let named = !effects.is_empty();
         let verdict = match (beside_unknown, named) {
             (true, true) => Verdict::PartlyExplained,
@@ -403,14 +394,7 @@ impl Reporter<'_> {
             let candidate = &attribution.candidates[member];
             let own = &fit.coefficients[start..start + candidate.block.len()];
             start += candidate.block.len();
-            let equals = indistinguishable(
-                self.shapes,
-                attribution,
-                &best.set,
-                member,
-                own,
-                noise,
-            );
+            let equals = indistinguishable(self.shapes, attribution, &best.set, member, own, noise);
             let name = self.variants[candidate.variant].effect.clone();
             let probability = self.probability(std::iter::once(&name).chain(&equals));
             let least = if beside_unknown {
@@ -613,9 +597,11 @@ impl Reporter<'_> {
     }
 
     /// Names what the records themselves show: stray touches, shifted clocks.
-    fn records(&self, noise: f64, effects: &mut Vec<Effect>) {
+    ///
+    /// Beside something unknown a stray touch may be a part of it: then it is only set aside.
+    fn records(&self, noise: f64, beside_unknown: bool, effects: &mut Vec<Effect>) {
         let stray = &self.explained.stray;
-        if !stray.is_empty() {
+        if !stray.is_empty() && !beside_unknown {
             let left = residuals(
                 &self.explained.attribution,
                 &self.explained.attribution.models[0],

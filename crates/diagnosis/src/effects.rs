@@ -43,8 +43,8 @@ pub struct Parameter {
     pub name: String,
     /// Its unit in reports.
     pub unit: &'static str,
-    /// The largest size met in practice, in that unit: a direction that would not show at a hundred times this size
-    /// is taken as unobservable.
+    /// The largest size usually met, in that unit: larger ones are improbable, and a direction that would not show at a
+    /// thousand times this size is taken as unobservable.
     pub plausible: f64,
 }
 
@@ -99,6 +99,8 @@ pub struct Variant {
     pub shape: Option<Shape>,
     /// Constants that are not fitted: name, value, unit.
     pub constants: Vec<(&'static str, f64, &'static str)>,
+    /// Prior probability against the other variants of the effect, not normalised.
+    pub share: f64,
     build: Build,
 }
 
@@ -115,6 +117,7 @@ impl Variant {
             form: Form::Plain,
             shape: None,
             constants: Vec::new(),
+            share: 1.0,
             build: Box::new(move |observations, _| build(observations)),
         }
     }
@@ -132,6 +135,7 @@ impl Variant {
             form: Form::Plain,
             shape: Some(shape),
             constants: Vec::new(),
+            share: 1.0,
             build: Box::new(build),
         }
     }
@@ -145,6 +149,12 @@ impl Variant {
     /// Reports fixed constants beside the coefficients.
     pub fn with_constants(mut self, constants: &[(&'static str, f64, &'static str)]) -> Self {
         self.constants = constants.to_vec();
+        self
+    }
+
+    /// Makes this way of acting so many times as probable as the usual one of its effect.
+    pub fn weighing(mut self, share: f64) -> Self {
+        self.share = share;
         self
     }
 
@@ -184,6 +194,9 @@ pub fn library(observations: &Observations) -> Vec<Variant> {
     ] {
         offer(observations, &mut variants);
     }
+    // What only a longer session could part from others comes last, so that the others lend their names.
+    indexing::offer_unparted(observations, &mut variants);
+    error_motion::offer_unparted(observations, &mut variants);
     variants
 }
 

@@ -28,6 +28,8 @@ pub struct Products {
     pub qq: Vec<f64>,
     /// First column and number of columns of each candidate.
     pub spans: Vec<(usize, usize)>,
+    /// Largest variance of each column's coefficient that is plausible, m².
+    pub caps: Vec<f64>,
     /// Half the log-determinant of what the rows were whitened with, and the price of choosing it.
     pub offset: f64,
 }
@@ -88,8 +90,18 @@ impl Products {
             qy,
             qq,
             spans,
+            caps: vec![f64::INFINITY; count],
             offset: 0.5 * (remembered - 1.0).max(0.0) * (1.0 - correlation * correlation).ln(),
         }
+    }
+
+    /// The same where no coefficient is larger than plausible: `plausible` holds its standard deviation per column, m.
+    #[must_use]
+    pub fn capped<'a>(mut self, plausible: impl Iterator<Item = &'a f64>) -> Self {
+        for (cap, size) in self.caps.iter_mut().zip(plausible) {
+            *cap = size * size;
+        }
+        self
     }
 
     /// The products of some candidates only, in the given order.
@@ -111,6 +123,7 @@ impl Products {
             qy: columns.iter().map(|&column| self.qy[column]).collect(),
             qq: qq.collect(),
             spans,
+            caps: columns.iter().map(|&column| self.caps[column]).collect(),
             offset: self.offset,
         }
     }
@@ -144,8 +157,11 @@ impl Products {
             gram.extend(columns.iter().map(|&b| self.qq[a * count + b]));
         }
         let right: Vec<f64> = columns.iter().map(|&a| self.qy[a]).collect();
+        let caps: Vec<f64> = columns.iter().map(|&a| self.caps[a]).collect();
         let pseudo = RESOLUTION * RESOLUTION;
         let freedom = self.rows + 1.0;
+        let mut variance = self.yy / self.rows;
+        let within = |size: f64, cap: f64, variance: f64| size.min(cap / variance.max(pseudo));
         let mut sizes = vec![self.yy / pseudo.max(self.yy / self.rows); set.len()];
         let mut matrix = gram.clone();
         let mut mean = right.clone();
@@ -156,7 +172,7 @@ impl Products {
         for round in 0..=rounds {
             matrix.copy_from_slice(&gram);
             for (i, &place) in owner.iter().enumerate() {
-                matrix[i * n + i] += 1.0 / sizes[place];
+                matrix[i * n + i] += 1.0 / within(sizes[place], caps[i], variance);
             }
             log_determinant = cholesky(&mut matrix, n)?;
             mean.copy_from_slice(&right);
@@ -166,8 +182,9 @@ impl Products {
                 break;
             }
             let spreads = inverse_diagonal(&matrix, n, &mut inverse);
-            let variance = (left + pseudo) / freedom;
-            settled = true;
+            let known = variance;
+            variance = (left + pseudo) / freedom;
+            settled = (variance - known).abs() < SETTLED * variance;
             for (place, &j) in set.iter().enumerate() {
                 let width = self.spans[j].1;
                 let own = (0..n).filter(|&i| owner[i] == place);
@@ -180,7 +197,10 @@ impl Products {
         if full && n > 0 {
             invert(&matrix, n, &mut inverse);
         }
-        let spread: f64 = owner.iter().map(|&place| sizes[place].ln()).sum();
+        let widths = owner.iter().zip(&caps);
+        let spread: f64 = widths
+            .map(|(&place, &cap)| within(sizes[place], cap, variance).ln())
+            .sum();
         let log_evidence = ln_gamma(0.5 * freedom)
             - 0.5 * freedom * (std::f64::consts::PI * (left + pseudo)).ln()
             - 0.5 * (spread + log_determinant)
@@ -249,7 +269,12 @@ fn inverse_diagonal(factor: &[f64], n: usize, scratch: &mut [f64]) -> Vec<f64> {
 ///
 /// For noise that remembers a share `correlation` of the touch before (AR(1), touches in the order of time), this makes
 /// it white with the same variance.
-pub(crate) fn whitened(values: &[f64], active: &[bool], touches: usize, correlation: f64) -> Vec<f64> {
+pub(crate) fn whitened(
+    values: &[f64],
+    active: &[bool],
+    touches: usize,
+    correlation: f64,
+) -> Vec<f64> {
     let mut picked = pick(values, active);
     if correlation != 0.0 {
         let touched = active.iter().take(touches).filter(|&&used| used).count();

@@ -47,7 +47,13 @@ pub(crate) fn indistinguishable(
     }
     let seen = |column: &[f64]| -> Vec<f64> {
         (shapes.sample.iter())
-            .map(|&row| if attribution.active[row] { column[row] } else { 0.0 })
+            .map(|&row| {
+                if attribution.active[row] {
+                    column[row]
+                } else {
+                    0.0
+                }
+            })
             .collect()
     };
     let basis = orthonormal(

@@ -49,7 +49,11 @@ impl Trial {
     pub(crate) fn gain(&self, basis: &[Vec<f64>], left: &[f64], out: &[usize]) -> f64 {
         let width = self.columns.len();
         let mut gram = self.gram.clone();
-        let mut right: Vec<f64> = self.columns.iter().map(|column| dot(column, left)).collect();
+        let mut right: Vec<f64> = self
+            .columns
+            .iter()
+            .map(|column| dot(column, left))
+            .collect();
         let shared: Vec<Vec<f64>> = self
             .columns
             .iter()
@@ -136,12 +140,7 @@ impl<'a> Shapes<'a> {
 
     fn add(&mut self, candidate: Option<Candidate>) {
         if let Some(candidate) = candidate {
-            join(
-                self.variants,
-                &mut self.base,
-                &mut self.aliases,
-                candidate,
-            );
+            join(self.variants, &mut self.base, &mut self.aliases, candidate);
         }
     }
 
@@ -238,7 +237,7 @@ impl<'a> Pool<'a> {
         for variant in self.shapes.variants {
             let next = numbers.len();
             numbers.entry(&variant.effect).or_insert(next);
-            *counts.entry(&variant.effect).or_insert(0.0) += 1.0;
+            *counts.entry(&variant.effect).or_insert(0.0) += variant.share;
         }
         let classes = |place: usize| {
             let mut effects: Vec<&str> = self.aliases[place]
@@ -257,7 +256,10 @@ impl<'a> Pool<'a> {
                 .collect(),
             log_prior: members
                 .map(|member| {
-                    self.candidates[member].log_prior - counts[self.effect(member)].ln()
+                    let candidate = &self.candidates[member];
+                    let share = self.shapes.variants[candidate.variant].share;
+                    candidate.log_prior
+                        + (share / counts[self.effect(member)]).ln()
                         + classes(member)
                 })
                 .collect(),
@@ -283,6 +285,11 @@ impl<'a> Pool<'a> {
             self.active,
             self.shapes.observations.touches(),
             self.correlation,
+        )
+        .capped(
+            self.candidates
+                .iter()
+                .flat_map(|candidate| &candidate.plausible),
         );
     }
 

@@ -4,14 +4,18 @@
 //! direction, a feature, an index. Where one beats every set of effects, something unknown acts, and the rival's kind
 //! is its place. A process is kept as its leading directions (pivoted Cholesky, then eigenvectors).
 
-use nalgebra::DMatrix;
+use machine::JointKind;
+use nalgebra::{DMatrix, Vector3};
 
+use crate::evidence::{add_scaled, dot};
 use crate::observation::{Observations, Pose, Row};
 
 /// Directions that a process may have at most.
 const MOST_DIRECTIONS: usize = 48;
 /// A process with fewer directions is an effect by another name.
 const FEWEST_DIRECTIONS: usize = 3;
+/// Fewest touches of a feature that can scatter more than others.
+const FEWEST_SCATTERED: usize = 6;
 /// A pivoted factor stops when no row keeps more than this share of its variance.
 const NEGLIGIBLE: f64 = 1e-3;
 
@@ -97,15 +101,19 @@ fn region(observations: &Observations) -> Vec<Kernel<'_>> {
     if size <= 0.0 {
         return Vec::new();
     }
-    [0.08, 0.2, 0.6]
-        .map(|share| -> Kernel<'_> {
-            Box::new(move |i, j| {
-                let (one, other) = (&rows[i], &rows[j]);
-                one.normal.dot(&other.normal)
-                    * squared((one.position - other.position).norm(), share * size)
-            })
-        })
-        .into()
+    let mut kernels: Vec<Kernel<'_>> = Vec::new();
+    for share in [0.05, 0.12, 0.3, 0.8] {
+        // Displacements that change over the part, and material that does.
+        kernels.push(Box::new(move |i, j| {
+            let (one, other) = (&rows[i], &rows[j]);
+            one.normal.dot(&other.normal)
+                * squared((one.position - other.position).norm(), share * size)
+        }));
+        kernels.push(Box::new(move |i, j| {
+            squared((rows[i].position - rows[j].position).norm(), share * size)
+        }));
+    }
+    kernels
 }
 
 fn time(observations: &Observations) -> Vec<Kernel<'_>> {
@@ -156,9 +164,24 @@ fn feature(observations: &Observations) -> Vec<Kernel<'_>> {
     if rows.iter().all(|row| row.feature == rows[0].feature) {
         return Vec::new();
     }
-    vec![Box::new(move |i, j| {
-        f64::from(u8::from(rows[i].feature == rows[j].feature))
-    })]
+    let same = |i: usize, j: usize| f64::from(u8::from(rows[i].feature == rows[j].feature));
+    let mut kernels: Vec<Kernel<'_>> = vec![Box::new(same)];
+    for length in [0.2, 0.45] {
+        // Form: what depends on where a curved feature is touched.
+        kernels.push(Box::new(move |i, j| {
+            same(i, j) * squared((rows[i].normal - rows[j].normal).norm(), length)
+        }));
+    }
+    for feature in 0..observations.features.len() {
+        let own = rows.iter().filter(|row| row.feature == feature).count();
+        if own >= FEWEST_SCATTERED && 2 * own <= rows.len() {
+            // Touches of one feature that scatter more than the others.
+            kernels.push(Box::new(move |i, j| {
+                f64::from(u8::from(i == j && rows[i].feature == feature))
+            }));
+        }
+    }
+    kernels
 }
 
 fn index(observations: &Observations) -> Vec<Kernel<'_>> {
@@ -172,33 +195,72 @@ fn index(observations: &Observations) -> Vec<Kernel<'_>> {
     })]
 }
 
-/// Displacements in the foundation that depend on one axis.
+/// Where and how strongly a displacement that depends on an axis is seen: probing, then cutting.
+type Atoms = Vec<[(f64, f64); 2]>;
+
+/// Displacements that depend on one axis: in any direction of the foundation, or in one direction of the axis's frame.
 fn along_axis(observations: &Observations, axis: usize) -> Vec<Kernel<'_>> {
-    let rows = &observations.rows;
     let (low, high) = observations.travel(axis);
     if high - low < STILL {
         return Vec::new();
     }
     let range = high - low;
+    let joint = observations.chain.axes()[axis];
+    let turns = observations.chain.axis(axis).kind == JointKind::Revolute;
+    let seen = |direction: &dyn Fn(&Pose) -> Vector3<f64>| -> Atoms {
+        let atom = |row: &Row, pose: Option<&Pose>, sign: f64| {
+            pose.map_or((0.0, 0.0), |pose| {
+                (
+                    sign * row.normal.dot(&direction(pose)),
+                    pose.positions[axis],
+                )
+            })
+        };
+        let atoms = |row: &Row| {
+            [
+                atom(row, row.pose.as_ref(), -1.0),
+                atom(row, row.cut.as_ref(), 1.0),
+            ]
+        };
+        observations.rows.iter().map(atoms).collect()
+    };
     let mut kernels: Vec<Kernel<'_>> = Vec::new();
+    let all = [0, 1, 2].map(|k| seen(&move |pose| pose.sensitivity.foundation[k]));
     for share in [0.03, 0.08, 0.25] {
+        let all = all.clone();
         kernels.push(Box::new(move |i, j| {
-            let (Some(one), Some(other)) = (pose(&rows[i]), pose(&rows[j])) else {
-                return 0.0;
-            };
-            let mut along = 0.0;
-            for (a, b) in one
-                .sensitivity
-                .foundation
-                .iter()
-                .zip(&other.sensitivity.foundation)
-            {
-                along += a.dot(&rows[i].normal) * b.dot(&rows[j].normal);
-            }
-            along * squared(one.positions[axis] - other.positions[axis], share * range)
+            all.iter()
+                .map(|atoms| together(atoms, i, j, share * range))
+                .sum()
         }));
     }
+    for component in 0..3 {
+        let one = seen(&move |pose| {
+            let frames = if turns {
+                &pose.sensitivity.location
+            } else {
+                &pose.sensitivity.motion
+            };
+            frames[joint][component]
+        });
+        for share in [0.04, 0.1, 0.3] {
+            let one = one.clone();
+            kernels.push(Box::new(move |i, j| together(&one, i, j, share * range)));
+        }
+    }
     kernels
+}
+
+fn together(atoms: &Atoms, i: usize, j: usize, length: f64) -> f64 {
+    let mut sum = 0.0;
+    for (one, at) in &atoms[i] {
+        for (other, there) in &atoms[j] {
+            if *one != 0.0 && *other != 0.0 {
+                sum += one * other * squared(at - there, length);
+            }
+        }
+    }
+    sum
 }
 
 /// Leading directions of a kernel over the weighted active rows.
@@ -231,29 +293,32 @@ fn factor(
             break;
         }
         let root = value.sqrt();
-        let column: Vec<f64> = (0..rows)
-            .map(|row| {
-                let known: f64 = columns
-                    .iter()
-                    .map(|column| column[row] * column[pivot])
-                    .sum();
-                (kernel(row, pivot) * weight(row) * weight(pivot) - known) / root
-            })
+        let mut column: Vec<f64> = (0..rows)
+            .map(|row| kernel(row, pivot) * weight(row) * weight(pivot))
             .collect();
+        for known in &columns {
+            add_scaled(&mut column, -known[pivot], known);
+        }
+        crate::evidence::scale(&mut column, 1.0 / root);
         for (rest, value) in left.iter_mut().zip(&column) {
             *rest -= value * value;
         }
         left[pivot] = 0.0;
         columns.push(column);
     }
-    let matrix = DMatrix::from_fn(rows, columns.len(), |row, column| columns[column][row]);
-    let eigen = (matrix.transpose() * &matrix).symmetric_eigen();
+    let gram = DMatrix::from_fn(columns.len(), columns.len(), |one, other| {
+        dot(&columns[one], &columns[other])
+    });
+    let eigen = gram.symmetric_eigen();
     let mut directions = Vec::new();
     let mut powers = Vec::new();
     for (index, &power) in eigen.eigenvalues.iter().enumerate() {
         if power > 1e-6 * scale {
-            let direction = &matrix * eigen.eigenvectors.column(index) / power.sqrt();
-            directions.push(direction.iter().copied().collect());
+            let mut direction = vec![0.0; rows];
+            for (column, share) in columns.iter().zip(eigen.eigenvectors.column(index).iter()) {
+                add_scaled(&mut direction, share / power.sqrt(), column);
+            }
+            directions.push(direction);
             powers.push(power);
         }
     }

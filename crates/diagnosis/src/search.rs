@@ -178,9 +178,10 @@ fn promising(products: &Products, priors: &Priors, set: &[usize], most: usize) -
                 *value = products.qq[column * count + a];
             }
             forward(&factor, n, &mut cross);
-            let left = products.qy[column] - cross.iter().zip(&seen).map(|(x, y)| x * y).sum::<f64>();
-            let free = products.qq[column * count + column]
-                - cross.iter().map(|x| x * x).sum::<f64>();
+            let left =
+                products.qy[column] - cross.iter().zip(&seen).map(|(x, y)| x * y).sum::<f64>();
+            let free =
+                products.qq[column * count + column] - cross.iter().map(|x| x * x).sum::<f64>();
             if free > 1e-5 {
                 gain += left * left / free;
             }

@@ -158,7 +158,11 @@ fn open(trial: Trial, name: String, truth: Truth, report: Report, took_ms: f64) 
                 let inside = (low..=high).contains(value)
                     || name == "phase" && (around(low, high, *value, &report, effect));
                 let kind = id.rsplit('.').next().unwrap_or(id);
-                let kind = if id.starts_with("link.") { "link" } else { kind };
+                let kind = if id.starts_with("link.") {
+                    "link"
+                } else {
+                    kind
+                };
                 parameters.push((format!("{kind} {name}"), *value, inside));
             }
         }
@@ -319,7 +323,10 @@ impl Card {
         Self {
             seed,
             rows: kinds.iter().map(row).collect(),
-            found: by_effect.iter().map(|(id, all)| (id.clone(), share(all))).collect(),
+            found: by_effect
+                .iter()
+                .map(|(id, all)| (id.clone(), share(all)))
+                .collect(),
             found_by_size: by_size
                 .iter()
                 .map(|(bin, all)| (format!("{} to {}", 1 << bin, 2 << bin), share(all)))
@@ -360,7 +367,10 @@ fn calibration_error(names: &[(f64, bool)]) -> f64 {
 
 impl std::fmt::Display for Card {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        writeln!(f, "| hidden | cause right | verdict right | innocent blamed |")?;
+        writeln!(
+            f,
+            "| hidden | cause right | verdict right | innocent blamed |"
+        )?;
         writeln!(f, "|---|---|---|---|")?;
         for row in &self.rows {
             writeln!(
@@ -369,7 +379,10 @@ impl std::fmt::Display for Card {
                 row.hidden, row.cause, row.verdict, row.innocent_blamed
             )?;
         }
-        writeln!(f, "\n| effect (where nothing unknown acts) | named or among the equals |")?;
+        writeln!(
+            f,
+            "\n| effect (where nothing unknown acts) | named or among the equals |"
+        )?;
         writeln!(f, "|---|---|")?;
         for (name, share) in &self.found {
             writeln!(f, "| {name} | {share} |")?;

@@ -191,9 +191,7 @@ impl Cause {
         use std::f64::consts::{FRAC_PI_2, TAU};
         let (size, angle) = (self.size, self.angle);
         let of = |pairs: &[(&str, f64)]| -> Vec<(String, f64)> {
-            let named = pairs
-                .iter()
-                .map(|&(name, value)| (name.to_owned(), value));
+            let named = pairs.iter().map(|&(name, value)| (name.to_owned(), value));
             named.collect()
         };
         let vector = |names: [&str; 3], factor: f64| -> Vec<(String, f64)> {
@@ -201,7 +199,11 @@ impl Cause {
             names.map(str::to_owned).into_iter().zip(parts).collect()
         };
         let wave = |phase: f64, turn: f64| {
-            let phase = if size < 0.0 { phase + 0.5 * turn } else { phase };
+            let phase = if size < 0.0 {
+                phase + 0.5 * turn
+            } else {
+                phase
+            };
             (size.abs(), phase.rem_euclid(turn))
         };
         match self.kind {

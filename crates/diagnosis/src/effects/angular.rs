@@ -1,12 +1,17 @@
 //! `axis.<A>.angular`: roll, pitch or yaw of a slide that grows along its travel.
 //!
 //! A rotation k·(q − mid) about one axis of the frame, either of the moved carriage or of the guideway at rest: the
-//! two differ by a bow across the axis, since the descriptions differ in the point they turn about. Typical 5–40 µrad.
+//! two differ by a bow across the axis, since the descriptions differ in the point they turn about. Where the rotation
+//! vanishes is a convention of who describes the machine: elsewhere than in the middle, a constant rotation e comes with
+//! it. Typical 5–40 µrad.
 
 use machine::JointKind;
 
 use super::{Parameter, Variant};
 use crate::observation::Observations;
+
+/// How probable it is that the rotation vanishes elsewhere than in the middle of the travel used.
+const ELSEWHERE: f64 = 0.2;
 
 pub(super) fn offer(observations: &Observations, variants: &mut Vec<Variant>) {
     for axis in 0..observations.chain.axes().len() {
@@ -22,23 +27,36 @@ pub(super) fn offer(observations: &Observations, variants: &mut Vec<Variant>) {
                 if !moved && joint.axis[component - 3].abs() > 0.7 {
                     continue;
                 }
+                let turn = move |observations: &Observations, by: &dyn Fn(f64) -> f64| {
+                    observations.machine_column(true, |pose, _| {
+                        let sensitivity = &pose.sensitivity;
+                        let frames = if moved {
+                            &sensitivity.motion
+                        } else {
+                            &sensitivity.location
+                        };
+                        frames[index][component] * by(pose.positions[axis] - mid)
+                    })
+                };
+                let effect = format!("axis.{}.angular", joint.name);
+                let constants = [("about", about, "1"), ("mid", mid, "m")];
+                let k = || Parameter::new("k", "rad/m", 1e-2);
                 variants.push(
-                    Variant::linear(
-                        format!("axis.{}.angular", joint.name),
-                        vec![Parameter::new("k", "rad/m", 1e-1)],
-                        move |observations| {
-                            vec![observations.machine_column(true, |pose, _| {
-                                let sensitivity = &pose.sensitivity;
-                                let frames = if moved {
-                                    &sensitivity.motion
-                                } else {
-                                    &sensitivity.location
-                                };
-                                frames[index][component] * (pose.positions[axis] - mid)
-                            })]
-                        },
-                    )
-                    .with_constants(&[("about", about, "1"), ("mid", mid, "m")]),
+                    Variant::linear(effect.clone(), vec![k()], move |observations| {
+                        vec![turn(observations, &|from_mid| from_mid)]
+                    })
+                    .with_constants(&constants),
+                );
+                let e = Parameter::new("e", "rad", 2e-3);
+                variants.push(
+                    Variant::linear(effect, vec![k(), e], move |observations| {
+                        vec![
+                            turn(observations, &|from_mid| from_mid),
+                            turn(observations, &|_| 1.0),
+                        ]
+                    })
+                    .with_constants(&constants)
+                    .weighing(ELSEWHERE),
                 );
             }
         }

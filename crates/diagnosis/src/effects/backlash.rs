@@ -18,7 +18,7 @@ pub(super) fn offer(observations: &Observations, variants: &mut Vec<Variant>) {
         } else {
             "m"
         };
-        let b = vec![Parameter::new("b", unit, 1e-3)];
+        let b = vec![Parameter::new("b", unit, 2e-4)];
         variants.push(Variant::linear(
             format!("axis.{}.backlash", joint.name),
             b,

@@ -45,8 +45,8 @@ pub(super) fn offer(observations: &Observations, variants: &mut Vec<Variant>) {
             Variant::shaped(
                 format!("axis.{}.cyclic", joint.name),
                 vec![
-                    Parameter::new("sin", "m", 1e-4),
-                    Parameter::new("cos", "m", 1e-4),
+                    Parameter::new("sin", "m", 5e-5),
+                    Parameter::new("cos", "m", 5e-5),
                 ],
                 shape,
                 move |observations, period| {

@@ -12,14 +12,30 @@ use super::indexing::distinct_angles;
 use super::{Form, Parameter, Shape, Variant, is_arm};
 use crate::observation::{Observations, Pose};
 
+/// Fewest angles at which it is an effect of its own.
+const FEWEST: usize = 3;
+
 pub(super) fn offer(observations: &Observations, variants: &mut Vec<Variant>) {
+    offer_where(observations, variants, |angles| angles >= FEWEST);
+}
+
+/// At one or two angles, a run-out is a location error by another name.
+pub(super) fn offer_unparted(observations: &Observations, variants: &mut Vec<Variant>) {
+    offer_where(observations, variants, |angles| angles < FEWEST);
+}
+
+fn offer_where(
+    observations: &Observations,
+    variants: &mut Vec<Variant>,
+    enough: impl Fn(usize) -> bool,
+) {
     if is_arm(&observations.chain) {
         return;
     }
     for axis in 0..observations.chain.axes().len() {
         let joint = observations.chain.axis(axis);
         let angles = distinct_angles(observations, axis);
-        if joint.kind != JointKind::Revolute || angles < 3 {
+        if joint.kind != JointKind::Revolute || !enough(angles) {
             continue;
         }
         let highest = ((angles as f64 - 1.0) / 2.0).ceil().clamp(1.0, 3.0);
@@ -39,8 +55,8 @@ pub(super) fn offer(observations: &Observations, variants: &mut Vec<Variant>) {
         let effect = format!("axis.{}.error_motion", joint.name);
         let pair = || {
             vec![
-                Parameter::new("sin", "m", 1e-3),
-                Parameter::new("cos", "m", 1e-3),
+                Parameter::new("sin", "m", 1e-4),
+                Parameter::new("cos", "m", 1e-4),
             ]
         };
         for component in [u, v] {

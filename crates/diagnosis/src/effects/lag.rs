@@ -13,7 +13,7 @@ pub(super) fn offer(observations: &Observations, variants: &mut Vec<Variant>) {
         let effect = format!("axis.{}.lag", observations.chain.axis(axis).name);
         variants.push(Variant::linear(
             effect,
-            vec![Parameter::new("tau", "s", 0.1)],
+            vec![Parameter::new("tau", "s", 0.03)],
             move |observations| {
                 vec![observations.machine_column(false, |pose, _| {
                     pose.sensitivity.axes[axis] * -pose.speeds[axis]

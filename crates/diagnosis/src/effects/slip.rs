@@ -37,7 +37,7 @@ pub(super) fn offer(observations: &Observations, variants: &mut Vec<Variant>) {
     let jumps = after.clone();
     variants.push(Variant::shaped(
         "process.slip",
-        vec![Parameter::new("step", "m", 1e-2)],
+        vec![Parameter::new("step", "m", 1e-3)],
         shape.clone(),
         move |observations, index| {
             vec![observations.reading_column(|row| f64::from(u8::from(jumps(row, index))))]
@@ -45,7 +45,7 @@ pub(super) fn offer(observations: &Observations, variants: &mut Vec<Variant>) {
     ));
     let named = || -> Vec<Parameter> {
         ["x", "y", "z"]
-            .map(|name| Parameter::new(name, "m", 1e-2))
+            .map(|name| Parameter::new(name, "m", 1e-3))
             .into()
     };
     for part in [false, true] {

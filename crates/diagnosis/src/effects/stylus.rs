@@ -10,8 +10,8 @@ pub(super) fn offer(_: &Observations, variants: &mut Vec<Variant>) {
     variants.push(Variant::linear(
         "probe.stylus_offset",
         vec![
-            Parameter::new("dx", "m", 1e-3),
-            Parameter::new("dy", "m", 1e-3),
+            Parameter::new("dx", "m", 3e-4),
+            Parameter::new("dy", "m", 3e-4),
         ],
         |observations| {
             [0, 1]
@@ -21,7 +21,7 @@ pub(super) fn offer(_: &Observations, variants: &mut Vec<Variant>) {
     ));
     variants.push(Variant::linear(
         "probe.stylus_length",
-        vec![Parameter::new("dz", "m", 1e-3)],
+        vec![Parameter::new("dz", "m", 3e-4)],
         |observations| {
             vec![observations.machine_column(false, |pose, _| pose.sensitivity.mount[2])]
         },

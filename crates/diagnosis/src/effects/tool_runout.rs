@@ -26,7 +26,7 @@ pub(super) fn offer(observations: &Observations, variants: &mut Vec<Variant>) {
         let named = |names: &[&str]| {
             names
                 .iter()
-                .map(|&name| Parameter::new(name, "m", 1e-3))
+                .map(|&name| Parameter::new(name, "m", 2e-4))
                 .collect::<Vec<_>>()
         };
         let bend = move |observations: &Observations| {

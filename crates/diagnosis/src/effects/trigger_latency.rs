@@ -11,7 +11,7 @@ pub(super) fn offer(observations: &Observations, variants: &mut Vec<Variant>) {
     }
     variants.push(Variant::linear(
         "probe.trigger_latency",
-        vec![Parameter::new("tau", "s", 0.1)],
+        vec![Parameter::new("tau", "s", 0.03)],
         |observations| vec![observations.reading_column(|row| -row.feed)],
     ));
 }
