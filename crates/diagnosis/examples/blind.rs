@@ -24,7 +24,7 @@ fn main() -> anyhow::Result<()> {
             println!("== {}", trial.name());
         }
         for index in 0..each {
-            let judged = judge(seed * 100_000 + place as u64 * 5_000 + index, trial)?;
+            let judged = judge(trial.seed(seed, index), trial)?;
             if verbose && !(judged.cause && judged.verdict) {
                 tell(&judged);
             }

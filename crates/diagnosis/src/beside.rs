@@ -6,14 +6,15 @@
 use crate::attribution::Model;
 use crate::candidate::Candidate;
 use crate::evidence::{Products, dot};
+use crate::observation::Observations;
 use crate::pool::Pool;
-use crate::rivals::Rival;
+use crate::rivals::{Kind, Rival};
 use crate::search::{Priors, Scored, search};
 
 /// Prior probability that something outside the vocabulary acts.
 pub(crate) const UNKNOWN: f64 = 0.05;
 /// Variances of a rival over that of the noise that are tried.
-const POWERS: [f64; 7] = [0.3, 1.0, 4.0, 16.0, 64.0, 256.0, 1024.0];
+const POWERS: [f64; 9] = [0.3, 1.0, 4.0, 16.0, 64.0, 256.0, 1024.0, 4096.0, 16384.0];
 /// A rival this far (natural log) behind the best is not searched further.
 const FAR_BEHIND: f64 = 7.0;
 /// At a first look, sizes and set are not the best: a rival this far behind is not looked at again.
@@ -25,6 +26,43 @@ const SEARCHED: usize = 6;
 const SETS: usize = 12;
 /// Sets of a first look.
 const FIRST_SETS: usize = 5;
+
+/// What an effect pays (natural log) beside a rival of its own kind: either describes the same thing.
+const KIN: f64 = 12.0;
+
+/// Effects that could be a part of what a rival stands for.
+fn kin(observations: &Observations, rival: &Rival, effect: &str) -> bool {
+    match &rival.kind {
+        Kind::Axis(axis) => {
+            let own = format!("axis.{}.", observations.chain.axis(*axis).name);
+            let smooth = [
+                "straightness",
+                "angular",
+                "cyclic",
+                "indexing",
+                "error_motion",
+            ];
+            effect
+                .strip_prefix(&own)
+                .is_some_and(|kind| smooth.contains(&kind))
+        }
+        Kind::Time => ["thermal.drift", "thermal.spindle_growth", "process.slip"].contains(&effect),
+        Kind::Direction => effect == "probe.pretravel_lobing",
+        Kind::Region | Kind::Feature | Kind::Index => false,
+    }
+}
+
+/// Priors of the candidates beside a rival.
+fn beside(pool: &Pool<'_>, rival: &Rival, priors: &Priors) -> Priors {
+    let mut priors = priors.clone();
+    for (candidate, prior) in pool.candidates.iter().zip(&mut priors.log_prior) {
+        let effect = &pool.shapes.variants[candidate.variant].effect;
+        if kin(pool.shapes.observations, rival, effect) {
+            *prior -= KIN;
+        }
+    }
+    priors
+}
 
 /// Sets every rival beside the best sets, and searches anew beside those that do well.
 pub(crate) fn challenge(
@@ -64,6 +102,7 @@ pub(crate) fn challenge(
     let mut promising: Vec<(f64, usize, f64)> = Vec::new();
     for (_, place, middle) in looks {
         let rival = &rivals[place];
+        let priors = beside(pool, rival, priors);
         let beside = Beside::new(&few, rival, pool.y, pool.active);
         let mut own: Option<(f64, f64)> = None;
         let near = middle.saturating_sub(1)..(middle + 2).min(POWERS.len());
@@ -97,7 +136,10 @@ pub(crate) fn challenge(
         let all: Vec<&Candidate> = pool.candidates.iter().collect();
         let whitened =
             Beside::new(&all, rival, pool.y, pool.active).products(power, &pool.products);
-        for found in search(&whitened, priors, 6).into_iter().take(60) {
+        for found in search(&whitened, &beside(pool, rival, priors), 6)
+            .into_iter()
+            .take(60)
+        {
             best = best.max(found.score + price(rival));
             models.push(Model {
                 set: found.set,

@@ -197,6 +197,12 @@ fn join(
     candidates.len() - 1
 }
 
+/// What a set spans, orthonormal, and what it leaves of the deviations.
+struct Rest {
+    basis: Vec<Vec<f64>>,
+    left: Vec<f64>,
+}
+
 /// Candidates of one attribution.
 pub(crate) struct Pool<'a> {
     pub(crate) shapes: &'a Shapes<'a>,
@@ -307,7 +313,7 @@ impl<'a> Pool<'a> {
     /// Adds the shapes that best explain what `context` leaves; an effect of the context is scanned beside the others.
     pub(crate) fn scan(&mut self, context: &[usize]) {
         let shapes = self.shapes;
-        let mut bases: BTreeMap<Option<usize>, (Vec<Vec<f64>>, Vec<f64>)> = BTreeMap::new();
+        let mut bases: BTreeMap<Option<usize>, Rest> = BTreeMap::new();
         let out = self.out();
         for (place, variant) in shapes.variants.iter().enumerate() {
             let offered = variant
@@ -320,14 +326,14 @@ impl<'a> Pool<'a> {
             let own = context
                 .iter()
                 .position(|&member| self.effect(member) == variant.effect);
-            let (basis, left) = bases.entry(own).or_insert_with(|| {
+            let Rest { basis, left } = bases.entry(own).or_insert_with(|| {
                 let others: Vec<usize> = (0..context.len())
                     .filter(|&place| Some(place) != own)
                     .map(|place| context[place])
                     .collect();
                 let basis = self.basis(&others, &shapes.sample);
                 let left = self.left(&basis, &shapes.sample);
-                (basis, left)
+                Rest { basis, left }
             });
             let trials = shapes.trials(place);
             let gains: Vec<f64> = trials

@@ -113,6 +113,18 @@ fn region(observations: &Observations) -> Vec<Kernel<'_>> {
             squared((rows[i].position - rows[j].position).norm(), share * size)
         }));
     }
+    // The part warps: a field of displacements, of second and third order in the place.
+    let middle = rows
+        .iter()
+        .fold(Vector3::zeros(), |sum, row| sum + row.position.coords)
+        / rows.len() as f64;
+    for order in [2, 3] {
+        kernels.push(Box::new(move |i, j| {
+            let (one, other) = (&rows[i], &rows[j]);
+            let from = |row: &Row| (row.position.coords - middle) * (2.0 / size);
+            one.normal.dot(&other.normal) * (1.0 + from(one).dot(&from(other))).powi(order)
+        }));
+    }
     kernels
 }
 

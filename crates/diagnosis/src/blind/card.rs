@@ -48,6 +48,15 @@ pub const TRIALS: [Trial; 10] = [
 ];
 
 impl Trial {
+    /// Seed of one session of this kind on the card of a seed: no two kinds share sessions.
+    pub fn seed(self, seed: u64, number: u64) -> u64 {
+        let place = TRIALS.iter().position(|trial| *trial == self);
+        let place = place.unwrap_or(TRIALS.len()) as u64;
+        seed.wrapping_mul(100_000)
+            .wrapping_add(place * 5_000)
+            .wrapping_add(number)
+    }
+
     /// What it is called on the card.
     pub fn name(self) -> String {
         match self {
@@ -156,7 +165,7 @@ fn open(trial: Trial, name: String, truth: Truth, report: Report, took_ms: f64) 
             if let Some(found) = effect.parameters.iter().find(|known| known.name == *name) {
                 let [low, high] = found.ci95;
                 let inside = (low..=high).contains(value)
-                    || name == "phase" && (around(low, high, *value, &report, effect));
+                    || name == "phase" && around(low, high, *value, effect);
                 let kind = id.rsplit('.').next().unwrap_or(id);
                 let kind = if id.starts_with("link.") {
                     "link"
@@ -172,6 +181,9 @@ fn open(trial: Trial, name: String, truth: Truth, report: Report, took_ms: f64) 
         .filter(|_| cause && !strange)
         .map(|effect| effect.rms_after / truth.noise);
     Judged {
+        name,
+        truth,
+        report,
         cause,
         verdict,
         innocent_blamed,
@@ -179,14 +191,11 @@ fn open(trial: Trial, name: String, truth: Truth, report: Report, took_ms: f64) 
         parameters,
         held_out,
         took_ms,
-        name,
-        truth,
-        report,
     }
 }
 
 /// A phase near the seam of its turn lies inside an interval of the next turn too.
-fn around(low: f64, high: f64, value: f64, _: &Report, effect: &Effect) -> bool {
+fn around(low: f64, high: f64, value: f64, effect: &Effect) -> bool {
     let lobes = effect.parameters.iter().find(|known| known.name == "lobes");
     let turn = std::f64::consts::TAU / lobes.map_or(1.0, |known| known.value);
     [-turn, turn]
