@@ -46,4 +46,4 @@ pub use recorder::{
     TopicStatistics,
 };
 pub use recover::{Recovery, recover};
-pub use session::{Measurement, Session, SessionError};
+pub use session::{Measurement, Missing, Session, SessionError};

@@ -7,7 +7,8 @@ use std::fmt::Debug;
 
 use probecell_msgs::sensor_msgs::JointState;
 use probecell_msgs::{
-    InspectionPlan, MachineState, Message, ProbeEvent, ReferenceMeasurement, std_msgs,
+    InspectionPlan, InspectionPoint, MachineState, Message, ProbeEvent, ReferenceMeasurement,
+    std_msgs,
 };
 
 use crate::container::Damage;
@@ -58,16 +59,9 @@ pub enum SessionError {
         /// Ids there are.
         plans: Vec<String>,
     },
-    /// A gap in the events' numbers.
-    #[error("{count} probe events are missing before event {before} (expected {expected})")]
-    MissingEvents {
-        /// Number that should have come.
-        expected: u64,
-        /// Number that came.
-        before: u64,
-        /// How many are missing.
-        count: u64,
-    },
+    /// Events are missing, and all are wanted, or more are missing than there are.
+    #[error(transparent)]
+    MissingEvents(Missing),
     /// An event twice.
     #[error("probe event {0} stands in the bag twice")]
     DuplicateEvent(u64),
@@ -80,7 +74,7 @@ pub enum SessionError {
         after: u64,
     },
     /// An event of another plan.
-    #[error("probe event {sequence} is of plan {found}, the bag's plan is {expected}")]
+    #[error("probe event {sequence} is of plan {found}, the bag has {expected}")]
     EventOfOtherPlan {
         /// Its number.
         sequence: u64,
@@ -120,8 +114,32 @@ pub enum SessionError {
         topic: String,
         /// Message on the topic, from 0.
         index: usize,
-        /// Field concerned.
-        field: &'static str,
+        /// Field concerned, with its place in lists.
+        field: String,
+    },
+    /// A point of an operation that the plan does not have.
+    #[error(
+        "the inspection plan's point {point} names operation {operation}, it has {operations} operations"
+    )]
+    NoSuchOperation {
+        /// The point.
+        point: usize,
+        /// Operation it names.
+        operation: i32,
+        /// Operations of the plan.
+        operations: usize,
+    },
+    /// Names and values of different number.
+    #[error("message {index} on {topic} has {names} temperature names and {values} temperatures")]
+    TemperatureCount {
+        /// Topic concerned.
+        topic: String,
+        /// Message on the topic, from 0.
+        index: usize,
+        /// Number of names.
+        names: usize,
+        /// Number of values.
+        values: usize,
     },
     /// A plan's point or reference that points outside of its list.
     #[error(
@@ -157,6 +175,18 @@ pub enum Measurement {
     Named(String),
 }
 
+/// A gap in the events' numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("{count} probe events are missing before event {before} (expected {expected})")]
+pub struct Missing {
+    /// Number that should have come.
+    pub expected: u64,
+    /// Number that came.
+    pub before: u64,
+    /// How many are missing.
+    pub count: u64,
+}
+
 /// A session of one cell.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Session {
@@ -166,7 +196,7 @@ pub struct Session {
     pub robot_description: String,
     /// `None`: a drive bag.
     pub plan: Option<InspectionPlan>,
-    /// Numbered from 0 without gaps.
+    /// In the order of their numbers.
     pub events: Vec<Stamped<ProbeEvent>>,
     /// Measured axes.
     pub joint_states: Vec<Stamped<JointState>>,
@@ -176,6 +206,8 @@ pub struct Session {
     pub machine_states: Vec<Stamped<MachineState>>,
     /// Measurements of an outside instrument.
     pub references: Vec<Stamped<ReferenceMeasurement>>,
+    /// Stretches of events that are not in the bag.
+    pub missing: Vec<Missing>,
     /// Damage of the bag; what is above is its complete part.
     pub damage: Vec<Damage>,
 }
@@ -187,7 +219,8 @@ impl Session {
     }
 
     /// Reads one measurement of the only cell of a bag. A cell that cuts and measures in several passes has a plan for
-    /// each; touches and references of the other plans are left out.
+    /// each; touches and references of the other plans are left out. Events may be missing unless the measurement is
+    /// [`Measurement::Only`]: see [`Session::missing`].
     pub fn read_measurement(bag: &Bag, measurement: &Measurement) -> Result<Self, SessionError> {
         let mut found = namespaces(bag);
         match (found.pop(), found.is_empty()) {
@@ -212,6 +245,15 @@ impl Session {
     ) -> Result<Self, SessionError> {
         let mut damage = bag.damage();
         match Self::gather(bag, namespace, measurement, &mut damage) {
+            // Who wants the only measurement wants all of it.
+            Ok(Self { missing, .. })
+                if *measurement == Measurement::Only && !missing.is_empty() =>
+            {
+                Err(with_damage(
+                    SessionError::MissingEvents(missing[0]),
+                    &damage,
+                ))
+            }
             Ok(session) => Ok(Self { damage, ..session }),
             Err(problem) => Err(with_damage(problem, &damage)),
         }
@@ -248,14 +290,18 @@ impl Session {
         let model = models
             .pop()
             .ok_or_else(|| SessionError::NoRobotDescription(topic("robot_description")))?;
-        check_numbers(&events)?;
+        let missing = check_numbers(&events)?;
         let plans = distinct(plans);
         let several = plans.len() > 1;
+        if several {
+            check_plans(&plans, &events)?;
+        }
         let plan = choose(&topic("inspection_plan"), plans, &events, measurement)?;
         if let Some(plan) = plan.as_ref().filter(|_| several) {
             events.retain(|event| event.message.plan_id == plan.plan_id);
             references.retain(|reference| reference.message.plan_id == plan.plan_id);
         }
+        check_machine(&topic("machine_state"), &machine_states)?;
         check_joints(&topic("joint_states"), &joint_states)?;
         check_joints(&topic("joint_commands"), &joint_commands)?;
         match &plan {
@@ -290,6 +336,7 @@ impl Session {
             joint_commands,
             machine_states,
             references,
+            missing,
             damage: Vec::new(),
         })
     }
@@ -366,7 +413,7 @@ fn distinct<T: PartialEq>(messages: Vec<Stamped<T>>) -> Vec<T> {
 fn finite(
     topic: &str,
     index: usize,
-    field: &'static str,
+    field: impl std::fmt::Display,
     values: &[f64],
 ) -> Result<(), SessionError> {
     if values.iter().all(|value| value.is_finite()) {
@@ -375,7 +422,7 @@ fn finite(
     Err(SessionError::NotFinite {
         topic: topic.to_owned(),
         index,
-        field,
+        field: field.to_string(),
     })
 }
 
@@ -426,66 +473,158 @@ fn check_plan(topic: &str, plan: &InspectionPlan) -> Result<(), SessionError> {
         "stylus",
         &[ball.x, ball.y, ball.z, plan.stylus.ball_radius],
     )?;
-    for (number, point) in plan.points.iter().enumerate() {
-        if point.feature as usize >= plan.features.len() {
-            let (feature, features) = (point.feature, plan.features.len());
-            return Err(SessionError::NoSuchFeature {
-                point: number,
-                feature,
-                features,
-            });
+    for (number, feature) in plan.features.iter().enumerate() {
+        let (origin, axis) = (&feature.origin, &feature.axis);
+        let fields: [(&str, &[f64]); 4] = [
+            ("origin", &[origin.x, origin.y, origin.z]),
+            ("axis", &[axis.x, axis.y, axis.z]),
+            ("radius", &[feature.radius]),
+            ("half_angle", &[feature.half_angle]),
+        ];
+        // A tolerance may be open to one side; no number it must not be.
+        let tolerances = [feature.lower_tolerance, feature.upper_tolerance];
+        let tolerances = tolerances.map(|value| if value.is_nan() { value } else { 0.0 });
+        for (field, values) in fields.into_iter().chain([("tolerance", &tolerances[..])]) {
+            finite(topic, 0, format_args!("features[{number}].{field}"), values)?;
         }
-        let (at, normal) = (&point.position, &point.normal);
-        finite(
-            topic,
-            0,
-            "points",
-            &[at.x, at.y, at.z, normal.x, normal.y, normal.z],
-        )?;
-        finite(topic, 0, "points", &point.rotary_positions)?;
-        finite(
-            topic,
-            0,
-            "points",
-            &[
-                point.cut_length,
-                point.tool_height,
-                point.overhang,
-                point.feed,
-            ],
-        )?;
+    }
+    for (number, operation) in plan.operations.iter().enumerate() {
+        let fields: [(&str, &[f64]); 2] = [
+            (
+                "tool_radius or feed",
+                &[operation.tool_radius, operation.feed],
+            ),
+            ("rotary_positions", &operation.rotary_positions),
+        ];
+        for (field, values) in fields {
+            finite(
+                topic,
+                0,
+                format_args!("operations[{number}].{field}"),
+                values,
+            )?;
+        }
+    }
+    for (number, point) in plan.points.iter().enumerate() {
+        check_point(topic, plan, number, point)?;
     }
     Ok(())
 }
 
-/// Events are numbered from 0 in the order they stand, whatever plan they are of.
-fn check_numbers(events: &[Stamped<ProbeEvent>]) -> Result<(), SessionError> {
-    let mut expected = 0;
+fn check_point(
+    topic: &str,
+    plan: &InspectionPlan,
+    number: usize,
+    point: &InspectionPoint,
+) -> Result<(), SessionError> {
+    if point.feature as usize >= plan.features.len() {
+        let (feature, features) = (point.feature, plan.features.len());
+        return Err(SessionError::NoSuchFeature {
+            point: number,
+            feature,
+            features,
+        });
+    }
+    // -1: not cut on this machine; 0 is what a plan without operations leaves unsaid.
+    let unsaid = plan.operations.is_empty() && point.operation == 0;
+    if !unsaid && !(-1..plan.operations.len() as i32).contains(&point.operation) {
+        let (operation, operations) = (point.operation, plan.operations.len());
+        return Err(SessionError::NoSuchOperation {
+            point: number,
+            operation,
+            operations,
+        });
+    }
+    let (at, normal) = (&point.position, &point.normal);
+    let fields: [(&str, &[f64]); 9] = [
+        ("position", &[at.x, at.y, at.z]),
+        ("normal", &[normal.x, normal.y, normal.z]),
+        ("rotary_positions", &point.rotary_positions),
+        ("approach_distance", &[point.approach_distance]),
+        ("retract_distance", &[point.retract_distance]),
+        ("feed", &[point.feed]),
+        ("cut_length", &[point.cut_length]),
+        ("tool_height", &[point.tool_height]),
+        ("overhang", &[point.overhang]),
+    ];
+    for (field, values) in fields {
+        finite(topic, 0, format_args!("points[{number}].{field}"), values)?;
+    }
+    Ok(())
+}
+
+fn check_machine(topic: &str, states: &[Stamped<MachineState>]) -> Result<(), SessionError> {
+    for (index, Stamped { message, .. }) in states.iter().enumerate() {
+        let (names, values) = (message.temperature_names.len(), message.temperatures.len());
+        if names != values {
+            return Err(SessionError::TemperatureCount {
+                topic: topic.to_owned(),
+                index,
+                names,
+                values,
+            });
+        }
+        finite(topic, index, "temperatures", &message.temperatures)?;
+        finite(topic, index, "spindle_speed", &[message.spindle_speed])?;
+        finite(topic, index, "feed_override", &[message.feed_override])?;
+    }
+    Ok(())
+}
+
+/// Events are numbered from 0 in the order they stand, whatever plan they are of. Gives the gaps.
+fn check_numbers(events: &[Stamped<ProbeEvent>]) -> Result<Vec<Missing>, SessionError> {
+    let mut next = 0;
     let mut seen = std::collections::BTreeSet::new();
+    let mut missing = Vec::new();
     for event in events {
         let sequence = event.message.sequence;
         if !seen.insert(sequence) {
             return Err(SessionError::DuplicateEvent(sequence));
         }
-        if sequence < expected {
+        if sequence < next {
             return Err(SessionError::ReorderedEvent {
                 sequence,
-                after: expected - 1,
+                after: next - 1,
             });
         }
-        expected = sequence.saturating_add(1);
-    }
-    for (expected, event) in (0..).zip(events) {
-        let before = event.message.sequence;
-        if before != expected {
-            return Err(SessionError::MissingEvents {
-                expected,
-                before,
-                count: before - expected,
+        if sequence > next {
+            missing.push(Missing {
+                expected: next,
+                before: sequence,
+                count: sequence - next,
             });
         }
+        next = sequence.saturating_add(1);
     }
-    Ok(())
+    let lost = |gap: &&Missing| gap.count > events.len() as u64;
+    match missing.iter().find(lost) {
+        Some(gap) => Err(SessionError::MissingEvents(*gap)),
+        None => Ok(missing),
+    }
+}
+
+/// Every event is of some plan of the bag.
+fn check_plans(
+    plans: &[InspectionPlan],
+    events: &[Stamped<ProbeEvent>],
+) -> Result<(), SessionError> {
+    let known = |event: &&Stamped<ProbeEvent>| {
+        !plans
+            .iter()
+            .any(|plan| plan.plan_id == event.message.plan_id)
+    };
+    match events.iter().find(known) {
+        Some(event) => Err(SessionError::EventOfOtherPlan {
+            sequence: event.message.sequence,
+            found: event.message.plan_id.clone(),
+            expected: plans
+                .iter()
+                .map(|plan| plan.plan_id.clone())
+                .collect::<Vec<_>>()
+                .join(" or "),
+        }),
+        None => Ok(()),
+    }
 }
 
 /// The plan of the measurement that is wanted.

@@ -4,7 +4,10 @@
 
 use std::path::Path;
 
-use bags::{Bag, Channel, Overflow, Qos, Recorder, RecorderOptions, Session, SessionError};
+use bags::{
+    Bag, Channel, Measurement, Missing, Overflow, Qos, Recorder, RecorderOptions, Session,
+    SessionError,
+};
 use probecell_msgs::sensor_msgs::JointState;
 use probecell_msgs::{
     InspectionFeature, InspectionPlan, InspectionPoint, Message, ProbeEvent, std_msgs, to_cdr,
@@ -97,28 +100,35 @@ fn a_good_session_is_read_whole() {
 }
 
 #[test]
-fn numbers_that_are_missing_doubled_or_out_of_order_are_refused() {
-    let refused = |numbers: &[u64]| {
-        of_events(
-            &numbers
-                .iter()
-                .map(|number| event(*number))
-                .collect::<Vec<_>>(),
-        )
-        .unwrap_err()
+fn missing_numbers_are_told_and_doubled_or_reordered_ones_refused() {
+    let of_numbers = |numbers: &[u64]| {
+        let folder = tempfile::tempdir().unwrap();
+        let tell = |bench: &mut Bench<'_>| {
+            bench.model();
+            bench.say("/cell/inspection_plan", &plan("p"));
+            for number in numbers {
+                bench.say("/cell/probe_events", &event(*number));
+            }
+        };
+        // Written whole; read as one measurement, which may lack touches, and as the only one, which may not.
+        let only = session(folder.path(), tell);
+        let bag = Bag::open(folder.path().join("run")).unwrap();
+        let last = Session::read_measurement(&bag, &Measurement::Last)?;
+        assert_eq!(only.is_ok(), last.missing.is_empty());
+        Ok::<_, SessionError>(last)
     };
-    assert!(matches!(
-        refused(&[0, 1, 4]),
-        SessionError::MissingEvents {
-            expected: 2,
-            before: 4,
-            count: 2
-        }
-    ));
-    assert!(matches!(
-        refused(&[1, 2]),
-        SessionError::MissingEvents { expected: 0, .. }
-    ));
+    let gap = |expected, before, count| Missing {
+        expected,
+        before,
+        count,
+    };
+    assert_eq!(of_numbers(&[0, 1, 4]).unwrap().missing, [gap(2, 4, 2)]);
+    assert_eq!(
+        of_numbers(&[1, 2, 4]).unwrap().missing,
+        [gap(0, 1, 1), gap(3, 4, 1)]
+    );
+    assert_eq!(of_numbers(&[0, 1]).unwrap().missing, []);
+    let refused = |numbers: &[u64]| of_numbers(numbers).unwrap_err();
     assert!(matches!(
         refused(&[0, 1, 1, 2]),
         SessionError::DuplicateEvent(1)
@@ -130,10 +140,9 @@ fn numbers_that_are_missing_doubled_or_out_of_order_are_refused() {
             after: 2
         }
     ));
-    assert!(matches!(
-        refused(&[u64::MAX]),
-        SessionError::MissingEvents { .. }
-    ));
+    for lost in [&[0, 1, 9][..], &[u64::MAX]] {
+        assert!(matches!(refused(lost), SessionError::MissingEvents(_)));
+    }
 }
 
 #[test]
@@ -161,10 +170,7 @@ fn events_that_do_not_fit_the_plan_are_refused() {
         };
         assert!(matches!(
             of_events(&[wild]),
-            Err(SessionError::NotFinite {
-                field: "axis_positions",
-                ..
-            })
+            Err(SessionError::NotFinite { field, .. }) if field == "axis_positions"
         ));
     }
     let short = ProbeEvent {
@@ -224,10 +230,7 @@ fn a_drive_bag_has_no_plan() {
     });
     assert!(matches!(
         bad,
-        Err(SessionError::NotFinite {
-            field: "position",
-            ..
-        })
+        Err(SessionError::NotFinite { field, .. }) if field == "position"
     ));
 }
 

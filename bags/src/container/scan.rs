@@ -51,6 +51,10 @@ pub(super) fn walk(contents: &mut Contents, reason: Unusable) -> io::Result<()> 
     if no_footer && ended == Ended::AtLastByte {
         let end = walk.contents.length;
         walk.contents.damaged(end, 0, DamageKind::Truncated);
+    } else if no_footer && ended == Ended::Properly {
+        let end = walk.contents.length;
+        let why = "the file is cut off behind its last message".to_owned();
+        walk.contents.damaged(end, 0, DamageKind::NoSummary(why));
     }
     walk.contents.channels = walk.names.channels;
     Ok(())

@@ -19,7 +19,7 @@ use crate::report::{
 use crate::rivals::Kind;
 use crate::session::{DiagnoseError, Session};
 use crate::shrinkage::Blocks;
-use crate::{outliers, parameters, places, referenced, timing};
+use crate::{checks, outliers, parameters, places, referenced, timing, vocabulary};
 
 /// Beside something unknown an effect is named only when it is this probable.
 const SURE_BESIDE_UNKNOWN: f64 = 0.99;
@@ -45,9 +45,24 @@ pub struct Options {
 /// [`DiagnoseError`] names what makes the session unusable.
 pub fn diagnose(session: &Session, options: &Options) -> Result<Report, DiagnoseError> {
     if session.plan.is_none() && session.events.is_empty() && !session.joint_states.is_empty() {
-        return diagnose_drives(std::slice::from_ref(session), &[]);
+        if !session.robot_description.is_empty() {
+            checks::drives(session)?;
+        }
+        return match diagnose_drives(std::slice::from_ref(session), &[]) {
+            Err(DiagnoseError::TooFew(..)) => Err(DiagnoseError::NoEffort),
+            other => other,
+        };
     }
     let mut observations = Observations::from_session(session)?;
+    let known = vocabulary::of(&observations.chain);
+    if let Some(name) = options.without.iter().find(|name| !known.contains(name)) {
+        return Err(DiagnoseError::UnknownEffect {
+            name: name.clone(),
+            nearest: vocabulary::nearest(name, &known)
+                .unwrap_or_default()
+                .to_owned(),
+        });
+    }
     let mut variants = library(&observations);
     variants.retain(|variant| !options.without.contains(&variant.effect));
     if observations.reference_uncertainty > 0.0 {

@@ -8,6 +8,7 @@ pub mod attribution;
 mod beside;
 pub mod blind;
 pub mod candidate;
+mod checks;
 pub mod diagnose;
 pub mod drives;
 pub mod effects;
@@ -28,6 +29,7 @@ pub mod session;
 pub mod shrinkage;
 mod summary;
 pub mod timing;
+pub mod vocabulary;
 
 pub use diagnose::{Options, diagnose};
 pub use drives::diagnose_drives;

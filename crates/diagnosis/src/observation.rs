@@ -10,6 +10,7 @@ use machine::{Chain, Nominal, Sensitivity, Surface, Target};
 use nalgebra::{DMatrix, DVector, Point3, Vector3};
 use probecell_msgs::{InspectionPlan, MachineState, ProbeEvent, ReferenceMeasurement};
 
+use crate::checks;
 use crate::session::{DiagnoseError, Session, seconds};
 
 /// Fewest touches that say anything.
@@ -112,6 +113,7 @@ impl Observations {
         }
         let chain = Chain::from_urdf(&session.robot_description)?;
         let plan = session.plan.as_ref().ok_or(DiagnoseError::NoPlan)?;
+        checks::touches(session, plan)?;
         let nominal = Nominal::from_plan(plan)?;
         let prescribed = plan
             .rotary_names
@@ -142,7 +144,10 @@ impl Observations {
         let mut sizes: Vec<f64> = deviations.iter().map(|deviation| deviation.abs()).collect();
         sizes.sort_by(f64::total_cmp);
         if sizes[sizes.len() / 2] > 0.05 {
-            return Err(DiagnoseError::Unit(sizes[sizes.len() / 2]));
+            return Err(DiagnoseError::Unit {
+                size: sizes[sizes.len() / 2],
+                suspect: checks::larger(session, plan, &chain),
+            });
         }
         let mut uncertainty = 0.0;
         for reference in &session.references {

@@ -51,9 +51,53 @@ pub enum DiagnoseError {
     TooFew(usize, usize),
     /// Magnitudes that no metre-based session has.
     #[error(
-        "deviations have a median size of {0:.3} m: are positions in millimetres instead of metres?"
+        "deviations have a median size of {size:.3} m: {suspect} may be in millimetres instead of metres"
     )]
-    Unit(f64),
+    Unit {
+        /// Median size of the deviations, m.
+        size: f64,
+        /// What has the largest numbers.
+        suspect: &'static str,
+    },
+    /// A number that is no length of a machine.
+    #[error("the {what} is {value:e} m, farther than any machine reaches")]
+    Far {
+        /// Which number.
+        what: String,
+        /// As given, m.
+        value: f64,
+    },
+    /// A point of an operation that the plan lacks.
+    #[error("point {point} names operation {operation}, but the plan has {operations} operations")]
+    Operation {
+        /// The point.
+        point: usize,
+        /// Operation that it names.
+        operation: i32,
+        /// Operations of the plan.
+        operations: usize,
+    },
+    /// An axis that the machine lacks.
+    #[error("{topic} names axis `{axis}`, which the robot description lacks")]
+    Axis {
+        /// Topic concerned.
+        topic: &'static str,
+        /// The axis.
+        axis: String,
+    },
+    /// A drive session in which nothing can be compared.
+    #[error(
+        "no axis of the drive session has enough samples of an effort, or of commands beside its motion"
+    )]
+    NoEffort,
+    /// An effect that is no effect.
+    #[error("there is no effect `{name}` on this machine: did you mean `{nearest}`?")]
+    UnknownEffect {
+        /// As asked for.
+        name: String,
+        /// The most similar one.
+        nearest: String,
+    },
     /// A reference that does not belong.
     #[error("reference of `{instrument}`: {what}")]
     Reference {

@@ -84,6 +84,9 @@ fn read(path: &Path, plan: Option<&str>) -> anyhow::Result<Session> {
             "warning: {damage}: only the complete part is diagnosed"
         ));
     }
+    for missing in &session.missing {
+        report::remark(&format!("warning: {missing}"));
+    }
     Ok(Session {
         name: path
             .file_name()
