@@ -41,6 +41,12 @@ pub enum ScenarioError {
     /// The machine of the scenario could not be made.
     #[error(transparent)]
     Chain(#[from] machine::ChainError),
+    /// The plan of a session was not usable.
+    #[error(transparent)]
+    Plan(#[from] machine::DeviationError),
+    /// A touch of a session is out of the machine's reach.
+    #[error(transparent)]
+    Reach(#[from] machine::ReachError),
     /// A recorded session could not be diagnosed.
     #[error(transparent)]
     Diagnosis(#[from] diagnosis::DiagnoseError),

@@ -15,8 +15,12 @@ mod page;
 mod recorded;
 mod register;
 mod scenario;
+mod touches;
 mod turn_mill;
 
+mod deflection;
+mod elastic_loop;
+mod phantom_wear;
 mod probe_offset;
 
 pub use error::ScenarioError;

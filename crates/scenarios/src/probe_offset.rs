@@ -9,7 +9,7 @@ use metrology::size_gap::{GapLaw, SizeGap, size_gap};
 use report::{Axis, Plot, Series, Table, Unit};
 
 use crate::turn_mill::{ProbeState, SIZES, make};
-use crate::{Figure, Outcome, Rule, Run, Scenario, ScenarioError};
+use crate::{Expected, Figure, Outcome, Recorded, Rule, Run, Scenario, ScenarioError};
 
 pub(crate) const SCENARIO: Scenario = Scenario {
     name: "A-probe-offset",
@@ -17,7 +17,7 @@ pub(crate) const SCENARIO: Scenario = Scenario {
     source: "tables 3 and 4: the reference's mean error falls from -68.2 to -4.4 µm (93.5 %), its largest from 73 to 6; \
              the gap between machine and reference from 71.0 to 6.2 µm (91.3 %)",
     run,
-    sessions: None,
+    sessions: Some(sessions),
 };
 
 /// Punches whose mean the tables give.
@@ -355,4 +355,21 @@ fn table(before: &Errors, after: &Errors, recorded: &(Errors, Errors)) -> Table 
         ]);
     }
     table
+}
+
+/// The last measurement of a punch before and after the calibration, against the punch as the reference found it: there
+/// a deviation is the gap.
+fn sessions(seed: u64) -> Result<Vec<Recorded>, ScenarioError> {
+    let one = |probe, name: &'static str, share| -> Result<Recorded, ScenarioError> {
+        let part = make(probe, seed, &str::to_owned)?;
+        Ok(Recorded {
+            name,
+            session: part.session_on_reference(&format!("A-probe-offset, {name}"))?,
+            expected: Expected::Effects(&["probe.ball_radius"], share),
+        })
+    };
+    Ok(vec![
+        one(ProbeState::Uncalibrated, "before", 0.1)?,
+        one(ProbeState::Calibrated, "after", 0.5)?,
+    ])
 }

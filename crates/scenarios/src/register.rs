@@ -2,11 +2,16 @@
 
 use thiserror::Error;
 
-use crate::{Scenario, probe_offset};
+use crate::{Scenario, deflection, elastic_loop, phantom_wear, probe_offset};
 
 /// All scenarios.
 pub fn register() -> &'static [Scenario] {
-    &[probe_offset::SCENARIO]
+    &[
+        probe_offset::SCENARIO,
+        phantom_wear::SCENARIO,
+        deflection::SCENARIO,
+        elastic_loop::SCENARIO,
+    ]
 }
 
 /// A name that no scenario has.

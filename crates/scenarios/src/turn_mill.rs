@@ -3,17 +3,23 @@
 //!
 //! Sizes in µm where the name says it, as the source's tables have them; everything else m.
 
+use std::collections::BTreeMap;
+
 use cell::{Cell, CellText};
+use diagnosis::Session;
 use graph::{Executor, Published, Stamp, Topic, topics};
 use probecell_msgs::{
-    FeatureResult, InspectionPlan, Message, OperatorRequest, PartReport, ReferenceMeasurement,
-    from_cdr, to_cdr,
+    FeatureResult, InspectionPlan, Message, OperatorRequest, PartReport, ProbeEvent,
+    ReferenceMeasurement, ToolOffsets, TouchDeviation, Verdict, from_cdr, std_msgs, to_cdr,
 };
 
 use crate::ScenarioError;
+use crate::touches::as_measured;
 
 /// When a virtual session begins: 2026-01-01 00:00 UTC.
 const BEGIN: Stamp = Stamp(1_767_225_600_000_000_000);
+/// Its robot description.
+pub(crate) const MACHINE: &str = include_str!("../../../launch-scripts/turn_mill.urdf");
 /// Longest virtual time that a part may take, s.
 const PART_LIMIT: f64 = 600.0;
 
@@ -67,7 +73,7 @@ pub(crate) fn make(
     let cell = Cell::from_text(CellText {
         name: "turn_mill".to_owned(),
         cell: edit(&text),
-        robot_description: include_str!("../../../launch-scripts/turn_mill.urdf").to_owned(),
+        robot_description: MACHINE.to_owned(),
     })?;
     let mut executor = Executor::new(cell.nodes(false)?, BEGIN)?;
     let request = OperatorRequest {
@@ -150,5 +156,85 @@ impl Punch {
                 })
             })
             .collect()
+    }
+
+    /// The plan that was measured last.
+    pub(crate) fn last_plan(&self) -> Result<String, ScenarioError> {
+        Ok(last::<InspectionPlan>(&self.log, topics::INSPECTION_PLAN)?.plan_id)
+    }
+
+    /// X-wear of each tool at the end, µm, by tool number.
+    pub(crate) fn wear_um(&self) -> Result<BTreeMap<u32, f64>, ScenarioError> {
+        let offsets: ToolOffsets = last(&self.log, topics::TOOL_OFFSETS)?;
+        let pairs = offsets.tool_numbers.iter().zip(&offsets.wear);
+        Ok(pairs.map(|(tool, wear)| (*tool, wear * 1e6)).collect())
+    }
+
+    /// The verdicts on a size, in the order in which they were given.
+    pub(crate) fn verdicts(&self, size: &str) -> Result<Vec<Verdict>, ScenarioError> {
+        let mut verdicts: Vec<Verdict> = self.all(topics::VERDICTS)?;
+        verdicts.retain(|verdict| verdict.feature_id == size);
+        Ok(verdicts)
+    }
+
+    /// The plan of that id and the deviations (m) of its touches, point by point, as the analysis has them.
+    pub(crate) fn deviations(
+        &self,
+        plan_id: &str,
+    ) -> Result<(InspectionPlan, Vec<(usize, f64)>), ScenarioError> {
+        let plans: Vec<InspectionPlan> = self.all(topics::INSPECTION_PLAN)?;
+        let plan = plans
+            .into_iter()
+            .rev()
+            .find(|plan| plan.plan_id == plan_id)
+            .ok_or_else(|| ScenarioError::Course(format!("{plan_id} was not measured")))?;
+        let touches: Vec<TouchDeviation> = self.all(topics::TOUCH_DEVIATIONS)?;
+        let found = touches
+            .iter()
+            .filter(|touch| touch.plan_id == plan_id)
+            .map(|touch| (touch.point_index as usize, touch.deviation))
+            .collect();
+        Ok((plan, found))
+    }
+
+    /// What a recorder would have kept of a measurement of these features, the reference left out.
+    pub(crate) fn session(
+        &self,
+        name: &str,
+        plan_id: &str,
+        features: &[&str],
+    ) -> Result<Session, ScenarioError> {
+        let (plan, _) = self.deviations(plan_id)?;
+        let model: std_msgs::String = last(&self.log, topics::ROBOT_DESCRIPTION)?;
+        let mut events: Vec<ProbeEvent> = self.all(topics::PROBE_EVENTS)?;
+        events.retain(|event| {
+            let point = plan.points.get(event.point_index as usize);
+            let feature = point.and_then(|point| plan.features.get(point.feature as usize));
+            event.plan_id == plan_id
+                && feature.is_some_and(|feature| features.contains(&feature.id.as_str()))
+        });
+        // A session numbers its touches from 0.
+        for (sequence, event) in events.iter_mut().enumerate() {
+            event.sequence = sequence as u64;
+        }
+        Ok(Session {
+            name: name.to_owned(),
+            robot_description: model.data,
+            plan: Some(plan),
+            events,
+            joint_states: self.all(topics::JOINT_STATES)?,
+            joint_commands: self.all(topics::JOINT_COMMANDS)?,
+            machine_states: self.all(topics::MACHINE_STATE)?,
+            references: Vec::new(),
+        })
+    }
+
+    /// The last measurement against the part as the reference found it.
+    pub(crate) fn session_on_reference(&self, name: &str) -> Result<Session, ScenarioError> {
+        let reference: ReferenceMeasurement = last(&self.log, topics::REFERENCE)?;
+        let features: Vec<&str> = SIZES.iter().flat_map(|(_, features, _)| *features).copied().collect();
+        let mut session = self.session(name, &reference.plan_id, &features)?;
+        session.plan = session.plan.map(|plan| as_measured(plan, &reference));
+        Ok(session)
     }
 }

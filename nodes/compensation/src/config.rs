@@ -25,6 +25,10 @@ pub struct RawConfig {
     /// Stop at a size that could be corrected, as the printed macro says, instead of correcting it.
     #[serde(default)]
     pub literal_macro: bool,
+    /// Cut a pass again with unchanged offsets before its first correction: what has sprung back is gone then, and only
+    /// what repeats is corrected (source systems A.4).
+    #[serde(default)]
+    pub spring_pass: bool,
 }
 
 fn default_validity() -> f64 {
@@ -80,6 +84,8 @@ pub struct Config {
     pub wear_per_size: f64,
     /// What to do with a size that can be corrected.
     pub policy: Policy,
+    /// Cut a pass again with unchanged offsets before its first correction.
+    pub spring_pass: bool,
     /// This graph runs on a recording.
     pub replayed: bool,
 }
@@ -136,6 +142,7 @@ impl RawConfig {
             automatic_approval: self.automatic_approval,
             validity: self.validity_s,
             wear_per_size: self.wear_per_size,
+            spring_pass: self.spring_pass,
             policy: if self.literal_macro {
                 Policy::Literal
             } else {

@@ -53,6 +53,8 @@ pub struct State {
     pub offsets: Option<ToolOffsets>,
     /// Corrections made in the current pass.
     pub corrections: u32,
+    /// The current pass was cut again with unchanged offsets.
+    pub sprung: bool,
     /// Part and pass that the count is of.
     pub counted: Option<(String, u32)>,
     /// Corrections that wait for an operator.
@@ -150,6 +152,7 @@ fn decide_on_all(config: &Config, state: &mut State, now: Stamp, out: &mut Outbo
     if state.counted != counted {
         state.counted = counted;
         state.corrections = 0;
+        state.sprung = false;
     }
     let decided: Vec<(&Characteristic, decision::Verdict, Action)> = config
         .characteristics
@@ -186,6 +189,7 @@ fn decide_on_all(config: &Config, state: &mut State, now: Stamp, out: &mut Outbo
         .map(|(_, verdict, _)| rank(*verdict))
         .max()
         .unwrap_or(0);
+    let spring = config.spring_pass && !state.sprung;
     let literal = decided.iter().any(|(_, verdict, action)| {
         *verdict == decision::Verdict::Compensable && *action == Action::Stop
     });
@@ -203,6 +207,13 @@ fn decide_on_all(config: &Config, state: &mut State, now: Stamp, out: &mut Outbo
         1 if literal => (
             PassDecision::STOP,
             format!("{} could be corrected, but the policy is to stop", names(1)),
+        ),
+        1 if spring => (
+            PassDecision::RECUT,
+            format!(
+                "{} may have sprung back: cut again with unchanged offsets",
+                names(1)
+            ),
         ),
         1 => (
             PassDecision::RECUT,
@@ -227,7 +238,9 @@ fn decide_on_all(config: &Config, state: &mut State, now: Stamp, out: &mut Outbo
         ),
     };
     let mut correction_ids = Vec::new();
-    if decision == PassDecision::RECUT {
+    if decision == PassDecision::RECUT && spring {
+        state.sprung = true;
+    } else if decision == PassDecision::RECUT {
         state.corrections += 1;
         for correction in corrections(config, state, now, &plan_id, &results, &decided) {
             correction_ids.push(correction.correction_id.clone());
