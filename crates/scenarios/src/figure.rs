@@ -56,7 +56,7 @@ impl Value {
         }
     }
 
-    /// As a person reads it: four significant figures at least, no more than 1e-4 of the unit.
+    /// As a person reads it.
     pub fn text(&self) -> String {
         match self {
             Self::Number(value) => number(*value),
@@ -70,24 +70,22 @@ impl Value {
     }
 }
 
-/// A number without digits that say nothing.
+/// A number with four significant digits at least and no idle zeros.
 fn number(value: f64) -> String {
-    if value != 0.0 && value.abs() < 1e-3 {
+    if value == 0.0 || !value.is_finite() {
+        return format!("{value}");
+    }
+    let magnitude = value.abs().log10().floor();
+    if magnitude < -5.0 {
         return format!("{value:.2e}");
     }
-    let digits = match value.abs() {
-        size if size >= 1000.0 => 0,
-        size if size >= 100.0 => 1,
-        size if size >= 10.0 => 2,
-        size if size >= 1.0 => 3,
-        _ => 4,
-    };
-    let text = format!("{value:.digits$}");
-    if text.contains('.') {
-        text.trim_end_matches('0').trim_end_matches('.').to_owned()
+    let decimals = if magnitude >= 2.0 {
+        2.0
     } else {
-        text
-    }
+        3.0 - magnitude
+    };
+    let text = format!("{value:.0$}", decimals as usize);
+    text.trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
 /// What a figure must be; of several numbers each one.
@@ -109,6 +107,8 @@ pub enum Rule {
     SizeAtMost(f64),
     /// This word or number.
     Equals(Value),
+    /// What these words say; whether it holds was found out elsewhere.
+    Judged(String, bool),
 }
 
 /// A figure of a scenario.
@@ -173,6 +173,7 @@ impl Figure {
             Rule::AtLeast(limit) => each(&|v| v >= *limit && v.is_finite()),
             Rule::SizeAtMost(limit) => each(&|v| v.abs() <= *limit),
             Rule::Equals(value) => self.ours == *value,
+            Rule::Judged(_, holds) => *holds,
         }
     }
 
@@ -207,6 +208,7 @@ impl Figure {
             Rule::AtLeast(limit) => format!("at least {}", with_unit(*limit)),
             Rule::SizeAtMost(limit) => format!("within ±{}", with_unit(*limit)),
             Rule::Equals(value) => format!("equal to {}", value.text()),
+            Rule::Judged(words, _) => words.clone(),
         }
     }
 }
@@ -248,8 +250,9 @@ mod tests {
         for (value, text) in [
             (-68.2, "-68.2"),
             (0.0342, "0.0342"),
-            (1234.5, "1234"),
+            (213.64, "213.64"),
             (2e-6, "2.00e-6"),
+            (-0.005583, "-0.005583"),
             (0.0, "0"),
             (7.0, "7"),
         ] {

@@ -22,6 +22,10 @@ mod deflection;
 mod elastic_loop;
 mod phantom_wear;
 mod probe_offset;
+mod profile;
+mod separation;
+mod shaft;
+mod slip;
 
 pub use error::ScenarioError;
 pub use figure::{Figure, Rule, Value};

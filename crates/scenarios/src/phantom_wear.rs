@@ -110,7 +110,11 @@ fn run(run: &Run<'_>) -> Result<Outcome, ScenarioError> {
         &["machine", "register, µm", "gauge error, µm", "cause"],
     );
     for (machine, wear, error) in [
-        ("probe not calibrated, tool error 20 µm", before, gauge_before),
+        (
+            "probe not calibrated, tool error 20 µm",
+            before,
+            gauge_before,
+        ),
         ("probe calibrated, tool error 20 µm", after, gauge_after),
         ("probe calibrated, tool error 85 µm", worn, gauge_after),
     ] {
@@ -124,26 +128,71 @@ fn run(run: &Run<'_>) -> Result<Outcome, ScenarioError> {
     }
     Ok(Outcome {
         figures: vec![
-            Figure::new("wear_difference_um", "wear register before less after the calibration", "µm", before - after)
-                .source(-65.0)
-                .rule(Rule::Near(3.0)),
-            Figure::new("wear_before_um", "wear register, probe not calibrated", "µm", before),
-            Figure::new("wear_after_um", "wear register, probe calibrated", "µm", after),
-            Figure::new("blunt_verdict_before", "tool error 50 µm, probe not calibrated: every size", "", one_word(&blunt_before))
-                .source("tool worn")
-                .rule(Rule::Equals("tool worn".into())),
-            Figure::new("blunt_verdict_after", "tool error 50 µm, probe calibrated: every size", "", one_word(&blunt_after))
-                .source("qualified")
-                .rule(Rule::Equals("qualified".into())),
-            Figure::new("worn_register_difference_um", "register of a really worn tool less the phantom's", "µm", worn - before)
-                .rule(Rule::SizeAtMost(6.0)),
-            Figure::new("gauge_error_before_um", "gauge read with the uncalibrated probe", "µm", gauge_before * 1e6)
-                .source(71.0)
-                .rule(Rule::Near(0.1)),
-            Figure::new("cause_phantom", "register and gauge, probe not calibrated", "", cause(gauge_before))
-                .rule(Rule::Equals("probe".into())),
-            Figure::new("cause_worn", "register and gauge, worn tool", "", cause(gauge_after))
-                .rule(Rule::Equals("tool".into())),
+            Figure::new(
+                "wear_difference_um",
+                "wear register before less after the calibration",
+                "µm",
+                before - after,
+            )
+            .source(-65.0)
+            .rule(Rule::Near(3.0)),
+            Figure::new(
+                "wear_before_um",
+                "wear register, probe not calibrated",
+                "µm",
+                before,
+            ),
+            Figure::new(
+                "wear_after_um",
+                "wear register, probe calibrated",
+                "µm",
+                after,
+            ),
+            Figure::new(
+                "blunt_verdict_before",
+                "tool error 50 µm, probe not calibrated: every size",
+                "",
+                one_word(&blunt_before),
+            )
+            .source("tool worn")
+            .rule(Rule::Equals("tool worn".into())),
+            Figure::new(
+                "blunt_verdict_after",
+                "tool error 50 µm, probe calibrated: every size",
+                "",
+                one_word(&blunt_after),
+            )
+            .source("qualified")
+            .rule(Rule::Equals("qualified".into())),
+            Figure::new(
+                "worn_register_difference_um",
+                "register of a really worn tool less the phantom's",
+                "µm",
+                worn - before,
+            )
+            .rule(Rule::SizeAtMost(6.0)),
+            Figure::new(
+                "gauge_error_before_um",
+                "gauge read with the uncalibrated probe",
+                "µm",
+                gauge_before * 1e6,
+            )
+            .source(71.0)
+            .rule(Rule::Near(0.1)),
+            Figure::new(
+                "cause_phantom",
+                "register and gauge, probe not calibrated",
+                "",
+                cause(gauge_before),
+            )
+            .rule(Rule::Equals("probe".into())),
+            Figure::new(
+                "cause_worn",
+                "register and gauge, worn tool",
+                "",
+                cause(gauge_after),
+            )
+            .rule(Rule::Equals("tool".into())),
         ],
         tables: vec![table],
         ..Outcome::default()

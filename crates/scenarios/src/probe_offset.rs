@@ -357,14 +357,13 @@ fn table(before: &Errors, after: &Errors, recorded: &(Errors, Errors)) -> Table 
     table
 }
 
-/// The last measurement of a punch before and after the calibration, against the punch as the reference found it: there
-/// a deviation is the gap.
+/// The last measurement of a punch before and after the calibration, with the reference's.
 fn sessions(seed: u64) -> Result<Vec<Recorded>, ScenarioError> {
     let one = |probe, name: &'static str, share| -> Result<Recorded, ScenarioError> {
         let part = make(probe, seed, &str::to_owned)?;
         Ok(Recorded {
             name,
-            session: part.session_on_reference(&format!("A-probe-offset, {name}"))?,
+            session: part.session_with_reference(&format!("A-probe-offset, {name}"))?,
             expected: Expected::Effects(&["probe.ball_radius"], share),
         })
     };

@@ -9,6 +9,8 @@ use crate::{Figure, Rule, ScenarioError};
 pub enum Expected {
     /// Nothing: the cell behaves as its model.
     NoGap,
+    /// That something acts that its vocabulary does not have; no effect is blamed for it.
+    Unknown,
     /// These effects, each by name or as indistinguishable from one that is named, and nothing besides; with them in the
     /// model the held-out rms falls to this share of what it was, or below.
     Effects(&'static [&'static str], f64),
@@ -47,45 +49,43 @@ impl Recorded {
                         .any(|other| other == id)
             })
         };
+        let named = if found.is_empty() {
+            "nothing".to_owned()
+        } else {
+            found.join(", ")
+        };
+        let figure = Figure::new(
+            format!("diagnosis_{}", self.name),
+            format!("effects named in session {}", self.name),
+            "",
+            named,
+        );
         match &self.expected {
             Expected::NoGap => {
-                let verdict = match (report.verdict, found.is_empty()) {
-                    (Verdict::NoGap, true) => "no gap".to_owned(),
-                    (verdict, _) => format!("{verdict:?}: {}", found.join(", ")),
-                };
-                vec![
-                    Figure::new(
-                        format!("diagnosis_{}", self.name),
-                        format!("diagnosis of session {}", self.name),
-                        "",
-                        verdict,
-                    )
-                    .rule(Rule::Equals("no gap".into())),
-                ]
+                let holds = report.verdict == Verdict::NoGap && found.is_empty();
+                vec![figure.rule(Rule::Judged("no gap".to_owned(), holds))]
+            }
+            Expected::Unknown => {
+                let holds = report.verdict == Verdict::Unexplained && found.is_empty();
+                let words = "none named, the gap left unexplained".to_owned();
+                vec![figure.rule(Rule::Judged(words, holds))]
             }
             Expected::Effects(hidden, share) => {
-                let right = found.len() <= hidden.len() && hidden.iter().all(|id| stands_for(id));
-                let text = if right {
-                    hidden.join(", ")
-                } else {
-                    format!("{:?}: {}", report.verdict, found.join(", "))
-                };
+                let holds = found.len() <= hidden.len() && hidden.iter().all(|id| stands_for(id));
+                let words = format!(
+                    "{}, by name or indistinguishable from it",
+                    hidden.join(" and ")
+                );
                 let shrunk = match (report.effects.first(), report.effects.last()) {
                     (Some(first), Some(last)) => last.rms_after / first.rms_before,
-                    _ => 1.0,
+                    _ => f64::NAN,
                 };
                 vec![
-                    Figure::new(
-                        format!("diagnosis_{}", self.name),
-                        format!("diagnosis of session {}", self.name),
-                        "",
-                        text,
-                    )
-                    .rule(Rule::Equals(hidden.join(", ").into())),
+                    figure.rule(Rule::Judged(words, holds)),
                     Figure::new(
                         format!("diagnosis_{}_gap_ratio", self.name),
                         format!(
-                            "held-out gap of session {}: with the effect, over without",
+                            "held-out gap of session {}: with them in the model over without",
                             self.name
                         ),
                         "",

@@ -2,7 +2,10 @@
 
 use thiserror::Error;
 
-use crate::{Scenario, deflection, elastic_loop, phantom_wear, probe_offset};
+use crate::{
+    Scenario, deflection, elastic_loop, phantom_wear, probe_offset, profile, separation, shaft,
+    slip,
+};
 
 /// All scenarios.
 pub fn register() -> &'static [Scenario] {
@@ -11,6 +14,13 @@ pub fn register() -> &'static [Scenario] {
         phantom_wear::SCENARIO,
         deflection::SCENARIO,
         elastic_loop::SCENARIO,
+        profile::form::SCENARIO,
+        profile::datum::SCENARIO,
+        profile::imprint::SCENARIO,
+        separation::guideway::SCENARIO,
+        separation::setup_tilt::SCENARIO,
+        slip::SCENARIO,
+        shaft::SCENARIO,
     ]
 }
 

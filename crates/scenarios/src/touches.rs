@@ -9,8 +9,7 @@ use machine::{Chain, Nominal, Target};
 use nalgebra::Vector3;
 use probecell_msgs::builtin_interfaces::Time;
 use probecell_msgs::{
-    InspectionFeature, InspectionPlan, InspectionPoint, ProbeEvent, ReferenceMeasurement, Stylus,
-    geometry_msgs, std_msgs,
+    InspectionFeature, InspectionPlan, InspectionPoint, ProbeEvent, Stylus, geometry_msgs, std_msgs,
 };
 
 use crate::ScenarioError;
@@ -164,25 +163,4 @@ pub(crate) fn session(
         events,
         ..Session::default()
     })
-}
-
-/// The plan with the surface where an instrument found it (m along each point's normal), as a part of which only the
-/// measurement is this machine's: what a calibrated part is.
-pub(crate) fn as_measured(
-    mut plan: InspectionPlan,
-    reference: &ReferenceMeasurement,
-) -> InspectionPlan {
-    plan.machined_on_this_machine = false;
-    plan.operations.clear();
-    for (index, deviation) in reference.point_index.iter().zip(&reference.deviation) {
-        if let Some(planned) = plan.points.get_mut(*index as usize) {
-            planned.position.x += planned.normal.x * deviation;
-            planned.position.y += planned.normal.y * deviation;
-            planned.position.z += planned.normal.z * deviation;
-        }
-    }
-    for planned in &mut plan.points {
-        planned.operation = -1;
-    }
-    plan
 }

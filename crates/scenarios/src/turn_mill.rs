@@ -14,7 +14,6 @@ use probecell_msgs::{
 };
 
 use crate::ScenarioError;
-use crate::touches::as_measured;
 
 /// When a virtual session begins: 2026-01-01 00:00 UTC.
 const BEGIN: Stamp = Stamp(1_767_225_600_000_000_000);
@@ -229,12 +228,13 @@ impl Punch {
         })
     }
 
-    /// The last measurement against the part as the reference found it.
-    pub(crate) fn session_on_reference(&self, name: &str) -> Result<Session, ScenarioError> {
+    /// What a recorder would have kept of the last measurement, with what the reference instrument found.
+    pub(crate) fn session_with_reference(&self, name: &str) -> Result<Session, ScenarioError> {
         let reference: ReferenceMeasurement = last(&self.log, topics::REFERENCE)?;
-        let features: Vec<&str> = SIZES.iter().flat_map(|(_, features, _)| *features).copied().collect();
+        let features = SIZES.iter().flat_map(|(_, features, _)| *features);
+        let features: Vec<&str> = features.copied().collect();
         let mut session = self.session(name, &reference.plan_id, &features)?;
-        session.plan = session.plan.map(|plan| as_measured(plan, &reference));
+        session.references.push(reference);
         Ok(session)
     }
 }

@@ -23,6 +23,7 @@ fn config(automatic_approval: bool, inner: bool) -> Config {
         validity_s: 60.0,
         wear_per_size: 1.0,
         literal_macro: false,
+        spring_pass: false,
     };
     raw.check(false).expect("sound settings")
 }
@@ -277,4 +278,37 @@ fn a_correction_names_what_entitles_it() {
         )
     });
     assert!(decided);
+}
+
+/// Source systems A.4, hazard 2: only what repeats after a cut with unchanged offsets is corrected, once in a pass.
+#[test]
+fn a_spring_pass_comes_before_the_first_correction_of_a_pass() {
+    let config = Config {
+        spring_pass: true,
+        ..config(true, false)
+    };
+    let said = |sizes: &[f64], expected: &[&str]| {
+        let mut inputs = vec![offsets(0.0)];
+        for (index, size) in sizes.iter().enumerate() {
+            let plan = format!("p/{}", index + 1);
+            inputs.extend([measure(&plan), result(&plan, *size)]);
+        }
+        check(&config, inputs, expected);
+    };
+    said(&[19.835], &["D1 compensable", "recut []"]);
+    said(
+        &[19.835, 19.822],
+        &[
+            "D1 compensable",
+            "p/2/T2/4 approved 0.0 to -22.0 by \"policy of the cell file\"",
+            "recut [\"p/2/T2/4\"]",
+        ],
+    );
+    said(&[19.835, 19.801], &["D1 qualified", "next []"]);
+    // Another pass has its own.
+    let mut inputs = vec![offsets(0.0)];
+    for plan in ["p/1", "q/1"] {
+        inputs.extend([measure(plan), result(plan, 19.835)]);
+    }
+    check(&config, inputs, &["D1 compensable", "recut []"]);
 }

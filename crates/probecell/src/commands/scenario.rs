@@ -36,7 +36,7 @@ pub(crate) struct RunArguments {
     /// All of them.
     #[arg(long, conflicts_with = "names")]
     all: bool,
-    /// Seed of all randomness.
+    /// Seed of all randomness. A share of runs close to its limit may miss it with another seed.
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Print one JSON object.
