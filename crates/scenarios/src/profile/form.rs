@@ -31,6 +31,9 @@ const SHARE: f64 = 99.0;
 /// Radius of the cutter, m.
 const CUTTER: f64 = 6e-3;
 
+/// A size of a part, m.
+type Size = fn(&Evaluation) -> f64;
+
 fn reduction(form: f64) -> f64 {
     100.0 * (1.0 - form / BEFORE.form())
 }
@@ -344,7 +347,7 @@ fn table(raw: &[Evaluation], corrected: &[Evaluation]) -> Table {
         "Second part in mm, means of 300 runs",
         &["", "source", "raw correction", "deterministic part"],
     );
-    let rows: [(&str, f64, fn(&Evaluation) -> f64); 5] = [
+    let rows: [(&str, f64, Size); 5] = [
         ("mean", 0.0014, |run| run.datum.mean),
         ("height at the datum", 0.0268, |run| run.datum.height()),
         ("form at the datum", 0.0288, |run| run.datum.form()),
