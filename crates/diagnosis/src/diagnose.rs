@@ -135,7 +135,7 @@ impl Explained {
 }
 
 fn explain(shapes: &Shapes<'_>) -> Explained {
-    let suspects = outliers::suspects(shapes.base(), &weighted(shapes.observations, &[]));
+    let suspects = outliers::suspects(&shapes.usual(), &weighted(shapes.observations, &[]));
     let mut best = straightened(shapes, &[]);
     if !suspects.is_empty() {
         let other = straightened(shapes, &suspects);

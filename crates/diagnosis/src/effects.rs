@@ -86,6 +86,7 @@ pub struct Shape {
 }
 
 type Build = Box<dyn Fn(&Observations, f64) -> Vec<Column> + Send + Sync>;
+type Sweep = Box<dyn Fn(&Observations, &[f64]) -> Vec<Vec<Vec<f64>>> + Send + Sync>;
 
 /// One way an effect can act.
 pub struct Variant {
@@ -102,6 +103,7 @@ pub struct Variant {
     /// Prior probability against the other variants of the effect, not normalised.
     pub share: f64,
     build: Build,
+    sweep: Option<Sweep>,
 }
 
 impl Variant {
@@ -119,6 +121,7 @@ impl Variant {
             constants: Vec::new(),
             share: 1.0,
             build: Box::new(move |observations, _| build(observations)),
+            sweep: None,
         }
     }
 
@@ -137,6 +140,7 @@ impl Variant {
             constants: Vec::new(),
             share: 1.0,
             build: Box::new(build),
+            sweep: None,
         }
     }
 
@@ -150,6 +154,28 @@ impl Variant {
     pub fn with_constants(mut self, constants: &[(&'static str, f64, &'static str)]) -> Self {
         self.constants = constants.to_vec();
         self
+    }
+
+    /// Gives the signatures of all tried shapes at once, where that is cheaper than one after the other.
+    pub fn swept(
+        mut self,
+        sweep: impl Fn(&Observations, &[f64]) -> Vec<Vec<Vec<f64>>> + Send + Sync + 'static,
+    ) -> Self {
+        self.sweep = Some(Box::new(sweep));
+        self
+    }
+
+    /// Signatures (m per unit, a column per parameter) at each of the shape's tried values.
+    pub fn signatures(&self, observations: &Observations) -> Vec<Vec<Vec<f64>>> {
+        let trials = self.shape.as_ref().map_or(&[][..], |shape| &shape.trials);
+        let one = |&value: &f64| {
+            let columns = self.columns(observations, value);
+            columns.into_iter().map(|column| column.signature).collect()
+        };
+        match &self.sweep {
+            Some(sweep) => sweep(observations, trials),
+            None => trials.iter().map(one).collect(),
+        }
     }
 
     /// Makes this way of acting so many times as probable as the usual one of its effect.

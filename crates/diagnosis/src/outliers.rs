@@ -24,7 +24,7 @@ pub fn log_evidence(stray: usize) -> f64 {
 }
 
 /// Rows that miss what the library predicts for them from the others.
-pub fn suspects(candidates: &[Candidate], y: &[f64]) -> Vec<usize> {
+pub fn suspects(candidates: &[&Candidate], y: &[f64]) -> Vec<usize> {
     let columns: Vec<&Vec<f64>> = candidates
         .iter()
         .flat_map(|candidate| &candidate.block)

@@ -144,9 +144,13 @@ impl<'a> Shapes<'a> {
         }
     }
 
-    /// The linear blocks and those of the few shapes that are always there.
-    pub(crate) fn base(&self) -> &[Candidate] {
-        &self.base
+    /// Blocks that stand for the whole library where any smooth explanation will do.
+    pub(crate) fn usual(&self) -> Vec<&Candidate> {
+        let usual = |candidate: &&Candidate| {
+            let variant = &self.variants[candidate.variant];
+            !candidate.bends && variant.shape.is_none() && variant.share >= 1.0
+        };
+        self.base.iter().filter(usual).collect()
     }
 
     /// Tried values of a variant's shape; none where it has no shape.
@@ -155,10 +159,17 @@ impl<'a> Shapes<'a> {
             return &[];
         };
         self.trials[place].get_or_init(|| {
-            shape
-                .trials
-                .iter()
-                .map(|&value| self.trial(place, value, self.sampled.as_ref()))
+            let observations = self.sampled.as_ref().unwrap_or(self.observations);
+            let mut signatures = self.variants[place].signatures(observations);
+            for column in signatures.iter_mut().flatten() {
+                for (part, row) in column.iter_mut().zip(&observations.rows) {
+                    *part *= row.weight;
+                }
+            }
+            let values = shape.trials.iter();
+            values
+                .zip(signatures)
+                .map(|(&value, columns)| Trial::new(value, columns))
                 .collect()
         })
     }

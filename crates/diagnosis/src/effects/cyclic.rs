@@ -12,6 +12,8 @@ use crate::observation::Observations;
 
 /// Longest and shortest period that a screw or a scale has, m.
 const PERIODS: (f64, f64) = (0.04, 0.001);
+/// Steps after which a wave is computed anew in a sweep.
+const RENEWED: usize = 64;
 /// Trials in one resolvable step of the frequency.
 const OVERSAMPLED: f64 = 4.0;
 
@@ -58,7 +60,61 @@ pub(super) fn offer(observations: &Observations, variants: &mut Vec<Variant>) {
                     vec![column(f64::sin), column(f64::cos)]
                 },
             )
-            .reported(Form::Sine),
+            .reported(Form::Sine)
+            .swept(move |observations, periods| sweep(observations, axis, periods)),
         );
     }
+}
+
+/// One position of the axis in a row: how strongly the row sees it, and the waves at the frequency in turn.
+struct Seen {
+    row: usize,
+    weight: f64,
+    wave: (f64, f64),
+    step: (f64, f64),
+}
+
+/// Sine and cosine at all periods, whose frequencies are evenly spaced: each wave follows from the one before by turning
+/// it on, and is set anew now and then.
+fn sweep(observations: &Observations, axis: usize, periods: &[f64]) -> Vec<Vec<Vec<f64>>> {
+    let rows = observations.rows.len();
+    let frequency = |place: usize| 1.0 / periods[place];
+    let spacing = if periods.len() > 1 {
+        (frequency(periods.len() - 1) - frequency(0)) / (periods.len() - 1) as f64
+    } else {
+        0.0
+    };
+    let mut seen: Vec<Seen> = Vec::new();
+    let mut positions: Vec<f64> = Vec::new();
+    for (row, of) in observations.rows.iter().enumerate() {
+        for (pose, sign) in [(&of.pose, -1.0), (&of.cut, 1.0)] {
+            if let Some(pose) = pose {
+                let position = pose.positions[axis];
+                positions.push(position);
+                seen.push(Seen {
+                    row,
+                    weight: sign * of.normal.dot(&pose.sensitivity.axes[axis]),
+                    wave: (0.0, 1.0),
+                    step: (TAU * spacing * position).sin_cos(),
+                });
+            }
+        }
+    }
+    let mut all = Vec::with_capacity(periods.len());
+    for place in 0..periods.len() {
+        let (mut sine, mut cosine) = (vec![0.0; rows], vec![0.0; rows]);
+        for (one, position) in seen.iter_mut().zip(&positions) {
+            let (s, c) = one.wave;
+            one.wave = if place % RENEWED == 0 {
+                (TAU * position * frequency(place)).sin_cos()
+            } else {
+                let (turn_s, turn_c) = one.step;
+                (s * turn_c + c * turn_s, c * turn_c - s * turn_s)
+            };
+            sine[one.row] += one.weight * one.wave.0;
+            cosine[one.row] += one.weight * one.wave.1;
+        }
+        all.push(vec![sine, cosine]);
+    }
+    all
 }
