@@ -10,7 +10,7 @@ use crate::effects::Variant;
 use crate::evidence::{Fit, Products, add_scaled};
 use crate::observation::Observations;
 use crate::pool::{Pool, Shapes};
-use crate::rivals::{Rival, rivals};
+use crate::rivals::{Kind, Rival, grid, rivals};
 use crate::search::{MOST_EFFECTS, Scored, extend, prune};
 
 /// Prior probability that the noise remembers the touch before.
@@ -193,11 +193,11 @@ fn grow(pool: &mut Pool<'_>, scored: &mut Vec<Scored>) {
 fn finish(pool: Pool<'_>, scored: &[Scored]) -> Attribution {
     let priors = pool.priors();
     let white = pool.correlation == 0.0;
-    let rivals = if white {
-        rivals(pool.shapes.observations, pool.active)
-    } else {
-        Vec::new()
-    };
+    let mut challengers = Vec::new();
+    if white {
+        challengers = rivals(pool.shapes.observations, pool.active);
+        challengers.extend(grid(pool.shapes.observations, pool.active));
+    }
     let noise = if white {
         1.0 - REMEMBERS
     } else {
@@ -213,7 +213,7 @@ fn finish(pool: Pool<'_>, scored: &[Scored]) -> Attribution {
             score: scored.score + (1.0 - UNKNOWN).ln() + noise.ln(),
         })
         .collect();
-    challenge(&pool, scored, &rivals, &priors, &mut models);
+    challenge(&pool, scored, &challengers, &priors, &mut models);
     models.sort_by(|one, other| other.score.total_cmp(&one.score));
     models.dedup_by(|one, other| one.set == other.set && one.rival == other.rival);
     let best = models.first().map_or(0.0, |model| model.score);
@@ -224,7 +224,7 @@ fn finish(pool: Pool<'_>, scored: &[Scored]) -> Attribution {
     Attribution {
         candidates: pool.candidates,
         aliases: pool.aliases,
-        rivals,
+        rivals: challengers,
         models,
         products: pool.products,
         y: pool.y.to_vec(),
@@ -234,6 +234,11 @@ fn finish(pool: Pool<'_>, scored: &[Scored]) -> Attribution {
 }
 
 impl Attribution {
+    /// True where a model needs something outside the vocabulary.
+    pub fn is_unknown(&self, model: &Model) -> bool {
+        (model.rival).is_some_and(|(place, _)| self.rivals[place].kind != Kind::Grid)
+    }
+
     /// Fit of a model's set on the active rows, beside its rival.
     pub fn fit(&self, model: &Model) -> Option<Fit> {
         match model.rival {

@@ -48,7 +48,7 @@ fn kin(observations: &Observations, rival: &Rival, effect: &str) -> bool {
         }
         Kind::Time => ["thermal.drift", "thermal.spindle_growth", "process.slip"].contains(&effect),
         Kind::Direction => effect == "probe.pretravel_lobing",
-        Kind::Region | Kind::Feature | Kind::Index => false,
+        Kind::Region | Kind::Feature | Kind::Index | Kind::Grid => false,
     }
 }
 
@@ -152,6 +152,10 @@ pub(crate) fn challenge(
 }
 
 fn price(rival: &Rival) -> f64 {
+    if rival.kind == Kind::Grid {
+        // The readings themselves show the grid.
+        return 0.5_f64.ln() - (POWERS.len() as f64).ln();
+    }
     rival.log_prior + UNKNOWN.ln() - (POWERS.len() as f64).ln()
 }
 

@@ -238,7 +238,7 @@ fn shifts(
 fn simplest<'a>(attribution: &'a Attribution, model: &'a Model) -> &'a Model {
     let mut best = model;
     while let Some(smaller) = attribution.models.iter().find(|other| {
-        other.rival.is_some() == best.rival.is_some()
+        attribution.is_unknown(other) == attribution.is_unknown(best)
             && other.set.len() < best.set.len()
             && other.probability * REFUTED > best.probability
     }) {
@@ -323,7 +323,7 @@ impl Reporter<'_> {
         let noise = fit.as_ref().map_or(0.0, |fit| fit.variance.sqrt());
         let (effects, set) = self.effects(best, beside_unknown, noise);
         let mut effects = effects;
-        let grid = self.grid(noise, &mut effects);
+        let grid = self.grid(best, noise, &mut effects);
         self.records(noise, beside_unknown, &mut effects);
         let named = !effects.is_empty();
         let verdict = match (beside_unknown, named) {
@@ -390,7 +390,7 @@ impl Reporter<'_> {
     /// True for a model beside something that neither the vocabulary nor the reference's own uncertainty explains.
     fn is_unknown(&self, model: usize) -> bool {
         let attribution = &self.explained.attribution;
-        if attribution.models[model].rival.is_none() {
+        if !attribution.is_unknown(&attribution.models[model]) {
             return false;
         }
         let covered = |(_, part): (Kind, Vec<f64>)| rms(part.into_iter()) <= self.covered;
@@ -516,7 +516,7 @@ impl Reporter<'_> {
                 continue;
             };
             let kind = attribution.rivals[place].kind.clone();
-            if kinds.contains(&kind) {
+            if !attribution.is_unknown(model) || kinds.contains(&kind) {
                 continue;
             }
             let share: f64 = attribution
@@ -570,45 +570,26 @@ impl Reporter<'_> {
         rejected
     }
 
-    /// Names a coarse grid; gives its standard deviation, m.
-    fn grid(&self, noise: f64, effects: &mut Vec<Effect>) -> f64 {
-        let names: Vec<String> = self
-            .observations
-            .chain
-            .axis_names()
-            .map(str::to_owned)
-            .collect();
-        let linear = (0..names.len()).filter(|&axis| {
-            self.observations.chain.axis(axis).kind == machine::JointKind::Prismatic
-                && !self.observations.prescribed.contains(&axis)
-        });
-        let latched: Vec<Vec<f64>> = linear
-            .map(|axis| {
-                let of = |event: &probecell_msgs::ProbeEvent| {
-                    let place = event
-                        .axis_names
-                        .iter()
-                        .position(|name| *name == names[axis])?;
-                    event.axis_positions.get(place).copied()
-                };
-                self.session.events.iter().filter_map(of).collect()
-            })
-            .collect();
-        let Some(step) = timing::resolution(&latched) else {
+    /// Names a coarse grid; gives the part of the noise that is its rounding, m.
+    fn grid(&self, best: &Model, noise: f64, effects: &mut Vec<Effect>) -> f64 {
+        let Some(step) = self.observations.grid else {
             return 0.0;
         };
+        // A rounding that depends on the cell stands apart from the noise already.
+        let apart = best.rival.is_some() && !self.explained.attribution.is_unknown(best);
         let own = step / 12.0_f64.sqrt();
-        if own * own < GRID_SHARE * noise * noise {
+        if !apart && own * own < GRID_SHARE * noise * noise {
             return 0.0;
         }
+        let before = if apart { noise.hypot(own) } else { noise };
         effects.push(plain(
             "data.quantisation",
             1.0,
             vec![fixed("step", step, "m", 0.0)],
-            noise,
+            before,
             noise,
         ));
-        own
+        if apart { 0.0 } else { own }
     }
 
     /// Names what the records themselves show: stray touches, shifted clocks.

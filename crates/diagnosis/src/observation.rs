@@ -6,12 +6,13 @@
 
 use std::collections::BTreeMap;
 
-use machine::{Chain, Nominal, Sensitivity, Surface, Target};
+use machine::{Chain, JointKind, Nominal, Sensitivity, Surface, Target};
 use nalgebra::{DMatrix, DVector, Point3, Vector3};
 use probecell_msgs::{InspectionPlan, MachineState, ProbeEvent, ReferenceMeasurement};
 
 use crate::checks;
 use crate::session::{DiagnoseError, Session, seconds};
+use crate::timing;
 
 /// Fewest touches that say anything.
 const FEWEST: usize = 6;
@@ -25,6 +26,8 @@ const STANDS: f64 = 1e-6;
 pub struct Pose {
     /// Positions of [`Chain::axes`].
     pub positions: Vec<f64>,
+    /// The positions as they were read at the latch, deviation included.
+    pub latched: Vec<f64>,
     /// Derivatives of the ball centre there.
     pub sensitivity: Sensitivity,
     /// Speeds of the axes at the latch, m/s or rad/s; zeros while cutting.
@@ -87,6 +90,8 @@ pub struct Observations {
     pub cut_here: bool,
     /// Axes the plan prescribes (rotary axes and spindle angle), by place in [`Chain::axes`].
     pub prescribed: Vec<usize>,
+    /// Step of the grid on which the latched positions of the moving linear axes lie, m; `None` without a grid.
+    pub grid: Option<f64>,
     /// Standard uncertainty of the reference rows, m; 0 without any.
     pub reference_uncertainty: f64,
     /// Touches that were not used, by sequence and reason.
@@ -155,7 +160,17 @@ impl Observations {
             builder.references(reference, &mut touches, &mut deviations)?;
         }
         let skipped = builder.skipped;
+        let moving = (0..chain.axes().len()).filter(|axis| {
+            chain.axis(*axis).kind == JointKind::Prismatic && !prescribed.contains(axis)
+        });
+        let latched: Vec<Vec<f64>> = moving
+            .map(|axis| {
+                let read = |row: &Row| row.pose.as_ref().map(|pose| pose.latched[axis]);
+                touches.iter().filter_map(read).collect()
+            })
+            .collect();
         Ok(Self {
+            grid: timing::resolution(&latched),
             rows: touches,
             deviations,
             features: plan
@@ -250,6 +265,7 @@ impl Observations {
         Some(Row {
             feed,
             pose: Some(Pose {
+                latched: positions.clone(),
                 positions,
                 sensitivity,
                 speeds,
@@ -370,6 +386,7 @@ impl Builder<'_> {
         mut positions: Vec<f64>,
         velocity: &Vector3<f64>,
     ) -> Pose {
+        let read = positions.clone();
         let (part, ball) = (&self.nominal.part_pose, &self.nominal.ball);
         let (nominal, normal) = &self.nominal.points[point];
         let latched = self.chain.sensitivity(&positions, part, ball);
@@ -384,6 +401,7 @@ impl Builder<'_> {
         let sensitivity = self.chain.sensitivity(&positions, part, ball);
         let speeds = free_speeds(self.chain, self.prescribed, &sensitivity, velocity);
         Pose {
+            latched: read,
             positions,
             sensitivity,
             speeds,
@@ -469,6 +487,7 @@ impl Builder<'_> {
         let sensitivity = self.chain.sensitivity(&positions, pose, ball);
         Some(Pose {
             speeds: vec![0.0; positions.len()],
+            latched: positions.clone(),
             positions,
             sensitivity,
         })

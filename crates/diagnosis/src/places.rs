@@ -102,6 +102,7 @@ pub fn of_rival(
             .collect(),
         Kind::Direction => named(observations, &energy, "direction", probability),
         Kind::Feature => named(observations, &energy, "feature", probability),
+        Kind::Grid => Vec::new(),
         Kind::Index => vec![place("component", "index".to_owned(), None, probability)],
     }
 }

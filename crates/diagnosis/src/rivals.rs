@@ -12,12 +12,17 @@ use crate::observation::{Observations, Pose, Row};
 
 /// Directions that a process may have at most.
 const MOST_DIRECTIONS: usize = 48;
+/// Directions that the rounding on a grid may have at most.
+const MOST_CELLS: usize = 128;
 /// A process with fewer directions is an effect by another name.
 const FEWEST_DIRECTIONS: usize = 3;
 /// Fewest touches of a feature that can scatter more than others.
 const FEWEST_SCATTERED: usize = 6;
 /// A pivoted factor stops when no row keeps more than this share of its variance.
 const NEGLIGIBLE: f64 = 1e-3;
+
+/// A grid finer than this is what controllers usually read on, m.
+const FINE: f64 = 5e-7;
 
 /// An axis that moves less than this (m or rad) is no cause of anything.
 const STILL: f64 = 1e-3;
@@ -37,6 +42,8 @@ pub enum Kind {
     Feature,
     /// The combination of prescribed axis positions.
     Index,
+    /// The cell of a coarse grid on which positions are read: nothing unknown.
+    Grid,
 }
 
 /// One discrepancy process over the rows of a session.
@@ -82,6 +89,34 @@ pub fn rivals(observations: &Observations, active: &[bool]) -> Vec<Rival> {
         }
     }
     rivals
+}
+
+/// The rounding of positions read on a coarse grid: every touch in the same cell of an axis errs alike.
+pub(crate) fn grid(observations: &Observations, active: &[bool]) -> Option<Rival> {
+    let step = observations.grid.filter(|&step| step > FINE)?;
+    let rows = &observations.rows;
+    let moving: Vec<usize> = (0..observations.chain.axes().len())
+        .filter(|axis| {
+            observations.chain.axis(*axis).kind == JointKind::Prismatic
+                && !observations.prescribed.contains(axis)
+        })
+        .collect();
+    let cell = |pose: &Pose, axis: usize| (pose.latched[axis] / step).round() as i64;
+    let kernel: Kernel<'_> = Box::new(|i, j| {
+        let (Some(one), Some(other)) = (pose(&rows[i]), pose(&rows[j])) else {
+            return 0.0;
+        };
+        let alike = moving
+            .iter()
+            .filter(|&&axis| cell(one, axis) == cell(other, axis));
+        alike
+            .map(|&axis| {
+                rows[i].normal.dot(&one.sensitivity.axes[axis])
+                    * rows[j].normal.dot(&other.sensitivity.axes[axis])
+            })
+            .sum()
+    });
+    factor(observations, active, &kernel, Kind::Grid, 0.0)
 }
 
 fn pose(row: &Row) -> Option<&Pose> {
@@ -295,7 +330,11 @@ fn factor(
         return None;
     }
     let mut columns: Vec<Vec<f64>> = Vec::new();
-    let most = MOST_DIRECTIONS.min(rows / 2);
+    let most = if kind == Kind::Grid {
+        MOST_CELLS.min(rows)
+    } else {
+        MOST_DIRECTIONS.min(rows / 2)
+    };
     while columns.len() < most {
         let (pivot, &value) = left
             .iter()

@@ -116,6 +116,9 @@ pub fn resolution(positions: &[Vec<f64>]) -> Option<f64> {
             if divisor < 5e-8 {
                 return None;
             }
+            // The longest multiple known so far keeps rounding from piling up.
+            let span = pair[1] - values[0];
+            divisor = span / (span / divisor).round();
         }
         step = Some(step.map_or(divisor, |known| known.min(divisor)));
     }
