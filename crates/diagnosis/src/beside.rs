@@ -46,7 +46,7 @@ fn kin(observations: &Observations, rival: &Rival, effect: &str) -> bool {
                 .strip_prefix(&own)
                 .is_some_and(|kind| smooth.contains(&kind))
         }
-        Kind::Time => ["thermal.drift", "thermal.spindle_growth", "process.slip"].contains(&effect),
+        Kind::Time => ["thermal.drift", "thermal.spindle_growth"].contains(&effect),
         Kind::Direction => effect == "probe.pretravel_lobing",
         Kind::Region | Kind::Feature | Kind::Index | Kind::Grid => false,
     }

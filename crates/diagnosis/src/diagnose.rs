@@ -23,6 +23,10 @@ use crate::{checks, outliers, parameters, places, referenced, timing, vocabulary
 
 /// Beside something unknown an effect is named only when it is this probable.
 const SURE_BESIDE_UNKNOWN: f64 = 0.99;
+/// Something unknown is told of only when it is this probable: the signatures are not exact either.
+const SURELY_UNKNOWN: f64 = 0.9;
+/// An effect that the others can replace to within half the noise is named only when it is this probable.
+const SURE_THOUGH_REPLACEABLE: f64 = 0.993;
 /// An effect is named only when its set is this many times as probable as the set without it.
 const REFUTED: f64 = 10.0;
 /// A grid is named when it makes at least this share of the noise variance.
@@ -308,7 +312,7 @@ impl Reporter<'_> {
             .filter(|&model| self.is_unknown(model))
             .map(|model| attribution.models[model].probability)
             .sum();
-        let beside_unknown = unknown > 0.5;
+        let beside_unknown = unknown > SURELY_UNKNOWN;
         let best = (0..attribution.models.len())
             .find(|&model| self.is_unknown(model) == beside_unknown)
             .map(|model| &attribution.models[model]);
@@ -411,18 +415,18 @@ impl Reporter<'_> {
             start += candidate.block.len();
             let equals = indistinguishable(self.shapes, attribution, &best.set, member, own, noise);
             let name = self.variants[candidate.variant].effect.clone();
-            let probability = self.probability(std::iter::once(&name).chain(&equals));
-            let least = if beside_unknown {
-                SURE_BESIDE_UNKNOWN
-            } else {
-                0.5
+            let probability = self.probability(std::iter::once(&name).chain(&equals.names));
+            let least = match (beside_unknown, equals.replaceable) {
+                (_, true) => SURE_THOUGH_REPLACEABLE,
+                (true, false) => SURE_BESIDE_UNKNOWN,
+                (false, false) => 0.5,
             };
             if probability > least {
                 members.push((
                     member,
                     name,
                     probability,
-                    equals,
+                    equals.names,
                     rms(signature(candidate, own).into_iter()),
                 ));
             }

@@ -17,6 +17,15 @@ const NOT_EXCLUDED: f64 = 4.6;
 /// Trials of a shape that are compared with a signature.
 const TRIALS: usize = 160;
 
+/// Who else could stand in an effect's place.
+#[derive(Debug, Clone)]
+pub(crate) struct Equals {
+    /// Effects, in the order of the library.
+    pub(crate) names: Vec<String>,
+    /// True where the rest of the set reproduces the effect to within half the noise.
+    pub(crate) replaceable: bool,
+}
+
 /// Effects that could stand in the place of `member` of a set, in the order of the library.
 pub(crate) fn indistinguishable(
     shapes: &Shapes<'_>,
@@ -25,7 +34,7 @@ pub(crate) fn indistinguishable(
     member: usize,
     coefficients: &[f64],
     noise: f64,
-) -> Vec<String> {
+) -> Equals {
     let variants = shapes.variants;
     let own = &variants[attribution.candidates[member].variant].effect;
     let others: Vec<usize> = set
@@ -70,7 +79,12 @@ pub(crate) fn indistinguishable(
         .filter(|&place| !attribution.active[shapes.sample[place]])
         .collect();
     let close = |trial: &Trial| power - trial.gain(&basis, &left, &out) <= bound;
+    // Where the others can do it alone, anything can: only the posterior tells who else is meant.
+    let replaceable = power <= bound;
     for (place, candidate) in attribution.candidates.iter().enumerate() {
+        if replaceable {
+            break;
+        }
         let block = candidate.block.iter().map(|column| seen(column)).collect();
         if place != member && close(&Trial::new(candidate.shape, block)) {
             found.insert(variants[candidate.variant].effect.as_str());
@@ -82,7 +96,7 @@ pub(crate) fn indistinguishable(
         }
     }
     for (place, variant) in variants.iter().enumerate() {
-        if found.contains(variant.effect.as_str()) {
+        if replaceable || found.contains(variant.effect.as_str()) {
             continue;
         }
         let trials = shapes.trials(place);
@@ -133,7 +147,7 @@ pub(crate) fn indistinguishable(
             names.push(variant.effect.clone());
         }
     }
-    names
+    Equals { names, replaceable }
 }
 
 /// What a candidate adds to the weighted deviations.

@@ -8,6 +8,7 @@ use nalgebra::{DMatrix, DVector};
 use crate::attribution::Attribution;
 use crate::candidate::Candidate;
 use crate::effects::{Form, Parameter, Variant};
+use crate::evidence::{dot, whitened};
 use crate::observation::Observations;
 use crate::report::ParameterEstimate;
 
@@ -33,9 +34,24 @@ pub fn estimates(
         .flat_map(|candidate| &candidate.block)
         .collect();
     let linear = blocks.len();
-    let y = DVector::from_iterator(used.len(), used.iter().map(|&row| attribution.y[row]));
-    let flat = DMatrix::from_fn(used.len(), linear, |row, column| blocks[column][used[row]]);
-    let Some(coefficients) = solve(&flat, &y) else {
+    let touches = observations.touches();
+    let white = |values: &[f64]| {
+        whitened(
+            values,
+            &attribution.active,
+            touches,
+            attribution.correlation,
+        )
+    };
+    let y = DVector::from_vec(white(&attribution.y));
+    let columns: Vec<Vec<f64>> = blocks.iter().map(|column| white(column)).collect();
+    let flat = DMatrix::from_fn(used.len(), linear, |row, column| columns[column][row]);
+    // What the touches hardly see is held by what is plausible.
+    let sizes: Vec<f64> = members
+        .iter()
+        .flat_map(|candidate| candidate.plausible.iter().copied())
+        .collect();
+    let Some(coefficients) = solve(&flat, &y, &sizes) else {
         return vec![Vec::new(); set.len()];
     };
     let slopes: Vec<Option<(usize, Vec<f64>)>> = members
@@ -54,12 +70,8 @@ pub fn estimates(
         .into_iter()
         .flatten()
         .map(|(place, slope)| {
-            let length = used
-                .iter()
-                .map(|&row| slope[row] * slope[row])
-                .sum::<f64>()
-                .sqrt()
-                .max(f64::MIN_POSITIVE);
+            let slope = white(&slope);
+            let length = dot(&slope, &slope).sqrt().max(f64::MIN_POSITIVE);
             (
                 place,
                 length,
@@ -71,7 +83,7 @@ pub fn estimates(
         if column < linear {
             flat[(row, column)]
         } else {
-            extra[column - linear].2[used[row]]
+            extra[column - linear].2[row]
         }
     });
     let left = &y - &flat * &coefficients;
@@ -80,7 +92,10 @@ pub fn estimates(
     let mut normal = all.transpose() * &all;
     let ridge = 1e-9 * normal.diagonal().max();
     for index in 0..normal.nrows() {
-        normal[(index, index)] += ridge;
+        let held = sizes
+            .get(index)
+            .map_or(0.0, |size| variance / (size * size));
+        normal[(index, index)] += ridge + held;
     }
     let Some(covariance) = normal.try_inverse().map(|inverse| inverse * variance) else {
         return vec![Vec::new(); set.len()];
@@ -112,11 +127,20 @@ pub fn estimates(
     result
 }
 
-fn solve(columns: &DMatrix<f64>, y: &DVector<f64>) -> Option<DVector<f64>> {
+/// Coefficients, each held to its plausible size by as much as the noise allows.
+fn solve(columns: &DMatrix<f64>, y: &DVector<f64>, sizes: &[f64]) -> Option<DVector<f64>> {
     if columns.ncols() == 0 {
         return Some(DVector::zeros(0));
     }
-    columns.clone().svd(true, true).solve(y, 1e-9).ok()
+    let free = columns.clone().svd(true, true).solve(y, 1e-9).ok()?;
+    let variance = (y - columns * free).norm_squared() / y.len() as f64;
+    let mut normal = columns.transpose() * columns;
+    for (index, size) in sizes.iter().enumerate() {
+        normal[(index, index)] += variance / (size * size);
+    }
+    normal
+        .cholesky()
+        .map(|factor| factor.solve(&(columns.transpose() * y)))
 }
 
 /// How the fitted signature changes with the shape; `None` where there is no continuous shape.

@@ -40,14 +40,14 @@ pub(super) fn offer(observations: &Observations, variants: &mut Vec<Variant>) {
                 };
                 let effect = format!("axis.{}.angular", joint.name);
                 let constants = [("about", about, "1"), ("mid", mid, "m")];
-                let k = || Parameter::new("k", "rad/m", 1e-2);
+                let k = || Parameter::new("k", "rad/m", 3e-3);
                 variants.push(
                     Variant::linear(effect.clone(), vec![k()], move |observations| {
                         vec![turn(observations, &|from_mid| from_mid)]
                     })
                     .with_constants(&constants),
                 );
-                let e = Parameter::new("e", "rad", 2e-3);
+                let e = Parameter::new("e", "rad", 1e-3);
                 variants.push(
                     Variant::linear(effect, vec![k(), e], move |observations| {
                         vec![

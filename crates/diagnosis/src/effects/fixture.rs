@@ -19,7 +19,7 @@ pub(super) fn offer(observations: &Observations, variants: &mut Vec<Variant>) {
             .into()
     }));
     let tilt = ["a", "b", "c"]
-        .map(|name| Parameter::new(name, "rad", 4e-3))
+        .map(|name| Parameter::new(name, "rad", 1e-3))
         .into();
     variants.push(Variant::linear("fixture.tilt", tilt, |observations| {
         [3, 4, 5]

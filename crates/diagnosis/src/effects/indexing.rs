@@ -51,8 +51,8 @@ fn push(observations: &Observations, axis: usize, angles: usize, variants: &mut 
         Variant::shaped(
             format!("axis.{}.indexing", joint.name),
             vec![
-                Parameter::new("sin", "rad", 2e-3),
-                Parameter::new("cos", "rad", 2e-3),
+                Parameter::new("sin", "rad", 1e-3),
+                Parameter::new("cos", "rad", 1e-3),
             ],
             shape,
             move |observations, k| {

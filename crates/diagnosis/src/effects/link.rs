@@ -19,7 +19,7 @@ pub(super) fn offer(observations: &Observations, variants: &mut Vec<Variant>) {
     });
     for (component, letter) in ["A", "B", "C", "X", "Y", "Z"].into_iter().enumerate() {
         let (component, unit, plausible) = if component < 3 {
-            (component + 3, "rad", 2e-3)
+            (component + 3, "rad", 1e-3)
         } else {
             (component - 3, "m", 1e-3)
         };

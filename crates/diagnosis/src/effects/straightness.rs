@@ -51,7 +51,7 @@ pub(super) fn offer(observations: &Observations, variants: &mut Vec<Variant>) {
                 };
                 let parameters = names
                     .iter()
-                    .map(|&name| Parameter::new(name, "m", 2e-4))
+                    .map(|&name| Parameter::new(name, "m", 1e-4))
                     .collect();
                 variants.push(
                     Variant::linear(
