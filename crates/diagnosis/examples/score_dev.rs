@@ -10,10 +10,13 @@
 use std::path::Path;
 use std::time::Instant;
 
-use diagnosis::{Options, Report, Verdict, diagnose};
+use diagnosis::{Options, Verdict, diagnose};
+use score::Score;
 use serde_json::Value;
 
 mod common;
+#[path = "common/score.rs"]
+mod score;
 
 fn main() {
     let mut arguments = std::env::args().skip(1);
@@ -90,122 +93,4 @@ fn main() {
         times[times.len() / 2],
         times[times.len() - 1],
     );
-}
-
-struct Score {
-    truth: Vec<String>,
-    cause: bool,
-    verdict: bool,
-    ratio: Option<f64>,
-    inside: usize,
-    judged: usize,
-    missed: Vec<String>,
-}
-
-impl Score {
-    fn of(truth: &Value, report: &Report) -> Self {
-        let effects = truth["effects"].as_array().unwrap();
-        let names: Vec<String> = effects
-            .iter()
-            .map(|e| e["effect"].as_str().unwrap().to_owned())
-            .collect();
-        let known: Vec<&String> = names
-            .iter()
-            .filter(|name| !name.starts_with("x."))
-            .collect();
-        let strange = known.len() < names.len();
-        let named: Vec<&diagnosis::report::Effect> = report
-            .effects
-            .iter()
-            .filter(|effect| {
-                effect.effect != "data.outliers"
-                    || known.iter().any(|name| *name == "data.outliers")
-            })
-            .collect();
-        let covered = |name: &String| {
-            named.iter().any(|effect| {
-                effect.effect == *name || effect.indistinguishable_from.contains(name)
-            })
-        };
-        let cause = named.len() <= known.len() && known.iter().all(|name| covered(name));
-        let verdict = match (strange, known.is_empty()) {
-            (false, true) => report.verdict == Verdict::NoGap,
-            (false, false) => report.verdict == Verdict::Explained,
-            (true, true) => report.verdict == Verdict::Unexplained,
-            (true, false) => matches!(
-                report.verdict,
-                Verdict::PartlyExplained | Verdict::Unexplained
-            ),
-        };
-        let noise = truth["noise"].as_f64().unwrap();
-        let last = report.effects.iter().rfind(|effect| effect.held_out);
-        let ratio = last
-            .filter(|_| !strange)
-            .map(|effect| effect.rms_after / noise);
-        let (mut inside, mut judged) = (0, 0);
-        let mut missed = Vec::new();
-        for effect in effects {
-            let Some(found) = report
-                .effects
-                .iter()
-                .find(|found| found.effect == effect["effect"].as_str().unwrap())
-            else {
-                continue;
-            };
-            for (name, value) in effect["parameters"].as_object().unwrap() {
-                let values: Vec<(String, f64)> = match (name.as_str(), value) {
-                    (
-                        "index" | "along" | "about" | "tool" | "mid" | "half" | "length" | "height",
-                        _,
-                    ) => continue,
-                    (_, Value::Array(values)) => {
-                        let letters: [&str; 3] = match name.as_str() {
-                            "xyz" => ["x", "y", "z"],
-                            "abc" => ["a", "b", "c"],
-                            "rate" => ["rate_x", "rate_y", "rate_z"],
-                            _ => continue,
-                        };
-                        letters
-                            .iter()
-                            .zip(values)
-                            .map(|(letter, value)| ((*letter).to_owned(), value.as_f64().unwrap()))
-                            .collect()
-                    }
-                    _ => value
-                        .as_f64()
-                        .map(|value| (name.clone(), value))
-                        .into_iter()
-                        .collect(),
-                };
-                for (name, value) in values {
-                    let Some(estimate) = found
-                        .parameters
-                        .iter()
-                        .find(|estimate| estimate.name == name)
-                    else {
-                        continue;
-                    };
-                    judged += 1;
-                    let [low, high] = estimate.ci95;
-                    if (low..=high).contains(&value) {
-                        inside += 1;
-                    } else {
-                        missed.push(format!(
-                            "{} {name} true {value:.4e} found {:.4e} [{low:.4e}, {high:.4e}]",
-                            found.effect, estimate.value
-                        ));
-                    }
-                }
-            }
-        }
-        Self {
-            truth: names,
-            cause,
-            verdict,
-            ratio,
-            inside,
-            judged,
-            missed,
-        }
-    }
 }

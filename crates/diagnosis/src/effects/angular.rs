@@ -2,16 +2,16 @@
 //!
 //! A rotation k·(q − mid) about one axis of the frame, either of the moved carriage or of the guideway at rest: the
 //! two differ by a bow across the axis, since the descriptions differ in the point they turn about. Where the rotation
-//! vanishes is a convention of who describes the machine: elsewhere than in the middle, a constant rotation e comes with
-//! it. Typical 5–40 µrad.
+//! vanishes is a convention of who describes the machine: in the middle of the travel used or at the axis's zero.
+//! Typical 5–40 µrad.
 
 use machine::JointKind;
 
 use super::{Parameter, Variant};
 use crate::observation::Observations;
 
-/// How probable it is that the rotation vanishes elsewhere than in the middle of the travel used.
-const ELSEWHERE: f64 = 0.2;
+/// How probable it is that the rotation vanishes at the axis's zero and not in the middle of the travel used.
+const FROM_ZERO: f64 = 0.2;
 
 pub(super) fn offer(observations: &Observations, variants: &mut Vec<Variant>) {
     for axis in 0..observations.chain.axes().len() {
@@ -47,16 +47,12 @@ pub(super) fn offer(observations: &Observations, variants: &mut Vec<Variant>) {
                     })
                     .with_constants(&constants),
                 );
-                let e = Parameter::new("e", "rad", 1e-3);
                 variants.push(
-                    Variant::linear(effect, vec![k(), e], move |observations| {
-                        vec![
-                            turn(observations, &|from_mid| from_mid),
-                            turn(observations, &|_| 1.0),
-                        ]
+                    Variant::linear(effect, vec![k()], move |observations| {
+                        vec![turn(observations, &|from_mid| from_mid + mid)]
                     })
-                    .with_constants(&constants)
-                    .weighing(ELSEWHERE),
+                    .with_constants(&[("about", about, "1"), ("mid", 0.0, "m")])
+                    .weighing(FROM_ZERO),
                 );
             }
         }

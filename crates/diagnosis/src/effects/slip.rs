@@ -9,9 +9,12 @@ use crate::observation::{Observations, Row};
 /// Instants tried; in longer sessions not every gap is.
 const FINEST: usize = 400;
 
+/// Fewest touches on either side of the step: fewer are stray touches.
+const FEWEST: usize = 4;
+
 pub(super) fn offer(observations: &Observations, variants: &mut Vec<Variant>) {
     let touches = observations.touches();
-    let trials: Vec<f64> = (2..touches.saturating_sub(1))
+    let trials: Vec<f64> = (FEWEST..(touches + 1).saturating_sub(FEWEST))
         .step_by(touches.div_ceil(FINEST).max(1))
         .map(|index| index as f64)
         .collect();
