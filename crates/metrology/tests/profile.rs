@@ -2,8 +2,8 @@
 
 use metrology::profile::simulated::{POINTS, Systematic, nominal};
 use metrology::profile::{
-    ProfileDeviation, ProfileError, Spline, SplineError, corrected_points, fit_position, split,
-    tool_path,
+    Corrected, CorrectionRules, Hindrance, Next, ProfileDeviation, ProfileError, Spline,
+    SplineError, corrected_points, fit_position, next_cut, segmented_path, split, tool_path,
 };
 use nalgebra::Vector2;
 use rand::SeedableRng;
@@ -378,4 +378,107 @@ fn interpolation_meets_its_points_and_refuses_bad_ones() {
     );
     let broken = [points[0], points[1], Vector2::new(f64::NAN, 0.0), points[3]];
     assert_eq!(Spline::interpolate(&broken), Err(SplineError::NotFinite(2)));
+}
+
+const RULES: CorrectionRules = CorrectionRules {
+    tolerance: 0.035e-3,
+    largest: 0.5e-3,
+    corrections: 4,
+    of: Corrected::Deterministic,
+};
+
+/// Cuts and measures parts until the loop ends; `process` gives the deviations of a part (its number) cut with offsets.
+fn loop_until_end(
+    rules: &CorrectionRules,
+    mut process: impl FnMut(usize, &[f64]) -> Vec<f64>,
+) -> (usize, Next) {
+    let case = case();
+    let mut offsets = vec![0.0; POINTS];
+    let mut parts = Vec::new();
+    loop {
+        parts.push(process(parts.len(), &offsets));
+        let judged = next_cut(&case.points, &case.normals, &parts, rules).expect("sound parts");
+        match judged.next {
+            Next::Cut(correction) => offsets = correction.offsets,
+            end => return (parts.len(), end),
+        }
+    }
+}
+
+/// A process that repeats, but answers a correction by 80 % of it, comes into tolerance with the third part.
+#[test]
+fn the_correction_iterates_until_the_form_is_in_tolerance() {
+    let system = Systematic::solve(&BEFORE, &[0.0; POINTS])
+        .unwrap()
+        .deviations();
+    let mut rng = Pcg64::seed_from_u64(5);
+    let noise = Normal::new(0.0, 3e-6).unwrap();
+    let (parts, end) = loop_until_end(&RULES, |_, offsets| {
+        let made = system.iter().zip(offsets).map(|(t, c)| t - 0.8 * c);
+        made.map(|t| t + noise.sample(&mut rng)).collect()
+    });
+    assert_eq!((parts, end), (3, Next::InTolerance));
+}
+
+#[test]
+fn a_correction_that_cannot_converge_says_why() {
+    let system = Systematic::solve(&BEFORE, &[0.0; POINTS])
+        .unwrap()
+        .deviations();
+    // Its error has another sign on every part.
+    let (parts, end) = loop_until_end(&RULES, |part, offsets| {
+        let sign = if part % 2 == 0 { 1.0 } else { -1.0 };
+        system
+            .iter()
+            .zip(offsets)
+            .map(|(t, c)| sign * t - c)
+            .collect()
+    });
+    assert!(
+        matches!(end, Next::Stop(Hindrance::NotRepeating { before, after }) if after > 1.9 * before),
+        "{parts} {end:?}"
+    );
+    // Noise alone is wider than the tolerance.
+    let mut rng = Pcg64::seed_from_u64(6);
+    let noise = Normal::new(0.0, 10e-6).unwrap();
+    let (parts, end) = loop_until_end(&RULES, |_, offsets| {
+        let made = system.iter().zip(offsets).map(|(t, c)| t - c);
+        made.map(|t| t + noise.sample(&mut rng)).collect()
+    });
+    assert!(
+        parts == 1 && matches!(end, Next::Stop(Hindrance::Random { form, .. }) if form > 40e-6),
+        "{parts} {end:?}"
+    );
+    // The process answers too little, or more than is permitted is needed.
+    let (parts, end) = loop_until_end(&RULES, |_, offsets| {
+        system
+            .iter()
+            .zip(offsets)
+            .map(|(t, c)| t - 0.1 * c)
+            .collect()
+    });
+    assert_eq!((parts, end), (5, Next::Stop(Hindrance::Spent(4))));
+    let bounded = CorrectionRules {
+        largest: 0.1e-3,
+        ..RULES
+    };
+    let (_, end) = loop_until_end(&bounded, |_, _| system.clone());
+    assert!(
+        matches!(end, Next::Stop(Hindrance::TooLarge { needed, .. }) if (needed - 0.1356e-3).abs() < 1e-6),
+        "{end:?}"
+    );
+}
+
+#[test]
+fn a_segmented_path_keeps_to_the_curve() {
+    let case = case();
+    let path = segmented_path(&case.curve, 6e-3, 1e-6).unwrap();
+    for ends in path.windows(2) {
+        for share in [0.0, 0.25, 0.5, 0.75] {
+            let place = ends[0] + (ends[1] - ends[0]) * share;
+            assert!((case.curve.closest(&place).distance - 6e-3).abs() < 1.01e-6);
+        }
+    }
+    assert!(segmented_path(&case.curve, 6e-3, 0.0).is_err());
+    assert!(segmented_path(&case.curve, 30e-3, 1e-6).is_err());
 }

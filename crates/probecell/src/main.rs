@@ -158,6 +158,8 @@ enum Command {
         #[arg(long)]
         json: bool,
     },
+    /// Say how the next part of a free-form profile is cut, and write its program.
+    Correct(commands::correct::Arguments),
     /// Run the register of known gaps between a cell and its model.
     #[command(subcommand)]
     Scenario(commands::scenario::Command),
@@ -234,6 +236,7 @@ fn run(command: Command) -> anyhow::Result<u8> {
         Command::Plan { source, json } => commands::plan::run(&source, json),
         Command::Diagnose(arguments) => commands::diagnose::run(&arguments),
         Command::Blind { trials, seed, json } => commands::blind::run(trials, seed, json),
+        Command::Correct(arguments) => commands::correct::run(&arguments),
         Command::Scenario(command) => commands::scenario::run(&command),
         Command::Doctor { cell, json } => commands::doctor::run(&cell, json),
         Command::Completions { shell } => {

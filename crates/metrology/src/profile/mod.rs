@@ -3,10 +3,15 @@
 //! Lengths in m, angles in rad, plane coordinates. Source systems B.1–B.4. A deviation T_i is taken along the outward
 //! normal n_i at the nominal point i, positive where material is left.
 
+mod correction;
 pub mod simulated;
 mod spline;
 mod split;
 
+pub use correction::{
+    Corrected, CorrectionError, CorrectionRules, Hindrance, Next, ProfileCorrection,
+    ProfileJudgement, next_cut, segmented_path,
+};
 pub use spline::{Closest, Spline, SplineError, uniform_basis};
 pub use split::{Split, split};
 

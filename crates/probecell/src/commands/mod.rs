@@ -1,6 +1,7 @@
 //! One module for each command that is not the launcher or the operator.
 
 pub(crate) mod blind;
+pub(crate) mod correct;
 pub(crate) mod diagnose;
 pub(crate) mod doctor;
 pub(crate) mod info;

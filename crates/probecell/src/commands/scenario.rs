@@ -50,16 +50,22 @@ pub(crate) struct RunArguments {
     bag: Option<PathBuf>,
 }
 
-/// One scenario in the JSON object.
+/// The JSON object.
+#[derive(Serialize)]
+struct Document<'a> {
+    scenarios: Vec<Row<'a>>,
+}
+
+/// One scenario in it.
 #[derive(Serialize)]
 struct Row<'a> {
     name: &'a str,
-    effect: &'a str,
     /// Figures of the source, by key.
     source: Map<String, serde_json::Value>,
     /// Figures of the run, by key.
     ours: Map<String, serde_json::Value>,
     pass: bool,
+    effect: &'a str,
     seed: u64,
     reference: &'a str,
     figures: Vec<serde_json::Value>,
@@ -124,7 +130,7 @@ fn run_all(arguments: &RunArguments) -> anyhow::Result<u8> {
             .zip(&judged)
             .map(|(scenario, one)| row(scenario, one, arguments.seed))
             .collect();
-        report::json(&json!({ "scenarios": rows }))?;
+        report::json(&Document { scenarios: rows })?;
     } else {
         for (scenario, one) in chosen.iter().zip(&judged) {
             tell(scenario, one);
