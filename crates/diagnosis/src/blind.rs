@@ -6,6 +6,7 @@
 
 pub mod card;
 mod causes;
+pub mod drive;
 mod plant;
 mod scene;
 

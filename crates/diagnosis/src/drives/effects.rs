@@ -2,16 +2,25 @@
 //!
 //! Motion: e = position − command. Effort: e = effort − (nominal mass or inertia)·acceleration. Friction after
 //! Armstrong-Hélouvry; signs of speed are smoothed over a fiftieth of the usual speed, since measured speeds are noisy
-//! around standstill. m or rad, seconds, and the effort's own unit.
+//! around standstill. A position error against the command is no effect on the effort: under a servo the effort follows
+//! it always. m or rad, seconds, and the effort's own unit.
 
 use std::f64::consts::TAU;
 
 use machine::{Chain, JointKind};
 
 use super::signals::{Signals, derivative};
+use crate::evidence::{add_scaled, dot};
 
 /// Speed over which a sign turns, as a share of the usual speed.
 const TURN: f64 = 0.02;
+
+/// Delays that are tried beside the infinitesimal one, samples.
+const LATE: [usize; 12] = [1, 2, 3, 4, 5, 6, 8, 10, 13, 17, 22, 28];
+/// Half waves of cogging over the travel, at least: fewer are no teeth, but a slow change along the way.
+const COARSEST: i32 = 6;
+/// And at most.
+const FINEST: i32 = 120;
 
 /// Which difference is explained.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -61,7 +70,6 @@ pub(super) fn library(chain: &Chain, signals: &Signals, channel: Channel) -> Vec
                 | "drive.delay",
                 _,
             )
-            | ("drive.compliance", Channel::Effort)
             | ("drive.backlash", Channel::Motion) => 1.0,
             // The load side stays behind what drives it.
             ("drive.compliance", Channel::Motion) => -1.0,
@@ -112,15 +120,13 @@ pub(super) fn nominal_inertia(chain: &Chain, axis: &str) -> f64 {
     direction.dot(&(joint.inertia * direction)) + joint.mass * arm.norm_squared()
 }
 
-/// Sign of a speed, smoothed around standstill.
-fn signs(speed: &[f64]) -> Vec<f64> {
+/// Sign of a speed, smoothed around standstill and over its noise.
+fn signs(speed: &[f64], noise: f64) -> Vec<f64> {
     let mut sizes: Vec<f64> = speed.iter().map(|value| value.abs()).collect();
     sizes.sort_by(f64::total_cmp);
-    let usual = sizes[sizes.len() * 19 / 20].max(f64::MIN_POSITIVE);
-    speed
-        .iter()
-        .map(|value| (value / (TURN * usual)).tanh())
-        .collect()
+    let usual = sizes[sizes.len() * 19 / 20];
+    let turn = (TURN * usual).max(2.0 * noise).max(f64::MIN_POSITIVE);
+    speed.iter().map(|value| (value / turn).tanh()).collect()
 }
 
 fn one(effect: &'static str, name: &str, unit: &str, column: Vec<f64>) -> DriveEffect {
@@ -142,47 +148,31 @@ fn term(name: &str, unit: &str, column: Vec<f64>) -> Term {
 
 fn motion(signals: &Signals) -> Vec<DriveEffect> {
     let speed = &signals.command_speed;
-    let mut delay = one(
-        "drive.delay",
-        "tau",
-        "s",
-        speed.iter().map(|v| -v).collect(),
-    );
+    let mut delay = delay(signals, &signals.command, &LATE);
     delay.same_as = vec![format!("axis.{}.lag", signals.axis)];
-    let mut effects = vec![
+    let backlash = signals.direction.iter().map(|s| -0.5 * s).collect();
+    // Without a measured effort the load of a rigid inertia stands for it.
+    let (unit, load) = if signals.effort.is_empty() {
+        ("s^2", derivative(&signals.time, &signals.piece, speed))
+    } else {
+        ("rad/(N m) or m/N", signals.effort.clone())
+    };
+    vec![
         delay,
-        one(
-            "drive.backlash",
-            "b",
-            "m or rad",
-            signs(speed).iter().map(|s| -0.5 * s).collect(),
-        ),
-        one(
-            "drive.inertia",
-            "per_acceleration",
-            "s^2",
-            derivative(&signals.time, &signals.piece, speed),
-        ),
-    ];
-    if !signals.effort.is_empty() {
-        effects.push(one(
-            "drive.compliance",
-            "c",
-            "rad/(N m) or m/N",
-            signals.effort.clone(),
-        ));
-    }
-    effects
+        one("drive.backlash", "b", "m or rad", backlash),
+        one("drive.compliance", "c", unit, load),
+    ]
 }
 
 fn effort(chain: &Chain, signals: &Signals) -> Vec<DriveEffect> {
     let speed = &signals.speed;
-    // The command knows its sign without noise, and a drive answers it within a sample or two.
-    let sign = signs(if signals.command_speed.is_empty() {
-        speed
+    // Where the measured speed is too noisy, the command knows its sign.
+    let usual = (speed.iter().map(|v| v * v).sum::<f64>() / speed.len().max(1) as f64).sqrt();
+    let sign = if signals.command_speed.is_empty() || signals.speed_noise < TURN * usual {
+        signs(speed, signals.speed_noise)
     } else {
-        &signals.command_speed
-    });
+        signs(&signals.command_speed, 0.0)
+    };
     let mut effects = vec![
         one("drive.coulomb_friction", "force", "effort", sign.clone()),
         one(
@@ -204,15 +194,6 @@ fn effort(chain: &Chain, signals: &Signals) -> Vec<DriveEffect> {
             signals.acceleration.clone(),
         ),
         stribeck(speed, &sign),
-        one(
-            "drive.delay",
-            "tau",
-            "s",
-            derivative(&signals.time, &signals.piece, &signals.effort)
-                .iter()
-                .map(|f| -f)
-                .collect(),
-        ),
     ];
     let revolute = chain
         .axis_index(&signals.axis)
@@ -238,22 +219,66 @@ fn effort(chain: &Chain, signals: &Signals) -> Vec<DriveEffect> {
     } else {
         effects[2].same_as.push("drive.gravity".to_owned());
     }
+    let expected = expected(&signals.effort, &effects);
+    // Later copies of what an acceleration predicts would share its noise; its slope does not.
+    effects.push(delay(signals, &expected, &[]));
     effects.push(cogging(signals));
-    if !signals.command.is_empty() {
-        let error = signals
-            .command
-            .iter()
-            .zip(&signals.position)
-            .map(|(c, q)| c - q)
-            .collect();
-        effects.push(one(
-            "drive.compliance",
-            "stiffness",
-            "effort per (m or rad)",
-            error,
-        ));
-    }
     effects
+}
+
+/// The effort as the linear effects together explain it: free of the sensor's noise, which a delayed copy of the
+/// measured effort would bring into its own explanation.
+fn expected(effort: &[f64], effects: &[DriveEffect]) -> Vec<f64> {
+    let columns: Vec<&Vec<f64>> = (effects.iter())
+        .filter_map(|effect| effect.shapes.get(effect.shapes.len() / 2))
+        .flatten()
+        .map(|term| &term.column)
+        .collect();
+    let n = columns.len();
+    let size: Vec<f64> = (columns.iter())
+        .map(|column| dot(column, column).sqrt().max(f64::MIN_POSITIVE))
+        .collect();
+    let normal = nalgebra::DMatrix::from_fn(n, n, |i, k| {
+        let ridge = if i == k { 1e-9 } else { 0.0 };
+        dot(columns[i], columns[k]) / (size[i] * size[k]) + ridge
+    });
+    let right = nalgebra::DVector::from_fn(n, |i, _| dot(columns[i], effort) / size[i]);
+    let mut sum = vec![0.0; effort.len()];
+    if let Some(factor) = nalgebra::Cholesky::new(normal) {
+        for ((column, own), length) in columns.iter().zip(factor.solve(&right).iter()).zip(&size) {
+            add_scaled(&mut sum, own / length, column);
+        }
+    }
+    sum
+}
+
+/// `drive.delay` of a signal: (s(t − τ) − s(t))/τ for τ of some samples, its derivative for the shortest; the
+/// coefficient is the delay.
+fn delay(signals: &Signals, signal: &[f64], late: &[usize]) -> DriveEffect {
+    let (time, piece) = (&signals.time, &signals.piece);
+    let slope = derivative(time, piece, signal).iter().map(|f| -f).collect();
+    let mut shapes = vec![vec![term("tau", "s", slope)]];
+    for &steps in late {
+        if steps * 20 > signal.len() {
+            break;
+        }
+        let column = (0..signal.len())
+            .map(|at| {
+                let before = at.saturating_sub(steps);
+                if piece[before] != piece[at] || before == at {
+                    return 0.0;
+                }
+                (signal[before] - signal[at]) / (time[at] - time[before])
+            })
+            .collect();
+        shapes.push(vec![term("tau", "s", column)]);
+    }
+    DriveEffect {
+        effect: "drive.delay",
+        sign: 1.0,
+        same_as: Vec::new(),
+        shapes,
+    }
 }
 
 fn stribeck(speed: &[f64], sign: &[f64]) -> DriveEffect {
@@ -286,20 +311,20 @@ fn cogging(signals: &Signals) -> DriveEffect {
         .iter()
         .fold((f64::MAX, f64::MIN), |(l, h), &q| (l.min(q), h.max(q)));
     let range = (high - low).max(f64::MIN_POSITIVE);
-    let shapes = (2..=120)
+    let shapes = (COARSEST..=FINEST)
         .map(|turns| {
             let wave = TAU * 0.5 * f64::from(turns) / range;
+            // What the low-pass leaves of a wave that is passed at this speed.
+            let column = |value: fn(f64) -> f64| {
+                (signals.position.iter().zip(&signals.speed))
+                    .map(|(q, v)| {
+                        value(wave * q) * (-0.5 * (wave * v * signals.width).powi(2)).exp()
+                    })
+                    .collect()
+            };
             vec![
-                term(
-                    "sin",
-                    "effort",
-                    signals.position.iter().map(|q| (wave * q).sin()).collect(),
-                ),
-                term(
-                    "cos",
-                    "effort",
-                    signals.position.iter().map(|q| (wave * q).cos()).collect(),
-                ),
+                term("sin", "effort", column(f64::sin)),
+                term("cos", "effort", column(f64::cos)),
             ]
         })
         .collect();

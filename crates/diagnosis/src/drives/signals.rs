@@ -1,6 +1,10 @@
-//! Motion and effort of the axes over time, cleaned: even steps, gaps kept apart, derivatives, averaged to a usable rate.
+//! Motion and effort of the axes over time, cleaned: gaps kept apart, smoothed, differentiated, averaged to a usable rate.
 //!
-//! m or rad, seconds, and the effort's own unit. States and commands are paired by stamp.
+//! Acceleration is the second derivative of a position with noise, so all signals pass one zero-phase low-pass (a
+//! Gaussian) before anything is differentiated or regressed: the same on both sides of the equation keeps it exact
+//! (Young and Jakeman 1980; Janot et al. 2014 for drives). Its width is the least at which the acceleration's own noise
+//! is small against the acceleration. m or rad, seconds, and the effort's own unit. States and commands are paired by
+//! stamp.
 
 use std::collections::BTreeMap;
 
@@ -10,6 +14,14 @@ use crate::session::{Session, seconds};
 
 /// Highest rate that friction and inertia need, Hz; faster records are averaged down to it.
 const RATE: f64 = 250.0;
+/// Samples kept per standard deviation of the low-pass.
+const OVERSAMPLED: f64 = 1.0;
+/// Noise of the acceleration over the acceleration.
+const QUIET: f64 = 0.05;
+/// Widest low-pass, s.
+const SLOWEST: f64 = 0.5;
+/// Fewest samples of an axis.
+const FEWEST: usize = 50;
 /// A step longer than this many usual steps is a gap.
 const GAP: f64 = 2.5;
 
@@ -34,6 +46,18 @@ pub(super) struct Signals {
     pub(super) command: Vec<f64>,
     /// Speed of the command.
     pub(super) command_speed: Vec<f64>,
+    /// Direction of the command, kept while it rests: −1 to 1.
+    pub(super) direction: Vec<f64>,
+    /// Standard deviation of the low-pass, s; 0 where none was needed.
+    pub(super) width: f64,
+    /// Standard deviation of the noise of the speed as given here.
+    pub(super) speed_noise: f64,
+    /// The same of the acceleration.
+    pub(super) acceleration_noise: f64,
+    /// The same of the effort.
+    pub(super) effort_noise: f64,
+    /// The same of the position.
+    pub(super) position_noise: f64,
 }
 
 struct Sample {
@@ -46,7 +70,9 @@ struct Sample {
 }
 
 /// Signals of every axis that moves.
-pub(super) fn signals(session: &Session) -> Vec<Signals> {
+///
+/// `inertia` gives that of an axis, 0 where its acceleration does not count.
+pub(super) fn signals(session: &Session, inertia: &dyn Fn(&str) -> f64) -> Vec<Signals> {
     let mut commands: BTreeMap<i64, &JointState> = BTreeMap::new();
     for command in &session.joint_commands {
         commands.insert(ticks(command), command);
@@ -77,7 +103,7 @@ pub(super) fn signals(session: &Session) -> Vec<Signals> {
             .collect();
         samples.sort_by(|one, other| one.time.total_cmp(&other.time));
         samples.dedup_by(|one, other| one.time == other.time);
-        if let Some(signals) = of_axis(axis, &samples) {
+        if let Some(signals) = of_axis(inertia(&axis), axis, &samples) {
             result.push(signals);
         }
     }
@@ -93,8 +119,8 @@ fn value(state: &JointState, axis: &str, values: &[f64]) -> Option<f64> {
     values.get(place).copied().filter(|value| value.is_finite())
 }
 
-fn of_axis(axis: String, samples: &[Sample]) -> Option<Signals> {
-    if samples.len() < 50 {
+fn of_axis(inertia: f64, axis: String, samples: &[Sample]) -> Option<Signals> {
+    if samples.len() < FEWEST {
         return None;
     }
     let mut steps: Vec<f64> = samples
@@ -109,34 +135,209 @@ fn of_axis(axis: String, samples: &[Sample]) -> Option<Signals> {
     for index in 1..samples.len() {
         piece[index] = piece[index - 1] + usize::from(time[index] - time[index - 1] > GAP * step);
     }
-    let position: Vec<f64> = samples.iter().map(|sample| sample.position).collect();
     let all = |pick: &dyn Fn(&Sample) -> Option<f64>| -> Option<Vec<f64>> {
         samples.iter().map(pick).collect()
     };
-    let speed = all(&|sample| sample.speed).unwrap_or_else(|| derivative(&time, &piece, &position));
+    let raw_position: Vec<f64> = samples.iter().map(|sample| sample.position).collect();
+    let raw_speed = all(&|sample| sample.speed);
+    let raw_effort = all(&|sample| sample.effort).unwrap_or_default();
+    let effort =
+        (raw_effort.iter().map(|f| f * f).sum::<f64>() / raw_effort.len().max(1) as f64).sqrt();
+    // An acceleration whose noise is small against the effort needs no care.
+    let enough = if inertia > 0.0 {
+        QUIET * effort / inertia
+    } else {
+        0.0
+    };
+    let smoothing = Smoothing::of(&time, &piece, &raw_position, raw_speed.as_deref(), enough);
+    let smooth = |values: &[f64]| smoothed(values, &piece, smoothing.width / step);
+    let position = smooth(&raw_position);
+    let speed = raw_speed.map_or_else(|| derivative(&time, &piece, &position), |v| smooth(&v));
     let acceleration = derivative(&time, &piece, &speed);
-    let command = all(&|sample| sample.command).unwrap_or_default();
+    let raw_command = all(&|sample| sample.command).unwrap_or_default();
+    let direction = direction(&raw_command, 4.0 * noise(&raw_command));
+    let command = smooth(&raw_command);
     let command_speed = if command.is_empty() {
         Vec::new()
     } else {
-        all(&|sample| sample.command_speed).unwrap_or_else(|| derivative(&time, &piece, &command))
+        all(&|sample| sample.command_speed)
+            .map_or_else(|| derivative(&time, &piece, &command), |v| smooth(&v))
     };
-    let effort = all(&|sample| sample.effort).unwrap_or_default();
-    let width = ((1.0 / step) / RATE).floor().max(1.0) as usize;
+    let kernel = kernel(smoothing.width / step);
+    let kept = kernel
+        .iter()
+        .map(|weight| weight * weight)
+        .sum::<f64>()
+        .sqrt();
+    let rate = if smoothing.width > 0.0 {
+        (OVERSAMPLED / smoothing.width).min(RATE)
+    } else {
+        RATE
+    };
+    let width = ((1.0 / step) / rate).floor().max(1.0) as usize;
     let thin = |values: &[f64]| average(values, &piece, width);
     Some(Signals {
         axis,
+        effort_noise: noise(&raw_effort) * kept,
+        position_noise: noise(&raw_position) * kept,
+        speed_noise: smoothing.speed_noise,
+        acceleration_noise: smoothing.acceleration_noise,
+        width: smoothing.width,
         time: thin(&time),
         position: thin(&position),
         speed: thin(&speed),
         acceleration: thin(&acceleration),
-        effort: thin(&effort),
+        effort: thin(&smooth(&raw_effort)),
         command: thin(&command),
         command_speed: thin(&command_speed),
+        direction: thin(&smooth(&direction)),
         piece: chunks(&piece, width)
             .map(|(first, _)| piece[first])
             .collect(),
     })
+}
+
+/// A low-pass and what noise it leaves.
+struct Smoothing {
+    width: f64,
+    speed_noise: f64,
+    acceleration_noise: f64,
+}
+
+impl Smoothing {
+    /// The narrowest low-pass that leaves an acceleration whose noise is [`QUIET`] of it, or below `enough`.
+    fn of(
+        time: &[f64],
+        piece: &[usize],
+        position: &[f64],
+        speed: Option<&[f64]>,
+        enough: f64,
+    ) -> Self {
+        let step = (time[time.len() - 1] - time[0]) / (time.len() - 1) as f64;
+        let own = noise(speed.unwrap_or(position));
+        let mut samples = 0.0;
+        loop {
+            let kernel = kernel(samples);
+            let once = differenced(&kernel);
+            let gain = |kernel: &[f64]| kernel.iter().map(|w| w * w).sum::<f64>().sqrt();
+            let (speed_noise, acceleration_noise) = if speed.is_some() {
+                (own * gain(&kernel), own * gain(&once) / step)
+            } else {
+                let twice = differenced(&once);
+                (own * gain(&once) / step, own * gain(&twice) / (step * step))
+            };
+            let slow = smoothed(speed.unwrap_or(position), piece, samples);
+            let mut last = derivative(time, piece, &slow);
+            if speed.is_none() {
+                last = derivative(time, piece, &last);
+            }
+            let size = (last.iter().map(|a| a * a).sum::<f64>() / last.len() as f64).sqrt();
+            let bound = enough.max(QUIET * size);
+            if acceleration_noise <= bound || samples * step > SLOWEST || samples > 200.0 {
+                return Self {
+                    width: samples * step,
+                    speed_noise,
+                    acceleration_noise,
+                };
+            }
+            samples = if samples == 0.0 { 0.7 } else { samples * 1.35 };
+        }
+    }
+}
+
+/// Standard deviation of white noise under a smooth signal, from fifth differences; 0 for too few samples.
+fn noise(values: &[f64]) -> f64 {
+    let mut sizes: Vec<f64> = values
+        .windows(6)
+        .map(|w| (w[5] - 5.0 * w[4] + 10.0 * w[3] - 10.0 * w[2] + 5.0 * w[1] - w[0]).abs())
+        .collect();
+    sizes.sort_by(f64::total_cmp);
+    // Σ of the squared binomials of 5 is 252.
+    let middle = sizes.get(sizes.len() / 2).copied().unwrap_or(0.0);
+    1.4826 * middle / 252.0_f64.sqrt()
+}
+
+/// Gaussian weights of a standard deviation in samples.
+fn kernel(samples: f64) -> Vec<f64> {
+    let reach = (4.0 * samples).ceil() as i64;
+    let weights: Vec<f64> = (-reach..=reach)
+        .map(|k| {
+            if samples > 0.0 {
+                (-0.5 * (k as f64 / samples).powi(2)).exp()
+            } else {
+                1.0
+            }
+        })
+        .collect();
+    let sum: f64 = weights.iter().sum();
+    weights.into_iter().map(|weight| weight / sum).collect()
+}
+
+/// Weights of the central difference of what a kernel gives.
+fn differenced(kernel: &[f64]) -> Vec<f64> {
+    let at = |k: usize| {
+        k.checked_sub(2)
+            .and_then(|k| kernel.get(k))
+            .copied()
+            .unwrap_or(0.0)
+    };
+    (0..kernel.len() + 2)
+        .map(|k| 0.5 * (at(k + 2) - at(k)))
+        .collect()
+}
+
+/// Zero-phase Gaussian low-pass inside pieces. Near an end it fits a straight line under its weights, so that a moving
+/// axis is not held back there.
+fn smoothed(values: &[f64], piece: &[usize], samples: f64) -> Vec<f64> {
+    if samples <= 0.0 || values.is_empty() {
+        return values.to_vec();
+    }
+    let kernel = kernel(samples);
+    let reach = kernel.len() / 2;
+    (0..values.len())
+        .map(|index| {
+            let inside = |at: usize| at < values.len() && piece[at] == piece[index];
+            let whole = index >= reach && inside(index - reach) && inside(index + reach);
+            if whole {
+                let window = &values[index - reach..=index + reach];
+                return window.iter().zip(&kernel).map(|(v, w)| v * w).sum();
+            }
+            let (mut s0, mut s1, mut s2, mut t0, mut t1) = (0.0, 0.0, 0.0, 0.0, 0.0);
+            for (place, weight) in kernel.iter().enumerate() {
+                let Some(at) = (index + place).checked_sub(reach).filter(|&at| inside(at)) else {
+                    continue;
+                };
+                let x = place as f64 - reach as f64;
+                s0 += weight;
+                s1 += weight * x;
+                s2 += weight * x * x;
+                t0 += weight * values[at];
+                t1 += weight * x * values[at];
+            }
+            let determinant = s0 * s2 - s1 * s1;
+            if determinant > 1e-12 * s0 * s0 {
+                (s2 * t0 - s1 * t1) / determinant
+            } else {
+                t0 / s0
+            }
+        })
+        .collect()
+}
+
+/// Which way a signal went last, −1 to 1, by play of a width: rests and noise do not turn it.
+fn direction(values: &[f64], width: f64) -> Vec<f64> {
+    let (low, high) = values
+        .iter()
+        .fold((f64::MAX, f64::MIN), |(l, h), &v| (l.min(v), h.max(v)));
+    let half = 0.5 * width.max(1e-5 * (high - low)).max(f64::MIN_POSITIVE);
+    let mut behind = values.first().copied().unwrap_or(0.0);
+    values
+        .iter()
+        .map(|&value| {
+            behind = behind.clamp(value - half, value + half);
+            (value - behind) / half
+        })
+        .collect()
 }
 
 /// Central differences inside pieces.
