@@ -120,6 +120,19 @@ impl Joint {
         }
     }
 
+    /// Goes from a frame at the joint's position 0 to the same moved by `position`.
+    pub(crate) fn advance(&self, pose: &mut Isometry3<f64>, position: f64) {
+        match self.kind {
+            JointKind::Fixed => {}
+            JointKind::Prismatic => {
+                pose.translation.vector += pose.rotation * (self.axis.into_inner() * position);
+            }
+            JointKind::Revolute => {
+                pose.rotation *= UnitQuaternion::from_axis_angle(&self.axis, position);
+            }
+        }
+    }
+
     /// True for a joint that moves.
     pub fn moves(&self) -> bool {
         self.kind != JointKind::Fixed
@@ -143,6 +156,8 @@ pub struct Chain {
     part_branch: Vec<usize>,
     tool_branch: Vec<usize>,
     axes: Vec<usize>,
+    /// For each joint its place in `axes`.
+    axis_of: Vec<Option<usize>>,
 }
 
 impl Chain {
@@ -187,8 +202,11 @@ impl Chain {
                 )
             })
             .collect::<Result<Vec<_>, _>>()?;
-        let axes = (0..joints.len())
+        let axes: Vec<usize> = (0..joints.len())
             .filter(|&index| joints[index].moves())
+            .collect();
+        let axis_of = (0..joints.len())
+            .map(|index| axes.binary_search(&index).ok())
             .collect();
         Ok(Self {
             name: robot.name,
@@ -196,6 +214,7 @@ impl Chain {
             part_branch,
             tool_branch,
             axes,
+            axis_of,
         })
     }
 
@@ -220,6 +239,11 @@ impl Chain {
     /// Indices into [`Self::joints`] of the moving joints; a position vector has this order.
     pub fn axes(&self) -> &[usize] {
         &self.axes
+    }
+
+    /// Place of a joint in a position vector; `None` for one that does not move.
+    pub(crate) fn axis_of(&self, joint: usize) -> Option<usize> {
+        self.axis_of[joint]
     }
 
     /// Names of the moving joints, in the order of a position vector.

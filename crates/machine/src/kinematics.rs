@@ -5,7 +5,7 @@
 //! error is composed, not added, so that large errors keep their second order.
 //! Contact is not decided here.
 
-use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Matrix3, Point3, Translation3, UnitQuaternion, Vector3};
 
 use crate::chain::{Chain, JointKind, Side};
 
@@ -124,7 +124,9 @@ impl Chain {
             .iter()
             .fold(Isometry3::identity(), |pose, &index| {
                 let joint = &self.joints()[index];
-                pose * joint.origin * joint.motion(self.position_of(index, positions))
+                let mut pose = pose * joint.origin;
+                joint.advance(&mut pose, self.position_of(index, positions));
+                pose
             })
     }
 
@@ -202,48 +204,52 @@ impl Chain {
         let count = self.joints().len();
         let part = self.end_pose(Side::Part, positions) * part_pose;
         let mount = self.end_pose(Side::Tool, positions);
-        let ball = mount * ball;
-        let to_part = part.rotation.inverse();
+        // Everything is seen from the part.
+        let to_part = part.inverse();
+        let ball = part.inverse_transform_point(&(mount * ball));
         let zero = [Vector3::zeros(); 6];
         let mut result = Sensitivity {
-            ball: part.inverse_transform_point(&ball),
+            ball,
             axes: vec![Vector3::zeros(); self.axes().len()],
             turns: vec![Vector3::zeros(); self.axes().len()],
             location: vec![zero; count],
             motion: vec![zero; count],
             part: zero,
-            mount: basis(&(to_part * mount.rotation)),
-            foundation: basis(&to_part),
+            mount: basis(&(to_part.rotation * mount.rotation)),
+            foundation: basis(&to_part.rotation),
         };
         for (side, sign) in [(Side::Part, -1.0), (Side::Tool, 1.0)] {
-            let mut pose = Isometry3::identity();
+            let mut pose = to_part;
             for &index in self.branch(side) {
                 let joint = &self.joints()[index];
                 pose *= joint.origin;
-                add_twist(&mut result.location[index], &pose, &ball, &to_part, sign);
-                if let Some(axis) = self.axes().iter().position(|&moving| moving == index) {
-                    let direction = pose.rotation * joint.axis.into_inner();
-                    let speed = if joint.kind == JointKind::Revolute {
-                        result.turns[axis] += to_part * direction * sign;
-                        direction.cross(&(ball.coords - pose.translation.vector))
-                    } else {
-                        direction
-                    };
-                    result.axes[axis] += to_part * speed * sign;
+                let turn = pose.rotation.to_rotation_matrix().into_inner() * sign;
+                let arm = ball.coords - pose.translation.vector;
+                add_twist(&mut result.location[index], &turn, &arm);
+                let Some(axis) = self.axis_of(index) else {
+                    add_twist(&mut result.motion[index], &turn, &arm);
+                    continue;
+                };
+                let direction = turn * joint.axis.into_inner();
+                joint.advance(&mut pose, positions[axis]);
+                if joint.kind == JointKind::Revolute {
+                    result.turns[axis] += direction;
+                    result.axes[axis] += direction.cross(&arm);
+                    let turn = pose.rotation.to_rotation_matrix().into_inner() * sign;
+                    add_twist(&mut result.motion[index], &turn, &arm);
+                } else {
+                    result.axes[axis] += direction;
+                    let arm = ball.coords - pose.translation.vector;
+                    add_twist(&mut result.motion[index], &turn, &arm);
                 }
-                pose *= joint.motion(self.position_of(index, positions));
-                add_twist(&mut result.motion[index], &pose, &ball, &to_part, sign);
             }
         }
-        add_twist(&mut result.part, &part, &ball, &to_part, -1.0);
+        add_twist(&mut result.part, &-Matrix3::identity(), &ball.coords);
         result
     }
 
     fn position_of(&self, joint: usize, positions: &[f64]) -> f64 {
-        self.axes()
-            .iter()
-            .position(|&moving| moving == joint)
-            .map_or(0.0, |axis| positions[axis])
+        self.axis_of(joint).map_or(0.0, |axis| positions[axis])
     }
 }
 
@@ -267,17 +273,11 @@ fn basis(rotation: &UnitQuaternion<f64>) -> [Vector3<f64>; 3] {
     ]
 }
 
-/// Adds how a twist acting in `frame` moves `ball`, seen in the part frame.
-fn add_twist(
-    columns: &mut [Vector3<f64>; 6],
-    frame: &Isometry3<f64>,
-    ball: &Point3<f64>,
-    to_part: &UnitQuaternion<f64>,
-    sign: f64,
-) {
-    let arm = ball.coords - frame.translation.vector;
-    for (component, direction) in basis(&frame.rotation).into_iter().enumerate() {
-        columns[component] += to_part * direction * sign;
-        columns[component + 3] += to_part * direction.cross(&arm) * sign;
+/// Adds how a twist moves the end of `arm`, which begins at the frame it acts in; `turn` has that frame's axes as columns.
+fn add_twist(columns: &mut [Vector3<f64>; 6], turn: &Matrix3<f64>, arm: &Vector3<f64>) {
+    for component in 0..3 {
+        let direction = turn.column(component).into_owned();
+        columns[component] += direction;
+        columns[component + 3] += direction.cross(arm);
     }
 }

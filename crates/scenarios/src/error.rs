@@ -50,6 +50,21 @@ pub enum ScenarioError {
     /// A recorded session could not be diagnosed.
     #[error(transparent)]
     Diagnosis(#[from] diagnosis::DiagnoseError),
+    /// A link error was misnamed.
+    #[error(transparent)]
+    Link(#[from] machine::LinkNameError),
+    /// A test by surface mismatch could not be made.
+    #[error(transparent)]
+    Mismatch(#[from] machining::mismatch::MismatchError),
+    /// A flank-milling case could not be made.
+    #[error(transparent)]
+    Flank(#[from] machining::flank::simulated::CaseError),
+    /// A radius profile was not usable.
+    #[error(transparent)]
+    RadiusProfile(#[from] machining::flank::ProfileError),
+    /// A path was not usable.
+    #[error(transparent)]
+    Path(#[from] machining::flank::PathError),
     /// The cell did not do what the scenario is about.
     #[error("{0}")]
     Course(String),

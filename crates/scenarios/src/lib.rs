@@ -10,22 +10,30 @@
 
 mod error;
 mod figure;
+mod five_axis;
+mod flank;
 mod outcome;
 mod page;
+mod probed;
 mod recorded;
 mod register;
 mod scenario;
 mod touches;
 mod turn_mill;
 
+mod blind_slots;
 mod deflection;
 mod elastic_loop;
+mod links;
 mod phantom_wear;
 mod probe_offset;
 mod profile;
 mod separation;
+mod set_up_bias;
 mod shaft;
 mod slip;
+mod tool_runout;
+mod twist;
 
 pub use error::ScenarioError;
 pub use figure::{Figure, Rule, Value};

@@ -3,8 +3,8 @@
 use thiserror::Error;
 
 use crate::{
-    Scenario, deflection, elastic_loop, phantom_wear, probe_offset, profile, separation, shaft,
-    slip,
+    Scenario, blind_slots, deflection, elastic_loop, links, phantom_wear, probe_offset, profile,
+    separation, set_up_bias, shaft, slip, tool_runout, twist,
 };
 
 /// All scenarios.
@@ -21,6 +21,11 @@ pub fn register() -> &'static [Scenario] {
         separation::setup_tilt::SCENARIO,
         slip::SCENARIO,
         shaft::SCENARIO,
+        links::SCENARIO,
+        blind_slots::SCENARIO,
+        tool_runout::SCENARIO,
+        set_up_bias::SCENARIO,
+        twist::SCENARIO,
     ]
 }
 
