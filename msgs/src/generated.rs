@@ -25,6 +25,10 @@ pub struct ControllerCommand {
     pub axis: String,
     /// m or rad, absolute new value of an offset
     pub value: f64,
+    /// id of the feature whose path is offset
+    pub feature: String,
+    /// m, absolute offset along the outward normal at each point of the feature, in plan order
+    pub path: Vec<f64>,
     /// the Correction that asks for it; empty for a move
     pub correction_id: String,
 }
@@ -40,13 +44,15 @@ impl ControllerCommand {
     pub const SET_WORK_OFFSET: u8 = 3;
     /// feed hold and abort
     pub const STOP: u8 = 4;
+    /// offset the tool path that cuts feature by path
+    pub const SET_TOOL_PATH: u8 = 5;
 }
 
 impl Message for ControllerCommand {
     const TYPE: &'static MessageType = &MessageType {
         name: "probecell_msgs/msg/ControllerCommand",
         dds_name: "probecell_msgs::msg::dds_::ControllerCommand_",
-        type_hash: "RIHS01_4b08b6795f51075394c03efd91d94ca1dce7affb191e6dbde298cc872e104cf3",
+        type_hash: "RIHS01_9c2e0b0d5ce71cd97fe275e9dffe92663cf5914b9f220a65b36023b5d4c17395",
         definition: concat!(
             include_str!("../msg/ControllerCommand.msg"),
             "================================================================================\nMSG: std_msgs/Header\n",
@@ -165,15 +171,17 @@ pub struct Correction {
     pub session: String,
     /// made from a recording: never for a machine
     pub replayed: bool,
-    /// TOOL_WEAR or WORK_OFFSET
+    /// TOOL_WEAR, WORK_OFFSET or TOOL_PATH
     pub kind: u8,
     pub tool_number: u32,
     /// joint of a work offset
     pub axis: String,
-    /// m or rad, value that the change was computed from
+    /// m or rad, value that the change was computed from; of a path its largest offset
     pub previous_value: f64,
-    /// m or rad
+    /// m or rad; of a path its largest offset, either sign
     pub new_value: f64,
+    /// m, TOOL_PATH: offset along the outward normal at each point of feature_ids[0], in plan order
+    pub path: Vec<f64>,
     /// m or rad, least new_value allowed
     pub lower_bound: f64,
     /// m or rad, greatest new_value allowed
@@ -198,6 +206,7 @@ pub struct Correction {
 impl Correction {
     pub const TOOL_WEAR: u8 = 0;
     pub const WORK_OFFSET: u8 = 1;
+    pub const TOOL_PATH: u8 = 2;
     /// proposed only
     pub const APPROVAL_NONE: u8 = 0;
     /// by the policy of the cell file
@@ -210,7 +219,7 @@ impl Message for Correction {
     const TYPE: &'static MessageType = &MessageType {
         name: "probecell_msgs/msg/Correction",
         dds_name: "probecell_msgs::msg::dds_::Correction_",
-        type_hash: "RIHS01_fb840cdbdc6dd1a26630f93ad895b4eb8a2e8bcde48c53f6247d1d57d2324c10",
+        type_hash: "RIHS01_2868ceebf2a9240276cc0ad2e04bf2481d1058d4143b7169cd76ecbcd05b70c6",
         definition: concat!(
             include_str!("../msg/Correction.msg"),
             "================================================================================\nMSG: std_msgs/Header\n",
@@ -326,6 +335,8 @@ pub struct FeatureResult {
     pub size_deviation: f64,
     /// m, peak to valley of the residuals
     pub form: f64,
+    /// m, profile or surface: mean deviation at each of its points, in plan order; else empty
+    pub deviations: Vec<f64>,
     /// m, of size_deviation
     pub standard_uncertainty: f64,
     /// ratio: expanded uncertainty = coverage_factor * standard_uncertainty
@@ -350,7 +361,7 @@ impl Message for FeatureResult {
     const TYPE: &'static MessageType = &MessageType {
         name: "probecell_msgs/msg/FeatureResult",
         dds_name: "probecell_msgs::msg::dds_::FeatureResult_",
-        type_hash: "RIHS01_bc29db045150d86562cd17467d2b49bcb3d0f7248f3c90eea97e0fdf1c58832d",
+        type_hash: "RIHS01_441cf90111df7171ddf2568b612194602e5f53eaee8dbcd17bee8370963aded9",
         definition: concat!(
             include_str!("../msg/FeatureResult.msg"),
             "================================================================================\nMSG: std_msgs/Header\n",

@@ -58,24 +58,25 @@ fn names(cell: &Cell) -> Result<(), String> {
             ));
         }
     }
-    for width in &cell.analysis.widths {
+    for width in cell.analysis.widths.iter().chain(&cell.analysis.steps) {
         for plane in &width.planes {
             let is_plane = |feature: &path_planning::part::RawFeature| {
                 feature.id == *plane && feature.kind == "plane"
             };
             if !cell.part.features.iter().any(is_plane) {
                 return Err(format!(
-                    "analysis.widths: {:?} names {plane:?}, which is not a plane of the part",
+                    "analysis: {:?} names {plane:?}, which is not a plane of the part",
                     width.id
                 ));
             }
         }
     }
-    sizes.extend(cell.analysis.widths.iter().map(|width| width.id.as_str()));
+    let composed = cell.analysis.widths.iter().chain(&cell.analysis.steps);
+    sizes.extend(composed.map(|width| width.id.as_str()));
     for characteristic in &cell.compensation.characteristics {
         if !sizes.contains(characteristic.id.as_str()) {
             return Err(format!(
-                "compensation.characteristics: {:?} is neither a feature of the part nor a width",
+                "compensation.characteristics: {:?} is neither a feature of the part nor a width or step",
                 characteristic.id
             ));
         }

@@ -245,8 +245,8 @@ impl Cell {
                         .as_ref()
                         .ok_or("the section [simulator] is missing"),
                 )?;
-                let config =
-                    self.setting(raw.check(chain, self.part.stylus.ball_radius_mm * 1e-3))?;
+                let plan = self.setting(self.part.check(&chain))?.plan(0.0);
+                let config = self.setting(raw.check(chain, &plan))?;
                 Box::new(Running::<simulator::SimulatorNode>::new(config))
             }
             _ => {

@@ -17,6 +17,8 @@ pub struct RawConfig {
     pub repeat_limit_um: f64,
     /// Sizes over several planes.
     pub widths: Vec<Width>,
+    /// Steps from one plane to another that is nominally parallel to it: their mismatch.
+    pub steps: Vec<Width>,
 }
 
 impl Default for RawConfig {
@@ -27,11 +29,12 @@ impl Default for RawConfig {
             coverage_factor: 2.0,
             repeat_limit_um: 10.0,
             widths: Vec::new(),
+            steps: Vec::new(),
         }
     }
 }
 
-/// A size over two parallel planes: the sum of their distances from the part's origin.
+/// A size over two parallel planes: the sum of their distances from the part's origin, or as a step their difference.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Width {
@@ -39,7 +42,7 @@ pub struct Width {
     pub id: String,
     /// The two planes.
     pub planes: [String; 2],
-    /// Limits of the deviation of the width.
+    /// Limits of the deviation of the size.
     pub tolerance_um: [f64; 2],
 }
 
@@ -58,6 +61,8 @@ pub struct Config {
     pub repeat_limit: f64,
     /// Sizes over two planes.
     pub widths: Vec<Width>,
+    /// Steps between two planes.
+    pub steps: Vec<Width>,
 }
 
 /// A setting that cannot be used.
@@ -103,6 +108,7 @@ impl RawConfig {
             coverage_factor: self.coverage_factor,
             repeat_limit: self.repeat_limit_um * 1e-6,
             widths: self.widths.clone(),
+            steps: self.steps.clone(),
         })
     }
 }

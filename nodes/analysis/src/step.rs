@@ -202,7 +202,7 @@ fn report_when_complete(
         .iter()
         .flat_map(|point| &state.touches[point])
         .collect();
-    let result = result(
+    let mut result = result(
         config,
         plan,
         feature,
@@ -210,6 +210,13 @@ fn report_when_complete(
         &touches,
         repeat_spread(state, &points),
     );
+    let free_form = [InspectionFeature::PROFILE, InspectionFeature::SURFACE];
+    if free_form.contains(&feature.kind) && result.decision != FeatureResult::INVALID {
+        result.deviations = points
+            .iter()
+            .map(|point| mean_deviation(&state.touches[point]))
+            .collect();
+    }
     publish(state, result, out);
     for width in &config.widths {
         if width.planes.contains(&feature.id)
@@ -218,6 +225,23 @@ fn report_when_complete(
             publish(state, result, out);
         }
     }
+    for step in &config.steps {
+        if step.planes.contains(&feature.id)
+            && let Some(result) = step_result(config, state, header, step)
+        {
+            publish(state, result, out);
+        }
+    }
+}
+
+/// Mean of the usable touches of one point, m.
+fn mean_deviation(touches: &[Touch]) -> f64 {
+    let found = || {
+        touches
+            .iter()
+            .filter_map(|touch| touch.found.map(|(_, deviation)| deviation))
+    };
+    found().sum::<f64>() / found().count() as f64
 }
 
 fn publish(state: &mut State, result: FeatureResult, out: &mut Outbox<Output>) {
@@ -348,6 +372,45 @@ fn width_result(
             width.tolerance_um[0] * 1e-6,
             width.tolerance_um[1] * 1e-6,
         );
+    }
+    Some(result)
+}
+
+/// The step from the first plane to the second, once both are reported for this plan: what they deviate differently.
+fn step_result(
+    config: &Config,
+    state: &State,
+    header: &std_msgs::Header,
+    step: &Width,
+) -> Option<FeatureResult> {
+    let [a, b] = [&step.planes[0], &step.planes[1]].map(|id| state.reported.get(id));
+    let (a, b) = (a?, b?);
+    let nominal_size = b.nominal_size - a.nominal_size;
+    let size_deviation = b.size_deviation - a.size_deviation;
+    let mut result = FeatureResult {
+        header: header.clone(),
+        feature_id: step.id.clone(),
+        touches: a.touches + b.touches,
+        sequences: a.sequences.iter().chain(&b.sequences).copied().collect(),
+        size: nominal_size + size_deviation,
+        nominal_size,
+        size_deviation,
+        form: a.form.max(b.form),
+        // What both share does not show in their difference.
+        standard_uncertainty: own(config, a).hypot(own(config, b)),
+        repeat_spread: a.repeat_spread.max(b.repeat_spread),
+        text: String::new(),
+        ..a.clone()
+    };
+    if let Some(invalid) = [a, b]
+        .into_iter()
+        .find(|plane| plane.decision == FeatureResult::INVALID)
+    {
+        result.decision = FeatureResult::INVALID;
+        result.text = format!("{}: {}", invalid.feature_id, invalid.text);
+    } else {
+        let [lower, upper] = step.tolerance_um;
+        decide(&mut result, lower * 1e-6, upper * 1e-6);
     }
     Some(result)
 }

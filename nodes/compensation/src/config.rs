@@ -1,6 +1,7 @@
 //! Settings of `compensation`.
 
 use metrology::decision::{DecisionLimits, Policy, Side};
+use probecell_msgs::Correction;
 use serde::Deserialize;
 
 /// As written in the cell file, section `[compensation]`.
@@ -22,6 +23,12 @@ pub struct RawConfig {
     /// Change of the wear offset per change of size: 1 for an offset that counts diameters, 0.5 for radii.
     #[serde(default = "default_wear_per_size")]
     pub wear_per_size: f64,
+    /// What of a profile's deviation is taken off its tool path.
+    #[serde(default)]
+    pub path: PathCorrection,
+    /// No point of a tool path is offset by more.
+    #[serde(default = "default_path_limit")]
+    pub path_limit_mm: f64,
     /// Stop at a size that could be corrected, as the printed macro says, instead of correcting it.
     #[serde(default)]
     pub literal_macro: bool,
@@ -29,6 +36,23 @@ pub struct RawConfig {
     /// what repeats is corrected (source systems A.4).
     #[serde(default)]
     pub spring_pass: bool,
+}
+
+/// What of a profile's deviation is taken off its tool path.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PathCorrection {
+    /// The part that neighbouring points share: what is random would be imprinted on the next part.
+    #[default]
+    Deterministic,
+    /// All that was measured.
+    Raw,
+    /// Nothing: a profile out of tolerance is scrap.
+    None,
+}
+
+fn default_path_limit() -> f64 {
+    0.5
 }
 
 fn default_validity() -> f64 {
@@ -47,8 +71,8 @@ pub struct RawCharacteristic {
     pub id: String,
     /// Half width of the tolerance about the drawing size.
     pub tolerance_mm: f64,
-    /// Tool whose wear offset shifts the size.
-    pub tool_number: u32,
+    /// Tool whose wear offset shifts the size; none: nothing of the machine's can correct it.
+    pub tool_number: Option<u32>,
     /// An inner size: more wear offset, larger size is overcut.
     #[serde(default)]
     pub inner: bool,
@@ -61,8 +85,8 @@ pub struct Characteristic {
     pub id: String,
     /// m; half width of the tolerance.
     pub tolerance: f64,
-    /// Tool whose wear offset shifts the size.
-    pub tool_number: u32,
+    /// Tool whose wear offset shifts the size, if there is one.
+    pub tool_number: Option<u32>,
     /// Outer or inner.
     pub side: Side,
 }
@@ -74,6 +98,10 @@ pub struct Config {
     pub characteristics: Vec<Characteristic>,
     /// m; the largest wear offset, of either sign.
     pub wear_limit: f64,
+    /// m; the largest offset of a point of a tool path, of either sign.
+    pub path_limit: f64,
+    /// What is taken off a tool path.
+    pub path: PathCorrection,
     /// Corrections of one pass after which it is called not converging.
     pub max_corrections: u32,
     /// Approve without asking.
@@ -121,6 +149,7 @@ impl RawConfig {
         });
         let own = [
             ("wear_limit_mm".to_owned(), self.wear_limit_mm),
+            ("path_limit_mm".to_owned(), self.path_limit_mm),
             ("validity_s".to_owned(), self.validity_s),
             ("wear_per_size".to_owned(), self.wear_per_size),
         ];
@@ -138,6 +167,8 @@ impl RawConfig {
         Ok(Config {
             characteristics: characteristics.collect(),
             wear_limit: self.wear_limit_mm * 1e-3,
+            path_limit: self.path_limit_mm * 1e-3,
+            path: self.path,
             max_corrections: self.max_corrections,
             automatic_approval: self.automatic_approval,
             validity: self.validity_s,
@@ -154,6 +185,24 @@ impl RawConfig {
 }
 
 impl Config {
+    /// What a correction says of its approval as it is made.
+    pub(crate) fn approval(&self) -> u8 {
+        if self.automatic_approval {
+            Correction::APPROVAL_POLICY
+        } else {
+            Correction::APPROVAL_NONE
+        }
+    }
+
+    /// Who has approved a correction as it is made.
+    pub(crate) fn approved_by(&self) -> String {
+        if self.automatic_approval {
+            "policy of the cell file".to_owned()
+        } else {
+            String::new()
+        }
+    }
+
     /// The limits that a characteristic's decision is made with.
     pub fn limits(&self, characteristic: &Characteristic) -> DecisionLimits {
         DecisionLimits {

@@ -10,7 +10,11 @@
 //! correction is proposed; it is approved by the cell file's policy or by an operator, never by itself.
 
 mod config;
+mod path;
 mod step;
 
-pub use config::{Characteristic, Config, ConfigError, RawCharacteristic, RawConfig};
+pub use config::{
+    Characteristic, Config, ConfigError, PathCorrection, RawCharacteristic, RawConfig,
+};
+pub use path::Paths;
 pub use step::{CompensationNode, Input, Output, State};

@@ -10,7 +10,10 @@ use probecell_msgs::{
 };
 use serde::{Deserialize, Serialize};
 
-use crate::config::{Characteristic, Config};
+use crate::{
+    config::{Characteristic, Config},
+    path::{self, Paths},
+};
 
 inputs! {
     /// What `compensation` hears.
@@ -59,6 +62,8 @@ pub struct State {
     pub counted: Option<(String, u32)>,
     /// Corrections that wait for an operator.
     pub proposed: BTreeMap<String, (Correction, u32)>,
+    /// Offsets of the tool paths that were asked for in this session of the driver.
+    pub paths: Paths,
 }
 
 /// Results kept that came before their measurement was asked for.
@@ -159,8 +164,11 @@ fn decide_on_all(config: &Config, state: &mut State, now: Stamp, out: &mut Outbo
         .iter()
         .map(|characteristic| {
             let result = &results[&characteristic.id];
-            let wear = wear(state, characteristic.tool_number);
-            let (verdict, action) = decide_on_one(config, state, characteristic, result, wear);
+            let wear = characteristic.tool_number.map(|tool| wear(state, tool));
+            let (verdict, action) = match wear {
+                Some(wear) => decide_on_one(config, state, characteristic, result, wear),
+                None => path::decide(config, characteristic, result, state.corrections),
+            };
             out.send(Output::Verdict(Verdict {
                 header: header(now),
                 plan_id: plan_id.clone(),
@@ -169,16 +177,15 @@ fn decide_on_all(config: &Config, state: &mut State, now: Stamp, out: &mut Outbo
                 pass_number: pass,
                 verdict: code(verdict),
                 size: result.size,
-                error: result.size - result.nominal_size,
+                error: path::error(result),
                 tolerance: characteristic.tolerance,
-                tool_wear: wear.unwrap_or(f64::NAN),
-                text: match wear {
-                    None => format!(
-                        "the controller has not told the wear offset of tool {}",
-                        characteristic.tool_number
-                    ),
-                    Some(_) if result.decision == FeatureResult::INVALID => result.text.clone(),
-                    Some(_) => String::new(),
+                tool_wear: wear.flatten().unwrap_or(f64::NAN),
+                text: match (wear, characteristic.tool_number) {
+                    (Some(None), Some(tool)) => {
+                        format!("the controller has not told the wear offset of tool {tool}")
+                    }
+                    _ if result.decision == FeatureResult::INVALID => result.text.clone(),
+                    _ => String::new(),
                 },
             }));
             (characteristic, verdict, action)
@@ -242,7 +249,17 @@ fn decide_on_all(config: &Config, state: &mut State, now: Stamp, out: &mut Outbo
         state.sprung = true;
     } else if decision == PassDecision::RECUT {
         state.corrections += 1;
-        for correction in corrections(config, state, now, &plan_id, &results, &decided) {
+        let mut all = corrections(config, state, now, &plan_id, &results, &decided);
+        if let Some(offsets) = state.offsets.clone() {
+            state.paths.of_session(&offsets.session);
+            for (characteristic, _, action) in &decided {
+                if *action == Action::Recut && characteristic.tool_number.is_none() {
+                    let result = &results[&characteristic.id];
+                    all.push(state.paths.correct(config, now, &plan_id, result));
+                }
+            }
+        }
+        for correction in all {
             correction_ids.push(correction.correction_id.clone());
             if correction.approval == Correction::APPROVAL_NONE {
                 state
@@ -303,14 +320,13 @@ fn corrections(
 ) -> Vec<Correction> {
     let mut by_tool: BTreeMap<u32, Vec<&Characteristic>> = BTreeMap::new();
     for (characteristic, _, _) in decided {
-        by_tool
-            .entry(characteristic.tool_number)
-            .or_default()
-            .push(characteristic);
+        if let Some(tool) = characteristic.tool_number {
+            by_tool.entry(tool).or_default().push(characteristic);
+        }
     }
     let correctable = |tool: u32| {
         decided.iter().any(|(characteristic, _, action)| {
-            characteristic.tool_number == tool && *action == Action::Recut
+            characteristic.tool_number == Some(tool) && *action == Action::Recut
         })
     };
     let mut made = Vec::new();
@@ -352,6 +368,7 @@ fn corrections(
             kind: Correction::TOOL_WEAR,
             tool_number: tool,
             axis: String::new(),
+            path: Vec::new(),
             previous_value: held,
             new_value: rounded(held + change),
             lower_bound: -config.wear_limit,
@@ -364,16 +381,8 @@ fn corrections(
             sequences,
             measured_error: error,
             standard_uncertainty: variance.sqrt(),
-            approval: if config.automatic_approval {
-                Correction::APPROVAL_POLICY
-            } else {
-                Correction::APPROVAL_NONE
-            },
-            approved_by: if config.automatic_approval {
-                "policy of the cell file".to_owned()
-            } else {
-                String::new()
-            },
+            approval: config.approval(),
+            approved_by: config.approved_by(),
             expires: now.after_s(config.validity).time(),
         });
     }

@@ -1,6 +1,8 @@
 //! Step by step: from sizes to verdicts, corrections and a decision (source systems A.4).
 
-use compensation::{CompensationNode, Config, Input, Output, RawCharacteristic, RawConfig};
+use compensation::{
+    CompensationNode, Config, Input, Output, PathCorrection, RawCharacteristic, RawConfig,
+};
 use graph::{Node, Outbox, Stamp};
 use probecell_msgs::{
     Correction, FeatureResult, OperationRequest, OperatorRequest, PassDecision, ToolOffsets,
@@ -12,7 +14,7 @@ fn config(automatic_approval: bool, inner: bool) -> Config {
     let characteristic = RawCharacteristic {
         id: "D1".to_owned(),
         tolerance_mm: 0.010,
-        tool_number: 2,
+        tool_number: Some(2),
         inner,
     };
     let raw = RawConfig {
@@ -22,6 +24,8 @@ fn config(automatic_approval: bool, inner: bool) -> Config {
         automatic_approval,
         validity_s: 60.0,
         wear_per_size: 1.0,
+        path: PathCorrection::Deterministic,
+        path_limit_mm: 0.5,
         literal_macro: false,
         spring_pass: false,
     };

@@ -29,6 +29,9 @@ pub struct Pass {
     /// Allowance left on the sizes by this pass; the sizes aimed at are the drawing's plus this.
     #[serde(default)]
     pub allowance_mm: f64,
+    /// Measured for the record: the next pass follows whatever is found, and nothing is corrected.
+    #[serde(default)]
+    pub for_record: bool,
 }
 
 /// As checked.

@@ -315,7 +315,13 @@ fn decided(
         *early = Some(decision.clone());
         return;
     }
+    let for_record = config.passes[run.pass as usize].for_record;
     match decision.decision {
+        _ if for_record && (run.pass as usize) + 1 < config.passes.len() => {
+            run.pass += 1;
+            run.attempt = 0;
+            cut(config, state, now, 0, out);
+        }
         PassDecision::NEXT => {
             run.pass += 1;
             run.attempt = 0;

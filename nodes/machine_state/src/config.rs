@@ -14,6 +14,8 @@ pub struct RawConfig {
     pub order_limit_s: f64,
     /// No wear offset is ever written outside plus or minus this.
     pub wear_limit_mm: f64,
+    /// No point of a tool path is ever offset by more.
+    pub path_limit_mm: f64,
 }
 
 impl Default for RawConfig {
@@ -23,6 +25,7 @@ impl Default for RawConfig {
             silence_limit_s: 1.0,
             order_limit_s: 10.0,
             wear_limit_mm: 0.5,
+            path_limit_mm: 0.5,
         }
     }
 }
@@ -40,6 +43,8 @@ pub struct Config {
     pub order_limit: f64,
     /// m; no wear offset is written outside plus or minus this.
     pub wear_limit: f64,
+    /// m; no point of a tool path is offset by more.
+    pub path_limit: f64,
     /// This graph runs on a recording: nothing may be told to a machine.
     pub replayed: bool,
 }
@@ -64,6 +69,7 @@ impl RawConfig {
             ("silence_limit_s", self.silence_limit_s),
             ("order_limit_s", self.order_limit_s),
             ("wear_limit_mm", self.wear_limit_mm),
+            ("path_limit_mm", self.path_limit_mm),
         ] {
             if !(value.is_finite() && value > 0.0) {
                 return Err(ConfigError { key, value });
@@ -80,6 +86,7 @@ impl RawConfig {
             silence_limit: self.silence_limit_s,
             order_limit: self.order_limit_s,
             wear_limit: self.wear_limit_mm * 1e-3,
+            path_limit: self.path_limit_mm * 1e-3,
             replayed,
         })
     }

@@ -54,21 +54,22 @@ pub(crate) fn check(
         return refuse(Ack::REFUSED_STALE, "it has expired");
     }
     check_source(state, correction)?;
-    if correction.kind != Correction::TOOL_WEAR {
-        return refuse(
-            Ack::FAILED,
-            format!(
-                "offsets of kind {} are not written by this cell",
-                correction.kind
-            ),
-        );
-    }
-    let held = wear_of(controller, correction.tool_number);
-    let Some(held) = held else {
-        return refuse(
-            Ack::FAILED,
-            format!("the controller has no tool {}", correction.tool_number),
-        );
+    let held = match correction.kind {
+        Correction::TOOL_WEAR => wear_of(controller, correction.tool_number).map_or_else(
+            || {
+                let text = format!("the controller has no tool {}", correction.tool_number);
+                refuse(Ack::FAILED, text)
+            },
+            Ok,
+        )?,
+        Correction::TOOL_PATH => {
+            check_path(config, correction)?;
+            path_of(state, correction)
+        }
+        kind => {
+            let text = format!("offsets of kind {kind} are not written by this cell");
+            return refuse(Ack::FAILED, text);
+        }
     };
     if !((held - correction.previous_value).abs() <= SAME_OFFSET) {
         let text = format!(
@@ -80,6 +81,43 @@ pub(crate) fn check(
     }
     check_bounds(config, correction)?;
     Ok(held)
+}
+
+/// Largest offset of the path of the correction's feature that was written in this session, m.
+fn path_of(state: &State, correction: &Correction) -> f64 {
+    let feature = correction.feature_ids.first();
+    feature
+        .and_then(|feature| state.paths.get(feature))
+        .copied()
+        .unwrap_or(0.0)
+}
+
+/// Every offset of a path lies within its bounds, and the greatest is the one declared.
+fn check_path(config: &Config, correction: &Correction) -> Result<(), Refusal> {
+    let limit = config.path_limit.min(correction.upper_bound);
+    let beyond = correction
+        .path
+        .iter()
+        .position(|offset| !(offset.abs() <= limit));
+    if let Some(index) = beyond {
+        let text = format!(
+            "offset {index} of the path, {:.1} µm, is beyond {:.1} µm",
+            correction.path[index] * 1e6,
+            limit * 1e6
+        );
+        return refuse(Ack::REFUSED_OUT_OF_BOUNDS, text);
+    }
+    let largest = correction
+        .path
+        .iter()
+        .fold(0.0, |most: f64, offset| most.max(offset.abs()));
+    if correction.path.is_empty() || largest != correction.new_value {
+        return refuse(
+            Ack::REFUSED_OUT_OF_BOUNDS,
+            "its path is empty or its largest offset is not the one declared",
+        );
+    }
+    Ok(())
 }
 
 fn ready(state: &State) -> Result<&Controller, Refusal> {
@@ -121,8 +159,13 @@ fn check_bounds(config: &Config, correction: &Correction) -> Result<(), Refusal>
     if correction.lower_bound.is_nan() || correction.upper_bound.is_nan() {
         return refuse(Ack::REFUSED_OUT_OF_BOUNDS, "its bounds are not numbers");
     }
-    let lower = correction.lower_bound.max(-config.wear_limit);
-    let upper = correction.upper_bound.min(config.wear_limit);
+    let limit = if correction.kind == Correction::TOOL_PATH {
+        config.path_limit
+    } else {
+        config.wear_limit
+    };
+    let lower = correction.lower_bound.max(-limit);
+    let upper = correction.upper_bound.min(limit);
     // Written so that a value that is not a number is out of bounds.
     if correction.new_value >= lower && correction.new_value <= upper {
         return Ok(());

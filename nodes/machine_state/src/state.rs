@@ -27,6 +27,8 @@ pub struct State {
     pub deferred: VecDeque<Correction>,
     /// Corrections that the controller has, with the values read before and after.
     pub applied: BTreeMap<String, (f64, f64)>,
+    /// Largest offset of each feature's tool path that was written in this session, m.
+    pub paths: BTreeMap<String, f64>,
     /// Codes of faults that stand now, each told once.
     pub standing: BTreeSet<String>,
 }

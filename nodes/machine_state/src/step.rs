@@ -398,12 +398,23 @@ fn write(
             acknowledge(now, correction, refusal.outcome, values, &refusal.text, out);
         }
         Ok(_held) => {
-            let command = ControllerCommand {
-                kind: ControllerCommand::SET_TOOL_WEAR,
-                tool_number: correction.tool_number,
-                value: correction.new_value,
-                correction_id: correction.correction_id.clone(),
-                ..ControllerCommand::default()
+            let correction_id = correction.correction_id.clone();
+            let command = if correction.kind == Correction::TOOL_PATH {
+                ControllerCommand {
+                    kind: ControllerCommand::SET_TOOL_PATH,
+                    feature: correction.feature_ids.first().cloned().unwrap_or_default(),
+                    path: correction.path.clone(),
+                    correction_id,
+                    ..ControllerCommand::default()
+                }
+            } else {
+                ControllerCommand {
+                    kind: ControllerCommand::SET_TOOL_WEAR,
+                    tool_number: correction.tool_number,
+                    value: correction.new_value,
+                    correction_id,
+                    ..ControllerCommand::default()
+                }
             };
             let command_id = tell(state, now, command, out);
             state.writing.insert(command_id, correction.clone());
@@ -454,6 +465,11 @@ fn answer(state: &mut State, now: Stamp, reply: &ControllerReply, out: &mut Outb
             state
                 .applied
                 .insert(correction.correction_id.clone(), values);
+            if let (Correction::TOOL_PATH, Some(feature)) =
+                (correction.kind, correction.feature_ids.first())
+            {
+                state.paths.insert(feature.clone(), reply.value);
+            }
             acknowledge(
                 now,
                 &correction,

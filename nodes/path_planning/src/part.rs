@@ -2,10 +2,12 @@
 //!
 //! Lengths are written in mm and angles in degrees and become m and rad here. Points, normals and axes are in the part
 //! frame. A point is placed exactly on its feature: a cylinder is touched at angles and heights, a plane at the foot of
-//! each point given, a sphere where the ray from its centre through the point given leaves it.
+//! each point given, a sphere where the ray from its centre through the point given leaves it, a profile at equal
+//! lengths along its cubic spline with the normal to the left of travel.
 
 use machine::Chain;
-use nalgebra::{Rotation3, Unit, Vector3};
+use metrology::profile::Spline;
+use nalgebra::{Rotation3, Unit, Vector2, Vector3};
 use probecell_msgs::{
     InspectionFeature, InspectionPlan, InspectionPoint, MachiningOperation, Stylus, geometry_msgs,
 };
@@ -31,6 +33,9 @@ pub struct RawPart {
     /// Direction in the foundation that points are turned to face.
     #[serde(default)]
     pub facing: [f64; 3],
+    /// Rotary axes whose positions operations and features give themselves, instead of one that faces the probe.
+    #[serde(default)]
+    pub rotary_axes: Vec<String>,
     /// Distance from the start of an approach to the nominal contact.
     pub approach_mm: f64,
     /// Distance back after the trigger.
@@ -71,6 +76,15 @@ pub struct RawOperation {
     /// It leaves the final surface.
     #[serde(default)]
     pub finish: bool,
+    /// Positions of `part.rotary_axes` while cutting; none: all 0.
+    #[serde(default)]
+    pub rotary_deg: Vec<f64>,
+    /// Tip of the tool in the part frame while it cuts: heights along the tool are counted from there.
+    #[serde(default)]
+    pub tip_mm: [f64; 3],
+    /// Direction of the tool from its tip to its shank, part frame; none: heights along the tool are not told.
+    #[serde(default)]
+    pub tool_axis: [f64; 3],
 }
 
 /// As written.
@@ -79,9 +93,10 @@ pub struct RawOperation {
 pub struct RawFeature {
     /// Name of the feature.
     pub id: String,
-    /// `plane`, `cylinder`, `bore` or `sphere`.
+    /// `plane`, `cylinder`, `bore`, `sphere` or `profile`.
     pub kind: String,
-    /// A point of the plane or axis, the centre of a sphere.
+    /// A point of the plane or axis, the centre of a sphere, the origin of a profile's control points.
+    #[serde(default)]
     pub origin_mm: [f64; 3],
     /// Outward normal of a plane, direction of an axis.
     #[serde(default)]
@@ -103,10 +118,22 @@ pub struct RawFeature {
     /// Where a plane or sphere is touched: near these points.
     #[serde(default)]
     pub touch_points_mm: Vec<[f64; 3]>,
+    /// Control points of a profile: a clamped uniform cubic spline in the x-y plane of the part at the origin's height.
+    #[serde(default)]
+    pub control_points_mm: Vec<[f64; 2]>,
+    /// Touches along a profile, at equal lengths from end to end.
+    #[serde(default)]
+    pub touches: usize,
+    /// Positions of `part.rotary_axes` while probing; none: all 0.
+    #[serde(default)]
+    pub rotary_deg: Vec<f64>,
 }
 
 /// Largest length (mm), angle (deg) or feed (mm/min) that is taken: far beyond any machine.
 const LARGEST: f64 = 1e9;
+
+/// Most touches along one profile.
+const MOST_TOUCHES: usize = 10_000;
 
 /// Nominal point (m) and outward normal, part frame.
 type Touch = (Vector3<f64>, Vector3<f64>);
@@ -124,7 +151,7 @@ pub enum PartError {
     #[error("part.{0} must be a finite number{1}")]
     Number(String, &'static str),
     /// An unknown kind of feature.
-    #[error("feature {feature:?}: kind {kind:?} is none of plane, cylinder, bore, sphere")]
+    #[error("feature {feature:?}: kind {kind:?} is none of plane, cylinder, bore, sphere, profile")]
     Kind {
         /// The feature.
         feature: String,
@@ -142,7 +169,7 @@ pub enum PartError {
     Tolerance(String),
     /// No touch.
     #[error(
-        "feature {0:?} has no touches: give touch_angles_deg and touch_heights_mm, or touch_points_mm"
+        "feature {0:?} has no touches: give touch_angles_deg and touch_heights_mm, touch_points_mm, or touches of a profile"
     )]
     NoTouches(String),
     /// A touch that cannot be placed.
@@ -169,6 +196,29 @@ pub enum PartError {
     /// No facing direction.
     #[error("part.facing must be a direction that is not along the indexing axis")]
     Facing,
+    /// A rotary axis that the machine lacks, or a second way to say how the part is turned.
+    #[error(
+        "part.rotary_axes: {0:?} is not a rotary axis of the machine, or part.indexing_axis is given as well"
+    )]
+    RotaryAxis(String),
+    /// Another number of rotary positions than of rotary axes.
+    #[error("{place}: rotary_deg has {given} positions for the {axes} axes of part.rotary_axes")]
+    Rotaries {
+        /// The operation or feature.
+        place: String,
+        /// Positions given.
+        given: usize,
+        /// Axes.
+        axes: usize,
+    },
+    /// A profile that is no curve.
+    #[error("feature {feature:?}: {reason}")]
+    Profile {
+        /// The feature.
+        feature: String,
+        /// Why not.
+        reason: String,
+    },
 }
 
 impl RawPart {
@@ -191,6 +241,7 @@ impl RawPart {
             finite("operations.feed_mm_per_min", &[raw.feed_mm_per_min])?;
         }
         let indexing = self.indexing(chain)?;
+        self.check_rotary(chain)?;
         let mut template = InspectionPlan {
             part_id: self.id.clone(),
             machined_on_this_machine: self.machined_on_this_machine,
@@ -211,11 +262,12 @@ impl RawPart {
             operations: self
                 .operations
                 .iter()
-                .map(|raw| raw.message(indexing.is_some()))
+                .map(|raw| raw.message(self.turned(&raw.rotary_deg, indexing.is_some())))
                 .collect(),
             rotary_names: indexing
                 .iter()
                 .map(|_| self.indexing_axis.clone())
+                .chain(self.rotary_axes.iter().cloned())
                 .collect(),
             ..InspectionPlan::default()
         };
@@ -227,10 +279,12 @@ impl RawPart {
                     feature: index as u32,
                     position: ros_point(position),
                     normal: ros_vector(normal),
-                    rotary_positions: indexing
-                        .iter()
-                        .map(|turn| turn.facing_angle(&normal))
-                        .collect(),
+                    rotary_positions: indexing.as_ref().map_or_else(
+                        || self.turned(&raw.rotary_deg, false),
+                        |turn| vec![turn.facing_angle(&normal)],
+                    ),
+                    tool_height: usize::try_from(operation)
+                        .map_or(0.0, |index| self.operations[index].height_of(&position)),
                     approach_distance: self.approach_mm * 1e-3,
                     retract_distance: self.retract_mm * 1e-3,
                     feed: self.feed_mm_per_min / 60e3,
@@ -260,6 +314,48 @@ impl RawPart {
         Ok(Some(Indexing { about, facing }))
     }
 
+    /// Rotary axes exist, and every operation and feature has a position for each, or none at all.
+    fn check_rotary(&self, chain: &Chain) -> Result<(), PartError> {
+        for name in &self.rotary_axes {
+            let rotary = chain
+                .axis_index(name)
+                .is_some_and(|axis| chain.axis(axis).kind == machine::JointKind::Revolute);
+            if !rotary || !self.indexing_axis.is_empty() {
+                return Err(PartError::RotaryAxis(name.clone()));
+            }
+        }
+        let operations = self
+            .operations
+            .iter()
+            .map(|raw| ("operation", &raw.id, &raw.rotary_deg));
+        let features = self
+            .features
+            .iter()
+            .map(|raw| ("feature", &raw.id, &raw.rotary_deg));
+        for (what, id, positions) in operations.chain(features) {
+            finite("rotary_deg", positions)?;
+            if !positions.is_empty() && positions.len() != self.rotary_axes.len() {
+                return Err(PartError::Rotaries {
+                    place: format!("{what} {id:?}"),
+                    given: positions.len(),
+                    axes: self.rotary_axes.len(),
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// Positions (rad) of the plan's rotary axes: as written, all 0 where nothing is.
+    fn turned(&self, rotary_deg: &[f64], indexed: bool) -> Vec<f64> {
+        if indexed {
+            vec![0.0]
+        } else if rotary_deg.is_empty() {
+            vec![0.0; self.rotary_axes.len()]
+        } else {
+            rotary_deg.iter().map(|angle| angle.to_radians()).collect()
+        }
+    }
+
     fn operation_of(&self, feature: &RawFeature) -> Result<i32, PartError> {
         if feature.operation.is_empty() {
             return Ok(-1);
@@ -276,14 +372,19 @@ impl RawPart {
 }
 
 impl RawOperation {
-    fn message(&self, indexed: bool) -> MachiningOperation {
+    /// Height of a point (m, part frame) along the tool; 0 where the tool's direction is not told.
+    fn height_of(&self, position: &Vector3<f64>) -> f64 {
+        direction(self.tool_axis).map_or(0.0, |axis| axis.dot(&(position - metres(self.tip_mm))))
+    }
+
+    fn message(&self, rotary_positions: Vec<f64>) -> MachiningOperation {
         MachiningOperation {
             id: self.id.clone(),
             tool_number: self.tool_number,
             tool_radius: self.tool_radius_mm * 1e-3,
             feed: self.feed_mm_per_min / 60e3,
             finish: self.finish,
-            rotary_positions: if indexed { vec![0.0] } else { Vec::new() },
+            rotary_positions,
         }
     }
 }
@@ -295,6 +396,7 @@ impl RawFeature {
             "cylinder" => InspectionFeature::CYLINDER,
             "bore" => InspectionFeature::BORE,
             "sphere" => InspectionFeature::SPHERE,
+            "profile" => InspectionFeature::PROFILE,
             _ => {
                 return Err(PartError::Kind {
                     feature: self.id.clone(),
@@ -312,11 +414,13 @@ impl RawFeature {
         )?;
         let axis = match direction(self.axis) {
             Some(axis) => axis,
-            None if kind == InspectionFeature::SPHERE => Vector3::z(),
+            None if matches!(kind, InspectionFeature::SPHERE | InspectionFeature::PROFILE) => {
+                Vector3::z()
+            }
             None => return Err(PartError::Axis(self.id.clone())),
         };
-        if kind != InspectionFeature::PLANE && !(self.radius_mm.is_finite() && self.radius_mm > 0.0)
-        {
+        let round = !matches!(kind, InspectionFeature::PLANE | InspectionFeature::PROFILE);
+        if round && !(self.radius_mm.is_finite() && self.radius_mm > 0.0) {
             return Err(PartError::Radius(self.id.clone()));
         }
         let [lower, upper] = self.tolerance_um;
@@ -340,6 +444,9 @@ impl RawFeature {
         let origin = metres(self.origin_mm);
         let axis = Vector3::new(feature.axis.x, feature.axis.y, feature.axis.z);
         let mut touches = Vec::new();
+        if feature.kind == InspectionFeature::PROFILE {
+            touches = self.along_profile(&origin)?;
+        }
         for &height in &self.touch_heights_mm {
             for &angle in &self.touch_angles_deg {
                 let outward =
@@ -384,6 +491,46 @@ impl RawFeature {
             return Err(PartError::NoTouches(self.id.clone()));
         }
         Ok(touches)
+    }
+}
+
+impl RawFeature {
+    /// Points at equal lengths along the spline, with the normal to the left of travel.
+    fn along_profile(&self, origin: &Vector3<f64>) -> Result<Vec<Touch>, PartError> {
+        let refused = |reason: String| PartError::Profile {
+            feature: self.id.clone(),
+            reason,
+        };
+        finite(
+            "features.control_points_mm",
+            self.control_points_mm.as_flattened(),
+        )?;
+        if self.touches > MOST_TOUCHES {
+            return Err(refused(format!(
+                "{} touches along a profile are more than {MOST_TOUCHES}",
+                self.touches
+            )));
+        }
+        let control: Vec<Vector2<f64>> = self
+            .control_points_mm
+            .iter()
+            .map(|point| Vector2::from(*point) * 1e-3)
+            .collect();
+        let spline =
+            Spline::clamped_uniform(&control).map_err(|error| refused(error.to_string()))?;
+        let parameters = spline
+            .equally_spaced(self.touches)
+            .map_err(|error| refused(error.to_string()))?;
+        Ok(parameters
+            .into_iter()
+            .map(|u| {
+                let (point, normal) = (spline.point(u), spline.normal(u));
+                (
+                    origin + Vector3::new(point.x, point.y, 0.0),
+                    Vector3::new(normal.x, normal.y, 0.0),
+                )
+            })
+            .collect())
     }
 }
 

@@ -1,11 +1,16 @@
-//! Settings of the simulated turn-mill.
+//! Settings of the simulated machine.
 
 use std::collections::BTreeMap;
 
-use machine::Chain;
+use machine::{Chain, Nominal, Target};
+use probecell_msgs::InspectionPlan;
 use serde::{Deserialize, Serialize};
 
-use crate::probe;
+use crate::{
+    probe,
+    tool::{RawRunout, Runout},
+    truth::{RawMachine, Truth, TruthError},
+};
 
 /// As written in the cell file, section `[simulator]`.
 #[derive(Clone, Debug, Deserialize)]
@@ -20,11 +25,20 @@ pub struct RawConfig {
     pub probe: RawProbe,
     /// How tools cut.
     pub plant: RawPlant,
+    /// How the machine really is beside its robot description.
+    #[serde(default)]
+    pub machine: RawMachine,
     /// The tools.
+    #[serde(default)]
     pub tools: Vec<RawTool>,
     /// The sizes of the part.
+    #[serde(default)]
     pub sizes: Vec<RawSize>,
+    /// Features whose surface is what it is point by point.
+    #[serde(default)]
+    pub surfaces: Vec<RawSurface>,
     /// The operations that cut them.
+    #[serde(default)]
     pub operations: Vec<RawOperation>,
     /// The reference instrument that measures each measured part again; none if absent.
     pub cmm: Option<RawCmm>,
@@ -104,6 +118,19 @@ pub struct RawTool {
     /// Wear offset at the start (on the size).
     #[serde(default)]
     pub wear_um: f64,
+    /// How it runs out.
+    pub runout: Option<RawRunout>,
+}
+
+/// A feature whose surface is known point by point.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RawSurface {
+    /// The feature.
+    pub feature: String,
+    /// How far outside its nominal place each touched point lies, in the order of the plan: of an uncut feature as it
+    /// came, of a cut one what the process leaves every time.
+    pub deviation_um: Vec<f64>,
 }
 
 /// A size of the part.
@@ -133,7 +160,17 @@ pub struct RawOperation {
     /// Tool that cuts.
     pub tool_number: u32,
     /// Sizes that it cuts.
+    #[serde(default)]
     pub sizes: Vec<String>,
+    /// Features whose surface it leaves where the machine, with its errors, really leads the tool.
+    #[serde(default)]
+    pub features: Vec<String>,
+    /// It begins with a new blank: what an earlier cut took off too much is there again.
+    #[serde(default)]
+    pub new_blank: bool,
+    /// The controller corrects the way by its volumetric table.
+    #[serde(default)]
+    pub volumetric: bool,
     /// Allowance that it leaves.
     #[serde(default)]
     pub allowance_mm: f64,
@@ -200,6 +237,14 @@ pub struct Config {
     pub center_error: [f64; 3],
     /// m; true radius of the stylus ball less the stored one, after the calibration if there is one.
     pub radius_error: f64,
+    /// Errors of the axes.
+    pub truth: Truth,
+    /// Run-out of the tools that have one, by number.
+    pub runout: BTreeMap<u32, Runout>,
+    /// For each feature cut point by point: what each of its points is left at, m, by operation of the cell file.
+    pub left: BTreeMap<(String, String), Vec<f64>>,
+    /// m; what the process leaves at each point of a feature, or how an uncut one came.
+    pub surfaces: BTreeMap<String, Vec<f64>>,
     /// As written, lengths still in the units of their names.
     pub raw: RawConfig,
 }
@@ -215,6 +260,35 @@ pub enum ConfigError {
         "simulator.home.{0}: not an axis of the machine, or mm for a rotary or deg for a linear axis"
     )]
     Home(String),
+    /// An error of the machine that cannot be.
+    #[error("simulator.{0}")]
+    Truth(#[from] TruthError),
+    /// A feature with another number of points than deviations.
+    #[error(
+        "simulator.surfaces: {feature:?} is touched at {points} points, but deviation_um has {given}"
+    )]
+    Points {
+        /// The feature.
+        feature: String,
+        /// Points of the plan.
+        points: usize,
+        /// Deviations given.
+        given: usize,
+    },
+    /// A point that the tool cannot reach.
+    #[error(
+        "simulator.operations.{operation}: point {point} of {feature:?} cannot be cut: {reason}"
+    )]
+    Cut {
+        /// The operation.
+        operation: String,
+        /// The feature.
+        feature: String,
+        /// Index of the point in the plan.
+        point: usize,
+        /// Why not.
+        reason: String,
+    },
     /// A name that is not defined.
     #[error("simulator.{place}: {kind} {name:?} is not defined")]
     Unknown {
@@ -228,8 +302,8 @@ pub enum ConfigError {
 }
 
 impl RawConfig {
-    /// Checks the settings against the machine and the radius of the stylus ball as the plan has it (m).
-    pub fn check(&self, chain: Chain, stylus_radius: f64) -> Result<Config, ConfigError> {
+    /// Checks the settings against the machine and the plan of the finished part.
+    pub fn check(&self, chain: Chain, plan: &InspectionPlan) -> Result<Config, ConfigError> {
         let mut home: Vec<f64> = (0..chain.axes().len())
             .map(|index| {
                 chain
@@ -253,15 +327,52 @@ impl RawConfig {
         }
         self.check_numbers()?;
         self.check_names()?;
-        let ball_radius = stylus_radius + self.probe.radius_error_um * 1e-6;
+        let ball_radius = plan.stylus.ball_radius + self.probe.radius_error_um * 1e-6;
         let (center_error, radius_error) = probe::stored(self, ball_radius);
-        Ok(Config {
+        let truth = Truth::new(&self.machine.errors, &chain)?;
+        let table = Truth::new(&self.machine.table, &chain)?;
+        let mut config = Config {
+            truth,
+            runout: self
+                .tools
+                .iter()
+                .filter_map(|tool| Some((tool.number, tool.runout.as_ref()?.check())))
+                .collect(),
+            left: BTreeMap::new(),
+            surfaces: self.surfaces(plan)?,
             chain,
             home,
             center_error,
             radius_error,
             raw: self.clone(),
-        })
+        };
+        for operation in &self.operations {
+            for feature in &operation.features {
+                let left = config.cut_by_machine(operation, feature, plan, &table)?;
+                config
+                    .left
+                    .insert((operation.id.clone(), feature.clone()), left);
+            }
+        }
+        Ok(config)
+    }
+
+    /// Deviations (m) of the features that are known point by point.
+    fn surfaces(&self, plan: &InspectionPlan) -> Result<BTreeMap<String, Vec<f64>>, ConfigError> {
+        let mut surfaces = BTreeMap::new();
+        for raw in &self.surfaces {
+            let points = points_of(plan, &raw.feature).count();
+            if raw.deviation_um.len() != points {
+                return Err(ConfigError::Points {
+                    feature: raw.feature.clone(),
+                    points,
+                    given: raw.deviation_um.len(),
+                });
+            }
+            let metres = raw.deviation_um.iter().map(|value| value * 1e-6);
+            surfaces.insert(raw.feature.clone(), metres.collect());
+        }
+        Ok(surfaces)
     }
 
     fn check_numbers(&self) -> Result<(), ConfigError> {
@@ -306,10 +417,12 @@ impl RawConfig {
     fn check_names(&self) -> Result<(), ConfigError> {
         for operation in &self.operations {
             let place = format!("operations.{}", operation.id);
-            if !self
-                .tools
-                .iter()
-                .any(|tool| tool.number == operation.tool_number)
+            let tooled = !operation.sizes.is_empty() || operation.tool_number > 0;
+            if tooled
+                && !self
+                    .tools
+                    .iter()
+                    .any(|tool| tool.number == operation.tool_number)
             {
                 return Err(ConfigError::Unknown {
                     place,
@@ -328,5 +441,75 @@ impl RawConfig {
             }
         }
         Ok(())
+    }
+}
+
+/// Index in the plan of every point of a feature.
+pub(crate) fn points_of<'a>(
+    plan: &'a InspectionPlan,
+    feature: &'a str,
+) -> impl Iterator<Item = usize> + 'a {
+    let owner = plan.features.iter().position(|known| known.id == feature);
+    (0..plan.points.len()).filter(move |&point| Some(plan.points[point].feature as usize) == owner)
+}
+
+impl Config {
+    /// How far outside its nominal place (m) the machine leaves each point of a feature: the tool stands where the
+    /// errors lead it in the pose of the operation that cuts the point, and its effective radius is what its run-out
+    /// makes of it.
+    fn cut_by_machine(
+        &self,
+        operation: &RawOperation,
+        feature: &str,
+        plan: &InspectionPlan,
+        table: &Truth,
+    ) -> Result<Vec<f64>, ConfigError> {
+        let refused = |point: usize, reason: String| ConfigError::Cut {
+            operation: operation.id.clone(),
+            feature: feature.to_owned(),
+            point,
+            reason,
+        };
+        let part = Nominal::from_plan(plan).map_err(|error| refused(0, error.to_string()))?;
+        let mut start: Vec<f64> = self.home.clone();
+        let mut left = Vec::new();
+        for point in points_of(plan, feature) {
+            let nominal = &plan.points[point];
+            let turned = usize::try_from(nominal.operation)
+                .ok()
+                .and_then(|index| plan.operations.get(index))
+                .map_or(&nominal.rotary_positions, |cut| &cut.rotary_positions);
+            let mut prescribed = vec![None; self.chain.axes().len()];
+            for (name, &position) in plan.rotary_names.iter().zip(turned) {
+                if let Some(axis) = self.chain.axis_index(name) {
+                    prescribed[axis] = Some(position);
+                }
+            }
+            let (position, normal) = part.points[point];
+            let target = Target {
+                ball: position,
+                orientation: None,
+            };
+            let nominal_positions = self
+                .chain
+                .reach(&target, &prescribed, &start, &part.part_pose, &part.ball)
+                .map_err(|error| refused(point, error.to_string()))?;
+            let led = if operation.volumetric {
+                table.corrected(&self.chain, &nominal_positions, &part.part_pose, &part.ball)
+            } else {
+                nominal_positions.clone()
+            };
+            let errors = self.truth.at(&self.chain, &led);
+            let tip = self
+                .chain
+                .ball_in_part_with(&led, &part.part_pose, &part.ball, &errors);
+            let swells = self
+                .runout
+                .get(&operation.tool_number)
+                .map_or(0.0, |runout| runout.radius_change(nominal.tool_height));
+            left.push(normal.dot(&(tip - position)) - swells);
+            start = nominal_positions;
+        }
+        Ok(left)
     }
 }

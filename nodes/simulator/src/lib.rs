@@ -1,4 +1,4 @@
-//! A turn-mill, its probe and its part behind the driver's topics: the source that needs no machine.
+//! A machine, its probe and its part behind the driver's topics: the source that needs no machine.
 //!
 //! | hears | says |
 //! |---|---|
@@ -6,7 +6,7 @@
 //! | `inspection_plan`, `measurement_order` | `probe_triggers`, `reference` |
 //!
 //! What it knows and the cell does not: the true stylus, the true sizes, how a tool really cuts (source systems A.3, A.4
-//! and A.6). Contact is found by solving for the point of the move at which the true ball touches the true surface,
+//! and A.6), how its axes err, what a feature is like point by point. Contact is found by solving for the point of the move at which the true ball touches the true surface,
 //! along the real kinematic chain. All randomness comes from a seed; time is what `step` is given.
 
 mod config;
@@ -15,7 +15,11 @@ mod plant;
 mod probe;
 mod state;
 mod step;
+mod tool;
+mod truth;
 
 pub use config::{Config, ConfigError, Injected, RawConfig};
 pub use state::State;
 pub use step::{Input, Output, SimulatorNode};
+pub use tool::{RawRunout, Runout};
+pub use truth::{RawError, RawMachine, RawSlip, Truth, TruthError};

@@ -154,7 +154,19 @@ fn touch(
         Some(Injected::DeadProbe) => None,
         Some(Injected::StuckProbe) => Some(0.0),
         _ => surface.and_then(|surface| {
-            contact(config, part, &surface, noise, &start, &step.axis_positions)
+            let shift = config
+                .raw
+                .machine
+                .slip
+                .map_or_else(Vector3::zeros, |slip| slip.shift(state.touches));
+            let meeting = Meeting {
+                config,
+                part,
+                surface: &surface,
+                noise,
+                shift,
+            };
+            meeting.contact(&start, &step.axis_positions)
         }),
     };
     let share = met.unwrap_or(1.0);
@@ -192,41 +204,52 @@ fn ball_distance(config: &Config, part: &Nominal, from: &[f64], to: &[f64]) -> f
     (place(to) - place(from)).norm()
 }
 
-/// Share of the move at which the true ball touches the surface; `None` when it does not. `noise` (m) lets the probe
-/// trigger that much early.
-fn contact(
-    config: &Config,
-    part: &Nominal,
-    surface: &Surface,
+/// A ball on its way to a surface.
+struct Meeting<'a> {
+    config: &'a Config,
+    part: &'a Nominal,
+    surface: &'a Surface,
+    /// m; the probe triggers that much early.
     noise: f64,
-    from: &[f64],
-    to: &[f64],
-) -> Option<f64> {
-    let ball = part.ball + Vector3::from(config.center_error);
-    let reach = part.ball_radius + config.radius_error + noise;
-    let clearance = |share: f64| {
-        let positions: Vec<f64> = from
-            .iter()
-            .zip(to)
-            .map(|(from, to)| from + (to - from) * share)
-            .collect();
-        surface.distance(
-            &config
-                .chain
-                .ball_in_part(&positions, &part.part_pose, &ball),
-        ) - reach
-    };
-    let (mut free, mut touching) = (0.0, 1.0);
-    if clearance(free) <= 0.0 || clearance(touching) > 0.0 {
-        return None;
-    }
-    for _ in 0..HALVINGS {
-        let middle = f64::midpoint(free, touching);
-        if clearance(middle) > 0.0 {
-            free = middle;
-        } else {
-            touching = middle;
+    /// m, part frame; how far the part has jumped.
+    shift: Vector3<f64>,
+}
+
+impl Meeting<'_> {
+    /// Share of the move at which the true ball touches the surface; `None` when it does not.
+    fn contact(&self, from: &[f64], to: &[f64]) -> Option<f64> {
+        let clearance = |share: f64| {
+            let positions: Vec<f64> = from
+                .iter()
+                .zip(to)
+                .map(|(from, to)| from + (to - from) * share)
+                .collect();
+            self.clearance(&positions)
+        };
+        let (mut free, mut touching) = (0.0, 1.0);
+        if clearance(free) <= 0.0 || clearance(touching) > 0.0 {
+            return None;
         }
+        for _ in 0..HALVINGS {
+            let middle = f64::midpoint(free, touching);
+            if clearance(middle) > 0.0 {
+                free = middle;
+            } else {
+                touching = middle;
+            }
+        }
+        Some(touching)
     }
-    Some(touching)
+
+    /// Distance of the true ball from the true surface when the axes read `positions`, m.
+    fn clearance(&self, positions: &[f64]) -> f64 {
+        let (config, part) = (self.config, self.part);
+        let ball = part.ball + Vector3::from(config.center_error);
+        let mut errors = config.truth.at(&config.chain, positions);
+        errors.part[..3].copy_from_slice(self.shift.as_slice());
+        let centre = config
+            .chain
+            .ball_in_part_with(positions, &part.part_pose, &ball, &errors);
+        self.surface.distance(&centre) - (part.ball_radius + config.radius_error + self.noise)
+    }
 }

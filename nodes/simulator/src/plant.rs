@@ -11,7 +11,7 @@ use rand::Rng;
 use rand_distr::StandardNormal;
 
 use crate::{
-    config::{Config, RawSize},
+    config::{Config, RawSize, points_of},
     state::State,
 };
 
@@ -36,6 +36,35 @@ pub(crate) fn cut(config: &Config, state: &mut State, operation: &str) {
         .get(&operation.tool_number)
         .copied()
         .unwrap_or(0.0);
+    for id in &operation.features {
+        let Some(left) = config.left.get(&(operation.id.clone(), id.clone())) else {
+            continue;
+        };
+        let process = config.surfaces.get(id);
+        let path = state.path_offsets.get(id).cloned();
+        let surface = (0..left.len()).map(|number| {
+            let of = |values: Option<&Vec<f64>>| {
+                values
+                    .and_then(|values| values.get(number))
+                    .copied()
+                    .unwrap_or(0.0)
+            };
+            // The tool's own error counts on the size: half of it on each side.
+            left[number]
+                + of(process)
+                + of(path.as_ref())
+                + 0.5 * (wear + tool_error)
+                + normal(&mut state.random, config.raw.plant.cut_sd_um * 1e-6)
+        });
+        let mut surface: Vec<f64> = surface.collect();
+        // What is gone does not come back, unless the cut is made in a new blank.
+        if let Some(before) = state.surfaces.get(id).filter(|_| !operation.new_blank) {
+            for (new, before) in surface.iter_mut().zip(before) {
+                *new = new.min(*before);
+            }
+        }
+        state.surfaces.insert(id.clone(), surface);
+    }
     for id in &operation.sizes {
         let Some(size) = config.raw.sizes.iter().find(|size| size.id == *id) else {
             continue;
@@ -66,13 +95,26 @@ fn size_of<'a>(config: &'a Config, feature: &InspectionFeature) -> Option<&'a Ra
         .find(|size| size.features.contains(&feature.id))
 }
 
-/// How far the true surface lies outside the plan's at a height along the part, m.
-pub(crate) fn excess(
-    config: &Config,
-    state: &State,
-    feature: &InspectionFeature,
-    height: f64,
-) -> f64 {
+/// How far the true surface lies outside the plan's at a point of it, m.
+pub(crate) fn excess(config: &Config, state: &State, plan: &InspectionPlan, point: usize) -> f64 {
+    let Some(nominal) = plan.points.get(point) else {
+        return 0.0;
+    };
+    let Some(feature) = plan.features.get(nominal.feature as usize) else {
+        return 0.0;
+    };
+    let number = points_of(plan, &feature.id)
+        .take_while(|&other| other < point)
+        .count();
+    let at = |known: Option<&Vec<f64>>| known.and_then(|values| values.get(number)).copied();
+    let own = at(state.surfaces.get(&feature.id))
+        .or_else(|| at(config.surfaces.get(&feature.id)))
+        .unwrap_or(0.0);
+    own + by_size(config, state, feature, nominal.position.z)
+}
+
+/// The part of it that the size of the feature makes.
+fn by_size(config: &Config, state: &State, feature: &InspectionFeature, height: f64) -> f64 {
     let Some(size) = size_of(config, feature) else {
         return 0.0;
     };
@@ -119,7 +161,7 @@ pub(crate) fn surface(
 ) -> Option<Surface> {
     let nominal = plan.points.get(point)?;
     let feature = plan.features.get(nominal.feature as usize)?;
-    let out = excess(config, state, feature, nominal.position.z);
+    let out = excess(config, state, plan, point);
     let (origin, axis) = (place(feature), direction(feature));
     Some(match feature.kind {
         InspectionFeature::CYLINDER => Surface::Cylinder(origin, axis, feature.radius + out),
@@ -150,13 +192,14 @@ pub(crate) fn reference(
     let found: Vec<f64> = plan
         .points
         .iter()
-        .map(|point| {
+        .enumerate()
+        .map(|(index, point)| {
             let feature = plan.features.get(point.feature as usize);
-            feature.map_or(0.0, |feature| {
-                // Half of the error of a size lies on each side.
-                let own = size_of(config, feature).map_or(0.0, |size| size.cmm_residual_um * 1e-6);
-                excess(config, state, feature, point.position.z) + 0.5 * own
-            })
+            // Half of the error of a size lies on each side.
+            let own = feature
+                .and_then(|feature| size_of(config, feature))
+                .map_or(0.0, |size| size.cmm_residual_um * 1e-6);
+            excess(config, state, plan, index) + 0.5 * own
         })
         .collect();
     Some(ReferenceMeasurement {

@@ -22,6 +22,10 @@ pub struct State {
     pub sizes: BTreeMap<String, f64>,
     /// Sizes whose last cut was turning, and whether it was a finishing cut.
     pub turned: BTreeMap<String, bool>,
+    /// Features cut point by point: how far outside its nominal place each of their points lies, m.
+    pub surfaces: BTreeMap<String, Vec<f64>>,
+    /// Corrections of the tool path of a feature, along the normal of each of its points, m.
+    pub path_offsets: BTreeMap<String, Vec<f64>>,
     /// Axis positions when no program runs, m and rad.
     pub position: Vec<f64>,
     /// What the machine is executing.

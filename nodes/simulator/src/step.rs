@@ -72,6 +72,8 @@ impl Node for SimulatorNode {
                 .map(|size| (size.id.clone(), size.stock_mm * 1e-3))
                 .collect(),
             turned: std::collections::BTreeMap::new(),
+            surfaces: std::collections::BTreeMap::new(),
+            path_offsets: std::collections::BTreeMap::new(),
             position: config.home.clone(),
             program: None,
             awaiting: None,
@@ -149,6 +151,7 @@ fn obey(
             measure_when_ready(config, state, now, out);
         }
         ControllerCommand::SET_TOOL_WEAR => set_wear(state, now, &command, out),
+        ControllerCommand::SET_TOOL_PATH => set_path(config, state, now, &command, out),
         ControllerCommand::STOP => {
             abort(state, now, "stopped", out);
             out.send(Output::Reply(reply(state, now, &command)));
@@ -247,6 +250,46 @@ fn set_wear(state: &mut State, now: Stamp, command: &ControllerCommand, out: &mu
                 text,
                 ..reply(state, now, command)
             }
+        }
+    };
+    out.send(Output::Reply(answer));
+}
+
+/// Takes over the offsets of a feature's tool path.
+fn set_path(
+    config: &Config,
+    state: &mut State,
+    now: Stamp,
+    command: &ControllerCommand,
+    out: &mut Outbox<Output>,
+) {
+    let points = config
+        .left
+        .iter()
+        .find(|((_, feature), _)| *feature == command.feature)
+        .map_or(0, |(_, left)| left.len());
+    let usable = points > 0
+        && command.path.len() == points
+        && command.path.iter().all(|offset| offset.is_finite());
+    let answer = if usable {
+        let largest = |path: &Vec<f64>| path.iter().fold(0.0, |most: f64, o| most.max(o.abs()));
+        let before = state
+            .path_offsets
+            .insert(command.feature.clone(), command.path.clone());
+        ControllerReply {
+            value_before: before.as_ref().map_or(0.0, largest),
+            value: largest(&command.path),
+            ..reply(state, now, command)
+        }
+    } else {
+        ControllerReply {
+            outcome: ControllerReply::REFUSED,
+            text: format!(
+                "the path of {:?} has {points} points, and {} offsets are none of it",
+                command.feature,
+                command.path.len()
+            ),
+            ..reply(state, now, command)
         }
     };
     out.send(Output::Reply(answer));

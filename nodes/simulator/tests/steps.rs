@@ -2,7 +2,7 @@
 
 use graph::{Node, Outbox, START, Stamp};
 use machine::Chain;
-use probecell_msgs::{ControllerCommand, ControllerReply, MachineState};
+use probecell_msgs::{ControllerCommand, ControllerReply, InspectionPlan, MachineState, Stylus};
 use simulator::{Config, Input, Output, RawConfig, SimulatorNode, State};
 
 const ROBOT: &str = r#"<robot name="one_axis"><link name="foundation"/><link name="workpiece"/><link name="probe_mount"/>
@@ -24,7 +24,14 @@ fn config(error_um: f64, spring_back: f64) -> Config {
         "#
     );
     let raw: RawConfig = toml::from_str(&text).unwrap_or_else(|error| panic!("{error}"));
-    raw.check(Chain::from_urdf(ROBOT).expect("a chain"), 2e-3)
+    let plan = InspectionPlan {
+        stylus: Stylus {
+            ball_radius: 2e-3,
+            ..Stylus::default()
+        },
+        ..InspectionPlan::default()
+    };
+    raw.check(Chain::from_urdf(ROBOT).expect("a chain"), &plan)
         .expect("sound settings")
 }
 

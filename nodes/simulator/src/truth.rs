@@ -1,0 +1,246 @@
+//! How the machine really is beside its robot description: geometric errors of its axes, a jump, a volumetric table.
+//!
+//! Errors are named as ISO 230-1 names them: `EX0C` is where axis C lies off in X, `EYZ` how far the motion of Z goes
+//! astray in Y, `EAX` how far it rolls. A location error acts right after the joint's origin, a motion error in the
+//! moved frame. m, rad. The cell knows nothing of this section.
+
+use machine::{Chain, ChainErrors, JointKind};
+use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
+use serde::Deserialize;
+
+/// Travel (m or rad) of an axis whose robot description gives none.
+const UNKNOWN_TRAVEL: f64 = 1.0;
+/// Steps of the search for the axis positions that a volumetric table asks for: each squares what is left.
+const STEPS: usize = 4;
+
+/// As written in the cell file, section `[simulator.machine]`.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RawMachine {
+    /// Geometric errors of the axes.
+    pub errors: Vec<RawError>,
+    /// What the controller's volumetric table takes them for, where an operation uses it.
+    pub table: Vec<RawError>,
+    /// From some touch on the part lies elsewhere.
+    pub slip: Option<RawSlip>,
+}
+
+/// An error of an axis; for one about an axis (A, B, C) the values are `_urad`, for one along an axis `_um`.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RawError {
+    /// `E`, the direction or rotation, `0` for a location error, the axis.
+    pub name: String,
+    /// Constant part, along.
+    pub value_um: f64,
+    /// Constant part, about.
+    pub value_urad: f64,
+    /// Of a motion error: sagitta over the whole travel, along.
+    pub bow_um: f64,
+    /// Of a motion error: amplitude of a wave, along.
+    pub wave_um: f64,
+    /// Length of that wave; of a rotary axis the turns' share is not asked for.
+    pub wave_length_mm: f64,
+    /// Phase of that wave at position 0.
+    pub wave_phase_deg: f64,
+    /// Of a motion error: growth with the position, along.
+    pub slope_um_per_m: f64,
+}
+
+/// A jump of the part.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RawSlip {
+    /// Touches of the session before it.
+    pub after_touches: u32,
+    /// How far, in the part frame.
+    pub shift_um: [f64; 3],
+}
+
+/// One checked error.
+#[derive(Clone, Debug)]
+struct Term {
+    joint: usize,
+    axis: usize,
+    component: usize,
+    location: bool,
+    constant: f64,
+    slope: f64,
+    bow: f64,
+    middle: f64,
+    half: f64,
+    wave: f64,
+    wave_number: f64,
+    phase: f64,
+}
+
+/// Errors of the axes of one machine.
+#[derive(Clone, Debug, Default)]
+pub struct Truth {
+    terms: Vec<Term>,
+}
+
+/// An error that cannot be.
+#[derive(Debug, thiserror::Error)]
+pub enum TruthError {
+    /// A name that is none.
+    #[error(
+        "machine.errors: {0:?} is not an error of an axis of this machine (such as \"EX0C\" or \"EYZ\")"
+    )]
+    Name(String),
+    /// A value in the wrong unit, or beyond what the approximation of small errors bears.
+    #[error("machine.errors: {name}: {key} {problem}")]
+    Value {
+        /// The error.
+        name: String,
+        /// The key.
+        key: &'static str,
+        /// What is wrong.
+        problem: &'static str,
+    },
+}
+
+impl Truth {
+    /// Checks errors against the machine.
+    pub fn new(raw: &[RawError], chain: &Chain) -> Result<Self, TruthError> {
+        let terms = raw.iter().map(|raw| Term::new(raw, chain));
+        Ok(Self {
+            terms: terms.collect::<Result<_, _>>()?,
+        })
+    }
+
+    /// The errors at axis positions (m, rad, in the order of the chain's axes).
+    pub fn at(&self, chain: &Chain, positions: &[f64]) -> ChainErrors {
+        let mut errors = ChainErrors::none(chain.joints().len());
+        for term in &self.terms {
+            let twists = if term.location {
+                &mut errors.location
+            } else {
+                &mut errors.motion
+            };
+            twists[term.joint][term.component] += term.value(positions[term.axis]);
+        }
+        errors
+    }
+
+    /// Axis positions at which a machine with these errors has its ball where the nominal one has it at `positions`;
+    /// linear axes alone move. Newton's method on the nominal derivatives.
+    pub fn corrected(
+        &self,
+        chain: &Chain,
+        positions: &[f64],
+        part_pose: &Isometry3<f64>,
+        ball: &Point3<f64>,
+    ) -> Vec<f64> {
+        let aim = chain.ball_in_part(positions, part_pose, ball);
+        let linear: Vec<usize> = (0..chain.axes().len())
+            .filter(|&axis| chain.axis(axis).kind == JointKind::Prismatic)
+            .collect();
+        let mut corrected = positions.to_vec();
+        for _ in 0..STEPS {
+            let errors = self.at(chain, &corrected);
+            let left = aim - chain.ball_in_part_with(&corrected, part_pose, ball, &errors);
+            let axes = chain.sensitivity(&corrected, part_pose, ball).axes;
+            let mut square = Matrix3::zeros();
+            for &axis in &linear {
+                square += axes[axis] * axes[axis].transpose();
+            }
+            let Some(inverse) = square.try_inverse() else {
+                break;
+            };
+            let change = inverse * left;
+            for &axis in &linear {
+                corrected[axis] += axes[axis].dot(&change);
+            }
+        }
+        corrected
+    }
+}
+
+impl Term {
+    fn new(raw: &RawError, chain: &Chain) -> Result<Self, TruthError> {
+        let unknown = || TruthError::Name(raw.name.clone());
+        let mut letters = raw.name.strip_prefix('E').ok_or_else(unknown)?.chars();
+        let component = "XYZABC"
+            .find(letters.next().ok_or_else(unknown)?)
+            .ok_or_else(unknown)?;
+        let rest = letters.as_str();
+        let location = rest.starts_with('0');
+        let axis = chain
+            .axis_index(rest.strip_prefix('0').unwrap_or(rest))
+            .ok_or_else(unknown)?;
+        let refused = |key, problem| TruthError::Value {
+            name: raw.name.clone(),
+            key,
+            problem,
+        };
+        let about = component >= 3;
+        if about && raw.value_um != 0.0 || !about && raw.value_urad != 0.0 {
+            return Err(refused("value", "is _urad for A, B, C and _um for X, Y, Z"));
+        }
+        let shaped = [raw.bow_um, raw.wave_um, raw.slope_um_per_m];
+        if (location || about) && shaped.iter().any(|&value| value != 0.0) {
+            return Err(refused(
+                "shape",
+                "belongs to a motion error along X, Y or Z",
+            ));
+        }
+        if raw.wave_um != 0.0 && raw.wave_length_mm <= 0.0 {
+            return Err(refused("wave_length_mm", "must be above 0"));
+        }
+        let values = [
+            raw.value_um,
+            raw.value_urad,
+            raw.bow_um,
+            raw.wave_um,
+            raw.slope_um_per_m,
+        ];
+        if values
+            .iter()
+            .any(|value| value.is_nan() || value.abs() > 1e4)
+        {
+            return Err(refused("value", "must lie within ±10000 of its unit"));
+        }
+        let joint = chain.axis(axis);
+        let (lower, upper) = joint
+            .limits
+            .unwrap_or((-0.5 * UNKNOWN_TRAVEL, 0.5 * UNKNOWN_TRAVEL));
+        Ok(Self {
+            joint: chain.axes()[axis],
+            axis,
+            component,
+            location,
+            constant: (raw.value_um + raw.value_urad) * 1e-6,
+            slope: raw.slope_um_per_m * 1e-6,
+            bow: raw.bow_um * 1e-6,
+            middle: f64::midpoint(lower, upper),
+            half: (0.5 * (upper - lower)).max(1e-9),
+            wave: raw.wave_um * 1e-6,
+            wave_number: if raw.wave_length_mm > 0.0 {
+                std::f64::consts::TAU / (raw.wave_length_mm * 1e-3)
+            } else {
+                0.0
+            },
+            phase: raw.wave_phase_deg.to_radians(),
+        })
+    }
+
+    fn value(&self, position: f64) -> f64 {
+        let u = (position - self.middle) / self.half;
+        self.constant
+            + self.slope * position
+            + self.bow * (1.0 - u * u)
+            + self.wave * (self.wave_number * position + self.phase).sin()
+    }
+}
+
+impl RawSlip {
+    /// How far the part has jumped after some touches, m in the part frame.
+    pub fn shift(&self, touches: u32) -> Vector3<f64> {
+        if touches > self.after_touches {
+            Vector3::from(self.shift_um) * 1e-6
+        } else {
+            Vector3::zeros()
+        }
+    }
+}
