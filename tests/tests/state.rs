@@ -84,6 +84,34 @@ fn not_converging() -> (Cell, Vec<Published>) {
     (cell, session.finish())
 }
 
+/// A pass is cut again before its first correction.
+fn springing() -> (Cell, Vec<Published>) {
+    let cell =
+        turn_mill(|text| text.replace("[compensation]\n", "[compensation]\nspring_pass = true\n"));
+    let mut session = Session::new(&cell);
+    session.make("punch");
+    (cell, session.finish())
+}
+
+/// A tool path is corrected more than once.
+fn path() -> (Cell, Vec<Published>) {
+    let cell = cell("free_form.toml", |text| {
+        text.replace("path = \"deterministic\"", "path = \"raw\"")
+            .replace("tolerance_mm = 0.020", "tolerance_mm = 0.005")
+    });
+    let mut session = Session::new(&cell);
+    session.make("profile");
+    (cell, session.finish())
+}
+
+/// A block cut without and with the volumetric table.
+fn five_axis() -> (Cell, Vec<Published>) {
+    let cell = cell("five_axis.toml", str::to_owned);
+    let mut session = Session::new(&cell);
+    session.make("block");
+    (cell, session.finish())
+}
+
 fn gone_wrong(kind: &str) -> (Cell, Vec<Published>) {
     let cell = turn_mill(|text| with_fault(text, kind, 20));
     let mut session = Session::new(&cell);
@@ -106,7 +134,14 @@ static AUTOMATIC: LazyLock<(Cell, Vec<Published>)> = LazyLock::new(automatic);
 static SESSIONS: LazyLock<Vec<(Cell, Vec<Published>)>> = LazyLock::new(sessions);
 
 fn sessions() -> Vec<(Cell, Vec<Published>)> {
-    let mut sessions = vec![AUTOMATIC.clone(), approved(), not_converging()];
+    let mut sessions = vec![
+        AUTOMATIC.clone(),
+        approved(),
+        not_converging(),
+        springing(),
+        path(),
+        five_axis(),
+    ];
     sessions.extend(
         [
             "dead_probe",

@@ -238,7 +238,14 @@ fn decide_on_all(config: &Config, state: &mut State, now: Stamp, out: &mut Outbo
             PassDecision::STOP,
             format!("the tool of {} is worn", names(3)),
         ),
-        4 => (PassDecision::SCRAP, format!("{} cut below size", names(4))),
+        4 => (
+            PassDecision::SCRAP,
+            if decided.iter().all(|(one, ..)| one.tool_number.is_some()) {
+                format!("{} cut below size", names(4))
+            } else {
+                format!("{} out of tolerance, and nothing can correct it", names(4))
+            },
+        ),
         _ => (
             PassDecision::STOP,
             format!("{} could not be measured", names(5)),

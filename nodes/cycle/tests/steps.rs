@@ -16,6 +16,7 @@ fn config() -> Config {
             .map(|&operation| operation.to_owned())
             .collect(),
         allowance_mm: 0.0,
+        for_record: false,
     };
     Config {
         passes: vec![pass("rough", &["turn", "mill"]), pass("finish", &["face"])],

@@ -154,6 +154,10 @@ pub struct RawSize {
 /// An operation.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[expect(
+    clippy::struct_excessive_bools,
+    reason = "each is a switch of the cell file"
+)]
 pub struct RawOperation {
     /// Its name.
     pub id: String,
@@ -168,7 +172,7 @@ pub struct RawOperation {
     /// It begins with a new blank: what an earlier cut took off too much is there again.
     #[serde(default)]
     pub new_blank: bool,
-    /// The controller corrects the way by its volumetric table.
+    /// The controller goes by its volumetric table, in this cut and in the measurement after it.
     #[serde(default)]
     pub volumetric: bool,
     /// Allowance that it leaves.
@@ -239,6 +243,8 @@ pub struct Config {
     pub radius_error: f64,
     /// Errors of the axes.
     pub truth: Truth,
+    /// What the controller's volumetric table takes them for.
+    pub table: Truth,
     /// Run-out of the tools that have one, by number.
     pub runout: BTreeMap<u32, Runout>,
     /// For each feature cut point by point: what each of its points is left at, m, by operation of the cell file.
@@ -333,6 +339,7 @@ impl RawConfig {
         let table = Truth::new(&self.machine.table, &chain)?;
         let mut config = Config {
             truth,
+            table,
             runout: self
                 .tools
                 .iter()
@@ -348,7 +355,7 @@ impl RawConfig {
         };
         for operation in &self.operations {
             for feature in &operation.features {
-                let left = config.cut_by_machine(operation, feature, plan, &table)?;
+                let left = config.cut_by_machine(operation, feature, plan)?;
                 config
                     .left
                     .insert((operation.id.clone(), feature.clone()), left);
@@ -462,7 +469,6 @@ impl Config {
         operation: &RawOperation,
         feature: &str,
         plan: &InspectionPlan,
-        table: &Truth,
     ) -> Result<Vec<f64>, ConfigError> {
         let refused = |point: usize, reason: String| ConfigError::Cut {
             operation: operation.id.clone(),
@@ -495,7 +501,9 @@ impl Config {
                 .reach(&target, &prescribed, &start, &part.part_pose, &part.ball)
                 .map_err(|error| refused(point, error.to_string()))?;
             let led = if operation.volumetric {
-                table.corrected(&self.chain, &nominal_positions, &part.part_pose, &part.ball)
+                self.table
+                    .corrected(&self.chain, &nominal_positions, &part.part_pose, &part.ball)
+                    .map_err(|error| refused(point, error.to_string()))?
             } else {
                 nominal_positions.clone()
             };

@@ -166,7 +166,8 @@ fn touch(
                 noise,
                 shift,
             };
-            meeting.contact(&start, &step.axis_positions)
+            let led = |positions: &[f64]| meeting.led(state.volumetric, positions);
+            meeting.contact(&led(&start), &led(&step.axis_positions))
         }),
     };
     let share = met.unwrap_or(1.0);
@@ -216,6 +217,18 @@ struct Meeting<'a> {
 }
 
 impl Meeting<'_> {
+    /// Where the controller really leads the axes that it says stand at `positions`.
+    fn led(&self, volumetric: bool, positions: &[f64]) -> Vec<f64> {
+        let (config, part) = (self.config, self.part);
+        let by_table = || {
+            config
+                .table
+                .corrected(&config.chain, positions, &part.part_pose, &part.ball)
+        };
+        let corrected = volumetric.then(by_table).and_then(Result::ok);
+        corrected.unwrap_or_else(|| positions.to_vec())
+    }
+
     /// Share of the move at which the true ball touches the surface; `None` when it does not.
     fn contact(&self, from: &[f64], to: &[f64]) -> Option<f64> {
         let clearance = |share: f64| {

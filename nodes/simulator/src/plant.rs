@@ -25,6 +25,7 @@ pub(crate) fn cut(config: &Config, state: &mut State, operation: &str) {
     let Some(operation) = config.raw.operations.iter().find(|raw| raw.id == operation) else {
         return;
     };
+    state.volumetric = operation.volumetric;
     let tool = config
         .raw
         .tools

@@ -26,6 +26,8 @@ pub struct State {
     pub surfaces: BTreeMap<String, Vec<f64>>,
     /// Corrections of the tool path of a feature, along the normal of each of its points, m.
     pub path_offsets: BTreeMap<String, Vec<f64>>,
+    /// The controller goes by its volumetric table since the last cut.
+    pub volumetric: bool,
     /// Axis positions when no program runs, m and rad.
     pub position: Vec<f64>,
     /// What the machine is executing.

@@ -74,6 +74,7 @@ impl Node for SimulatorNode {
             turned: std::collections::BTreeMap::new(),
             surfaces: std::collections::BTreeMap::new(),
             path_offsets: std::collections::BTreeMap::new(),
+            volumetric: false,
             position: config.home.clone(),
             program: None,
             awaiting: None,

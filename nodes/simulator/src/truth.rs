@@ -4,14 +4,12 @@
 //! astray in Y, `EAX` how far it rolls. A location error acts right after the joint's origin, a motion error in the
 //! moved frame. m, rad. The cell knows nothing of this section.
 
-use machine::{Chain, ChainErrors, JointKind};
-use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
+use machine::{Chain, ChainErrors, PositionError, Volumetric};
+use nalgebra::{Isometry3, Point3, Vector3};
 use serde::Deserialize;
 
 /// Travel (m or rad) of an axis whose robot description gives none.
 const UNKNOWN_TRAVEL: f64 = 1.0;
-/// Steps of the search for the axis positions that a volumetric table asks for: each squares what is left.
-const STEPS: usize = 4;
 
 /// As written in the cell file, section `[simulator.machine]`.
 #[derive(Clone, Debug, Default, Deserialize)]
@@ -123,37 +121,19 @@ impl Truth {
         errors
     }
 
-    /// Axis positions at which a machine with these errors has its ball where the nominal one has it at `positions`;
-    /// linear axes alone move. Newton's method on the nominal derivatives.
+    /// Axis positions that a controller with these errors in its volumetric table goes to instead of `positions`.
     pub fn corrected(
         &self,
         chain: &Chain,
         positions: &[f64],
         part_pose: &Isometry3<f64>,
         ball: &Point3<f64>,
-    ) -> Vec<f64> {
-        let aim = chain.ball_in_part(positions, part_pose, ball);
-        let linear: Vec<usize> = (0..chain.axes().len())
-            .filter(|&axis| chain.axis(axis).kind == JointKind::Prismatic)
-            .collect();
-        let mut corrected = positions.to_vec();
-        for _ in 0..STEPS {
-            let errors = self.at(chain, &corrected);
-            let left = aim - chain.ball_in_part_with(&corrected, part_pose, ball, &errors);
-            let axes = chain.sensitivity(&corrected, part_pose, ball).axes;
-            let mut square = Matrix3::zeros();
-            for &axis in &linear {
-                square += axes[axis] * axes[axis].transpose();
-            }
-            let Some(inverse) = square.try_inverse() else {
-                break;
-            };
-            let change = inverse * left;
-            for &axis in &linear {
-                corrected[axis] += axes[axis].dot(&change);
-            }
-        }
-        corrected
+    ) -> Result<Vec<f64>, PositionError> {
+        let errors = self.at(chain, positions);
+        let table = Volumetric::new(chain.clone(), *part_pose, *ball, errors)?;
+        let correction = table.corrections(positions)?;
+        let moved = positions.iter().zip(&correction.axes);
+        Ok(moved.map(|(position, change)| position + change).collect())
     }
 }
 
