@@ -93,9 +93,20 @@ def empty_file(folder):
     return touch(folder / "bag.mcap", b"")
 
 
+@case("correct {} --tolerance-um 40", 2, "not an MCAP file")
 @of_readers(2, "not an MCAP file|magic")
 def text_file(folder):
     return touch(folder / "bag.mcap", b"X Y Z\n1 2 3\n" * 100)
+
+
+@case("scenario run {}", 2, 'there is no scenario "C-slp": did you mean "C-slip"')
+def scenario_of_no_name(_):
+    return "C-slp"
+
+
+@case("correct {} --tolerance-um 40", 2, "0 features that are profiles")
+def part_without_a_profile(folder):
+    return Session().write(folder / "bag.mcap")
 
 
 @of_readers(2, "not a|cut off at byte 0|no messages", ("diagnose {}", "plan {}", "replay {}", "play {}"))
