@@ -365,13 +365,21 @@ fn table(raw: &[Evaluation], corrected: &[Evaluation]) -> Table {
     table
 }
 
-/// The first part: an error of the process along the profile is no effect of the vocabulary, and must not become one.
+/// The first part, whose error along the profile is no effect of the vocabulary and must not become one; and the second,
+/// which is left with a constant and lies off.
 fn sessions(seed: u64) -> Result<Vec<Recorded>, ScenarioError> {
     let case = Case::new()?;
     let pair = Pair::draw(&case, &mut Pcg64::seed_from_u64(seed))?;
-    Ok(vec![Recorded {
-        name: "first_part",
-        session: case.session("B-profile, first part", &pair.measured)?,
-        expected: Expected::Unknown,
-    }])
+    Ok(vec![
+        Recorded {
+            name: "first_part",
+            session: case.session("B-profile, first part", &pair.measured)?,
+            expected: Expected::Unknown,
+        },
+        Recorded {
+            name: "second_part",
+            session: case.session("B-profile, second part", &pair.deterministic)?,
+            expected: Expected::Effects(&["fixture.shift"], 0.8),
+        },
+    ])
 }
