@@ -109,17 +109,17 @@ def part_without_a_profile(folder):
     return Session().write(folder / "bag.mcap")
 
 
-@of_readers(2, "not a|cut off at byte 0|no messages", ("diagnose {}", "plan {}", "replay {}", "play {}"))
+@of_readers(2, "not a|neither a file|cut off at byte 0|no messages", ("diagnose {}", "plan {}", "replay {}", "play {}"))
 def device_null(_):
     return "/dev/null"
 
 
-@of_readers(2, "not a|cut off at byte 0", ("diagnose {}", "plan {}"))
+@of_readers(2, "not a|neither a file|cut off at byte 0", ("diagnose {}", "plan {}"))
 def endless_device(_):
     return "/dev/zero"
 
 
-@of_readers(2, "regular|pipe|not an MCAP", ("info {}", "diagnose {}"))
+@of_readers(2, "regular|pipe|not an MCAP|neither a file", ("info {}", "diagnose {}"))
 def pipe_without_writer(folder):
     os.mkfifo(folder / "bag.mcap")
     return folder / "bag.mcap"

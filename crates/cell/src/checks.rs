@@ -22,8 +22,33 @@ pub(crate) fn sections(cell: &Cell) -> Result<(), String> {
             .ok_or("driver.source is \"linuxcnc\", but the section [linuxcnc] is missing")?;
         section.check().map_err(|error| error.to_string())?;
     }
+    let bus = &cell.bus;
+    endpoint("router_endpoint", &bus.router_endpoint)?;
+    for (key, endpoints) in [("join", &bus.join), ("listen", &bus.listen)] {
+        for one in endpoints {
+            endpoint(key, one)?;
+        }
+    }
     recorder(cell)?;
     names(cell)
+}
+
+/// A locator of Zenoh: protocol, address and, for the protocols of the internet, a port.
+fn endpoint(key: &str, locator: &str) -> Result<(), String> {
+    let refused =
+        |reason: &str| format!("bus.{key} = {locator:?} {reason}, such as \"tcp/127.0.0.1:7447\"");
+    let (protocol, address) = locator
+        .split_once('/')
+        .ok_or_else(|| refused("must be a protocol, a slash and an address"))?;
+    if !["tcp", "tls", "udp", "quic", "ws"].contains(&protocol) {
+        return Ok(());
+    }
+    let address = address.split(['?', '#']).next().unwrap_or_default();
+    let port = address.rsplit_once(':').map(|(_, port)| port);
+    match port.map(str::parse::<u16>) {
+        Some(Ok(_)) => Ok(()),
+        _ => Err(refused("must end in a port between 0 and 65535")),
+    }
 }
 
 fn recorder(cell: &Cell) -> Result<(), String> {
@@ -31,14 +56,14 @@ fn recorder(cell: &Cell) -> Result<(), String> {
     if !FLUSH_INTERVAL.contains(&flush) {
         let (least, most) = (FLUSH_INTERVAL.start(), FLUSH_INTERVAL.end());
         return Err(format!(
-            "recorder.flush_interval_s = {flush} must lie between {least} and {most}"
+            "recorder.flush_interval_s = {flush:?} must lie between {least} and {most}"
         ));
     }
     if let Some(split) = cell.recorder.split_duration_s
         && !(1.0..=1e9).contains(&split)
     {
         return Err(format!(
-            "recorder.split_duration_s = {split} must be at least 1 and at most 1e9"
+            "recorder.split_duration_s = {split:?} must be at least 1 and at most 1e9"
         ));
     }
     if cell.recorder.split_size_mib == Some(0) {

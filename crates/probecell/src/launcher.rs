@@ -105,10 +105,10 @@ fn start_router(cell: &Cell) -> anyhow::Result<Option<Router>> {
     };
     // Somebody may route there already: zenohd, rmw_zenoh's router, another cell, or a router on another machine.
     if host::endpoint_answers(&cell.bus.router_endpoint) {
-        report::remark(&format!(
-            "something answers at {}: this cell joins it",
-            cell.bus.router_endpoint
-        ));
+        tracing::info!(
+            endpoint = cell.bus.router_endpoint,
+            "something answers: this cell joins it"
+        );
         return Ok(None);
     }
     Ok(Some(Router::start(&config)?))

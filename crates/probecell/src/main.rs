@@ -193,7 +193,9 @@ fn main() -> ExitCode {
             tracing::debug!("{error:?}");
             report::error(&error);
             let failed = error.chain().any(|cause| {
-                cause.is::<host::bus::BusError>()
+                cause
+                    .downcast_ref::<host::bus::BusError>()
+                    .is_some_and(|error| !error.is_of_input())
                     || cause.is::<host::ProcessError>()
                     || cause.is::<launcher::Failed>()
             });

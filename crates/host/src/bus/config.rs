@@ -15,6 +15,7 @@ use std::time::Duration;
 use serde_json::{Value, json};
 
 use super::BusError;
+use super::error::without_places;
 
 /// Where the launcher's router listens unless the cell file says otherwise.
 pub const ROUTER_ENDPOINT: &str = "tcp/127.0.0.1:7447";
@@ -163,7 +164,7 @@ fn overlay(base: &mut Value, over: &Value) {
 
 fn parse(settings: &Value) -> Result<zenoh::Config, BusError> {
     zenoh::Config::from_json5(&settings.to_string()).map_err(|reason| BusError::Config {
-        reason: reason.to_string(),
+        reason: without_places(&reason.to_string()),
     })
 }
 

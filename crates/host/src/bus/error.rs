@@ -84,6 +84,15 @@ pub enum BusError {
 }
 
 impl BusError {
+    /// True for what the user gave wrongly, false for what went wrong on the bus.
+    #[must_use]
+    pub fn is_of_input(&self) -> bool {
+        matches!(
+            self,
+            Self::Config { .. } | Self::Name { .. } | Self::Type { .. }
+        )
+    }
+
     pub(crate) fn transport(action: &'static str, reason: &dyn Display) -> Self {
         Self::Transport {
             action,
@@ -93,7 +102,7 @@ impl BusError {
 }
 
 /// Zenoh ends its errors in the source line that made them, ` at /path/file.rs:12.`, which tells a user nothing.
-fn without_places(reason: &str) -> String {
+pub(super) fn without_places(reason: &str) -> String {
     let mut parts = reason.split(" at /");
     let mut text = parts.next().unwrap_or_default().to_owned();
     for part in parts {

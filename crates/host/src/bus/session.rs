@@ -14,6 +14,7 @@ use zenoh_ext::{AdvancedPublisher, AdvancedPublisherBuilderExt, CacheConfig, Mis
 
 use super::BusError;
 use super::config::BusConfig;
+use super::error::without_places;
 use super::graph::{Graph, LiveGraph, lock};
 use super::qos::Qos;
 use super::subscription::{Lane, Taker, ZenohSubscription};
@@ -59,7 +60,7 @@ impl ZenohBus {
             .map_err(|reason| BusError::NoRouter {
                 endpoints: config.endpoints.join(", "),
                 seconds: config.connect_timeout.as_secs_f64(),
-                reason: reason.to_string(),
+                reason: without_places(&reason.to_string()),
             })?;
         let graph = LiveGraph::default();
         let tokens = session

@@ -145,6 +145,13 @@ pub(crate) fn replay_foreign(bag: &Bag, as_json: bool) -> anyhow::Result<u8> {
         bail!("the bag has no probe events: there is nothing to replay");
     }
     let chain = Chain::from_urdf(&session.robot_description)?;
+    Nominal::from_plan(plan)?;
+    for event in &session.events {
+        let event = &event.message;
+        chain
+            .positions(&event.axis_names, &event.axis_positions)
+            .with_context(|| format!("event {}", event.sequence))?;
+    }
     let config = analysis::RawConfig::default().check(chain)?;
     let start = session
         .events

@@ -97,6 +97,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
         domain_id: arguments.domain_id,
         ..BusConfig::default()
     };
+    check_names(arguments, &bag)?;
     let bus = Bus::open(&config, "play", "/")?;
     let player = Player::new(&bus, &bag, arguments)?;
     player.wait_for_subscribers(&arguments.wait_for);
@@ -118,6 +119,31 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
     }
     bus.close(Duration::from_secs(5))?;
     Ok(report::damage(&bag.damage()))
+}
+
+/// The namespace is one, and the bag has every topic that is waited for.
+fn check_names(arguments: &Arguments, bag: &Bag) -> anyhow::Result<()> {
+    let namespace = &arguments.namespace;
+    let legal = |part: &str| {
+        part.starts_with(|first: char| first.is_ascii_alphabetic() || first == '_')
+            && part
+                .bytes()
+                .all(|byte| byte.is_ascii_alphanumeric() || byte == b'_')
+    };
+    let parts = namespace.strip_prefix('/');
+    if !parts.is_some_and(|parts| parts.is_empty() || parts.split('/').all(legal)) {
+        bail!("--namespace {namespace:?} is not an absolute ROS namespace, such as /replayed");
+    }
+    for wanted in &arguments.wait_for {
+        if !bag
+            .channels()
+            .iter()
+            .any(|channel| channel.topic == *wanted)
+        {
+            bail!("--wait-for {wanted}: there is no such topic in the bag");
+        }
+    }
+    Ok(())
 }
 
 /// Where the playing stands, in recorded time.
@@ -195,13 +221,9 @@ impl<'a> Player<'a> {
     }
 
     fn wait_for_subscribers(&self, wanted: &[String]) {
-        for topic in wanted {
-            if let Some(publisher) = self.publishers.get(topic) {
-                let deadline = Instant::now() + Duration::from_secs(3600);
-                self.bus.wait_for_subscribers(publisher, 1, deadline);
-            } else {
-                report::remark(&format!("{topic} is not in the bag: nobody is waited for"));
-            }
+        for publisher in wanted.iter().filter_map(|topic| self.publishers.get(topic)) {
+            let deadline = Instant::now() + Duration::from_secs(3600);
+            self.bus.wait_for_subscribers(publisher, 1, deadline);
         }
     }
 
