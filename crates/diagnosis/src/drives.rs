@@ -74,11 +74,18 @@ pub fn diagnose_drives(fit: &[Session], withheld: &[Session]) -> Result<Report, 
             ));
         }
     }
-    let channel = channel(&chain, first);
-    let fitted: Vec<Vec<Axis>> = fit
-        .iter()
-        .map(|session| axes(&chain, session, channel))
-        .collect();
+    let mut channel = channel(&chain, first);
+    let of = |channel: Channel| -> Vec<Vec<Axis>> {
+        fit.iter()
+            .map(|session| axes(&chain, session, channel))
+            .collect()
+    };
+    let mut fitted = of(channel);
+    if channel == Channel::Motion && fitted.iter().all(Vec::is_empty) {
+        // Commands that only repeat the motion say nothing: what is left to compare is the effort.
+        channel = Channel::Effort;
+        fitted = of(channel);
+    }
     let judged: Vec<Vec<Axis>> = withheld
         .iter()
         .map(|session| axes(&chain, session, channel))

@@ -73,6 +73,12 @@ pub(crate) fn up(file: &Path, once: bool, recorded: bool) -> anyhow::Result<u8> 
     let end = signals::end_flag()?;
     let router = start_router(&cell)?;
     let bus = Bus::open(&bus_config(&cell)?, "operator", &cell.namespace())?;
+    if router.is_none() && cell.bus.transport == TransportName::Zenoh {
+        let endpoint = &cell.bus.router_endpoint;
+        report::remark(&format!(
+            "a router answers at {endpoint}: this cell joins it"
+        ));
+    }
     let recording = recorded.then(|| new_recording(&cell));
     let mut processes = Processes::new(file, recorded);
     if let Some(folder) = &recording {
@@ -105,10 +111,6 @@ fn start_router(cell: &Cell) -> anyhow::Result<Option<Router>> {
     };
     // Somebody may route there already: zenohd, rmw_zenoh's router, another cell, or a router on another machine.
     if host::endpoint_answers(&cell.bus.router_endpoint) {
-        tracing::info!(
-            endpoint = cell.bus.router_endpoint,
-            "something answers: this cell joins it"
-        );
         return Ok(None);
     }
     Ok(Some(Router::start(&config)?))
