@@ -1,28 +1,39 @@
-//! Writes what the diagnosis of touches sees as a regression problem: `signatures BAG... FOLDER`.
+//! Writes what the diagnosis of touches sees as a regression problem, for other methods to solve.
 //!
-//! `matrix.npy` holds one row for each touch and reference value and one column for each parameter of each effect, m
-//! per unit; `problem.json` the weighted deviations, and effect, variant, shape and plausible size of every column.
-//! Variants with a nonlinear constant stand at up to [`SHAPES`] of its values.
+//! `signatures BAG... FOLDER`: bags laid out together. `signatures --blind SEED CONTENT FOLDER`: a sealed session
+//! (`clean`, `known1` to `known3`, `strange`, `mixed`) with its truth. `matrix.npy` holds one row for each touch and
+//! reference value and one column for each parameter of each effect, m per unit; `problem.json` the weighted
+//! deviations, and effect, variant, shape and plausible size of every column, the truth and our own report with its
+//! time. Variants with a nonlinear constant stand at up to [`SHAPES`] of its values.
 
 use std::io::Write;
 use std::path::Path;
+use std::time::Instant;
 
-use diagnosis::{effects::library, joint::rows::Joined};
+use diagnosis::blind::{Content, session};
+use diagnosis::{Options, Session, diagnose_together};
+use diagnosis::{diagnose, effects::library, joint::rows::Joined};
 
 mod common;
 
 /// Values of a nonlinear constant that are written at most.
-const SHAPES: usize = 40;
+const SHAPES: usize = 8;
 
 fn main() -> anyhow::Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let Some((folder, bags)) = arguments.split_last().filter(|(_, bags)| !bags.is_empty()) else {
-        anyhow::bail!("usage: signatures BAG... FOLDER");
+    let Some((folder, given)) = arguments
+        .split_last()
+        .filter(|(_, given)| !given.is_empty())
+    else {
+        anyhow::bail!("usage: signatures BAG... FOLDER, or signatures --blind SEED CONTENT FOLDER");
     };
-    let sessions = bags
-        .iter()
-        .map(|bag| common::read(Path::new(bag)))
-        .collect::<anyhow::Result<Vec<_>>>()?;
+    let (sessions, truth) = sessions(given)?;
+    let begun = Instant::now();
+    let report = match sessions.as_slice() {
+        [one] => diagnose(one, &Options::default())?,
+        several => diagnose_together(several, &[], &Options::default())?,
+    };
+    let took = begun.elapsed().as_secs_f64() * 1e3;
     let joined = Joined::new(&sessions.iter().collect::<Vec<_>>())?;
     let observations = &joined.observations;
     let mut columns: Vec<Vec<f64>> = Vec::new();
@@ -50,14 +61,35 @@ fn main() -> anyhow::Result<()> {
     let y: Vec<f64> = (observations.deviations.iter().zip(&observations.rows))
         .map(|(deviation, row)| deviation * row.weight)
         .collect();
-    let blocks: Vec<_> = (observations.rows.iter())
-        .map(|row| (row.feature, row.index, row.time))
-        .collect();
     std::fs::create_dir_all(folder)?;
     let folder = Path::new(folder);
-    let problem = serde_json::json!({ "bags": bags, "session": joined.session, "y": y, "columns": about, "rows": blocks });
+    let problem = serde_json::json!({
+        "y": y, "columns": about, "session": joined.session, "truth": truth,
+        "report": report, "ms": took,
+    });
     std::fs::write(folder.join("problem.json"), problem.to_string())?;
     write_npy(&folder.join("matrix.npy"), &columns, y.len())
+}
+
+/// The sessions that are asked for, and what is hidden in them where it is known.
+fn sessions(given: &[String]) -> anyhow::Result<(Vec<Session>, Option<Vec<String>>)> {
+    if let [flag, seed, content] = given
+        && flag == "--blind"
+    {
+        let content = match content.as_str() {
+            "clean" => Content::Clean,
+            "known1" => Content::Known(1),
+            "known2" => Content::Known(2),
+            "known3" => Content::Known(3),
+            "strange" => Content::Strange,
+            "mixed" => Content::Mixed,
+            other => anyhow::bail!("there is no content `{other}`"),
+        };
+        let (session, truth) = session(seed.parse()?, content);
+        return Ok((vec![session], Some(truth.effects)));
+    }
+    let read = given.iter().map(|bag| common::read(Path::new(bag)));
+    Ok((read.collect::<anyhow::Result<Vec<_>>>()?, None))
 }
 
 /// Columns as a NumPy array of shape (rows, columns), Fortran order.
