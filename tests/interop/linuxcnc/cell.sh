@@ -49,6 +49,19 @@ check() { # NAME EXPECTED_STATUS FILE PATTERN…
     [ "$status" = "$wanted" ] || { echo "FAILED $name: status $status"; cat "$scratch/out.txt"; exit 1; }
     echo "good: $name"
 }
+no_result() { # NAME: the last recording holds a fault of that session, and no verdict on the part
+    local bag; bag=$(ls -td recordings/*/ | head -1)
+    "$probecell" info --json "$bag" >info.json
+    python3 - <<'P' || { echo "FAILED $1: the recording"; exit 1; }
+import json
+count = {}
+for topic in json.load(open("info.json"))["topics"]:
+    count[topic["topic"].split("/", 2)[2]] = topic["messages"]
+faults = sum(number for name, number in count.items() if name.endswith("/faults"))
+print(f"  in the bag: {faults} faults, {count.get('verdicts', 0)} verdicts")
+assert faults > 0 and count.get("verdicts", 0) == 0 and count.get("corrections", 0) == 0
+P
+}
 near() { # NAME ID EXPECTED_UM: the first error printed for ID is within 2 µm
     python3 - "$scratch/out.txt" "$2" "$3" <<'P' || { echo "FAILED $1"; cat "$scratch/out.txt"; exit 1; }
 import re, sys
@@ -76,9 +89,37 @@ near "box y" width_y 0
 
 pins scale-x=0 probe-armed=0
 check "a dead probe is a named fault" 1 box.toml "fault probe_dead" "part box: stopped"
+no_result "a dead probe"
 pins probe-armed=1 always-on=1
-check "a stuck probe is a named fault" 1 box.toml "part box: stopped"
+check "a stuck probe is a named fault" 1 box.toml "fault probe_stuck" "part box: stopped"
+no_result "a stuck probe"
 pins always-on=0
+
+# Something knocks the probe on its way above the part, after the first touch of this session.
+knocked() {
+    local first; first=$(halcmd getp ommprobe.0.trips)
+    until [ "$(halcmd getp ommprobe.0.trips)" -gt "$first" ]; do sleep 0.02; done
+    until halcmd getp ommprobe.0.true-z | grep -qE '^ *(1[0-9]|20)(\.|$)'; do :; done
+    halcmd setp ommprobe.0.bump 1
+}
+knocked &
+check "an unplanned touch is a named fault" 1 box.toml "fault unplanned_touch" "part box: stopped"
+wait
+pins bump=0
+no_result "an unplanned touch"
+
+# Somebody presses the button after the second touch of this session.
+pressed() {
+    local first; first=$(halcmd getp ommprobe.0.trips)
+    until [ "$(halcmd getp ommprobe.0.trips)" -ge $((first + 2)) ]; do sleep 0.02; done
+    halcmd unlinkp iocontrol.0.emc-enable-in
+    halcmd setp iocontrol.0.emc-enable-in 0
+}
+pressed &
+check "an emergency stop is a named fault" 1 box.toml "fault estop" "part box: stopped"
+wait
+no_result "an emergency stop"
+halcmd net estop-loop iocontrol.0.emc-enable-in
 ( for _ in $(seq 400); do grep -q . "$scratch/going" 2>/dev/null && break; sleep 0.1; done; sleep 15; "$here/stop.sh" "$scratch" ) &
 echo going >"$scratch/going"
 check "a controller that goes away in mid-program is a named fault" 1 box.toml "fault controller_(lost|restarted|alarm)" "part box: stopped"
