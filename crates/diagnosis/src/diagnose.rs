@@ -25,6 +25,8 @@ use crate::{checks, outliers, parameters, places, referenced, timing, vocabulary
 const SURE_BESIDE_UNKNOWN: f64 = 0.99;
 /// Something unknown is told of only when it is this probable: the signatures are not exact either.
 const SURELY_UNKNOWN: f64 = 0.9;
+/// The same where at least two more effects would have to act together in its place.
+const PERHAPS_UNKNOWN: f64 = 0.2;
 /// An effect that the others can replace to within half the noise is named only when it is this probable.
 const SURE_THOUGH_REPLACEABLE: f64 = 0.993;
 /// An effect is named only when its set is this many times as probable as the set without it.
@@ -312,7 +314,7 @@ impl Reporter<'_> {
             .filter(|&model| self.is_unknown(model))
             .map(|model| attribution.models[model].probability)
             .sum();
-        let beside_unknown = unknown > SURELY_UNKNOWN;
+        let beside_unknown = unknown > self.least_unknown();
         let best = (0..attribution.models.len())
             .find(|&model| self.is_unknown(model) == beside_unknown)
             .map(|model| &attribution.models[model]);
@@ -388,6 +390,21 @@ impl Reporter<'_> {
             ),
             effects,
             warnings,
+        }
+    }
+
+    /// How probable something unknown must be to be told of: where it takes many effects to imitate it, less is enough.
+    fn least_unknown(&self) -> f64 {
+        let size = |unknown: bool| {
+            let models = &self.explained.attribution.models;
+            (0..models.len())
+                .find(|&model| self.is_unknown(model) == unknown)
+                .map_or(0, |model| models[model].set.len())
+        };
+        if size(false) > size(true) + 1 {
+            PERHAPS_UNKNOWN
+        } else {
+            SURELY_UNKNOWN
         }
     }
 

@@ -16,6 +16,8 @@ const MOST_DIRECTIONS: usize = 48;
 const MOST_CELLS: usize = 128;
 /// A process with fewer directions is an effect by another name.
 const FEWEST_DIRECTIONS: usize = 3;
+/// What more scatter on one feature pays (natural log) against a smooth discrepancy: stray touches look alike.
+const SCATTER: f64 = -5.0;
 /// Fewest touches of a feature that can scatter more than others.
 const FEWEST_SCATTERED: usize = 6;
 /// A pivoted factor stops when no row keeps more than this share of its variance.
@@ -74,6 +76,7 @@ pub fn rivals(observations: &Observations, active: &[bool]) -> Vec<Rival> {
         kinds.push((Kind::Axis(axis), along_axis(observations, axis)));
     }
     kinds.retain(|(_, kernels)| !kernels.is_empty());
+    let scattered = scattered(observations);
     let count = kinds.len() as f64;
     let mut rivals = Vec::new();
     for (kind, kernels) in kinds {
@@ -87,6 +90,16 @@ pub fn rivals(observations: &Observations, active: &[bool]) -> Vec<Rival> {
                 log_prior,
             ));
         }
+    }
+    let log_prior = SCATTER - (count * scattered.len().max(1) as f64).ln();
+    for kernel in scattered {
+        rivals.extend(factor(
+            observations,
+            active,
+            &kernel,
+            Kind::Feature,
+            log_prior,
+        ));
     }
     rivals
 }
@@ -219,10 +232,16 @@ fn feature(observations: &Observations) -> Vec<Kernel<'_>> {
             same(i, j) * squared((rows[i].normal - rows[j].normal).norm(), length)
         }));
     }
+    kernels
+}
+
+/// Touches of one feature that scatter more than the others.
+fn scattered(observations: &Observations) -> Vec<Kernel<'_>> {
+    let rows = &observations.rows;
+    let mut kernels: Vec<Kernel<'_>> = Vec::new();
     for feature in 0..observations.features.len() {
         let own = rows.iter().filter(|row| row.feature == feature).count();
         if own >= FEWEST_SCATTERED && 2 * own <= rows.len() {
-            // Touches of one feature that scatter more than the others.
             kernels.push(Box::new(move |i, j| {
                 f64::from(u8::from(i == j && rows[i].feature == feature))
             }));
