@@ -20,6 +20,8 @@ const PEAKS: usize = 2;
 const FEW: usize = 4;
 /// Two blocks are the same when their spans share all but this part.
 const SAME: f64 = 1e-7;
+/// Noise of a usual touch, m: only weighs plausible sizes while shapes are scanned.
+const USUAL_NOISE: f64 = 1e-6;
 /// Rounds of the search for the best value of a shape.
 const REFINED: usize = 16;
 /// A column that keeps less than this share of its power beside a basis says nothing of its own.
@@ -30,9 +32,25 @@ pub(crate) struct Trial {
     pub(crate) value: f64,
     columns: Vec<Vec<f64>>,
     gram: Vec<f64>,
+    /// What holds each coefficient to its plausible size: over touches that hardly tell, many shapes fit with absurd
+    /// sizes.
+    held: Vec<f64>,
 }
 
 impl Trial {
+    /// Columns whose parameters have these largest plausible sizes.
+    fn held(value: f64, columns: Vec<Vec<f64>>, variant: &Variant) -> Self {
+        let held = variant
+            .parameters
+            .iter()
+            .map(|parameter| (USUAL_NOISE / parameter.plausible).powi(2))
+            .collect();
+        Self {
+            held,
+            ..Self::new(value, columns)
+        }
+    }
+
     pub(crate) fn new(value: f64, columns: Vec<Vec<f64>>) -> Self {
         let gram = columns
             .iter()
@@ -40,6 +58,7 @@ impl Trial {
             .collect();
         Self {
             value,
+            held: vec![0.0; columns.len()],
             columns,
             gram,
         }
@@ -67,6 +86,7 @@ impl Trial {
                 let known: f64 = shared[i].iter().zip(&shared[k]).map(|(a, b)| a * b).sum();
                 gram[i * width + k] -= missing + known;
             }
+            gram[i * width + i] += self.held[i];
         }
         let mut gain = 0.0;
         for i in 0..width {
@@ -169,7 +189,7 @@ impl<'a> Shapes<'a> {
             let values = shape.trials.iter();
             values
                 .zip(signatures)
-                .map(|(&value, columns)| Trial::new(value, columns))
+                .map(|(&value, columns)| Trial::held(value, columns, &self.variants[place]))
                 .collect()
         })
     }
@@ -182,7 +202,8 @@ impl<'a> Shapes<'a> {
                 .map(|(part, row)| part * row.weight)
                 .collect()
         };
-        Trial::new(value, columns.into_iter().map(weighted).collect())
+        let columns = columns.into_iter().map(weighted).collect();
+        Trial::held(value, columns, &self.variants[place])
     }
 }
 
