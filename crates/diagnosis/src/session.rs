@@ -60,7 +60,7 @@ pub enum DiagnoseError {
         suspect: &'static str,
     },
     /// A number that is no length of a machine.
-    #[error("the {what} is {value:e} m, farther than any machine reaches")]
+    #[error("the {what} is {value:e} m: not finite, or farther than any machine reaches")]
     Far {
         /// Which number.
         what: String,
