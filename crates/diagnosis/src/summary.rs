@@ -91,17 +91,25 @@ fn write_effect(
 
 fn parameter_text(parameter: &ParameterEstimate) -> String {
     let (factor, unit) = match parameter.unit.as_str() {
+        "m" if parameter.value.abs() >= 2e-3 => (1e3, "mm"),
         "m" => (1e6, "µm"),
         "rad" => (1e6, "µrad"),
+        "m/m" => (1e6, "µm/m"),
+        "rad/m" => (1e6, "µrad/m"),
+        "1/K" => (1e6, "µm/(m K)"),
         "s" if parameter.value.abs() < 1.0 => (1e3, "ms"),
+        "1" => (1.0, ""),
         other => (1.0, other),
     };
     let half = 0.5 * (parameter.ci95[1] - parameter.ci95[0]) * factor;
-    format!(
-        "{} = {:.4} ± {half:.4} {unit}",
-        parameter.name,
-        parameter.value * factor
-    )
+    let (name, value) = (&parameter.name, parameter.value * factor);
+    // A constant that was not fitted: a tool's number, a length that was chosen.
+    let text = if half > 0.0 {
+        format!("{name} = {value:.4} ± {half:.4} {unit}")
+    } else {
+        format!("{name} = {value} {unit}")
+    };
+    text.trim_end().to_owned()
 }
 
 fn place_text(place: &Place) -> String {
@@ -115,4 +123,32 @@ fn place_text(place: &Place) -> String {
         place.key,
         place.share * 100.0
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parameters_are_read_in_the_units_of_the_shop() {
+        let text = |name: &str, value: f64, unit: &str, half: f64| {
+            parameter_text(&ParameterEstimate {
+                name: name.to_owned(),
+                value,
+                unit: unit.to_owned(),
+                ci95: [value - half, value + half],
+            })
+        };
+        assert_eq!(text("dx", 3.5e-6, "m", 1e-7), "dx = 3.5000 ± 0.1000 µm");
+        assert_eq!(
+            text("rate", 1.4e-6, "m/m", 2e-7),
+            "rate = 1.4000 ± 0.2000 µm/m"
+        );
+        assert_eq!(text("length", 0.075, "m", 0.0), "length = 75 mm");
+        assert_eq!(text("tool", 2.0, "1", 0.0), "tool = 2");
+        assert_eq!(
+            text("exponent", 2.5, "1", 0.25),
+            "exponent = 2.5000 ± 0.2500"
+        );
+    }
 }
