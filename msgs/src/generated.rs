@@ -2180,7 +2180,7 @@ pub mod srv {
     /// Asks [`StartRecording`].
     #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
     pub struct StartRecordingRequest {
-        /// folder to write; empty: the recorder's own choice
+        /// name of a folder inside the cell's folder of recordings; empty: the recorder chooses
         pub uri: String,
     }
 
@@ -2189,7 +2189,7 @@ pub mod srv {
             name: "probecell_msgs/srv/StartRecording_Request",
             dds_name: "probecell_msgs::srv::dds_::StartRecording_Request_",
             type_hash: "RIHS01_1c42275d11d33906a00a123b5067093f1c97c33c32fb70ad3533971f1e364a9d",
-            definition: "# Start a recording.\nstring uri                   # folder to write; empty: the recorder's own choice\n",
+            definition: "# Start a recording.\nstring uri                   # name of a folder inside the cell's folder of recordings; empty: the recorder chooses\n",
             describe: crate::describe::of::<StartRecordingRequest>,
             canonical: crate::cdr::canonical::<StartRecordingRequest>,
         };

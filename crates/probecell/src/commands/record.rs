@@ -1,10 +1,18 @@
 //! `probecell record`: a cell into a bag, until it is told to end.
 
-use std::{path::Path, path::PathBuf, sync::mpsc::channel, time::Duration};
+use std::{
+    path::{Component, Path, PathBuf},
+    sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel},
+    time::Duration,
+};
 
-use bags::SplitAt;
+use bags::{SplitAt, Statistics};
 use cell::Cell;
-use host::{RecorderProcess, RecordingSettings, bus::Bus};
+use host::{
+    RecorderProcess, RecordingSettings,
+    bus::{Bus, Server},
+};
+use probecell_msgs::{Service, from_cdr, srv, to_cdr};
 
 use crate::{GOOD, LOSS, launcher, report, signals};
 
@@ -13,43 +21,209 @@ pub(crate) const CELL_FILE: &str = "cell.toml";
 /// Name of the embedded robot description.
 pub(crate) const ROBOT_FILE: &str = "robot.urdf";
 
-/// Records until SIGINT or SIGTERM.
+/// How long the recorder may take to answer a service.
+const ANSWER_PATIENCE: Duration = Duration::from_secs(30);
+
+/// What reaches the recorder's main thread.
+enum Order {
+    End,
+    Start(String, Sender<srv::StartRecordingResponse>),
+    Stop(Sender<srv::StopRecordingResponse>),
+}
+
+/// The recorder of one cell and the recording under way, if there is one.
+struct Desk<'a> {
+    bus: &'a Bus,
+    cell: &'a Cell,
+    current: Option<(RecorderProcess, PathBuf)>,
+    missing: u64,
+}
+
+/// Records until SIGINT or SIGTERM; the services `start_recording` and `stop_recording` end one recording and begin
+/// another.
 pub(crate) fn run(file: &Path, folder: Option<PathBuf>, supervised: bool) -> anyhow::Result<u8> {
     if supervised {
         signals::end_with_parent()?;
     }
     let cell = Cell::read(file)?;
-    let (sender, receiver) = channel();
-    signals::on_end(move || sender.send(()).unwrap_or_default())?;
-    let folder = folder.unwrap_or_else(|| launcher::new_recording(&cell));
-    if let Some(parent) = folder.parent() {
-        std::fs::create_dir_all(parent)?;
-    }
+    let (sender, orders) = channel();
+    let end = sender.clone();
+    // Nobody hears the order once the recorder has ended.
+    signals::on_end(move || end.send(Order::End).unwrap_or_default())?;
     let bus = Bus::open(&launcher::bus_config(&cell)?, "recorder", &cell.namespace())?;
-    let process = RecorderProcess::start(&bus, settings(&cell, folder.clone()))?;
-    while receiver.recv_timeout(Duration::from_millis(200)).is_err() {
-        if let Some(failure) = process.failure() {
-            return Err(failure.into());
-        }
-    }
-    let statistics = process.finish()?;
+    let mut desk = Desk {
+        bus: &bus,
+        cell: &cell,
+        current: None,
+        missing: 0,
+    };
+    desk.begin(folder.unwrap_or_else(|| launcher::new_recording(&cell)))?;
+    let servers = serve(&bus, &cell, &sender)?;
+    desk.obey(&orders)?;
+    drop(servers);
+    let last = desk.finish()?;
+    let missing = desk.missing;
     bus.close(Duration::from_secs(2))?;
-    if !supervised {
+    if let (Some((folder, statistics)), false) = (last, supervised) {
         report::line(&format!(
             "{} messages in {}",
             statistics.messages,
             folder.display()
         ));
     }
-    if statistics.missing() > 0 {
+    if missing > 0 {
         report::line(&format!(
-            "{} messages are missing from {}",
-            statistics.missing(),
-            folder.display()
+            "{missing} messages are missing from the recordings"
         ));
         return Ok(LOSS);
     }
     Ok(GOOD)
+}
+
+impl Desk<'_> {
+    fn begin(&mut self, folder: PathBuf) -> anyhow::Result<()> {
+        if let Some(parent) = folder.parent() {
+            std::fs::create_dir_all(parent)?;
+        }
+        let process = RecorderProcess::start(self.bus, settings(self.cell, folder.clone()))?;
+        self.current = Some((process, folder));
+        Ok(())
+    }
+
+    /// Closes the files of the recording under way; gives its folder and what was written.
+    fn finish(&mut self) -> anyhow::Result<Option<(PathBuf, Statistics)>> {
+        let Some((process, folder)) = self.current.take() else {
+            return Ok(None);
+        };
+        let statistics = process.finish()?;
+        self.missing += statistics.missing();
+        Ok(Some((folder, statistics)))
+    }
+
+    /// Carries out orders until one ends the recorder, or the bag can no longer be written.
+    fn obey(&mut self, orders: &Receiver<Order>) -> anyhow::Result<()> {
+        loop {
+            match orders.recv_timeout(Duration::from_millis(200)) {
+                Ok(Order::End) | Err(RecvTimeoutError::Disconnected) => return Ok(()),
+                // Who has asked may have gone away since.
+                Ok(Order::Start(uri, answer)) => drop(answer.send(self.start(&uri))),
+                Ok(Order::Stop(answer)) => drop(answer.send(self.stop())),
+                Err(RecvTimeoutError::Timeout) => {}
+            }
+            if let Some(failure) = self
+                .current
+                .as_ref()
+                .and_then(|(process, _)| process.failure())
+            {
+                return Err(failure.into());
+            }
+        }
+    }
+
+    fn start(&mut self, uri: &str) -> srv::StartRecordingResponse {
+        let refused = |text: String| srv::StartRecordingResponse {
+            accepted: false,
+            uri: String::new(),
+            text,
+        };
+        if let Some((_, folder)) = &self.current {
+            return refused(format!("{} is being recorded", folder.display()));
+        }
+        let inside = Path::new(uri)
+            .components()
+            .all(|part| matches!(part, Component::Normal(_)));
+        if !inside {
+            return refused(format!(
+                "{uri:?} is not a name inside the cell's folder of recordings"
+            ));
+        }
+        let folder = if uri.is_empty() {
+            launcher::new_recording(self.cell)
+        } else {
+            self.cell.recorder.folder.join(uri)
+        };
+        match self.begin(folder.clone()) {
+            Ok(()) => srv::StartRecordingResponse {
+                accepted: true,
+                uri: folder.display().to_string(),
+                text: String::new(),
+            },
+            Err(error) => refused(format!("{error:#}")),
+        }
+    }
+
+    fn stop(&mut self) -> srv::StopRecordingResponse {
+        let (accepted, uri, messages, text) = match self.finish() {
+            Ok(Some((folder, statistics))) => {
+                let missing = statistics.missing();
+                let text = if missing > 0 {
+                    format!("{missing} messages are missing")
+                } else {
+                    String::new()
+                };
+                (
+                    true,
+                    folder.display().to_string(),
+                    statistics.messages,
+                    text,
+                )
+            }
+            Ok(None) => (
+                false,
+                String::new(),
+                0,
+                "nothing is being recorded".to_owned(),
+            ),
+            Err(error) => (false, String::new(), 0, format!("{error:#}")),
+        };
+        srv::StopRecordingResponse {
+            accepted,
+            uri,
+            messages,
+            text,
+        }
+    }
+}
+
+/// Offers the services; a call waits for the main thread to carry it out.
+fn serve(bus: &Bus, cell: &Cell, orders: &Sender<Order>) -> anyhow::Result<Vec<Server>> {
+    let ask = |orders: Sender<Order>| {
+        move |request: &[u8]| {
+            let request = from_cdr::<srv::StartRecordingRequest>(request)
+                .map_err(|error| error.to_string())?;
+            let (sender, receiver) = channel();
+            let order = Order::Start(request.uri, sender);
+            let answer = wait(&orders, order, &receiver)?;
+            Ok(to_cdr(&answer))
+        }
+    };
+    let end = |orders: Sender<Order>| {
+        move |_: &[u8]| {
+            let (sender, receiver) = channel();
+            let answer = wait(&orders, Order::Stop(sender), &receiver)?;
+            Ok(to_cdr(&answer))
+        }
+    };
+    Ok(vec![
+        bus.serve(
+            &cell.topic("start_recording"),
+            srv::StartRecording::TYPE,
+            Box::new(ask(orders.clone())),
+        )?,
+        bus.serve(
+            &cell.topic("stop_recording"),
+            srv::StopRecording::TYPE,
+            Box::new(end(orders.clone())),
+        )?,
+    ])
+}
+
+fn wait<T>(orders: &Sender<Order>, order: Order, answer: &Receiver<T>) -> Result<T, String> {
+    let ended = |_| "the recorder has ended".to_owned();
+    orders.send(order).map_err(ended)?;
+    answer
+        .recv_timeout(ANSWER_PATIENCE)
+        .map_err(|_| "the recorder did not answer".to_owned())
 }
 
 fn settings(cell: &Cell, folder: PathBuf) -> RecordingSettings {

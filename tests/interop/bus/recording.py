@@ -1,0 +1,76 @@
+"""The services of a running cell's recorder, called by zenoh-ros2-sdk: a recording ends, another begins, both are whole."""
+
+import argparse
+import logging
+import pathlib
+import signal
+import subprocess
+import tempfile
+
+from mcap.reader import make_reader
+from zenoh_ros2_sdk import ROS2ServiceClient, ZenohSession
+
+from messages import Messages
+from peer import check
+
+
+def call(root, name, kind, **fields):
+    request, response = (root / f"srv/{kind}.srv").read_text().split("---\n")
+    client = ROS2ServiceClient(
+        service_name=f"/turn_mill/{name}", srv_type=f"probecell_msgs/srv/{kind}", request_definition=request,
+        response_definition=response, timeout=30, domain_id=0, namespace="/other",
+    )
+    answer = client.call(**fields)
+    client.close()
+    assert answer is not None, f"{name} did not answer"
+    return answer
+
+
+def messages_in(folder):
+    """Messages of each topic in a recording that is closed, and its metadata beside it."""
+    assert (folder / "metadata.yaml").exists(), f"{folder} has no metadata.yaml"
+    count = {}
+    for file in sorted(folder.glob("*.mcap")):
+        with open(file, "rb") as stream:
+            for _, channel, _ in make_reader(stream).iter_messages():
+                count[channel.topic] = count.get(channel.topic, 0) + 1
+    return count
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--probecell", required=True)
+    parser.add_argument("--msgs", required=True, help="the interface package")
+    parser.add_argument("--cell", required=True, help="a cell file of the simulated turn-mill")
+    options = parser.parse_args()
+    logging.getLogger("zenoh_ros2_sdk").setLevel(logging.ERROR)
+    root = pathlib.Path(options.msgs).resolve()
+    cell, probecell = pathlib.Path(options.cell).resolve(), pathlib.Path(options.probecell).resolve()
+    with tempfile.TemporaryDirectory() as scratch:
+        up = subprocess.Popen([probecell, "up", cell], cwd=scratch, stdout=subprocess.PIPE, text=True)
+        try:
+            session = ZenohSession.get_instance("127.0.0.1", 7447)
+            session.store = Messages(root).store
+            session._registered_types.update({name: name for name in session.store.types if "/srv/" not in name})
+            first = call(root, "stop_recording", "StopRecording")
+            check("stopped", (first.accepted, first.messages > 0), (True, True))
+            count = messages_in(pathlib.Path(scratch) / first.uri)
+            check("messages told", sum(count.values()), first.messages)
+            check("stopped twice", call(root, "stop_recording", "StopRecording").accepted, False)
+            check("outside", call(root, "start_recording", "StartRecording", uri="../outside").accepted, False)
+            again = call(root, "start_recording", "StartRecording", uri="again")
+            check("started", (again.accepted, again.uri), (True, "recordings/again"))
+            check("started twice", call(root, "start_recording", "StartRecording", uri="more").accepted, False)
+            second = call(root, "stop_recording", "StopRecording")
+            count = messages_in(pathlib.Path(scratch) / second.uri)
+            # What was published once, before this recording began, is in it all the same.
+            check("latched", count.get("/turn_mill/robot_description"), 1)
+        finally:
+            ZenohSession.get_instance("127.0.0.1", 7447).close()
+            up.send_signal(signal.SIGTERM)
+            up.wait(30)
+    print("recording on demand: good")
+
+
+if __name__ == "__main__":
+    main()
