@@ -25,13 +25,15 @@ pub fn launch_scripts() -> PathBuf {
     PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../launch-scripts"))
 }
 
-/// A cell file of the project, after `edit` has changed its text. The search for an order is short: sessions are run
-/// many times here, and none of these tests is about the length of the way.
+/// A cell file of the project, after `edit` has changed its text. The search for an order is short and nobody asks for
+/// the gap: sessions are run many times here, and none of these tests is about the length of the way.
 pub fn cell(file: &str, edit: impl Fn(&str) -> String) -> Cell {
     let path = launch_scripts().join(file);
     let original = Cell::read(&path).unwrap_or_else(|error| panic!("{error}"));
-    let edit =
-        |text: &str| edit(&text.replacen("[path_planning]\n", "[path_planning]\nkicks = 50\n", 1));
+    let edit = |text: &str| {
+        let short = text.replacen("[path_planning]\n", "[path_planning]\nkicks = 50\n", 1);
+        edit(&format!("{short}\n[gap]\nat_end_of_plan = false\n"))
+    };
     let text = CellText {
         cell: edit(&original.text().cell),
         ..original.text().clone()

@@ -58,6 +58,9 @@ pub struct Cell {
     pub compensation: compensation::RawConfig,
     /// Settings of `cycle`.
     pub cycle: cycle::RawConfig,
+    /// Settings of `gap`.
+    #[serde(default)]
+    pub gap: gap::RawConfig,
     /// The simulated machine, where the driver is one.
     pub simulator: Option<simulator::RawConfig>,
     /// The real controller, where the driver is one.
@@ -106,13 +109,14 @@ pub enum CellError {
 }
 
 /// Names of the nodes that decide, in the order of the data flow.
-pub const NODES: [&str; 6] = [
+pub const NODES: [&str; 7] = [
     "machine_state",
     "probe_events",
     "path_planning",
     "analysis",
     "compensation",
     "cycle",
+    "gap",
 ];
 
 impl Cell {
@@ -239,6 +243,11 @@ impl Cell {
             "cycle" => Box::new(Running::<cycle::CycleNode>::new(
                 self.setting(self.cycle.check())?,
             )),
+            "gap" => {
+                let vocabulary = diagnosis::vocabulary::of(&chain);
+                let config = self.setting(self.gap.check(&vocabulary))?;
+                Box::new(Running::<gap::GapNode>::new(config))
+            }
             "simulator" => {
                 let raw = self.setting(
                     self.simulator

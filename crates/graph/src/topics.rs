@@ -116,6 +116,7 @@ topics! {
     RUN_REPLIES = "cycle", "run_replies", OperatorReply, Qos::KEEP_ALL;
 
     GAP_REPORT = "gap", "gap_report", GapReport, Qos::latched(1);
+    GAP_FAULTS = "gap", "gap/faults", Fault, Qos::KEEP_ALL;
     LOSS_REPORTS = "recorder", "loss_reports", LossReport, Qos::latched(64);
 }
 

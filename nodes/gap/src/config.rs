@@ -1,0 +1,76 @@
+//! Settings of `gap`.
+
+use diagnosis::Options;
+use serde::Deserialize;
+
+/// As written in the cell file, section `[gap]`.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RawConfig {
+    /// Diagnose when every point of a plan has been tried, and when its reference comes.
+    pub at_end_of_plan: bool,
+    /// Diagnose each time so many touches have come, before the plan's end.
+    pub every_touches: Option<u32>,
+    /// Effects that are not to be considered.
+    pub without: Vec<String>,
+}
+
+impl Default for RawConfig {
+    fn default() -> Self {
+        Self {
+            at_end_of_plan: true,
+            every_touches: None,
+            without: Vec::new(),
+        }
+    }
+}
+
+/// As checked.
+#[derive(Clone, Debug)]
+pub struct Config {
+    /// Diagnose at the end of a plan.
+    pub at_end_of_plan: bool,
+    /// Diagnose each time so many touches have come.
+    pub every_touches: Option<u32>,
+    /// What the diagnosis is told.
+    pub options: Options,
+}
+
+/// A setting that cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum ConfigError {
+    /// Too often.
+    #[error("gap.every_touches = {0} must be at least 8")]
+    Often(u32),
+    /// No such effect.
+    #[error("gap.without: there is no effect {name:?} on this machine: did you mean {nearest:?}?")]
+    Effect {
+        /// As written.
+        name: String,
+        /// The most similar one.
+        nearest: String,
+    },
+}
+
+impl RawConfig {
+    /// Checks the settings; `vocabulary` holds the effects of this machine.
+    pub fn check(&self, vocabulary: &[String]) -> Result<Config, ConfigError> {
+        if let Some(touches) = self.every_touches.filter(|&touches| touches < 8) {
+            return Err(ConfigError::Often(touches));
+        }
+        if let Some(name) = self.without.iter().find(|name| !vocabulary.contains(name)) {
+            let nearest = diagnosis::vocabulary::nearest(name, vocabulary).unwrap_or_default();
+            return Err(ConfigError::Effect {
+                name: name.clone(),
+                nearest: nearest.to_owned(),
+            });
+        }
+        Ok(Config {
+            at_end_of_plan: self.at_end_of_plan,
+            every_touches: self.every_touches,
+            options: Options {
+                without: self.without.clone(),
+            },
+        })
+    }
+}

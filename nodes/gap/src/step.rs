@@ -1,0 +1,217 @@
+//! The rules of `gap`.
+
+use std::collections::{BTreeSet, VecDeque};
+
+use diagnosis::Session;
+use graph::{Node, Outbox, Stamp, inputs, outputs, topics};
+use probecell_msgs::{
+    Fault, GapReport, InspectionPlan, MachineState, ProbeEvent, ReferenceMeasurement,
+    builtin_interfaces::Time, sensor_msgs::JointState, std_msgs,
+};
+use serde::{Deserialize, Serialize};
+
+use crate::{config::Config, message, window::Window};
+
+inputs! {
+    /// What `gap` hears.
+    pub enum Input {
+        /// The machine.
+        Machine(std_msgs::String) = topics::ROBOT_DESCRIPTION,
+        /// What is measured.
+        Plan(InspectionPlan) = topics::INSPECTION_PLAN,
+        /// One probing move and what came of it.
+        Event(ProbeEvent) = topics::PROBE_EVENTS,
+        /// Where the axes are.
+        Joints(JointState) = topics::JOINT_STATES,
+        /// Temperatures.
+        State(MachineState) = topics::MACHINE_STATE,
+        /// What an outside instrument says of the same points.
+        Reference(ReferenceMeasurement) = topics::REFERENCE,
+    }
+}
+
+outputs! {
+    /// What `gap` says.
+    pub enum Output {
+        /// Why the session differs from its model.
+        Report(GapReport) = topics::GAP_REPORT,
+        /// What went wrong.
+        Fault(Fault) = topics::GAP_FAULTS,
+    }
+}
+
+/// Events kept for a plan that has not come yet.
+const WAITING_LIMIT: usize = 65_536;
+/// Name of the session in reports.
+const LIVE: &str = "live";
+
+/// The memory of `gap`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct State {
+    /// URDF.
+    pub robot_description: String,
+    /// The plan heard last.
+    pub plan: Option<InspectionPlan>,
+    /// Touches of the plan, in the order of their numbers as they came.
+    pub events: Vec<ProbeEvent>,
+    /// Events whose plan has not come yet.
+    pub waiting: VecDeque<ProbeEvent>,
+    /// Points of the plan that have not been tried.
+    pub open: BTreeSet<u32>,
+    /// Measurements of the plan by others.
+    pub references: Vec<ReferenceMeasurement>,
+    /// Axes next to the touches.
+    pub joints: Window<JointState>,
+    /// Machine states next to the touches.
+    pub states: Window<MachineState>,
+    /// A diagnosis is due when the streams have passed this instant, ns since 1970.
+    pub due: Option<i64>,
+}
+
+/// The node.
+pub struct GapNode;
+
+impl Node for GapNode {
+    const NAME: &'static str = "gap";
+    type Config = Config;
+    type State = State;
+    type Input = Input;
+    type Output = Output;
+
+    fn start(_config: &Config) -> State {
+        State::default()
+    }
+
+    fn step(
+        config: &Config,
+        state: &mut State,
+        now: Stamp,
+        input: Input,
+        out: &mut Outbox<Output>,
+    ) {
+        match input {
+            Input::Timer(_) => {}
+            Input::Machine(machine) => state.robot_description = machine.data,
+            Input::Plan(plan) => begin(state, plan),
+            Input::Event(event) => {
+                state.waiting.push_back(event);
+                if state.waiting.len() > WAITING_LIMIT {
+                    state.waiting.pop_front();
+                    fault(now, "an event waited too long for its plan", out);
+                }
+            }
+            Input::Joints(joints) => {
+                state.joints.push(nanoseconds(joints.header.stamp), joints);
+            }
+            Input::State(machine) => {
+                let at = nanoseconds(machine.header.stamp);
+                state.states.push(at, machine);
+            }
+            Input::Reference(reference) => {
+                let of_plan = state
+                    .plan
+                    .as_ref()
+                    .is_some_and(|plan| plan.plan_id == reference.plan_id);
+                if of_plan && !state.references.contains(&reference) {
+                    state.references.push(reference);
+                    if config.at_end_of_plan && state.open.is_empty() {
+                        state.due = last_touch(state);
+                    }
+                }
+            }
+        }
+        take_waiting(config, state);
+        let passed = |at: i64| state.joints.is_past(at) && state.states.is_past(at);
+        if state.due.is_some_and(passed) {
+            state.due = None;
+            diagnose(config, state, now, out);
+        }
+    }
+}
+
+/// Another plan; the same one again changes nothing.
+fn begin(state: &mut State, plan: InspectionPlan) {
+    if state.plan.as_ref() == Some(&plan) {
+        return;
+    }
+    state.open = (0..plan.points.len() as u32).collect();
+    state.events.clear();
+    state.references.clear();
+    state.joints.begin();
+    state.states.begin();
+    state.due = None;
+    state.plan = Some(plan);
+}
+
+fn take_waiting(config: &Config, state: &mut State) {
+    let Some(plan_id) = state.plan.as_ref().map(|plan| plan.plan_id.clone()) else {
+        return;
+    };
+    for event in std::mem::take(&mut state.waiting) {
+        if event.plan_id != plan_id {
+            state.waiting.push_back(event);
+            continue;
+        }
+        let at = nanoseconds(event.header.stamp);
+        state.joints.mark(at);
+        state.states.mark(at);
+        let completes = state.open.remove(&event.point_index) && state.open.is_empty();
+        state.events.push(event);
+        let count = state.events.len() as u32;
+        let between = config
+            .every_touches
+            .is_some_and(|every| count.is_multiple_of(every));
+        if between || (completes && config.at_end_of_plan) {
+            state.due = last_touch(state);
+        }
+    }
+}
+
+/// Stamp of the latest event, ns.
+fn last_touch(state: &State) -> Option<i64> {
+    let stamps = state.events.iter().map(|event| event.header.stamp);
+    stamps.map(nanoseconds).max()
+}
+
+fn diagnose(config: &Config, state: &State, now: Stamp, out: &mut Outbox<Output>) {
+    let Some(plan) = &state.plan else { return };
+    let session = Session {
+        name: LIVE.to_owned(),
+        robot_description: state.robot_description.clone(),
+        plan: Some(plan.clone()),
+        events: state.events.clone(),
+        joint_states: state.joints.samples(),
+        joint_commands: Vec::new(),
+        machine_states: state.states.samples(),
+        references: state.references.clone(),
+    };
+    let header = std_msgs::Header {
+        stamp: now.time(),
+        frame_id: String::new(),
+    };
+    match diagnosis::diagnose(&session, &config.options) {
+        Ok(report) => {
+            if let Some(message) = message::of(&report, &plan.plan_id, header) {
+                out.send(Output::Report(message));
+            }
+        }
+        Err(error) => fault(now, &format!("plan {:?}: {error}", plan.plan_id), out),
+    }
+}
+
+fn nanoseconds(stamp: Time) -> i64 {
+    i64::from(stamp.sec) * 1_000_000_000 + i64::from(stamp.nanosec)
+}
+
+fn fault(now: Stamp, text: &str, out: &mut Outbox<Output>) {
+    out.send(Output::Fault(Fault {
+        header: std_msgs::Header {
+            stamp: now.time(),
+            frame_id: String::new(),
+        },
+        node: GapNode::NAME.to_owned(),
+        severity: Fault::WARNING,
+        code: "session_not_usable".to_owned(),
+        text: text.to_owned(),
+    }));
+}

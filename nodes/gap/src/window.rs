@@ -1,0 +1,117 @@
+//! Of a stream of stamped samples, those next to the instants that matter: the diagnosis looks at no others.
+//!
+//! Times in ns since 1970. Samples come in the order of their stamps, instants at any time within five seconds of theirs.
+
+use std::collections::{BTreeSet, VecDeque};
+
+use serde::{Deserialize, Serialize};
+
+/// How long a sample waits for an instant that makes it matter, ns.
+const KEPT: i64 = 5_000_000_000;
+
+/// The first sample, those on both sides of each instant, and the latest stretch.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Window<T> {
+    first: Option<(i64, T)>,
+    kept: Vec<(i64, T)>,
+    recent: VecDeque<(i64, T)>,
+    /// Stamp of the sample that left `recent` last.
+    left: Option<i64>,
+    instants: BTreeSet<i64>,
+}
+
+impl<T> Default for Window<T> {
+    fn default() -> Self {
+        Self {
+            first: None,
+            kept: Vec::new(),
+            recent: VecDeque::new(),
+            left: None,
+            instants: BTreeSet::new(),
+        }
+    }
+}
+
+impl<T: Clone> Window<T> {
+    /// Takes a sample.
+    pub fn push(&mut self, at: i64, sample: T) {
+        if self.first.is_none() {
+            self.first = Some((at, sample.clone()));
+        }
+        self.recent.push_back((at, sample));
+        while self.recent.len() > 2 && self.recent[0].0 < at.saturating_sub(KEPT) {
+            let next = self.recent[1].0;
+            let Some((stamp, sample)) = self.recent.pop_front() else {
+                break;
+            };
+            let before = self.left.replace(stamp).unwrap_or(i64::MIN);
+            // An instant between the samples before and after this one has this one as its neighbour.
+            if before <= next && self.instants.range(before..=next).next().is_some() {
+                self.kept.push((stamp, sample));
+            }
+        }
+    }
+
+    /// Keeps the samples on both sides of an instant.
+    pub fn mark(&mut self, at: i64) {
+        self.instants.insert(at);
+    }
+
+    /// Forgets the instants: something else begins. The first sample stays first.
+    pub fn begin(&mut self) {
+        self.kept.clear();
+        self.instants.clear();
+    }
+
+    /// True when a sample behind that instant has come, or none has come ever.
+    pub fn is_past(&self, at: i64) -> bool {
+        self.recent.back().is_none_or(|(stamp, _)| *stamp > at)
+    }
+
+    /// What was kept, in order.
+    pub fn samples(&self) -> Vec<T> {
+        let oldest = self.kept.first().or(self.recent.front());
+        let first = self
+            .first
+            .iter()
+            .filter(|(stamp, _)| oldest.is_none_or(|oldest| *stamp < oldest.0));
+        first
+            .chain(&self.kept)
+            .chain(&self.recent)
+            .map(|(_, sample)| sample.clone())
+            .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Samples every 10 ms for a minute, instants now and then, told late; against all samples of the stream.
+    #[test]
+    fn the_neighbours_of_every_instant_are_kept_and_little_else() {
+        let period = 10_000_000;
+        let mut window = Window::default();
+        let mut instants = Vec::new();
+        for number in 0..6000_i64 {
+            window.push(number * period, number);
+            if number % 777 == 500 {
+                // Four seconds ago, between two samples; or on one.
+                instants.push((number - 400) * period + if number % 2 == 0 { 3 } else { 0 });
+                window.mark(instants[instants.len() - 1]);
+            }
+        }
+        let samples = window.samples();
+        for instant in instants {
+            let before = instant / period;
+            assert!(samples.contains(&before), "before {instant}");
+            assert!(samples.contains(&(before + 1)), "behind {instant}");
+        }
+        assert_eq!(samples[0], 0, "the beginning of time is the first sample");
+        assert!(
+            samples.is_sorted() && samples.len() < 540,
+            "{}",
+            samples.len()
+        );
+    }
+}
