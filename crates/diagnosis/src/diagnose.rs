@@ -11,10 +11,11 @@ use crate::drives::diagnose_drives;
 use crate::effects::{Variant, library};
 use crate::evidence::add_scaled;
 use crate::groups::{indistinguishable, signature};
+use crate::next::{Known, Wish, propose};
 use crate::observation::Observations;
 use crate::pool::Shapes;
 use crate::report::{
-    Effect, Gap, ParameterEstimate, Rejected, Report, SCHEMA, Unexplained, Verdict,
+    Effect, Gap, NextMeasurement, ParameterEstimate, Rejected, Report, SCHEMA, Unexplained, Verdict,
 };
 use crate::rivals::Kind;
 use crate::session::{DiagnoseError, Session};
@@ -43,6 +44,8 @@ const ROUNDS: usize = 3;
 pub struct Options {
     /// Effects that are not to be considered, by identifier.
     pub without: Vec<String>,
+    /// What is wanted of the touches proposed for what is not sure.
+    pub next: Wish,
 }
 
 /// Explains why a session differs from its model: touches where there is a plan, drives elsewhere.
@@ -299,6 +302,7 @@ fn stray_of(explained: &Explained) -> Vec<usize> {
 
 struct Reporter<'a> {
     session: &'a Session,
+    next: Wish,
     observations: &'a Observations,
     variants: &'a [Variant],
     shapes: &'a Shapes<'a>,
@@ -381,13 +385,7 @@ impl Reporter<'_> {
             ),
             unexplained: self.unexplained(beside_unknown),
             rejected: self.rejected(&set),
-            next_measurement: crate::next::plan(
-                self.observations,
-                self.variants,
-                attribution,
-                &set,
-                &effects,
-            ),
+            next_measurement: self.next_measurement(&set, &effects),
             effects,
             warnings,
         }
@@ -416,6 +414,16 @@ impl Reporter<'_> {
         }
         let covered = |(_, part): (Kind, Vec<f64>)| rms(part.into_iter()) <= self.covered;
         !(self.covered > 0.0 && places::rival_part(attribution, model).is_some_and(covered))
+    }
+
+    fn next_measurement(&self, set: &[usize], effects: &[Effect]) -> Vec<NextMeasurement> {
+        let known = Known {
+            plan: self.session.plan.as_ref(),
+            observations: self.observations,
+            variants: self.variants,
+            attribution: &self.explained.attribution,
+        };
+        propose(&known, set, effects, self.next)
     }
 
     /// Named effects in the order in which they close the gap, and their candidates.

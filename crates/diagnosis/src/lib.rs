@@ -9,6 +9,7 @@ mod beside;
 pub mod blind;
 pub mod candidate;
 mod checks;
+mod design;
 pub mod diagnose;
 pub mod drives;
 pub mod effects;

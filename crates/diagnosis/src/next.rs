@@ -1,188 +1,248 @@
-//! What to measure next: touches whose predictions differ most between explanations that are still possible.
+//! What to measure next: a few touches that resolve explanations which are still possible.
 //!
-//! Box and Hill (1967) for two explanations of equal noise: the largest difference of the predicted deviations. Tried
-//! are points of the plan at the prescribed positions met in the session, with every prescribed axis turned by half a
-//! turn, and at half and double feed; each rival is fitted to what the named effect explains. Reach is checked,
-//! collisions are not.
+//! The explanations are the probable sets of effects, their equals in this session, no gap and the unknown
+//! ([`crate::design`]). Touches come from the plan's own features; chosen are those with the most expected information
+//! (after Box and Hill 1967) that the axes reach and the stylus gets to without hitting the part. The answer is a plan a
+//! cell can run, with the predicted chance to resolve. It only proposes: what is measured is the operator's word.
 
-use std::f64::consts::PI;
+use probecell_msgs::{InspectionPlan, InspectionPoint};
 
-use nalgebra::DVector;
-
-use crate::attribution::Attribution;
-use crate::candidate::Candidate;
+use crate::attribution::{Attribution, Model};
+use crate::design::access::{Access, CLEAR};
+use crate::design::candidates::{Breadth, candidates};
+use crate::design::hypotheses::{Posterior, Source, UNKNOWN};
+use crate::design::imagined::{Imagined, Wanted};
+use crate::design::information::{Prediction, SURE, chance, choose};
 use crate::effects::Variant;
-use crate::evidence::dot;
-use crate::groups::signature;
-use crate::observation::{Observations, Row};
+use crate::observation::Observations;
 use crate::report::{Effect, NextMeasurement, NextPoint};
 
-/// Rivals of an effect that are looked at.
-const RIVALS: usize = 3;
-/// Touches proposed for each.
-const TOUCHES: usize = 8;
-/// Points of the plan that are varied.
-const POINTS: usize = 24;
-/// Differences below this share of the noise part nothing.
-const LEAST: f64 = 1.0;
+/// Classes under this probability are not named among what the touches part.
+const WORTH_NAMING: f64 = 0.02;
+/// Names told.
+const NAMED: usize = 8;
 
-/// Touches that part each named effect from its equals; `set` holds the candidates of the first `effects`.
-pub fn plan(
-    observations: &Observations,
-    variants: &[Variant],
-    attribution: &Attribution,
+/// How much is spent on the search for touches.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Effort {
+    /// A small set of candidates, chosen one by one: a few milliseconds.
+    #[default]
+    Quick,
+    /// Many candidates, and each choice tried again: for a proposal that will be measured.
+    Thorough,
+}
+
+/// What is wanted of a proposal.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Wish {
+    /// Most touches.
+    pub touches: usize,
+    /// How much is spent.
+    pub effort: Effort,
+}
+
+impl Default for Wish {
+    fn default() -> Self {
+        Self {
+            touches: 8,
+            effort: Effort::Quick,
+        }
+    }
+}
+
+struct Limits {
+    breadth: Breadth,
+    explanations: usize,
+    exchanges: usize,
+    draws: usize,
+}
+
+impl Effort {
+    fn limits(self) -> Limits {
+        let breadth = |places, positions, between| Breadth {
+            places,
+            positions,
+            between,
+        };
+        match self {
+            Self::Quick => Limits {
+                breadth: breadth(9, 2, true),
+                explanations: 12,
+                exchanges: 0,
+                draws: 400,
+            },
+            Self::Thorough => Limits {
+                breadth: breadth(24, 4, true),
+                explanations: 24,
+                exchanges: 2,
+                draws: 4000,
+            },
+        }
+    }
+}
+
+/// A session as far as the attribution got.
+pub(crate) struct Known<'a> {
+    pub(crate) plan: Option<&'a InspectionPlan>,
+    pub(crate) observations: &'a Observations,
+    pub(crate) variants: &'a [Variant],
+    pub(crate) attribution: &'a Attribution,
+}
+
+/// Touches that resolve what is not sure; nothing where all is. `set` holds the candidates of the first `effects`.
+pub(crate) fn propose(
+    known: &Known<'_>,
     set: &[usize],
     effects: &[Effect],
+    wish: Wish,
 ) -> Vec<NextMeasurement> {
-    let Some(fit) = attribution.products.fit(set) else {
+    let Some(plan) = known.plan.filter(|_| !is_sure(known, set, effects)) else {
         return Vec::new();
     };
-    let doubtful = effects
-        .iter()
-        .take(set.len())
-        .any(|effect| !effect.indistinguishable_from.is_empty());
-    if !doubtful {
+    let limits = wish.effort.limits();
+    let wanted = candidates(known.observations, plan, limits.breadth);
+    let imagined = Imagined::new(known.observations, plan, wanted);
+    let source = Source {
+        imagined: &imagined,
+        variants: known.variants,
+        attribution: known.attribution,
+    };
+    let posterior = source.posterior(set, effects, limits.explanations);
+    if posterior.classes.len() < 2 {
         return Vec::new();
     }
-    let imagined = Observations {
-        rows: imagine(observations),
-        ..observations.clone()
+    let access = Access::new(known.observations, plan);
+    let mut answers: Vec<Option<bool>> = vec![None; imagined.wanted.len()];
+    let mut allowed = |place: usize| {
+        *answers[place]
+            .get_or_insert_with(|| access.allows(known.observations, &imagined.rows()[place]))
     };
-    let mut plans = Vec::new();
-    let mut start = 0;
-    for (&member, effect) in set.iter().zip(effects) {
-        let candidate = &attribution.candidates[member];
-        let own = &fit.coefficients[start..start + candidate.block.len()];
-        start += candidate.block.len();
-        let seen = signature(candidate, own);
-        let predicted = predict(&imagined, variants, candidate, own);
-        for rival in effect.indistinguishable_from.iter().take(RIVALS) {
-            let other = (0..variants.len())
-                .filter(|&place| {
-                    variants[place].effect == *rival && variants[place].shape.is_none()
-                })
-                .find_map(|place| Candidate::new(observations, variants, place, 0.0));
-            let Some(other) = other else { continue };
-            let coefficients: Vec<f64> = other
-                .block
-                .iter()
-                .map(|column| dot(column, &seen))
-                .collect();
-            let instead = predict(&imagined, variants, &other, &coefficients);
-            let points = best(&imagined, &predicted, &instead, LEAST * fit.variance.sqrt());
-            if !points.is_empty() {
-                plans.push(NextMeasurement {
-                    separates: vec![effect.effect.clone(), rival.clone()],
-                    points,
-                });
-            }
-        }
+    let chosen = choose(
+        &posterior.predictions,
+        wish.touches,
+        limits.exchanges,
+        &mut allowed,
+    );
+    if chosen.is_empty() {
+        return Vec::new();
     }
-    plans
-}
-
-fn predict(
-    imagined: &Observations,
-    variants: &[Variant],
-    candidate: &Candidate,
-    coefficients: &[f64],
-) -> Vec<f64> {
-    let parameters = &candidate.parameters_from_block * DVector::from_column_slice(coefficients);
-    let mut predicted = vec![0.0; imagined.rows.len()];
-    for (column, value) in variants[candidate.variant]
-        .columns(imagined, candidate.shape)
+    let shares = shares(&posterior);
+    let leading = leading(&posterior, &shares);
+    let points = chosen
         .iter()
-        .zip(parameters.iter())
-    {
-        crate::evidence::add_scaled(&mut predicted, *value, &column.signature);
-    }
-    predicted
+        .map(|&place| point(known.observations, &imagined.wanted[place], leading, place));
+    vec![NextMeasurement {
+        separates: separates(&posterior, &shares),
+        points: points.collect(),
+        plan: Some(runnable(plan, chosen.iter().map(|&place| &imagined.wanted[place]))),
+        sure_now: shares.iter().copied().fold(0.0, f64::max),
+        chance: chance(&posterior.predictions, &chosen, limits.draws),
+    }]
 }
 
-/// Points of the plan under conditions that the axes can reach.
-fn imagine(observations: &Observations) -> Vec<Row> {
-    let prescribed = |row: &Row| -> Option<Vec<f64>> {
-        let pose = row.pose.as_ref()?;
-        Some(
-            observations
-                .prescribed
-                .iter()
-                .map(|&axis| pose.positions[axis])
-                .collect(),
-        )
+/// One explanation is as probable as it needs to be, and nothing is its equal.
+fn is_sure(known: &Known<'_>, set: &[usize], effects: &[Effect]) -> bool {
+    let attribution = known.attribution;
+    let names = |set: &[usize]| {
+        let of = |&place: &usize| &known.variants[attribution.candidates[place].variant].effect;
+        let mut names: Vec<&String> = set.iter().map(of).collect();
+        names.sort();
+        names
     };
-    let mut met: Vec<Vec<f64>> = Vec::new();
-    for row in &observations.rows {
-        if row.index == met.len()
-            && let Some(positions) = prescribed(row)
-        {
-            met.push(positions);
-        }
-    }
-    let touches = observations.touches();
-    let stride = touches.div_ceil(POINTS).max(1);
-    let mut imagined = Vec::new();
-    for row in observations.rows.iter().take(touches).step_by(stride) {
-        let Some(own) = prescribed(row) else { continue };
-        let mut conditions: Vec<(Vec<f64>, f64)> =
-            vec![(own.clone(), 0.5 * row.feed), (own.clone(), 2.0 * row.feed)];
-        conditions.extend(
-            met.iter()
-                .take(6)
-                .map(|positions| (positions.clone(), row.feed)),
-        );
-        for place in 0..own.len() {
-            for turn in [PI, -PI] {
-                let mut turned = own.clone();
-                turned[place] += turn;
-                conditions.push((turned, row.feed));
-            }
-        }
-        imagined.extend(
-            conditions
-                .iter()
-                .filter_map(|(positions, feed)| observations.imagined(row, positions, *feed)),
-        );
-    }
-    imagined
+    let own = names(set);
+    let share = |unknown: bool| -> f64 {
+        let same = |model: &&Model| model.rival.is_some() == unknown && names(&model.set) == own;
+        let models = attribution.models.iter().filter(same);
+        models.map(|model| model.probability).sum()
+    };
+    let alone = effects
+        .iter()
+        .all(|effect| effect.indistinguishable_from.is_empty());
+    alone && share(false).max(share(true)) > SURE
 }
 
-/// The touches that differ most, each point of the plan at most twice.
-fn best(imagined: &Observations, one: &[f64], other: &[f64], least: f64) -> Vec<NextPoint> {
-    let mut order: Vec<usize> = (0..one.len())
-        .filter(|&row| (one[row] - other[row]).abs() > least)
+fn shares(posterior: &Posterior) -> Vec<f64> {
+    let mut shares = vec![0.0; posterior.classes.len()];
+    for own in &posterior.predictions {
+        shares[own.class] += own.weight;
+    }
+    shares
+}
+
+/// Classes by probability, the first of equals first.
+fn order(shares: &[f64]) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..shares.len()).collect();
+    order.sort_by(|&one, &other| shares[other].total_cmp(&shares[one]).then(one.cmp(&other)));
+    order
+}
+
+/// The strongest explanation of each of the two most probable classes.
+fn leading<'a>(posterior: &'a Posterior, shares: &[f64]) -> Option<(&'a Prediction, &'a Prediction)> {
+    let strongest = |class: usize| {
+        (posterior.predictions.iter())
+            .filter(|own| own.class == class)
+            .max_by(|one, other| one.weight.total_cmp(&other.weight))
+    };
+    let order = order(shares);
+    Some((strongest(*order.first()?)?, strongest(*order.get(1)?)?))
+}
+
+/// Effects that some probable explanations hold and others do not.
+fn separates(posterior: &Posterior, shares: &[f64]) -> Vec<String> {
+    let order = order(shares);
+    let classes: Vec<&Vec<String>> = order
+        .iter()
+        .enumerate()
+        .filter(|&(rank, &class)| rank < 2 || shares[class] > WORTH_NAMING)
+        .map(|(_, &class)| &posterior.classes[class])
         .collect();
-    order.sort_by(|&a, &b| {
-        (one[b] - other[b])
-            .abs()
-            .total_cmp(&(one[a] - other[a]).abs())
-            .then(a.cmp(&b))
-    });
-    let mut points: Vec<NextPoint> = Vec::new();
-    for row in order {
-        let place = &imagined.rows[row];
-        if points
-            .iter()
-            .filter(|point| point.point_index == place.point)
-            .count()
-            >= 2
-        {
-            continue;
-        }
-        let Some(pose) = &place.pose else { continue };
-        points.push(NextPoint {
-            point_index: place.point,
-            rotary_positions: imagined
-                .prescribed
-                .iter()
-                .map(|&axis| pose.positions[axis])
-                .collect(),
-            feed: place.feed,
-            difference: one[row] - other[row],
-        });
-        if points.len() == TOUCHES {
-            break;
+    let mut names: Vec<String> = Vec::new();
+    for name in classes.iter().copied().flatten() {
+        let everywhere = classes.iter().all(|class| class.contains(name));
+        if !everywhere && !names.contains(name) && names.len() < NAMED {
+            names.push(name.clone());
         }
     }
-    points
+    if names.len() == 1 && classes.iter().any(|class| class.is_empty()) {
+        names.push("no_gap".to_owned());
+    }
+    // The unknown goes last: it is what remains.
+    names.sort_by_key(|name| name == UNKNOWN);
+    names
+}
+
+fn point(
+    observations: &Observations,
+    wanted: &Wanted,
+    leading: Option<(&Prediction, &Prediction)>,
+    place: usize,
+) -> NextPoint {
+    let at = &wanted.point.position;
+    NextPoint {
+        point_index: observations.rows[wanted.near].point,
+        rotary_positions: wanted.point.rotary_positions.clone(),
+        feed: wanted.point.feed,
+        difference: leading.map_or(0.0, |(one, other)| one.mean[place] - other.mean[place]),
+        feature: (observations.features)
+            .get(wanted.point.feature as usize)
+            .cloned()
+            .unwrap_or_default(),
+        position: [at.x, at.y, at.z],
+        why: wanted.why.to_owned(),
+    }
+}
+
+/// The plan with these touches only.
+fn runnable<'a>(plan: &InspectionPlan, wanted: impl Iterator<Item = &'a Wanted>) -> InspectionPlan {
+    let clear = |value: f64| if value > 0.0 { value } else { CLEAR };
+    let points = wanted.map(|wanted| InspectionPoint {
+        approach_distance: clear(wanted.point.approach_distance),
+        retract_distance: clear(wanted.point.retract_distance),
+        ..wanted.point.clone()
+    });
+    InspectionPlan {
+        plan_id: format!("{}/next", plan.plan_id),
+        points: points.collect(),
+        ..plan.clone()
+    }
 }

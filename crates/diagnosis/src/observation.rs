@@ -241,39 +241,6 @@ impl Observations {
         }
     }
 
-    /// The row as it would be at other prescribed axis positions and another feed; `None` out of reach.
-    ///
-    /// `prescribed` is in the order of [`Self::prescribed`].
-    pub fn imagined(&self, row: &Row, prescribed: &[f64], feed: f64) -> Option<Row> {
-        let pose = row.pose.as_ref()?;
-        let mut fixed = vec![None; self.chain.axes().len()];
-        for (&axis, &position) in self.prescribed.iter().zip(prescribed) {
-            fixed[axis] = Some(position);
-        }
-        let (part, ball) = (&self.nominal.part_pose, &self.nominal.ball);
-        let target = Target {
-            ball: pose.sensitivity.ball,
-            orientation: None,
-        };
-        let positions = self
-            .chain
-            .reach(&target, &fixed, &pose.positions, part, ball)
-            .ok()?;
-        let sensitivity = self.chain.sensitivity(&positions, part, ball);
-        let speed = row.normal * -feed;
-        let speeds = free_speeds(&self.chain, &self.prescribed, &sensitivity, &speed);
-        Some(Row {
-            feed,
-            pose: Some(Pose {
-                latched: positions.clone(),
-                positions,
-                sensitivity,
-                speeds,
-            }),
-            ..row.clone()
-        })
-    }
-
     /// Range of an axis (by place in [`Chain::axes`]) over the touches.
     pub fn travel(&self, axis: usize) -> (f64, f64) {
         let positions = self
@@ -461,7 +428,10 @@ impl Builder<'_> {
             pose: None,
             cut: operation
                 .filter(|_| cut_here)
-                .and_then(|operation| self.cut(&position, &operation.rotary_positions)),
+                .and_then(|operation| {
+                    let rotary = &operation.rotary_positions;
+                    cut_pose(self.chain, self.nominal, self.prescribed, &position, rotary)
+                }),
             warmth: None,
             tool: operation.map(|operation| operation.tool_number),
             cut_length: finite(planned.cut_length),
@@ -469,28 +439,6 @@ impl Builder<'_> {
             overhang: finite(planned.overhang),
             weight: 1.0,
         }
-    }
-
-    /// The machine with the tool, taken as long as the stylus, at the point.
-    fn cut(&self, position: &Point3<f64>, rotary: &[f64]) -> Option<Pose> {
-        let mut fixed = vec![None; self.chain.axes().len()];
-        for (&axis, &position) in self.prescribed.iter().zip(rotary) {
-            fixed[axis] = Some(position);
-        }
-        let start = vec![0.0; fixed.len()];
-        let target = Target {
-            ball: *position,
-            orientation: None,
-        };
-        let (pose, ball) = (&self.nominal.part_pose, &self.nominal.ball);
-        let positions = self.chain.reach(&target, &fixed, &start, pose, ball).ok()?;
-        let sensitivity = self.chain.sensitivity(&positions, pose, ball);
-        Some(Pose {
-            speeds: vec![0.0; positions.len()],
-            latched: positions.clone(),
-            positions,
-            sensitivity,
-        })
     }
 
     fn index(&mut self, positions: &[f64]) -> usize {
@@ -533,8 +481,36 @@ impl Builder<'_> {
     }
 }
 
+/// The machine with the tool, taken as long as the stylus, at a point; `rotary` as in the plan's operation.
+pub(crate) fn cut_pose(
+    chain: &Chain,
+    nominal: &Nominal,
+    prescribed: &[usize],
+    position: &Point3<f64>,
+    rotary: &[f64],
+) -> Option<Pose> {
+    let mut fixed = vec![None; chain.axes().len()];
+    for (&axis, &position) in prescribed.iter().zip(rotary) {
+        fixed[axis] = Some(position);
+    }
+    let start = vec![0.0; fixed.len()];
+    let target = Target {
+        ball: *position,
+        orientation: None,
+    };
+    let (pose, ball) = (&nominal.part_pose, &nominal.ball);
+    let positions = chain.reach(&target, &fixed, &start, pose, ball).ok()?;
+    let sensitivity = chain.sensitivity(&positions, pose, ball);
+    Some(Pose {
+        speeds: vec![0.0; positions.len()],
+        latched: positions.clone(),
+        positions,
+        sensitivity,
+    })
+}
+
 /// Speeds of the free axes that move the ball by `velocity` (m/s, part frame) without turning it.
-fn free_speeds(
+pub(crate) fn free_speeds(
     chain: &Chain,
     prescribed: &[usize],
     sensitivity: &Sensitivity,

@@ -2,6 +2,7 @@
 //!
 //! SI units throughout, as the contract fixes; text for people is made in `summary`.
 
+use probecell_msgs::InspectionPlan;
 use serde::{Deserialize, Serialize};
 
 /// Identifier of this form of report.
@@ -165,24 +166,42 @@ pub struct Rejected {
     pub probability: f64,
 }
 
-/// Touches that part two explanations.
+/// Touches that part explanations which are still possible.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct NextMeasurement {
-    /// The explanations.
+    /// What the touches part: effects, and `unknown` for what the vocabulary lacks.
     pub separates: Vec<String>,
-    /// The touches.
+    /// The touches, most telling first.
     pub points: Vec<NextPoint>,
+    /// The same touches as a plan that a cell can run; its points in the order of `points`.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub plan: Option<InspectionPlan>,
+    /// Probability of the most probable explanation now.
+    #[serde(default)]
+    pub sure_now: f64,
+    /// Predicted chance that after the touches one explanation is more probable than 0.95.
+    #[serde(default)]
+    pub chance: f64,
 }
 
 /// A touch worth taking.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct NextPoint {
-    /// Point of the plan whose place and direction are used.
+    /// Point of the plan whose place (or the place nearest to the new one) and direction are used.
     pub point_index: usize,
     /// Prescribed axis positions, in the order of the plan's rotary_names, rad.
     pub rotary_positions: Vec<f64>,
     /// Speed of approach, m/s.
     pub feed: f64,
-    /// How far apart the explanations predict the deviation, m.
+    /// How far apart the two most probable explanations predict the deviation, m.
     pub difference: f64,
+    /// Id of the feature.
+    #[serde(default)]
+    pub feature: String,
+    /// Nominal point in the part frame, m.
+    #[serde(default)]
+    pub position: [f64; 3],
+    /// What the touch does that the plan did not.
+    #[serde(default)]
+    pub why: String,
 }
