@@ -8,10 +8,12 @@ pub mod card;
 mod causes;
 pub mod drive;
 mod plant;
+pub mod refine;
 mod scene;
 
 use rand::{Rng, SeedableRng};
-use rand_distr::{Distribution, Normal};
+use probecell_msgs::InspectionPlan;
+use rand_distr::{Distribution, Normal, StandardNormal};
 use rand_pcg::Pcg64Mcg;
 
 pub use causes::Cause;
@@ -57,10 +59,60 @@ pub struct Truth {
     pub machine: String,
 }
 
+/// What is hidden in a session, before anything is measured.
+struct Hidden {
+    scene: Scene,
+    causes: Vec<Cause>,
+    sizes: Vec<f64>,
+    noise: f64,
+}
+
+/// Measures another plan of the part of [`session`] after it, with the same causes at work; `salt` draws the noise.
+pub fn measure(seed: u64, content: Content, plan: &InspectionPlan, salt: u64) -> Session {
+    let mut random = Pcg64Mcg::seed_from_u64(seed);
+    let Hidden {
+        scene,
+        causes,
+        noise,
+        ..
+    } = hide(&mut random, content);
+    let planned = scene.touches.len();
+    let scene = scene.with(plan);
+    let mut random = Pcg64Mcg::seed_from_u64(seed ^ salt.wrapping_mul(0x9e37_79b9_7f4a_7c15));
+    let errors: Vec<f64> = (0..scene.touches.len())
+        .map(|_| noise * random.sample::<f64, _>(StandardNormal))
+        .collect();
+    Plant::further(&scene, &causes, planned).measured(seed, &errors, plan)
+}
+
 /// Makes a session and its truth from a seed.
 pub fn session(seed: u64, content: Content) -> (Session, Truth) {
     let mut random = Pcg64Mcg::seed_from_u64(seed);
-    let scene = Scene::random(&mut random);
+    let Hidden {
+        scene,
+        causes,
+        sizes,
+        noise,
+    } = hide(&mut random, content);
+    let errors = errors(&mut random, content, noise, scene.touches.len());
+    let session = Plant::new(&scene, &causes).session(seed, &errors);
+    let effects = causes.iter().map(Cause::id).collect();
+    let span = scene.touches.last().map_or(1.0, |last| last.time);
+    let parameters = causes.iter().map(|cause| cause.parameters(span)).collect();
+    (
+        session,
+        Truth {
+            effects,
+            noise,
+            sizes,
+            parameters,
+            machine: scene.machine.clone(),
+        },
+    )
+}
+
+fn hide(random: &mut Pcg64Mcg, content: Content) -> Hidden {
+    let scene = Scene::random(random);
     let noise = 10.0_f64.powf(random.random_range(-6.4..-5.7));
     let (known, strange) = match content {
         Content::Clean => (0, 0),
@@ -74,7 +126,7 @@ pub fn session(seed: u64, content: Content) -> (Session, Truth) {
     let still = Plant::new(&scene, &[]).deviations();
     while causes.len() < known + strange {
         let outside = causes.len() >= known;
-        let mut cause = Cause::random(&mut random, &scene, outside);
+        let mut cause = Cause::random(random, &scene, outside);
         if causes.iter().any(|other| other.id() == cause.id()) {
             continue;
         }
@@ -98,21 +150,12 @@ pub fn session(seed: u64, content: Content) -> (Session, Truth) {
             causes.push(cause);
         }
     }
-    let errors = errors(&mut random, content, noise, scene.touches.len());
-    let session = Plant::new(&scene, &causes).session(seed, &errors);
-    let effects = causes.iter().map(Cause::id).collect();
-    let span = scene.touches.last().map_or(1.0, |last| last.time);
-    let parameters = causes.iter().map(|cause| cause.parameters(span)).collect();
-    (
-        session,
-        Truth {
-            effects,
-            noise,
-            sizes,
-            parameters,
-            machine: scene.machine.clone(),
-        },
-    )
+    Hidden {
+        scene,
+        causes,
+        sizes,
+        noise,
+    }
 }
 
 /// Errors of the touches, m, in their order.

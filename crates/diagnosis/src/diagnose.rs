@@ -92,6 +92,7 @@ pub fn diagnose(session: &Session, options: &Options) -> Result<Report, Diagnose
     let shapes = Shapes::new(&observations, &variants);
     let joint = Reporter {
         session,
+        next: options.next,
         observations: &observations,
         variants: &variants,
         shapes: &shapes,
@@ -108,6 +109,7 @@ pub fn diagnose(session: &Session, options: &Options) -> Result<Report, Diagnose
         let shapes = Shapes::new(observations, &variants);
         Reporter {
             session,
+            next: options.next,
             observations,
             variants: &variants,
             shapes: &shapes,

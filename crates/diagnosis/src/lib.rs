@@ -16,6 +16,7 @@ pub mod effects;
 pub mod evidence;
 pub mod groups;
 pub mod joint;
+pub mod joined;
 pub mod next;
 pub mod observation;
 pub mod outliers;

@@ -6,6 +6,9 @@
 //! cell can run, with the predicted chance to resolve. It only proposes: what is measured is the operator's word.
 
 use probecell_msgs::{InspectionPlan, InspectionPoint};
+use rand::SeedableRng;
+use rand::seq::index::sample;
+use rand_pcg::Pcg64Mcg;
 
 use crate::attribution::{Attribution, Model};
 use crate::design::access::{Access, CLEAR};
@@ -16,6 +19,7 @@ use crate::design::information::{Prediction, SURE, chance, choose};
 use crate::effects::Variant;
 use crate::observation::Observations;
 use crate::report::{Effect, NextMeasurement, NextPoint};
+use crate::session::{DiagnoseError, Session};
 
 /// Classes under this probability are not named among what the touches part.
 const WORTH_NAMING: f64 = 0.02;
@@ -96,7 +100,9 @@ pub(crate) fn propose(
     effects: &[Effect],
     wish: Wish,
 ) -> Vec<NextMeasurement> {
-    let Some(plan) = known.plan.filter(|_| !is_sure(known, set, effects)) else {
+    // Who asks for a thorough proposal wants one even where little is in doubt.
+    let wanted = wish.effort == Effort::Thorough || !is_sure(known, set, effects);
+    let Some(plan) = known.plan.filter(|_| wanted) else {
         return Vec::new();
     };
     let limits = wish.effort.limits();
@@ -138,6 +144,33 @@ pub(crate) fn propose(
         sure_now: shares.iter().copied().fold(0.0, f64::max),
         chance: chance(&posterior.predictions, &chosen, limits.draws),
     }]
+}
+
+/// As many touches drawn at random from the candidates of a thorough search, all allowed: what a proposal is judged by.
+///
+/// # Errors
+/// [`DiagnoseError`] for a session that cannot be used.
+pub fn random_plan(
+    session: &Session,
+    touches: usize,
+    seed: u64,
+) -> Result<Option<InspectionPlan>, DiagnoseError> {
+    let observations = Observations::from_session(session)?;
+    let Some(plan) = &session.plan else {
+        return Ok(None);
+    };
+    let wanted = candidates(&observations, plan, Effort::Thorough.limits().breadth);
+    let imagined = Imagined::new(&observations, plan, wanted);
+    let access = Access::new(&observations, plan);
+    let mut random = Pcg64Mcg::seed_from_u64(seed);
+    let count = imagined.wanted.len();
+    let drawn: Vec<&Wanted> = sample(&mut random, count, count)
+        .iter()
+        .filter(|&place| access.allows(&observations, &imagined.rows()[place]))
+        .take(touches)
+        .map(|place| &imagined.wanted[place])
+        .collect();
+    Ok((!drawn.is_empty()).then(|| runnable(plan, drawn.into_iter())))
 }
 
 /// One explanation is as probable as it needs to be, and nothing is its equal.

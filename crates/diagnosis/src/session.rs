@@ -109,6 +109,9 @@ pub enum DiagnoseError {
     /// Sessions that do not share a machine.
     #[error("sessions `{0}` and `{1}` have different machines")]
     OtherMachine(String, String),
+    /// Sessions that do not share a clamping.
+    #[error("plans `{0}` and `{1}` do not share part pose, stylus and rotary axes")]
+    OtherPart(String, String),
 }
 
 /// Seconds of a stamp.

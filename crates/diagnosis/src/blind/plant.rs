@@ -9,7 +9,7 @@ use probecell_msgs::{
 
 use super::causes::{Cause, Moment, warmth};
 use super::scene::{Axis, Scene, Shape, Touch};
-use crate::session::Session;
+use crate::session::{Session, seconds};
 
 /// Begin of every blind session, s since 1970.
 const EPOCH: f64 = 1.7e9;
@@ -19,20 +19,29 @@ pub(super) struct Plant<'a> {
     scene: &'a Scene,
     causes: &'a [Cause],
     travels: Vec<(f64, f64)>,
+    /// Touches of the first session: causes that last a session know no others.
+    planned: usize,
 }
 
 impl<'a> Plant<'a> {
     /// The scene with these causes at work.
     pub(super) fn new(scene: &'a Scene, causes: &'a [Cause]) -> Self {
+        Self::further(scene, causes, scene.touches.len())
+    }
+
+    /// The same where only the first `planned` touches belong to the first session.
+    pub(super) fn further(scene: &'a Scene, causes: &'a [Cause], planned: usize) -> Self {
         let mut plant = Self {
             scene,
             causes,
             travels: Vec::new(),
+            planned,
         };
         let contact = |touch: &Touch| touch.point + touch.normal * scene.ball_radius;
         let all: Vec<Vec<f64>> = scene
             .touches
             .iter()
+            .take(planned)
             .map(|touch| plant.positions(&contact(touch), &touch.fixed))
             .collect();
         let count = scene.part_axes.len() + scene.tool_axes.len();
@@ -86,8 +95,8 @@ impl<'a> Plant<'a> {
         let moment = |cutting: bool, speed: f64| Moment {
             touch,
             index,
-            count: self.scene.touches.len(),
-            span: self.scene.touches.last().map_or(1.0, |last| last.time),
+            count: self.planned,
+            span: self.scene.touches[self.planned - 1].time,
             speed,
             cutting,
             middle: 0.0,
@@ -175,6 +184,7 @@ impl<'a> Plant<'a> {
             scene: self.scene,
             causes: &[],
             travels: Vec::new(),
+            planned: self.planned,
         };
         let axes: Vec<&Axis> = self
             .scene
@@ -272,6 +282,29 @@ impl<'a> Plant<'a> {
             events,
             machine_states,
             ..Session::default()
+        }
+    }
+
+    /// The messages of the touches after the first session, as a session of their own plan.
+    pub(super) fn measured(&self, seed: u64, errors: &[f64], plan: &InspectionPlan) -> Session {
+        let whole = self.session(seed, errors);
+        let further = |event: &ProbeEvent| event.sequence as usize >= self.planned;
+        let began = seconds(&header(self.scene.touches[self.planned].time - 10.0).stamp);
+        Session {
+            name: format!("blind-{seed}-further"),
+            plan: Some(plan.clone()),
+            events: (whole.events.into_iter().filter(further))
+                .map(|event| ProbeEvent {
+                    sequence: event.sequence - self.planned as u64,
+                    point_index: event.point_index - self.planned as u32,
+                    plan_id: plan.plan_id.clone(),
+                    ..event
+                })
+                .collect(),
+            machine_states: (whole.machine_states.into_iter())
+                .filter(|state| seconds(&state.header.stamp) >= began)
+                .collect(),
+            ..whole
         }
     }
 

@@ -3,6 +3,7 @@
 use std::fmt::Write;
 
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
+use probecell_msgs::InspectionPlan;
 use rand::Rng;
 use rand_pcg::Pcg64Mcg;
 
@@ -308,6 +309,31 @@ impl Scene {
                 (centre + out * feature.radius, out)
             }
         }
+    }
+
+    /// The scene with the touches of another plan of its part after its own, eight seconds apart.
+    pub(super) fn with(mut self, plan: &InspectionPlan) -> Self {
+        let mut time = self.touches.last().map_or(0.0, |last| last.time) + 60.0;
+        for point in &plan.points {
+            time += 8.0;
+            let shape = &self.features[point.feature as usize].shape;
+            let round = matches!(shape, Shape::Round { .. });
+            let (at, normal) = (&point.position, &point.normal);
+            self.touches.push(Touch {
+                feature: point.feature as usize,
+                point: Point3::new(at.x, at.y, at.z),
+                normal: Vector3::new(normal.x, normal.y, normal.z),
+                fixed: point.rotary_positions.clone(),
+                feed: point.feed,
+                time,
+                operation: point.operation,
+                cut_length: point.cut_length,
+                tool_height: point.tool_height,
+                overhang: point.overhang,
+                round,
+            });
+        }
+        self
     }
 
     /// The machine as a robot description.
