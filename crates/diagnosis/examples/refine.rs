@@ -10,9 +10,9 @@ fn main() -> anyhow::Result<()> {
     for seed in first..first + count {
         let trial = trial(seed, Content::Known(1 + (seed % 3) as usize), 8)?;
         start += u32::from(trial.start);
-        chosen += u32::from(trial.chosen);
-        random += u32::from(trial.random);
-        same += u32::from(trial.same);
+        chosen += u32::from(trial.sure.chosen);
+        random += u32::from(trial.sure.random);
+        same += u32::from(trial.sure.same);
         if !trial.start {
             println!("{trial:?}");
         }

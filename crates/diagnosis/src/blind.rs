@@ -11,8 +11,8 @@ mod plant;
 pub mod refine;
 mod scene;
 
-use rand::{Rng, SeedableRng};
 use probecell_msgs::InspectionPlan;
+use rand::{Rng, SeedableRng};
 use rand_distr::{Distribution, Normal, StandardNormal};
 use rand_pcg::Pcg64Mcg;
 

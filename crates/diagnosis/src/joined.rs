@@ -19,7 +19,11 @@ pub fn join(first: &Session, later: &Session) -> Result<Session, DiagnoseError> 
     let mut plan = first.plan.clone().ok_or(DiagnoseError::NoPlan)?;
     let further = later.plan.as_ref().ok_or(DiagnoseError::NoPlan)?;
     let same_stylus = plan.stylus.ball_center == further.stylus.ball_center
-        && plan.stylus.ball_radius.total_cmp(&further.stylus.ball_radius).is_eq();
+        && plan
+            .stylus
+            .ball_radius
+            .total_cmp(&further.stylus.ball_radius)
+            .is_eq();
     if plan.part_pose != further.part_pose
         || !same_stylus
         || plan.rotary_names != further.rotary_names
@@ -34,7 +38,11 @@ pub fn join(first: &Session, later: &Session) -> Result<Session, DiagnoseError> 
     let next = first.events.iter().map(|event| event.sequence + 1).max();
     let mut joined = first.clone();
     let offset = next.unwrap_or(0);
-    for event in later.events.iter().filter(|event| event.plan_id == further.plan_id) {
+    for event in later
+        .events
+        .iter()
+        .filter(|event| event.plan_id == further.plan_id)
+    {
         let mut event = event.clone();
         event.sequence += offset;
         event.point_index += points;
@@ -49,7 +57,9 @@ pub fn join(first: &Session, later: &Session) -> Result<Session, DiagnoseError> 
             ..reference.clone()
         });
     }
-    joined.joint_states.extend(later.joint_states.iter().cloned());
+    joined
+        .joint_states
+        .extend(later.joint_states.iter().cloned());
     joined
         .joint_commands
         .extend(later.joint_commands.iter().cloned());

@@ -18,11 +18,15 @@ use crate::design::imagined::{Imagined, Wanted};
 use crate::design::information::{Prediction, SURE, chance, choose};
 use crate::effects::Variant;
 use crate::observation::Observations;
-use crate::report::{Effect, NextMeasurement, NextPoint};
+use crate::report::{Effect, Explanation, NextMeasurement, NextPoint};
 use crate::session::{DiagnoseError, Session};
 
 /// Classes under this probability are not named among what the touches part.
 const WORTH_NAMING: f64 = 0.02;
+/// Angles by which a thorough search turns each prescribed axis beside half a turn, rad.
+const TURNS: &[f64] = &[0.35, 1.05];
+/// Explanations told.
+const TOLD: usize = 6;
 /// Names told.
 const NAMED: usize = 8;
 
@@ -63,20 +67,20 @@ struct Limits {
 
 impl Effort {
     fn limits(self) -> Limits {
-        let breadth = |places, positions, between| Breadth {
+        let breadth = |places, positions, turns| Breadth {
             places,
             positions,
-            between,
+            turns,
         };
         match self {
             Self::Quick => Limits {
-                breadth: breadth(9, 2, true),
+                breadth: breadth(9, 2, &[]),
                 explanations: 12,
                 exchanges: 0,
                 draws: 400,
             },
             Self::Thorough => Limits {
-                breadth: breadth(24, 4, true),
+                breadth: breadth(20, 4, TURNS),
                 explanations: 24,
                 exchanges: 2,
                 draws: 4000,
@@ -114,9 +118,17 @@ pub(crate) fn propose(
         attribution: known.attribution,
     };
     let posterior = source.posterior(set, effects, limits.explanations);
-    if posterior.classes.len() < 2 {
-        return Vec::new();
-    }
+    let shares = shares(&posterior);
+    let sure_now = shares.iter().copied().fold(0.0, f64::max);
+    let told =
+        |points: Vec<NextPoint>, plan: Option<InspectionPlan>, chance: f64| NextMeasurement {
+            separates: separates(&posterior, &shares),
+            points,
+            plan,
+            explanations: explanations(&posterior, &shares),
+            chance,
+            inseparable: posterior.equals.iter().map(|pair| pair.to_vec()).collect(),
+        };
     let access = Access::new(known.observations, plan);
     let mut answers: Vec<Option<bool>> = vec![None; imagined.wanted.len()];
     let mut allowed = |place: usize| {
@@ -129,21 +141,24 @@ pub(crate) fn propose(
         limits.exchanges,
         &mut allowed,
     );
-    if chosen.is_empty() {
+    let nothing = chosen.is_empty() && posterior.equals.is_empty();
+    if nothing && wish.effort == Effort::Quick {
         return Vec::new();
     }
-    let shares = shares(&posterior);
+    if chosen.is_empty() {
+        let already = if sure_now > SURE { 1.0 } else { 0.0 };
+        return vec![told(Vec::new(), None, already)];
+    }
     let leading = leading(&posterior, &shares);
     let points = chosen
         .iter()
         .map(|&place| point(known.observations, &imagined.wanted[place], leading, place));
-    vec![NextMeasurement {
-        separates: separates(&posterior, &shares),
-        points: points.collect(),
-        plan: Some(runnable(plan, chosen.iter().map(|&place| &imagined.wanted[place]))),
-        sure_now: shares.iter().copied().fold(0.0, f64::max),
-        chance: chance(&posterior.predictions, &chosen, limits.draws),
-    }]
+    let touches = chosen.iter().map(|&place| &imagined.wanted[place]);
+    vec![told(
+        points.collect(),
+        Some(runnable(plan, touches)),
+        chance(&posterior.predictions, &chosen, limits.draws),
+    )]
 }
 
 /// As many touches drawn at random from the candidates of a thorough search, all allowed: what a proposal is judged by.
@@ -210,7 +225,10 @@ fn order(shares: &[f64]) -> Vec<usize> {
 }
 
 /// The strongest explanation of each of the two most probable classes.
-fn leading<'a>(posterior: &'a Posterior, shares: &[f64]) -> Option<(&'a Prediction, &'a Prediction)> {
+fn leading<'a>(
+    posterior: &'a Posterior,
+    shares: &[f64],
+) -> Option<(&'a Prediction, &'a Prediction)> {
     let strongest = |class: usize| {
         (posterior.predictions.iter())
             .filter(|own| own.class == class)
@@ -220,13 +238,24 @@ fn leading<'a>(posterior: &'a Posterior, shares: &[f64]) -> Option<(&'a Predicti
     Some((strongest(*order.first()?)?, strongest(*order.get(1)?)?))
 }
 
+fn explanations(posterior: &Posterior, shares: &[f64]) -> Vec<Explanation> {
+    let explanation = |class: usize| Explanation {
+        effects: posterior.classes[class].clone(),
+        probability: shares[class],
+    };
+    let probable = order(shares)
+        .into_iter()
+        .filter(|&class| shares[class] > 0.0);
+    probable.take(TOLD).map(explanation).collect()
+}
+
 /// Effects that some probable explanations hold and others do not.
 fn separates(posterior: &Posterior, shares: &[f64]) -> Vec<String> {
     let order = order(shares);
     let classes: Vec<&Vec<String>> = order
         .iter()
         .enumerate()
-        .filter(|&(rank, &class)| rank < 2 || shares[class] > WORTH_NAMING)
+        .filter(|&(rank, &class)| shares[class] > if rank < 2 { 0.0 } else { WORTH_NAMING })
         .map(|(_, &class)| &posterior.classes[class])
         .collect();
     let mut names: Vec<String> = Vec::new();

@@ -426,12 +426,10 @@ impl Builder<'_> {
             normal: normal.into_inner(),
             surface: self.nominal.surfaces[point],
             pose: None,
-            cut: operation
-                .filter(|_| cut_here)
-                .and_then(|operation| {
-                    let rotary = &operation.rotary_positions;
-                    cut_pose(self.chain, self.nominal, self.prescribed, &position, rotary)
-                }),
+            cut: operation.filter(|_| cut_here).and_then(|operation| {
+                let rotary = &operation.rotary_positions;
+                cut_pose(self.chain, self.nominal, self.prescribed, &position, rotary)
+            }),
             warmth: None,
             tool: operation.map(|operation| operation.tool_number),
             cut_length: finite(planned.cut_length),

@@ -176,12 +176,24 @@ pub struct NextMeasurement {
     /// The same touches as a plan that a cell can run; its points in the order of `points`.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub plan: Option<InspectionPlan>,
-    /// Probability of the most probable explanation now.
+    /// The most probable explanations now, most probable first.
     #[serde(default)]
-    pub sure_now: f64,
+    pub explanations: Vec<Explanation>,
     /// Predicted chance that after the touches one explanation is more probable than 0.95.
     #[serde(default)]
     pub chance: f64,
+    /// Pairs of effects that are possible here and that no touch within reach parts: they count as one.
+    #[serde(skip_serializing_if = "Vec::is_empty", default)]
+    pub inseparable: Vec<Vec<String>>,
+}
+
+/// One explanation that is still possible.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Explanation {
+    /// Its effects; none for no gap, `unknown` among them where something outside the vocabulary acts.
+    pub effects: Vec<String>,
+    /// Its probability.
+    pub probability: f64,
 }
 
 /// A touch worth taking.

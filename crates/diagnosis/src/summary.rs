@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use crate::report::{Effect, ParameterEstimate, Place, Report, Verdict};
+use crate::report::{Effect, NextMeasurement, ParameterEstimate, Place, Report, Verdict};
 
 impl fmt::Display for Report {
     fn fmt(&self, to: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -51,12 +51,7 @@ impl fmt::Display for Report {
             }
         }
         for next in &self.next_measurement {
-            writeln!(
-                to,
-                "  to part {}: {} touches",
-                next.separates.join(" from "),
-                next.points.len()
-            )?;
+            write_next(to, next)?;
         }
         for warning in &self.warnings {
             writeln!(to, "  note: {warning}")?;
@@ -84,6 +79,45 @@ fn write_effect(
             to,
             "    this session cannot tell it from {}",
             effect.indistinguishable_from.join(", ")
+        )?;
+    }
+    Ok(())
+}
+
+fn write_next(to: &mut fmt::Formatter<'_>, next: &NextMeasurement) -> fmt::Result {
+    if !next.points.is_empty() {
+        writeln!(
+            to,
+            "  to part {}: {} touches, predicted to leave one explanation at more than 0.95 in {:.0} of 100 cases",
+            next.separates.join(" from "),
+            next.points.len(),
+            100.0 * next.chance
+        )?;
+    }
+    for point in &next.points {
+        let angles: Vec<String> = point
+            .rotary_positions
+            .iter()
+            .map(|angle| format!("{:.1}", angle.to_degrees()))
+            .collect();
+        writeln!(
+            to,
+            "    {} at ({}) mm, rotary axes at ({})°, {:.0} mm/min: {}",
+            point.feature,
+            point
+                .position
+                .map(|value| format!("{:.2}", value * 1e3))
+                .join(", "),
+            angles.join(", "),
+            point.feed * 60e3,
+            point.why
+        )?;
+    }
+    for pair in &next.inseparable {
+        writeln!(
+            to,
+            "    no touch within reach parts {}",
+            pair.join(" from ")
         )?;
     }
     Ok(())

@@ -119,7 +119,13 @@ pub fn judge(seed: u64, trial: Trial) -> Result<Judged, DiagnoseError> {
                 without.extend(effect.indistinguishable_from.iter().cloned());
             }
         }
-        report = diagnose(&sealed, &Options { without })?;
+        report = diagnose(
+            &sealed,
+            &Options {
+                without,
+                ..Options::default()
+            },
+        )?;
     }
     Ok(open(trial, sealed.name, truth, report, took_ms))
 }

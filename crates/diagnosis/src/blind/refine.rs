@@ -1,10 +1,11 @@
 //! What eight further touches are worth: chosen ones against random and repeated ones, on sealed sessions.
 //!
-//! "Right and sure" is strict: every hidden effect named by its own name and nothing else, each with more than 0.95 and
-//! no equal left, and the verdict right. Further touches are measured by the same plant under the same hidden truth.
+//! Right and sure: one explanation has more than 0.95 of the posterior, and it is exactly what is hidden. Effects that no
+//! touch within reach parts count as one, for all arms alike. Further touches are measured by the same plant under the
+//! same hidden truth.
 
-use rand::seq::index::sample;
 use rand::SeedableRng;
+use rand::seq::index::sample;
 use rand_pcg::Pcg64Mcg;
 use serde::Serialize;
 
@@ -12,7 +13,7 @@ use super::{Content, Truth, measure, session};
 use crate::diagnose::{Options, diagnose};
 use crate::joined::join;
 use crate::next::{Effort, Wish, random_plan};
-use crate::report::{Report, Verdict};
+use crate::report::{Explanation, Report};
 use crate::session::{DiagnoseError, Session};
 use probecell_msgs::InspectionPlan;
 
@@ -20,6 +21,17 @@ use probecell_msgs::InspectionPlan;
 const SURE: f64 = 0.95;
 /// Keeps the draw of repeated points apart from the other draws of a seed.
 const REPEATED: u64 = 0x5a5a_1972;
+
+/// Whether a session was right and sure.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct Arms {
+    /// With the touches proposed.
+    pub chosen: bool,
+    /// With as many random ones, rich in feeds and positions.
+    pub random: bool,
+    /// With as many more of the same plan.
+    pub same: bool,
+}
 
 /// One sealed session and what further touches made of it.
 #[derive(Debug, Clone, Serialize)]
@@ -30,16 +42,15 @@ pub struct Trial {
     pub hidden: Vec<String>,
     /// Right and sure as measured at first.
     pub start: bool,
+    /// Right and sure with the touches of each arm.
+    #[serde(flatten)]
+    pub sure: Arms,
     /// The chance that the proposal promised; absent when nothing was proposed.
     pub promised: Option<f64>,
-    /// Right and sure with the touches proposed.
-    pub chosen: bool,
-    /// Right and sure with as many random ones, rich in feeds and positions.
-    pub random: bool,
-    /// Right and sure with as many more of the same plan.
-    pub same: bool,
-    /// The verdict after the touches proposed is sure of one explanation, right or not.
-    pub chosen_sure: bool,
+    /// Explanations at first, most probable first.
+    pub before: Vec<Explanation>,
+    /// The same after the touches proposed.
+    pub after: Vec<Explanation>,
 }
 
 /// Makes a session, and where it is not right and sure measures `touches` more in three ways.
@@ -48,70 +59,79 @@ pub struct Trial {
 /// [`DiagnoseError`] when a made session cannot be diagnosed.
 pub fn trial(seed: u64, content: Content, touches: usize) -> Result<Trial, DiagnoseError> {
     let (sealed, truth) = session(seed, content);
-    let plain = Options::default();
-    let before = diagnose(&sealed, &plain)?;
-    let start = right_and_sure(&before, &truth);
+    let options = Options {
+        next: Wish {
+            touches,
+            effort: Effort::Thorough,
+        },
+        ..Options::default()
+    };
+    let before = diagnose(&sealed, &options)?;
+    let proposed = before.next_measurement.first();
+    let equals = proposed.map_or(Vec::new(), |next| next.inseparable.clone());
+    let right = |report: &Report| right_and_sure(report, &truth, &equals);
     let mut trial = Trial {
         seed,
         hidden: truth.effects.clone(),
-        start,
-        promised: None,
-        chosen: start,
-        random: start,
-        same: start,
-        chosen_sure: is_sure(&before),
+        start: right(&before),
+        sure: Arms {
+            chosen: true,
+            random: true,
+            same: true,
+        },
+        promised: proposed.map(|next| next.chance),
+        before: belief(&before),
+        after: belief(&before),
     };
-    if start {
+    if trial.start {
         return Ok(trial);
     }
-    let wish = Wish {
-        touches,
-        effort: Effort::Thorough,
-    };
-    let options = Options {
-        next: wish,
-        ..Options::default()
-    };
     let after = |plan: Option<InspectionPlan>, salt: u64| -> Result<Report, DiagnoseError> {
         let Some(plan) = plan else {
             return Ok(before.clone());
         };
         let further = measure(seed, content, &plan, salt);
-        diagnose(&join(&sealed, &further)?, &plain)
+        diagnose(&join(&sealed, &further)?, &options)
     };
-    let proposed = diagnose(&sealed, &options)?.next_measurement;
-    let first = proposed.into_iter().next();
-    trial.promised = first.as_ref().map(|next| next.chance);
-    let report = after(first.and_then(|next| next.plan), 1)?;
-    trial.chosen = right_and_sure(&report, &truth);
-    trial.chosen_sure = is_sure(&report);
-    let random = random_plan(&sealed, touches, seed)?;
-    trial.random = right_and_sure(&after(random, 2)?, &truth);
-    let same = repeated(&sealed, touches, seed);
-    trial.same = right_and_sure(&after(same, 3)?, &truth);
+    let report = after(proposed.and_then(|next| next.plan.clone()), 1)?;
+    trial.sure.chosen = right(&report);
+    trial.after = belief(&report);
+    trial.sure.random = right(&after(random_plan(&sealed, touches, seed)?, 2)?);
+    trial.sure.same = right(&after(repeated(&sealed, touches, seed), 3)?);
     Ok(trial)
 }
 
-fn is_sure(report: &Report) -> bool {
-    report
-        .effects
-        .iter()
-        .all(|effect| effect.probability > SURE && effect.indistinguishable_from.is_empty())
+/// The explanations that are possible; a report that doubts nothing has one.
+fn belief(report: &Report) -> Vec<Explanation> {
+    let named = || report.effects.iter().map(|effect| effect.effect.clone());
+    report.next_measurement.first().map_or_else(
+        || {
+            vec![Explanation {
+                effects: named().collect(),
+                probability: 1.0,
+            }]
+        },
+        |next| next.explanations.clone(),
+    )
 }
 
-fn right_and_sure(report: &Report, truth: &Truth) -> bool {
-    let verdict = if truth.effects.is_empty() {
-        Verdict::NoGap
-    } else {
-        Verdict::Explained
+fn right_and_sure(report: &Report, truth: &Truth, equals: &[Vec<String>]) -> bool {
+    let Some(Explanation {
+        effects: named,
+        probability,
+    }) = belief(report).into_iter().next()
+    else {
+        return false;
     };
-    report.verdict == verdict
-        && report.effects.len() == truth.effects.len()
-        && is_sure(report)
-        && report
-            .effects
-            .iter()
-            .all(|effect| truth.effects.contains(&effect.effect))
+    let one = |a: &String, b: &String| {
+        a == b
+            || equals
+                .iter()
+                .any(|pair| pair.contains(a) && pair.contains(b))
+    };
+    probability > SURE
+        && named.len() == truth.effects.len()
+        && (truth.effects.iter()).all(|hidden| named.iter().any(|effect| one(effect, hidden)))
 }
 
 /// Points of the plan again, as they were.
@@ -121,7 +141,10 @@ fn repeated(session: &Session, touches: usize, seed: u64) -> Option<InspectionPl
     let count = plan.points.len();
     let points = sample(&mut random, count, touches.min(count));
     Some(InspectionPlan {
-        points: points.iter().map(|index| plan.points[index].clone()).collect(),
+        points: points
+            .iter()
+            .map(|index| plan.points[index].clone())
+            .collect(),
         ..plan.clone()
     })
 }

@@ -316,8 +316,8 @@ impl Scene {
         let mut time = self.touches.last().map_or(0.0, |last| last.time) + 60.0;
         for point in &plan.points {
             time += 8.0;
-            let shape = &self.features[point.feature as usize].shape;
-            let round = matches!(shape, Shape::Round { .. });
+            let shape = (self.features.get(point.feature as usize)).map(|feature| &feature.shape);
+            let round = matches!(shape, Some(Shape::Round { .. }));
             let (at, normal) = (&point.position, &point.normal);
             self.touches.push(Touch {
                 feature: point.feature as usize,

@@ -100,10 +100,7 @@ impl Access {
             .filter(|met| met.stem.dot(&placed.stem) > ALIKE.cos())
             .collect();
         let over = |touch: &Placed| touch.normal.dot(&touch.stem);
-        let lowest = alike
-            .iter()
-            .map(|met| over(met))
-            .fold(-CONTACT, f64::min);
+        let lowest = alike.iter().map(|met| over(met)).fold(-CONTACT, f64::min);
         if over(&placed) < lowest - CONTACT {
             return false;
         }
@@ -136,7 +133,7 @@ impl Access {
 /// Ball, stem and body along the line from the ball to the probe mount; `None` where the ball is in the mount's origin.
 pub(crate) fn stylus(nominal: &Nominal) -> Option<StylusShape> {
     let length = nominal.ball.coords.norm();
-    (length > 2.0 * nominal.ball_radius && length > 0.0).then(|| StylusShape {
+    (length > 2.0 * nominal.ball_radius && length > 0.0).then_some(StylusShape {
         ball_radius: nominal.ball_radius,
         stem_radius: STEM * nominal.ball_radius,
         stem_length: FREE * length,
@@ -199,10 +196,7 @@ fn bodies(rows: &[Row], features: usize) -> Vec<Vec<Solid>> {
 type Face = ([f64; 3], f64);
 
 fn face(normal: &Vector3<f64>, through: &Point3<f64>) -> Face {
-    (
-        [normal.x, normal.y, normal.z],
-        normal.dot(&through.coords),
-    )
+    ([normal.x, normal.y, normal.z], normal.dot(&through.coords))
 }
 
 /// The block between all planes, as far as they were touched; `None` where the planes bound nothing convex.
@@ -227,16 +221,19 @@ fn block(rows: &[Row]) -> Option<Vec<Face>> {
     for row in &flat {
         let own = face(&row.normal, &row.position);
         let known = |other: &Face| (0..3).all(|k| (other.0[k] - own.0[k]).abs() < 1e-9);
-        if !faces.iter().any(|other| known(other) && (other.1 - own.1).abs() < 1e-9) {
+        if !faces
+            .iter()
+            .any(|other| known(other) && (other.1 - own.1).abs() < 1e-9)
+        {
             faces.push(own);
         }
     }
     // Planes that others stand out of are steps of a part that is not convex: then no block is sure.
     let outside = |row: &&&Row| {
         let at = row.position.coords;
-        faces.iter().any(|(normal, offset)| {
-            Vector3::from(*normal).dot(&at) > offset + 1e-6
-        })
+        faces
+            .iter()
+            .any(|(normal, offset)| Vector3::from(*normal).dot(&at) > offset + 1e-6)
     };
     (flat.iter().filter(outside).count() == 0).then_some(faces)
 }

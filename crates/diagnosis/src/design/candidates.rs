@@ -26,8 +26,8 @@ pub(crate) struct Breadth {
     pub(crate) places: usize,
     /// Combinations of prescribed positions.
     pub(crate) positions: usize,
-    /// Midway places as well.
-    pub(crate) between: bool,
+    /// Angles by which each prescribed axis is turned beside half a turn, rad.
+    pub(crate) turns: &'static [f64],
 }
 
 /// All candidates, in a fixed order.
@@ -64,8 +64,13 @@ pub(crate) fn candidates(
         let farther = other_feed(feed, feeds);
         offer(own, "again", &taken, feed);
         offer(own, "another feed", &taken, farther);
-        for turned in turned(&taken) {
+        for turned in turned(&taken, PI) {
             offer(own, "turned by half a turn", &turned, feed);
+        }
+        for by in breadth.turns {
+            for turned in turned(&taken, *by) {
+                offer(own, "turned", &turned, feed);
+            }
         }
         // Each place sees other positions first, so that a few places together see all.
         let others = (0..met.len()).map(|step| &met[(order + step) % met.len()]);
@@ -75,9 +80,7 @@ pub(crate) fn candidates(
         {
             offer(own, "another index", other, feed);
         }
-        if breadth.between
-            && let Some(point) = between(observations, plan, near)
-        {
+        if let Some(point) = between(observations, plan, near) {
             offer(&point, "a place between", &taken, feed);
             offer(&point, "a place between, another feed", &taken, farther);
         }
@@ -98,7 +101,7 @@ pub(crate) fn feed_range(observations: &Observations) -> (f64, f64) {
 }
 
 /// The end of the range that lies farther from a feed.
-fn other_feed(feed: f64, (low, high): (f64, f64)) -> f64 {
+pub(crate) fn other_feed(feed: f64, (low, high): (f64, f64)) -> f64 {
     if high - feed >= feed - low { high } else { low }
 }
 
@@ -120,12 +123,12 @@ pub(crate) fn met(observations: &Observations) -> Vec<Vec<f64>> {
     met
 }
 
-/// Each prescribed axis turned by half a turn, towards zero.
-pub(crate) fn turned(positions: &[f64]) -> Vec<Vec<f64>> {
+/// Each prescribed axis turned by an angle, towards zero.
+pub(crate) fn turned(positions: &[f64], by: f64) -> Vec<Vec<f64>> {
     (0..positions.len())
         .map(|place| {
             let mut turned = positions.to_vec();
-            turned[place] += if positions[place] > 0.0 { -PI } else { PI };
+            turned[place] += if positions[place] > 0.0 { -by } else { by };
             turned
         })
         .collect()
@@ -156,18 +159,16 @@ pub(crate) fn places(observations: &Observations, most: usize) -> Vec<usize> {
 }
 
 /// A place midway to the next touch of the same feature.
-fn between(
+pub(crate) fn between(
     observations: &Observations,
     plan: &InspectionPlan,
     near: usize,
 ) -> Option<InspectionPoint> {
     let rows = &observations.rows[..observations.touches()];
     let row = &rows[near];
-    let next = rows
-        .iter()
-        .skip(near + 1)
-        .chain(rows)
-        .find(|other| other.feature == row.feature && (other.position - row.position).norm() > 1e-3)?;
+    let next = rows.iter().skip(near + 1).chain(rows).find(|other| {
+        other.feature == row.feature && (other.position - row.position).norm() > 1e-3
+    })?;
     let (position, normal) = midway(row, next)?;
     let own = plan.points.get(row.point)?;
     Some(InspectionPoint {

@@ -23,6 +23,12 @@ const COVERED: f64 = 0.995;
 const EQUALS: usize = 4;
 /// Trials of a shape when it stands in for a named effect.
 const TRIALS: usize = 12;
+/// Predictions closer than this share of the noise are the same: eight touches would not tell.
+const NOTHING: f64 = 0.5;
+/// A stand-in this far (natural log) behind counts no further.
+const FAR_BEHIND: f64 = 20.0;
+/// A larger set names more than a smaller one within it only when it is this many times as probable.
+const REFUTED: f64 = 10.0;
 /// Name of what the vocabulary does not know.
 pub(crate) const UNKNOWN: &str = "unknown";
 
@@ -33,6 +39,49 @@ pub(crate) struct Posterior {
     pub(crate) predictions: Vec<Prediction>,
     /// Effects of each class, sorted; [`UNKNOWN`] among them.
     pub(crate) classes: Vec<Vec<String>>,
+    /// Effects that no candidate touch parts, pairwise.
+    pub(crate) equals: Vec<[String; 2]>,
+}
+
+impl Posterior {
+    /// Makes one class of those that differ in one effect and predict the same for every candidate.
+    fn merge_equals(&mut self) {
+        for class in (1..self.classes.len()).rev() {
+            let equal = (0..class).find_map(|other| {
+                let [one, two] = swapped(&self.classes[class], &self.classes[other])?;
+                let of = |class: usize| {
+                    let own = self
+                        .predictions
+                        .iter()
+                        .filter(move |own| own.class == class);
+                    own.max_by(|a, b| a.weight.total_cmp(&b.weight))
+                };
+                predict_the_same(of(class)?, of(other)?).then_some((other, [one, two]))
+            });
+            if let Some((other, names)) = equal {
+                self.equals.push(names);
+                for own in self.predictions.iter_mut().filter(|own| own.class == class) {
+                    own.class = other;
+                }
+            }
+        }
+        // Classes that lost their explanations stay as empty names of no weight: numbers do not change.
+    }
+}
+
+/// The two effects in which two sets differ, when they differ in one each.
+fn swapped(one: &[String], other: &[String]) -> Option<[String; 2]> {
+    let mut own = one.iter().filter(|name| !other.contains(name));
+    let mut its = other.iter().filter(|name| !one.contains(name));
+    let pair = [own.next()?.clone(), its.next()?.clone()];
+    let unknown = pair.iter().any(|name| name == UNKNOWN);
+    (own.next().is_none() && its.next().is_none() && !unknown).then_some(pair)
+}
+
+fn predict_the_same(one: &Prediction, other: &Prediction) -> bool {
+    let bound = NOTHING * one.noise.min(other.noise).sqrt();
+    let apart = one.mean.iter().zip(&other.mean).map(|(a, b)| (a - b).abs());
+    apart.fold(0.0, f64::max) < bound
 }
 
 /// A variant at a shape, with or without the second order.
@@ -83,6 +132,7 @@ impl Source<'_> {
         for own in &mut table.posterior.predictions {
             own.weight /= total;
         }
+        table.posterior.merge_equals();
         table.posterior
     }
 
@@ -182,8 +232,15 @@ impl Table<'_> {
         &column[imagined.first..imagined.first + imagined.wanted.len()]
     }
 
-    fn push(&mut self, members: Vec<Member>, weight: f64, prediction: Prediction) {
-        let class = self.class(self.source.names(&members));
+    /// Adds an explanation; `named` are those of its members that would be named.
+    fn push(
+        &mut self,
+        members: Vec<Member>,
+        named: &[Member],
+        weight: f64,
+        prediction: Prediction,
+    ) {
+        let class = self.class(self.source.names(named));
         self.posterior.predictions.push(Prediction {
             weight,
             class,
@@ -219,9 +276,15 @@ impl Table<'_> {
                 .collect();
         }
         let weight = model.probability / sets.len() as f64;
+        let small = simplest(self.source.attribution, model);
         for members in sets {
             if let Some((_, prediction)) = self.fit(&members) {
-                self.push(members, weight, prediction);
+                // An effect that is not sure enough to be named makes no explanation of its own.
+                let named: Vec<Member> = (members.iter().zip(&model.set))
+                    .filter(|(_, place)| small.set.contains(place))
+                    .map(|(member, _)| *member)
+                    .collect();
+                self.push(members, &named, weight, prediction);
             }
         }
     }
@@ -255,7 +318,12 @@ impl Table<'_> {
         let rival = &source.attribution.rivals[place];
         let rows = rival.directions.first().map_or(1, Vec::len).max(1) as f64;
         let spread = power * rival.powers.iter().sum::<f64>() / rows;
-        let members: Vec<Member> = model.set.iter().map(|&place| source.member(place)).collect();
+        let small = simplest(source.attribution, model);
+        let members: Vec<Member> = small
+            .set
+            .iter()
+            .map(|&place| source.member(place))
+            .collect();
         let mut names = source.names(&members);
         names.push(UNKNOWN.to_owned());
         let class = self.class(names);
@@ -284,7 +352,7 @@ impl Table<'_> {
         let weight = if sum > 0.0 {
             sum
         } else {
-            self.push(whole.clone(), 0.05, prediction);
+            self.push(whole.clone(), &whole, 0.05, prediction);
             0.05
         };
         for (place, effect) in effects.iter().take(set.len()).enumerate() {
@@ -308,11 +376,8 @@ impl Table<'_> {
                     }
                 }
                 if let Some((score, members, prediction)) = best {
-                    self.push(
-                        members,
-                        weight * (score - base).clamp(-4.6, 0.0).exp(),
-                        prediction,
-                    );
+                    let share = weight * (score - base).clamp(-FAR_BEHIND, 0.0).exp();
+                    self.push(members.clone(), &members, share, prediction);
                 }
             }
         }
@@ -347,6 +412,20 @@ fn offers(variants: &[Variant], attribution: &Attribution, name: &str) -> Vec<Me
         }
     }
     offers
+}
+
+/// The smallest explanation within a model that is not refuted by it.
+fn simplest<'a>(attribution: &'a Attribution, model: &'a Model) -> &'a Model {
+    let mut best = model;
+    while let Some(smaller) = attribution.models.iter().find(|other| {
+        other.rival.is_some() == best.rival.is_some()
+            && other.set.len() < best.set.len()
+            && other.set.iter().all(|member| best.set.contains(member))
+            && other.probability * REFUTED > best.probability
+    }) {
+        best = smaller;
+    }
+    best
 }
 
 fn same(one: &[Member], other: &[Member]) -> bool {

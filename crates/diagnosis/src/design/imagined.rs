@@ -140,7 +140,6 @@ fn row(
         tool_height: wanted.point.tool_height,
         overhang: wanted.point.overhang,
         weight: 1.0,
-        ..near.clone()
     })
 }
 

@@ -161,9 +161,7 @@ impl<'a> Choice<'a> {
             let mixed: Vec<f64> = (crossed[pair.one].iter().zip(&crossed[pair.other]))
                 .map(|(x, y)| 0.5 * (x + y))
                 .collect();
-            let (row, rest) = pair
-                .grown
-                .next(&mixed, 0.5 * (a.own(place) + b.own(place)));
+            let (row, rest) = pair.grown.next(&mixed, 0.5 * (a.own(place) + b.own(place)));
             let apart = (a.mean[place] - b.mean[place] - dot(&row, &pair.apart)) / rest.sqrt();
             pair.apart.push(apart);
             pair.grown.push(row, rest);
@@ -293,7 +291,7 @@ pub(crate) fn chance(predictions: &[Prediction], chosen: &[usize], draws: usize)
         let (factor, _) = &factors[place];
         let seen: Vec<f64> = (0..count)
             .map(|i| {
-                let noise = dot(&factor[i * count..i * count + i + 1], &fresh[..=i]);
+                let noise = dot(&factor[i * count..=i * count + i], &fresh[..=i]);
                 predictions[place].mean[chosen[i]] + noise
             })
             .collect();

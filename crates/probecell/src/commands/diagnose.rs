@@ -37,6 +37,7 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
     let options = Options {
         without: arguments.without.clone(),
+        ..Options::default()
     };
     let bags = if arguments.fit.is_empty() {
         &arguments.bags
