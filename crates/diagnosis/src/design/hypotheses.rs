@@ -29,6 +29,8 @@ const NOTHING: f64 = 0.5;
 const FAR_BEHIND: f64 = 20.0;
 /// A larger set names more than a smaller one within it only when it is this many times as probable.
 const REFUTED: f64 = 10.0;
+/// Explanations above this share of their class's strongest speak for the class.
+const STRONG: f64 = 0.05;
 /// Name of what the vocabulary does not know.
 pub(crate) const UNKNOWN: &str = "unknown";
 
@@ -44,19 +46,18 @@ pub(crate) struct Posterior {
 }
 
 impl Posterior {
-    /// Makes one class of those that differ in one effect and predict the same for every candidate.
+    /// Makes one class of those that differ in one effect and in some way predict the same for every candidate.
     fn merge_equals(&mut self) {
         for class in (1..self.classes.len()).rev() {
             let equal = (0..class).find_map(|other| {
                 let [one, two] = swapped(&self.classes[class], &self.classes[other])?;
-                let of = |class: usize| {
-                    let own = self
-                        .predictions
-                        .iter()
-                        .filter(move |own| own.class == class);
-                    own.max_by(|a, b| a.weight.total_cmp(&b.weight))
+                let strong = |class: usize| {
+                    let own = || self.predictions.iter().filter(move |own| own.class == class);
+                    let most = own().map(|own| own.weight).fold(0.0, f64::max);
+                    own().filter(move |own| own.weight > STRONG * most)
                 };
-                predict_the_same(of(class)?, of(other)?).then_some((other, [one, two]))
+                let same = strong(class).any(|a| strong(other).any(|b| predict_the_same(a, b)));
+                same.then_some((other, [one, two]))
             });
             if let Some((other, names)) = equal {
                 self.equals.push(names);
