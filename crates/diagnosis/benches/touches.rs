@@ -58,7 +58,14 @@ fn line(content: Content, touches: usize, effects: usize, first: &mut Option<f64
             Vec::new()
         };
         let begun = Instant::now();
-        diagnose(&session, &Options { without }).unwrap();
+        diagnose(
+            &session,
+            &Options {
+                without,
+                ..Options::default()
+            },
+        )
+        .unwrap();
         took.push(begun.elapsed().as_secs_f64() * 1e3);
         (rows, offered) = (session.events.len(), names.len());
     }

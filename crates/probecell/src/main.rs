@@ -146,11 +146,17 @@ enum Command {
     },
     /// Say why a recorded session differs from the declared model of its cell.
     Diagnose(commands::diagnose::Arguments),
+    /// Say what a plan can tell before anything is measured: smallest effects, and effects that it cannot part.
+    Identifiability(commands::identifiability::Arguments),
     /// Check the diagnosis on sealed sessions, and print the score card.
     Blind {
         /// Sessions, shared out over the kinds of content.
         #[arg(long, default_value_t = 120, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
         trials: u64,
+        /// Instead judge eight further touches, chosen, random and repeated, on this many sessions that are not right
+        /// and sure at first.
+        #[arg(long, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
+        refine: Option<u64>,
         /// Seed of the sessions.
         #[arg(long, default_value_t = 1)]
         seed: u64,
@@ -237,7 +243,16 @@ fn run(command: Command) -> anyhow::Result<u8> {
         Command::Recover { bag, to } => commands::recover::run(&bag, &to),
         Command::Plan { source, json } => commands::plan::run(&source, json),
         Command::Diagnose(arguments) => commands::diagnose::run(&arguments),
-        Command::Blind { trials, seed, json } => commands::blind::run(trials, seed, json),
+        Command::Blind {
+            refine: Some(wanted),
+            seed,
+            json,
+            ..
+        } => commands::refine::run(wanted, seed, json),
+        Command::Blind {
+            trials, seed, json, ..
+        } => commands::blind::run(trials, seed, json),
+        Command::Identifiability(arguments) => commands::identifiability::run(&arguments),
         Command::Correct(arguments) => commands::correct::run(&arguments),
         Command::Scenario(command) => commands::scenario::run(&command),
         Command::Doctor { cell, json } => commands::doctor::run(&cell, json),

@@ -52,7 +52,11 @@ impl Posterior {
             let equal = (0..class).find_map(|other| {
                 let [one, two] = swapped(&self.classes[class], &self.classes[other])?;
                 let strong = |class: usize| {
-                    let own = || self.predictions.iter().filter(move |own| own.class == class);
+                    let own = || {
+                        self.predictions
+                            .iter()
+                            .filter(move |own| own.class == class)
+                    };
                     let most = own().map(|own| own.weight).fold(0.0, f64::max);
                     own().filter(move |own| own.weight > STRONG * most)
                 };

@@ -129,6 +129,7 @@ fn row(
         normal: normal.into_inner(),
         surface: nominal.surfaces[place],
         pose: Some(Pose {
+            latched: positions.clone(),
             positions,
             sensitivity,
             speeds,

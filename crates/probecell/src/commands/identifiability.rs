@@ -40,8 +40,14 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
         noise.is_finite() && noise > 0.0,
         "--noise {noise} must be a number of µm above 0"
     );
-    ensure!(risk > 0.0 && risk < 0.5, "--risk {risk} must lie between 0 and 0.5");
-    ensure!(power > 0.01 && power < 1.0, "--power {power} must lie between 0.01 and 1");
+    ensure!(
+        risk > 0.0 && risk < 0.5,
+        "--risk {risk} must lie between 0 and 0.5"
+    );
+    ensure!(
+        power > 0.01 && power < 1.0,
+        "--power {power} must lie between 0.01 and 1"
+    );
     let is_cell = arguments.plan.extension().is_some_and(|end| end == "toml");
     let session = if is_cell {
         of_cell(&arguments.plan)?
@@ -78,7 +84,9 @@ fn of_cell(file: &Path) -> anyhow::Result<Session> {
 fn of_bag(path: &Path) -> anyhow::Result<Session> {
     let session = bags::Session::read(&Bag::open(path)?)?;
     for damage in &session.damage {
-        report::remark(&format!("warning: {damage}: only the complete part is used"));
+        report::remark(&format!(
+            "warning: {damage}: only the complete part is used"
+        ));
     }
     Ok(Session {
         name: path.display().to_string(),
@@ -95,7 +103,11 @@ fn of_bag(path: &Path) -> anyhow::Result<Session> {
 fn tell(answer: &Identifiability) {
     report::line(&format!(
         "plan {:?}: {} touches, {:.2} µm noise; sizes that show with probability {} while a clean session shows any effect with {}",
-        answer.plan_id, answer.touches, answer.noise * 1e6, answer.power, answer.risk
+        answer.plan_id,
+        answer.touches,
+        answer.noise * 1e6,
+        answer.power,
+        answer.risk
     ));
     report::line("\nsmallest size that shows        rms of touches, µm      in its own parameters");
     report::line("effect                        alone  beside others      alone (beside others)");
@@ -110,7 +122,10 @@ fn tell(answer: &Identifiability) {
         ));
     }
     if !answer.unseen.is_empty() {
-        report::line(&format!("\nnot seen at any plausible size: {}", answer.unseen.join(", ")));
+        report::line(&format!(
+            "\nnot seen at any plausible size: {}",
+            answer.unseen.join(", ")
+        ));
     }
     if !answer.pairs.is_empty() {
         report::line("\nthis plan cannot part");
@@ -119,7 +134,10 @@ fn tell(answer: &Identifiability) {
         tell_pair(pair);
     }
     if answer.pairs.len() > TOLD {
-        report::line(&format!("  … and {} more (--json has all)", answer.pairs.len() - TOLD));
+        report::line(&format!(
+            "  … and {} more (--json has all)",
+            answer.pairs.len() - TOLD
+        ));
     }
     for group in &answer.groups {
         report::line(&format!(
@@ -176,7 +194,11 @@ fn size(smallest: &Smallest) -> String {
     let beside = smallest
         .beside
         .map_or_else(|| "–".to_owned(), |value| format!("{:.3}", value * factor));
-    format!("{} {:.3} ({beside}) {unit}", smallest.name, smallest.alone * factor)
+    format!(
+        "{} {:.3} ({beside}) {unit}",
+        smallest.name,
+        smallest.alone * factor
+    )
 }
 
 fn micro(rms: Option<f64>) -> String {

@@ -44,7 +44,11 @@ pub(crate) fn run(wanted: u64, seed: u64, json: bool) -> anyhow::Result<u8> {
     while (table.unsure.len() as u64) < wanted {
         let number = table.sessions as u64;
         let content = Content::Known(1 + (number % 3) as usize);
-        let own = trial(seed.wrapping_mul(100_000).wrapping_add(number), content, TOUCHES)?;
+        let own = trial(
+            seed.wrapping_mul(100_000).wrapping_add(number),
+            content,
+            TOUCHES,
+        )?;
         table.sessions += 1;
         table.start += usize::from(own.start);
         table.same += usize::from(own.sure.same);
@@ -70,7 +74,9 @@ pub(crate) fn run(wanted: u64, seed: u64, json: bool) -> anyhow::Result<u8> {
             count - before
         )
     };
-    report::line("| touches | right and sure, all sessions | of those not right and sure at first |");
+    report::line(
+        "| touches | right and sure, all sessions | of those not right and sure at first |",
+    );
     report::line("|---|---|---|");
     for (name, count) in [
         ("none", table.start),
