@@ -11,6 +11,10 @@ use rand_pcg::Pcg64Mcg;
 
 use crate::evidence::{cholesky, dot};
 
+/// Weight of distances beyond what the information counts: a reserve against predictions that are not quite right.
+const RESERVE: f64 = 1e-2;
+/// Distances beyond this add nothing.
+const FAR_APART: f64 = 25.0;
 /// Seed of the drawn outcomes.
 const SEED: u64 = 1967;
 /// A posterior above this is sure.
@@ -201,6 +205,7 @@ fn information(
     let mut all: Vec<f64> = predictions.iter().map(|own| own.weight).collect();
     let mut same = all.clone();
     let mut classes = all.clone();
+    let mut beyond = 0.0;
     for (pair, distance) in pairs.iter().zip(distances) {
         let (a, b) = (&predictions[pair.one], &predictions[pair.other]);
         let near = (-distance).exp();
@@ -211,11 +216,14 @@ fn information(
             same[pair.other] += a.weight * near;
             classes[pair.one] += b.weight;
             classes[pair.other] += a.weight;
+        } else {
+            beyond += a.weight * b.weight * distance.min(FAR_APART);
         }
     }
-    (predictions.iter().enumerate())
+    let told: f64 = (predictions.iter().enumerate())
         .map(|(place, own)| own.weight * (same[place] / (classes[place] * all[place])).ln())
-        .sum()
+        .sum();
+    told + RESERVE * beyond
 }
 
 /// Chooses up to `touches` candidates, in the order of choice; `exchanges` rounds look for a better one for each.

@@ -6,7 +6,9 @@ use anyhow::ensure;
 use bags::Bag;
 use cell::Cell;
 use diagnosis::Session;
-use diagnosis::identifiability::{Identifiability, Pair, Question, Smallest, identifiability};
+use diagnosis::identifiability::{
+    DIAGNOSIS, Identifiability, Pair, Question, Smallest, identifiability,
+};
 use machine::Chain;
 
 use crate::{GOOD, report};
@@ -22,8 +24,8 @@ pub(crate) struct Arguments {
     /// Standard deviation of a touch, µm.
     #[arg(long, default_value_t = 1.0)]
     noise: f64,
-    /// Probability that a clean session shows any effect.
-    #[arg(long, default_value_t = 1e-3)]
+    /// Probability that a clean session shows any effect; by default as strict as the diagnosis.
+    #[arg(long, default_value_t = DIAGNOSIS)]
     risk: f64,
     /// Probability that an effect of the smallest size shows.
     #[arg(long, default_value_t = 0.95)]
