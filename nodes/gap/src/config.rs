@@ -70,6 +70,7 @@ impl RawConfig {
             every_touches: self.every_touches,
             options: Options {
                 without: self.without.clone(),
+                ..Options::default()
             },
         })
     }

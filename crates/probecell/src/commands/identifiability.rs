@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::ensure;
-use bags::Bag;
+use bags::{Bag, Measurement};
 use cell::Cell;
 use diagnosis::Session;
 use diagnosis::identifiability::{
@@ -15,6 +15,9 @@ use crate::{GOOD, report};
 
 /// Pairs told in the table; JSON has all.
 const TOLD: usize = 40;
+
+/// A size of more than this (m, rad, s, or a share) is one that the plan does not see.
+const BEYOND_ANY: f64 = 1.0;
 
 /// What the user asks for.
 #[derive(clap::Args)]
@@ -84,7 +87,7 @@ fn of_cell(file: &Path) -> anyhow::Result<Session> {
 }
 
 fn of_bag(path: &Path) -> anyhow::Result<Session> {
-    let session = bags::Session::read(&Bag::open(path)?)?;
+    let session = bags::Session::read_measurement(&Bag::open(path)?, &Measurement::Last)?;
     for damage in &session.damage {
         report::remark(&format!(
             "warning: {damage}: only the complete part is used"
@@ -188,19 +191,19 @@ fn size(smallest: &Smallest) -> String {
         "rad" => (1e6, "µrad"),
         "m/m" => (1e6, "µm/m"),
         "rad/rad" => (1e6, "µrad/rad"),
+        "rad/m" => (1e6, "µrad/m"),
         "s" => (1e3, "ms"),
         "m/s" => (3.6e9, "µm/h"),
         "1/K" => (1e6, "ppm/K"),
         other => (1.0, other),
     };
-    let beside = smallest
-        .beside
-        .map_or_else(|| "–".to_owned(), |value| format!("{:.3}", value * factor));
-    format!(
-        "{} {:.3} ({beside}) {unit}",
-        smallest.name,
-        smallest.alone * factor
-    )
+    let shown = |value: Option<f64>| {
+        value
+            .filter(|value| value.abs() <= BEYOND_ANY)
+            .map_or_else(|| "–".to_owned(), |value| format!("{:.3}", value * factor))
+    };
+    let (alone, beside) = (shown(Some(smallest.alone)), shown(smallest.beside));
+    format!("{} {alone} ({beside}) {unit}", smallest.name)
 }
 
 fn micro(rms: Option<f64>) -> String {
