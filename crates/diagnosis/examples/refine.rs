@@ -2,6 +2,7 @@
 
 use diagnosis::blind::{Content, refine::trial};
 
+#[expect(clippy::print_stdout, reason = "the table is its output")]
 fn main() -> anyhow::Result<()> {
     let mut arguments = std::env::args().skip(1).map(|word| word.parse::<u64>());
     let first = arguments.next().transpose()?.unwrap_or(1);

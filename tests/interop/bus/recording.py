@@ -6,12 +6,29 @@ import pathlib
 import signal
 import subprocess
 import tempfile
+import threading
 
+import zenoh
 from mcap.reader import make_reader
 from zenoh_ros2_sdk import ROS2ServiceClient, ZenohSession
 
 from messages import Messages
 from peer import check
+
+
+def wait_for_services(session, names):
+    """Until the cell has announced that it serves them."""
+    missing, all_there = set(names), threading.Event()
+
+    def announced(sample):
+        if sample.kind == zenoh.SampleKind.PUT:
+            missing.difference_update([name for name in missing if f"%{name}/" in str(sample.key_expr)])
+        if not missing:
+            all_there.set()
+
+    subscriber = session.liveliness().declare_subscriber("@ros2_lv/0/*/*/*/SS/**", announced, history=True)
+    assert all_there.wait(60), f"nobody serves {missing}"
+    subscriber.undeclare()
 
 
 def call(root, name, kind, **fields):
@@ -52,6 +69,7 @@ def main():
             session = ZenohSession.get_instance("127.0.0.1", 7447)
             session.store = Messages(root).store
             session._registered_types.update({name: name for name in session.store.types if "/srv/" not in name})
+            wait_for_services(session.session, ["start_recording", "stop_recording"])
             first = call(root, "stop_recording", "StopRecording")
             check("stopped", (first.accepted, first.messages > 0), (True, True))
             count = messages_in(pathlib.Path(scratch) / first.uri)
