@@ -1,5 +1,6 @@
 //! What a recording holds, for people and scripts.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
@@ -7,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::channel::Qos;
 use crate::container::Damage;
 use crate::reader::Bag;
-use crate::recorder::Losses;
+use crate::recorder::{LOSSES_RECORD, Losses, ROSBAG2_RECORD};
 
 /// One file of a recording.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -67,6 +68,8 @@ pub struct Info {
     pub topics: Vec<TopicInfo>,
     /// Attachments.
     pub attachments: Vec<AttachmentInfo>,
+    /// Named tables that the application wrote, those of this crate and of rosbag2 apart; the last of a name counts.
+    pub metadata: BTreeMap<String, BTreeMap<String, String>>,
     /// Damage found.
     pub damage: Vec<Damage>,
 }
@@ -113,6 +116,11 @@ impl Bag {
                     media_type: place.media_type.clone(),
                     bytes: place.size,
                 })
+                .collect(),
+            metadata: self
+                .metadata()
+                .filter(|(name, _)| ![LOSSES_RECORD, ROSBAG2_RECORD].contains(name))
+                .map(|(name, table)| (name.to_owned(), table.clone()))
                 .collect(),
             damage: if verify { self.verify() } else { self.damage() },
         }

@@ -30,7 +30,7 @@ use crate::error::Error;
 use crate::split::ChunkOptions;
 use queue::{Entry, Queue};
 
-pub(crate) use thread::LOSSES_RECORD;
+pub(crate) use thread::{LOSSES_RECORD, ROSBAG2_RECORD};
 
 /// What to do with a message for which the queue has no room.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]

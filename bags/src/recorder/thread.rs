@@ -19,6 +19,9 @@ use crate::split::SplitFile;
 /// counts.
 pub(crate) const LOSSES_RECORD: &str = "probecell_losses";
 
+/// Name of the MCAP metadata record in which rosbag2 keeps its `metadata.yaml`.
+pub(crate) const ROSBAG2_RECORD: &str = "rosbag2";
+
 /// Room of written entries is given back in portions of this many bytes, so that pushers do not wait for a whole batch.
 const RELEASE_BYTES: usize = 1 << 20;
 
@@ -127,7 +130,7 @@ impl RecordingWriter {
             return Ok(());
         };
         split.metadata(&Metadata {
-            name: "rosbag2".to_owned(),
+            name: ROSBAG2_RECORD.to_owned(),
             metadata: BTreeMap::from([("serialized_metadata".to_owned(), serialized)]),
         })?;
         let (information, bytes) = split.finish()?;

@@ -8,6 +8,7 @@ mod checks;
 mod numbers;
 mod sections;
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use graph::{Instance, Running};
@@ -182,6 +183,15 @@ impl Cell {
     /// Absolute name of a topic.
     pub fn topic(&self, name: &str) -> String {
         format!("/{}/{name}", self.cell.name)
+    }
+
+    /// Each section of the cell file as it was written, in TOML, by its name.
+    pub fn sections(&self) -> BTreeMap<String, String> {
+        let sections: toml::Table = self.text.cell.parse().unwrap_or_default();
+        sections
+            .into_iter()
+            .filter_map(|(name, section)| Some((name, toml::to_string(&section).ok()?)))
+            .collect()
     }
 
     /// The nodes that decide or simulate, in the order of the data flow.

@@ -30,6 +30,8 @@ pub struct RecordingSettings {
     pub split: SplitAt,
     /// Name, media type and bytes of files to embed.
     pub attachments: Vec<(String, String, Vec<u8>)>,
+    /// Name and content of a table that says what recorded: program, revision, configuration.
+    pub provenance: (String, BTreeMap<String, String>),
 }
 
 /// Why there is no recording.
@@ -65,6 +67,8 @@ impl RecorderProcess {
         for (name, media_type, data) in settings.attachments {
             recorder.attach(name, media_type, now().0 as u64, data)?;
         }
+        let (name, table) = settings.provenance;
+        recorder.metadata(name, table)?;
         let topic = topics::LOSS_REPORTS;
         let name = format!("{}/{}", settings.namespace, topic.name);
         let losses = Arc::new(Losses {

@@ -37,6 +37,12 @@ pub(crate) fn run(path: &Path, verify: bool, json: bool) -> anyhow::Result<u8> {
                 attachment.name, attachment.bytes
             ));
         }
+        for (name, table) in &info.metadata {
+            for (key, value) in table {
+                let value = value.trim_end().replace('\n', "; ");
+                report::line(&format!("{name}  {key}: {value}"));
+            }
+        }
         for damage in &info.damage {
             report::line(&format!("damage    {damage}"));
         }

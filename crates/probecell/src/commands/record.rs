@@ -1,6 +1,7 @@
 //! `probecell record`: a cell into a bag, until it is told to end.
 
 use std::{
+    collections::BTreeMap,
     path::{Component, Path, PathBuf},
     sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel},
     time::Duration,
@@ -18,6 +19,8 @@ use crate::{GOOD, LOSS, launcher, report, signals};
 
 /// Name of the embedded cell file.
 pub(crate) const CELL_FILE: &str = "cell.toml";
+/// Name of the table that says what recorded.
+const PROVENANCE: &str = "probecell";
 /// Name of the embedded robot description.
 pub(crate) const ROBOT_FILE: &str = "robot.urdf";
 
@@ -226,6 +229,23 @@ fn wait<T>(orders: &Sender<Order>, order: Order, answer: &Receiver<T>) -> Result
         .map_err(|_| "the recorder did not answer".to_owned())
 }
 
+/// What recorded, and how each part of the cell was set: `config.<section>` is that section of the cell file.
+fn provenance(cell: &Cell) -> BTreeMap<String, String> {
+    let mut table: BTreeMap<String, String> = cell
+        .sections()
+        .into_iter()
+        .map(|(section, text)| (format!("config.{section}"), text))
+        .collect();
+    for (key, value) in [
+        ("version", env!("CARGO_PKG_VERSION")),
+        ("source_revision", env!("PROBECELL_REVISION")),
+    ] {
+        table.insert(key.to_owned(), value.to_owned());
+    }
+    table.insert("nodes".to_owned(), cell.node_names().join(" "));
+    table
+}
+
 fn settings(cell: &Cell, folder: PathBuf) -> RecordingSettings {
     let text = cell.text();
     let attachment = |name: &str, media: &str, data: &str| {
@@ -247,5 +267,6 @@ fn settings(cell: &Cell, folder: PathBuf) -> RecordingSettings {
             attachment(CELL_FILE, "application/toml", &text.cell),
             attachment(ROBOT_FILE, "application/xml", &text.robot_description),
         ],
+        provenance: (PROVENANCE.to_owned(), provenance(cell)),
     }
 }
