@@ -55,7 +55,7 @@ pub struct BusConfig {
     pub zenoh: Value,
     /// Security enclave told to the ROS graph.
     pub enclave: String,
-    /// Samples that a keep-all publisher holds for recovery.
+    /// Samples that a keep-all history holds: a Zenoh publisher's for recovery, a DDS endpoint's before they are taken.
     pub keep_all_depth: usize,
     /// How long a gap is asked for before it is reported lost.
     pub recovery_patience: Duration,
@@ -85,6 +85,12 @@ impl Default for BusConfig {
     }
 }
 
+/// Batches of 64 KiB that wait for one link.
+const QUEUED_BATCHES: usize = 8;
+
+/// How long a publisher waits for room on a link before the first sample is dropped.
+const WAIT_BEFORE_DROP: Duration = Duration::from_millis(10);
+
 impl BusConfig {
     pub(super) fn to_zenoh(&self) -> Result<zenoh::Config, BusError> {
         let is_peer = self.endpoints.iter().all(|endpoint| is_loopback(endpoint));
@@ -98,6 +104,7 @@ impl BusConfig {
             },
             "listen": { "endpoints": listen, "exit_on_failure": true },
             "scouting": { "multicast": { "enabled": false }, "gossip": { "enabled": true } },
+            "transport": link(),
         });
         overlay(&mut settings, &self.zenoh);
         parse(&settings)
@@ -134,10 +141,21 @@ impl RouterConfig {
             "listen": { "endpoints": self.listen, "timeout_ms": 0, "exit_on_failure": true },
             "scouting": { "multicast": { "enabled": false }, "gossip": { "enabled": true } },
             "timestamping": { "enabled": true },
+            "transport": link(),
         });
         overlay(&mut settings, &self.zenoh);
         parse(&settings)
     }
+}
+
+/// How much a link takes on before it drops: half a megabyte at once, and the time in which a busy machine gets round to
+/// sending. What a link that is cut costs its publishers is one such wait, since Zenoh then drops without waiting until
+/// the link moves again.
+fn link() -> Value {
+    json!({ "link": { "tx": { "queue": {
+        "size": { "data": QUEUED_BATCHES },
+        "congestion_control": { "drop": { "wait_before_drop": WAIT_BEFORE_DROP.as_micros() as u64 } },
+    } } } })
 }
 
 /// The locator's address is one of this machine only.

@@ -49,6 +49,8 @@ pub(super) struct DdsBus {
     subscriber: rustdds::Subscriber,
     discovery: Arc<Discovery>,
     services: super::config::DdsServices,
+    /// Samples that a keep-all history holds at most.
+    keep_all_depth: usize,
     /// Writers to wait for at the end.
     writers: Mutex<Vec<Weak<Writer>>>,
 }
@@ -77,6 +79,7 @@ impl DdsBus {
             subscriber,
             discovery: Arc::new(discovery),
             services: config.dds_services,
+            keep_all_depth: config.keep_all_depth,
             writers: Mutex::new(Vec::new()),
         })
     }
@@ -173,7 +176,7 @@ impl DdsBus {
             .create_topic(
                 format!("{prefix}{name}{suffix}"),
                 dds_type.to_owned(),
-                &policies(qos),
+                &policies(qos, self.keep_all_depth),
                 TopicKind::NoKey,
             )
             .map_err(|reason| BusError::transport("create a topic", &reason))
@@ -202,8 +205,9 @@ impl DdsBus {
     }
 }
 
-/// The policies of ROS, as its other middlewares set them.
-fn policies(qos: Qos) -> QosPolicies {
+/// The policies of ROS, as its other middlewares set them. RustDDS forgets all but the last 64 samples of a keep-all
+/// history, taken or not, unless a limit says otherwise.
+fn policies(qos: Qos, keep_all_depth: usize) -> QosPolicies {
     let wait = if qos.keeps_all() {
         rustdds::Duration::INFINITE
     } else {
@@ -221,6 +225,16 @@ fn policies(qos: Qos) -> QosPolicies {
             },
             History::KeepAll => policy::History::KeepAll,
         });
+    let builder = if qos.keeps_all() {
+        let samples = i32::try_from(keep_all_depth.max(1)).unwrap_or(i32::MAX);
+        builder.resource_limits(policy::ResourceLimits {
+            max_samples: samples,
+            max_instances: samples,
+            max_samples_per_instance: samples,
+        })
+    } else {
+        builder
+    };
     if qos.is_reliable() {
         builder.reliable(wait).build()
     } else {
