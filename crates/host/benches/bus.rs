@@ -73,7 +73,7 @@ impl Pair {
         self.echoing.store(false, Ordering::SeqCst);
         let start = Instant::now();
         for sent in 0..BURST {
-            if sent % PORTION == 0 && sent >= PORTION * PORTIONS {
+            if sent.is_multiple_of(PORTION) && sent >= PORTION * PORTIONS {
                 self.taken()?;
             }
             (self.near)(event)?;
@@ -166,7 +166,7 @@ fn far_end(back: SendBack) -> (Take, mpsc::Receiver<()>, Arc<AtomicBool>) {
         move |event| {
             if echoing.load(Ordering::SeqCst) {
                 back(&event);
-            } else if (arrived.fetch_add(1, Ordering::Relaxed) + 1) % PORTION == 0 {
+            } else if (arrived.fetch_add(1, Ordering::Relaxed) + 1).is_multiple_of(PORTION) {
                 portion.send(()).ok();
             }
         }
@@ -265,6 +265,7 @@ fn zenoh_sessions(config: &BusConfig) -> anyhow::Result<[zenoh::Session; 2]> {
     Ok([open()?, open()?])
 }
 
+#[expect(clippy::needless_pass_by_value, reason = "for map_err")]
 fn failed(reason: zenoh::Error) -> anyhow::Error {
     anyhow::anyhow!("{reason}")
 }

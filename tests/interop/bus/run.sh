@@ -4,7 +4,7 @@
 #   dds      Cyclone DDS both ways
 #   recording  the services of a running cell's recorder, called by zenoh-ros2-sdk
 #   outage   two machines and a router between them, with one link down for 10 s
-#   bench    what DDS through the bus costs over bare RustDDS (not part of the checks)
+#   bench    what the bus costs over the bare zenoh crate and over bare RustDDS (not part of the checks)
 # Without an argument: zenoh, dds, recording, outage. Needs root for the namespaces; installs its Python packages into a folder.
 set -euo pipefail
 
@@ -24,8 +24,9 @@ isolated() {
 }
 
 if [ "${1:-}" = bench ]; then
-    bench=$(cd "$root" && cargo build --release -p host --bench bus --message-format=json 2>/dev/null |
+    bench=$(cd "$root" && cargo bench --workspace --bench bus --no-run --message-format=json 2>/dev/null |
         sed -n 's/.*"executable":"\([^"]*bus-[^"]*\)".*/\1/p' | tail -1)
+    isolated "$bench"
     isolated "$bench" dds
     exit
 fi
@@ -35,7 +36,7 @@ mkdir -p "$scratch"
 [ -x "$venv/bin/python" ] || python3 -m venv "$venv"
 "$venv/bin/python" -m pip install --quiet --disable-pip-version-check \
     'eclipse-zenoh==1.10.*' 'zenoh-ros2-sdk==0.1.*' 'cyclonedds==11.*' 'rosbags==0.11.*' 'xxhash>=3' 'mcap==1.*'
-(cd "$root" && cargo build --quiet --release -p host --example bus_peer)
+(cd "$root" && cargo build --quiet --release --workspace --example bus_peer)
 peer=$target/release/examples/bus_peer
 
 for check in "${@:-zenoh dds recording outage}"; do
