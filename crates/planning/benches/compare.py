@@ -94,10 +94,10 @@ def apart(solver, name, seconds):
 
 
 def own(name, seconds):
-    command = ["cargo", "bench", "-q", "-p", "planning", "--bench", "tsplib", "--", "tsp", str(seconds), name]
+    command = ["cargo", "bench", "-q", "-p", "planning", "--bench", "tsplib", "--", "tsp", str(seconds), "1", name]
     text = subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True).stdout
     fields = next(line for line in text.splitlines() if line.startswith(name)).split()
-    return float(fields[3]), float(fields[5])
+    return float(fields[2]), float(fields[5])
 
 
 def main():

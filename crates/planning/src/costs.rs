@@ -45,6 +45,7 @@ pub struct CostMatrix {
     points: usize,
     entries: Vec<f64>,
     symmetric: bool,
+    largest: f64,
 }
 
 /// The serialised form; reading it back checks it again.
@@ -83,6 +84,7 @@ impl CostMatrix {
                 entries: entries.len(),
             });
         }
+        let mut largest = 0.0_f64;
         for from in 0..points {
             entries[from * points + from] = 0.0;
             for to in 0..points {
@@ -90,6 +92,7 @@ impl CostMatrix {
                 if !cost.is_finite() || cost < 0.0 {
                     return Err(CostError::Entry { from, to, cost });
                 }
+                largest = largest.max(cost);
             }
         }
         let symmetric =
@@ -98,6 +101,7 @@ impl CostMatrix {
             points,
             entries,
             symmetric,
+            largest,
         })
     }
 
@@ -149,6 +153,11 @@ impl CostMatrix {
         self.entries[from * self.points + to]
     }
 
+    /// The costs of all moves from a point.
+    pub(crate) fn row(&self, from: usize) -> &[f64] {
+        &self.entries[from * self.points..(from + 1) * self.points]
+    }
+
     /// True when every move costs the same both ways, to the last bit.
     pub fn is_symmetric(&self) -> bool {
         self.symmetric
@@ -164,6 +173,6 @@ impl CostMatrix {
 
     /// The largest entry; zero when there are fewer than two points.
     pub(crate) fn largest(&self) -> f64 {
-        self.entries.iter().copied().fold(0.0, f64::max)
+        self.largest
     }
 }

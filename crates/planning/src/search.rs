@@ -6,22 +6,22 @@
 //! comparisons need no tolerance; a free end is a dummy point without costs.
 
 mod ascent;
+mod beginning;
 mod directed;
+mod exchange;
 mod grid;
+mod near;
+mod ring;
 mod tour;
 
 use rand_pcg::Pcg32;
 use rand_pcg::rand_core::{RngCore, SeedableRng};
 
-use crate::costs::CostMatrix;
 use crate::problem::Checked;
 use crate::solve::{Options, Progress};
 use directed::Directed;
 use grid::Grid;
 use tour::Tour;
-
-/// Moves looked at for nearest-neighbour paths; each path looks at n² of them.
-const BEGINNING_MOVES: usize = 20_000_000;
 
 /// Kicks per point in the first cycle of cooling.
 const CYCLE: u64 = 10;
@@ -50,18 +50,20 @@ pub(crate) fn run(
     options: &Options,
     keep_going: &mut dyn FnMut(&Progress) -> bool,
 ) -> (Vec<usize>, u64) {
-    let grid = Grid::new(problem, &beginning(problem));
-    let beginning = (0..grid.points() as u32).collect();
     let mut reporter = Reporter::new(problem, keep_going);
     if problem.costs.is_symmetric() && problem.is_plain() {
-        iterate(Tour::new(&grid, beginning), &grid, options, &mut reporter)
+        let near = near::select_all(problem.costs, grid::scale(problem.costs));
+        let grid = Grid::new(
+            problem,
+            &beginning::by_cheapest(problem, &near),
+            Some(&near),
+        );
+        let order: Vec<u32> = (0..grid.points() as u32).collect();
+        iterate(Tour::new(&grid, &order), &grid, options, &mut reporter)
     } else {
-        iterate(
-            Directed::new(&grid, beginning),
-            &grid,
-            options,
-            &mut reporter,
-        )
+        let grid = Grid::new(problem, &beginning::by_nearest(problem), None);
+        let order = (0..grid.points() as u32).collect();
+        iterate(Directed::new(&grid, order), &grid, options, &mut reporter)
     }
 }
 
@@ -176,66 +178,4 @@ fn iterate(
         }
     }
     (grid.strip(&best), kicks)
-}
-
-/// The shortest of the given order and nearest-neighbour paths from spread starts; ties go to the earlier one.
-fn beginning(problem: &Checked) -> Vec<usize> {
-    let costs = problem.costs;
-    let starts = match problem.start {
-        Some(start) => vec![start],
-        None => (0..costs.len())
-            .filter(|&place| Some(place) != problem.end)
-            .collect(),
-    };
-    let affordable = (BEGINNING_MOVES / (costs.len() * costs.len())).clamp(1, starts.len());
-    let mut best = problem.given.clone();
-    let mut best_cost = costs.path_cost(&best);
-    for &start in starts.iter().step_by(starts.len().div_ceil(affordable)) {
-        let path = if problem.is_plain() {
-            nearest_neighbour(costs, start, problem.end)
-        } else {
-            nearest_allowed(problem, start)
-        };
-        let cost = costs.path_cost(&path);
-        if cost < best_cost {
-            (best, best_cost) = (path, cost);
-        }
-    }
-    best
-}
-
-/// Goes to the nearest place that is allowed next, beginning with `start` when that is allowed.
-fn nearest_allowed(problem: &Checked, start: usize) -> Vec<usize> {
-    let path = problem.build(|here, allowed| {
-        let cost = |place: usize| match here {
-            Some(here) => problem.costs.cost(here, place),
-            None => f64::from(u8::from(place != start)),
-        };
-        let nearest = allowed.iter().map(|&place| (place, cost(place)));
-        nearest
-            .reduce(|best, next| if next.1 < best.1 { next } else { best })
-            .map_or(start, |best| best.0)
-    });
-    path.unwrap_or_else(|_| problem.given.clone())
-}
-
-/// Goes to the nearest unvisited point, lowest index among equals, and ends at the fixed end.
-fn nearest_neighbour(costs: &CostMatrix, start: usize, end: Option<usize>) -> Vec<usize> {
-    let mut path = vec![start];
-    let mut rest: Vec<usize> = (0..costs.len())
-        .filter(|&i| i != start && Some(i) != end)
-        .collect();
-    while !rest.is_empty() {
-        let here = path[path.len() - 1];
-        let nearest = rest
-            .iter()
-            .enumerate()
-            .fold((0, f64::INFINITY), |best, (at, &next)| {
-                let cost = costs.cost(here, next);
-                if cost < best.1 { (at, cost) } else { best }
-            });
-        path.push(rest.remove(nearest.0));
-    }
-    path.extend(end);
-    path
 }

@@ -12,6 +12,8 @@ use std::collections::BinaryHeap;
 /// Rounds of the ascent.
 const ROUNDS: usize = 60;
 
+use super::near::Near;
+
 type Neighbours = Vec<Vec<(u32, i32)>>;
 
 /// A minimum spanning tree by what each point was reached from.
@@ -22,8 +24,13 @@ struct Tree {
     degree: Vec<i64>,
 }
 
-/// Of each point's neighbours the `keep` with the least alpha value, nearest first.
-pub(super) fn most_promising(near: &Neighbours, keep: usize) -> Neighbours {
+/// Of all points the `keep` with the least alpha value for each point, nearest first. Points without near neighbours
+/// stay out; a negative cost is no move.
+pub(super) fn most_promising(
+    near: &[Vec<(u32, i32)>],
+    keep: usize,
+    cost: impl Fn(u32, u32) -> i64,
+) -> Near {
     let graph = both_ways(near);
     let mut penalty = vec![0; graph.len()];
     let mut tree = spanning_tree(&graph, &penalty);
@@ -48,24 +55,31 @@ pub(super) fn most_promising(near: &Neighbours, keep: usize) -> Neighbours {
     }
     let penalty = best.1;
     let tree = spanning_tree(&graph, &penalty);
-    let alpha = |here: u32, there: u32, cost: i32| {
-        i64::from(cost) + penalty[here as usize] + penalty[there as usize]
-            - tree.longest_between(here, there)
-    };
-    graph
-        .iter()
-        .enumerate()
-        .map(|(here, others)| {
-            let mut ranked: Vec<(i64, i32, u32)> = others
-                .iter()
-                .map(|&(there, cost)| (alpha(here as u32, there, cost), cost, there))
-                .collect();
-            ranked.sort_unstable();
-            ranked.truncate(keep);
-            let mut kept: Vec<(u32, i32)> = ranked
-                .into_iter()
-                .map(|(_, cost, there)| (there, cost))
-                .collect();
+    let outwards: Vec<u32> = tree
+        .outwards()
+        .into_iter()
+        .filter(|&point| !graph[point as usize].is_empty())
+        .collect();
+    let mut longest = vec![0; graph.len()];
+    (0..graph.len() as u32)
+        .map(|here| {
+            if graph[here as usize].is_empty() {
+                return Vec::new();
+            }
+            tree.longest_to_all(here, &outwards, &mut longest);
+            let mut ranked: Vec<(i64, i32, u32)> = Vec::with_capacity(keep + 1);
+            for &there in outwards.iter().filter(|&&there| there != here) {
+                let cost = cost(here, there);
+                let penalties = penalty[here as usize] + penalty[there as usize];
+                let alpha = cost + penalties - longest[there as usize];
+                let entry = (alpha, cost as i32, there);
+                if cost >= 0 && (ranked.len() < keep || entry < ranked[keep - 1]) {
+                    ranked.insert(ranked.partition_point(|kept| *kept < entry), entry);
+                    ranked.truncate(keep);
+                }
+            }
+            let kept = ranked.into_iter().map(|(_, cost, there)| (there, cost));
+            let mut kept: Vec<(u32, i32)> = kept.collect();
             kept.sort_unstable_by_key(|&(there, cost)| (cost, there));
             kept
         })
@@ -73,8 +87,8 @@ pub(super) fn most_promising(near: &Neighbours, keep: usize) -> Neighbours {
 }
 
 /// The graph in which every neighbour is mutual.
-fn both_ways(near: &Neighbours) -> Neighbours {
-    let mut graph = near.clone();
+fn both_ways(near: &[Vec<(u32, i32)>]) -> Neighbours {
+    let mut graph = near.to_vec();
     for (here, others) in near.iter().enumerate() {
         for &(there, cost) in others {
             graph[there as usize].push((here as u32, cost));
@@ -123,20 +137,34 @@ fn spanning_tree(graph: &Neighbours, penalty: &[i64]) -> Tree {
 }
 
 impl Tree {
-    /// The dearest edge on the tree's path between two points; the least number when they are in different trees.
-    fn longest_between(&self, mut a: u32, mut b: u32) -> i64 {
-        let mut longest = i64::MIN / 4;
-        while a != b {
-            if self.depth[a as usize] < self.depth[b as usize] {
-                std::mem::swap(&mut a, &mut b);
-            }
-            let (parent, cost) = self.parent[a as usize];
-            if parent == a {
-                return i64::MIN / 4;
-            }
-            longest = longest.max(cost);
-            a = parent;
+    /// The points, each behind its parent.
+    fn outwards(&self) -> Vec<u32> {
+        let mut order: Vec<u32> = (0..self.parent.len() as u32).collect();
+        order.sort_by_key(|&point| self.depth[point as usize]);
+        order
+    }
+
+    /// The dearest edge on the tree's path from `here` to each point; very little to points of other trees.
+    fn longest_to_all(&self, here: u32, outwards: &[u32], longest: &mut [i64]) {
+        const NONE: i64 = i64::MIN / 4;
+        const UNKNOWN: i64 = i64::MIN;
+        longest.fill(UNKNOWN);
+        longest[here as usize] = NONE;
+        let mut at = here as usize;
+        while self.parent[at].0 as usize != at {
+            let (parent, cost) = self.parent[at];
+            longest[parent as usize] = longest[at].max(cost);
+            at = parent as usize;
         }
-        longest
+        for &point in outwards {
+            let (parent, cost) = self.parent[point as usize];
+            if longest[point as usize] == UNKNOWN {
+                longest[point as usize] = if parent == point {
+                    NONE
+                } else {
+                    longest[parent as usize].max(cost)
+                };
+            }
+        }
     }
 }

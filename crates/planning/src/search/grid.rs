@@ -1,22 +1,15 @@
 //! Holds a problem in the form the search wants: integer costs, a first and a last point, near neighbours.
 
 use super::ascent::most_promising;
+use super::near::{Near, select};
+use crate::costs::CostMatrix;
 use crate::problem::Checked;
-
-/// Near neighbours per point and direction.
-const NEIGHBOURS: usize = 5;
-
-/// Nearest points among which relative neighbours are sought.
-const LOOK: usize = 300;
-
-/// Most neighbours kept.
-const MOST: usize = 10;
 
 /// The largest cost becomes this integer; rounding is 7e-9 of it.
 const LARGEST: f64 = (1_u32 << 26) as f64;
 
 /// Neighbours kept of those, where the search goes by how likely they belong to a shortest ring.
-const PROMISING: usize = 5;
+const PROMISING: usize = 6;
 
 /// Cost of the edge that closes the path to a ring: so cheap that no exchange of a few edges removes it.
 const CLOSING: i32 = -(1 << 30);
@@ -30,8 +23,8 @@ pub(super) struct Grid {
     points: usize,
     entries: Vec<i32>,
     symmetric: bool,
-    after: Vec<Vec<(u32, i32)>>,
-    before: Vec<Vec<(u32, i32)>>,
+    after: Near,
+    before: Option<Near>,
     pub(super) rules: Rules,
 }
 
@@ -96,9 +89,20 @@ impl Rules {
     }
 }
 
+/// What a cost is multiplied with to make it an integer.
+pub(super) fn scale(costs: &CostMatrix) -> f64 {
+    let largest = costs.largest();
+    if largest > 0.0 {
+        LARGEST / largest
+    } else {
+        0.0
+    }
+}
+
 impl Grid {
-    /// `beginning` is the order of places by which the points are numbered; it becomes 0, 1, 2, …
-    pub(super) fn new(problem: &Checked, beginning: &[usize]) -> Self {
+    /// `beginning` is the order of places by which the points are numbered; it becomes 0, 1, 2, … The near places in
+    /// the caller's numbers are given where all points are plain and moves symmetric.
+    pub(super) fn new(problem: &Checked, beginning: &[usize], near: Option<&Near>) -> Self {
         let costs = problem.costs;
         let head = problem.start.is_none().then_some(None);
         let tail = problem.end.is_none().then_some(None);
@@ -121,87 +125,81 @@ impl Grid {
             }
         }
         let places = labels.len();
-        let largest = costs.largest();
-        let scale = if largest > 0.0 {
-            LARGEST / largest
-        } else {
-            0.0
-        };
+        let scale = scale(costs);
         let mut entries = Vec::with_capacity(places * places);
         for &from in &labels {
             entries.extend(labels.iter().map(|&to| match (from, to) {
-                (Some(from), Some(to)) => (costs.cost(from, to) * scale).round() as i32,
+                (Some(from), Some(to)) => (costs.cost(from, to) * scale + 0.5) as i32,
                 _ => 0,
             }));
         }
         entries[points - 1] = CLOSING;
         entries[(points - 1) * places] = CLOSING;
-        let symmetric = costs.is_symmetric();
         let rules = Rules::new(problem, &labels, points);
         let mut grid = Self {
             labels,
             points,
             entries,
-            symmetric,
-            after: Vec::new(),
-            before: Vec::new(),
+            symmetric: costs.is_symmetric(),
+            after: Near::from_iter([]),
+            before: None,
             rules,
         };
-        grid.after = grid.select(Self::cost);
-        if symmetric && problem.is_plain() {
-            grid.after = most_promising(&grid.after, PROMISING);
-        }
-        grid.before = if symmetric {
-            grid.after.clone()
+        if let Some(near) = near {
+            grid.after = most_promising(&grid.renumber(near), PROMISING, |a, b| grid.cost(a, b));
         } else {
-            grid.select(|grid, here, there| grid.cost(there, here))
-        };
+            grid.after = grid.nearest(Self::cost);
+            if !grid.symmetric {
+                grid.before = Some(grid.nearest(|grid, here, there| grid.cost(there, here)));
+            }
+        }
         grid
     }
 
-    /// For each point the nearest others, nearest first, lowest index among equals; dummies stay out. Beside the
-    /// nearest, a point further off is kept when no kept one is nearer to it (a relative neighbour, Toussaint 1980):
-    /// so clusters stay connected, whatever the unit of cost.
-    fn select(&self, cost: impl Fn(&Self, u32, u32) -> i64) -> Vec<Vec<(u32, i32)>> {
+    /// Near places of each place in the numbers of the grid; dummies have none, and the ends are not near each other.
+    fn renumber(&self, near: &Near) -> Vec<Vec<(u32, i32)>> {
+        let mut number = vec![0; near.len()];
+        for (at, label) in self.labels.iter().enumerate() {
+            if let Some(label) = label {
+                number[*label] = at as u32;
+            }
+        }
+        let others = |here: usize, label: usize| {
+            near.of(label as u32)
+                .iter()
+                .map(|&(there, cost)| (number[there as usize], cost))
+                .filter(|&(there, _)| self.cost(here as u32, there) >= 0)
+                .collect()
+        };
+        self.labels
+            .iter()
+            .enumerate()
+            .map(|(here, label)| label.map_or(Vec::new(), |label| others(here, label)))
+            .collect()
+    }
+
+    /// For each place the nearest places of other points; dummies stay out.
+    fn nearest(&self, cost: impl Fn(&Self, u32, u32) -> i64) -> Near {
         let places = self.labels.len() as u32;
         let point = |place: u32| self.rules.point_of[place as usize];
+        let wanted = |place: u32| self.labels[place as usize].is_some();
         (0..places)
             .map(|here| {
-                let wanted = |point: u32| self.labels[point as usize].is_some();
                 if !wanted(here) {
                     return Vec::new();
                 }
-                let mut others: Vec<(u32, i32)> = (0..places)
+                let others = (0..places)
                     .filter(|&there| {
                         point(there) != point(here) && wanted(there) && self.cost(here, there) >= 0
                     })
                     .map(|there| (there, cost(self, here, there) as i32))
                     .collect();
-                let key = |&(there, cost): &(u32, i32)| (cost, there);
-                let look = LOOK.min(others.len());
-                if look < others.len() {
-                    others.select_nth_unstable_by_key(look, key);
-                    others.truncate(look);
-                }
-                others.sort_unstable_by_key(key);
-                let mut kept: Vec<(u32, i32)> = Vec::new();
-                for (rank, &(there, distance)) in others.iter().enumerate() {
-                    let shadowed = || {
-                        kept.iter()
-                            .any(|&(near, _)| cost(self, near, there) < i64::from(distance))
-                    };
-                    if rank < NEIGHBOURS || !shadowed() {
-                        kept.push((there, distance));
-                    }
-                    if kept.len() >= MOST {
-                        break;
-                    }
-                }
-                kept
+                select(others, |near, there| cost(self, near, there))
             })
             .collect()
     }
 
+    #[inline]
     pub(super) fn cost(&self, from: u32, to: u32) -> i64 {
         i64::from(self.entries[from as usize * self.labels.len() + to as usize])
     }
@@ -216,18 +214,20 @@ impl Grid {
     }
 
     /// Near points, to which a move is cheap, with its cost.
+    #[inline]
     pub(super) fn near(&self, here: u32) -> &[(u32, i32)] {
-        &self.after[here as usize]
+        self.after.of(here)
     }
 
     /// Points to which a move from here is cheap.
     pub(super) fn after(&self, here: u32) -> impl Iterator<Item = u32> {
-        self.after[here as usize].iter().map(|&(point, _)| point)
+        self.after.of(here).iter().map(|&(point, _)| point)
     }
 
     /// Points from which a move to here is cheap.
     pub(super) fn before(&self, here: u32) -> impl Iterator<Item = u32> {
-        self.before[here as usize].iter().map(|&(point, _)| point)
+        let before = self.before.as_ref().unwrap_or(&self.after);
+        before.of(here).iter().map(|&(point, _)| point)
     }
 
     pub(super) fn length(&self, path: &[u32]) -> i64 {
