@@ -1,0 +1,280 @@
+//! What the interface contract asks of a session's messages: numbers, lengths, names, finite values.
+
+use probecell_msgs::sensor_msgs::JointState;
+use probecell_msgs::{InspectionPlan, InspectionPoint, MachineState, ProbeEvent};
+
+use super::{Missing, SessionError};
+use crate::reader::Stamped;
+
+pub(super) fn check_machine(
+    topic: &str,
+    states: &[Stamped<MachineState>],
+) -> Result<(), SessionError> {
+    for (index, Stamped { message, .. }) in states.iter().enumerate() {
+        let (names, values) = (message.temperature_names.len(), message.temperatures.len());
+        if names != values {
+            return Err(SessionError::TemperatureCount {
+                topic: topic.to_owned(),
+                index,
+                names,
+                values,
+            });
+        }
+        finite(topic, index, "temperatures", &message.temperatures)?;
+        finite(topic, index, "spindle_speed", &[message.spindle_speed])?;
+        finite(topic, index, "feed_override", &[message.feed_override])?;
+    }
+    Ok(())
+}
+
+pub(super) fn check_joints(
+    topic: &str,
+    states: &[Stamped<JointState>],
+) -> Result<(), SessionError> {
+    for (index, Stamped { message, .. }) in states.iter().enumerate() {
+        let fields = [
+            ("position", &message.position),
+            ("velocity", &message.velocity),
+            ("effort", &message.effort),
+        ];
+        for (field, values) in fields {
+            // sensor_msgs/JointState allows each list to be empty.
+            if !values.is_empty() && values.len() != message.name.len() {
+                let (names, values) = (message.name.len(), values.len());
+                return Err(SessionError::AxisCount {
+                    topic: topic.to_owned(),
+                    index,
+                    field,
+                    names,
+                    values,
+                });
+            }
+            finite(topic, index, field, values)?;
+        }
+    }
+    Ok(())
+}
+
+pub(super) fn check_plan(topic: &str, plan: &InspectionPlan) -> Result<(), SessionError> {
+    let pose = &plan.part_pose;
+    let position = [pose.position.x, pose.position.y, pose.position.z];
+    let orientation = [
+        pose.orientation.x,
+        pose.orientation.y,
+        pose.orientation.z,
+        pose.orientation.w,
+    ];
+    finite(
+        topic,
+        0,
+        "part_pose",
+        &[&position[..], &orientation[..]].concat(),
+    )?;
+    let ball = &plan.stylus.ball_center;
+    finite(
+        topic,
+        0,
+        "stylus",
+        &[ball.x, ball.y, ball.z, plan.stylus.ball_radius],
+    )?;
+    for (number, feature) in plan.features.iter().enumerate() {
+        let (origin, axis) = (&feature.origin, &feature.axis);
+        let fields: [(&str, &[f64]); 4] = [
+            ("origin", &[origin.x, origin.y, origin.z]),
+            ("axis", &[axis.x, axis.y, axis.z]),
+            ("radius", &[feature.radius]),
+            ("half_angle", &[feature.half_angle]),
+        ];
+        // A tolerance may be open to one side; no number it must not be.
+        let tolerances = [feature.lower_tolerance, feature.upper_tolerance];
+        let tolerances = tolerances.map(|value| if value.is_nan() { value } else { 0.0 });
+        for (field, values) in fields.into_iter().chain([("tolerance", &tolerances[..])]) {
+            finite(topic, 0, format_args!("features[{number}].{field}"), values)?;
+        }
+    }
+    for (number, operation) in plan.operations.iter().enumerate() {
+        let fields: [(&str, &[f64]); 2] = [
+            (
+                "tool_radius or feed",
+                &[operation.tool_radius, operation.feed],
+            ),
+            ("rotary_positions", &operation.rotary_positions),
+        ];
+        for (field, values) in fields {
+            finite(
+                topic,
+                0,
+                format_args!("operations[{number}].{field}"),
+                values,
+            )?;
+        }
+    }
+    for (number, point) in plan.points.iter().enumerate() {
+        check_point(topic, plan, number, point)?;
+    }
+    Ok(())
+}
+
+fn check_point(
+    topic: &str,
+    plan: &InspectionPlan,
+    number: usize,
+    point: &InspectionPoint,
+) -> Result<(), SessionError> {
+    if point.feature as usize >= plan.features.len() {
+        let (feature, features) = (point.feature, plan.features.len());
+        return Err(SessionError::NoSuchFeature {
+            point: number,
+            feature,
+            features,
+        });
+    }
+    // -1: not cut on this machine; 0 is what a plan without operations leaves unsaid.
+    let unsaid = plan.operations.is_empty() && point.operation == 0;
+    if !unsaid && !(-1..plan.operations.len() as i32).contains(&point.operation) {
+        let (operation, operations) = (point.operation, plan.operations.len());
+        return Err(SessionError::NoSuchOperation {
+            point: number,
+            operation,
+            operations,
+        });
+    }
+    let (at, normal) = (&point.position, &point.normal);
+    let fields: [(&str, &[f64]); 9] = [
+        ("position", &[at.x, at.y, at.z]),
+        ("normal", &[normal.x, normal.y, normal.z]),
+        ("rotary_positions", &point.rotary_positions),
+        ("approach_distance", &[point.approach_distance]),
+        ("retract_distance", &[point.retract_distance]),
+        ("feed", &[point.feed]),
+        ("cut_length", &[point.cut_length]),
+        ("tool_height", &[point.tool_height]),
+        ("overhang", &[point.overhang]),
+    ];
+    for (field, values) in fields {
+        finite(topic, 0, format_args!("points[{number}].{field}"), values)?;
+    }
+    Ok(())
+}
+
+/// Events are numbered from 0 in the order they stand, whatever plan they are of. Gives the gaps.
+pub(super) fn check_numbers(events: &[Stamped<ProbeEvent>]) -> Result<Vec<Missing>, SessionError> {
+    let mut next = 0;
+    let mut seen = std::collections::BTreeSet::new();
+    let mut missing = Vec::new();
+    for event in events {
+        let sequence = event.message.sequence;
+        if !seen.insert(sequence) {
+            return Err(SessionError::DuplicateEvent(sequence));
+        }
+        if sequence < next {
+            return Err(SessionError::ReorderedEvent {
+                sequence,
+                after: next - 1,
+            });
+        }
+        if sequence > next {
+            missing.push(Missing {
+                expected: next,
+                before: sequence,
+                count: sequence - next,
+            });
+        }
+        next = sequence.saturating_add(1);
+    }
+    let lost = |gap: &&Missing| gap.count > events.len() as u64;
+    match missing.iter().find(lost) {
+        Some(gap) => Err(SessionError::MissingEvents(*gap)),
+        None => Ok(missing),
+    }
+}
+
+/// Every event is of some plan of the bag.
+pub(super) fn check_plans(
+    plans: &[InspectionPlan],
+    events: &[Stamped<ProbeEvent>],
+) -> Result<(), SessionError> {
+    let known = |event: &&Stamped<ProbeEvent>| {
+        !plans
+            .iter()
+            .any(|plan| plan.plan_id == event.message.plan_id)
+    };
+    match events.iter().find(known) {
+        Some(event) => Err(SessionError::EventOfOtherPlan {
+            sequence: event.message.sequence,
+            found: event.message.plan_id.clone(),
+            expected: plans
+                .iter()
+                .map(|plan| plan.plan_id.clone())
+                .collect::<Vec<_>>()
+                .join(" or "),
+        }),
+        None => Ok(()),
+    }
+}
+
+pub(super) fn check_events(
+    topic: &str,
+    plan: &InspectionPlan,
+    events: &[Stamped<ProbeEvent>],
+) -> Result<(), SessionError> {
+    for (index, Stamped { message: event, .. }) in events.iter().enumerate() {
+        let sequence = event.sequence;
+        if event.plan_id != plan.plan_id {
+            let (found, expected) = (event.plan_id.clone(), plan.plan_id.clone());
+            return Err(SessionError::EventOfOtherPlan {
+                sequence,
+                found,
+                expected,
+            });
+        }
+        if event.point_index as usize >= plan.points.len() {
+            let (point_index, points) = (event.point_index, plan.points.len());
+            return Err(SessionError::NoSuchPoint {
+                sequence,
+                point_index,
+                points,
+            });
+        }
+        if event.axis_names.len() != event.axis_positions.len() {
+            return Err(SessionError::AxisCount {
+                topic: topic.to_owned(),
+                index,
+                field: "axis_positions",
+                names: event.axis_names.len(),
+                values: event.axis_positions.len(),
+            });
+        }
+        finite(topic, index, "axis_positions", &event.axis_positions)?;
+        finite(
+            topic,
+            index,
+            "tip",
+            &[event.tip.x, event.tip.y, event.tip.z],
+        )?;
+        let approach = &event.approach;
+        finite(
+            topic,
+            index,
+            "approach",
+            &[approach.x, approach.y, approach.z, event.feed],
+        )?;
+    }
+    Ok(())
+}
+
+pub(super) fn finite(
+    topic: &str,
+    index: usize,
+    field: impl std::fmt::Display,
+    values: &[f64],
+) -> Result<(), SessionError> {
+    if values.iter().all(|value| value.is_finite()) {
+        return Ok(());
+    }
+    Err(SessionError::NotFinite {
+        topic: topic.to_owned(),
+        index,
+        field: field.to_string(),
+    })
+}
