@@ -1,35 +1,18 @@
 //! The interpreter against FANUC's rules, and the generated programs against the plan and the decision table.
 
-use std::collections::BTreeMap;
+mod parts;
 
 use controllers::{
+    control::{End, Event},
     fanuc::{
-        End, Event, Interpreter, Probe,
+        Interpreter,
         decision::{Feature, main_program},
-        interpreter::{Position, Variables},
         program::{UNPLANNED_TOUCH, measuring_program},
     },
     results::printed_touches,
 };
-use metrology::decision::{DecisionLimits, Policy, Reading, Side, Verdict, decide};
-use probecell_msgs::{
-    InspectionPlan, InspectionPoint, Stylus,
-    geometry_msgs::{Point, Vector3},
-};
-
-/// Nothing is in the way.
-struct Air;
-
-impl Probe for Air {
-    fn skip(
-        &mut self,
-        _from: &Position,
-        _to: &Position,
-        _variables: &Variables,
-    ) -> Option<Position> {
-        None
-    }
-}
+use metrology::decision::{DecisionLimits, Policy, Reading, Side, decide};
+use parts::{Air, Bore, ORDER, axes, bore, prints};
 
 /// Value of #100 after a program.
 fn result(text: &str) -> Option<f64> {
@@ -132,142 +115,60 @@ fn mistakes_are_told_with_line_and_column_and_nothing_runs_for_ever() {
     assert_eq!(run("O1\nM98P77\n"), "line 2: there is no program O0077");
 }
 
-/// A bore about Z below Z = 0, and whether the probe works.
-struct Bore {
-    /// mm, of the ball's centre at contact.
-    reach: f64,
-    works: bool,
-}
-
-impl Probe for Bore {
-    fn skip(&mut self, from: &Position, to: &Position, _variables: &Variables) -> Option<Position> {
-        if !self.works {
-            return None;
-        }
-        let at = |share: f64| -> BTreeMap<char, f64> {
-            from.iter()
-                .map(|(axis, start)| (*axis, start + (to[axis] - start) * share))
-                .collect()
-        };
-        let inside =
-            |place: &Position| place[&'Z'] > 0.0 || place[&'X'].hypot(place[&'Y']) < self.reach;
-        if inside(to) {
-            return None;
-        }
-        // Bisection on the way in which it leaves the free space.
-        let (mut free, mut hit) = (0.0, 1.0);
-        for _ in 0..60 {
-            let middle = 0.5 * (free + hit);
-            if inside(&at(middle)) {
-                free = middle;
-            } else {
-                hit = middle;
-            }
-        }
-        Some(at(hit))
-    }
-}
-
-fn bore_plan() -> InspectionPlan {
-    let points = (0..6)
-        .map(|index| {
-            let (sine, cosine) = (f64::from(index) * std::f64::consts::FRAC_PI_3).sin_cos();
-            InspectionPoint {
-                position: Point {
-                    x: 0.025 * cosine,
-                    y: 0.025 * sine,
-                    z: -0.005,
-                },
-                normal: Vector3 {
-                    x: -cosine,
-                    y: -sine,
-                    z: 0.0,
-                },
-                approach_distance: 0.002,
-                retract_distance: 0.002,
-                feed: 0.5e-3,
-                ..InspectionPoint::default()
-            }
-        })
-        .collect();
-    let stylus = Stylus {
-        ball_radius: 0.003,
-        ..Stylus::default()
-    };
-    InspectionPlan {
-        plan_id: "bore".to_owned(),
-        stylus,
-        points,
-        ..InspectionPlan::default()
-    }
-}
-
-fn measure(bore: &mut Bore) -> (End, Vec<Event>) {
-    let order = [3, 0, 5, 1, 4, 2];
-    let text = measuring_program(&bore_plan(), &order, 0.02, 0.03).expect("a good plan");
+fn measure(part: &mut Bore, offset: f64) -> (End, Vec<Event>) {
+    let (plan, order) = bore();
+    let text = measuring_program(&plan, &order, &axes(), 0.03).expect("a good plan");
     let mut controller = Interpreter::new(&['X', 'Y', 'Z']);
-    controller.position.insert('Z', 50.0);
-    controller.load(&text).expect("readable");
-    controller.run(390, bore).expect("runs")
-}
-
-fn prints(events: &[Event]) -> String {
-    let lines = events.iter().filter_map(|event| match event {
-        Event::Print(line) => Some(format!("{line}\n")),
-        _ => None,
-    });
-    lines.collect()
+    controller.position().insert('Z', 50.0);
+    // The interpreter has no work offsets: one of X is what the program would have found as #5021 less #5041.
+    let shifted = text.replace("#111=#5021-#5041", &format!("#111=#5021-#5041+{offset}"));
+    assert_ne!(text, shifted);
+    controller.load(&shifted).expect("readable");
+    controller.run(390, part).expect("runs")
 }
 
 #[test]
 fn a_measuring_program_touches_each_point_of_the_plan_in_order() {
-    let (end, events) = measure(&mut Bore {
-        reach: 22.05,
-        works: true,
-    });
+    let (plan, _) = bore();
+    let (end, events) = measure(&mut Bore::of(22.05), 0.0);
     assert_eq!(end, End::Finished);
-    let touches = printed_touches(&prints(&events)).expect("its own lines");
-    assert_eq!(
-        touches
-            .iter()
-            .map(|touch| touch.point_index)
-            .collect::<Vec<_>>(),
-        [3, 0, 5, 1, 4, 2]
-    );
-    let plan = bore_plan();
-    for touch in touches {
-        let point = &plan.points[touch.point_index as usize];
-        let expected = [-point.normal.x * 22.05, -point.normal.y * 22.05, -5.0];
-        let off = (0..3)
-            .map(|axis| (touch.position[axis] - expected[axis]).abs())
-            .fold(0.0, f64::max);
-        assert!(
-            touch.touched && off < 1e-4,
-            "point {}: {:?}",
-            touch.point_index,
-            touch.position
-        );
+    parts::stays_clear(&events, 22.05);
+    let printed = printed_touches(&prints(&events)).expect("its own lines");
+    let points: Vec<_> = printed.touches.iter().map(|one| one.point_index).collect();
+    assert_eq!(points, ORDER);
+    for touch in printed.touches {
+        assert!(touch.touched);
+        parts::at_contact(&plan, touch.point_index, &touch.position, 22.05);
     }
-    let crosses = |event: &Event| matches!(event, Event::Move(at) if at[&'Z'] < 0.0 && at[&'X'].hypot(at[&'Y']) > 22.05);
-    assert!(
-        !events.iter().any(crosses),
-        "an ordinary move goes into the material"
-    );
+}
+
+#[test]
+fn a_shifted_work_offset_changes_no_machine_position() {
+    let (plan, _) = bore();
+    let mut part = Bore::of(22.05);
+    // Work coordinates are 7 mm less than those of the machine in X.
+    part.shift = 7.0;
+    let (end, events) = measure(&mut part, 7.0);
+    assert_eq!(end, End::Finished);
+    for touch in printed_touches(&prints(&events))
+        .expect("its own lines")
+        .touches
+    {
+        parts::at_contact(&plan, touch.point_index, &touch.position, 22.05);
+    }
 }
 
 #[test]
 fn a_dead_probe_prints_misses_and_a_small_bore_ends_in_the_alarm_of_an_unplanned_touch() {
-    let (end, events) = measure(&mut Bore {
-        reach: 22.0,
-        works: false,
-    });
+    let mut dead = Bore::of(22.0);
+    dead.works = false;
+    let (end, events) = measure(&mut dead, 0.0);
     assert_eq!(end, End::Finished);
-    let touches = printed_touches(&prints(&events)).expect("its own lines");
+    let touches = printed_touches(&prints(&events))
+        .expect("its own lines")
+        .touches;
     assert!(touches.len() == 6 && touches.iter().all(|touch| !touch.touched));
-    let (end, events) = measure(&mut Bore {
-        reach: 15.0,
-        works: true,
-    });
+    let (end, events) = measure(&mut Bore::of(15.0), 0.0);
     assert_eq!(
         end,
         End::Alarm {
@@ -275,19 +176,38 @@ fn a_dead_probe_prints_misses_and_a_small_bore_ends_in_the_alarm_of_an_unplanned
             text: "UNPLANNED TOUCH".to_owned()
         }
     );
-    assert!(
-        prints(&events).is_empty(),
+    assert_eq!(
+        prints(&events),
+        "AXES X Y Z\n",
         "nothing is called a measurement"
     );
 }
 
 #[test]
 fn a_plan_that_cannot_be_programmed_is_refused() {
-    let mut plan = bore_plan();
-    assert!(measuring_program(&plan, &[9], 0.02, 0.03).is_err());
-    plan.points[2].position.y = f64::NAN;
-    let error = measuring_program(&plan, &[2], 0.02, 0.03).expect_err("NaN");
-    assert_eq!(error.to_string(), "point 2: a coordinate is NaN");
+    let (plan, order) = bore();
+    let refused = |order: &probecell_msgs::MeasurementOrder| {
+        measuring_program(&plan, order, &axes(), 0.03)
+            .expect_err("a bad order")
+            .to_string()
+    };
+    let mut changed = order.clone();
+    changed.order[0] = 9;
+    assert!(refused(&changed).starts_with("the moves touch points"));
+    let mut changed = order.clone();
+    changed.moves[4].axis_positions[1] = f64::NAN;
+    assert_eq!(
+        refused(&changed),
+        "move 4 to point 3: axis Y at NaN mm is outside its limits"
+    );
+    let mut changed = order.clone();
+    changed.axis_names[2] = "W".to_owned();
+    assert!(refused(&changed).contains("axis \"W\", which the controller does not have"));
+    let error = measuring_program(&plan, &order, &axes(), 0.0).expect_err("no feed");
+    assert_eq!(
+        error.to_string(),
+        "travel_feed = 0 is not a positive finite number"
+    );
 }
 
 const NOMINAL: f64 = 19.8e-3;
@@ -348,14 +268,6 @@ fn the_macro_gives_the_published_rows() {
 
 #[test]
 fn the_macro_and_the_cell_decide_alike() {
-    let rows = |verdict| match verdict {
-        Verdict::MeasurementInvalid => 0.0,
-        Verdict::Qualified => 1.0,
-        Verdict::OvercutNotCompensable => 2.0,
-        Verdict::ToolWorn => 3.0,
-        Verdict::NotConverged => 4.0,
-        Verdict::Compensable => 5.0,
-    };
     let mut seen = [0; 6];
     for bore in [false, true] {
         let side = if bore { Side::Bore } else { Side::Outer };
@@ -377,8 +289,8 @@ fn the_macro_and_the_cell_decide_alike() {
                     );
                     let cell = cell.expect("good limits");
                     let (row, after) = decided(Some(size), wear, count, bore);
-                    let same =
-                        row == rows(cell.verdict) && (after - cell.new_wear * 1e3).abs() < 1e-9;
+                    let same = row == parts::row(cell.verdict)
+                        && (after - cell.new_wear * 1e3).abs() < 1e-9;
                     assert!(
                         same,
                         "{size} with wear {wear}: row {row}, {after}; cell {cell:?}"

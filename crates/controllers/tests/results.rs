@@ -1,6 +1,9 @@
 //! Readers of other controllers' reports, against the formats as published and against garbage.
 
-use controllers::results::{inspection_printout, printed_touches, surface_results};
+use controllers::{
+    axes::Letter,
+    results::{Frame, inspection_printout, printed_touches, sinumerik_log, surface_results},
+};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -56,7 +59,11 @@ fn a_printout_that_contradicts_itself_is_refused() {
 
 #[test]
 fn a_surface_result_file_is_read() {
-    let points = surface_results(SURFACE).expect("as published");
+    let file = surface_results(SURFACE).expect("as published");
+    assert_eq!(file.header[0], ("TOOLPATH".to_owned(), "flank".to_owned()));
+    assert_eq!(file.header.len(), 3);
+    let points = file.points;
+    assert_eq!(points[1].tolerance, Some([0.05, -0.05]));
     assert_eq!(points.len(), 2);
     assert_eq!(points[0].nominal, Some([-0.4187, 0.0, 12.5]));
     assert_eq!(points[0].center, Some([-0.4187, 0.0, 15.512]));
@@ -91,14 +98,102 @@ fn a_broken_surface_result_file_is_told_with_line_and_column() {
     assert!(surface_results("").is_err());
 }
 
+const LOG: &str = "\
+%_N_RPA_INI
+;$PATH=/_N_INITIAL_INI
+CHANDATA(1)
+$R[9]=-0.25 ; left by the operator
+R80=12.5 _OVR[16]=.004
+TOUCH 1 17 $AA_MM[X]=1.5 $AA_MM[Y]=-22. $AA_MM[C]=90
+MISS 2 4 $AA_IM[X]=0 $AA_IM[Y]=-24 $AA_IM[C]=90
+TOUCH 3 5 $AA_MW[X]=1.5
+M17
+";
+
+#[test]
+fn a_sinumerik_log_is_read() {
+    let log = sinumerik_log(LOG).expect("as written");
+    let values = [("R9", -0.25), ("R80", 12.5), ("_OVR[16]", 0.004)];
+    assert_eq!(
+        log.values,
+        values.map(|(name, value)| (name.to_owned(), value))
+    );
+    let [touch, miss, work] = log.touches.as_slice() else {
+        panic!("{:?}", log.touches);
+    };
+    assert!(touch.touched && !miss.touched && work.frame == Frame::Work);
+    assert_eq!(
+        (touch.number, touch.point_index, touch.frame),
+        (1, 17, Frame::Machine)
+    );
+    assert_eq!(touch.position[2], (Letter::C, 90.0));
+    for (text, expected) in [
+        (
+            "TOUCH 1 17",
+            "line 1, column 11: expected NAME=value, found the end of the line",
+        ),
+        (
+            "\nTOUCH 1 17 R5=2",
+            "line 2, column 12: expected $AA_MM, $AA_MW, $AA_IM or $AA_IW of an axis, found \"R5=2\"",
+        ),
+        (
+            "TOUCH 1 17 $AA_MM[X]=1 $AA_MW[Y]=2",
+            "line 1, column 24: expected one coordinate system in a line, found \"$AA_MW[Y]=2\"",
+        ),
+        (
+            "TOUCH 1 17 $AA_MM[X]=1 $AA_MM[X]=2",
+            "line 1, column 24: expected each axis once, found \"$AA_MM[X]=2\"",
+        ),
+        (
+            "R5=inf",
+            "line 1, column 1: expected NAME=value, found \"R5=inf\"",
+        ),
+    ] {
+        assert_eq!(
+            sinumerik_log(text).expect_err("malformed").to_string(),
+            expected
+        );
+    }
+}
+
+#[test]
+fn printed_touches_name_their_axes() {
+    let printed = printed_touches("AXES X Z C\n\nTOUCH 1 0 1. 2. 90.\n").expect("good");
+    assert_eq!(printed.axes, [Letter::X, Letter::Z, Letter::C]);
+    assert_eq!(printed.touches[0].position, [1.0, 2.0, 90.0]);
+    for (text, expected) in [
+        (
+            "TOUCH 1 0 1.\n",
+            "line 1, column 1: expected AXES and their letters, found \"TOUCH 1 0 1.\"",
+        ),
+        (
+            "AXES X X\n",
+            "line 1, column 8: expected the letter of an axis, once, found \"X\"",
+        ),
+        (
+            "AXES X Y\nTOUCH 1 0 1.\n",
+            "line 2, column 13: expected a finite number, found the end of the line",
+        ),
+        (
+            "AXES X\nAXES Y\n",
+            "line 2, column 6: expected the same axes as before, found \"Y\"",
+        ),
+    ] {
+        assert_eq!(
+            printed_touches(text).expect_err("malformed").to_string(),
+            expected
+        );
+    }
+}
+
 #[test]
 fn garbage_gives_one_error_that_points_into_it() {
     let mut random = Pcg64::seed_from_u64(7);
-    let touches = "TOUCH 1 17 1.5 -22.0 -5.0\nMISS 2 4 0. 0. 0.\n";
-    assert_eq!(printed_touches(touches).expect("good").len(), 2);
+    let touches = "AXES X Y Z\nTOUCH 1 17 1.5 -22.0 -5.0\nMISS 2 4 0. 0. 0.\n";
+    assert_eq!(printed_touches(touches).expect("good").touches.len(), 2);
     let mut refused = 0;
     for _ in 0..50_000 {
-        for text in [PRINTOUT, SURFACE, touches] {
+        for text in [PRINTOUT, SURFACE, touches, LOG] {
             let mut bytes = text.as_bytes().to_vec();
             for _ in 0..random.random_range(1..4) {
                 let at = random.random_range(0..bytes.len());
@@ -112,6 +207,7 @@ fn garbage_gives_one_error_that_points_into_it() {
                 inspection_printout(&damaged).err(),
                 surface_results(&damaged).err(),
                 printed_touches(&damaged).err(),
+                sinumerik_log(&damaged).err(),
             ];
             for error in errors.into_iter().flatten() {
                 let lines = damaged.lines().count().max(1);
@@ -123,5 +219,5 @@ fn garbage_gives_one_error_that_points_into_it() {
             }
         }
     }
-    assert!(refused > 250_000, "only {refused} were refused");
+    assert!(refused > 450_000, "only {refused} were refused");
 }

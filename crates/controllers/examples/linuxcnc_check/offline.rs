@@ -3,9 +3,9 @@
 use std::{fs, path::Path, process::Command, process::Stdio};
 
 use anyhow::{Context, ensure};
-use controllers::linuxcnc::{
+use controllers::{
     axes::{Axis, Letter},
-    program::{self, Settings, Touching},
+    linuxcnc::program::{self, Settings, Touching},
 };
 use probecell_msgs::{MeasurementOrder, ProbingMove};
 

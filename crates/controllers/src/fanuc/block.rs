@@ -1,7 +1,7 @@
 //! Reads one line of a FANUC program.
 
-use super::expression::{Condition, Expression, Reader};
-use crate::text::ParseError;
+use super::expression::{Condition, Expression};
+use crate::{reader::Reader, text::ParseError};
 
 /// What a block asks for.
 #[derive(Clone, Debug)]

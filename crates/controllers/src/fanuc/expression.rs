@@ -3,7 +3,11 @@
 //! A variable that was never set is *vacant*: it counts as 0 in arithmetic, and `EQ` and `NE` tell it from 0. Angles are
 //! degrees. `*`, `/`, `MOD` and `AND` bind closer than `+`, `-`, `OR` and `XOR`; logical operators work on whole numbers.
 
-use crate::text::ParseError;
+use crate::{
+    arithmetic::{Function, Operator},
+    reader::Reader,
+    text::ParseError,
+};
 
 /// Deepest nesting of brackets; FANUC itself allows five.
 const DEPTH: usize = 32;
@@ -21,50 +25,6 @@ pub enum Expression {
     ArcTangent(Box<Expression>, Box<Expression>),
     /// Two values and what joins them.
     Binary(Operator, Box<Expression>, Box<Expression>),
-}
-
-/// A function of one value.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Function {
-    /// Sine.
-    Sin,
-    /// Cosine.
-    Cos,
-    /// Tangent.
-    Tan,
-    /// Square root.
-    Sqrt,
-    /// Absolute value.
-    Abs,
-    /// To the nearest whole number, halves away from zero.
-    Round,
-    /// Towards zero.
-    Fix,
-    /// Away from zero.
-    Fup,
-    /// The other sign.
-    Minus,
-}
-
-/// What joins two values.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Operator {
-    /// Sum.
-    Add,
-    /// Difference.
-    Subtract,
-    /// Product.
-    Multiply,
-    /// Quotient.
-    Divide,
-    /// Remainder.
-    Mod,
-    /// Logical and.
-    And,
-    /// Logical or.
-    Or,
-    /// Exclusive or.
-    Xor,
 }
 
 /// How two values are compared.
@@ -138,45 +98,6 @@ pub fn variable_number(value: f64) -> Result<u32, ValueError> {
     }
 }
 
-impl Function {
-    fn apply(self, value: f64) -> (&'static str, f64) {
-        match self {
-            Self::Sin => ("SIN", value.to_radians().sin()),
-            Self::Cos => ("COS", value.to_radians().cos()),
-            Self::Tan => ("TAN", value.to_radians().tan()),
-            Self::Sqrt => ("SQRT", value.sqrt()),
-            Self::Abs => ("ABS", value.abs()),
-            Self::Round => ("ROUND", value.round()),
-            Self::Fix => ("FIX", value.trunc()),
-            Self::Fup => (
-                "FUP",
-                if value < 0.0 {
-                    value.floor()
-                } else {
-                    value.ceil()
-                },
-            ),
-            Self::Minus => ("-", -value),
-        }
-    }
-}
-
-impl Operator {
-    fn apply(self, left: f64, right: f64) -> (&'static str, f64) {
-        let logical = |join: fn(i64, i64) -> i64| join(left as i64, right as i64) as f64;
-        match self {
-            Self::Add => ("+", left + right),
-            Self::Subtract => ("-", left - right),
-            Self::Multiply => ("*", left * right),
-            Self::Divide => ("/", left / right),
-            Self::Mod => ("MOD", left % right),
-            Self::And => ("AND", logical(|a, b| a & b)),
-            Self::Or => ("OR", logical(|a, b| a | b)),
-            Self::Xor => ("XOR", logical(|a, b| a ^ b)),
-        }
-    }
-}
-
 impl Condition {
     /// Whether the comparison holds. A vacant variable equals only another vacant one.
     pub fn holds(&self, variable: &impl Fn(u32) -> Option<f64>) -> Result<bool, ValueError> {
@@ -193,115 +114,7 @@ impl Condition {
     }
 }
 
-/// Reads a line without its comments, character by character.
-#[derive(Clone, Debug)]
-pub(super) struct Reader {
-    characters: Vec<char>,
-    at: usize,
-    line: u64,
-}
-
 impl Reader {
-    pub(super) fn new(line: u64, text: &str) -> Self {
-        Self {
-            characters: text
-                .chars()
-                .map(|letter| letter.to_ascii_uppercase())
-                .collect(),
-            at: 0,
-            line,
-        }
-    }
-
-    pub(super) fn peek(&mut self) -> Option<char> {
-        while self
-            .characters
-            .get(self.at)
-            .is_some_and(|letter| letter.is_whitespace())
-        {
-            self.at += 1;
-        }
-        self.characters.get(self.at).copied()
-    }
-
-    pub(super) fn take(&mut self, wanted: char) -> bool {
-        let found = self.peek() == Some(wanted);
-        self.at += usize::from(found);
-        found
-    }
-
-    /// Takes a word if it stands here, whatever follows it.
-    pub(super) fn take_word(&mut self, word: &str) -> bool {
-        self.peek();
-        let found = word
-            .chars()
-            .enumerate()
-            .all(|(offset, letter)| self.characters.get(self.at + offset) == Some(&letter));
-        if found {
-            self.at += word.len();
-        }
-        found
-    }
-
-    pub(super) fn need(&mut self, wanted: char) -> Result<(), ParseError> {
-        if self.take(wanted) {
-            Ok(())
-        } else {
-            Err(self.error(&format!("{wanted:?}")))
-        }
-    }
-
-    /// All characters up to `end`, which is taken too.
-    pub(super) fn take_until(&mut self, end: char) -> Result<String, ParseError> {
-        let mut text = String::new();
-        while let Some(&letter) = self.characters.get(self.at) {
-            self.at += 1;
-            if letter == end {
-                return Ok(text);
-            }
-            text.push(letter);
-        }
-        Err(self.error(&format!("{end:?}")))
-    }
-
-    pub(super) fn letter(&mut self) -> Option<char> {
-        let letter = self.peek().filter(char::is_ascii_uppercase)?;
-        self.at += 1;
-        Some(letter)
-    }
-
-    pub(super) fn error(&mut self, expected: &str) -> ParseError {
-        let found = self
-            .peek()
-            .map_or("the end of the line".to_owned(), |letter| {
-                format!("{letter:?}")
-            });
-        ParseError {
-            line: self.line,
-            column: self.at + 1,
-            expected: expected.to_owned(),
-            found,
-        }
-    }
-
-    /// A whole number without a sign.
-    pub(super) fn whole(&mut self) -> Result<u32, ParseError> {
-        self.peek();
-        let start = self.at;
-        while self
-            .characters
-            .get(self.at)
-            .is_some_and(char::is_ascii_digit)
-        {
-            self.at += 1;
-        }
-        let digits: String = self.characters[start..self.at].iter().collect();
-        digits.parse().map_err(|_not_whole| {
-            self.at = start;
-            self.error("a whole number")
-        })
-    }
-
     /// `[left relation right]`
     pub(super) fn condition(&mut self) -> Result<Condition, ParseError> {
         self.need('[')?;
@@ -417,22 +230,7 @@ impl Reader {
     }
 
     fn number(&mut self) -> Result<Expression, ParseError> {
-        self.peek();
-        let start = self.at;
-        while self
-            .characters
-            .get(self.at)
-            .is_some_and(|letter| letter.is_ascii_digit() || *letter == '.')
-        {
-            self.at += 1;
-        }
-        let digits: String = self.characters[start..self.at].iter().collect();
-        match digits.parse() {
-            Ok(value) if digits != "." => Ok(Expression::Number(value)),
-            _ => {
-                self.at = start;
-                Err(self.error("a number, a variable, a function or '['"))
-            }
-        }
+        self.decimal("a number, a variable, a function or '['")
+            .map(Expression::Number)
     }
 }

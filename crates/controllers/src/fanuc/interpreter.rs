@@ -9,131 +9,30 @@ use std::collections::BTreeMap;
 
 use super::{
     block::{Block, Statement, split_comment, statement},
-    expression::{Condition, Expression, Reader, ValueError, variable_number},
+    expression::{Condition, Expression, ValueError, variable_number},
 };
-use crate::text::ParseError;
-
-/// Deepest nesting of calls.
-const CALL_DEPTH: usize = 16;
-/// Blocks after which a program counts as endless.
-const BLOCK_LIMIT: usize = 1_000_000;
-/// Arguments of `G65` and the local variables that they set.
-const ARGUMENTS: [(char, u32); 21] = [
-    ('A', 1),
-    ('B', 2),
-    ('C', 3),
-    ('I', 4),
-    ('J', 5),
-    ('K', 6),
-    ('D', 7),
-    ('E', 8),
-    ('F', 9),
-    ('H', 11),
-    ('M', 13),
-    ('Q', 17),
-    ('R', 18),
-    ('S', 19),
-    ('T', 20),
-    ('U', 21),
-    ('V', 22),
-    ('W', 23),
-    ('X', 24),
-    ('Y', 25),
-    ('Z', 26),
-];
+use crate::{
+    control::{BLOCK_LIMIT, CALL_DEPTH, End, Event, Motion, Position, Probe, RunError},
+    reader::Reader,
+};
 
 /// Variables by number; a variable that is missing is vacant.
 pub type Variables = BTreeMap<u32, f64>;
-/// Position by axis letter, mm or degrees.
-pub type Position = BTreeMap<char, f64>;
-
-/// What answers a skip move: the machine and its part.
-pub trait Probe {
-    /// Where the probe trips on the straight way, if it does. `variables` are the common and system variables.
-    fn skip(&mut self, from: &Position, to: &Position, variables: &Variables) -> Option<Position>;
-}
-
-/// What a program did.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Event {
-    /// A move at rapid or feed, to here.
-    Move(Position),
-    /// A skip move: its target, and where it ended.
-    Skip {
-        /// Programmed target.
-        target: Position,
-        /// Where the axes stopped.
-        reached: Position,
-        /// The probe tripped.
-        tripped: bool,
-    },
-    /// A line printed by `DPRNT`.
-    Print(String),
-    /// A stop with a message (`#3006`).
-    Message(String),
-}
-
-/// How a run ended.
-#[derive(Clone, Debug, PartialEq)]
-pub enum End {
-    /// At `M30`, `M02`, or the end of the program.
-    Finished,
-    /// By an alarm (`#3000`).
-    Alarm {
-        /// Number of the alarm.
-        number: u32,
-        /// Its text.
-        text: String,
-    },
-}
-
-/// Why a program cannot be read or run.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum MacroError {
-    /// A line makes no sense.
-    #[error(transparent)]
-    Line(#[from] ParseError),
-    /// A program was called that is not there.
-    #[error("line {line}: there is no program O{number:04}")]
-    NoProgram {
-        /// Line of the call.
-        line: u64,
-        /// Number of the program.
-        number: u32,
-    },
-    /// A block cannot be obeyed.
-    #[error("line {line}: {reason}")]
-    Block {
-        /// Its line.
-        line: u64,
-        /// What is wrong.
-        reason: String,
-    },
-    /// The program does not come to an end.
-    #[error("line {line}: no end after {BLOCK_LIMIT} blocks")]
-    Endless {
-        /// Line that was reached.
-        line: u64,
-    },
-}
 
 /// A controller with its programs and variables.
 #[derive(Clone, Debug)]
 pub struct Interpreter {
     programs: BTreeMap<u32, Vec<Block>>,
-    axes: Vec<char>,
+    pub(super) axes: Vec<char>,
     /// Common and system variables.
     pub variables: Variables,
-    /// Where the axes are.
-    pub position: Position,
-    absolute: bool,
-    motion: u32,
+    pub(super) motion: Motion,
     blocks: usize,
-    events: Vec<Event>,
+    pub(super) events: Vec<Event>,
 }
 
 /// What a block leads to.
-enum Next {
+pub(super) enum Next {
     Block,
     Jump(usize),
     Return,
@@ -147,16 +46,19 @@ impl Interpreter {
             programs: BTreeMap::new(),
             axes: axes.to_vec(),
             variables: Variables::new(),
-            position: axes.iter().map(|&axis| (axis, 0.0)).collect(),
-            absolute: true,
-            motion: 0,
+            motion: Motion::new(axes),
             blocks: 0,
             events: Vec::new(),
         }
     }
 
+    /// Where the axes are.
+    pub fn position(&mut self) -> &mut Position {
+        &mut self.motion.position
+    }
+
     /// Reads a text of one or more programs, each beginning with its `O` number.
-    pub fn load(&mut self, text: &str) -> Result<(), MacroError> {
+    pub fn load(&mut self, text: &str) -> Result<(), RunError> {
         let mut current = None;
         for (index, line) in text.lines().enumerate() {
             let line_number = index as u64 + 1;
@@ -197,7 +99,7 @@ impl Interpreter {
         &mut self,
         number: u32,
         probe: &mut dyn Probe,
-    ) -> Result<(End, Vec<Event>), MacroError> {
+    ) -> Result<(End, Vec<Event>), RunError> {
         self.blocks = 0;
         self.events.clear();
         let mut locals = Variables::new();
@@ -208,21 +110,24 @@ impl Interpreter {
     }
 
     /// Runs a program until it returns (`None`) or everything ends.
-    fn call(
+    pub(super) fn call(
         &mut self,
         line: u64,
         number: u32,
         locals: &mut Variables,
         depth: usize,
         probe: &mut dyn Probe,
-    ) -> Result<Option<End>, MacroError> {
+    ) -> Result<Option<End>, RunError> {
         let blocks = self
             .programs
             .get(&number)
             .cloned()
-            .ok_or(MacroError::NoProgram { line, number })?;
+            .ok_or_else(|| RunError::NoProgram {
+                line,
+                name: format!("O{number:04}"),
+            })?;
         if depth > CALL_DEPTH {
-            return Err(MacroError::Block {
+            return Err(RunError::Block {
                 line,
                 reason: format!("calls are nested deeper than {CALL_DEPTH}"),
             });
@@ -231,7 +136,7 @@ impl Interpreter {
         while let Some(block) = blocks.get(at) {
             self.blocks += 1;
             if self.blocks > BLOCK_LIMIT {
-                return Err(MacroError::Endless { line: block.line });
+                return Err(RunError::Endless { line: block.line });
             }
             match self.step(&blocks, at, &block.statement, locals, depth, probe)? {
                 Next::Block => at += 1,
@@ -251,9 +156,9 @@ impl Interpreter {
         locals: &mut Variables,
         depth: usize,
         probe: &mut dyn Probe,
-    ) -> Result<Next, MacroError> {
+    ) -> Result<Next, RunError> {
         let line = blocks[at].line;
-        let wrong = |reason: String| MacroError::Block { line, reason };
+        let wrong = |reason: String| RunError::Block { line, reason };
         let no_value = |error: ValueError| wrong(error.to_string());
         match statement {
             Statement::Nothing => Ok(Next::Block),
@@ -322,8 +227,16 @@ impl Interpreter {
         }
     }
 
-    fn lookup<'a>(&'a self, locals: &'a Variables) -> impl Fn(u32) -> Option<f64> + 'a {
+    /// Values of variables; #5021 and #5041 and those after them tell where the axes are.
+    pub(super) fn lookup<'a>(&'a self, locals: &'a Variables) -> impl Fn(u32) -> Option<f64> + 'a {
         move |number| {
+            let axis = match number {
+                5021..=5026 | 5041..=5046 => self.axes.get((number % 10) as usize - 1),
+                _ => None,
+            };
+            if let Some(axis) = axis {
+                return self.motion.position.get(axis).copied();
+            }
             let table = if (1..=33).contains(&number) {
                 locals
             } else {
@@ -352,10 +265,10 @@ impl Interpreter {
         value: Option<f64>,
         text: &str,
         locals: &mut Variables,
-    ) -> Result<Next, MacroError> {
+    ) -> Result<Next, RunError> {
         match index {
             0 => {
-                return Err(MacroError::Block {
+                return Err(RunError::Block {
                     line,
                     reason: "#0 is always vacant".to_owned(),
                 });
@@ -383,182 +296,5 @@ impl Interpreter {
             None => table.remove(&index),
         };
         Ok(Next::Block)
-    }
-
-    /// One block of words: preparatory codes first, then the motion, then the miscellaneous code.
-    fn words(
-        &mut self,
-        line: u64,
-        words: &[(char, f64)],
-        locals: &mut Variables,
-        depth: usize,
-        probe: &mut dyn Probe,
-    ) -> Result<Next, MacroError> {
-        let wrong = |reason: String| MacroError::Block { line, reason };
-        let get = |letter: char| {
-            words
-                .iter()
-                .find(|(found, _)| *found == letter)
-                .map(|(_, value)| *value)
-        };
-        let codes = |letter: char| {
-            words
-                .iter()
-                .filter(move |(found, _)| *found == letter)
-                .map(|(_, value)| *value)
-        };
-        let mut skip = false;
-        for code in codes('G') {
-            match code {
-                0.0 | 1.0 => self.motion = code as u32,
-                31.0 => skip = true,
-                90.0 => self.absolute = true,
-                91.0 => self.absolute = false,
-                10.0 => return self.write_offset(line, words),
-                65.0 => {
-                    let mut inner = Variables::new();
-                    for (letter, number) in ARGUMENTS {
-                        if let Some(value) = get(letter) {
-                            inner.insert(number, value);
-                        }
-                    }
-                    let program = get('P').ok_or_else(|| wrong("G65 needs P".to_owned()))?;
-                    let end = self.repeat(line, program, get('L'), &mut inner, depth, probe)?;
-                    return Ok(end.map_or(Next::Block, Next::End));
-                }
-                // Units, planes, compensation off, work offset and feed mode: no move follows from them.
-                17.0 | 18.0 | 19.0 | 21.0 | 40.0 | 49.0 | 54.0 | 80.0 | 94.0 | 98.0 => {}
-                other => return Err(wrong(format!("G{other} is not understood"))),
-            }
-        }
-        let target: Position = self
-            .axes
-            .iter()
-            .filter_map(|&axis| get(axis).map(|value| (axis, value)))
-            .collect();
-        if !target.is_empty() {
-            self.travel(&target, skip, probe);
-        }
-        for code in codes('M') {
-            match code {
-                98.0 => {
-                    let program = get('P').ok_or_else(|| wrong("M98 needs P".to_owned()))?;
-                    if let Some(end) = self.repeat(line, program, get('L'), locals, depth, probe)? {
-                        return Ok(Next::End(end));
-                    }
-                }
-                99.0 => return Ok(Next::Return),
-                2.0 | 30.0 => return Ok(Next::End(End::Finished)),
-                _ => {}
-            }
-        }
-        Ok(Next::Block)
-    }
-
-    fn repeat(
-        &mut self,
-        line: u64,
-        program: f64,
-        times: Option<f64>,
-        locals: &mut Variables,
-        depth: usize,
-        probe: &mut dyn Probe,
-    ) -> Result<Option<End>, MacroError> {
-        for _ in 0..times.map_or(1, |times| times.clamp(1.0, 9999.0) as u32) {
-            if let Some(end) = self.call(line, program.max(0.0) as u32, locals, depth + 1, probe)? {
-                return Ok(Some(end));
-            }
-        }
-        Ok(None)
-    }
-
-    fn travel(&mut self, words: &Position, skip: bool, probe: &mut dyn Probe) {
-        let mut target = self.position.clone();
-        for (axis, value) in words {
-            let place = target.entry(*axis).or_insert(0.0);
-            *place = if self.absolute {
-                *value
-            } else {
-                *place + value
-            };
-        }
-        if skip {
-            let tripped = probe.skip(&self.position, &target, &self.variables);
-            let reached = tripped.clone().unwrap_or_else(|| target.clone());
-            for (number, axis) in (5061..).zip(&self.axes) {
-                self.variables
-                    .insert(number, reached.get(axis).copied().unwrap_or(0.0));
-            }
-            self.position.clone_from(&reached);
-            self.events.push(Event::Skip {
-                target,
-                reached,
-                tripped: tripped.is_some(),
-            });
-        } else {
-            self.position.clone_from(&target);
-            self.events.push(Event::Move(target));
-        }
-    }
-
-    /// `G10 L2 Pn`: work offset n, 1 for G54.
-    fn write_offset(&mut self, line: u64, words: &[(char, f64)]) -> Result<Next, MacroError> {
-        let get = |letter: char| {
-            words
-                .iter()
-                .find(|(found, _)| *found == letter)
-                .map(|(_, value)| *value)
-        };
-        let (Some(2.0), Some(system)) = (
-            get('L'),
-            get('P').filter(|system| (1.0..=6.0).contains(system)),
-        ) else {
-            return Err(MacroError::Block {
-                line,
-                reason: "only G10 L2 P1 to P6 is understood".to_owned(),
-            });
-        };
-        for (number, axis) in (5201 + 20 * system as u32..).zip(&self.axes) {
-            if let Some(value) = get(*axis) {
-                self.variables.insert(number, value);
-            }
-        }
-        Ok(Next::Block)
-    }
-
-    /// The line that `DPRNT` makes: `*` is a space, `#n[wf]` a number with w digits before the point and f after it. The
-    /// fraction is rounded; a number that needs more digits gets them; leading zeros are not printed.
-    fn print(&self, line: u64, format: &str, locals: &Variables) -> Result<String, MacroError> {
-        let mut printed = String::new();
-        let mut rest = format;
-        while let Some(letter) = rest.chars().next() {
-            rest = &rest[letter.len_utf8()..];
-            if letter == '*' {
-                printed.push(' ');
-            } else if letter == '#' {
-                let wrong = || MacroError::Block {
-                    line,
-                    reason: format!("DPRNT: #n[wf] expected before {rest:?}"),
-                };
-                let (number, after) = rest.split_once('[').ok_or_else(wrong)?;
-                let (digits, after) = after.split_once(']').ok_or_else(wrong)?;
-                let number: u32 = number.trim().parse().map_err(|_not_whole| wrong())?;
-                let fraction: usize = digits
-                    .get(1..)
-                    .unwrap_or("0")
-                    .parse()
-                    .map_err(|_not_whole| wrong())?;
-                let value = self.lookup(locals)(number).unwrap_or(0.0);
-                let mut text = format!("{value:.fraction$}");
-                if fraction == 0 {
-                    text.push('.');
-                }
-                printed.push_str(&text);
-                rest = after;
-            } else {
-                printed.push(letter);
-            }
-        }
-        Ok(printed)
     }
 }

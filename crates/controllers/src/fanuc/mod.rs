@@ -13,6 +13,8 @@ mod block;
 pub mod decision;
 pub mod expression;
 pub mod interpreter;
+mod print;
 pub mod program;
+mod words;
 
-pub use interpreter::{End, Event, Interpreter, MacroError, Probe};
+pub use interpreter::Interpreter;

@@ -9,11 +9,8 @@ use std::{
 
 use serde::Deserialize;
 
-use super::{
-    axes::{Axis, Letter},
-    client::Address,
-    program::Touching,
-};
+use super::{client::Address, program::Touching};
+use crate::axes::{Axis, Letter};
 
 /// As written in the cell file, section `[linuxcnc]`.
 #[derive(Clone, Debug, Deserialize)]

@@ -4,14 +4,12 @@
 //! |---|---|
 //! | [`protocol`] | the words of the remote shell: pure encoder and parser |
 //! | [`client`] | one connection with time-outs |
-//! | [`axes`] | names, letters and units of the axes |
 //! | [`program`] | measuring programs from a plan and its order, programs that set offsets |
 //! | [`log`] | what a running program has found |
 //! | [`tool_table`] | offsets of the tools |
 //! | [`config`] | settings |
 //! | [`driver`] | the cell's driver: status, triggers and replies out, commands in |
 
-pub mod axes;
 pub mod client;
 pub mod config;
 pub mod driver;

@@ -17,10 +17,14 @@ mod writer;
 
 use std::fmt::Write as _;
 
-use probecell_msgs::{InspectionPlan, MeasurementOrder, ProbingMove};
+use probecell_msgs::{InspectionPlan, MeasurementOrder};
 
 use self::writer::Writer;
-use super::axes::{Axis, Letter};
+pub use crate::measuring::ProgramError;
+use crate::{
+    axes::{Axis, Letter},
+    measuring::check_order,
+};
 
 /// Longest path or word in a comment; LinuxCNC reads lines of 255 characters.
 const COMMENT_LIMIT: usize = 200;
@@ -80,85 +84,22 @@ pub struct MeasuringProgram {
     pub touches: Vec<PlannedTouch>,
 }
 
-/// Why there is no program.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum ProgramError {
-    /// Plan and order do not belong together.
-    #[error("the order is of plan {order:?}, not of plan {plan:?}")]
-    OtherPlan {
-        /// Plan to measure.
-        plan: String,
-        /// Plan of the order.
-        order: String,
-    },
-    /// The order speaks of an axis that the controller does not have.
-    #[error("the order moves axis {0:?}, which the controller does not have")]
-    UnknownAxis(String),
-    /// A move cannot be made.
-    #[error("move {index} to point {point}: {reason}")]
-    Move {
-        /// Index of the move.
-        index: usize,
-        /// Index of its point.
-        point: u32,
-        /// What is wrong.
-        reason: String,
-    },
-    /// The moves do not touch the points in the order that the order itself gives.
-    #[error("the moves touch points {moves:?}, the order says {order:?}")]
-    OrderOfMoves {
-        /// Points of the moves.
-        moves: Vec<u32>,
-        /// Points of the order.
-        order: Vec<u32>,
-    },
-    /// A path or a word would end a comment of the program.
-    #[error("{0:?} cannot stand in a comment of a program")]
-    Comment(String),
-    /// A setting is not usable.
-    #[error("{name} = {value} is not a positive finite number")]
-    Setting {
-        /// Its name.
-        name: &'static str,
-        /// Its value.
-        value: f64,
-    },
-}
-
 /// Writes the measuring program of a plan in the order given.
 pub fn measuring_program(
     plan: &InspectionPlan,
     order: &MeasurementOrder,
     settings: &Settings,
 ) -> Result<MeasuringProgram, ProgramError> {
-    if order.plan_id != plan.plan_id {
-        return Err(ProgramError::OtherPlan {
-            plan: plan.plan_id.clone(),
-            order: order.plan_id.clone(),
-        });
-    }
     check_settings(settings)?;
-    let columns = columns(order, settings.axes)?;
-    let touches: Vec<&ProbingMove> = order
-        .moves
-        .iter()
-        .filter(|one| one.kind == ProbingMove::TOUCH)
-        .collect();
-    let touched: Vec<u32> = touches.iter().map(|touch| touch.point_index).collect();
-    if touched != order.order {
-        return Err(ProgramError::OrderOfMoves {
-            moves: touched,
-            order: order.order.clone(),
-        });
-    }
+    let columns = check_order(plan, order, settings.axes)?;
     let mut writer = Writer::new(plan, settings, &columns);
-    writer.head(touches.len());
+    writer.head(order.order.len());
     let mut index = 0;
-    for number in 1..=touches.len() {
+    for number in 1..=order.order.len() {
         index = writer.point(number, index, &order.moves)?;
     }
     writer.park(index, &order.moves)?;
-    writer.tail(touches.len());
+    writer.tail(order.order.len());
     Ok(MeasuringProgram {
         text: writer.text,
         touches: writer.touches,
@@ -257,21 +198,6 @@ fn check_comment(text: &str) -> Result<(), ProgramError> {
     } else {
         Ok(())
     }
-}
-
-/// For each axis of the settings, its place in the order's moves.
-fn columns(order: &MeasurementOrder, axes: &[Axis]) -> Result<Vec<Option<usize>>, ProgramError> {
-    if let Some(unknown) = order
-        .axis_names
-        .iter()
-        .find(|name| axes.iter().all(|axis| axis.name != **name))
-    {
-        return Err(ProgramError::UnknownAxis(unknown.clone()));
-    }
-    Ok(axes
-        .iter()
-        .map(|axis| order.axis_names.iter().position(|name| *name == axis.name))
-        .collect())
 }
 
 fn line(text: &mut String, block: std::fmt::Arguments) {

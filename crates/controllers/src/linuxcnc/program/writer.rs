@@ -3,7 +3,10 @@
 use probecell_msgs::{InspectionPlan, ProbingMove};
 
 use super::{PlannedTouch, ProgramError, Settings, Touching, line, number};
-use crate::linuxcnc::axes::{Axis, Letter};
+use crate::{
+    axes::{Axis, Letter},
+    measuring::{check_move, refuse},
+};
 
 /// Shortest probing move that LinuxCNC takes (0.01 inch), m.
 const SHORTEST_TOUCH: f64 = 0.254e-3;
@@ -355,39 +358,6 @@ impl<'a> Writer<'a> {
     }
 
     fn check(&self, index: usize, one: &ProbingMove) -> Result<(), ProgramError> {
-        let width = self.columns.iter().flatten().count();
-        if one.axis_positions.len() != width {
-            return Err(refuse(
-                index,
-                one,
-                &format!("{} positions for {width} axes", one.axis_positions.len()),
-            ));
-        }
-        if !(one.feed.is_finite() && one.feed >= 0.0) {
-            return Err(refuse(index, one, &format!("its feed is {} m/s", one.feed)));
-        }
-        for (axis, column) in self.moved() {
-            let position = one.axis_positions[column];
-            let [lower, upper] = axis.limits.unwrap_or([f64::MIN, f64::MAX]);
-            if !(position >= lower && position <= upper) {
-                let shown = axis.letter.to_controller(position);
-                let unit = if axis.letter.is_rotary() {
-                    "degrees"
-                } else {
-                    "mm"
-                };
-                let reason = format!("axis {} at {shown} {unit} is outside its limits", axis.name);
-                return Err(refuse(index, one, &reason));
-            }
-        }
-        Ok(())
-    }
-}
-
-fn refuse(index: usize, one: &ProbingMove, reason: &str) -> ProgramError {
-    ProgramError::Move {
-        index,
-        point: one.point_index,
-        reason: reason.to_owned(),
+        check_move(index, one, self.settings.axes, self.columns)
     }
 }

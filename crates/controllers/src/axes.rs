@@ -1,9 +1,9 @@
 //! How the joints of the machine model are called in the controller, and in which unit it counts them.
 
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
-/// Address letter of an axis in LinuxCNC's programs; its order is that of the controller's position reports.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize)]
+/// Address letter of an axis in programs; in LinuxCNC its order is that of the controller's position reports.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize, Serialize)]
 pub enum Letter {
     /// Linear, mm.
     X,
@@ -20,6 +20,9 @@ pub enum Letter {
 }
 
 impl Letter {
+    /// All letters, in their order.
+    pub const ALL: [Self; 6] = [Self::X, Self::Y, Self::Z, Self::A, Self::B, Self::C];
+
     /// Place in a position report and in the groups of numbered parameters.
     pub fn index(self) -> usize {
         self as usize
@@ -48,6 +51,22 @@ impl Letter {
         }
     }
 }
+
+impl std::str::FromStr for Letter {
+    type Err = NoLetter;
+
+    fn from_str(text: &str) -> Result<Self, NoLetter> {
+        Self::ALL
+            .into_iter()
+            .find(|letter| letter.to_string() == text)
+            .ok_or_else(|| NoLetter(text.to_owned()))
+    }
+}
+
+/// A text that is no letter of an axis.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{0:?} is none of the axis letters X, Y, Z, A, B, C")]
+pub struct NoLetter(String);
 
 impl std::fmt::Display for Letter {
     fn fmt(&self, formatter: &mut std::fmt::Formatter) -> std::fmt::Result {
