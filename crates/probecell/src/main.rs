@@ -144,6 +144,10 @@ enum Command {
         #[arg(long)]
         json: bool,
     },
+    /// Write the measuring program of a plan for a controller: LinuxCNC, FANUC or SINUMERIK.
+    Program(commands::program::Arguments),
+    /// Read what a controller printed or wrote, and compute sizes from it.
+    Results(commands::results::Arguments),
     /// Say why a recorded session differs from the declared model of its cell.
     Diagnose(commands::diagnose::Arguments),
     /// Say what a plan can tell before anything is measured: smallest effects, and effects that it cannot part.
@@ -242,6 +246,8 @@ fn run(command: Command) -> anyhow::Result<u8> {
         Command::Info { bag, verify, json } => commands::info::run(&bag, verify, json),
         Command::Recover { bag, to } => commands::recover::run(&bag, &to),
         Command::Plan { source, json } => commands::plan::run(&source, json),
+        Command::Program(arguments) => commands::program::run(&arguments),
+        Command::Results(arguments) => commands::results::run(&arguments),
         Command::Diagnose(arguments) => commands::diagnose::run(&arguments),
         Command::Blind {
             refine: Some(wanted),

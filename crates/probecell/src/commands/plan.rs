@@ -23,13 +23,10 @@ const OVERTRAVEL: f64 = 2e-3;
 
 /// Plans and prints.
 pub(crate) fn run(source: &Path, as_json: bool) -> anyhow::Result<u8> {
-    let (plan, order, status) = if source
-        .extension()
-        .is_some_and(|extension| extension == "toml")
-    {
-        of_cell(source)?
+    let (plan, order, status) = if is_cell(source) {
+        of_cell(&Cell::read(source)?, 0.0)?
     } else {
-        of_bag(source)?
+        of_bag(&Bag::open(source)?, None)?
     };
     if as_json {
         report::json(&order)?;
@@ -61,11 +58,21 @@ pub(crate) fn run(source: &Path, as_json: bool) -> anyhow::Result<u8> {
     Ok(status)
 }
 
-fn of_cell(file: &Path) -> anyhow::Result<(InspectionPlan, MeasurementOrder, u8)> {
-    let cell = Cell::read(file)?;
+/// What the command is given is a cell file and not a bag.
+pub(crate) fn is_cell(source: &Path) -> bool {
+    source
+        .extension()
+        .is_some_and(|extension| extension == "toml")
+}
+
+/// Plan and order of a cell's part with an allowance (m) left on its sizes.
+pub(crate) fn of_cell(
+    cell: &Cell,
+    allowance: f64,
+) -> anyhow::Result<(InspectionPlan, MeasurementOrder, u8)> {
     let chain = Chain::from_urdf(&cell.text().robot_description)?;
     let config = cell.path_planning.check(chain, &cell.part, Vec::new())?;
-    let plan = config.part.plan(0.0);
+    let plan = config.part.plan(allowance);
     let (clearance, overtravel, kicks) = (config.clearance, config.overtravel, config.kicks);
     let order = Route {
         chain: &config.chain,
@@ -77,9 +84,12 @@ fn of_cell(file: &Path) -> anyhow::Result<(InspectionPlan, MeasurementOrder, u8)
     Ok((plan, order, GOOD))
 }
 
-/// Orders the plan of a recording again, against the order in which it was measured.
-fn of_bag(path: &Path) -> anyhow::Result<(InspectionPlan, MeasurementOrder, u8)> {
-    let session = Session::read(&Bag::open(path)?)?;
+/// Orders the plan of a recording again, against the order in which it was measured; `clearance` as in [`Route`].
+pub(crate) fn of_bag(
+    bag: &Bag,
+    clearance: Option<(usize, f64)>,
+) -> anyhow::Result<(InspectionPlan, MeasurementOrder, u8)> {
+    let session = Session::read(bag)?;
     let status = report::damage(&session.damage);
     let recorded = session
         .plan
@@ -120,7 +130,7 @@ fn of_bag(path: &Path) -> anyhow::Result<(InspectionPlan, MeasurementOrder, u8)>
     }
     let route = Route {
         chain: &chain,
-        clearance: None,
+        clearance,
         overtravel: OVERTRAVEL,
         kicks: KICKS,
     };
@@ -152,31 +162,11 @@ pub(crate) fn replay_foreign(bag: &Bag, as_json: bool) -> anyhow::Result<u8> {
             .positions(&event.axis_names, &event.axis_positions)
             .with_context(|| format!("event {}", event.sequence))?;
     }
-    let config = analysis::RawConfig::default().check(chain)?;
-    let start = session
+    let events = session
         .events
-        .first()
-        .map_or(Stamp(0), |first| Stamp(first.log_time as i64))
-        .after_s(-1.0);
-    let mut executor = Executor::new(vec![Box::new(Running::<AnalysisNode>::new(config))], start)?;
-    executor.inject(start, topics::INSPECTION_PLAN.name, to_cdr(plan));
-    for event in &session.events {
-        let instant = Stamp(event.log_time as i64);
-        let message: &ProbeEvent = &event.message;
-        executor.inject(instant, topics::PROBE_EVENTS.name, to_cdr(message));
-    }
-    executor.run_until(Stamp(i64::MAX));
-    let log = executor.take_log();
-    let mut deviations = Vec::new();
-    let mut features = BTreeMap::new();
-    for published in &log {
-        if published.topic == topics::TOUCH_DEVIATIONS.name {
-            deviations.push(from_cdr::<TouchDeviation>(&published.payload)?);
-        } else if published.topic == topics::FEATURE_RESULTS.name {
-            let result = from_cdr::<FeatureResult>(&published.payload)?;
-            features.insert(result.feature_id.clone(), result);
-        }
-    }
+        .iter()
+        .map(|event| (Stamp(event.log_time as i64), &event.message));
+    let (deviations, features) = analyse(chain, plan, events.collect())?;
     if as_json {
         report::json(&json!({ "deviations": deviations, "features": features }))?;
         return Ok(status);
@@ -186,6 +176,45 @@ pub(crate) fn replay_foreign(bag: &Bag, as_json: bool) -> anyhow::Result<u8> {
         deviations.len(),
         plan.plan_id
     ));
+    print_features(&features);
+    Ok(status)
+}
+
+/// Results by name of the feature.
+pub(crate) type Features = BTreeMap<String, FeatureResult>;
+
+/// Runs the analysis on a plan and its touches, on virtual time.
+pub(crate) fn analyse(
+    chain: Chain,
+    plan: &InspectionPlan,
+    events: Vec<(Stamp, &ProbeEvent)>,
+) -> anyhow::Result<(Vec<TouchDeviation>, Features)> {
+    let config = analysis::RawConfig::default().check(chain)?;
+    let start = events
+        .first()
+        .map_or(Stamp(0), |(first, _)| *first)
+        .after_s(-1.0);
+    let mut executor = Executor::new(vec![Box::new(Running::<AnalysisNode>::new(config))], start)?;
+    executor.inject(start, topics::INSPECTION_PLAN.name, to_cdr(plan));
+    for (instant, event) in events {
+        executor.inject(instant, topics::PROBE_EVENTS.name, to_cdr(event));
+    }
+    executor.run_until(Stamp(i64::MAX));
+    let mut deviations = Vec::new();
+    let mut features = Features::new();
+    for published in &executor.take_log() {
+        if published.topic == topics::TOUCH_DEVIATIONS.name {
+            deviations.push(from_cdr::<TouchDeviation>(&published.payload)?);
+        } else if published.topic == topics::FEATURE_RESULTS.name {
+            let result = from_cdr::<FeatureResult>(&published.payload)?;
+            features.insert(result.feature_id.clone(), result);
+        }
+    }
+    Ok((deviations, features))
+}
+
+/// A line for each feature.
+pub(crate) fn print_features(features: &Features) {
     for result in features.values() {
         report::line(&format!(
             "  {:<20} {:10.4} mm  {:+8.2} µm  form {:7.2} µm  {}",
@@ -196,5 +225,4 @@ pub(crate) fn replay_foreign(bag: &Bag, as_json: bool) -> anyhow::Result<u8> {
             result.text
         ));
     }
-    Ok(status)
 }
