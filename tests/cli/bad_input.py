@@ -143,6 +143,57 @@ def unreadable_file(folder):
     return path
 
 
+PRINTED = "AXES X Y Z\r\nTOUCH 1 0 1.5 -22. -5.\r\nTOUCH 2 1 {} -22. -5.\r\n"
+
+
+def results(name, content, says, status=2, command="results {}", **options):
+    """A file of a controller that is refused with line and column."""
+
+    def make(folder):
+        return touch(folder / "results.txt", content if isinstance(content, bytes) else content.encode())
+
+    make.__name__ = f"results_{name}"
+    case(command, status, says, **options)(make)
+
+
+results("good", PRINTED.format(1.5), None, 0)
+results("broken_number", PRINTED.format("1.5.2"), "line 3, column 11: expected a finite number")
+results("infinite_number", PRINTED.format("inf"), "line 3, column 11: expected a finite number")
+results("cut_off_in_a_line", PRINTED.format(1.5)[:-8], "line 3, column 18: expected a finite number")
+results("other_format", PRINTED.format(1.5), "line 1, column 1: expected COMPONENT", command="results {} --format inspection")
+results("empty", "", "line 1, column 1: expected a printed touch.*end of the file")
+results("garbage", "\x00\x01hello\n", "line 1, column 1: expected a printed touch")
+results("bytes_that_are_not_text", b"AXES X\nTOUCH 1 0 \xff\n", "line 2, column 11: expected text in UTF-8, found byte 0xff")
+results("line_without_end", b"x" * 200_000, "line 1, column 65537")
+results("surface_cut_off", "START\nG802 N1 DEVIATION .012\n", "line 2, column 1: expected END")
+results("log_of_another_field", "TOUCH 1 0 $AA_MM[X]=1. R5=2\n", "line 1, column 24: expected \\$AA_MM")
+results("program_that_did_not_end", "begin probecell 2 0\nnext 1 0\ntouch 1 0 1.5\n", None, 3, warns="not come to its end")
+results("no_touch_for_a_plan", "R5=2\n", "no touch", command=f"results {{}} --plan {ROOT}/launch-scripts/linuxcnc_bore.toml")
+results("point_that_is_not_there", "AXES X Y Z\nTOUCH 1 99 1. 2. 3.\n", "point 99, but the plan has 10", command=f"results {{}} --plan {ROOT}/launch-scripts/linuxcnc_bore.toml")
+results("axis_that_is_not_there", "AXES X Y C\nTOUCH 1 0 1. 2. 3.\n", "no axis C", command=f"results {{}} --plan {ROOT}/launch-scripts/linuxcnc_bore.toml")
+
+
+@case("results {}", 2, "not a regular file")
+def results_of_a_device(_):
+    return "/dev/zero"
+
+
+@case("program {} --controller fanuc", 2, "give --clearance AXIS=MM")
+@case("program {} --controller sinumerik --clearance Q=5", 2, "not a linear axis")
+@case("program {} --controller linuxcnc --axis X", 2, "--clearance AXIS=MM|NAME=LETTER")
+def program_of_a_bag_without_a_cell(folder):
+    return Session().write(folder / "bag.mcap")
+
+
+@case("program {} --controller fanuc --travel-feed-mm-per-min nan", 2, "finite number above 0")
+@case("program {} --controller fanuc --axis X=Q", 2, "axis \"X\" needs a letter")
+@case("program {} --controller fanuc --axis X=C", 2, "X, Y, Z are linear")
+@case("program {} --controller sinumerik --clearance Z=9000", 2, "outside its limits")
+@case("program {} --controller sinumerik -o /nowhere/x.mpf", 2, "cannot be written")
+def program_of_a_cell(_):
+    return ROOT / "launch-scripts" / "linuxcnc_bore.toml"
+
+
 @case("info {}", 2, "\\.mcap$")
 def name_with_line_end(folder):
     return touch(folder / "two\nlines.mcap", b"no bag")

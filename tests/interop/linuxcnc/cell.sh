@@ -1,6 +1,6 @@
 #!/bin/bash
 # The whole cell on LinuxCNC: cell.sh PROBECELL. A bore is cut (the simulated machine's radius follows the tool table),
-# measured, corrected and cut again; the next part shows the correction; a box is measured with a hidden scale error;
+# measured, corrected and cut again; the next part shows the correction, to the cell and to the program that it writes; a box is measured with a hidden scale error;
 # a dead probe, a stuck probe and a controller that goes away end in named faults. Hidden errors are set by halcmd.
 # Exit status 0: all hold; 1: one does not; 77: skipped, the simulated machine is not here.
 set -euo pipefail
@@ -72,6 +72,11 @@ sys.exit(abs(error - wanted) > 2)
 P
 }
 
+# What `probecell program` writes: first for the offline interpreter, which must not run beside LinuxCNC.
+"$probecell" program bore.toml --controller linuxcnc --log "$scratch/program.log" -o program.ngc
+[ "$(rs274 -g program.ngc -i omm3.ini </dev/null | grep -c STRAIGHT_PROBE)" = 10 ] ||
+    { echo "FAILED: the program does not probe ten times in rs274"; exit 1; }
+
 start
 pins artefact=2 cx=0 cy=0 cz=0 ball-r=2.995
 check "a bore is cut, measured, corrected and cut again" 0 bore.toml "can be recut" "applied: the controller read" "part bore: qualified"
@@ -80,6 +85,17 @@ near "bore" bore -30
 grep -qE '^T2 .*D\+?10\.0(29|30)' omm3.tbl || { echo "FAILED: the tool table does not hold the correction"; cat omm3.tbl; exit 1; }
 check "the next part shows the correction" 0 bore.toml "part bore: qualified after 1 cuts"
 near "next part" bore 0
+
+# The same bore by the program, as an operator runs it, and by the cell.
+python3 "$here/run_program.py" program.ngc
+"$probecell" results program.log --plan bore.toml >program.txt || { echo "FAILED: the program's log"; cat program.log; exit 1; }
+python3 - "$scratch/out.txt" program.txt <<'P' || { echo "FAILED: the program measures another size"; cat program.txt; exit 1; }
+import re, sys
+sizes = [float(re.search(r"^\s+bore\s+[-\d.]+ mm\s+([-+][\d.]+) µm", open(name).read(), re.M).group(1)) for name in sys.argv[1:]]
+print(f"  bore: the cell measured {sizes[0]:+.1f} µm, the program {sizes[1]:+.1f} µm")
+sys.exit(abs(sizes[0] - sizes[1]) > 1)
+P
+echo "good: the program measures what the cell measures"
 
 pins artefact=4 hx=25 hy=15 hz=10 cx=0 cy=0 cz=0 ball-r=3.0 scale-x=400 scale-y=0
 check "a box with a hidden scale error is measured" 1 box.toml "width_x" "cut below size|does not converge|could not be measured|worn|out of tolerance"

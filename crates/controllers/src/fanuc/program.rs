@@ -4,7 +4,8 @@
 //! the joint. G54 and whatever else shifts the work coordinates are read once at the start (#5021 less #5041) and taken
 //! off each target, for a skip move knows no G53. A move that is not meant to touch runs as a skip move in O0410 and ends
 //! in an alarm when the probe trips on it. First `AXES X Y Z` is printed, then for each touch `TOUCH n p` or, without a
-//! trip, `MISS n p`, with number of the touch, index of the point, and machine position in mm and degrees.
+//! trip, `MISS n p`, with number of the touch, index of the point, and machine position in mm and degrees. A lathe's X must
+//! be programmed in radii, as everything here is.
 
 use std::fmt::Write as _;
 

@@ -132,6 +132,12 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
 fn text_of(arguments: &Arguments) -> anyhow::Result<String> {
     let unread = || format!("{} cannot be read", arguments.file.display());
     let mut bytes = Vec::new();
+    let kind = std::fs::metadata(&arguments.file).with_context(unread)?;
+    ensure!(
+        kind.is_file(),
+        "{} is not a regular file",
+        arguments.file.display()
+    );
     let file = File::open(&arguments.file).with_context(unread)?;
     file.take(LARGEST + 1)
         .read_to_end(&mut bytes)
