@@ -159,7 +159,7 @@ def results(name, content, says, status=2, command="results {}", **options):
 results("good", PRINTED.format(1.5), None, 0)
 results("broken_number", PRINTED.format("1.5.2"), "line 3, column 11: expected a finite number")
 results("infinite_number", PRINTED.format("inf"), "line 3, column 11: expected a finite number")
-results("cut_off_in_a_line", PRINTED.format(1.5)[:-8], "line 3, column 18: expected a finite number")
+results("cut_off_in_a_line", PRINTED.format(1.5)[:-8], "line 3, column 17: expected a finite number")
 results("other_format", PRINTED.format(1.5), "line 1, column 1: expected COMPONENT", command="results {} --format inspection")
 results("empty", "", "line 1, column 1: expected a printed touch.*end of the file")
 results("garbage", "\x00\x01hello\n", "line 1, column 1: expected a printed touch")

@@ -12,7 +12,7 @@ use controllers::{
     axes::{Axis, Letter},
     fanuc,
     linuxcnc::{
-        Config,
+        Config, RawConfig,
         program::{self, Settings, Touching},
     },
     sinumerik,
@@ -117,7 +117,9 @@ impl Source {
             let mut cell = Cell::read(&arguments.source)?;
             let chain = Chain::from_urdf(&cell.text().robot_description)?;
             if let Some((axis, position)) = clearance(arguments, &chain)? {
-                cell.path_planning.clearance_axis = chain.axis(axis).name.clone();
+                cell.path_planning
+                    .clearance_axis
+                    .clone_from(&chain.axis(axis).name);
                 cell.path_planning.clearance_mm = position * 1e3;
             }
             let (plan, order, status) = plan::of_cell(&cell, arguments.allowance_mm * 1e-3)?;
@@ -126,7 +128,7 @@ impl Source {
                 order,
                 status,
                 chain,
-                linuxcnc: cell.linuxcnc.clone().map(|raw| raw.check()).transpose()?,
+                linuxcnc: cell.linuxcnc.clone().map(RawConfig::check).transpose()?,
             });
         }
         let bag = Bag::open(&arguments.source)?;

@@ -25,6 +25,9 @@ use crate::{GOOD, LOSS, report};
 /// A larger file is no report of a controller, bytes.
 const LARGEST: u64 = 256 << 20;
 
+/// Units of a position whose axes are known.
+const SI: &str = "m, rad";
+
 /// What the user asks for.
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
@@ -65,14 +68,15 @@ enum Format {
     LinuxcncLog,
 }
 
-/// A touch in the machine's coordinates, in m and rad.
+/// A touch: m and rad, or mm and degrees where the file does not tell its axes.
 #[derive(Debug, Serialize)]
 struct Touch {
     outcome: &'static str,
     number: u32,
     point_index: u32,
-    /// `None`: in the order of the plan's axes.
+    /// `None`: in the order of the program's axes.
     axes: Option<Vec<Letter>>,
+    units: &'static str,
     position: Vec<f64>,
     #[serde(skip)]
     machine: bool,
@@ -256,6 +260,7 @@ fn printed(printed: Printed) -> Found {
             .map(|(letter, value)| letter.from_controller(*value))
             .collect(),
         axes: Some(axes.clone()),
+        units: SI,
         machine: true,
     });
     of_touches(touches.collect(), true)
@@ -267,6 +272,7 @@ fn sinumerik(log: results::Log) -> Found {
         number: one.number,
         point_index: one.point_index,
         axes: Some(one.position.iter().map(|(letter, _)| *letter).collect()),
+        units: SI,
         position: one
             .position
             .iter()
@@ -308,6 +314,7 @@ fn linuxcnc(entries: Vec<Entry>) -> Found {
                 number,
                 point_index,
                 axes: None,
+                units: "mm, degrees",
                 position,
                 machine: true,
             });
@@ -402,29 +409,26 @@ fn sizes(arguments: &Arguments, found: &Found) -> anyhow::Result<Sizes> {
 fn positions(touch: &Touch, axes: &[Axis]) -> anyhow::Result<(Vec<String>, Vec<f64>)> {
     let mut names = Vec::new();
     let mut values = Vec::new();
-    match &touch.axes {
-        Some(letters) => {
-            for (letter, value) in letters.iter().zip(&touch.position) {
-                let axis = axes.iter().find(|axis| axis.letter == *letter);
-                let axis = axis.with_context(|| {
-                    format!("touch {}: the machine has no axis {letter}", touch.number)
-                })?;
-                names.push(axis.name.clone());
-                values.push(*value);
-            }
+    if let Some(letters) = &touch.axes {
+        for (letter, value) in letters.iter().zip(&touch.position) {
+            let axis = axes.iter().find(|axis| axis.letter == *letter);
+            let axis = axis.with_context(|| {
+                format!("touch {}: the machine has no axis {letter}", touch.number)
+            })?;
+            names.push(axis.name.clone());
+            values.push(*value);
         }
-        None => {
-            ensure!(
-                touch.position.len() == axes.len(),
-                "touch {} has {} positions for {} axes",
-                touch.number,
-                touch.position.len(),
-                axes.len()
-            );
-            for (axis, value) in axes.iter().zip(&touch.position) {
-                names.push(axis.name.clone());
-                values.push(axis.letter.from_controller(*value));
-            }
+    } else {
+        ensure!(
+            touch.position.len() == axes.len(),
+            "touch {} has {} positions for {} axes",
+            touch.number,
+            touch.position.len(),
+            axes.len()
+        );
+        for (axis, value) in axes.iter().zip(&touch.position) {
+            names.push(axis.name.clone());
+            values.push(axis.letter.from_controller(*value));
         }
     }
     Ok((names, values))
