@@ -884,6 +884,7 @@ CELLS = {
     "width_of_no_plane": (replaced('planes = ["flat_1", "flat_4"]', 'planes = ["flat_1", "flat_9"]'), "flat_9"),
     "operation_that_is_not_there": (replaced('operation = "finish_turn"', 'operation = "polish"'), "polish"),
     "tolerance_upside_down": (replaced("[-10.0, 10.0]", "[10.0, -10.0]"), "tolerance"),
+    "effect_that_is_none": (lambda text: text + "\n[[model.effects]]\neffect = \"axis.X.scal\"\nparameters = []\n", "axis.X.scale"),
     "no_name": (replaced('name = "turn_mill"', 'name = ""'), "name"),
     "name_that_is_no_namespace": (replaced('name = "turn_mill"', 'name = "a b/#*"'), "name"),
     "driver_that_is_none": (replaced('source = "simulator"', 'source = "fanuc"'), "fanuc"),
@@ -927,7 +928,50 @@ for word, (change, about) in URDFS.items():
         case(command, 2, about)(broken_description)
 
 
+REPORT = {
+    "schema": "probecell/gap-report/1", "bag": "somewhere", "samples": 48, "verdict": "explained",
+    "gap": {"rms": 1e-5, "noise_floor": 1e-6, "ratio": 10.0}, "where": [],
+    "effects": [
+        {"effect": "probe.ball_radius", "probability": 0.99,
+         "parameters": [{"name": "dr", "value": 1e-5, "unit": "m", "ci95": [9e-6, 1.1e-5]}], "rms_before": 1e-5,
+         "rms_after": 1e-6, "ci95_after": [8e-7, 1.2e-6], "held_out": True, "indistinguishable_from": []}
+    ],
+    "unexplained": {"rms": 0.0, "where": []}, "rejected": [], "next_measurement": [], "warnings": [],
+}
+REPORTS = {
+    "empty": (b"", "not one gap report"),
+    "no_json": (b"<report/>", "not one gap report"),
+    "no_text": (b"\xff\xfe\x00", "UTF-8"),
+    "cut": (json.dumps(REPORT).encode()[:200], "not one gap report"),
+    "twice": (json.dumps(REPORT).encode() * 2, "not one gap report"),
+    "schema": ({"schema": "probecell/gap-report/9"}, "gap-report/9"),
+    "unexplained": ({"verdict": "unexplained"}, "does not explain its gap"),
+    "without_a_gap": ({"verdict": "no_gap", "effects": []}, "has no gap"),
+    "nameless_machine": ({}, "does not say of which machine"),
+    "other_machine": ({"machine": {"name": "mill", "fingerprint": "00"}}, "of machine .mill."),
+    "no_number": ({"effects": [REPORT["effects"][0] | {"rms_before": None}]}, "not one gap report"),
+    "of_drives": ({"gap": REPORT["gap"] | {"unit": "N"}}, "one of drives"),
+}
+for word, (content, about) in REPORTS.items():
+
+    def broken_report(folder, content=content):
+        cell(folder)
+        text = content if isinstance(content, bytes) else json.dumps(REPORT | content).encode()
+        return touch(folder / "report.json", text)
+
+    broken_report.__name__ = f"report_{word}"
+    case("adopt {} --cell cell.toml", 2, about)(broken_report)
+
+
+@case("adopt report.json --cell {}", 2, "cannot read the report")
+@case("adopt --cell {}", 2)
+@case("adopt --remove probe.ball_radius --cell {}", 2, "is not declared")
+def nothing_to_adopt(folder):
+    return cell(folder)
+
+
 @case("plan {}", 2, "cannot read the cell file")
+@case("adopt --list --cell {}", 2, "cannot read the cell file")
 @case("up {}", 2, "cannot read the cell file")
 @case("node cycle --cell {}", 2, "cannot read the cell file")
 @case("record --cell {}", 2, "cannot read the cell file")

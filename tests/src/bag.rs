@@ -35,8 +35,8 @@ pub fn write(cell: &Cell, log: &[Published], folder: &Path) {
     recorder.stop().unwrap_or_else(|error| panic!("{error}"));
 }
 
-/// A measurement of a recording, as the command line reads it.
-pub fn session(folder: &Path, measurement: &Measurement) -> diagnosis::Session {
+/// A measurement of a recording of the cell, as the command line reads it.
+pub fn session(cell: &Cell, folder: &Path, measurement: &Measurement) -> diagnosis::Session {
     let bag = Bag::open(folder).unwrap_or_else(|error| panic!("{error}"));
     let read = bags::Session::read_measurement(&bag, measurement)
         .unwrap_or_else(|error| panic!("{error}"));
@@ -49,6 +49,7 @@ pub fn session(folder: &Path, measurement: &Measurement) -> diagnosis::Session {
         joint_commands: plain(read.joint_commands),
         machine_states: plain(read.machine_states),
         references: plain(read.references),
+        declared: cell.model.effects.clone(),
     }
 }
 
@@ -57,7 +58,7 @@ pub fn diagnosis(cell: &Cell, log: &[Published], measurement: &Measurement) -> R
     let folder = tempfile::tempdir().expect("a folder");
     let bag = folder.path().join("session");
     write(cell, log, &bag);
-    diagnosis::diagnose(&session(&bag, measurement), &Options::default())
+    diagnosis::diagnose(&session(cell, &bag, measurement), &Options::default())
         .unwrap_or_else(|error| panic!("{error}"))
 }
 

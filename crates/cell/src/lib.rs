@@ -5,6 +5,7 @@
 //! transport: how processes join the bus is only read here, and carried out by `host`.
 
 mod checks;
+mod model;
 mod numbers;
 mod sections;
 
@@ -15,6 +16,7 @@ use graph::{Instance, Running};
 use machine::Chain;
 use serde::Deserialize;
 
+pub use model::{AdoptError, Adopted, ModelSection, adopt, remove};
 pub use sections::{
     BusSection, CellSection, DriverSection, RecorderSection, Source, TransportName,
 };
@@ -59,6 +61,9 @@ pub struct Cell {
     pub compensation: compensation::RawConfig,
     /// Settings of `cycle`.
     pub cycle: cycle::RawConfig,
+    /// What the cell is declared to do beside its robot description.
+    #[serde(default)]
+    pub model: ModelSection,
     /// Settings of `gap`.
     #[serde(default)]
     pub gap: gap::RawConfig,
@@ -150,6 +155,7 @@ impl Cell {
         let mut cell = Self::parse(&text.cell, &text.name)?;
         cell.text = text;
         cell.setting(checks::sections(&cell))?;
+        cell.setting(cell.model.check(&cell.chain()?))?;
         cell.nodes(false)?;
         Ok(cell)
     }
@@ -213,13 +219,7 @@ impl Cell {
 
     /// One node at its start. `replayed`: it runs on a recording, so nothing may reach a machine.
     pub fn instance(&self, name: &str, replayed: bool) -> Result<Box<dyn Instance>, CellError> {
-        let chain = Chain::from_urdf(&self.text.robot_description).map_err(|error| {
-            let file = self.cell.robot_description.display().to_string();
-            CellError::Setting {
-                file,
-                message: error.to_string(),
-            }
-        })?;
+        let chain = self.chain()?;
         let allowances = || {
             self.cycle
                 .passes
@@ -255,7 +255,7 @@ impl Cell {
             )),
             "gap" => {
                 let vocabulary = diagnosis::vocabulary::of(&chain);
-                let config = self.setting(self.gap.check(&vocabulary))?;
+                let config = self.setting(self.gap.check(&vocabulary, &self.model.effects))?;
                 Box::new(Running::<gap::GapNode>::new(config))
             }
             "simulator" => {
@@ -274,6 +274,14 @@ impl Cell {
                     known: self.node_names().join(", "),
                 });
             }
+        })
+    }
+
+    /// The chain of its robot description.
+    pub fn chain(&self) -> Result<Chain, CellError> {
+        Chain::from_urdf(&self.text.robot_description).map_err(|error| CellError::Setting {
+            file: self.cell.robot_description.display().to_string(),
+            message: error.to_string(),
         })
     }
 

@@ -5,8 +5,10 @@
 
 use nalgebra::Vector3;
 
+use crate::alternatives;
 use crate::attribution::{Attribution, Model, attribute_with};
 use crate::candidate::Candidate;
+use crate::declared;
 use crate::drives::diagnose_drives;
 use crate::effects::{Variant, library};
 use crate::evidence::add_scaled;
@@ -15,7 +17,8 @@ use crate::next::{Known, Wish, propose};
 use crate::observation::Observations;
 use crate::pool::Shapes;
 use crate::report::{
-    Effect, Gap, NextMeasurement, ParameterEstimate, Rejected, Report, SCHEMA, Unexplained, Verdict,
+    Effect, Gap, Machine, NextMeasurement, ParameterEstimate, Rejected, Report, SCHEMA,
+    Unexplained, Verdict,
 };
 use crate::rivals::Kind;
 use crate::session::{DiagnoseError, Session};
@@ -368,6 +371,11 @@ impl Reporter<'_> {
             bag: self.session.name.clone(),
             fitted: Vec::new(),
             withheld: Vec::new(),
+            measured: self.session.measured(),
+            machine: Some(Machine::of(
+                &self.session.robot_description,
+                self.observations.chain.name(),
+            )),
             samples: self.observations.touches(),
             verdict,
             gap: Gap {
@@ -388,6 +396,7 @@ impl Reporter<'_> {
             unexplained: self.unexplained(beside_unknown),
             rejected: self.rejected(&set),
             next_measurement: self.next_measurement(&set, &effects),
+            declared: declared::told(self.session, self.observations, &attribution.active),
             effects,
             warnings,
         }
@@ -480,6 +489,7 @@ impl Reporter<'_> {
                 rms_after: after.rms,
                 ci95_after: after.ci95,
                 held_out: true,
+                alternatives: alternatives::of(self.shapes, attribution, &set, place, &equals),
                 indistinguishable_from: equals,
                 placebo_rms_after: self.placebo(&set, place, &held_out),
                 sessions: Vec::new(),
@@ -681,6 +691,7 @@ fn plain(
         ci95_after: [after, after],
         held_out: false,
         indistinguishable_from: Vec::new(),
+        alternatives: Vec::new(),
         placebo_rms_after: None,
         sessions: Vec::new(),
     }

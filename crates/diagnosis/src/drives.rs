@@ -369,6 +369,7 @@ impl Drives {
             ci95_after: interval(&after.squares),
             held_out: true,
             indistinguishable_from,
+            alternatives: Vec::new(),
             placebo_rms_after: None,
             sessions: after.of_sessions(before),
         }
@@ -416,6 +417,8 @@ impl Drives {
             bag: session.name.clone(),
             fitted: self.names.0.clone(),
             withheld: self.names.1.clone(),
+            measured: session.measured(),
+            machine: None,
             samples: self
                 .fitted
                 .iter()
@@ -434,6 +437,7 @@ impl Drives {
                 },
             },
             place: place(&|axis| axis.scale.powi(2) / total),
+            declared: Vec::new(),
             effects,
             unexplained: Unexplained {
                 rms: if smooth { unexplained } else { 0.0 },

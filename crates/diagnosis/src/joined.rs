@@ -16,6 +16,10 @@ pub fn join(first: &Session, later: &Session) -> Result<Session, DiagnoseError> 
         let names = (first.name.clone(), later.name.clone());
         return Err(DiagnoseError::OtherMachine(names.0, names.1));
     }
+    if first.declared != later.declared {
+        let names = (first.name.clone(), later.name.clone());
+        return Err(DiagnoseError::OtherModel(names.0, names.1));
+    }
     let mut plan = first.plan.clone().ok_or(DiagnoseError::NoPlan)?;
     let further = later.plan.as_ref().ok_or(DiagnoseError::NoPlan)?;
     let same_stylus = plan.stylus.ball_center == further.stylus.ball_center

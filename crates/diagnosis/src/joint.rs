@@ -13,11 +13,12 @@ mod linear;
 mod pool;
 pub mod rows;
 
+use crate::declared;
 use crate::diagnose::Options;
 use crate::drives::diagnose_drives;
 use crate::places;
 use crate::report::{
-    Effect, Gap, ParameterEstimate, Rejected, Report, SCHEMA, Unexplained, Verdict,
+    Effect, Gap, Machine, ParameterEstimate, Rejected, Report, SCHEMA, Unexplained, Verdict,
 };
 use crate::rivals::rivals;
 use crate::session::{DiagnoseError, Session};
@@ -187,6 +188,11 @@ impl Reporter<'_> {
             bag: names(self.fit).join(" + "),
             fitted: names(self.fit),
             withheld: names(self.withheld),
+            measured: self.fit.first().and_then(Session::measured),
+            machine: self.fit.first().map(|session| {
+                let name = self.joined.observations.chain.name();
+                Machine::of(&session.robot_description, name)
+            }),
             samples: used.len(),
             verdict,
             gap: Gap {
@@ -197,6 +203,10 @@ impl Reporter<'_> {
             },
             place: places::shares(&self.joined.observations, all, self.rows.active),
             rejected: self.rejected(&gram, &set, &solved),
+            declared: (self.fit.iter().take(1))
+                .flat_map(|session| &session.declared)
+                .map(|effect| declared::tell(effect, None))
+                .collect(),
             effects,
             unexplained,
             next_measurement: Vec::new(),
@@ -256,6 +266,7 @@ impl Reporter<'_> {
                 ci95_after: after.all.ci95,
                 held_out: true,
                 indistinguishable_from: equals,
+                alternatives: Vec::new(),
                 placebo_rms_after: None,
                 sessions: after.of_sessions(before, &self.names_judged()),
             });

@@ -4,11 +4,13 @@
 //! explain the difference, or says that something unknown remains and where. Metres, radians, seconds. Pure and
 //! deterministic: no files, no clock, no randomness.
 
+mod alternatives;
 pub mod attribution;
 mod beside;
 pub mod blind;
 pub mod candidate;
 mod checks;
+pub mod declared;
 mod design;
 pub mod diagnose;
 pub mod drives;
@@ -34,8 +36,10 @@ mod summary;
 pub mod timing;
 pub mod vocabulary;
 
+pub use declared::{DeclaredEffect, DeclaredError};
 pub use diagnose::{Options, diagnose};
 pub use drives::diagnose_drives;
 pub use joint::{diagnose_joint, diagnose_together};
 pub use report::{Report, Verdict};
 pub use session::{DiagnoseError, Session};
+pub use summary::in_shop_units;

@@ -11,6 +11,7 @@ use nalgebra::{DMatrix, DVector, Point3, Vector3};
 use probecell_msgs::{InspectionPlan, MachineState, ProbeEvent, ReferenceMeasurement};
 
 use crate::checks;
+use crate::declared;
 use crate::session::{DiagnoseError, Session, seconds};
 use crate::timing;
 
@@ -84,6 +85,8 @@ pub struct Observations {
     pub rows: Vec<Row>,
     /// Deviations, m, one per row.
     pub deviations: Vec<f64>,
+    /// What each declared effect was predicted to add to every row, m; `deviations` are what is left without it.
+    pub declared: Vec<Vec<f64>>,
     /// Names of the plan's features.
     pub features: Vec<String>,
     /// True when the part was cut in this clamping.
@@ -169,10 +172,11 @@ impl Observations {
                 touches.iter().filter_map(read).collect()
             })
             .collect();
-        Ok(Self {
+        let mut observations = Self {
             grid: timing::resolution(&latched),
             rows: touches,
             deviations,
+            declared: Vec::new(),
             features: plan
                 .features
                 .iter()
@@ -184,7 +188,14 @@ impl Observations {
             skipped,
             chain,
             nominal,
-        })
+        };
+        observations.declared = declared::predicted(&session.declared, &observations)?;
+        for own in &observations.declared {
+            for (deviation, part) in observations.deviations.iter_mut().zip(own) {
+                *deviation -= part;
+            }
+        }
+        Ok(observations)
     }
 
     /// Number of touches; they come before the references.

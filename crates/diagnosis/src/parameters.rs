@@ -22,12 +22,22 @@ pub fn estimates(
     attribution: &Attribution,
     set: &[usize],
 ) -> Vec<Vec<ParameterEstimate>> {
-    let used: Vec<usize> = (0..attribution.y.len())
-        .filter(|&row| attribution.active[row])
-        .collect();
     let members: Vec<&Candidate> = set
         .iter()
         .map(|&member| &attribution.candidates[member])
+        .collect();
+    of_members(observations, variants, attribution, &members)
+}
+
+/// The same for candidates of which the attribution need not know.
+pub(crate) fn of_members(
+    observations: &Observations,
+    variants: &[Variant],
+    attribution: &Attribution,
+    members: &[&Candidate],
+) -> Vec<Vec<ParameterEstimate>> {
+    let used: Vec<usize> = (0..attribution.y.len())
+        .filter(|&row| attribution.active[row])
         .collect();
     let blocks: Vec<&Vec<f64>> = members
         .iter()
@@ -52,7 +62,7 @@ pub fn estimates(
         .flat_map(|candidate| candidate.plausible.iter().copied())
         .collect();
     let Some(coefficients) = solve(&flat, &y, &sizes) else {
-        return vec![Vec::new(); set.len()];
+        return vec![Vec::new(); members.len()];
     };
     let slopes: Vec<Option<(usize, Vec<f64>)>> = members
         .iter()
@@ -98,7 +108,7 @@ pub fn estimates(
         normal[(index, index)] += ridge + held;
     }
     let Some(covariance) = normal.try_inverse().map(|inverse| inverse * variance) else {
-        return vec![Vec::new(); set.len()];
+        return vec![Vec::new(); members.len()];
     };
     let quantile = 1.96 + 2.4 / freedom;
     let mut start = 0;
@@ -167,7 +177,7 @@ fn slope(
     Some((0..rows).map(slope).collect())
 }
 
-fn of_member(
+pub(crate) fn of_member(
     variant: &Variant,
     candidate: &Candidate,
     coefficients: &DVector<f64>,

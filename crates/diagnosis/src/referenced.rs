@@ -45,7 +45,8 @@ pub(crate) fn part(observations: &Observations) -> Option<Parted> {
     if (pairs.len() as f64) < MOST * touches as f64 || pairs.is_empty() {
         return None;
     }
-    let with = |deviations: Vec<f64>| Observations {
+    let with = |deviations: Vec<f64>, declared: Vec<Vec<f64>>| Observations {
+        declared,
         rows: pairs
             .iter()
             .map(|&(row, _)| observations.rows[row].clone())
@@ -54,16 +55,36 @@ pub(crate) fn part(observations: &Observations) -> Option<Parted> {
         ..observations.clone()
     };
     let read = |row: usize| observations.deviations[row];
-    let reading = with(pairs.iter().map(|&(row, r)| read(row) - r).collect());
+    let of_reference = |row: usize| {
+        let point = observations.rows[row].point;
+        (touches..observations.rows.len()).find(|&other| observations.rows[other].point == point)
+    };
+    // What each declared effect adds to the reading, and to the reference of the same points.
+    let declared = |part: &dyn Fn(f64, f64) -> f64| -> Vec<Vec<f64>> {
+        let of = |own: &Vec<f64>| {
+            let known = |&(row, _): &(usize, f64)| {
+                part(own[row], of_reference(row).map_or(0.0, |other| own[other]))
+            };
+            pairs.iter().map(known).collect()
+        };
+        observations.declared.iter().map(of).collect()
+    };
+    let reading = with(
+        pairs.iter().map(|&(row, r)| read(row) - r).collect(),
+        declared(&|read, known| read - known),
+    );
     let followed: Vec<f64> = pairs.iter().map(|&(row, _)| read(row)).collect();
     let size = rms(&reading.deviations);
     let cancels =
         size > CANCELS * rms(&followed) && size > 2.0 * observations.reference_uncertainty;
-    let part = with(if cancels {
-        followed
+    let part = if cancels {
+        with(followed, declared(&|read, _| read))
     } else {
-        pairs.iter().map(|&(_, r)| r).collect()
-    });
+        with(
+            pairs.iter().map(|&(_, r)| r).collect(),
+            declared(&|_, known| known),
+        )
+    };
     let mut tools: BTreeMap<Option<u32>, (f64, f64)> = BTreeMap::new();
     for &(row, r) in &pairs {
         let sum = tools.entry(observations.rows[row].tool).or_default();
@@ -113,6 +134,11 @@ pub(crate) fn report(
         ..session.clone()
     };
     let part = explain(&quiet, &parted.part, offered(&parted.part, &of_cutting));
+    for (own, of_part) in report.declared.iter_mut().zip(&part.declared) {
+        if of_cutting(&own.effect) {
+            own.clone_from(of_part);
+        }
+    }
     report.gap.noise_floor = report.gap.noise_floor.hypot(uncertainty);
     report.gap.ratio = report.gap.rms / report.gap.noise_floor;
     if report.unexplained.place.is_empty() {

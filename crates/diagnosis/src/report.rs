@@ -4,6 +4,7 @@
 
 use probecell_msgs::InspectionPlan;
 use serde::{Deserialize, Serialize};
+use twox_hash::XxHash3_128;
 
 /// Identifier of this form of report.
 pub const SCHEMA: &str = "probecell/gap-report/1";
@@ -35,6 +36,12 @@ pub struct Report {
     /// Names of the sessions that judged it without being fitted.
     #[serde(skip_serializing_if = "Vec::is_empty", default)]
     pub withheld: Vec<String>,
+    /// When its first touch was taken, RFC 3339, by the stamps.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub measured: Option<String>,
+    /// The machine that was measured.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub machine: Option<Machine>,
     /// Number of touches (or samples) used.
     pub samples: usize,
     /// The answer in a word.
@@ -44,6 +51,9 @@ pub struct Report {
     /// Where the gap's energy lies.
     #[serde(rename = "where")]
     pub place: Vec<Place>,
+    /// Effects that the model held already; the gap is what they leave.
+    #[serde(skip_serializing_if = "Vec::is_empty", default)]
+    pub declared: Vec<Declared>,
     /// Effects added to the model, in the order in which they close the gap.
     pub effects: Vec<Effect>,
     /// What remains.
@@ -54,6 +64,76 @@ pub struct Report {
     pub next_measurement: Vec<NextMeasurement>,
     /// Remarks on the input: skipped events, set-aside touches, approximations.
     pub warnings: Vec<String>,
+}
+
+/// Which machine it was.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Machine {
+    /// Name in its robot description.
+    pub name: String,
+    /// Fingerprint of the text of its robot description: two reports with the same are of one model.
+    pub fingerprint: String,
+}
+
+impl Machine {
+    /// The machine of a robot description (URDF text); an unnamed one where there is none.
+    pub fn of(robot_description: &str, name: &str) -> Self {
+        let fingerprint = XxHash3_128::oneshot(robot_description.as_bytes());
+        Self {
+            name: name.to_owned(),
+            fingerprint: format!("{fingerprint:032x}"),
+        }
+    }
+}
+
+/// An effect of the declared model, and what became of its promise.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Declared {
+    /// Identifier of the vocabulary.
+    pub effect: String,
+    /// Its declared parameters.
+    pub parameters: Vec<ParameterEstimate>,
+    /// Effects among which a person chose it.
+    #[serde(skip_serializing_if = "Vec::is_empty", default)]
+    pub chosen_from: Vec<String>,
+    /// The session that had shown it.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub source: Option<String>,
+    /// When that session was measured, RFC 3339.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub measured: Option<String>,
+    /// How far it closed the gap there, on touches that were not fitted.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub promised: Option<Sizes>,
+    /// How far it closes the gap here, where nothing was fitted; absent in a joint diagnosis.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub achieved: Option<Sizes>,
+    /// True where the 95 % intervals of what remains reach each other, or less remains than promised.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub kept: Option<bool>,
+}
+
+/// Size of the gap without and with an effect, m.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Sizes {
+    /// Rms without it.
+    pub rms_before: f64,
+    /// Rms with it.
+    pub rms_after: f64,
+    /// 95 % interval of `rms_after`.
+    pub ci95_after: [f64; 2],
+}
+
+/// The promise of an adopted effect, as a cell file holds it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Promise {
+    /// Held-out rms without the effect, m.
+    pub rms_before_m: f64,
+    /// Held-out rms with it, m.
+    pub rms_after_m: f64,
+    /// 95 % interval of the latter, m.
+    pub ci95_after_m: [f64; 2],
 }
 
 /// Size of the gap.
@@ -110,12 +190,24 @@ pub struct Effect {
     pub held_out: bool,
     /// Effects this session cannot tell from it.
     pub indistinguishable_from: Vec<String>,
+    /// The same with each of those in its place, where it can be fitted so.
+    #[serde(skip_serializing_if = "Vec::is_empty", default)]
+    pub alternatives: Vec<Alternative>,
     /// Held-out rms when a wrong effect with as many parameters stands in its place, m.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub placebo_rms_after: Option<f64>,
     /// The same for each session that judges, where several do.
     #[serde(skip_serializing_if = "Vec::is_empty", default)]
     pub sessions: Vec<OfSession>,
+}
+
+/// An effect that could stand in another's place.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Alternative {
+    /// Identifier of the vocabulary.
+    pub effect: String,
+    /// Its parameters there.
+    pub parameters: Vec<ParameterEstimate>,
 }
 
 /// What an effect does to the gap of one session (and one axis of it) that judges.

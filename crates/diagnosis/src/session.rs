@@ -3,6 +3,9 @@
 //! Everything is plain messages of the interface contract; reading them from a recording is not done here.
 
 use probecell_msgs::sensor_msgs::JointState;
+use std::time::{Duration, UNIX_EPOCH};
+
+use crate::declared::{DeclaredEffect, DeclaredError};
 use probecell_msgs::{InspectionPlan, MachineState, ProbeEvent, ReferenceMeasurement};
 
 /// The messages of one session.
@@ -24,6 +27,21 @@ pub struct Session {
     pub machine_states: Vec<MachineState>,
     /// What outside instruments measured of the same points.
     pub references: Vec<ReferenceMeasurement>,
+    /// Effects that belong to the cell's declared model: predicted, and not to be found again.
+    #[serde(default)]
+    pub declared: Vec<DeclaredEffect>,
+}
+
+impl Session {
+    /// When its first touch (or sample) was taken, RFC 3339 in UTC; `None` where no stamp says.
+    pub fn measured(&self) -> Option<String> {
+        let touches = self.events.iter().map(|event| &event.header.stamp);
+        let samples = self.joint_states.iter().map(|state| &state.header.stamp);
+        let first = touches.map(|stamp| stamp.sec).min();
+        let first = first.or_else(|| samples.map(|stamp| stamp.sec).min())?;
+        let since = Duration::from_secs(u64::try_from(first).ok().filter(|&sec| sec > 0)?);
+        Some(humantime::format_rfc3339_seconds(UNIX_EPOCH + since).to_string())
+    }
 }
 
 /// Why a session cannot be diagnosed.
@@ -35,6 +53,9 @@ pub enum DiagnoseError {
     /// An event or the plan is not usable.
     #[error(transparent)]
     Deviation(#[from] machine::DeviationError),
+    /// An effect of the declared model does not fit the machine.
+    #[error("declared model: {0}")]
+    Declared(#[from] DeclaredError),
     /// No robot description.
     #[error("the session has no robot_description")]
     NoMachine,
@@ -109,6 +130,9 @@ pub enum DiagnoseError {
     /// Sessions that do not share a machine.
     #[error("sessions `{0}` and `{1}` have different machines")]
     OtherMachine(String, String),
+    /// Sessions whose cells declare different effects.
+    #[error("sessions `{0}` and `{1}` have different declared effects")]
+    OtherModel(String, String),
     /// Sessions that do not share a clamping.
     #[error("plans `{0}` and `{1}` do not share part pose, stylus and rotary axes")]
     OtherPart(String, String),

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use crate::report::{Effect, NextMeasurement, ParameterEstimate, Place, Report, Verdict};
+use crate::report::{Declared, Effect, NextMeasurement, ParameterEstimate, Place, Report, Verdict};
 
 impl fmt::Display for Report {
     fn fmt(&self, to: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -24,6 +24,9 @@ impl fmt::Display for Report {
             "  {} samples, gap {rms}, noise floor {floor}, ratio {:.1}",
             self.samples, self.gap.ratio
         )?;
+        for declared in &self.declared {
+            write_declared(to, declared, &micro)?;
+        }
         for effect in &self.effects {
             write_effect(to, effect, &micro)?;
         }
@@ -84,6 +87,43 @@ fn write_effect(
     Ok(())
 }
 
+/// An effect of the declared model: where it came from, what it promised, what it does here.
+fn write_declared(
+    to: &mut fmt::Formatter<'_>,
+    declared: &Declared,
+    micro: &dyn Fn(f64) -> String,
+) -> fmt::Result {
+    write!(to, "  declared {}", declared.effect)?;
+    if let Some(source) = &declared.source {
+        write!(to, ", found in {source}")?;
+    }
+    if let Some(measured) = &declared.measured {
+        write!(to, " of {measured}")?;
+    }
+    if !declared.chosen_from.is_empty() {
+        write!(to, ", chosen from {}", declared.chosen_from.join(", "))?;
+    }
+    writeln!(to)?;
+    for (word, sizes) in [
+        ("promised", &declared.promised),
+        ("achieved", &declared.achieved),
+    ] {
+        if let Some(sizes) = sizes {
+            let [low, high] = sizes.ci95_after.map(micro);
+            let (before, after) = (micro(sizes.rms_before), micro(sizes.rms_after));
+            writeln!(to, "    {word}: {before} -> {after} ({low} to {high})")?;
+        }
+    }
+    match declared.kept {
+        Some(true) => writeln!(to, "    the promise is kept"),
+        Some(false) => writeln!(
+            to,
+            "    the promise is not kept: more remains than was promised"
+        ),
+        None => Ok(()),
+    }
+}
+
 fn write_next(to: &mut fmt::Formatter<'_>, next: &NextMeasurement) -> fmt::Result {
     if !next.points.is_empty() {
         writeln!(
@@ -124,24 +164,31 @@ fn write_next(to: &mut fmt::Formatter<'_>, next: &NextMeasurement) -> fmt::Resul
 }
 
 fn parameter_text(parameter: &ParameterEstimate) -> String {
-    let (factor, unit) = match parameter.unit.as_str() {
-        "m" if parameter.value.abs() >= 2e-3 => (1e3, "mm"),
+    let (name, unit) = (&parameter.name, &parameter.unit);
+    in_shop_units(name, parameter.value, unit, Some(parameter.ci95))
+}
+
+/// A parameter as a person reads it: name, value, half of its 95 % interval, unit of the shop.
+pub fn in_shop_units(name: &str, value: f64, unit: &str, ci95: Option<[f64; 2]>) -> String {
+    let (factor, unit) = match unit {
+        "m" if value.abs() >= 2e-3 => (1e3, "mm"),
         "m" => (1e6, "µm"),
         "rad" => (1e6, "µrad"),
         "m/m" => (1e6, "µm/m"),
         "rad/m" => (1e6, "µrad/m"),
         "1/K" => (1e6, "µm/(m K)"),
-        "s" if parameter.value.abs() < 1.0 => (1e3, "ms"),
+        "s" if value.abs() < 1.0 => (1e3, "ms"),
         "1" => (1.0, ""),
         other => (1.0, other),
     };
-    let half = 0.5 * (parameter.ci95[1] - parameter.ci95[0]) * factor;
-    let (name, value) = (&parameter.name, parameter.value * factor);
+    let half = ci95.map_or(0.0, |[low, high]| 0.5 * (high - low) * factor);
+    let value = value * factor;
     // A constant that was not fitted: a tool's number, a length that was chosen.
     let text = if half > 0.0 {
         format!("{name} = {value:.4} ± {half:.4} {unit}")
     } else {
-        format!("{name} = {value} {unit}")
+        // To a millionth: what is left of a mean of decimals is not worth reading.
+        format!("{name} = {} {unit}", (value * 1e6).round() / 1e6)
     };
     text.trim_end().to_owned()
 }

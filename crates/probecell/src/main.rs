@@ -150,6 +150,8 @@ enum Command {
     Results(commands::results::Arguments),
     /// Say why a recorded session differs from the declared model of its cell.
     Diagnose(commands::diagnose::Arguments),
+    /// Make what a gap report has found part of the cell's declared model, or take it out again.
+    Adopt(commands::adopt::Arguments),
     /// Say what a plan can tell before anything is measured: smallest effects, and effects that it cannot part.
     Identifiability(commands::identifiability::Arguments),
     /// Check the diagnosis on sealed sessions, and print the score card.
@@ -249,6 +251,7 @@ fn run(command: Command) -> anyhow::Result<u8> {
         Command::Program(arguments) => commands::program::run(&arguments),
         Command::Results(arguments) => commands::results::run(&arguments),
         Command::Diagnose(arguments) => commands::diagnose::run(&arguments),
+        Command::Adopt(arguments) => commands::adopt::run(&arguments),
         Command::Blind {
             refine: Some(wanted),
             seed,

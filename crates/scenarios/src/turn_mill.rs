@@ -225,6 +225,7 @@ impl Punch {
             joint_commands: self.all(topics::JOINT_COMMANDS)?,
             machine_states: self.all(topics::MACHINE_STATE)?,
             references: Vec::new(),
+            declared: Vec::new(),
         })
     }
 

@@ -1,6 +1,6 @@
 //! Settings of `gap`.
 
-use diagnosis::Options;
+use diagnosis::{DeclaredEffect, Options};
 use serde::Deserialize;
 
 /// As written in the cell file, section `[gap]`.
@@ -34,6 +34,8 @@ pub struct Config {
     pub every_touches: Option<u32>,
     /// What the diagnosis is told.
     pub options: Options,
+    /// Effects of the cell's declared model.
+    pub declared: Vec<DeclaredEffect>,
 }
 
 /// A setting that cannot be used.
@@ -53,8 +55,12 @@ pub enum ConfigError {
 }
 
 impl RawConfig {
-    /// Checks the settings; `vocabulary` holds the effects of this machine.
-    pub fn check(&self, vocabulary: &[String]) -> Result<Config, ConfigError> {
+    /// Checks the settings; `vocabulary` holds the effects of this machine, `declared` those that its model has already.
+    pub fn check(
+        &self,
+        vocabulary: &[String],
+        declared: &[DeclaredEffect],
+    ) -> Result<Config, ConfigError> {
         if let Some(touches) = self.every_touches.filter(|&touches| touches < 8) {
             return Err(ConfigError::Often(touches));
         }
@@ -72,6 +78,7 @@ impl RawConfig {
                 without: self.without.clone(),
                 ..Options::default()
             },
+            declared: declared.to_vec(),
         })
     }
 }

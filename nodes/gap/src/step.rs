@@ -184,6 +184,7 @@ fn diagnose(config: &Config, state: &State, now: Stamp, out: &mut Outbox<Output>
         joint_commands: Vec::new(),
         machine_states: state.states.samples(),
         references: state.references.clone(),
+        declared: config.declared.clone(),
     };
     let header = std_msgs::Header {
         stamp: now.time(),

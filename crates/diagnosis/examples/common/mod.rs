@@ -39,5 +39,6 @@ pub(crate) fn read(path: &Path) -> anyhow::Result<Session> {
             .into_iter()
             .map(|stamped| stamped.message)
             .collect(),
+        declared: Vec::new(),
     })
 }

@@ -1,7 +1,7 @@
 //! `axis.<A>.angular`: roll, pitch or yaw of a slide that grows along its travel.
 //!
-//! A rotation k·(q − mid) about one axis of the frame, either of the moved carriage or of the guideway at rest: the
-//! two differ by a bow across the axis, since the descriptions differ in the point they turn about. Where the rotation
+//! A rotation k·(q − mid) about one axis of the frame, either of the moved carriage (`moved` 1) or of the guideway at
+//! rest: the two differ by a bow across the axis, since the descriptions differ in the point they turn about. Where the rotation
 //! vanishes is a convention of who describes the machine: in the middle of the travel used or at the axis's zero.
 //! Typical 5–40 µrad.
 
@@ -39,19 +39,26 @@ pub(super) fn offer(observations: &Observations, variants: &mut Vec<Variant>) {
                     })
                 };
                 let effect = format!("axis.{}.angular", joint.name);
-                let constants = [("about", about, "1"), ("mid", mid, "m")];
+                let carriage = f64::from(u8::from(moved));
+                let constants = |mid: f64| {
+                    [
+                        ("about", about, "1"),
+                        ("moved", carriage, "1"),
+                        ("mid", mid, "m"),
+                    ]
+                };
                 let k = || Parameter::new("k", "rad/m", 3e-3);
                 variants.push(
                     Variant::linear(effect.clone(), vec![k()], move |observations| {
                         vec![turn(observations, &|from_mid| from_mid)]
                     })
-                    .with_constants(&constants),
+                    .with_constants(&constants(mid)),
                 );
                 variants.push(
                     Variant::linear(effect, vec![k()], move |observations| {
                         vec![turn(observations, &|from_mid| from_mid + mid)]
                     })
-                    .with_constants(&[("about", about, "1"), ("mid", 0.0, "m")])
+                    .with_constants(&constants(0.0))
                     .weighing(FROM_ZERO),
                 );
             }

@@ -2,8 +2,8 @@
 //!
 //! e = a·(u² − 1/3) + a3·(u³ − 0.6u), the Legendre shapes of second and third order over the travel used, u from −1 to
 //! 1, along one of the two directions across the axis in the moved frame. Typical 2–10 µm. Constant and slope are
-//! location errors; but where the line lies is a convention, so touching at the axis's zero and through the ends are
-//! offered as well.
+//! location errors; but where the line lies is a convention, so touching at the axis's zero (`line` 1) and through the
+//! ends (`line` 2) are offered as well.
 
 use machine::JointKind;
 
@@ -24,6 +24,15 @@ enum Line {
 type Shape = fn(f64) -> f64;
 
 impl Line {
+    /// How a report tells it.
+    fn number(self) -> f64 {
+        match self {
+            Self::Even => 0.0,
+            Self::AtZero => 1.0,
+            Self::Ends => 2.0,
+        }
+    }
+
     /// Where u = 0 lies, and the shapes of second and third order.
     fn of(self, mid: f64) -> (f64, (Shape, Shape)) {
         match self {
@@ -78,6 +87,7 @@ pub(super) fn offer(observations: &Observations, variants: &mut Vec<Variant>) {
                             ("along", direction, "1"),
                             ("mid", mid, "m"),
                             ("half", half, "m"),
+                            ("line", line.number(), "1"),
                         ])
                         .weighing(share),
                     );

@@ -48,6 +48,12 @@ impl Joined {
                     session.name.clone(),
                 ));
             }
+            if session.declared != first.declared {
+                return Err(DiagnoseError::OtherModel(
+                    first.name.clone(),
+                    session.name.clone(),
+                ));
+            }
             let mut own = Observations::from_session(session)?;
             let stride = own.rows.len().div_ceil(MOST_ROWS).max(1);
             for (row, deviation) in own
@@ -72,7 +78,10 @@ impl Joined {
             indices = last(&touches).unwrap_or(0).max(indices);
             features += own.features.len();
             match &mut all {
-                None => all = Some(own),
+                None => {
+                    own.declared = Vec::new();
+                    all = Some(own);
+                }
                 Some(all) => {
                     all.features.extend(own.features);
                     all.skipped.extend(own.skipped);

@@ -2,9 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
+use anyhow::bail;
 use bags::{Bag, Measurement};
-use diagnosis::{Options, Report, Session, diagnose, diagnose_together};
+use cell::{Cell, ModelSection};
+use diagnosis::{DeclaredEffect, Options, Report, Session, diagnose, diagnose_together};
 
+use super::record::CELL_FILE;
 use crate::{GOOD, report};
 
 /// What the user asks for.
@@ -28,6 +31,9 @@ pub(crate) struct Arguments {
     /// Leave an effect out of the library.
     #[arg(long)]
     without: Vec<String>,
+    /// Declare the effects of this cell file instead of those of the cell file in the bag.
+    #[arg(long, value_name = "CELL")]
+    model: Option<PathBuf>,
     /// Print JSON: one object, or one for each bag with `--each`.
     #[arg(long)]
     json: bool,
@@ -46,7 +52,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
     };
     if arguments.each || (bags.len() == 1 && arguments.withhold.is_empty()) {
         for path in bags {
-            let session = read(path, arguments.plan.as_deref())?;
+            let session = read(path, arguments)?;
             tell(&diagnose(&session, &options)?, arguments.json)?;
         }
         return Ok(GOOD);
@@ -54,7 +60,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
     let sessions = |paths: &[PathBuf]| {
         paths
             .iter()
-            .map(|path| read(path, arguments.plan.as_deref()))
+            .map(|path| read(path, arguments))
             .collect::<anyhow::Result<Vec<_>>>()
     };
     let (fit, withheld) = (sessions(bags)?, sessions(&arguments.withhold)?);
@@ -74,11 +80,9 @@ fn tell(result: &Report, json: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn read(path: &Path, plan: Option<&str>) -> anyhow::Result<Session> {
+fn read(path: &Path, arguments: &Arguments) -> anyhow::Result<Session> {
     let bag = Bag::open(path)?;
-    let measurement = plan.map_or(Measurement::Last, |plan| {
-        Measurement::Named(plan.to_owned())
-    });
+    let measurement = (arguments.plan.clone()).map_or(Measurement::Last, Measurement::Named);
     let session = bags::Session::read_measurement(&bag, &measurement)?;
     for damage in &session.damage {
         report::remark(&format!(
@@ -119,5 +123,23 @@ fn read(path: &Path, plan: Option<&str>) -> anyhow::Result<Session> {
             .into_iter()
             .map(|stamped| stamped.message)
             .collect(),
+        declared: declared(&bag, arguments.model.as_deref())?,
     })
+}
+
+/// Effects of the declared model: of the named cell file, or of the one that the bag carries.
+fn declared(bag: &Bag, model: Option<&Path>) -> anyhow::Result<Vec<DeclaredEffect>> {
+    if let Some(path) = model {
+        return Ok(Cell::read(path)?.model.effects);
+    }
+    for attachment in bag.attachments().flatten() {
+        if attachment.name == CELL_FILE {
+            let text = String::from_utf8_lossy(&attachment.data);
+            return match ModelSection::of_text(&text) {
+                Ok(model) => Ok(model.effects),
+                Err(error) => bail!("{CELL_FILE} of {}: {error}", bag.path().display()),
+            };
+        }
+    }
+    Ok(Vec::new())
 }

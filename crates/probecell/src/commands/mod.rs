@@ -1,5 +1,6 @@
 //! One module for each command that is not the launcher or the operator.
 
+pub(crate) mod adopt;
 pub(crate) mod blind;
 pub(crate) mod correct;
 pub(crate) mod diagnose;

@@ -1,0 +1,149 @@
+//! `probecell adopt`: what a gap report has found becomes part of the cell's declared model, and leaves it again.
+//!
+//! Only the cell file changes, whole or not at all; comments and layout stay. The next session of that cell is diagnosed
+//! against the larger model. Nothing is told to a machine.
+
+use std::{
+    fs,
+    io::{Read, Write},
+    path::{Path, PathBuf},
+};
+
+use anyhow::{Context, bail};
+use cell::{Adopted, Cell, CellText};
+use diagnosis::{DeclaredEffect, Report};
+
+use crate::{DEFAULT_CELL, GOOD, report};
+
+/// What the user asks for.
+#[derive(clap::Args)]
+pub(crate) struct Arguments {
+    /// Report that `probecell diagnose --json` wrote; `-` for standard input.
+    #[arg(required_unless_present_any = ["remove", "list"])]
+    report: Option<PathBuf>,
+    /// Cell file.
+    #[arg(long, default_value = DEFAULT_CELL)]
+    cell: PathBuf,
+    /// Of effects that the session could not tell apart, adopt this one.
+    #[arg(long = "as", value_name = "NAME")]
+    picks: Vec<String>,
+    /// Let what the report found join an effect that is declared already.
+    #[arg(long)]
+    combine: bool,
+    /// Take an effect out of the declared model again.
+    #[arg(long, value_name = "NAME", conflicts_with_all = ["report", "list", "picks", "combine"])]
+    remove: Option<String>,
+    /// List the declared effects.
+    #[arg(long, conflicts_with_all = ["report", "picks", "combine"])]
+    list: bool,
+}
+
+/// Adopts, removes or lists.
+pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
+    let cell = Cell::read(&arguments.cell)?;
+    if arguments.list {
+        list(&cell);
+    } else if let Some(name) = &arguments.remove {
+        let (text, removed) = cell::remove(&cell, name)?;
+        replace(&cell, &arguments.cell, &text)?;
+        let times = if removed > 1 {
+            format!(" ({removed} tables)")
+        } else {
+            String::new()
+        };
+        report::line(&format!("{name} is out of the declared model{times}"));
+    } else if let Some(path) = &arguments.report {
+        let found = read(path)?;
+        let adopted = cell::adopt(&cell, &found, &arguments.picks, arguments.combine)
+            .with_context(|| path.display().to_string())?;
+        replace(&cell, &arguments.cell, &adopted.text)?;
+        tell(&adopted);
+    }
+    Ok(GOOD)
+}
+
+fn read(path: &Path) -> anyhow::Result<Report> {
+    let mut text = String::new();
+    if path == Path::new("-") {
+        std::io::stdin().read_to_string(&mut text)?;
+    } else {
+        text = fs::read_to_string(path)
+            .with_context(|| format!("cannot read the report {}", path.display()))?;
+    }
+    let found: Report = serde_json::from_str(&text)
+        .with_context(|| format!("{} is not one gap report", path.display()))?;
+    if found.schema != diagnosis::report::SCHEMA {
+        bail!(
+            "{} has the schema {:?}, not {:?}",
+            path.display(),
+            found.schema,
+            diagnosis::report::SCHEMA
+        );
+    }
+    Ok(found)
+}
+
+/// Puts a new text in the place of the cell file, whole or not at all, if it still makes a cell and nobody else has
+/// changed the file meanwhile.
+fn replace(cell: &Cell, path: &Path, text: &str) -> anyhow::Result<()> {
+    Cell::from_text(CellText {
+        cell: text.to_owned(),
+        ..cell.text().clone()
+    })?;
+    // A link goes on pointing to the file.
+    let path = &fs::canonicalize(path)?;
+    let folder = path.parent().unwrap_or(Path::new("/"));
+    let cannot = || format!("cannot write the cell file {}", path.display());
+    let mut file = tempfile::NamedTempFile::new_in(folder).with_context(cannot)?;
+    file.write_all(text.as_bytes()).with_context(cannot)?;
+    fs::set_permissions(file.path(), fs::metadata(path)?.permissions()).with_context(cannot)?;
+    file.as_file().sync_all().with_context(cannot)?;
+    if fs::read_to_string(path).with_context(cannot)? != cell.text().cell {
+        bail!(
+            "{} was changed meanwhile: nothing is written",
+            path.display()
+        );
+    }
+    file.persist(path).with_context(cannot)?;
+    Ok(())
+}
+
+fn tell(adopted: &Adopted) {
+    for effect in &adopted.effects {
+        report::line(&format!("adopted {}", line(effect)));
+    }
+    for error in &adopted.left_out {
+        report::remark(&format!("left out: {error}"));
+    }
+}
+
+fn list(cell: &Cell) {
+    if cell.model.effects.is_empty() {
+        report::line("the declared model holds no effects beside the robot description");
+    }
+    for effect in &cell.model.effects {
+        report::line(&line(effect));
+    }
+}
+
+/// One declared effect in a line.
+fn line(effect: &DeclaredEffect) -> String {
+    let values: Vec<String> = (effect.parameters.iter())
+        .map(|one| diagnosis::in_shop_units(&one.name, one.value, &one.unit, one.ci95))
+        .collect();
+    let mut line = format!("{}: {}", effect.effect, values.join(", "));
+    if let Some(promise) = &effect.promised {
+        let [before, after] = [promise.rms_before_m, promise.rms_after_m].map(|size| size * 1e6);
+        line += &format!("; promised {before:.2} µm -> {after:.2} µm");
+    }
+    if let Some(source) = &effect.source {
+        line += &format!("; found in {source}");
+    }
+    if let Some(measured) = &effect.measured {
+        line += &format!(" of {measured}");
+    }
+    if !effect.chosen_from.is_empty() {
+        line += &format!("; chosen from {}", effect.chosen_from.join(", "));
+    }
+    line
+}
