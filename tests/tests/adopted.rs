@@ -22,8 +22,10 @@ fn measured(cell: &Cell) -> (Report, Vec<Published>) {
     let (_, log) = make_part(cell, "part");
     let live: Vec<GapReport> = messages(&log, topics::GAP_REPORT.name);
     let last = live.last().expect("the node answers");
-    let mut recorded = bag::diagnosis(cell, &log, &Measurement::Last);
-    recorded.bag = "live".to_owned();
+    let recorded = Report {
+        bag: "live".to_owned(),
+        ..bag::diagnosis(cell, &log, &Measurement::Last)
+    };
     let recorded_text = serde_json::to_string(&recorded).expect("JSON");
     assert_eq!(last.json, recorded_text, "live and from the recording");
     (recorded, log)

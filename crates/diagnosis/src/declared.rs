@@ -18,6 +18,8 @@ use crate::session::Session;
 use crate::shrinkage::Blocks;
 use crate::vocabulary;
 
+/// No declared effect moves a touch so far, m.
+const FARTHEST: f64 = 0.05;
 /// Constants that agree to this share are the same.
 const SAME: f64 = 1e-9;
 
@@ -100,6 +102,26 @@ pub enum DeclaredError {
         given: String,
         /// As it must be.
         wanted: &'static str,
+    },
+    /// A period, time constant, exponent or harmonic that is none.
+    #[error("`{effect}`: `{parameter}` is {value}, which must be positive")]
+    NotPositive {
+        /// The effect.
+        effect: String,
+        /// Its parameter.
+        parameter: &'static str,
+        /// As given.
+        value: f64,
+    },
+    /// A prediction that no machine could be worked with.
+    #[error(
+        "`{effect}` predicts a deviation of {size:e} m: a parameter is not in the unit that it names"
+    )]
+    Far {
+        /// The effect.
+        effect: String,
+        /// Largest predicted deviation, m.
+        size: f64,
     },
     /// Parameters from which no action follows.
     #[error("`{effect}`: parameters ({given}) do not say how it acts; it takes ({wanted})")]
@@ -211,11 +233,20 @@ impl DeclaredEffect {
             });
         };
         self.units(&variant)?;
+        let mut value = 0.0;
+        if let Some(shape) = &variant.shape {
+            value = self.value(shape.name).unwrap_or_default();
+            if value <= 0.0 {
+                return Err(DeclaredError::NotPositive {
+                    effect: self.effect.clone(),
+                    parameter: shape.name,
+                    value,
+                });
+            }
+        }
         Ok(Acting {
             coefficients: self.coefficients(&variant),
-            shape: (variant.shape.as_ref())
-                .and_then(|shape| self.value(shape.name))
-                .unwrap_or(0.0),
+            shape: value,
             variant,
         })
     }
@@ -363,6 +394,16 @@ pub(crate) fn predicted(
             *value += now - before;
         }
         second = so_far;
+        // The maximum passes over a NaN, the check of every value does not.
+        let largest = own
+            .iter()
+            .fold(0.0, |most: f64, value| most.max(value.abs()));
+        if !own.iter().all(|value| value.abs() < FARTHEST) {
+            return Err(DeclaredError::Far {
+                effect: effect.effect.clone(),
+                size: largest,
+            });
+        }
         all.push(own);
     }
     Ok(all)
@@ -431,6 +472,7 @@ fn add(left: &mut [f64], part: &[f64], factor: f64) {
 
 #[cfg(test)]
 mod tests {
+    use machine::JointKind;
     use nalgebra::{DMatrix, DVector};
 
     use super::*;
@@ -493,5 +535,64 @@ mod tests {
             }
         }
         assert!(tried > 200, "{tried} variants");
+    }
+
+    #[test]
+    fn numbers_that_nobody_can_mean_are_refused() {
+        let slide = |seed| {
+            let (session, _) = session(seed, Content::Clean);
+            let chain = Chain::from_urdf(&session.robot_description).unwrap();
+            let mut axes = (0..chain.axes().len()).map(|axis| chain.axis(axis));
+            let slide = axes.find(|joint| joint.kind == JointKind::Prismatic)?;
+            Some((session, format!("axis.{}.cyclic", slide.name)))
+        };
+        let (session, cyclic) = (1..20).find_map(slide).unwrap();
+        let declared = |effect: &str, parameters: &[(&str, f64, &str)]| DeclaredEffect {
+            effect: effect.to_owned(),
+            parameters: (parameters.iter())
+                .map(|&(name, value, unit)| DeclaredParameter {
+                    name: name.to_owned(),
+                    value,
+                    unit: unit.to_owned(),
+                    ci95: None,
+                })
+                .collect(),
+            chosen_from: Vec::new(),
+            source: None,
+            measured: None,
+            promised: None,
+        };
+        let wave = |period| {
+            [
+                ("a", 1e-6, "m"),
+                ("phase", 0.0, "rad"),
+                ("period", period, "m"),
+            ]
+        };
+        for (effect, says) in [
+            (declared(&cyclic, &wave(0.0)), "must be positive"),
+            (declared(&cyclic, &wave(-0.01)), "must be positive"),
+            (declared(&cyclic, &wave(1e-320)), "not in the unit"),
+            (
+                declared("probe.ball_radius", &[("dr", 3.5, "m")]),
+                "not in the unit",
+            ),
+            (
+                declared("probe.ball_radius", &[("dr", 1e300, "m")]),
+                "not in the unit",
+            ),
+            (
+                declared("probe.ball_radius", &[("dr", 1e-6, "m"), ("dr", 2e-6, "m")]),
+                "do not say how it acts",
+            ),
+        ] {
+            let session = Session {
+                declared: vec![effect],
+                ..session.clone()
+            };
+            let told = Observations::from_session(&session).map(|_| "nothing".to_owned());
+            let told = told.unwrap_or_else(|error| error.to_string());
+            assert!(told.contains(says), "{:?}: {told}", session.declared[0]);
+        }
     }
 }
