@@ -131,19 +131,19 @@ fn line(effect: &DeclaredEffect) -> String {
     let values: Vec<String> = (effect.parameters.iter())
         .map(|one| diagnosis::in_shop_units(&one.name, one.value, &one.unit, one.ci95))
         .collect();
-    let mut line = format!("{}: {}", effect.effect, values.join(", "));
+    let mut parts = vec![format!("{}: {}", effect.effect, values.join(", "))];
     if let Some(promise) = &effect.promised {
         let [before, after] = [promise.rms_before_m, promise.rms_after_m].map(|size| size * 1e6);
-        line += &format!("; promised {before:.2} µm -> {after:.2} µm");
+        parts.push(format!("promised {before:.2} µm -> {after:.2} µm"));
     }
     if let Some(source) = &effect.source {
-        line += &format!("; found in {source}");
+        parts.push(format!("found in {source}"));
     }
     if let Some(measured) = &effect.measured {
-        line += &format!(" of {measured}");
+        parts.push(format!("measured {measured}"));
     }
     if !effect.chosen_from.is_empty() {
-        line += &format!("; chosen from {}", effect.chosen_from.join(", "));
+        parts.push(format!("chosen from {}", effect.chosen_from.join(", ")));
     }
-    line
+    parts.join("; ")
 }
