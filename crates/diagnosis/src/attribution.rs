@@ -7,11 +7,11 @@
 use crate::beside::{Beside, UNKNOWN, challenge};
 use crate::candidate::Candidate;
 use crate::effects::Variant;
-use crate::evidence::{Fit, Products, add_scaled};
+use crate::evidence::{Fit, Products, add_scaled, whitened};
 use crate::observation::Observations;
-use crate::pool::{Pool, Shapes};
+use crate::pool::{Pool, Shapes, orthonormal};
 use crate::rivals::{Kind, Rival, grid, rivals};
-use crate::search::{MOST_EFFECTS, Scored, extend, prune};
+use crate::search::{MOST_EFFECTS, Scored, exchange, extend, prune};
 
 /// Prior probability that the noise remembers the touch before.
 const REMEMBERS: f64 = 0.05;
@@ -176,7 +176,8 @@ fn grow(pool: &mut Pool<'_>, scored: &mut Vec<Scored>) {
         let Some(longer) = extend(&pool.products, &priors, &best.set) else {
             break;
         };
-        best = prune(&pool.products, &priors, longer);
+        let exchanged = exchange(&pool.products, &priors, longer);
+        best = prune(&pool.products, &priors, exchanged);
         scored.insert(0, best.clone());
     }
     // Neighbours of the long set tell how sure each member is.
@@ -195,7 +196,7 @@ fn finish(pool: Pool<'_>, scored: &[Scored]) -> Attribution {
     let white = pool.correlation == 0.0;
     let mut challengers = Vec::new();
     if white {
-        challengers = rivals(pool.shapes.observations, pool.active);
+        challengers = unknown_to(&pool, rivals(pool.shapes.observations, pool.active));
         challengers.extend(grid(pool.shapes.observations, pool.active));
     }
     let noise = if white {
@@ -231,6 +232,24 @@ fn finish(pool: Pool<'_>, scored: &[Scored]) -> Attribution {
         active: pool.active.to_vec(),
         correlation: pool.correlation,
     }
+}
+
+/// Rivals less what the library already has: a dependence on a covariate is no rival of the effects that have it.
+fn unknown_to(pool: &Pool<'_>, rivals: Vec<Rival>) -> Vec<Rival> {
+    let own = |rival: Rival| {
+        let Kind::Covariate(covariate) = rival.kind else {
+            return Some(rival);
+        };
+        let known = |candidate: &&Candidate| {
+            let effect = pool.shapes.variants[candidate.variant].effect.as_str();
+            covariate.known().contains(&effect)
+        };
+        let columns = (pool.candidates.iter().filter(known))
+            .flat_map(|candidate| &candidate.block)
+            .map(|column| whitened(column, pool.active, 0, 0.0));
+        rival.beside(&orthonormal(columns))
+    };
+    rivals.into_iter().filter_map(own).collect()
 }
 
 impl Attribution {

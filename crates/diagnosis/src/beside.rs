@@ -48,7 +48,7 @@ fn kin(observations: &Observations, rival: &Rival, effect: &str) -> bool {
         }
         Kind::Time => ["thermal.drift", "thermal.spindle_growth"].contains(&effect),
         Kind::Direction => effect == "probe.pretravel_lobing",
-        Kind::Region | Kind::Feature | Kind::Index | Kind::Grid => false,
+        Kind::Region | Kind::Feature | Kind::Index | Kind::Covariate(_) | Kind::Grid => false,
     }
 }
 

@@ -20,7 +20,7 @@ use crate::places;
 use crate::report::{
     Effect, Gap, Machine, ParameterEstimate, Rejected, Report, SCHEMA, Unexplained, Verdict,
 };
-use crate::rivals::rivals;
+use crate::rivals::{Kind, rivals};
 use crate::session::{DiagnoseError, Session};
 use gram::{Set, rms};
 use grow::{Grown, Rows, price, taken, without};
@@ -364,9 +364,9 @@ impl Reporter<'_> {
             .collect();
         let slices: Vec<&[Vec<f64>]> = groups.iter().map(Vec::as_slice).collect();
         let gains = gram.foreign(solved, &all, &slices, self.rows.y, active);
-        // Times of different sessions have nothing in common.
+        // Times of different sessions have nothing in common; what depends on a covariate is here left to the effects.
         let best = (gains.into_iter().enumerate())
-            .filter(|(place, _)| known[*place].kind != crate::rivals::Kind::Time)
+            .filter(|(place, _)| !matches!(known[*place].kind, Kind::Time | Kind::Covariate(_)))
             .max_by(|one, other| one.1.0.total_cmp(&other.1.0));
         let nothing = Unexplained {
             rms: 0.0,

@@ -104,6 +104,10 @@ pub fn of_rival(
         Kind::Feature => named(observations, &energy, "feature", probability),
         Kind::Grid => Vec::new(),
         Kind::Index => vec![place("component", "index".to_owned(), None, probability)],
+        Kind::Covariate(covariate) => {
+            let key = covariate.name().to_owned();
+            vec![place("component", key, None, probability)]
+        }
     }
 }
 

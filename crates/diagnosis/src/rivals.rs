@@ -4,11 +4,16 @@
 //! direction, a feature, an index. Where one beats every set of effects, something unknown acts, and the rival's kind
 //! is its place. A process is kept as its leading directions (pivoted Cholesky, then eigenvectors).
 
+mod covariate;
+
 use machine::JointKind;
 use nalgebra::{DMatrix, Vector3};
 
 use crate::evidence::{add_scaled, dot};
 use crate::observation::{Observations, Pose, Row};
+use crate::pool::remove;
+
+pub use covariate::Covariate;
 
 /// Directions that a process may have at most.
 const MOST_DIRECTIONS: usize = 48;
@@ -18,6 +23,8 @@ const MOST_CELLS: usize = 128;
 const FEWEST_DIRECTIONS: usize = 3;
 /// What more scatter on one feature pays (natural log) against a smooth discrepancy: stray touches look alike.
 const SCATTER: f64 = -5.0;
+/// Of what the vocabulary has, a rival keeps only directions of at least this share of its largest power.
+const OWN: f64 = 1e-3;
 /// Fewest touches of a feature that can scatter more than others.
 const FEWEST_SCATTERED: usize = 6;
 /// A pivoted factor stops when no row keeps more than this share of its variance.
@@ -25,6 +32,9 @@ const NEGLIGIBLE: f64 = 1e-3;
 
 /// A grid finer than this is what controllers usually read on, m.
 const FINE: f64 = 5e-7;
+
+/// Share of an axis's travel over which a turn that depends on it changes.
+const TURNING: f64 = 0.25;
 
 /// An axis that moves less than this (m or rad) is no cause of anything.
 const STILL: f64 = 1e-3;
@@ -44,6 +54,8 @@ pub enum Kind {
     Feature,
     /// The combination of prescribed axis positions.
     Index,
+    /// What the plan says of a touch and its making.
+    Covariate(Covariate),
     /// The cell of a coarse grid on which positions are read: nothing unknown.
     Grid,
 }
@@ -74,6 +86,10 @@ pub fn rivals(observations: &Observations, active: &[bool]) -> Vec<Rival> {
     ];
     for axis in 0..observations.chain.axes().len() {
         kinds.push((Kind::Axis(axis), along_axis(observations, axis)));
+    }
+    for covariate in Covariate::ALL {
+        let kernels = covariate.kernels(observations);
+        kinds.push((Kind::Covariate(covariate), kernels));
     }
     kinds.retain(|(_, kernels)| !kernels.is_empty());
     let scattered = scattered(observations);
@@ -194,6 +210,18 @@ fn time(observations: &Observations) -> Vec<Kernel<'_>> {
             measured(rows, i, j) * along * squared(rows[i].time - rows[j].time, share * span)
         }));
     }
+    // What jumps or wanders from its last value: Brownian motion of the reading, and of the part against the probe.
+    for displaced in [false, true] {
+        kernels.push(Box::new(move |i, j| {
+            let earlier = rows[i].time.min(rows[j].time) - rows[0].time;
+            let along = if displaced {
+                rows[i].normal.dot(&rows[j].normal)
+            } else {
+                1.0
+            };
+            measured(rows, i, j) * along * earlier / span
+        }));
+    }
     kernels
 }
 
@@ -255,10 +283,23 @@ fn index(observations: &Observations) -> Vec<Kernel<'_>> {
     if rows.iter().all(|row| row.index == rows[0].index) {
         return Vec::new();
     }
-    vec![Box::new(move |i, j| {
-        let same = f64::from(u8::from(rows[i].index == rows[j].index)) * measured(rows, i, j);
-        same * rows[i].normal.dot(&rows[j].normal)
-    })]
+    let same = move |i: usize, j: usize| {
+        f64::from(u8::from(rows[i].index == rows[j].index)) * measured(rows, i, j)
+    };
+    let reach = rows
+        .iter()
+        .map(|row| row.position.coords.norm())
+        .fold(0.0, f64::max)
+        .max(f64::MIN_POSITIVE);
+    vec![
+        Box::new(move |i, j| same(i, j) * rows[i].normal.dot(&rows[j].normal)),
+        // At each index the whole part lies elsewhere: displaced and turned.
+        Box::new(move |i, j| {
+            let (one, other) = (&rows[i], &rows[j]);
+            let lever = |row: &Row| row.position.coords.cross(&row.normal) / reach;
+            same(i, j) * (one.normal.dot(&other.normal) + lever(one).dot(&lever(other)))
+        }),
+    ]
 }
 
 /// Where and how strongly a displacement that depends on an axis is seen: probing, then cutting.
@@ -313,6 +354,19 @@ fn along_axis(observations: &Observations, axis: usize) -> Vec<Kernel<'_>> {
             let one = one.clone();
             kernels.push(Box::new(move |i, j| together(&one, i, j, share * range)));
         }
+    }
+    // Turns that depend on the axis, at the size of the displacement that they make.
+    for component in 3..6 {
+        let mut one = seen(&move |pose| pose.sensitivity.motion[joint][component]);
+        let atoms = || one.iter().flatten();
+        let reach = atoms().map(|atom| atom.0.abs()).fold(0.0, f64::max);
+        if reach <= 0.0 {
+            continue;
+        }
+        for atom in one.iter_mut().flatten() {
+            atom.0 /= reach;
+        }
+        kernels.push(Box::new(move |i, j| together(&one, i, j, TURNING * range)));
     }
     kernels
 }
@@ -376,6 +430,21 @@ fn factor(
         left[pivot] = 0.0;
         columns.push(column);
     }
+    let (directions, powers) = leading(&columns, 1e-6 * scale);
+    let fewest = match kind {
+        Kind::Covariate(_) => 1,
+        _ => FEWEST_DIRECTIONS,
+    };
+    (directions.len() >= fewest).then_some(Rival {
+        kind,
+        directions,
+        powers,
+        log_prior,
+    })
+}
+
+/// Orthonormal directions and powers of what columns make together; powers up to `least` are left out.
+fn leading(columns: &[Vec<f64>], least: f64) -> (Vec<Vec<f64>>, Vec<f64>) {
     let gram = DMatrix::from_fn(columns.len(), columns.len(), |one, other| {
         dot(&columns[one], &columns[other])
     });
@@ -383,8 +452,8 @@ fn factor(
     let mut directions = Vec::new();
     let mut powers = Vec::new();
     for (index, &power) in eigen.eigenvalues.iter().enumerate() {
-        if power > 1e-6 * scale {
-            let mut direction = vec![0.0; rows];
+        if power > least {
+            let mut direction = vec![0.0; columns[0].len()];
             for (column, share) in columns.iter().zip(eigen.eigenvectors.column(index).iter()) {
                 add_scaled(&mut direction, share / power.sqrt(), column);
             }
@@ -392,10 +461,28 @@ fn factor(
             powers.push(power);
         }
     }
-    (directions.len() >= FEWEST_DIRECTIONS).then_some(Rival {
-        kind,
-        directions,
-        powers,
-        log_prior,
-    })
+    (directions, powers)
+}
+
+impl Rival {
+    /// What is left of it beside an orthonormal basis over the active rows; `None` where nothing is.
+    pub(crate) fn beside(self, basis: &[Vec<f64>]) -> Option<Self> {
+        if basis.is_empty() {
+            return Some(self);
+        }
+        let most = self.powers.iter().copied().fold(0.0, f64::max);
+        let columns: Vec<Vec<f64>> = (self.directions.into_iter().zip(&self.powers))
+            .map(|(mut direction, power)| {
+                remove(&mut direction, basis);
+                crate::evidence::scale(&mut direction, power.sqrt());
+                direction
+            })
+            .collect();
+        let (directions, powers) = leading(&columns, OWN * most);
+        (!directions.is_empty()).then_some(Self {
+            directions,
+            powers,
+            ..self
+        })
+    }
 }

@@ -17,6 +17,8 @@ const BEAM: usize = 24;
 const TRIED: usize = 14;
 /// Candidates tried on a set that grows one by one.
 const TRIED_AT_LENGTH: usize = 6;
+/// Exchanges of a set that grows one by one, at most.
+const EXCHANGES: usize = 12;
 /// A level whose best set lies this far (natural log) behind the best of all ends the search.
 const HOPELESS: f64 = 25.0;
 
@@ -133,6 +135,29 @@ pub fn prune(products: &Products, priors: &Priors, mut best: Scored) -> Scored {
             _ => return best,
         }
     }
+}
+
+/// Exchanges candidates of a set one by one while the posterior rises: what came in early may have stood for another.
+pub fn exchange(products: &Products, priors: &Priors, mut best: Scored) -> Scored {
+    for _ in 0..EXCHANGES {
+        let trials = (0..best.set.len()).flat_map(|place| {
+            let mut rest = best.set.clone();
+            rest.remove(place);
+            let others = promising(products, priors, &rest, TRIED).into_iter();
+            others.map(move |candidate| {
+                let mut set = rest.clone();
+                set.push(candidate);
+                set.sort_unstable();
+                let score = products.log_evidence(&set) + priors.of(&set);
+                Scored { set, score }
+            })
+        });
+        match trials.max_by(|one, other| one.score.total_cmp(&other.score)) {
+            Some(next) if next.score > best.score => best = next,
+            _ => break,
+        }
+    }
+    best
 }
 
 /// The usual width of the search.
