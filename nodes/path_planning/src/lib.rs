@@ -9,7 +9,7 @@
 //! The part comes from the cell file ([`part`]): nominal features, where to touch them, which operation cut them. For a
 //! measurement of a pass the nominal sizes are the drawing's plus the allowance that the pass leaves. The order is the
 //! shortest open path over the moves between touches ([`route`]), never longer than the order in which the cell file
-//! lists the points.
+//! lists the points; features marked as a datum come first, and every target is within the travel of its axis.
 
 mod config;
 pub mod part;

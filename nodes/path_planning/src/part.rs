@@ -36,6 +36,12 @@ pub struct RawPart {
     /// Rotary axes whose positions operations and features give themselves, instead of one that faces the probe.
     #[serde(default)]
     pub rotary_axes: Vec<String>,
+    /// A point of the face at which the part is clamped, part frame.
+    #[serde(default)]
+    pub clamping_mm: [f64; 3],
+    /// Direction away from that face; none: distances from the clamping are not told.
+    #[serde(default)]
+    pub clamping_axis: [f64; 3],
     /// Distance from the start of an approach to the nominal contact.
     pub approach_mm: f64,
     /// Distance back after the trigger.
@@ -127,6 +133,9 @@ pub struct RawFeature {
     /// Positions of `part.rotary_axes` while probing; none: all 0.
     #[serde(default)]
     pub rotary_deg: Vec<f64>,
+    /// Touched before all features that are no datum.
+    #[serde(default)]
+    pub datum: bool,
 }
 
 /// Largest length (mm), angle (deg) or feed (mm/min) that is taken: far beyond any machine.
@@ -142,6 +151,7 @@ type Touch = (Vector3<f64>, Vector3<f64>);
 #[derive(Clone, Debug)]
 pub struct Part {
     template: InspectionPlan,
+    stages: Vec<u32>,
 }
 
 /// A part that cannot be measured.
@@ -235,6 +245,8 @@ impl RawPart {
             }
         }
         finite("position_mm", &self.position_mm)?;
+        finite("clamping_mm", &self.clamping_mm)?;
+        finite("clamping_axis", &self.clamping_axis)?;
         finite("stylus.ball_center_mm", &self.stylus.ball_center_mm)?;
         for raw in &self.operations {
             finite("operations.tool_radius_mm", &[raw.tool_radius_mm])?;
@@ -271,10 +283,12 @@ impl RawPart {
                 .collect(),
             ..InspectionPlan::default()
         };
+        let mut stages = Vec::new();
         for (index, raw) in self.features.iter().enumerate() {
             let feature = raw.message()?;
             let operation = self.operation_of(raw)?;
             for (position, normal) in raw.touches(&feature)? {
+                stages.push(u32::from(!raw.datum));
                 template.points.push(InspectionPoint {
                     feature: index as u32,
                     position: ros_point(position),
@@ -289,12 +303,13 @@ impl RawPart {
                     retract_distance: self.retract_mm * 1e-3,
                     feed: self.feed_mm_per_min / 60e3,
                     operation,
+                    overhang: self.overhang_of(&position),
                     ..InspectionPoint::default()
                 });
             }
             template.features.push(feature);
         }
-        Ok(Part { template })
+        Ok(Part { template, stages })
     }
 
     fn indexing(&self, chain: &Chain) -> Result<Option<Indexing>, PartError> {
@@ -354,6 +369,13 @@ impl RawPart {
         } else {
             rotary_deg.iter().map(|angle| angle.to_radians()).collect()
         }
+    }
+
+    /// Distance of a point (m, part frame) from the clamping; 0 at and within it, and where its direction is not told.
+    fn overhang_of(&self, position: &Vector3<f64>) -> f64 {
+        direction(self.clamping_axis).map_or(0.0, |axis| {
+            axis.dot(&(position - metres(self.clamping_mm))).max(0.0)
+        })
     }
 
     fn operation_of(&self, feature: &RawFeature) -> Result<i32, PartError> {
@@ -554,6 +576,11 @@ impl Indexing {
 }
 
 impl Part {
+    /// When each point is touched: 0 those of datum features, then 1.
+    pub fn stages(&self) -> &[u32] {
+        &self.stages
+    }
+
     /// The plan of a measurement whose surfaces still carry `allowance` (m, on sizes: half of it on each side).
     pub fn plan(&self, allowance: f64) -> InspectionPlan {
         let mut plan = self.template.clone();

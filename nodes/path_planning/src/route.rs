@@ -8,7 +8,7 @@
 
 use machine::{Chain, DeviationError, Nominal, Target};
 use nalgebra::{Point3, UnitQuaternion};
-use planning::{CostMatrix, Options, Problem, solve};
+use planning::{CostMatrix, Options, Problem, check_limits, solve};
 use probecell_msgs::{InspectionFeature, InspectionPlan, MeasurementOrder, ProbingMove};
 
 /// Speed taken for an axis whose URDF gives none (m/s or rad/s): slow, so that it is not preferred.
@@ -44,6 +44,25 @@ pub enum RouteError {
     /// The plan has a number that cannot be used.
     #[error(transparent)]
     Plan(#[from] DeviationError),
+    /// A point to touch that the plan does not have, or that is named twice.
+    #[error("point {0} is not in the plan, or it is to be touched twice")]
+    NoPoint(u32),
+    /// A move that leaves the travel of an axis.
+    #[error(
+        "a move to point {point} takes axis {axis:?} to {target:.6} (m or rad), outside its travel {least:.6} to {most:.6}"
+    )]
+    Travel {
+        /// Index of the point.
+        point: u32,
+        /// The axis.
+        axis: String,
+        /// Where the move goes, m or rad.
+        target: f64,
+        /// Lowest, m or rad.
+        least: f64,
+        /// Highest, m or rad.
+        most: f64,
+    },
     /// The cost table was refused.
     #[error("the moves between touches cannot be compared: {0}")]
     Cost(String),
@@ -87,6 +106,72 @@ impl Route<'_> {
         plan: &InspectionPlan,
         seeds: &[Seed],
     ) -> Result<MeasurementOrder, RouteError> {
+        let all: Vec<u32> = (0..plan.points.len() as u32).collect();
+        self.order_of(plan, &all, &[], seeds)
+    }
+
+    /// The shortest order found of some points of a plan, as after a scan that broke off, and its moves. `points` are
+    /// indices into the plan's points in the order that is to be beaten. `stages` has one entry for each point of the
+    /// plan, or is empty: points of a lower stage are touched before all of a higher one. `seeds` has one entry for each
+    /// of `points`, or is empty. Every target is within the travel of its axis.
+    pub fn order_of(
+        &self,
+        plan: &InspectionPlan,
+        points: &[u32],
+        stages: &[u32],
+        seeds: &[Seed],
+    ) -> Result<MeasurementOrder, RouteError> {
+        let mut part = InspectionPlan {
+            points: Vec::new(),
+            ..plan.clone()
+        };
+        for (place, &index) in points.iter().enumerate() {
+            let point = plan.points.get(index as usize);
+            let new = !points[..place].contains(&index);
+            let point = point.filter(|_| new).ok_or(RouteError::NoPoint(index))?;
+            part.points.push(point.clone());
+        }
+        let stage = |place: usize| stages.get(points[place] as usize).copied().unwrap_or(0);
+        let stages: Vec<u32> = (0..points.len()).map(stage).collect();
+        let mut order = self.shortest(&part, &stages, seeds)?;
+        for index in &mut order.order {
+            *index = points[*index as usize];
+        }
+        for one in &mut order.moves {
+            one.point_index = points[one.point_index as usize];
+        }
+        self.check_travel(&order)?;
+        Ok(order)
+    }
+
+    /// Targets within the travels keep every move within, for the joints go straight.
+    fn check_travel(&self, order: &MeasurementOrder) -> Result<(), RouteError> {
+        let limits: Vec<(f64, f64)> = (0..self.chain.axes().len())
+            .map(|index| {
+                let free = (f64::NEG_INFINITY, f64::INFINITY);
+                self.chain.axis(index).limits.unwrap_or(free)
+            })
+            .collect();
+        let targets: Vec<Vec<f64>> = order
+            .moves
+            .iter()
+            .map(|one| one.axis_positions.clone())
+            .collect();
+        check_limits(&targets, &limits).map_err(|found| RouteError::Travel {
+            point: order.moves[found.index].point_index,
+            axis: self.chain.axis(found.axis).name.clone(),
+            target: found.target,
+            least: found.least,
+            most: found.most,
+        })
+    }
+
+    fn shortest(
+        &self,
+        plan: &InspectionPlan,
+        stages: &[u32],
+        seeds: &[Seed],
+    ) -> Result<MeasurementOrder, RouteError> {
         let stations = self.stations(plan, seeds)?;
         let count = stations.len();
         let time = |from: usize, to: usize| {
@@ -98,7 +183,9 @@ impl Route<'_> {
         };
         let table = CostMatrix::from_fn(count, time)
             .map_err(|error| RouteError::Cost(error.to_string()))?;
-        let problem = Problem::new(table).given((0..count).collect());
+        let mut given: Vec<usize> = (0..count).collect();
+        given.sort_by_key(|&index| stages[index]);
+        let problem = Problem::new(table).given(given).stages(stages.to_vec());
         let options = Options {
             kicks: self.kicks,
             ..Options::default()

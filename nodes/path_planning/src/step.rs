@@ -119,7 +119,8 @@ fn publish(
         overtravel: config.overtravel,
         kicks: config.kicks,
     };
-    let mut order = route.order(&plan, &[])?;
+    let all: Vec<u32> = (0..plan.points.len() as u32).collect();
+    let mut order = route.order_of(&plan, &all, config.part.stages(), &[])?;
     order.header = plan.header.clone();
     let text = format!(
         "{} touches, {:.1} s between them ({:.1} s in the order given)",

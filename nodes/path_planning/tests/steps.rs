@@ -53,6 +53,46 @@ fn config(radius_mm: f64) -> Config {
         .expect("sound settings")
 }
 
+/// The shaft with two more touches of a datum at its far end, clamped at its near one, and how far the axes go.
+fn part_with_datum(clearance_mm: f64) -> Result<Config, path_planning::ConfigError> {
+    let text = r#"
+        id = "shaft"
+        indexing_axis = "C"
+        facing = [1.0, 0.0, 0.0]
+        clamping_mm = [0.0, 0.0, 5.0]
+        clamping_axis = [0.0, 0.0, 1.0]
+        approach_mm = 1.0
+        retract_mm = 1.0
+        feed_mm_per_min = 300.0
+        stylus = { id = "s", ball_center_mm = [0.0, 0.0, 0.0], ball_radius_mm = 2.0 }
+        [[features]]
+        id = "D"
+        kind = "cylinder"
+        axis = [0.0, 0.0, 1.0]
+        radius_mm = 10.0
+        tolerance_um = [-10.0, 10.0]
+        touch_angles_deg = [0.0]
+        touch_heights_mm = [0.0, 10.0]
+        [[features]]
+        id = "A"
+        kind = "cylinder"
+        axis = [0.0, 0.0, 1.0]
+        radius_mm = 10.0
+        tolerance_um = [-10.0, 10.0]
+        touch_angles_deg = [0.0]
+        touch_heights_mm = [20.0, 30.0]
+        datum = true
+        "#;
+    let part: RawPart = toml::from_str(text).unwrap_or_else(|error| panic!("{error}"));
+    let chain = Chain::from_urdf(ROBOT).expect("a chain");
+    let settings = RawConfig {
+        clearance_axis: "X".to_owned(),
+        clearance_mm,
+        ..RawConfig::default()
+    };
+    settings.check(chain, &part, Vec::new())
+}
+
 /// What the input makes the node say, a line each.
 fn check(config: &Config, input: Input, expected: &[&str]) {
     let mut state = PathPlanningNode::start(config);
@@ -144,4 +184,76 @@ fn an_operator_gets_a_preview_of_the_finished_part() {
             "4 accepted true",
         ],
     );
+}
+
+fn said(config: &Config, input: Input) -> Vec<Output> {
+    let mut out = Outbox::default();
+    let mut state = PathPlanningNode::start(config);
+    PathPlanningNode::step(config, &mut state, Stamp(0), input, &mut out);
+    out.messages().to_vec()
+}
+
+#[test]
+fn a_datum_is_touched_first_and_points_know_how_far_they_stand_out() {
+    let said = said(&part_with_datum(60.0).expect("sound settings"), measure(0));
+    let [Output::Plan(plan), Output::Order(order)] = said.as_slice() else {
+        panic!("{said:?}");
+    };
+    // Without stages it would be the sweep 0 1 2 3.
+    assert_eq!(order.order, [3, 2, 1, 0]);
+    let overhangs: Vec<f64> = plan
+        .points
+        .iter()
+        .map(|point| point.overhang * 1e3)
+        .collect();
+    for (found, expected) in overhangs.iter().zip([0.0, 5.0, 15.0, 25.0]) {
+        assert!((found - expected).abs() < 1e-9, "{overhangs:?}");
+    }
+}
+
+#[test]
+fn a_move_beyond_the_travel_of_an_axis_is_told_before_the_first_move() {
+    let said = said(&part_with_datum(150.0).expect("sound settings"), measure(0));
+    let [Output::Fault(fault)] = said.as_slice() else {
+        panic!("{said:?}");
+    };
+    assert_eq!(
+        fault.text,
+        "a move to point 3 takes axis \"X\" to 0.150000 (m or rad), outside its travel -0.100000 to 0.100000"
+    );
+}
+
+#[test]
+fn what_is_left_of_a_broken_scan_is_planned_in_its_own_shortest_order() {
+    let config = config(10.0);
+    let plan = config.part.plan(0.0);
+    let route = path_planning::route::Route {
+        chain: &config.chain,
+        clearance: config.clearance,
+        overtravel: config.overtravel,
+        kicks: config.kicks,
+    };
+    // Heights 40, 0 and 30 mm are left.
+    let order = route
+        .order_of(&plan, &[0, 1, 2], &[], &[])
+        .expect("in reach");
+    assert!(
+        order.order == [0, 2, 1] || order.order == [1, 2, 0],
+        "{order:?}"
+    );
+    let whole = route.order(&plan, &[]).expect("in reach");
+    for one in &order.moves {
+        let same = |other: &&probecell_msgs::ProbingMove| {
+            other.kind == one.kind && other.point_index == one.point_index
+        };
+        let known = whole.moves.iter().find(same);
+        let known = known.unwrap_or_else(|| panic!("{one:?} is no move of the whole scan"));
+        let off = one.axis_positions.iter().zip(&known.axis_positions);
+        assert!(off.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max) < 1e-9);
+    }
+    let again = route.order_of(&plan, &[2], &[], &[]).expect("in reach");
+    assert_eq!(again.order, [2]);
+    for wrong in [&[9][..], &[1, 1]] {
+        assert!(route.order_of(&plan, wrong, &[], &[]).is_err(), "{wrong:?}");
+    }
 }
