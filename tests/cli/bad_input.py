@@ -185,10 +185,22 @@ def program_of_a_bag_without_a_cell(folder):
     return Session().write(folder / "bag.mcap")
 
 
+@case(f"program {ROOT}/launch-scripts/linuxcnc_bore.toml --controller fanuc --measured {{}}", 2, "line 1, column 1")
+def program_after_a_broken_scan_of_garbage(folder):
+    return touch(folder / "results.txt", b"no results\n")
+
+
+@case(f"program {ROOT}/launch-scripts/linuxcnc_bore.toml --controller fanuc --measured {{}}", 2, "no point is left")
+def program_after_a_whole_scan(folder):
+    touches = "".join(f"TOUCH {point + 1} {point} 1. 2. 3.\n" for point in range(10))
+    return touch(folder / "results.txt", b"AXES X Y Z\n" + touches.encode())
+
+
 @case("program {} --controller fanuc --travel-feed-mm-per-min nan", 2, "finite number above 0")
 @case("program {} --controller fanuc --axis X=Q", 2, "axis \"X\" needs a letter")
 @case("program {} --controller fanuc --axis X=C", 2, "X, Y, Z are linear")
-@case("program {} --controller sinumerik --clearance Z=9000", 2, "outside its limits")
+@case("program {} --controller sinumerik --clearance Z=9000", 2, "outside its travel")
+@case("program {} --controller fanuc --points 3,77", 2, "point 77 is not among")
 @case("program {} --controller sinumerik -o /nowhere/x.mpf", 2, "cannot be written")
 def program_of_a_cell(_):
     return ROOT / "launch-scripts" / "linuxcnc_bore.toml"

@@ -24,9 +24,9 @@ const OVERTRAVEL: f64 = 2e-3;
 /// Plans and prints.
 pub(crate) fn run(source: &Path, as_json: bool) -> anyhow::Result<u8> {
     let (plan, order, status) = if is_cell(source) {
-        of_cell(&Cell::read(source)?, 0.0)?
+        of_cell(&Cell::read(source)?, 0.0, &|_| true)?
     } else {
-        of_bag(&Bag::open(source)?, None)?
+        of_bag(&Bag::open(source)?, None, &|_| true)?
     };
     if as_json {
         report::json(&order)?;
@@ -65,14 +65,18 @@ pub(crate) fn is_cell(source: &Path) -> bool {
         .is_some_and(|extension| extension == "toml")
 }
 
-/// Plan and order of a cell's part with an allowance (m) left on its sizes.
+/// Plan and order of a cell's part with an allowance (m) left on its sizes; only points that `wanted` wants are touched.
 pub(crate) fn of_cell(
     cell: &Cell,
     allowance: f64,
+    wanted: &dyn Fn(u32) -> bool,
 ) -> anyhow::Result<(InspectionPlan, MeasurementOrder, u8)> {
     let chain = Chain::from_urdf(&cell.text().robot_description)?;
     let config = cell.path_planning.check(chain, &cell.part, Vec::new())?;
     let plan = config.part.plan(allowance);
+    let points: Vec<u32> = (0..plan.points.len() as u32)
+        .filter(|&point| wanted(point))
+        .collect();
     let (clearance, overtravel, kicks) = (config.clearance, config.overtravel, config.kicks);
     let order = Route {
         chain: &config.chain,
@@ -80,14 +84,16 @@ pub(crate) fn of_cell(
         overtravel,
         kicks,
     }
-    .order(&plan, &[])?;
+    .order_of(&plan, &points, config.part.stages(), &[])?;
     Ok((plan, order, GOOD))
 }
 
-/// Orders the plan of a recording again, against the order in which it was measured; `clearance` as in [`Route`].
+/// Orders the plan of a recording again, against the order in which it was measured; `clearance` as in [`Route`],
+/// `wanted` as in [`of_cell`].
 pub(crate) fn of_bag(
     bag: &Bag,
     clearance: Option<(usize, f64)>,
+    wanted: &dyn Fn(u32) -> bool,
 ) -> anyhow::Result<(InspectionPlan, MeasurementOrder, u8)> {
     let session = Session::read(bag)?;
     let status = report::damage(&session.damage);
@@ -102,19 +108,14 @@ pub(crate) fn of_bag(
     }
     // The first touch of each point gives the order to beat, and where the axes stood.
     let mut seeds = Vec::new();
-    let mut plan = InspectionPlan {
-        points: Vec::new(),
-        ..recorded.clone()
-    };
     let mut places = Vec::new();
     for event in session.events.iter().map(|stamped| &stamped.message) {
-        if places.contains(&event.point_index) {
+        if places.contains(&event.point_index) || !wanted(event.point_index) {
             continue;
         }
-        let point = recorded
-            .points
-            .get(event.point_index as usize)
-            .context("an event names a point that the plan does not have")?;
+        if event.point_index as usize >= recorded.points.len() {
+            bail!("an event names a point that the plan does not have");
+        }
         let positions = chain.positions(&event.axis_names, &event.axis_positions)?;
         // Without rotary axes in the plan (an arm) the probe keeps the attitude that it had.
         let attitude = recorded
@@ -125,7 +126,6 @@ pub(crate) fn of_bag(
             positions,
             attitude,
         });
-        plan.points.push(point.clone());
         places.push(event.point_index);
     }
     let route = Route {
@@ -134,13 +134,7 @@ pub(crate) fn of_bag(
         overtravel: OVERTRAVEL,
         kicks: KICKS,
     };
-    let mut order = route.order(&plan, &seeds)?;
-    for index in &mut order.order {
-        *index = places[*index as usize];
-    }
-    for one in &mut order.moves {
-        one.point_index = places[one.point_index as usize];
-    }
+    let order = route.order_of(recorded, &places, &[], &seeds)?;
     Ok((recorded.clone(), order, status))
 }
 

@@ -20,7 +20,7 @@ use controllers::{
 use machine::{Chain, JointKind};
 use probecell_msgs::{InspectionPlan, MeasurementOrder};
 
-use super::{plan, replay::embedded_cell};
+use super::{plan, replay::embedded_cell, results};
 use crate::report;
 
 /// Period of LinuxCNC's position loop where no cell file says it, s.
@@ -46,6 +46,12 @@ pub(crate) struct Arguments {
     /// Allowance that the cut leaves on the sizes of a cell's part.
     #[arg(long, value_name = "MM", default_value_t = 0.0)]
     allowance_mm: f64,
+    /// Touch only these points, for example to measure one again.
+    #[arg(long, value_name = "INDEX", value_delimiter = ',')]
+    points: Vec<u32>,
+    /// What a program wrote before it broke off: points that it touched are not touched again.
+    #[arg(long, value_name = "RESULTS")]
+    measured: Vec<PathBuf>,
     /// Feed between touches, which are guarded against contact (FANUC, SINUMERIK).
     #[arg(long, value_name = "MM/MIN", default_value_t = 3000.0)]
     travel_feed_mm_per_min: f64,
@@ -113,6 +119,14 @@ impl Source {
         if !arguments.allowance_mm.is_finite() {
             bail!("--allowance-mm must be a finite number");
         }
+        let mut measured = Vec::new();
+        for file in &arguments.measured {
+            measured.extend(results::touched(file)?);
+        }
+        let wanted = |point: u32| {
+            (arguments.points.is_empty() || arguments.points.contains(&point))
+                && !measured.contains(&point)
+        };
         if plan::is_cell(&arguments.source) {
             let mut cell = Cell::read(&arguments.source)?;
             let chain = Chain::from_urdf(&cell.text().robot_description)?;
@@ -122,7 +136,9 @@ impl Source {
                     .clone_from(&chain.axis(axis).name);
                 cell.path_planning.clearance_mm = position * 1e3;
             }
-            let (plan, order, status) = plan::of_cell(&cell, arguments.allowance_mm * 1e-3)?;
+            let (plan, order, status) =
+                plan::of_cell(&cell, arguments.allowance_mm * 1e-3, &wanted)?;
+            left(arguments, &order)?;
             return Ok(Self {
                 plan,
                 order,
@@ -145,7 +161,8 @@ impl Source {
                 "the bag does not hold its cell file, so nobody knows which axis goes clear of the part: give --clearance AXIS=MM"
             ),
         };
-        let (plan, order, status) = plan::of_bag(&bag, way)?;
+        let (plan, order, status) = plan::of_bag(&bag, way, &wanted)?;
+        left(arguments, &order)?;
         Ok(Self {
             plan,
             order,
@@ -154,6 +171,20 @@ impl Source {
             linuxcnc: None,
         })
     }
+}
+
+/// Refuses a program without a touch, and points that the plan does not have.
+fn left(arguments: &Arguments, order: &MeasurementOrder) -> anyhow::Result<()> {
+    let known = |point: &&u32| !order.order.contains(point);
+    if arguments.measured.is_empty()
+        && let Some(missing) = arguments.points.iter().find(known)
+    {
+        bail!("--points: point {missing} is not among those that can be touched");
+    }
+    if order.order.is_empty() {
+        bail!("no point is left to touch");
+    }
+    Ok(())
 }
 
 /// Axis (index in the chain's axes) and position (m) that the user calls clear.

@@ -2,7 +2,11 @@
 //!
 //! A file that is not what it should be is refused as a whole, with line and column: half a measurement is none.
 
-use std::{fs::File, io::Read, path::PathBuf};
+use std::{
+    fs::File,
+    io::Read,
+    path::{Path, PathBuf},
+};
 
 use anyhow::{Context, bail, ensure};
 use bags::{Bag, Session};
@@ -31,9 +35,11 @@ const SI: &str = "m, rad";
 /// What the user asks for.
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
-    /// File that the controller wrote.
-    file: PathBuf,
-    /// What the file is.
+    /// Files that the controller wrote: one, or those of a scan that broke off and of what followed. A point touched in a
+    /// later file replaces that in an earlier one.
+    #[arg(required = true)]
+    files: Vec<PathBuf>,
+    /// What the files are.
     #[arg(long, default_value = "auto")]
     format: Format,
     /// Cell file or bag with the plan that was measured: sizes are computed from the touches.
@@ -93,63 +99,79 @@ struct Found {
 
 /// Reads and prints.
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
-    let text = text_of(arguments)?;
-    let named = |error: ParseError| {
-        anyhow::Error::new(error).context(format!("{}", arguments.file.display()))
-    };
-    let format = match arguments.format {
-        Format::Auto => recognise(&text).map_err(named)?,
-        known => known,
-    };
-    let found = read(format, &text).map_err(named)?;
+    let mut all = Vec::new();
+    for path in &arguments.files {
+        all.push(file(path, arguments.format)?);
+    }
+    let complete = all.last().is_some_and(|(_, found)| found.complete);
     let sizes = match &arguments.plan {
-        Some(_) => Some(sizes(arguments, &found)?),
+        Some(source) => Some(sizes(arguments, source, &all)?),
         None => None,
     };
-    if !found.complete {
+    if !complete {
         report::remark("warning: the program has not come to its end");
     }
     if arguments.json {
-        let mut whole = json!({
-            "schema": "probecell/results/1",
-            "format": format,
-            "complete": found.complete,
-            "content": found.content,
+        let files = arguments.files.iter().zip(&all);
+        let files = files.map(|(path, (format, found))| {
+            json!({
+                "file": path,
+                "format": format,
+                "complete": found.complete,
+                "content": found.content,
+            })
         });
+        let mut whole =
+            json!({ "schema": "probecell/results/1", "files": files.collect::<Value>() });
         if let Some((deviations, features)) = &sizes {
             whole["deviations"] = serde_json::to_value(deviations)?;
             whole["features"] = serde_json::to_value(features)?;
         }
         report::json(&whole)?;
     } else {
-        for line in &found.lines {
+        for line in all.iter().flat_map(|(_, found)| &found.lines) {
             report::line(line);
         }
         if let Some((_, features)) = &sizes {
             plan::print_features(features);
         }
     }
-    Ok(if found.complete { GOOD } else { LOSS })
+    Ok(if complete { GOOD } else { LOSS })
+}
+
+/// Points that were touched according to a file.
+pub(crate) fn touched(path: &Path) -> anyhow::Result<Vec<u32>> {
+    let (_, found) = file(path, Format::Auto)?;
+    let touches = found.touches.iter().filter(|one| one.outcome == "touch");
+    Ok(touches.map(|one| one.point_index).collect())
+}
+
+/// Reads one file.
+fn file(path: &Path, format: Format) -> anyhow::Result<(Format, Found)> {
+    let text = text_of(path)?;
+    let named =
+        |error: ParseError| anyhow::Error::new(error).context(format!("{}", path.display()));
+    let format = match format {
+        Format::Auto => recognise(&text).map_err(named)?,
+        known => known,
+    };
+    Ok((format, read(format, &text).map_err(named)?))
 }
 
 /// The file with plain ends of lines, and without the control codes of a serial line (DC1 to DC4).
-fn text_of(arguments: &Arguments) -> anyhow::Result<String> {
-    let unread = || format!("{} cannot be read", arguments.file.display());
+fn text_of(path: &Path) -> anyhow::Result<String> {
+    let unread = || format!("{} cannot be read", path.display());
     let mut bytes = Vec::new();
-    let kind = std::fs::metadata(&arguments.file).with_context(unread)?;
-    ensure!(
-        kind.is_file(),
-        "{} is not a regular file",
-        arguments.file.display()
-    );
-    let file = File::open(&arguments.file).with_context(unread)?;
+    let kind = std::fs::metadata(path).with_context(unread)?;
+    ensure!(kind.is_file(), "{} is not a regular file", path.display());
+    let file = File::open(path).with_context(unread)?;
     file.take(LARGEST + 1)
         .read_to_end(&mut bytes)
         .with_context(unread)?;
     ensure!(
         bytes.len() as u64 <= LARGEST,
         "{} is larger than {} MiB: it is no report of a controller",
-        arguments.file.display(),
+        path.display(),
         LARGEST >> 20
     );
     // DPRNT ends a block by a carriage return, with or without a line feed on either side.
@@ -173,7 +195,7 @@ fn text_of(arguments: &Arguments) -> anyhow::Result<String> {
     lines
         .push(&plain)
         .and_then(|()| lines.push(b"\n"))
-        .with_context(|| format!("{}", arguments.file.display()))?;
+        .with_context(|| format!("{}", path.display()))?;
     String::from_utf8(plain).with_context(unread)
 }
 
@@ -363,18 +385,27 @@ fn surface(file: &SurfaceFile) -> Found {
 type Sizes = (Vec<probecell_msgs::TouchDeviation>, plan::Features);
 
 /// Deviations and sizes from the touches and the plan, as the cell's own analysis computes them.
-fn sizes(arguments: &Arguments, found: &Found) -> anyhow::Result<Sizes> {
+fn sizes(arguments: &Arguments, source: &Path, files: &[(Format, Found)]) -> anyhow::Result<Sizes> {
+    let mut touches: Vec<&Touch> = Vec::new();
+    for (_, found) in files {
+        let again = |old: &&Touch| {
+            let same = |new: &Touch| new.point_index == old.point_index;
+            found.touches.iter().all(|new| !same(new))
+        };
+        touches.retain(again);
+        touches.extend(&found.touches);
+    }
     ensure!(
-        !found.touches.is_empty(),
+        !touches.is_empty(),
         "there is no touch to compare with the plan"
     );
     ensure!(
-        found.touches.iter().all(|touch| touch.machine),
+        touches.iter().all(|touch| touch.machine),
         "the touches are in work coordinates, which say nothing of the machine's axes"
     );
-    let (plan, chain, axes) = planned(arguments)?;
+    let (plan, chain, axes) = planned(arguments, source)?;
     let mut events = Vec::new();
-    for (sequence, touch) in (0..).zip(&found.touches) {
+    for (sequence, touch) in (0..).zip(touches) {
         if touch.point_index as usize >= plan.points.len() {
             bail!(
                 "touch {} is of point {}, but the plan has {} points",
@@ -435,10 +466,10 @@ fn positions(touch: &Touch, axes: &[Axis]) -> anyhow::Result<(Vec<String>, Vec<f
 }
 
 /// The plan that was measured, its machine, and the axes as the controller calls them.
-fn planned(arguments: &Arguments) -> anyhow::Result<(InspectionPlan, Chain, Vec<Axis>)> {
-    let Some(source) = &arguments.plan else {
-        bail!("no plan is given");
-    };
+fn planned(
+    arguments: &Arguments,
+    source: &Path,
+) -> anyhow::Result<(InspectionPlan, Chain, Vec<Axis>)> {
     if plan::is_cell(source) {
         let cell = Cell::read(source)?;
         let chain = Chain::from_urdf(&cell.text().robot_description)?;
