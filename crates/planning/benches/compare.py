@@ -1,29 +1,48 @@
 #!/usr/bin/env python3
-"""Compares the search with fast-tsp, OR-tools and elkai (LKH) on the same TSPLIB instances, in the same run.
+"""Compares the search with fast-tsp, OR-tools and elkai (LKH) on the same tours, in the same run.
 
-Each solver runs in its own process, one thread; the time is CPU time of that process, the gap is to the published
-optimum. elkai has no time limit: its own time stands beside it. LKH is for academic use: a yardstick, nothing else.
+    python3 crates/planning/benches/compare.py [--seconds 1] [--seeds 3] [--instances eil51 pr1002 … plate200 …]
 
-    python -m venv venv && venv/bin/pip install fast-tsp ortools elkai
-    venv/bin/python crates/planning/benches/compare.py [--seconds 1] [--instances eil51 pr1002 …]
+The solvers are installed into target/compare-venv. Each runs in its own process, one thread; the time is CPU time of
+that process. Instances are of TSPLIB, where the gap is to the published optimum, or random plates of so many points,
+where it is to the shortest tour any solver found; "-" where a solver found none. Ours is the median over the seeds.
+elkai has no time limit: its own time stands beside it. LKH is for academic use: a yardstick, nothing else.
 """
 
 import argparse
 import math
 import multiprocessing
+import os
 import pathlib
+import random
 import re
 import subprocess
+import sys
+import tempfile
 import time
+import venv
 
 ROOT = pathlib.Path(__file__).resolve().parents[3]
 LIBRARY = ROOT.parent / "shared/data/tsplib"
-DEFAULT = "eil51 berlin52 d198 a280 lin318 pcb442 d657 pr1002 u1060 pcb1173 d1291 fl1577 pr2392".split()
+PLATES = "plate50 plate200 plate1000 plate5000"
+DEFAULT = f"{PLATES} d198 a280 lin318 pcb442 d657 pr1002 u1060 pcb1173 d1291 fl1577 pr2392 fnl4461 rl5915".split()
 LARGEST_FOR_ELKAI = 1200
 
 
+def plate(points):
+    """A TSPLIB file of points spread evenly at random over a square, the same ones every time."""
+    draw = random.Random(points)
+    rows = [f"{i + 1} {draw.randrange(30000)} {draw.randrange(30000)}" for i in range(points)]
+    return "NODE_COORD_SECTION\n" + "\n".join(rows) + "\nEOF\n"
+
+
+def source(name):
+    number = re.fullmatch(r"plate(\d+)", name)
+    return plate(int(number.group(1))) if number else (LIBRARY / "tsp" / f"{name}.tsp").read_text()
+
+
 def distances(name):
-    text = (LIBRARY / "tsp" / f"{name}.tsp").read_text()
+    text = source(name)
     section = text.split("NODE_COORD_SECTION")[1].split("EOF")[0]
     points = [tuple(map(float, line.split()[1:])) for line in section.strip().splitlines()]
     up = "CEIL_2D" in text
@@ -32,6 +51,9 @@ def distances(name):
 
 
 def optimum(name):
+    """The published optimum; none of a random plate."""
+    if name.startswith("plate"):
+        return None
     match = re.search(rf"^{name} : (\d+)", (LIBRARY / "solutions_stsp.txt").read_text(), re.MULTILINE)
     return int(match.group(1))
 
@@ -80,6 +102,7 @@ def measure(solver, name, seconds, answer):
 
 
 def apart(solver, name, seconds):
+    """Length and CPU time of a solver in a process of its own; nothing where it found no tour in time."""
     context = multiprocessing.get_context("spawn")
     answer, theirs = context.Pipe(duplex=False)
     process = context.Process(target=measure, args=(solver, name, seconds, theirs))
@@ -88,38 +111,65 @@ def apart(solver, name, seconds):
     try:
         found, spent = answer.recv()
     except EOFError:
-        raise SystemExit(f"{solver} found no tour of {name} within {seconds} s") from None
+        return None
     process.join()
-    return 100 * (found / optimum(name) - 1), spent
+    return found, spent
 
 
-def own(name, seconds):
-    command = ["cargo", "bench", "-q", "-p", "planning", "--bench", "tsplib", "--", "tsp", str(seconds), "1", name]
-    text = subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True).stdout
-    fields = next(line for line in text.splitlines() if line.startswith(name)).split()
-    return float(fields[2]), float(fields[5])
+def own(name, seconds, seeds):
+    """Median length over the seeds, and the CPU time of that search."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = pathlib.Path(folder) / f"{name}.tsp"
+        path.write_text(source(name))
+        command = "cargo bench -q -p planning --bench tsplib -- lengths".split() + [str(seconds), str(seeds), str(path)]
+        text = subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True).stdout
+    runs = sorted(tuple(map(float, line.split())) for line in text.splitlines())
+    return runs[len(runs) // 2]
+
+
+def solve(solver, name, seconds, seeds):
+    if solver == "own":
+        return own(name, seconds, seeds)
+    if solver == "elkai" and int(re.search(r"\d+$", name).group()) > LARGEST_FOR_ELKAI:
+        return None
+    answer = apart(solver, name, seconds)
+    if answer and solver != "elkai" and answer[1] < 0.8 * seconds:
+        # Their limit is time on the wall; on a busy machine they got less CPU time than the others.
+        answer = apart(solver, name, seconds**2 / answer[1])
+    return answer
+
+
+def within_venv():
+    """Starts this script again with the interpreter that has the solvers."""
+    folder = ROOT / "target/compare-venv"
+    python = folder / "bin/python"
+    if pathlib.Path(sys.prefix) == folder:
+        return
+    if not python.exists():
+        venv.create(folder, with_pip=True)
+        subprocess.run([python, "-m", "pip", "install", "-q", "fast-tsp", "ortools", "elkai"], check=True)
+    os.execv(python, [str(python), *sys.argv])
 
 
 def main():
+    within_venv()
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seconds", type=float, default=1.0)
-    parser.add_argument("--instances", nargs="*", default=DEFAULT)
+    parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--instances", nargs="*", default=DEFAULT, help="names of TSPLIB, or plateN of N points")
     arguments = parser.parse_args()
     solvers = ["own", "fast_tsp", "ortools", "elkai"]
     print(f"{'gap % (CPU s)':<14}" + "".join(f"{solver:>18}" for solver in solvers))
     gaps = {solver: [] for solver in solvers}
     for name in arguments.instances:
+        answers = [solve(solver, name, arguments.seconds, arguments.seeds) for solver in solvers]
+        best = optimum(name) or min(answer[0] for answer in answers if answer)
         row = f"{name:<14}"
-        for solver in solvers:
-            if solver == "elkai" and int(re.search(r"\d+$", name).group()) > LARGEST_FOR_ELKAI:
-                row += f"{'-':>18}"
-                continue
-            gap, spent = own(name, arguments.seconds) if solver == "own" else apart(solver, name, arguments.seconds)
-            if solver in ("fast_tsp", "ortools") and spent < 0.8 * arguments.seconds:
-                # Their limit is time on the wall; on a busy machine they got less CPU time than the others.
-                gap, spent = apart(solver, name, arguments.seconds**2 / spent)
-            gaps[solver].append(gap)
-            row += f"{gap:>9.3f} ({spent:>5.2f}) "
+        for solver, answer in zip(solvers, answers):
+            if answer:
+                gap = 100 * (answer[0] / best - 1)
+                gaps[solver].append(gap)
+            row += f"{gap:>9.3f} ({answer[1]:>5.2f}) " if answer else f"{'-':>18}"
         print(row, flush=True)
     print(f"{'mean':<14}" + "".join(f"{sum(g) / max(len(g), 1):>9.3f}         " for g in gaps.values()))
 

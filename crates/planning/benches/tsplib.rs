@@ -1,6 +1,7 @@
 //! Measures the gap to the published best length, in CPU time, on TSPLIB instances kept beside the project.
 //!
-//! `cargo bench -p planning --bench tsplib -- tsp|atsp|gtsp|sop [seconds] [seeds] [instance …]` runs seeds 1 to `seeds`.
+//! `cargo bench -p planning --bench tsplib -- tsp|atsp|gtsp|sop [seconds] [seeds] [instance …]` runs seeds 1 to `seeds`. With
+//! `lengths SECONDS SEEDS FILE` it prints length and CPU seconds for each seed, of any file of coordinates.
 #![allow(
     clippy::print_stdout,
     clippy::unwrap_used,
@@ -189,6 +190,16 @@ fn main() {
         .get(1)
         .map_or(1.0, |seconds| seconds.parse().unwrap());
     let seeds: u64 = arguments.get(2).map_or(1, |seeds| seeds.parse().unwrap());
+    if let [kind, _, _, path] = &arguments[..]
+        && kind == "lengths"
+    {
+        let problem = closed(&std::fs::read_to_string(path).unwrap());
+        for seed in 1..=seeds {
+            let run = Run::new(std::slice::from_ref(&problem), seed, seconds);
+            println!("{} {:.2}", run.found, run.spent);
+        }
+        return;
+    }
     for kind in kinds {
         run(kind, seconds, seeds, arguments.get(3..).unwrap_or_default());
     }

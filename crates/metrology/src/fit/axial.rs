@@ -18,6 +18,12 @@ const LIMIT: usize = 500;
 const DIRECTIONS: usize = 256;
 /// Rounds of the search: passes over the sample for each start, then how many of the lowest go on.
 const ROUNDS: [(usize, usize); 3] = [(6, 64), (12, 16), (100, 3)];
+/// The same where the sample is full: so many points have few minima, which soon unite the starts around them.
+const MANY_ROUNDS: [(usize, usize); 4] = [(2, 24), (3, 16), (12, 16), (100, 3)];
+/// Models of a full sample that differ by less, dimensionless and in rad, lie around one minimum.
+const SAME: f64 = 1e-3;
+/// Sums of a full sample this many times the lowest, after two rounds, belong to other minima, which stay high.
+const FAR: f64 = 1e4;
 /// Points times starts in the first round: few points have many shapes close to them, so all directions start there.
 const EFFORT: usize = 2560;
 /// Points the search works on; the final descent takes all.
@@ -75,10 +81,31 @@ impl Axial {
             half_angle,
         )
     }
+
+    /// True where no part of the two shapes is further apart than [`SAME`].
+    fn is_same(&self, other: &Self) -> bool {
+        let turned = self.axis().dot(&other.axis()).signum();
+        (self.axis() * turned - other.axis()).norm() < SAME
+            && (self.foot - other.foot).norm() < SAME
+            && (self.radius - other.radius).abs() < SAME
+            && (self.half_angle * turned - other.half_angle).abs() < SAME
+    }
 }
 
 #[derive(Clone, Copy)]
 pub(super) struct Straight(pub(super) Axial);
+
+impl From<Straight> for Axial {
+    fn from(model: Straight) -> Self {
+        model.0
+    }
+}
+
+impl From<Tapered> for Axial {
+    fn from(model: Tapered) -> Self {
+        model.0
+    }
+}
 
 impl Model<5> for Straight {
     fn linearise(&self, p: &Point) -> (f64, SVector<f64, 5>) {
@@ -231,7 +258,7 @@ fn starts<const K: usize>(cloud: &Cloud, sample: &[Point]) -> Vec<Axial> {
 }
 
 /// Lowest minimum over the starts: a few steps on the sample for all, more for the lowest, then all points.
-fn lowest<M: Model<P>, const P: usize>(
+fn lowest<M: Model<P> + Into<Axial>, const P: usize>(
     begin: impl Iterator<Item = M>,
     sample: &[Point],
     points: &[Point],
@@ -241,13 +268,25 @@ where
 {
     let mut models: Vec<M> = begin.collect();
     let mut sums = Vec::new();
-    for (passes, keep) in ROUNDS {
+    let full = sample.len() == SAMPLE;
+    let rounds: &[(usize, usize)] = if full { &MANY_ROUNDS } else { &ROUNDS };
+    for (round, &(passes, keep)) in rounds.iter().enumerate() {
         let mut reached: Vec<Minimum<M, P>> = models
             .into_iter()
             .map(|model| descend(model, sample, passes))
             .filter(|minimum| minimum.sum.is_finite())
             .collect();
         reached.sort_by(|a, b| a.sum.total_cmp(&b.sum));
+        if full {
+            let mut distinct: Vec<Axial> = Vec::new();
+            let lowest = reached.first().map_or(0.0, |minimum| minimum.sum);
+            reached.retain(|minimum| {
+                let model = minimum.model.into();
+                let new = !distinct.iter().any(|other| model.is_same(other));
+                distinct.extend(new.then_some(model));
+                new && (round == 0 || minimum.sum <= FAR * lowest)
+            });
+        }
         reached.truncate(keep);
         sums = reached.iter().map(|minimum| minimum.sum).collect();
         models = reached.into_iter().map(|minimum| minimum.model).collect();

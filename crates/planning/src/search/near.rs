@@ -9,7 +9,7 @@ const NEAREST: usize = 5;
 const MOST: usize = 10;
 
 /// Nearest points among which relative neighbours are sought.
-const LOOK: usize = 100;
+const LOOK: usize = 300;
 
 /// Every so many costs of a row one is looked at to guess how far the nearest points reach.
 const SAMPLE: usize = 16;
