@@ -8,6 +8,9 @@ use crate::problem::Checked;
 /// The largest cost becomes this integer; rounding is 7e-9 of it.
 const LARGEST: f64 = (1_u32 << 26) as f64;
 
+/// Nearest places among which relative neighbours are sought.
+const LOOK: usize = 300;
+
 /// Neighbours kept of those, where the search goes by how likely they belong to a shortest ring.
 const PROMISING: usize = 6;
 
@@ -194,7 +197,7 @@ impl Grid {
                     })
                     .map(|there| (there, cost(self, here, there) as i32))
                     .collect();
-                select(others, |near, there| cost(self, near, there))
+                select(others, LOOK, |near, there| cost(self, near, there))
             })
             .collect()
     }

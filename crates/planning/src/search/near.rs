@@ -8,8 +8,8 @@ const NEAREST: usize = 5;
 /// Most neighbours kept.
 const MOST: usize = 10;
 
-/// Nearest points among which relative neighbours are sought.
-const LOOK: usize = 300;
+/// Nearest points among which relative neighbours are sought where others are added by promise.
+const LOOK: usize = 100;
 
 /// Every so many costs of a row one is looked at to guess how far the nearest points reach.
 const SAMPLE: usize = 16;
@@ -44,17 +44,18 @@ impl FromIterator<Vec<(u32, i32)>> for Near {
     }
 }
 
-/// Of all `others`, unsorted, the nearest ones, nearest first and lowest index among equals. Beside the nearest, a
+/// Of `others`, unsorted, the nearest ones, nearest first and lowest index among equals. Beside the nearest, a
 /// point further off is kept when no kept one is nearer to it (a relative neighbour, Toussaint 1980): so clusters stay
-/// connected, whatever the unit of cost.
+/// connected, whatever the unit of cost. Relative neighbours are sought among the `look` nearest.
 pub(super) fn select(
     mut others: Vec<(u32, i32)>,
+    look: usize,
     cost: impl Fn(u32, u32) -> i64,
 ) -> Vec<(u32, i32)> {
     let key = |&(there, cost): &(u32, i32)| (cost, there);
-    if LOOK < others.len() {
-        others.select_nth_unstable_by_key(LOOK, key);
-        others.truncate(LOOK);
+    if look < others.len() {
+        others.select_nth_unstable_by_key(look, key);
+        others.truncate(look);
     }
     others.sort_unstable_by_key(key);
     let mut kept: Vec<(u32, i32)> = Vec::with_capacity(MOST);
@@ -86,7 +87,7 @@ pub(super) fn select_all(costs: &CostMatrix, scale: f64) -> Near {
                 .filter(|&(there, &cost)| cost <= reach && there != here)
                 .map(|(there, &cost)| (there as u32, rounded(cost)))
                 .collect();
-            select(others, between)
+            select(others, LOOK, between)
         })
         .collect()
 }
