@@ -892,7 +892,7 @@ CELLS = {
     "clearance_axis_that_it_lacks": (replaced('clearance_axis = "X"', 'clearance_axis = "Q"'), "Q"),
     "feature_of_no_kind": (replaced('kind = "cylinder"', 'kind = "torus"'), "torus"),
     "feature_twice": (replaced('id = "D1"', 'id = "D2"'), "D2"),
-    "normal_of_no_length": (replaced("axis = [0.0, 0.0, 1.0]", "axis = [0.0, 0.0, 0.0]"), "axis|D2"),
+    "normal_of_no_length": (replaced("\naxis = [0.0, 0.0, 1.0]", "\naxis = [0.0, 0.0, 0.0]"), "axis|D2"),
     "width_of_no_plane": (replaced('planes = ["flat_1", "flat_4"]', 'planes = ["flat_1", "flat_9"]'), "flat_9"),
     "operation_that_is_not_there": (replaced('operation = "finish_turn"', 'operation = "polish"'), "polish"),
     "tolerance_upside_down": (replaced("[-10.0, 10.0]", "[10.0, -10.0]"), "tolerance"),
