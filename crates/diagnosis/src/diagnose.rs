@@ -3,13 +3,15 @@
 //! Order: rows, stray touches, effects with rivals, second order on curved surfaces, groups, held-out sizes, places.
 //! Deterministic: the same messages give the same report, whatever their order.
 
+use std::cell::RefCell;
+
 use nalgebra::Vector3;
 
 use crate::alternatives;
 use crate::attribution::{Attribution, Model, attribute_with};
 use crate::candidate::Candidate;
 use crate::declared;
-use crate::drives::diagnose_drives;
+use crate::drives::diagnose_drives_with_residuals;
 use crate::effects::{Variant, library};
 use crate::evidence::add_scaled;
 use crate::groups::{indistinguishable, signature};
@@ -20,6 +22,7 @@ use crate::report::{
     Effect, Gap, Machine, NextMeasurement, ParameterEstimate, Rejected, Report, SCHEMA,
     Unexplained, Verdict,
 };
+use crate::residuals::{self, Residuals, TouchResiduals};
 use crate::rivals::Kind;
 use crate::session::{DiagnoseError, Session};
 use crate::shrinkage::Blocks;
@@ -56,11 +59,22 @@ pub struct Options {
 /// # Errors
 /// [`DiagnoseError`] names what makes the session unusable.
 pub fn diagnose(session: &Session, options: &Options) -> Result<Report, DiagnoseError> {
+    diagnose_with_residuals(session, options).map(|(report, _)| report)
+}
+
+/// The same, with what every touch or sample misses the model by.
+///
+/// # Errors
+/// [`DiagnoseError`] names what makes the session unusable.
+pub fn diagnose_with_residuals(
+    session: &Session,
+    options: &Options,
+) -> Result<(Report, Residuals), DiagnoseError> {
     if session.plan.is_none() && session.events.is_empty() && !session.joint_states.is_empty() {
         if !session.robot_description.is_empty() {
             checks::drives(session)?;
         }
-        return match diagnose_drives(std::slice::from_ref(session), &[]) {
+        return match diagnose_drives_with_residuals(std::slice::from_ref(session), &[]) {
             Err(DiagnoseError::TooFew(..)) => Err(DiagnoseError::NoEffort),
             other => other,
         };
@@ -93,7 +107,7 @@ pub fn diagnose(session: &Session, options: &Options) -> Result<Report, Diagnose
         }
     }
     let shapes = Shapes::new(&observations, &variants);
-    let joint = Reporter {
+    let (joint, touches) = Reporter {
         session,
         next: options.next,
         observations: &observations,
@@ -106,11 +120,12 @@ pub fn diagnose(session: &Session, options: &Options) -> Result<Report, Diagnose
     let parted =
         referenced::part(&observations).filter(|parted| referenced::is_better(parted, &joint));
     let Some(parted) = parted else {
-        return Ok(joint);
+        return Ok((joint, Residuals::Touches(vec![touches])));
     };
+    let parts = RefCell::new(Vec::new());
     let alone = |session: &Session, observations: &Observations, variants: Vec<Variant>| {
         let shapes = Shapes::new(observations, &variants);
-        Reporter {
+        let (report, touches) = Reporter {
             session,
             next: options.next,
             observations,
@@ -119,14 +134,16 @@ pub fn diagnose(session: &Session, options: &Options) -> Result<Report, Diagnose
             explained: &explain(&shapes),
             covered: observations.reference_uncertainty,
         }
-        .report()
+        .report();
+        parts.borrow_mut().push(touches);
+        report
     };
-    Ok(referenced::report(
-        session,
-        &parted,
-        &options.without,
-        alone,
-    ))
+    let report = referenced::report(session, &parted, &options.without, alone);
+    let mut parts = parts.into_inner();
+    for (touches, compared) in parts.iter_mut().zip(referenced::COMPARED) {
+        touches.compared = compared;
+    }
+    Ok((report, Residuals::Touches(parts)))
 }
 
 /// An attribution together with what was done to the deviations before.
@@ -317,7 +334,7 @@ struct Reporter<'a> {
 }
 
 impl Reporter<'_> {
-    fn report(&self) -> Report {
+    fn report(&self) -> (Report, TouchResiduals) {
         let attribution = &self.explained.attribution;
         let unknown: f64 = (0..attribution.models.len())
             .filter(|&model| self.is_unknown(model))
@@ -366,7 +383,7 @@ impl Reporter<'_> {
                 self.explained.stray.len()
             ));
         }
-        Report {
+        let report = Report {
             schema: SCHEMA.to_owned(),
             bag: self.session.name.clone(),
             fitted: Vec::new(),
@@ -399,7 +416,27 @@ impl Reporter<'_> {
             declared: declared::told(self.session, self.observations, &attribution.active),
             effects,
             warnings,
-        }
+        };
+        (report, self.residuals(&set))
+    }
+
+    /// Held-out residuals of the touches without any effect and with the named ones.
+    fn residuals(&self, set: &[usize]) -> TouchResiduals {
+        let attribution = &self.explained.attribution;
+        let blocks = Blocks::new(self.observations, &attribution.active);
+        let candidates: Vec<&Candidate> = (set.iter())
+            .map(|&member| &attribution.candidates[member])
+            .collect();
+        let after = blocks.residuals(&candidates, &attribution.y, &attribution.active);
+        let weight = |row: usize| self.observations.rows[row].weight;
+        residuals::touches(
+            self.observations,
+            "touches against the model",
+            vec![self.session.name.clone()],
+            |_| Some(0),
+            |row| attribution.y[row] / weight(row),
+            |row| after[row].map(|value| value / weight(row)),
+        )
     }
 
     /// How probable something unknown must be to be told of: where it takes many effects to imitate it, less is enough.

@@ -20,6 +20,7 @@ use signals::{Signals, signals};
 use crate::report::{
     Effect, Gap, ParameterEstimate, Place, Rejected, Report, SCHEMA, Unexplained, Verdict,
 };
+use crate::residuals::{DriveResiduals, Residuals, axis_of};
 use crate::session::{DiagnoseError, Session};
 
 /// An effect must shrink the held-out rms at least by this share.
@@ -64,6 +65,14 @@ struct Axis {
 /// # Errors
 /// [`DiagnoseError`] names what makes a session unusable.
 pub fn diagnose_drives(fit: &[Session], withheld: &[Session]) -> Result<Report, DiagnoseError> {
+    diagnose_drives_with_residuals(fit, withheld).map(|(report, _)| report)
+}
+
+/// The same, with what every judging sample misses the model by.
+pub(crate) fn diagnose_drives_with_residuals(
+    fit: &[Session],
+    withheld: &[Session],
+) -> Result<(Report, Residuals), DiagnoseError> {
     let first = fit.first().ok_or(DiagnoseError::NoPlan)?;
     let chain = Chain::from_urdf(&first.robot_description)?;
     for other in fit.iter().chain(withheld) {
@@ -93,14 +102,15 @@ pub fn diagnose_drives(fit: &[Session], withheld: &[Session]) -> Result<Report, 
     if fitted.iter().all(Vec::is_empty) {
         return Err(DiagnoseError::TooFew(0, FEWEST));
     }
-    Ok(Drives {
+    let drives = Drives {
         fitted,
         judged,
         channel,
         names: (names(fit), names(withheld)),
         unit: unit(&chain, channel),
-    }
-    .report(first))
+    };
+    let (report, chosen) = drives.report(first);
+    Ok((report, Residuals::Drives(drives.residuals(&chain, &chosen))))
 }
 
 fn names(sessions: &[Session]) -> Vec<String> {
@@ -215,7 +225,8 @@ struct Drives {
 }
 
 impl Drives {
-    fn report(&self, session: &Session) -> Report {
+    /// The report, and the effects in it.
+    fn report(&self, session: &Session) -> (Report, Chosen) {
         let library = &self.fitted[0][0].effects;
         let mut chosen: Chosen = Vec::new();
         let mut effects: Vec<Effect> = Vec::new();
@@ -267,7 +278,7 @@ impl Drives {
         for (effect, &choice) in effects.iter_mut().zip(&chosen) {
             effect.parameters = self.parameters(&chosen, choice);
         }
-        self.finish(session, &chosen, effects)
+        (self.finish(session, &chosen, effects), chosen)
     }
 
     /// What each further effect would add to the log evidence at its best shape, best first.
@@ -373,6 +384,47 @@ impl Drives {
             placebo_rms_after: None,
             sessions: after.of_sessions(before),
         }
+    }
+
+    /// Held-out residuals of the judging samples without any effect and with the chosen ones.
+    fn residuals(&self, chain: &Chain, chosen: &Chosen) -> Vec<DriveResiduals> {
+        let mut all: Vec<DriveResiduals> = Vec::new();
+        self.held_out_parts(&Vec::new(), true, |axis, bag, before| {
+            let known = all.iter_mut().find(|known| {
+                known.session == bag && known.axis.name == axis.signals.axis
+            });
+            if let Some(known) = known {
+                known.before.extend(before);
+                return;
+            }
+            let signals = &axis.signals;
+            let kind = (chain.axis_index(&signals.axis))
+                .map_or(JointKind::Prismatic, |index| chain.axis(index).kind);
+            let pairs = signals.position.iter().zip(&signals.command);
+            all.push(DriveResiduals {
+                session: bag.to_owned(),
+                axis: axis_of(&signals.axis, kind),
+                unit: self.unit.clone(),
+                time: signals.time.clone(),
+                position: signals.position.clone(),
+                speed: signals.speed.clone(),
+                measured: match self.channel {
+                    Channel::Effort => signals.effort.clone(),
+                    Channel::Motion => pairs.map(|(read, told)| read - told).collect(),
+                },
+                before: before.to_vec(),
+                after: Vec::new(),
+            });
+        });
+        self.held_out_parts(chosen, true, |axis, bag, after| {
+            let known = all.iter_mut().find(|known| {
+                known.session == bag && known.axis.name == axis.signals.axis
+            });
+            if let Some(known) = known {
+                known.after.extend(after);
+            }
+        });
+        all
     }
 
     fn finish(&self, session: &Session, chosen: &Chosen, effects: Vec<Effect>) -> Report {

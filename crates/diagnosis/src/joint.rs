@@ -15,11 +15,12 @@ pub mod rows;
 
 use crate::declared;
 use crate::diagnose::Options;
-use crate::drives::diagnose_drives;
+use crate::drives::diagnose_drives_with_residuals;
 use crate::places;
 use crate::report::{
     Effect, Gap, Machine, ParameterEstimate, Rejected, Report, SCHEMA, Unexplained, Verdict,
 };
+use crate::residuals::{self, Residuals, TouchResiduals};
 use crate::rivals::{Kind, rivals};
 use crate::session::{DiagnoseError, Session};
 use gram::{Set, rms};
@@ -48,11 +49,24 @@ pub fn diagnose_together(
     withheld: &[Session],
     options: &Options,
 ) -> Result<Report, DiagnoseError> {
+    diagnose_together_with_residuals(fit, withheld, options).map(|(report, _)| report)
+}
+
+/// The same, with what every judging touch or sample misses the model by.
+///
+/// # Errors
+/// [`DiagnoseError`] names what makes a session unusable.
+pub fn diagnose_together_with_residuals(
+    fit: &[Session],
+    withheld: &[Session],
+    options: &Options,
+) -> Result<(Report, Residuals), DiagnoseError> {
     let drives = |session: &Session| session.plan.is_none() && session.events.is_empty();
     if fit.iter().chain(withheld).all(drives) {
-        return diagnose_drives(fit, withheld);
+        return diagnose_drives_with_residuals(fit, withheld);
     }
-    diagnose_joint(fit, withheld, options)
+    let (report, touches) = joint_with_residuals(fit, withheld, options)?;
+    Ok((report, Residuals::Touches(vec![touches])))
 }
 
 /// Explains several sessions of touches together; fits on `fit`, judges on `withheld` where given.
@@ -64,6 +78,14 @@ pub fn diagnose_joint(
     withheld: &[Session],
     options: &Options,
 ) -> Result<Report, DiagnoseError> {
+    joint_with_residuals(fit, withheld, options).map(|(report, _)| report)
+}
+
+fn joint_with_residuals(
+    fit: &[Session],
+    withheld: &[Session],
+    options: &Options,
+) -> Result<(Report, TouchResiduals), DiagnoseError> {
     let sessions: Vec<&Session> = fit.iter().chain(withheld).collect();
     let joined = Joined::new(&sessions)?;
     let observations = &joined.observations;
@@ -150,7 +172,7 @@ struct Reporter<'a> {
 }
 
 impl Reporter<'_> {
-    fn report(&self, grown: Grown) -> Report {
+    fn report(&self, grown: Grown) -> (Report, TouchResiduals) {
         let Grown {
             mut set,
             gram,
@@ -183,7 +205,8 @@ impl Reporter<'_> {
         let all = &self.joined.observations.deviations;
         let used: Vec<f64> = gram::pick(all, self.rows.active);
         let size = rms(&used);
-        Report {
+        let touches = self.residuals(&gram, &set);
+        let report = Report {
             schema: SCHEMA.to_owned(),
             bag: names(self.fit).join(" + "),
             fitted: names(self.fit),
@@ -211,7 +234,28 @@ impl Reporter<'_> {
             unexplained,
             next_measurement: Vec::new(),
             warnings: self.warnings(),
-        }
+        };
+        (report, touches)
+    }
+
+    /// Held-out residuals of the judging touches without any effect and with the named ones.
+    fn residuals(&self, gram: &gram::Gram, set: &Set) -> TouchResiduals {
+        let judge = self.withheld_judge.unwrap_or(self.judge);
+        let left = judge.left(self.pool, gram, set);
+        let observations = &self.joined.observations;
+        let weight = |row: usize| observations.rows[row].weight;
+        let first = self.withheld_judge.map_or(0, |_| self.fit.len());
+        residuals::touches(
+            observations,
+            "touches against the model, the pose of each session fitted",
+            self.names_judged(),
+            |row| {
+                let judges = judge.judges(row);
+                judges.then(|| self.joined.session[row] - first)
+            },
+            |row| left.first().map_or(f64::NAN, |left| left[row]) / weight(row),
+            |row| left.last().map(|left| left[row] / weight(row)),
+        )
     }
 
     fn warnings(&self) -> Vec<String> {

@@ -19,6 +19,12 @@ const MOST: f64 = 0.9;
 /// Reading and part err against each other when their difference is so many times the reading's own deviation.
 const CANCELS: f64 = 3.0;
 
+/// What is compared in the two parts of a session.
+pub(crate) const COMPARED: [&str; 2] = [
+    "reading less the reference",
+    "what cutting has left against the plan",
+];
+
 /// A session parted in two.
 pub(crate) struct Parted {
     /// Touches with reading − reference.

@@ -94,6 +94,19 @@ impl Drives {
     /// Held-out sizes: on the withheld sessions where `judged` and there are any, else on left-out pieces of the fitted.
     pub(super) fn held_out(&self, chosen: &Chosen, judged: bool) -> HeldOut {
         let mut result = HeldOut::default();
+        self.held_out_parts(chosen, judged, |axis, bag, part| {
+            result.add(part, axis.scale, bag, &axis.signals.axis);
+        });
+        result
+    }
+
+    /// Shows what is left of every judging piece of time of an axis of a session, in the order of time.
+    pub(super) fn held_out_parts(
+        &self,
+        chosen: &Chosen,
+        judged: bool,
+        mut show: impl FnMut(&Axis, &str, &[f64]),
+    ) {
         for index in 0..self.fitted[0].len() {
             let name = &self.fitted[0][index].signals.axis;
             let of = |axis: &&Axis| axis.signals.axis == *name;
@@ -105,7 +118,7 @@ impl Drives {
                     };
                     let left = residuals(axis, chosen, &fit.coefficients);
                     for part in left.chunks(left.len().div_ceil(FOLDS)) {
-                        result.add(part, axis.scale, bag, name);
+                        show(axis, bag, part);
                     }
                 }
                 continue;
@@ -131,10 +144,9 @@ impl Drives {
                         .filter(|sample| sample * FOLDS / count == fold)
                         .map(|sample| left[sample])
                         .collect();
-                    result.add(&part, axis.scale, bag, name);
+                    show(axis, bag, &part);
                 }
             }
         }
-        result
     }
 }

@@ -89,6 +89,17 @@ impl<'a> Judge<'a> {
 
     /// Held-out sizes with no effect, the first, the first two, and so on.
     pub(super) fn prefixes(&self, pool: &Pool, gram: &Gram, set: &Set) -> Vec<Judged> {
+        let left = self.left(pool, gram, set);
+        left.iter().map(|left| self.size(left)).collect()
+    }
+
+    /// True for a row that judges.
+    pub(super) fn judges(&self, row: usize) -> bool {
+        self.blocks[row].is_some()
+    }
+
+    /// Held-out residuals of all rows with no effect, the first, the first two, and so on; only rows that judge count.
+    pub(super) fn left(&self, pool: &Pool, gram: &Gram, set: &Set) -> Vec<Vec<f64>> {
         let (columns, _) = gram.columns(set);
         let mut left = vec![self.rows.y.to_vec(); set.members.len() + 1];
         let folds = if self.withheld { 1 } else { FOLDS };
@@ -117,7 +128,7 @@ impl<'a> Judge<'a> {
                 }
             }
         }
-        left.iter().map(|left| self.size(left)).collect()
+        left
     }
 
     fn size(&self, left: &[f64]) -> Judged {
