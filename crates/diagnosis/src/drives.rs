@@ -390,9 +390,9 @@ impl Drives {
     fn residuals(&self, chain: &Chain, chosen: &Chosen) -> Vec<DriveResiduals> {
         let mut all: Vec<DriveResiduals> = Vec::new();
         self.held_out_parts(&Vec::new(), true, |axis, bag, before| {
-            let known = all.iter_mut().find(|known| {
-                known.session == bag && known.axis.name == axis.signals.axis
-            });
+            let known = all
+                .iter_mut()
+                .find(|known| known.session == bag && known.axis.name == axis.signals.axis);
             if let Some(known) = known {
                 known.before.extend(before);
                 return;
@@ -417,9 +417,9 @@ impl Drives {
             });
         });
         self.held_out_parts(chosen, true, |axis, bag, after| {
-            let known = all.iter_mut().find(|known| {
-                known.session == bag && known.axis.name == axis.signals.axis
-            });
+            let known = all
+                .iter_mut()
+                .find(|known| known.session == bag && known.axis.name == axis.signals.axis);
             if let Some(known) = known {
                 known.after.extend(after);
             }

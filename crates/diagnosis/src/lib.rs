@@ -36,6 +36,7 @@ pub mod shrinkage;
 mod summary;
 pub mod timing;
 pub mod vocabulary;
+pub mod words;
 
 pub use declared::{DeclaredEffect, DeclaredError};
 pub use diagnose::{Options, diagnose, diagnose_with_residuals};

@@ -1,11 +1,14 @@
 //! Draws a plot as SVG: ranges, ticks, legend. The numbers inside are those people read, not SI.
 
 use plotters::coord::{Shift, types::RangedCoordf64};
-use plotters::prelude::*;
+use plotters::{
+    prelude::*,
+    style::text_anchor::{HPos, Pos, VPos},
+};
 
 use crate::{
     Unit, colours,
-    plot::{Arrow, Axis, Heat, Plot, Series, finite},
+    plot::{Arrow, Axis, Heat, Name, Plot, Series, Side, finite},
     unit::number,
 };
 
@@ -20,8 +23,12 @@ pub(crate) const ENTRY: u32 = 17;
 pub(crate) const FRAME: u32 = 16;
 /// Lines of the grid behind.
 pub(crate) const LINE: RGBColor = RGBColor(225, 225, 225);
+/// Lines of a frame, and its names.
+const GREY: RGBColor = RGBColor(150, 150, 150);
+const DARK: RGBColor = RGBColor(70, 70, 70);
 
-type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
+pub(crate) type Chart<'a, 'b> =
+    ChartContext<'a, SVGBackend<'b>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
 
 /// Why a plot cannot be drawn.
 #[derive(Debug, thiserror::Error)]
@@ -169,6 +176,13 @@ pub(crate) fn plot(plot: &Plot) -> Result<String, PlotError> {
         for (place, series) in plot.series.iter().enumerate() {
             draw(&mut chart, series, place, (fx, fy), (x, y), inner)?;
         }
+        let scale = plot.series.iter().find_map(|series| match series {
+            Series::Arrows { unit, scale, .. } => Some((unit, (*scale)?)),
+            _ => None,
+        });
+        if let Some(scale) = scale.filter(|(_, size)| size.is_finite() && *size > 0.0) {
+            key(&mut chart, scale, (x, y), inner)?;
+        }
         if let Some(heat) = heat {
             colour_bar(&area, heat, size)?;
         }
@@ -201,6 +215,9 @@ fn places(series: &Series, x: &Axis) -> Vec<(f64, f64)> {
             .iter()
             .flat_map(|&x| heat.y.iter().map(move |&y| (x, y)))
             .collect(),
+        Series::Frame { lines, names } => (lines.iter().flatten().copied())
+            .chain(names.iter().map(|name| name.at))
+            .collect(),
         // Wherever the others are.
         Series::Level { y, .. } => vec![(x.at_least.map_or(f64::NAN, |range| range.0), *y)],
     };
@@ -225,7 +242,7 @@ fn same_scale(x: &mut (f64, f64), y: &mut (f64, f64), pixels: (f64, f64)) {
 }
 
 /// A tick's number, with the digits that its range needs.
-fn tick(value: f64, range: (f64, f64)) -> String {
+pub(crate) fn tick(value: f64, range: (f64, f64)) -> String {
     let step = (range.1 - range.0) / 10.0;
     let decimals = (-step.log10().floor()).clamp(0.0, 9.0) as usize;
     crate::unit::trimmed(format!("{value:.decimals$}"))
@@ -239,7 +256,7 @@ fn in_legend(series: &Series) -> bool {
         | Series::Band { label, .. }
         | Series::Level { label, .. } => !label.is_empty(),
         Series::Arrows { .. } => true,
-        Series::Heat(_) => false,
+        Series::Heat(_) | Series::Frame { .. } => false,
     }
 }
 
@@ -265,8 +282,11 @@ fn draw(
     };
     match series {
         Series::Line { label, points } => {
-            let line = PathElement::new(thinned(scaled(points)), colour.stroke_width(2));
-            let drawn = chart.draw_series([line]).map_err(failed)?;
+            let lines = points
+                .split(|(x, y)| !finite(&[*x, *y]))
+                .filter(|piece| !piece.is_empty())
+                .map(|piece| PathElement::new(thinned(scaled(piece)), colour.stroke_width(2)));
+            let drawn = chart.draw_series(lines).map_err(failed)?;
             if !label.is_empty() {
                 drawn
                     .label(label.clone())
@@ -276,15 +296,27 @@ fn draw(
         Series::Points { label, points } => {
             let all = scaled(points);
             let stride = all.len().div_ceil(MOST_POINTS).max(1);
-            let dots = all
-                .into_iter()
-                .step_by(stride)
-                .map(|at| Circle::new(at, 2, colour.mix(0.8).filled()));
-            let drawn = chart.draw_series(dots).map_err(failed)?;
-            if !label.is_empty() {
-                drawn
-                    .label(label.clone())
-                    .legend(move |(x, y)| Circle::new((x + 7, y), 3, colour.mix(0.8).filled()));
+            let dots = all.into_iter().step_by(stride);
+            let style = colour.mix(0.8).filled();
+            // Shape tells as well as colour.
+            if place % 2 == 0 {
+                let drawn = chart
+                    .draw_series(dots.map(|at| Circle::new(at, 2, style)))
+                    .map_err(failed)?;
+                if !label.is_empty() {
+                    drawn
+                        .label(label.clone())
+                        .legend(move |(x, y)| Circle::new((x + 7, y), 3, style));
+                }
+            } else {
+                let drawn = chart
+                    .draw_series(dots.map(|at| TriangleMarker::new(at, 3, style)))
+                    .map_err(failed)?;
+                if !label.is_empty() {
+                    drawn
+                        .label(label.clone())
+                        .legend(move |(x, y)| TriangleMarker::new((x + 7, y), 4, style));
+                }
             }
         }
         Series::Band { label, points } => {
@@ -321,15 +353,23 @@ fn draw(
             label,
             arrows,
             unit,
+            scale,
         } => {
-            let (paths, scale) = arrow_paths(arrows, (fx, fy), ranges, pixels);
+            let longest = scale
+                .filter(|scale| scale.is_finite() && *scale > 0.0)
+                .unwrap_or_else(|| longest(arrows));
+            let paths = arrow_paths(arrows, longest, (fx, fy), ranges, pixels);
             let paths = paths
                 .into_iter()
                 .map(|path| PathElement::new(path, colour.stroke_width(1)));
             let drawn = chart.draw_series(paths).map_err(failed)?;
-            let name = arrow_name(label, unit, scale);
-            drawn.label(name).legend(move |(x, y)| stroke(x, y, 1));
+            let name = match scale {
+                Some(_) => label.clone(),
+                None => arrow_name(label, unit, longest),
+            };
+            drawn.label(name).legend(move |(x, y)| stroke(x, y, 2));
         }
+        Series::Frame { lines, names } => frame(chart, lines, names, (fx, fy))?,
         Series::Heat(heat) => {
             let largest = largest(heat);
             let columns = heat.x.len() - 1;
@@ -368,23 +408,91 @@ fn thinned(points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
         .collect()
 }
 
-/// Shaft and head of each arrow, and the vector size (SI) of an arrow of the longest length.
+/// Lines and names in grey.
+fn frame(
+    chart: &mut Chart<'_, '_>,
+    lines: &[[(f64, f64); 2]],
+    names: &[Name],
+    (fx, fy): (f64, f64),
+) -> Result<(), PlotError> {
+    let scaled = |(x, y): (f64, f64)| (x * fx, y * fy);
+    let lines = lines
+        .iter()
+        .filter(|[from, to]| finite(&[from.0, from.1, to.0, to.1]))
+        .map(|line| PathElement::new(line.map(scaled).to_vec(), GREY.stroke_width(1)));
+    chart.draw_series(lines).map_err(failed)?;
+    let names = names.iter().filter(|name| finite(&[name.at.0, name.at.1]));
+    for name in names {
+        let (place, shift) = match name.side {
+            Side::Above => (Pos::new(HPos::Center, VPos::Bottom), (0, -4)),
+            Side::BelowLeft => (Pos::new(HPos::Right, VPos::Top), (-2, 3)),
+            Side::BelowRight => (Pos::new(HPos::Left, VPos::Top), (2, 3)),
+        };
+        let style = TextStyle::from(text_style(11)).color(&DARK).pos(place);
+        let text = EmptyElement::at(scaled(name.at)) + Text::new(name.text.clone(), shift, style);
+        chart.draw_series([text]).map_err(failed)?;
+    }
+    Ok(())
+}
+
+/// An arrow of a round size in the free strip above the data, and what it stands for.
+fn key(
+    chart: &mut Chart<'_, '_>,
+    (unit, scale): (&Unit, f64),
+    ranges: ((f64, f64), (f64, f64)),
+    pixels: (f64, f64),
+) -> Result<(), PlotError> {
+    let size = round_below(scale * unit.factor) / unit.factor;
+    let (x, y) = ranges;
+    let (per_x, per_y) = ((x.1 - x.0) / pixels.0, (y.1 - y.0) / pixels.1);
+    let at = (x.0 + 10.0 * per_x, y.1 - 14.0 * per_y);
+    let arrow = Arrow {
+        at,
+        vector: (size, 0.0),
+    };
+    let paths = arrow_paths(&[arrow], scale, (1.0, 1.0), ranges, pixels);
+    let paths = paths
+        .into_iter()
+        .map(|path| PathElement::new(path, BLACK.stroke_width(2)));
+    chart.draw_series(paths).map_err(failed)?;
+    let length = LONGEST_ARROW * pixels.0.min(pixels.1) * size / scale;
+    let style = TextStyle::from(text_style(12)).pos(Pos::new(HPos::Left, VPos::Center));
+    let text = EmptyElement::at(at) + Text::new(unit.text(size), (length as i32 + 8, 0), style);
+    chart.draw_series([text]).map_err(failed)?;
+    Ok(())
+}
+
+/// The largest of 1, 2, 5, 10, … that is not above a positive value.
+fn round_below(value: f64) -> f64 {
+    let decade = 10.0_f64.powf(value.log10().floor());
+    [5.0, 2.0, 1.0]
+        .into_iter()
+        .map(|step| step * decade)
+        .find(|round| *round <= value)
+        .unwrap_or(decade)
+}
+
+fn longest(arrows: &[Arrow]) -> f64 {
+    let sizes = arrows
+        .iter()
+        .map(|arrow| arrow.vector.0.hypot(arrow.vector.1));
+    sizes.filter(|size| size.is_finite()).fold(0.0, f64::max)
+}
+
+/// Shaft and head of each arrow; a vector of the size `longest` gets the longest length.
 fn arrow_paths(
     arrows: &[Arrow],
+    longest: f64,
     (fx, fy): (f64, f64),
     (x, y): ((f64, f64), (f64, f64)),
     pixels: (f64, f64),
-) -> (Vec<Vec<(f64, f64)>>, f64) {
+) -> Vec<Vec<(f64, f64)>> {
     let kept: Vec<&Arrow> = arrows
         .iter()
         .filter(|arrow| finite(&[arrow.at.0, arrow.at.1, arrow.vector.0, arrow.vector.1]))
         .collect();
-    let longest = kept
-        .iter()
-        .map(|arrow| arrow.vector.0.hypot(arrow.vector.1))
-        .fold(0.0, f64::max);
     if longest <= 0.0 {
-        return (Vec::new(), 0.0);
+        return Vec::new();
     }
     // Pixels of a vector of one; heads are made in pixels, so that they stay arrows on any scale.
     let per_vector = LONGEST_ARROW * pixels.0.min(pixels.1) / longest;
@@ -403,7 +511,7 @@ fn arrow_paths(
         let tip = to(shaft.0, shaft.1);
         vec![start, tip, side(1.0), tip, side(-1.0)]
     });
-    (paths.collect(), longest)
+    paths.collect()
 }
 
 fn arrow_name(label: &str, unit: &Unit, longest: f64) -> String {

@@ -23,10 +23,12 @@ mod colours;
 mod draw;
 mod page;
 mod plot;
+mod strips;
 mod unit;
 
 pub use bars::{Bar, Bars};
 pub use draw::PlotError;
 pub use page::{Page, Table};
-pub use plot::{Arrow, Axis, Heat, Plot, Series};
+pub use plot::{Arrow, Axis, Heat, Name, Plot, Series, Side};
+pub use strips::{Strip, Strips};
 pub use unit::Unit;

@@ -2,9 +2,9 @@
 
 use std::fmt::Write;
 
-use crate::{Bars, Plot, PlotError};
+use crate::{Bars, Plot, PlotError, Strips};
 
-/// A page that stands alone.
+/// A page that stands alone: HTML that a program for XML reads as well.
 #[derive(Clone, Debug)]
 pub struct Page {
     title: String,
@@ -46,7 +46,7 @@ table { border-collapse: collapse; margin: .8rem 0; font-variant-numeric: tabula
 caption { text-align: left; font-weight: 600; padding-bottom: .3rem; }
 th, td { text-align: left; vertical-align: top; padding: .2rem .8rem .2rem 0; border-bottom: 1px solid #e5e5e5; }
 .plots { display: flex; flex-wrap: wrap; gap: 1rem; } figure { margin: 0; break-inside: avoid; }
-figcaption { font-size: .85rem; color: #444; max-width: 46rem; } svg { max-width: 100%; height: auto; }
+figcaption { font-size: .85rem; color: #444; max-width: 46rem; } .plots figcaption { max-width: 480px; } svg { max-width: 100%; height: auto; }
 .lead { font-size: 1.1rem; } li { margin: .2rem 0; }
 @media print { body { margin: 0; max-width: none; font-size: 11pt; } h2 { break-after: avoid; } tr { break-inside: avoid; } }
 ";
@@ -148,6 +148,24 @@ impl Page {
         Ok(self)
     }
 
+    /// Strips beside each other as far as the page is wide; those with nothing to show are left out.
+    ///
+    /// # Errors
+    /// [`PlotError`] when one cannot be drawn.
+    pub fn strips(&mut self, strips: &[Strips]) -> Result<&mut Self, PlotError> {
+        let shown: Vec<&Strips> = strips.iter().filter(|strips| !strips.is_empty()).collect();
+        if shown.is_empty() {
+            return Ok(self);
+        }
+        self.body.push_str("<div class=\"plots\">\n");
+        for strips in shown {
+            let svg = strips.svg()?;
+            self.figure(&svg, &strips.caption);
+        }
+        self.body.push_str("</div>\n");
+        Ok(self)
+    }
+
     fn figure(&mut self, svg: &str, caption: &str) {
         put(&mut self.body, format_args!("<figure>\n{svg}"));
         if !caption.is_empty() {
@@ -169,8 +187,8 @@ impl Page {
     pub fn html(&self) -> String {
         let (title, body) = (escaped(&self.title), &self.body);
         format!(
-            "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-             <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+            "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>\n\
+             <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\n\
              <title>{title}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<h1>{title}</h1>\n{body}</body>\n</html>\n"
         )
     }

@@ -47,6 +47,28 @@ pub struct Arrow {
     pub vector: (f64, f64),
 }
 
+/// On which side of its place a name stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Side {
+    /// Centred above.
+    Above,
+    /// Below and to the left: under a line that falls to the right.
+    BelowLeft,
+    /// Below and to the right: under a line that rises to the right.
+    BelowRight,
+}
+
+/// A name that stands at a place of a plot.
+#[derive(Clone, Debug)]
+pub struct Name {
+    /// The place, in axis coordinates.
+    pub at: (f64, f64),
+    /// What it says.
+    pub text: String,
+    /// Where it stands.
+    pub side: Side,
+}
+
 /// Values on a rectangular grid. SI.
 #[derive(Clone, Debug)]
 pub struct Heat {
@@ -65,7 +87,7 @@ pub struct Heat {
 /// One thing that is drawn, with its name in the legend. An empty name stays out of the legend. SI.
 #[derive(Clone, Debug)]
 pub enum Series {
-    /// Points joined in the order given.
+    /// Points joined in the order given; one that is not finite interrupts the line.
     Line {
         /// Name.
         label: String,
@@ -94,6 +116,16 @@ pub enum Series {
         arrows: Vec<Arrow>,
         /// Unit of their vectors.
         unit: Unit,
+        /// Size of the vector that is drawn longest, for plots that are to be compared; the arrows' own if not said.
+        /// A key is drawn for it.
+        scale: Option<f64>,
+    },
+    /// What helps the eye, in grey: lines and names. Never in the legend.
+    Frame {
+        /// Lines from one place to the next.
+        lines: Vec<[(f64, f64); 2]>,
+        /// Names.
+        names: Vec<Name>,
     },
     /// A grid of coloured cells with a colour bar.
     Heat(Heat),
@@ -107,7 +139,7 @@ pub enum Series {
 }
 
 impl Series {
-    /// Points joined in the order given.
+    /// Points joined in the order given; one that is not finite interrupts the line.
     pub fn line(label: impl Into<String>, points: Vec<(f64, f64)>) -> Self {
         let label = label.into();
         Self::Line { label, points }
@@ -132,6 +164,23 @@ impl Series {
             label,
             arrows,
             unit,
+            scale: None,
+        }
+    }
+
+    /// Arrows of which a vector of the size `scale` would be drawn longest, with a key.
+    pub fn arrows_on_scale(
+        label: impl Into<String>,
+        arrows: Vec<Arrow>,
+        unit: Unit,
+        scale: f64,
+    ) -> Self {
+        let label = label.into();
+        Self::Arrows {
+            label,
+            arrows,
+            unit,
+            scale: Some(scale),
         }
     }
 
@@ -203,6 +252,7 @@ impl Plot {
                 .iter()
                 .any(|arrow| finite(&[arrow.at.0, arrow.at.1, arrow.vector.0, arrow.vector.1])),
             Series::Heat(heat) => !heat.values.iter().any(|value| value.is_finite()),
+            Series::Frame { .. } => true,
             Series::Level { .. } => true,
         })
     }

@@ -53,6 +53,7 @@ impl Unit {
             "rad" => Self::URAD,
             "m/m" => Self::fixed(1e6, "µm/m"),
             "rad/m" => Self::fixed(1e6, "µrad/m"),
+            "1/K" => Self::fixed(1e6, "µm/(m K)"),
             "1" => Self::ONE,
             other => Self::plain(other),
         }
@@ -61,6 +62,20 @@ impl Unit {
     /// An SI value in this unit with its sign: `12.3 µm`.
     pub fn text(&self, si: f64) -> String {
         self.signed(number(si * self.factor))
+    }
+
+    /// An SI value with three digits and its sign, for sizes that stand beside each other: `3.73 µm`.
+    pub fn size(&self, si: f64) -> String {
+        let value = si * self.factor;
+        if value == 0.0 || !value.is_finite() {
+            return self.text(si);
+        }
+        let magnitude = value.abs().log10().floor() as i32;
+        if !(-5..=7).contains(&magnitude) {
+            return self.text(si);
+        }
+        let decimals = (2 - magnitude).clamp(0, 9) as usize;
+        self.signed(format!("{value:.decimals$}"))
     }
 
     /// An SI value and the half of its 95 % interval, with digits after the interval's: `12.3 ± 0.4 µm`.
@@ -122,6 +137,14 @@ mod tests {
         assert_eq!(Unit::of_si("rad").text(-12.34e-6), "-12.34 µrad");
         assert_eq!(Unit::of_si("N m").text(0.25), "0.25 N m");
         assert_eq!(Unit::MM_PER_MIN.text(5e-4), "30 mm/min");
+    }
+
+    #[test]
+    fn sizes_have_three_digits() {
+        assert_eq!(Unit::UM.size(0.64879e-6), "0.649 µm");
+        assert_eq!(Unit::UM.size(3.7e-6), "3.70 µm");
+        assert_eq!(Unit::UM.size(1234.5e-6), "1234 µm");
+        assert_eq!(Unit::UM.size(0.0), "0 µm");
     }
 
     #[test]

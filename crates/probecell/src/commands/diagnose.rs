@@ -2,10 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::bail;
+use anyhow::{Context, bail};
 use bags::{Bag, Measurement};
 use cell::{Cell, ModelSection};
-use diagnosis::{DeclaredEffect, Options, Report, Session, diagnose, diagnose_together};
+use diagnosis::{
+    DeclaredEffect, Options, Report, Residuals, Session, diagnose_together_with_residuals,
+    diagnose_with_residuals,
+};
 
 use super::record::CELL_FILE;
 use crate::{GOOD, report};
@@ -37,6 +40,9 @@ pub(crate) struct Arguments {
     /// Print JSON: one object, or one for each bag with `--each`.
     #[arg(long)]
     json: bool,
+    /// Write a page that stands alone: conclusion, effects, pictures. Not with `--each`.
+    #[arg(long, value_name = "FILE", conflicts_with = "each")]
+    html: Option<PathBuf>,
 }
 
 /// Diagnoses the bags together, or each.
@@ -53,7 +59,8 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
     if arguments.each || (bags.len() == 1 && arguments.withhold.is_empty()) {
         for path in bags {
             let session = read(path, arguments)?;
-            tell(&diagnose(&session, &options)?, arguments.json)?;
+            let (result, residuals) = diagnose_with_residuals(&session, &options)?;
+            tell(arguments, &result, &residuals)?;
         }
         return Ok(GOOD);
     }
@@ -64,15 +71,18 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
             .collect::<anyhow::Result<Vec<_>>>()
     };
     let (fit, withheld) = (sessions(bags)?, sessions(&arguments.withhold)?);
-    tell(
-        &diagnose_together(&fit, &withheld, &options)?,
-        arguments.json,
-    )?;
+    let (result, residuals) = diagnose_together_with_residuals(&fit, &withheld, &options)?;
+    tell(arguments, &result, &residuals)?;
     Ok(GOOD)
 }
 
-fn tell(result: &Report, json: bool) -> anyhow::Result<()> {
-    if json {
+fn tell(arguments: &Arguments, result: &Report, residuals: &Residuals) -> anyhow::Result<()> {
+    if let Some(file) = &arguments.html {
+        let page = records::diagnosis_page(result, residuals)?;
+        std::fs::write(file, page.html())
+            .with_context(|| format!("cannot write {}", file.display()))?;
+    }
+    if arguments.json {
         report::json(result)?;
     } else {
         report::line(&result.to_string());

@@ -1,0 +1,304 @@
+//! The page of a diagnosis: conclusion first, then the table of effects with placebo, then the pictures.
+
+use diagnosis::report::{Effect, Place};
+use diagnosis::{Report, Residuals, words};
+use report::{Bar, Bars, Page, PlotError, Table, Unit};
+
+use crate::conclusion::{findings, position, verdict};
+use crate::numbers::{Turns, interval, parameters, percent, place, probability, unit_of};
+use crate::{drives, touches};
+
+/// The page of a report and the residuals behind it.
+///
+/// # Errors
+/// [`PlotError`] when a picture cannot be drawn.
+pub fn diagnosis_page(report: &Report, residuals: &Residuals) -> Result<Page, PlotError> {
+    let mut page = Page::new(format!("Why {} differs from its model", report.bag));
+    let samples = match residuals {
+        Residuals::Touches(_) => "touches",
+        Residuals::Drives(_) => "samples",
+    };
+    page.lead(&verdict(report, samples));
+    page.list(&findings(report));
+    effects(&mut page, report)?;
+    sessions(&mut page, report);
+    places(&mut page, report, &|axis| turns(residuals, axis))?;
+    match residuals {
+        Residuals::Touches(all) => {
+            for one in all {
+                touches::pictures(&mut page, one)?;
+            }
+        }
+        Residuals::Drives(all) => drives::pictures(&mut page, all)?,
+    }
+    next(&mut page, report);
+    considered(&mut page, report);
+    if !report.warnings.is_empty() {
+        page.heading("Remarks").list(&report.warnings);
+    }
+    page.paragraph(&format!(
+        "Made from report schema {}. Lengths in mm and µm, angles in ° and µrad; intervals are of 95 %.",
+        report.schema
+    ));
+    Ok(page)
+}
+
+fn turns(residuals: &Residuals, name: &str) -> bool {
+    match residuals {
+        Residuals::Touches(all) => all
+            .iter()
+            .flat_map(|one| &one.axes)
+            .any(|axis| axis.name == name && axis.turns),
+        Residuals::Drives(all) => all
+            .iter()
+            .any(|one| one.axis.name == name && one.axis.turns),
+    }
+}
+
+fn effects(page: &mut Page, report: &Report) -> Result<(), PlotError> {
+    if report.effects.is_empty() {
+        return Ok(());
+    }
+    let unit = unit_of(report);
+    page.heading("Effects added to the model");
+    let mut table = Table::new(
+        "In the order in which they close the gap",
+        &[
+            "effect",
+            "size",
+            "probability",
+            "gap before",
+            "gap after",
+            "95 % interval",
+            "placebo",
+            "cannot be told from",
+        ],
+    );
+    for effect in &report.effects {
+        let placebo = effect.placebo_rms_after;
+        table.row(vec![
+            effect.effect.clone(),
+            parameters(effect),
+            probability(effect.probability),
+            unit.size(effect.rms_before),
+            unit.size(effect.rms_after),
+            interval(&unit, effect.ci95_after),
+            placebo.map_or_else(|| "–".to_owned(), |rms| unit.size(rms)),
+            if effect.indistinguishable_from.is_empty() {
+                "–".to_owned()
+            } else {
+                effect.indistinguishable_from.join(", ")
+            },
+        ]);
+    }
+    page.table(&table);
+    page.paragraph(
+        "Gaps are root mean squares, on data that were not used to fit unless a remark says otherwise. Placebo: the gap \
+         left when a wrong effect with as many parameters stands in the place of the named one; a true cause does much \
+         better than that.",
+    );
+    page.bars(&shrinkage(report, &unit))?;
+    Ok(())
+}
+
+/// Held-out gap without any effect, with one after the other, and with wrong ones in their places.
+fn shrinkage(report: &Report, unit: &Unit) -> Bars {
+    let held_out: Vec<&Effect> = (report.effects.iter())
+        .filter(|effect| effect.held_out)
+        .collect();
+    let shown: Vec<&Effect> = if held_out.is_empty() {
+        report.effects.iter().collect()
+    } else {
+        held_out
+    };
+    let mut bars = Vec::new();
+    if let Some(first) = shown.first() {
+        bars.push(Bar {
+            label: "without any effect".to_owned(),
+            value: first.rms_before,
+            ci95: None,
+            group: 0,
+        });
+    }
+    for (place, effect) in shown.iter().enumerate() {
+        let sign = if place == 0 { "with" } else { "and" };
+        bars.push(Bar {
+            label: format!("{sign} {}", effect.effect),
+            value: effect.rms_after,
+            ci95: Some(effect.ci95_after),
+            group: 0,
+        });
+        if let Some(value) = effect.placebo_rms_after {
+            bars.push(Bar {
+                label: "a wrong one instead".to_owned(),
+                value,
+                ci95: None,
+                group: 1,
+            });
+        }
+    }
+    let mut groups = vec!["model".to_owned()];
+    if bars.iter().any(|bar| bar.group == 1) {
+        groups.push("placebo".to_owned());
+    }
+    Bars {
+        title: "How far the gap shrinks on data that were not used to fit".to_owned(),
+        label: "gap, root mean square".to_owned(),
+        unit: unit.clone(),
+        bars,
+        groups,
+        levels: vec![("noise floor".to_owned(), report.gap.noise_floor)],
+        caption: "Black lines are 95 % intervals.".to_owned(),
+    }
+}
+
+/// A table for every session that judges, where there are several.
+fn sessions(page: &mut Page, report: &Report) {
+    let named: Vec<&Effect> = (report.effects.iter())
+        .filter(|effect| !effect.sessions.is_empty())
+        .collect();
+    let Some(first) = named.first() else {
+        return;
+    };
+    let unit = unit_of(report);
+    page.heading("Session by session");
+    if !report.fitted.is_empty() {
+        page.paragraph(&format!("Fitted to: {}.", report.fitted.join(", ")));
+    }
+    if !report.withheld.is_empty() {
+        page.paragraph(&format!(
+            "Judged on, without being fitted to: {}.",
+            report.withheld.join(", ")
+        ));
+    }
+    for (place, one) in first.sessions.iter().enumerate() {
+        let axis = (one.axis.as_ref()).map_or_else(String::new, |axis| format!(", axis {axis}"));
+        let mut table = Table::new(
+            format!("{}{axis}", one.bag),
+            &["effect added", "gap before", "gap after", "95 % interval"],
+        );
+        for effect in &named {
+            let Some(own) = effect.sessions.get(place) else {
+                continue;
+            };
+            table.row(vec![
+                effect.effect.clone(),
+                unit.size(own.rms_before),
+                unit.size(own.rms_after),
+                interval(&unit, own.ci95_after),
+            ]);
+        }
+        page.table(&table);
+    }
+}
+
+fn places(page: &mut Page, report: &Report, turns: Turns<'_>) -> Result<(), PlotError> {
+    let shares = |title: &str, places: &[Place], caption: &str| Bars {
+        title: title.to_owned(),
+        label: "share".to_owned(),
+        unit: Unit::PERCENT,
+        bars: (places.iter())
+            .map(|one| Bar {
+                label: place(one, turns),
+                value: one.share,
+                ci95: None,
+                group: 0,
+            })
+            .collect(),
+        groups: Vec::new(),
+        levels: Vec::new(),
+        caption: caption.to_owned(),
+    };
+    if !report.place.is_empty() {
+        page.heading("Where the gap lies");
+        page.bars(&shares(
+            "Share of the gap’s energy (sum of squares)",
+            &report.place,
+            "Each dimension for itself: shares of different dimensions count the same energy again. An interval is the \
+             shortest that holds most of it.",
+        ))?;
+    }
+    if !report.unexplained.place.is_empty() {
+        page.heading("Where something unknown acts");
+        let unit = unit_of(report);
+        page.paragraph(&format!(
+            "{} (root mean square beyond the noise) is explained by none of the known effects.",
+            unit.size(report.unexplained.rms)
+        ));
+        let mut table = Table::new("What it depends on", &["where", "probability"]);
+        for one in &report.unexplained.place {
+            table.row(vec![place(one, turns), percent(one.share)]);
+        }
+        page.table(&table);
+    }
+    Ok(())
+}
+
+fn next(page: &mut Page, report: &Report) {
+    if report.next_measurement.is_empty() {
+        return;
+    }
+    page.heading("What to measure next");
+    for next in &report.next_measurement {
+        if !next.points.is_empty() {
+            let unit = unit_of(report);
+            let mut table = Table::new(
+                format!("To tell apart: {}", next.separates.join(", ")),
+                &[
+                    "feature",
+                    "point x, y, z / mm",
+                    "rotary axes / °",
+                    "feed / mm/min",
+                    "the explanations differ by",
+                    "what is new",
+                ],
+            );
+            for point in &next.points {
+                let angles = point.rotary_positions.iter();
+                let angles: Vec<String> = angles
+                    .map(|angle| format!("{:.1}", angle.to_degrees()))
+                    .collect();
+                table.row(vec![
+                    point.feature.clone(),
+                    position(point.position),
+                    angles.join(", "),
+                    format!("{:.0}", point.feed * Unit::MM_PER_MIN.factor),
+                    unit.size(point.difference),
+                    point.why.clone(),
+                ]);
+            }
+            page.table(&table);
+        }
+        let mut pairs: Vec<String> = (next.inseparable.iter())
+            .map(|pair| {
+                let mut names = pair.clone();
+                names.sort_unstable();
+                names.join(" and ")
+            })
+            .collect();
+        pairs.sort_unstable();
+        pairs.dedup();
+        if !pairs.is_empty() {
+            page.paragraph(&format!(
+                "No touch within reach tells apart: {}.",
+                pairs.join("; ")
+            ));
+        }
+    }
+}
+
+fn considered(page: &mut Page, report: &Report) {
+    if report.rejected.is_empty() {
+        return;
+    }
+    page.heading("Considered and not named");
+    let mut table = Table::new("", &["effect", "what it is", "probability"]);
+    for effect in &report.rejected {
+        table.row(vec![
+            effect.effect.clone(),
+            words::of(&effect.effect),
+            probability(effect.probability),
+        ]);
+    }
+    page.table(&table);
+}

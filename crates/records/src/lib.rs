@@ -1,0 +1,13 @@
+//! Records that an engineer files: one HTML page for a diagnosis.
+//!
+//! Pages are made of the `report` crate's blocks and stand alone. Every text from outside is escaped there. The same
+//! input gives the same bytes. Decides nothing: verdicts, sizes and intervals are those of the diagnosis.
+
+mod conclusion;
+mod diagnosed;
+mod drives;
+mod numbers;
+mod part_view;
+mod touches;
+
+pub use diagnosed::diagnosis_page;
