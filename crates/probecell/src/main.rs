@@ -166,6 +166,9 @@ enum Command {
         /// Seed of the sessions.
         #[arg(long, default_value_t = 1)]
         seed: u64,
+        /// Write every session as a recording, and what was hidden in it, into this folder.
+        #[arg(long, value_name = "DIR", conflicts_with = "refine")]
+        keep: Option<PathBuf>,
         /// Print JSON.
         #[arg(long)]
         json: bool,
@@ -259,8 +262,12 @@ fn run(command: Command) -> anyhow::Result<u8> {
             ..
         } => commands::refine::run(wanted, seed, json),
         Command::Blind {
-            trials, seed, json, ..
-        } => commands::blind::run(trials, seed, json),
+            trials,
+            seed,
+            keep,
+            json,
+            ..
+        } => commands::blind::run(trials, seed, keep.as_deref(), json),
         Command::Identifiability(arguments) => commands::identifiability::run(&arguments),
         Command::Correct(arguments) => commands::correct::run(&arguments),
         Command::Scenario(command) => commands::scenario::run(&command),

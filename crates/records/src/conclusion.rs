@@ -104,9 +104,12 @@ fn ambiguity(effect: &Effect) -> Option<String> {
     let others = &effect.indistinguishable_from;
     let spoken = others.len() <= FEW;
     let others: Vec<String> = (others.iter())
-        .map(|other| match spoken {
-            true => format!("{other} ({})", words::of(other)),
-            false => other.clone(),
+        .map(|other| {
+            if spoken {
+                format!("{other} ({})", words::of(other))
+            } else {
+                other.clone()
+            }
         })
         .collect();
     Some(format!(

@@ -90,8 +90,8 @@ mod tests {
         };
         assert_eq!(text(-1.4936e-6, "m", 1.723e-7), "p = -1.49 ± 0.17 µm");
         assert_eq!(text(0.045, "m", 0.0), "p = 45 mm");
-        assert_eq!(text(2e-3, "s", 1e-4), "p = 2.00 ± 0.10 ms");
-        assert_eq!(text(1.15e-5, "1/K", 2e-7), "p = 11.50 ± 0.20 µm/(m K)");
+        assert_eq!(text(2e-3, "s", 1.2e-4), "p = 2.00 ± 0.12 ms");
+        assert_eq!(text(1.15e-5, "1/K", 2.1e-7), "p = 11.50 ± 0.21 µm/(m K)");
         assert_eq!(text(3.0, "1", 0.0), "p = 3");
     }
 

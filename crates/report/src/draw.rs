@@ -299,7 +299,7 @@ fn draw(
             let dots = all.into_iter().step_by(stride);
             let style = colour.mix(0.8).filled();
             // Shape tells as well as colour.
-            if place % 2 == 0 {
+            if place.is_multiple_of(2) {
                 let drawn = chart
                     .draw_series(dots.map(|at| Circle::new(at, 2, style)))
                     .map_err(failed)?;

@@ -252,8 +252,7 @@ impl Plot {
                 .iter()
                 .any(|arrow| finite(&[arrow.at.0, arrow.at.1, arrow.vector.0, arrow.vector.1])),
             Series::Heat(heat) => !heat.values.iter().any(|value| value.is_finite()),
-            Series::Frame { .. } => true,
-            Series::Level { .. } => true,
+            Series::Frame { .. } | Series::Level { .. } => true,
         })
     }
 

@@ -131,7 +131,7 @@ impl Strips {
         let style = colour.mix(0.6).filled();
         let at = |&(row, value): &(usize, f64)| (value, row as f64 + height);
         let dots = known.iter().step_by(stride).map(at);
-        if place % 2 == 0 {
+        if place.is_multiple_of(2) {
             chart
                 .draw_series(dots.map(|at| Circle::new(at, 2, style)))
                 .map_err(draw::failed)?

@@ -57,6 +57,14 @@ impl Trial {
             .wrapping_add(number)
     }
 
+    /// What a session of this kind holds.
+    pub fn content(self) -> Content {
+        match self {
+            Self::Hidden(content) => content,
+            Self::Deleted => Content::Known(1),
+        }
+    }
+
     /// What it is called on the card.
     pub fn name(self) -> String {
         match self {
@@ -103,11 +111,7 @@ pub struct Judged {
 /// # Errors
 /// [`DiagnoseError`] when the diagnosis refuses the session.
 pub fn judge(seed: u64, trial: Trial) -> Result<Judged, DiagnoseError> {
-    let content = match trial {
-        Trial::Hidden(content) => content,
-        Trial::Deleted => Content::Known(1),
-    };
-    let (sealed, truth) = session(seed, content);
+    let (sealed, truth) = session(seed, trial.content());
     let begun = Instant::now();
     let mut report = diagnose(&sealed, &Options::default())?;
     let took_ms = begun.elapsed().as_secs_f64() * 1e3;

@@ -2,19 +2,31 @@
 //!
 //! What counts as right stands in `diagnosis::blind::card`.
 
-use diagnosis::blind::card::{Card, TRIALS, judge};
+use std::path::Path;
+
+use anyhow::Context;
+use diagnosis::blind::card::{Card, Judged, TRIALS, Trial, judge};
+use diagnosis::blind::session;
 use indicatif::ProgressBar;
+use serde_json::{Map, Value, json};
+
+use super::recording;
 
 use crate::{GOOD, report};
 
-/// Makes, diagnoses and opens `trials` sessions, shared out evenly over the kinds of trials.
-pub(crate) fn run(trials: u64, seed: u64, json: bool) -> anyhow::Result<u8> {
+/// Makes, diagnoses and opens `trials` sessions, shared out evenly over the kinds of trials; `keep` is where they stay.
+pub(crate) fn run(trials: u64, seed: u64, keep: Option<&Path>, json: bool) -> anyhow::Result<u8> {
     let each = (trials / TRIALS.len() as u64).max(1);
     let progress = ProgressBar::new(each * TRIALS.len() as u64);
     let mut judged = Vec::new();
     for trial in TRIALS {
         for number in 0..each {
-            judged.push((trial, judge(trial.seed(seed, number), trial)?));
+            let own = trial.seed(seed, number);
+            let one = judge(own, trial)?;
+            if let Some(folder) = keep {
+                leave(folder, own, trial, &one)?;
+            }
+            judged.push((trial, one));
             progress.inc(1);
         }
     }
@@ -26,4 +38,57 @@ pub(crate) fn run(trials: u64, seed: u64, json: bool) -> anyhow::Result<u8> {
         report::line(card.to_string().trim_end());
     }
     Ok(GOOD)
+}
+
+/// Writes a session as a recording, and beside it what was hidden in it and how it was judged.
+fn leave(folder: &Path, seed: u64, trial: Trial, judged: &Judged) -> anyhow::Result<()> {
+    let (sealed, truth) = session(seed, trial.content());
+    let hidden: Vec<Value> = (truth.effects.iter().enumerate())
+        .map(|(place, effect)| {
+            let parameters: Map<String, Value> =
+                (truth.parameters.get(place).into_iter().flatten())
+                    .map(|(name, value)| (name.clone(), json!(value)))
+                    .collect();
+            json!({ "effect": effect, "rms": truth.sizes.get(place), "parameters": parameters })
+        })
+        .collect();
+    let seal = json!({
+        "bag": sealed.name,
+        "trial": trial.name(),
+        "seed": seed,
+        "machine": truth.machine,
+        "noise": truth.noise,
+        "effects": hidden,
+        "judged": { "cause": judged.cause, "verdict": judged.verdict },
+    });
+    recording::write(&folder.join(&sealed.name), "blind", &sealed)?;
+    let file = folder.join(format!("{}.seal.json", sealed.name));
+    std::fs::write(&file, format!("{}\n", serde_json::to_string_pretty(&seal)?))
+        .with_context(|| format!("cannot write {}", file.display()))
+}
+
+#[cfg(test)]
+mod tests {
+    use diagnosis::{Options, diagnose};
+
+    use super::super::diagnose::{Arguments, read};
+    use super::*;
+
+    /// The recording that was kept is diagnosed as the sealed session was, and its seal names what was hidden.
+    #[test]
+    fn a_kept_session_can_be_looked_at_again() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let trial = TRIALS[1];
+        let seed = trial.seed(3, 0);
+        let judged = judge(seed, trial).expect("a diagnosis");
+        leave(folder.path(), seed, trial, &judged).expect("a recording and a seal");
+        let kept = read(&folder.path().join(&judged.name), &Arguments::default());
+        let again = diagnose(&kept.expect("a session"), &Options::default()).expect("a diagnosis");
+        assert_eq!(again, judged.report);
+        let seal = folder.path().join(format!("{}.seal.json", judged.name));
+        let seal: Value =
+            serde_json::from_slice(&std::fs::read(seal).expect("a seal")).expect("JSON");
+        assert_eq!(seal["effects"][0]["effect"], judged.truth.effects[0]);
+        assert_eq!(seal["effects"].as_array().map(Vec::len), Some(1));
+    }
 }

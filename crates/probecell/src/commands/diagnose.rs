@@ -14,7 +14,7 @@ use super::record::CELL_FILE;
 use crate::{GOOD, report};
 
 /// What the user asks for.
-#[derive(clap::Args)]
+#[derive(clap::Args, Default)]
 pub(crate) struct Arguments {
     /// Bags: folders or .mcap files. Several are diagnosed together: one set of causes for all.
     #[arg(required_unless_present = "fit")]
@@ -90,7 +90,8 @@ fn tell(arguments: &Arguments, result: &Report, residuals: &Residuals) -> anyhow
     Ok(())
 }
 
-fn read(path: &Path, arguments: &Arguments) -> anyhow::Result<Session> {
+/// The session of a bag; damage that leaves enough is a warning.
+pub(super) fn read(path: &Path, arguments: &Arguments) -> anyhow::Result<Session> {
     let bag = Bag::open(path)?;
     let measurement = (arguments.plan.clone()).map_or(Measurement::Last, Measurement::Named);
     let session = bags::Session::read_measurement(&bag, &measurement)?;

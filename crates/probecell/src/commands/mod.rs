@@ -12,6 +12,7 @@ pub(crate) mod plan;
 pub(crate) mod play;
 pub(crate) mod program;
 pub(crate) mod record;
+pub(crate) mod recording;
 pub(crate) mod recover;
 pub(crate) mod refine;
 pub(crate) mod replay;

@@ -10,9 +10,8 @@ use scenarios::{Judged, Run, Scenario, Value};
 use serde::Serialize;
 use serde_json::{Map, json};
 
+use super::recording;
 use crate::{FAILED, GOOD, report};
-
-mod recording;
 
 /// What the user asks for.
 #[derive(clap::Subcommand)]
@@ -163,7 +162,7 @@ fn page(folder: &Path, scenario: &Scenario, judged: &Judged, seed: u64) -> anyho
 fn record(folder: &Path, scenario: &Scenario, judged: &Judged) -> anyhow::Result<()> {
     for (recorded, _) in &judged.sessions {
         let name = format!("{}-{}", scenario.name, recorded.name);
-        recording::write(&folder.join(name), &recorded.session)?;
+        recording::write(&folder.join(name), "scenario", &recorded.session)?;
     }
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! A session of a scenario as a recording to the contract.
+//! A made session, of a scenario or of the blind card, as a recording to the contract.
 
 use std::path::Path;
 
@@ -7,11 +7,8 @@ use diagnosis::Session;
 use probecell_msgs::builtin_interfaces::Time;
 use probecell_msgs::{Message, std_msgs, to_cdr};
 
-/// Namespace of the recorded cell.
-const CELL: &str = "/scenario";
-
-/// Writes the session as an MCAP recording into `folder`, which must not exist.
-pub(super) fn write(folder: &Path, session: &Session) -> anyhow::Result<()> {
+/// Writes the session as an MCAP recording into `folder`, which must not exist, with topics under `/cell`.
+pub(crate) fn write(folder: &Path, cell: &str, session: &Session) -> anyhow::Result<()> {
     let recorder = Recorder::start(RecorderOptions {
         overflow: Overflow::Block,
         ..RecorderOptions::new(folder)
@@ -19,6 +16,7 @@ pub(super) fn write(folder: &Path, session: &Session) -> anyhow::Result<()> {
     let begin = begin(session);
     let mut writer = Writer {
         recorder: &recorder,
+        cell,
         waiting: Vec::new(),
     };
     let model = std_msgs::String {
@@ -60,6 +58,7 @@ pub(super) fn write(folder: &Path, session: &Session) -> anyhow::Result<()> {
 /// Messages wait until all are known, so that they stand in the order of their times.
 struct Writer<'a> {
     recorder: &'a Recorder,
+    cell: &'a str,
     waiting: Vec<(u64, ChannelId, u64, Vec<u8>)>,
 }
 
@@ -74,7 +73,7 @@ impl Writer<'_> {
         if messages.peek().is_none() {
             return Ok(());
         }
-        let topic = format!("{CELL}/{name}");
+        let topic = format!("/{}/{name}", self.cell);
         let channel = self.recorder.channel(&Channel::of(&topic, M::TYPE, qos))?;
         for (sequence, (time, message)) in messages.enumerate() {
             self.waiting
@@ -122,7 +121,7 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         for Recorded { name, session, .. } in &recorded {
             let to = folder.path().join(name);
-            write(&to, session).expect("a recording");
+            write(&to, "scenario", session).expect("a recording");
             let bag = bags::Bag::open(&to).expect("a bag");
             let read = bags::Session::read(&bag).expect("a session");
             assert!(read.damage.is_empty());
@@ -135,7 +134,10 @@ mod tests {
             same(read.references.len(), session.references.len());
             let events = read.events.iter().map(|stamped| &stamped.message);
             assert!(events.eq(&session.events));
-            assert!(write(&to, session).is_err(), "never over another");
+            assert!(
+                write(&to, "scenario", session).is_err(),
+                "never over another"
+            );
         }
     }
 }
