@@ -24,9 +24,8 @@ fn parsed(html: &str) -> Document<'_> {
 }
 
 fn texts(node: Node<'_, '_>) -> String {
-    node.descendants()
-        .filter_map(|inner| inner.text())
-        .collect()
+    let inner = node.descendants().filter(Node::is_text);
+    inner.filter_map(|text| text.text()).collect()
 }
 
 /// Cells of the rows of the table with this caption.
