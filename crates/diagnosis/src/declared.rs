@@ -411,7 +411,7 @@ pub(crate) fn predicted(
 
 /// What a report says of the declared effects: how far each was promised to close the gap, and how far it does.
 ///
-/// In their order each is judged on what the ones before it leave. `active` tells the rows in use.
+/// In their order each is measured on what the ones before it leave. `active` tells the rows in use.
 pub(crate) fn told(
     session: &Session,
     observations: &Observations,
@@ -435,6 +435,17 @@ pub(crate) fn told(
         };
         told.push(tell(effect, Some(achieved)));
     }
+    // What one session showed was fitted together: only all of it together keeps a promise.
+    for group in told.chunk_by_mut(|one, next| one.found_with(next)) {
+        let sizes = group
+            .last()
+            .and_then(|last| last.promised.as_ref().zip(last.achieved.as_ref()));
+        let kept =
+            sizes.map(|(promised, achieved)| achieved.ci95_after[0] <= promised.ci95_after[1]);
+        for one in group {
+            one.kept = kept;
+        }
+    }
     told
 }
 
@@ -451,14 +462,13 @@ pub(crate) fn tell(effect: &DeclaredEffect, achieved: Option<Sizes>) -> Declared
         rms_after: promise.rms_after_m,
         ci95_after: promise.ci95_after_m,
     });
-    let kept = promised.as_ref().zip(achieved.as_ref());
     Declared {
         effect: effect.effect.clone(),
         parameters: effect.parameters.iter().map(estimate).collect(),
         chosen_from: effect.chosen_from.clone(),
         source: effect.source.clone(),
         measured: effect.measured.clone(),
-        kept: kept.map(|(promised, achieved)| achieved.ci95_after[0] <= promised.ci95_after[1]),
+        kept: None,
         promised,
         achieved,
     }

@@ -108,9 +108,17 @@ pub struct Declared {
     /// How far it closes the gap here, where nothing was fitted; absent in a joint diagnosis.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub achieved: Option<Sizes>,
-    /// True where the 95 % intervals of what remains reach each other, or less remains than promised.
+    /// True where the 95 % intervals of what remains reach each other, or less remains than promised; judged with all
+    /// effects that the same session showed, since they were fitted together.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub kept: Option<bool>,
+}
+
+impl Declared {
+    /// True for two effects that one session showed.
+    pub fn found_with(&self, other: &Self) -> bool {
+        self.source.is_some() && self.source == other.source && self.measured == other.measured
+    }
 }
 
 /// Size of the gap without and with an effect, m.

@@ -131,7 +131,7 @@ pub enum DiagnoseError {
     #[error("sessions `{0}` and `{1}` have different machines")]
     OtherMachine(String, String),
     /// Sessions whose cells declare different effects.
-    #[error("sessions `{0}` and `{1}` have different declared effects")]
+    #[error("sessions `{0}` and `{1}` have different declared effects: declare one model for both")]
     OtherModel(String, String),
     /// Sessions that do not share a clamping.
     #[error("plans `{0}` and `{1}` do not share part pose, stylus and rotary axes")]

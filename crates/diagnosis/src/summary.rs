@@ -24,8 +24,20 @@ impl fmt::Display for Report {
             "  {} samples, gap {rms}, noise floor {floor}, ratio {:.1}",
             self.samples, self.gap.ratio
         )?;
-        for declared in &self.declared {
-            write_declared(to, declared, &micro)?;
+        for together in self.declared.chunk_by(Declared::found_with) {
+            for declared in together {
+                write_declared(to, declared, &micro)?;
+            }
+            match together.last().and_then(|last| last.kept) {
+                Some(true) => writeln!(to, "    the promise is kept")?,
+                Some(false) => {
+                    writeln!(
+                        to,
+                        "    the promise is not kept: more remains than was promised"
+                    )?;
+                }
+                None => {}
+            }
         }
         for effect in &self.effects {
             write_effect(to, effect, &micro)?;
@@ -114,14 +126,7 @@ fn write_declared(
             writeln!(to, "    {word}: {before} -> {after} ({low} to {high})")?;
         }
     }
-    match declared.kept {
-        Some(true) => writeln!(to, "    the promise is kept"),
-        Some(false) => writeln!(
-            to,
-            "    the promise is not kept: more remains than was promised"
-        ),
-        None => Ok(()),
-    }
+    Ok(())
 }
 
 fn write_next(to: &mut fmt::Formatter<'_>, next: &NextMeasurement) -> fmt::Result {
