@@ -127,7 +127,21 @@ fn a_proposal_that_has_expired_is_not_revived_by_an_approval() {
     let report = session.last::<PartReport>(topics::PART_REPORTS);
     assert_eq!(report.verdict, PartReport::STOPPED);
     assert!(report.text.ends_with("it has expired"), "{}", report.text);
+    let reply: OperatorReply = session.last(topics::APPROVAL_REPLIES);
+    let expected = format!("correction {:?} has expired", corrections[0].correction_id);
+    assert_eq!((reply.accepted, reply.text), (false, expected));
     assert_eq!(wear(&session).0, 0);
+}
+
+#[test]
+fn what_else_was_proposed_for_a_part_that_was_stopped_cannot_be_approved() {
+    let (mut session, corrections) = proposed();
+    session.answer(&corrections[1], false);
+    session.answer(&corrections[0], true);
+    let reply: OperatorReply = session.last(topics::APPROVAL_REPLIES);
+    assert!(!reply.accepted, "{}", reply.text);
+    session.run_s(5.0);
+    assert_eq!(wear(&session), (0, vec![0.0, 0.0]));
 }
 
 /// Takes from a sound correction what entitles it.

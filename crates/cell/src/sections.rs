@@ -37,7 +37,8 @@ pub struct BusSection {
     pub listen: Vec<String>,
     /// Settings of Zenoh for every session (TLS, user and password), laid over ours.
     pub zenoh: Option<toml::Table>,
-    /// Settings of Zenoh for the router (TLS, access control), laid over ours.
+    /// Settings of Zenoh for the router (TLS, access control), laid over ours. With access control here, sessions link to
+    /// the router alone, so that nothing goes past it.
     pub router_zenoh: Option<toml::Table>,
 }
 

@@ -436,7 +436,7 @@ pub(crate) fn told(
         told.push(tell(effect, Some(achieved)));
     }
     // What one session showed was fitted together: only all of it together keeps a promise.
-    for group in told.chunk_by_mut(|one, next| one.found_with(next)) {
+    for group in told.chunk_by_mut(super::report::Declared::found_with) {
         let sizes = group
             .last()
             .and_then(|last| last.promised.as_ref().zip(last.achieved.as_ref()));

@@ -47,9 +47,20 @@ pub(crate) fn bus_config(cell: &Cell) -> anyhow::Result<BusConfig> {
         domain_id: cell.bus.domain_id,
         endpoints: vec![cell.bus.router_endpoint.clone()],
         listen: cell.bus.listen.clone(),
-        zenoh: zenoh_settings(cell.bus.zenoh.as_ref())?,
+        zenoh: session_settings(cell)?,
         ..BusConfig::default()
     })
+}
+
+/// What the cell file says of every session. Where the router controls access, nothing goes past it: sessions are clients
+/// then, which link to nobody but the router.
+fn session_settings(cell: &Cell) -> anyhow::Result<serde_json::Value> {
+    let mut settings = zenoh_settings(cell.bus.zenoh.as_ref())?;
+    let router = zenoh_settings(cell.bus.router_zenoh.as_ref())?;
+    if router.get("access_control").is_some() && settings.get("mode").is_none() {
+        settings["mode"] = "client".into();
+    }
+    Ok(settings)
 }
 
 fn zenoh_settings(table: Option<&impl serde::Serialize>) -> anyhow::Result<serde_json::Value> {
@@ -135,7 +146,11 @@ fn watch(
     let deadline = Instant::now() + READY_PATIENCE;
     while !end.load(Ordering::SeqCst) {
         processes.look()?;
-        operator.tell_processes(&processes.states());
+        let states = processes.states();
+        operator.tell_processes(&states);
+        if once && asked {
+            check_part_holders(&states)?;
+        }
         if let Some(verdict) = operator.part_ended().filter(|_| once) {
             return Ok(if verdict.qualified { GOOD } else { FAILED });
         }
@@ -153,6 +168,21 @@ fn watch(
         std::thread::sleep(LOOK);
     }
     Ok(if once { FAILED } else { GOOD })
+}
+
+/// What is lost with these nodes is the part under way: which operation runs, and what was measured in this session.
+fn check_part_holders(states: &[(String, bool, u32)]) -> anyhow::Result<()> {
+    let holders = ["cycle", "machine_state"];
+    match states
+        .iter()
+        .find(|(name, runs, starts)| holders.contains(&name.as_str()) && (!runs || *starts > 1))
+    {
+        Some((name, ..)) => Err(Failed(format!(
+            "{name} ended while the part was made, and the part with it"
+        ))
+        .into()),
+        None => Ok(()),
+    }
 }
 
 struct Supervised {

@@ -273,12 +273,9 @@ fn run(command: Command) -> anyhow::Result<u8> {
         Command::Scenario(command) => commands::scenario::run(&command),
         Command::Doctor { cell, json } => commands::doctor::run(&cell, json),
         Command::Completions { shell } => {
-            clap_complete::generate(
-                shell,
-                &mut Arguments::command(),
-                "probecell",
-                &mut std::io::stdout(),
-            );
+            let mut script = Vec::new();
+            clap_complete::generate(shell, &mut Arguments::command(), "probecell", &mut script);
+            report::bytes(&script);
             Ok(GOOD)
         }
     }

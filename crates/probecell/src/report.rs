@@ -1,16 +1,26 @@
 //! What a person or a program reads on the terminal.
 
-#![expect(
-    clippy::print_stdout,
-    clippy::print_stderr,
-    reason = "this module is the terminal"
-)]
+#![expect(clippy::print_stderr, reason = "this module is the terminal")]
+
+use std::io::{ErrorKind, Write};
 
 use serde::Serialize;
 
 /// A line on standard output.
 pub(crate) fn line(text: &str) {
-    println!("{text}");
+    bytes(format!("{text}\n").as_bytes());
+}
+
+/// Text on standard output as it is. Who reads it may have read enough (`| head`): then the program ends, as others do.
+pub(crate) fn bytes(text: &[u8]) {
+    let mut out = std::io::stdout().lock();
+    if let Err(error) = out.write_all(text).and_then(|()| out.flush()) {
+        let enough = error.kind() == ErrorKind::BrokenPipe;
+        if !enough {
+            remark(&format!("probecell: cannot write the output: {error}"));
+        }
+        std::process::exit(i32::from(if enough { crate::GOOD } else { crate::FAILED }));
+    }
 }
 
 /// A remark on standard error.
@@ -20,7 +30,7 @@ pub(crate) fn remark(text: &str) {
 
 /// One JSON object on standard output.
 pub(crate) fn json(value: &impl Serialize) -> anyhow::Result<()> {
-    println!("{}", serde_json::to_string_pretty(value)?);
+    line(&serde_json::to_string_pretty(value)?);
     Ok(())
 }
 

@@ -405,30 +405,46 @@ fn approve(state: &mut State, now: Stamp, request: &OperatorRequest, out: &mut O
     };
     if request.operator_name.is_empty() {
         "an approval needs the name of the operator".clone_into(&mut reply.text);
-    } else if let Some((mut correction, pass)) = state.proposed.remove(&request.subject) {
-        correction.header = header(now);
-        correction.approval = if request.approve {
-            Correction::APPROVAL_OPERATOR
+    } else if let Some((correction, pass)) = state.proposed.remove(&request.subject) {
+        let id = &correction.correction_id;
+        let end = if !request.approve {
+            Some(format!(
+                "{} rejected correction {id}",
+                request.operator_name
+            ))
+        } else if now > Stamp::from(&correction.expires) {
+            reply.text = format!("correction {id:?} has expired");
+            Some(format!("correction {id} was not approved: it has expired"))
         } else {
-            Correction::APPROVAL_REJECTED
+            None
         };
-        correction.approved_by.clone_from(&request.operator_name);
-        if !request.approve {
+        let late = request.approve && end.is_some();
+        if let Some(text) = end {
+            // The part ends with it: nothing else that was proposed for it is to reach the machine.
+            state.proposed.clear();
             out.send(Output::Decision(PassDecision {
                 header: header(now),
                 plan_id: correction.plan_id.clone(),
                 pass_number: pass,
                 decision: PassDecision::STOP,
-                text: format!(
-                    "{} rejected correction {}",
-                    request.operator_name, correction.correction_id
-                ),
+                text,
                 ..PassDecision::default()
             }));
         }
-        reply.accepted = true;
-        reply.text = String::new();
-        out.send(Output::Correction(correction));
+        if !late {
+            reply.accepted = true;
+            reply.text = String::new();
+            out.send(Output::Correction(Correction {
+                header: header(now),
+                approval: if request.approve {
+                    Correction::APPROVAL_OPERATOR
+                } else {
+                    Correction::APPROVAL_REJECTED
+                },
+                approved_by: request.operator_name.clone(),
+                ..correction
+            }));
+        }
     }
     out.send(Output::Reply(reply));
 }

@@ -1,14 +1,15 @@
 //! `probecell play`: a recording on the bus again.
 //!
-//! Topics go under another namespace by default, so that nothing of a running cell takes them for its own. Whatever could
-//! move a machine (`controller_commands`) is never published, under any namespace. Messages go out in the order and with
+//! Topics go under another namespace by default, so that nothing of a running cell takes them for its own; names that
+//! somebody publishes already are refused. Whatever asks a machine or its operator's cell for something (commands,
+//! requests, approvals) is never published, under any namespace. Messages go out in the order and with
 //! the spacing of their log times, at any rate; `/clock` tells the recorded time.
 
 use std::{
     collections::BTreeMap,
     io::BufRead,
     path::PathBuf,
-    sync::mpsc::{Receiver, RecvTimeoutError, channel},
+    sync::mpsc::{Receiver, channel},
     time::{Duration, Instant},
 };
 
@@ -24,6 +25,18 @@ use crate::{report, signals};
 
 /// Between two messages of `/clock` while nothing else happens.
 const CLOCK_PERIOD: Duration = Duration::from_millis(25);
+
+/// Long enough for a session that has joined to see who else publishes.
+const GRAPH_SETTLES: Duration = Duration::from_millis(500);
+
+/// What makes a cell act; nothing recorded does.
+const NEVER_PLAYED: [topics::Topic; 5] = [
+    topics::CONTROLLER_COMMANDS,
+    topics::RUN_REQUESTS,
+    topics::PLAN_REQUESTS,
+    topics::APPROVALS,
+    topics::OPERATION_REQUESTS,
+];
 
 /// Speeds at which a recording can be played.
 const RATES: std::ops::RangeInclusive<f64> = 1e-3..=1e6;
@@ -99,6 +112,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
     };
     check_names(arguments, &bag)?;
     let bus = Bus::open(&config, "play", "/")?;
+    check_free(&bus, arguments, &bag)?;
     let player = Player::new(&bus, &bag, arguments)?;
     player.wait_for_subscribers(&arguments.wait_for);
     let orders = orders(arguments.interactive || arguments.paused)?;
@@ -146,6 +160,30 @@ fn check_names(arguments: &Arguments, bag: &Bag) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// Nobody publishes under the names that the recording would take: a running cell would take it for its own.
+fn check_free(bus: &Bus, arguments: &Arguments, bag: &Bag) -> anyhow::Result<()> {
+    std::thread::sleep(GRAPH_SETTLES);
+    let taken = bus.graph().topics();
+    for channel in bag.channels() {
+        let target = target(&arguments.namespace, &channel.topic);
+        if taken
+            .iter()
+            .any(|topic| topic.name == target && !topic.offered.is_empty())
+        {
+            bail!(
+                "{target} is published already: a running cell would take the recording for its own; choose another \
+                 --namespace"
+            );
+        }
+    }
+    Ok(())
+}
+
+/// Where a recorded topic is published.
+fn target(namespace: &str, topic: &str) -> String {
+    format!("{}{topic}", namespace.trim_end_matches('/'))
+}
+
 /// Where the playing stands, in recorded time.
 struct Pace {
     rate: f64,
@@ -188,11 +226,12 @@ struct Player<'a> {
 
 impl<'a> Player<'a> {
     fn new(bus: &'a Bus, bag: &Bag, arguments: &Arguments) -> anyhow::Result<Self> {
-        let namespace = arguments.namespace.trim_end_matches('/');
         let mut publishers = BTreeMap::new();
         for channel in bag.channels() {
             let name = channel.topic.rsplit('/').next().unwrap_or_default();
-            if name == topics::CONTROLLER_COMMANDS.name || publishers.contains_key(&channel.topic) {
+            if NEVER_PLAYED.iter().any(|topic| topic.name == name)
+                || publishers.contains_key(&channel.topic)
+            {
                 continue;
             }
             let Some(ty) = type_of(channel) else {
@@ -202,7 +241,7 @@ impl<'a> Player<'a> {
                 ));
                 continue;
             };
-            let target = format!("{namespace}{}", channel.topic);
+            let target = target(&arguments.namespace, &channel.topic);
             publishers.insert(
                 channel.topic.clone(),
                 bus.publisher(&target, ty, qos(channel.qos))?,
@@ -245,27 +284,35 @@ impl<'a> Player<'a> {
                 if message.log_time < from {
                     continue;
                 }
-                while pace.paused || pace.due() < message.log_time {
-                    match orders.recv_timeout(pace.wait(message.log_time).min(CLOCK_PERIOD)) {
-                        Ok(Order::Quit) => return Ok(false),
-                        Ok(Order::Pause) => {
+                loop {
+                    let order = if pace.paused || pace.due() < message.log_time {
+                        let wait = pace.wait(message.log_time).min(CLOCK_PERIOD);
+                        orders.recv_timeout(wait).ok()
+                    } else if let Ok(order) = orders.try_recv() {
+                        Some(order)
+                    } else {
+                        break;
+                    };
+                    match order {
+                        Some(Order::Quit) => return Ok(false),
+                        Some(Order::Pause) => {
                             pace.at = pace.due();
                             pace.paused = true;
                         }
-                        Ok(Order::Resume) => {
+                        Some(Order::Resume) => {
                             pace.seek(pace.at);
                             pace.paused = false;
                         }
-                        Ok(Order::Rate(rate)) => {
+                        Some(Order::Rate(rate)) => {
                             pace.seek(pace.due());
                             pace.rate = rate;
                         }
-                        Ok(Order::Seek(seconds)) => {
+                        Some(Order::Seek(seconds)) => {
                             from = first + (seconds.max(0.0) * 1e9) as u64;
                             pace.seek(from);
                             continue 'again;
                         }
-                        Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => {}
+                        None => {}
                     }
                     if told.elapsed() >= CLOCK_PERIOD {
                         self.tell_clock(pace.due().min(message.log_time))?;
