@@ -1,6 +1,7 @@
 """The services of a running cell's recorder, called by zenoh-ros2-sdk: a recording ends, another begins, both are whole."""
 
 import argparse
+import json
 import logging
 import pathlib
 import signal
@@ -13,7 +14,7 @@ from mcap.reader import make_reader
 from zenoh_ros2_sdk import ROS2ServiceClient, ZenohSession
 
 from messages import Messages
-from peer import check
+from peer import check, until
 
 
 def wait_for_services(session, names):
@@ -43,6 +44,15 @@ def call(root, name, kind, **fields):
     return answer
 
 
+def holds(probecell, folder, topic):
+    """Whether the unfinished recordings below a folder hold a message of this topic on disk."""
+    for recording in folder.glob("*"):
+        told = subprocess.run([probecell, "info", recording, "--json"], capture_output=True, text=True)
+        if told.stdout and any(one["topic"] == topic and one["messages"] for one in json.loads(told.stdout)["topics"]):
+            return True
+    return False
+
+
 def messages_in(folder):
     """Messages of each topic in a recording that is closed, and its metadata beside it."""
     assert (folder / "metadata.yaml").exists(), f"{folder} has no metadata.yaml"
@@ -70,6 +80,8 @@ def main():
             session.store = Messages(root).store
             session._registered_types.update({name: name for name in session.store.types if "/srv/" not in name})
             wait_for_services(session.session, ["start_recording", "stop_recording"])
+            description = "/turn_mill/robot_description"
+            until("a recording", lambda: holds(probecell, pathlib.Path(scratch) / "recordings", description))
             first = call(root, "stop_recording", "StopRecording")
             check("stopped", (first.accepted, first.messages > 0), (True, True))
             count = messages_in(pathlib.Path(scratch) / first.uri)
@@ -82,7 +94,7 @@ def main():
             second = call(root, "stop_recording", "StopRecording")
             count = messages_in(pathlib.Path(scratch) / second.uri)
             # What was published once, before this recording began, is in it all the same.
-            check("latched", count.get("/turn_mill/robot_description"), 1)
+            check("latched", count.get(description), 1)
         finally:
             ZenohSession.get_instance("127.0.0.1", 7447).close()
             up.send_signal(signal.SIGTERM)

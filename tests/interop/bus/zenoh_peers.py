@@ -4,6 +4,7 @@ What is expected is built here, from the description of rmw_zenoh, without our c
 """
 
 import argparse
+import itertools
 import logging
 import pathlib
 import queue
@@ -35,9 +36,9 @@ def attachment(number, time, source):
 class Raw:
     """A session of the bare Zenoh library."""
 
-    def __init__(self, endpoint):
+    def __init__(self, endpoint, mode="peer"):
         config = zenoh.Config()
-        config.insert_json5("mode", '"peer"')
+        config.insert_json5("mode", f'"{mode}"')
         config.insert_json5("connect/endpoints", f'["{endpoint}"]')
         config.insert_json5("listen/endpoints", '["tcp/127.0.0.1:0"]')
         config.insert_json5("scouting/multicast/enabled", "false")
@@ -88,24 +89,21 @@ def golden_bytes(program, endpoint, messages):
             check("identifier", offered["gid"], gid(token).hex())
             # A raw subscriber announces nothing to the graph of ROS: publish until the route stands.
             cdr = messages.encode(messages.random(name, 0), name)
-            first = {}
+            published = []
 
             def arrives():
-                published = ours.ask("published", "publish", f"/cell/{topic}", name, qos, cdr.hex())
-                first.setdefault("published", published["published"])
-                try:
-                    first["sample"] = samples.get(timeout=0.2)
-                    first["number"] = published["published"]
-                except queue.Empty:
-                    return False
-                return True
+                published.append(ours.ask("published", "publish", f"/cell/{topic}", name, qos, cdr.hex())["published"])
+                return not samples.empty()
 
             until(f"a sample of {topic}", arrives)
-            check("first number", first["published"], 1)
-            sample = first["sample"]
+            check("numbers", published, list(range(1, len(published) + 1)))
+            sample = samples.get()
+            # Which of them came first is the network's affair.
+            (number,) = struct.unpack_from("<q", bytes(sample.attachment))
+            check("one of those published", number in published, True)
             check("key", str(sample.key_expr), key_of(messages, topic, name))
             check("payload", bytes(sample.payload), cdr)
-            check("attachment", bytes(sample.attachment), attachment(first["number"], 42, gid(token)))
+            check("attachment", bytes(sample.attachment), attachment(number, 42, gid(token)))
             subscriber.undeclare()
         for eid, (topic, name, qos) in enumerate(CONTRACT, start=len(CONTRACT) + 1):
             ours.ask("subscribed", "subscribe", f"/cell/{topic}", name, qos)
@@ -182,18 +180,55 @@ def sdk_both_ways(program, endpoint, messages, sdk):
         check("our node in our graph", "/cell/sdk_peer" in nodes["nodes"], True)
 
 
+class Witness:
+    """A plain subscriber. What it has taken, the network has delivered to everybody: a later joiner finds only history."""
+
+    def __init__(self, session, key):
+        self.samples = queue.Queue()
+        self.subscriber = session.declare_subscriber(key, self.samples.put)
+
+    def hears(self):
+        return not self.samples.empty()
+
+    def saw(self, encoded):
+        """Waits for exactly these payloads, after whatever was sent to find out whether the route stands."""
+        seen = []
+        while seen[-len(encoded):] != encoded:
+            seen.append(bytes(self.samples.get(timeout=PATIENCE).payload))
+        self.subscriber.undeclare()
+
+
 def late_joiners(program, endpoint, messages, sdk):
     """A latched topic gives a late joiner exactly the last samples, in all pairings."""
     name = "std_msgs/msg/String"
     texts = [messages.store.types[name](data=f"state {number}") for number in range(6)]
     encoded = [messages.encode(text, name) for text in texts]
-    with Raw(endpoint) as raw, Peer(program, "latcher", endpoint=endpoint, namespace="/cell") as ours:
+    knock = messages.encode(messages.store.types[name](data="does the route stand?"), name).hex()
+    # Clients hang on the router alone: what the router has passed on has no second way to come.
+    with (
+        Raw(endpoint, "client") as raw,
+        Raw(endpoint, "client") as bystander,
+        Peer(program, "latcher", endpoint=endpoint, namespace="/cell") as ours,
+    ):
+
+        def publish_before_the_joiner(session, topic, qos, key):
+            witness = Witness(session, key)
+
+            def knocked():
+                ours.ask("published", "publish", topic, name, qos, knock)
+                return witness.hears()
+
+            until(f"a route of {topic}", knocked)
+            for cdr in encoded:
+                ours.ask("published", "publish", topic, name, qos, cdr.hex())
+            witness.saw(encoded)
+
         # Ours publishes; the library's own advanced subscriber, as rmw_zenoh sets it up, joins late.
-        for cdr in encoded:
-            ours.ask("published", "publish", "/cell/latched", name, "latched:3", cdr.hex())
+        key = key_of(messages, "latched", name)
+        publish_before_the_joiner(raw.session, "/cell/latched", "latched:3", key)
         taken = queue.Queue()
         subscriber = zenoh.ext.declare_advanced_subscriber(
-            raw.session, key_of(messages, "latched", name), taken.put,
+            raw.session, key, taken.put,
             history=zenoh.ext.HistoryConfig(detect_late_publishers=True, max_samples=3),
             recovery=zenoh.ext.RecoveryConfig(heartbeat=True), subscriber_detection=True,
         )
@@ -203,8 +238,8 @@ def late_joiners(program, endpoint, messages, sdk):
         check("what follows", bytes(taken.get(timeout=PATIENCE).payload), encoded[0])
         subscriber.undeclare()
         # The SDK asks for history in its own way: of topics without a namespace, and for the last sample only.
-        for cdr in encoded:
-            ours.ask("published", "publish", "/latched_once", name, "latched:1", cdr.hex())
+        key = f"0/latched_once/{messages.dds(name)}/{messages.hash(name)}"
+        publish_before_the_joiner(ZenohSession.get_instance().session, "/latched_once", "latched:1", key)
         # It asks once who publishes, which may catch the graph half told: then it is joined by another one.
         taken = queue.Queue()
 
@@ -219,21 +254,33 @@ def late_joiners(program, endpoint, messages, sdk):
         until("history for the SDK", joined)
         check("history of ours, by the SDK", messages.encode(taken.get(), name), encoded[-1])
         # The library's advanced publisher, as rmw_zenoh sets it up; we join late.
+        key = key_of(messages, "latched_raw", name)
         publisher = zenoh.ext.declare_advanced_publisher(
-            raw.session, key_of(messages, "latched_raw", name),
-            cache=zenoh.ext.CacheConfig(max_samples=3), publisher_detection=True,
+            raw.session, key, cache=zenoh.ext.CacheConfig(max_samples=3), publisher_detection=True,
             sample_miss_detection=zenoh.ext.MissDetectionConfig(heartbeat=0.5),
         )
         source = gid("latched_raw")
-        for number, cdr in enumerate(encoded, start=1):
+        witness, numbers = Witness(bystander.session, key), itertools.count(1)
+
+        def put(cdr):
+            number = next(numbers)
             publisher.put(cdr, attachment=attachment(number, number, source))
+            return number
+
+        def knocked():
+            put(bytes.fromhex(knock))
+            return witness.hears()
+
+        until("a route of latched_raw", knocked)
+        sent = [put(cdr) for cdr in encoded]
+        witness.saw(encoded)
         ours.ask("subscribed", "subscribe", "/cell/latched_raw", name, "latched:3")
-        for number in (4, 5, 6):
+        for number, cdr in list(zip(sent, encoded))[3:]:
             sample = ours.take("sample")
             check("number", sample["number"], number)
-            check("history of theirs", sample["cdr"], encoded[number - 1].hex())
-        publisher.put(encoded[0], attachment=attachment(7, 7, source))
-        check("what follows", ours.take("sample")["number"], 7)
+            check("history of theirs", sample["cdr"], cdr.hex())
+        follows = put(encoded[0])
+        check("what follows", ours.take("sample")["number"], follows)
         publisher.undeclare()
 
 
