@@ -217,8 +217,12 @@ impl<'a> Checked<'a> {
 
     /// True when points may be exchanged freely and each has one place.
     pub(crate) fn is_plain(&self) -> bool {
-        self.point_of.len() == self.places_of.len()
-            && self.later.iter().all(Vec::is_empty)
+        self.point_of.len() == self.places_of.len() && self.is_free()
+    }
+
+    /// True when points may be exchanged freely.
+    pub(crate) fn is_free(&self) -> bool {
+        self.later.iter().all(Vec::is_empty)
             && self.stage.windows(2).all(|pair| pair[0] == pair[1])
     }
 

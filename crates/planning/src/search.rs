@@ -7,6 +7,7 @@
 
 mod ascent;
 mod beginning;
+mod choice;
 mod directed;
 mod exchange;
 mod grid;
@@ -19,8 +20,9 @@ use rand_pcg::rand_core::{RngCore, SeedableRng};
 
 use crate::problem::Checked;
 use crate::solve::{Options, Progress};
+use choice::{Chosen, Plain};
 use directed::Directed;
-use grid::Grid;
+use grid::{Grid, Lists};
 use tour::Tour;
 
 /// Kicks per point in the first cycle of cooling.
@@ -29,10 +31,13 @@ const CYCLE: u64 = 10;
 /// More points than this begin with a cold cycle: a search stopped in it has no time to make good what it accepts.
 const LARGE: usize = 3000;
 
+/// Fewer points with alternatives than this are no ring to exchange stretches of.
+const RING: usize = 8;
+
 /// A path that can be kicked, improved and brought back.
 trait Kicked {
-    /// The points, as a path or a ring.
-    fn order(&self) -> &[u32];
+    /// Writes the places, as a path or a ring.
+    fn write(&self, order: &mut Vec<u32>);
     fn length(&self) -> i64;
     fn can_be_kicked(&self) -> bool;
     fn improve_all(&mut self);
@@ -56,12 +61,14 @@ pub(crate) fn run(
         let grid = Grid::new(
             problem,
             &beginning::by_cheapest(problem, &near),
-            Some(&near),
+            Lists::Promising(&near),
         );
-        let order: Vec<u32> = (0..grid.points() as u32).collect();
-        iterate(Tour::new(&grid, &order), &grid, options, &mut reporter)
+        iterate(Tour::new(Plain::new(&grid)), &grid, options, &mut reporter)
+    } else if problem.costs.is_symmetric() && problem.is_free() && problem.places_of.len() >= RING {
+        let grid = Grid::new(problem, &beginning::by_nearest(problem), Lists::Points);
+        iterate(Tour::new(Chosen::new(&grid)), &grid, options, &mut reporter)
     } else {
-        let grid = Grid::new(problem, &beginning::by_nearest(problem), None);
+        let grid = Grid::new(problem, &beginning::by_nearest(problem), Lists::Places);
         let order = (0..grid.points() as u32).collect();
         iterate(Directed::new(&grid, order), &grid, options, &mut reporter)
     }
@@ -142,7 +149,8 @@ fn iterate(
     reporter: &mut Reporter,
 ) -> (Vec<usize>, u64) {
     path.improve_all();
-    let mut best = path.order().to_vec();
+    let mut best = Vec::new();
+    path.write(&mut best);
     let mut best_length = path.length();
     let mut here = best_length;
     let mut rng = Pcg32::seed_from_u64(options.seed);
@@ -171,7 +179,7 @@ fn iterate(
             here = length;
             if length < best_length {
                 best_length = length;
-                best.copy_from_slice(path.order());
+                path.write(&mut best);
             }
         } else {
             path.revert();

@@ -477,8 +477,8 @@ impl<'a> Directed<'a> {
 }
 
 impl Kicked for Directed<'_> {
-    fn order(&self) -> &[u32] {
-        &self.order
+    fn write(&self, order: &mut Vec<u32>) {
+        order.clone_from(&self.order);
     }
 
     fn length(&self) -> i64 {

@@ -17,6 +17,17 @@ const PROMISING: usize = 6;
 /// Cost of the edge that closes the path to a ring: so cheap that no exchange of a few edges removes it.
 const CLOSING: i32 = -(1 << 30);
 
+/// What is near a place.
+pub(super) enum Lists<'a> {
+    /// The points most likely beside it in a shortest ring, found among these, which are in the caller's numbers: where
+    /// all points are plain and moves symmetric.
+    Promising(&'a Near),
+    /// The nearest places of other points.
+    Places,
+    /// The nearest other points, each by the nearest of its places.
+    Points,
+}
+
 /// Integer costs between places and, where an end is free, a dummy place. Places are numbered along a short path, so
 /// that near places lie near each other in memory too; alternatives not on that path come last. The rules speak of
 /// points, numbered like their place on that path.
@@ -103,9 +114,8 @@ pub(super) fn scale(costs: &CostMatrix) -> f64 {
 }
 
 impl Grid {
-    /// `beginning` is the order of places by which the points are numbered; it becomes 0, 1, 2, … The near places in
-    /// the caller's numbers are given where all points are plain and moves symmetric.
-    pub(super) fn new(problem: &Checked, beginning: &[usize], near: Option<&Near>) -> Self {
+    /// `beginning` is the order of places by which the points are numbered; it becomes 0, 1, 2, …
+    pub(super) fn new(problem: &Checked, beginning: &[usize], lists: Lists) -> Self {
         let costs = problem.costs;
         let head = problem.start.is_none().then_some(None);
         let tail = problem.end.is_none().then_some(None);
@@ -148,13 +158,18 @@ impl Grid {
             before: None,
             rules,
         };
-        if let Some(near) = near {
-            grid.after = most_promising(&grid.renumber(near), PROMISING, |a, b| grid.cost(a, b));
-        } else {
-            grid.after = grid.nearest(Self::cost);
-            if !grid.symmetric {
-                grid.before = Some(grid.nearest(|grid, here, there| grid.cost(there, here)));
+        match lists {
+            Lists::Promising(near) => {
+                let cost = |a, b| grid.cost(a, b);
+                grid.after = most_promising(&grid.renumber(near), PROMISING, cost);
             }
+            Lists::Places => {
+                grid.after = grid.nearest(Self::cost);
+                if !grid.symmetric {
+                    grid.before = Some(grid.nearest(|grid, here, there| grid.cost(there, here)));
+                }
+            }
+            Lists::Points => grid.after = grid.nearest_points(),
         }
         grid
     }
@@ -198,6 +213,35 @@ impl Grid {
                     .map(|there| (there, cost(self, here, there) as i32))
                     .collect();
                 select(others, LOOK, |near, there| cost(self, near, there))
+            })
+            .collect()
+    }
+
+    /// For each place the nearest other points, by the nearest of their places; dummies stay out.
+    fn nearest_points(&self) -> Near {
+        let places = self.labels.len() as u32;
+        let mut nearest = vec![(i32::MAX, 0); self.points];
+        (0..places)
+            .map(|here| {
+                if self.labels[here as usize].is_none() {
+                    return Vec::new();
+                }
+                nearest.fill((i32::MAX, 0));
+                for there in (0..places).filter(|&there| self.labels[there as usize].is_some()) {
+                    let point = self.rules.point_of[there as usize] as usize;
+                    let cost = self.cost(here, there);
+                    if cost >= 0 && (cost as i32) < nearest[point].0 {
+                        nearest[point] = (cost as i32, there);
+                    }
+                }
+                nearest[self.rules.point_of[here as usize] as usize].0 = i32::MAX;
+                let others = nearest.iter().filter(|&&(cost, _)| cost < i32::MAX);
+                let others = others.map(|&(cost, there)| (there, cost)).collect();
+                let kept = select(others, LOOK, |near, there| self.cost(near, there));
+                let point = |there: u32| self.rules.point_of[there as usize];
+                kept.into_iter()
+                    .map(|(there, cost)| (point(there), cost))
+                    .collect()
             })
             .collect()
     }

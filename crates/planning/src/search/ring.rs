@@ -99,6 +99,23 @@ impl Ring {
         }
     }
 
+    /// Moves a point behind another one, which is neither itself nor already before it.
+    pub(super) fn transfer(&mut self, point: u32, left: u32) {
+        let size = self.len() as u32;
+        let [from, to] = [point, left].map(|point| self.place(point));
+        let between = (to + size - from) % size;
+        let stretches = [
+            (self.next_place(from), between, false),
+            (from, 1, false),
+            (self.next_place(to), size - 1 - between, false),
+            (0, 0, false),
+        ];
+        self.rearrange(&Layout {
+            edges: 3,
+            stretches,
+        });
+    }
+
     /// Writes the stretches in their new order behind the longest one, which stays.
     pub(super) fn rearrange(&mut self, layout: &Layout) {
         let edges = layout.edges;

@@ -9,8 +9,8 @@ use rand_pcg::Pcg32;
 use rand_pcg::rand_core::RngCore;
 
 use super::Kicked;
+use super::choice::Moves;
 use super::exchange::Exchange;
-use super::grid::Grid;
 use super::ring::{Layout, MOST, Ring};
 
 /// Continuations followed after the first and after the second removed edge.
@@ -19,31 +19,33 @@ const BREADTH: [usize; MOST - 2] = [4, 2];
 /// Bounds of the longest stretch of a kick; it is drawn evenly in its logarithm.
 const SPAN: (f64, f64) = (5.0, 100.0);
 
-pub(super) struct Tour<'a> {
-    grid: &'a Grid,
+/// Most points that a kick visits at a random place.
+const SHAKEN: usize = 2;
+
+pub(super) struct Tour<M> {
+    moves: M,
     ring: Ring,
-    /// Cost to the nearest candidate of each point: what an added edge costs at least, nearly always.
-    least: Vec<i64>,
     length: i64,
     kept_length: i64,
     queue: Vec<u32>,
     queued: Vec<bool>,
+    /// Points whose place has just changed.
+    changed: Vec<u32>,
 }
 
-impl<'a> Tour<'a> {
-    pub(super) fn new(grid: &'a Grid, order: &[u32]) -> Self {
-        let length = grid.length(order);
-        let nearest = |&point: &u32| grid.near(point).first().map_or(0, |near| i64::from(near.1));
-        let mut points: Vec<u32> = order.to_vec();
-        points.sort_unstable();
+impl<M: Moves> Tour<M> {
+    /// Begins with the points in the order of their numbers, each at the place of the same number.
+    pub(super) fn new(moves: M) -> Self {
+        let order: Vec<u32> = (0..moves.grid().points() as u32).collect();
+        let length = moves.grid().length(&order);
         Self {
-            grid,
-            ring: Ring::new(order),
-            least: points.iter().map(nearest).collect(),
+            moves,
+            ring: Ring::new(&order),
             length,
             kept_length: length,
             queue: Vec::with_capacity(order.len()),
             queued: vec![false; order.len()],
+            changed: Vec::new(),
         }
     }
 
@@ -56,8 +58,65 @@ impl<'a> Tour<'a> {
     fn improve_queue(&mut self) {
         while let Some(point) = self.queue.pop() {
             self.queued[point as usize] = false;
-            while self.improve(point) {}
+            while self.improve(point) || M::ALTERNATIVES && self.improve_place(point) {}
         }
+    }
+
+    /// Chooses other places about this point, or visits it elsewhere.
+    fn improve_place(&mut self, point: u32) -> bool {
+        let mut changed = std::mem::take(&mut self.changed);
+        changed.clear();
+        let gain = self.moves.choose_about(&self.ring, point, &mut changed);
+        self.length -= gain;
+        for &point in &changed {
+            self.push_about(point);
+        }
+        self.changed = changed;
+        gain > 0 || self.insert(point)
+    }
+
+    fn push_about(&mut self, point: u32) {
+        let about = [self.ring.previous(point), point, self.ring.next(point)];
+        about.into_iter().for_each(|point| self.push(point));
+    }
+
+    /// Takes a point out and puts it back, at any of its places, beside a point near that.
+    fn insert(&mut self, point: u32) -> bool {
+        let grid = self.moves.grid();
+        let (before, behind) = (self.ring.previous(point), self.ring.next(point));
+        let freed = self.moves.cost(before, point) + self.moves.cost(point, behind)
+            - self.moves.cost(before, behind);
+        let mut best = (0, 0, 0);
+        for &place in &grid.rules.places_of[point as usize] {
+            for &(near, least) in grid.near(place) {
+                if i64::from(least) >= freed {
+                    break;
+                }
+                let cost = grid.cost(place, self.moves.place(near));
+                for (left, right) in [(near, self.ring.next(near)), (self.ring.previous(near), near)] {
+                    if left == point || right == point {
+                        continue;
+                    }
+                    let other = if left == near { right } else { left };
+                    let added = cost + grid.cost(place, self.moves.place(other))
+                        - self.moves.cost(left, right);
+                    if added - freed < best.0 {
+                        best = (added - freed, left, place);
+                    }
+                }
+            }
+        }
+        let (change, left, place) = best;
+        if change >= 0 {
+            return false;
+        }
+        self.length += change;
+        self.moves.choose(point, place);
+        self.ring.transfer(point, left);
+        self.push_about(point);
+        self.push(before);
+        self.push(behind);
+        true
     }
 
     /// Tries all exchanges that begin by removing an edge of this point.
@@ -66,7 +125,7 @@ impl<'a> Tour<'a> {
             .into_iter()
             .any(|other| {
                 let mut exchange = Exchange::new(point, other);
-                self.extend(&mut exchange, self.grid.cost(point, other))
+                self.extend(&mut exchange, self.moves.cost(point, other))
             })
     }
 
@@ -76,24 +135,27 @@ impl<'a> Tour<'a> {
         let edges = exchange.edges;
         let first = exchange.ends[0];
         let open = exchange.ends[2 * edges - 1];
-        let grid = self.grid;
         let (after, before) = (self.ring.next(open), self.ring.previous(open));
         let breadth = BREADTH.get(edges - 1).copied().unwrap_or(0);
         let mut promising = [(i64::MIN, 0, 0); BREADTH[0]];
-        for &(near, cost) in grid.near(open) {
-            let left = gain - i64::from(cost);
-            if left <= 0 {
+        for at in 0..self.moves.near(open).len() {
+            let (near, least) = self.moves.near(open)[at];
+            if gain <= i64::from(least) {
                 break;
             }
             if near == after || near == before {
                 continue;
             }
+            let left = gain - self.moves.cost_to(open, near, least);
+            if left <= 0 {
+                continue;
+            }
             for far in [self.ring.next(near), self.ring.previous(near)] {
-                let total = left + grid.cost(near, far);
-                if total <= self.least[far as usize] || exchange.removes(near, far) {
+                let total = left + self.moves.cost(near, far);
+                if total <= self.moves.least(far) || exchange.removes(near, far) {
                     continue;
                 }
-                let change = total - grid.cost(first, far);
+                let change = total - self.moves.cost(first, far);
                 if change > 0 && far != first {
                     exchange.remove(near, far);
                     if self.close(exchange, change) {
@@ -162,14 +224,14 @@ impl<'a> Tour<'a> {
         let behind = places.map(|at| self.ring.at(at));
         let mut change = 0;
         for cut in 0..MOST {
-            let cost = self.grid.cost(before[cut], behind[cut]);
+            let cost = self.moves.cost(before[cut], behind[cut]);
             if cost < 0 {
                 return;
             }
             change -= cost;
         }
         for (left, right) in [(0, 2), (3, 1), (2, 0), (1, 3)] {
-            change += self.grid.cost(before[left], behind[right]);
+            change += self.moves.cost(before[left], behind[right]);
         }
         let stretches = [3, 2, 1, 0].map(|i| (places[i] as u32, lengths[i] as u32, false));
         self.ring.rearrange(&Layout {
@@ -180,12 +242,31 @@ impl<'a> Tour<'a> {
         for point in before.into_iter().chain(behind) {
             self.push(point);
         }
+        if M::ALTERNATIVES {
+            let wanted = draw(SHAKEN + 1);
+            for _ in 0..wanted {
+                let point = behind[draw(MOST)];
+                let places = &self.moves.grid().rules.places_of[point as usize];
+                self.visit(point, places[draw(places.len())]);
+            }
+        }
+    }
+
+    /// Visits a point at this place.
+    fn visit(&mut self, point: u32, place: u32) {
+        let (before, behind) = (self.ring.previous(point), self.ring.next(point));
+        let about = |moves: &M| moves.cost(before, point) + moves.cost(point, behind);
+        let old = about(&self.moves);
+        self.moves.choose(point, place);
+        self.length += about(&self.moves) - old;
+        self.push_about(point);
     }
 }
 
-impl Kicked for Tour<'_> {
-    fn order(&self) -> &[u32] {
-        self.ring.order()
+impl<M: Moves> Kicked for Tour<M> {
+    fn write(&self, order: &mut Vec<u32>) {
+        order.clear();
+        order.extend(self.ring.order().iter().map(|&point| self.moves.place(point)));
     }
 
     fn length(&self) -> i64 {
@@ -205,6 +286,7 @@ impl Kicked for Tour<'_> {
 
     fn kick(&mut self, rng: &mut Pcg32) {
         self.ring.keep();
+        self.moves.keep();
         self.kept_length = self.length;
         self.double_bridge(rng);
         self.improve_queue();
@@ -212,6 +294,7 @@ impl Kicked for Tour<'_> {
 
     fn revert(&mut self) {
         self.ring.undo();
+        self.moves.undo();
         self.length = self.kept_length;
     }
 

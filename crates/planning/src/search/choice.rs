@@ -1,0 +1,229 @@
+//! Holds what the moves of a ring cost: between points with one place each, or with alternatives of which one is chosen.
+//!
+//! Exchanges of edges know points only; at which place a point is visited is decided here, by the cheapest chain of
+//! places through a few neighbouring points (dynamic programming through its layers). Chosen places are logged, so
+//! that going back costs what was changed.
+
+use super::grid::Grid;
+use super::ring::Ring;
+
+/// Points to either side of a changed one whose places are chosen with its own.
+const REACH: usize = 3;
+
+/// What a ring asks about its points.
+pub(super) trait Moves {
+    /// True when some point has several places.
+    const ALTERNATIVES: bool;
+    fn grid(&self) -> &Grid;
+    fn cost(&self, here: u32, there: u32) -> i64;
+    /// Near points, by the least that a move to them costs, which is given with each.
+    fn near(&self, here: u32) -> &[(u32, i32)];
+    /// Cost of the move to a near point whose entry says `least`.
+    fn cost_to(&self, here: u32, there: u32, least: i32) -> i64;
+    /// What an added edge at this point costs at least, nearly always.
+    fn least(&self, here: u32) -> i64;
+    /// The place at which a point is visited.
+    fn place(&self, point: u32) -> u32;
+    fn choose(&mut self, point: u32, place: u32);
+    /// Finds the cheapest places about a point, tells the points whose place changed, and returns the gain.
+    fn choose_about(&mut self, ring: &Ring, point: u32, changed: &mut Vec<u32>) -> i64;
+    /// Forgets how to go back.
+    fn keep(&mut self);
+    /// Goes back to the places at the last [`Moves::keep`].
+    fn undo(&mut self);
+}
+
+/// Points with one place each: point and place have the same number.
+pub(super) struct Plain<'a> {
+    grid: &'a Grid,
+    /// Cost to the nearest candidate of each point.
+    least: Vec<i64>,
+}
+
+impl<'a> Plain<'a> {
+    pub(super) fn new(grid: &'a Grid) -> Self {
+        let nearest = |point| grid.near(point).first().map_or(0, |near| i64::from(near.1));
+        Self {
+            grid,
+            least: (0..grid.points() as u32).map(nearest).collect(),
+        }
+    }
+}
+
+impl Moves for Plain<'_> {
+    const ALTERNATIVES: bool = false;
+
+    fn grid(&self) -> &Grid {
+        self.grid
+    }
+
+    #[inline]
+    fn cost(&self, here: u32, there: u32) -> i64 {
+        self.grid.cost(here, there)
+    }
+
+    #[inline]
+    fn near(&self, here: u32) -> &[(u32, i32)] {
+        self.grid.near(here)
+    }
+
+    #[inline]
+    fn cost_to(&self, _here: u32, _there: u32, least: i32) -> i64 {
+        i64::from(least)
+    }
+
+    #[inline]
+    fn least(&self, here: u32) -> i64 {
+        self.least[here as usize]
+    }
+
+    fn place(&self, point: u32) -> u32 {
+        point
+    }
+
+    fn choose(&mut self, _point: u32, _place: u32) {}
+
+    fn choose_about(&mut self, _ring: &Ring, _point: u32, _changed: &mut Vec<u32>) -> i64 {
+        0
+    }
+
+    fn keep(&mut self) {}
+
+    fn undo(&mut self) {}
+}
+
+/// Points with alternatives. The near places of the grid are points here.
+pub(super) struct Chosen<'a> {
+    grid: &'a Grid,
+    chosen: Vec<u32>,
+    log: Vec<(u32, u32)>,
+    /// The chain looked at: its points, and for each of their places the cheapest way to it and the place before.
+    chain: Vec<u32>,
+    ways: Vec<(i64, u32)>,
+}
+
+impl<'a> Chosen<'a> {
+    pub(super) fn new(grid: &'a Grid) -> Self {
+        Self {
+            grid,
+            chosen: (0..grid.points() as u32).collect(),
+            log: Vec::new(),
+            chain: Vec::new(),
+            ways: Vec::new(),
+        }
+    }
+
+    fn places(&self, point: u32) -> &'a [u32] {
+        &self.grid.rules.places_of[point as usize]
+    }
+
+    /// The point and its neighbours to either side, as far as [`REACH`] and one further.
+    fn gather(&mut self, ring: &Ring, point: u32) {
+        let reach = REACH.min((ring.len() - 3) / 2);
+        let mut here = point;
+        for _ in 0..=reach {
+            here = ring.previous(here);
+        }
+        self.chain.clear();
+        for _ in 0..2 * reach + 3 {
+            self.chain.push(here);
+            here = ring.next(here);
+        }
+    }
+}
+
+impl Moves for Chosen<'_> {
+    const ALTERNATIVES: bool = true;
+
+    fn grid(&self) -> &Grid {
+        self.grid
+    }
+
+    #[inline]
+    fn cost(&self, here: u32, there: u32) -> i64 {
+        let [here, there] = [here, there].map(|point| self.chosen[point as usize]);
+        self.grid.cost(here, there)
+    }
+
+    #[inline]
+    fn near(&self, here: u32) -> &[(u32, i32)] {
+        self.grid.near(self.chosen[here as usize])
+    }
+
+    #[inline]
+    fn cost_to(&self, here: u32, there: u32, _least: i32) -> i64 {
+        self.cost(here, there)
+    }
+
+    #[inline]
+    fn least(&self, here: u32) -> i64 {
+        self.near(here).first().map_or(0, |near| i64::from(near.1))
+    }
+
+    fn place(&self, point: u32) -> u32 {
+        self.chosen[point as usize]
+    }
+
+    fn choose(&mut self, point: u32, place: u32) {
+        let old = std::mem::replace(&mut self.chosen[point as usize], place);
+        self.log.push((point, old));
+    }
+
+    fn choose_about(&mut self, ring: &Ring, point: u32, changed: &mut Vec<u32>) -> i64 {
+        self.gather(ring, point);
+        let last = self.chain.len() - 1;
+        let grid = self.grid;
+        let (mut ways, chain) = (std::mem::take(&mut self.ways), &self.chain);
+        ways.clear();
+        ways.push((0, 0));
+        let mut old = 0;
+        let first = [self.chosen[chain[0] as usize]];
+        let end = [self.chosen[chain[last] as usize]];
+        let (mut ahead, mut begin) = (&first[..], 0);
+        for at in 1..=last {
+            old += self.cost(chain[at - 1], chain[at]);
+            let layer = if at < last { self.places(chain[at]) } else { &end };
+            let next = ways.len();
+            for &place in layer {
+                let mut best = (i64::MAX, 0);
+                for (which, &before) in ahead.iter().enumerate() {
+                    let way = ways[begin + which].0 + grid.cost(before, place);
+                    if way < best.0 {
+                        best = (way, which as u32);
+                    }
+                }
+                ways.push(best);
+            }
+            (ahead, begin) = (layer, next);
+        }
+        let mut at = ways.len() - 1;
+        let gain = old - ways[at].0;
+        if gain > 0 {
+            let mut which = ways[at].1 as usize;
+            let mut behind = begin;
+            for layer in (1..last).rev() {
+                let point = self.chain[layer];
+                let places = self.places(point);
+                behind -= places.len();
+                at = behind + which;
+                if self.chosen[point as usize] != places[which] {
+                    self.choose(point, places[which]);
+                    changed.push(point);
+                }
+                which = ways[at].1 as usize;
+            }
+        }
+        self.ways = ways;
+        gain.max(0)
+    }
+
+    fn keep(&mut self) {
+        self.log.clear();
+    }
+
+    fn undo(&mut self) {
+        while let Some((point, old)) = self.log.pop() {
+            self.chosen[point as usize] = old;
+        }
+    }
+}
