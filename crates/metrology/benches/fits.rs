@@ -1,6 +1,7 @@
 //! Times the fits at 1e3 to 1e6 points: `cargo bench -p metrology`. `benches/scipy_fits.py` runs SciPy beside it.
 //!
-//! Prints one line per shape and size: shape, points, seconds (the fastest of several runs).
+//! Prints one line per shape and size: shape, points, seconds (the fastest of several runs). `-- cone 1000` does only
+//! that shape, at that size.
 
 use std::io::Write;
 use std::time::Instant;
@@ -36,8 +37,15 @@ fn points(shape: &str, n: usize) -> Vec<Point> {
 
 fn main() -> std::io::Result<()> {
     let mut out = std::io::stdout().lock();
+    let mut wanted = std::env::args().skip(1).filter(|word| word != "--bench");
+    let (only_shape, only_size) = (wanted.next(), wanted.next());
     for shape in ["line", "plane", "circle", "sphere", "cylinder", "cone"] {
         for n in [1_000, 10_000, 100_000, 1_000_000_usize] {
+            if only_shape.as_ref().is_some_and(|only| only != shape)
+                || only_size.as_ref().is_some_and(|only| *only != n.to_string())
+            {
+                continue;
+            }
             let points = points(shape, n);
             let fastest = (0..3 + 30_000 / n)
                 .map(|_| {

@@ -222,8 +222,7 @@ impl<'a> Checked<'a> {
 
     /// True when points may be exchanged freely.
     pub(crate) fn is_free(&self) -> bool {
-        self.later.iter().all(Vec::is_empty)
-            && self.stage.windows(2).all(|pair| pair[0] == pair[1])
+        self.later.iter().all(Vec::is_empty) && self.stage.windows(2).all(|pair| pair[0] == pair[1])
     }
 
     /// Grows an order from the front: `choose` picks among the places allowed next (never none), given the last one.

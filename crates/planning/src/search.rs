@@ -1,9 +1,10 @@
 //! Decides a short path for more points than can be solved exactly: iterated local search.
 //!
-//! Moves: Or-opt (segments up to three points, both directions), 2-opt, and exchange of two neighbouring segments
-//! (Or-3opt), each proposed by a short list of near neighbours and driven by a work queue. Kicks are double bridges
-//! confined to a short stretch; a kicked path is accepted like in annealing. Costs are integers, so sums are exact and
-//! comparisons need no tolerance; a free end is a dummy point without costs.
+//! A symmetric problem without rules is a ring, improved by exchanges of edges ([`tour`]); points may have alternative
+//! places there. Everything else is a path with a direction ([`directed`]): Or-opt, 2-opt, and exchange of
+//! neighbouring stretches. Moves are proposed by a short list of near neighbours and driven by a work queue. Kicks are
+//! double bridges confined to a short stretch; a kicked path is accepted like in annealing. Costs are integers, so sums
+//! are exact and comparisons need no tolerance; a free end is a dummy point without costs.
 
 mod ascent;
 mod beginning;

@@ -176,6 +176,69 @@ fn search_with_all_rules_equals_exact() {
     );
 }
 
+/// Alternatives alone, with costs alike in both directions: again the exact problem, with points far from all that are
+/// cheapest at one end or the other. Every report is complete and never longer than the order given.
+#[test]
+fn search_of_poses_equals_exact() {
+    for seed in 0..12 {
+        let poses = 2 + seed as usize % 3;
+        let mut places_of = rules(11, poses, seed).places_of;
+        let places = 11 * poses;
+        let one_way = table(places, seed);
+        let small = CostMatrix::from_fn(places, |i, j| one_way.cost(i.min(j), i.max(j))).unwrap();
+        let exact = Problem::new(small.clone()).alternatives(places_of.clone());
+        let exact = shortest(&exact, 0);
+        assert!(exact.optimal);
+        places_of.extend((places..places + 3).map(|extra| vec![extra]));
+        let costs = CostMatrix::from_fn(places + 3, |i, j| {
+            if i.max(j) < places {
+                small.cost(i, j)
+            } else {
+                f64::from(u8::from(i != j)) * 2.0
+            }
+        })
+        .unwrap();
+        let large = Rules {
+            stages: vec![0; places_of.len()],
+            places_of,
+            precedence: Vec::new(),
+        };
+        let problem = large.problem(costs);
+        assert!(problem.costs().is_symmetric());
+        let options = Options {
+            seed,
+            kicks: 3_000,
+            report_every: 500,
+        };
+        let searched = solve(&problem, &options, &mut |progress| {
+            assert!(large.allow(progress.order) && progress.cost <= progress.given_cost);
+            true
+        })
+        .unwrap();
+        assert!(!searched.optimal && large.allow(&searched.order));
+        assert_eq!(searched.cost, problem.costs().path_cost(&searched.order));
+        assert!((searched.cost - exact.cost - 6.0).abs() < 1e-6, "{seed}");
+        assert_eq!(searched, solve(&problem, &options, &mut |_| true).unwrap());
+    }
+}
+
+/// Where few points have so many places that no exact table is kept, and where an end is fixed at one of its places.
+#[test]
+fn few_points_of_many_poses_are_searched() {
+    for (points, poses) in [(2, 60), (5, 30), (8, 15), (11, 12)] {
+        let places_of = rules(points, poses, 7).places_of;
+        let places = points * poses;
+        let one_way = table(places, 7);
+        let costs = CostMatrix::from_fn(places, |i, j| one_way.cost(i.min(j), i.max(j))).unwrap();
+        let free = Problem::new(costs).alternatives(places_of);
+        let best = shortest(&free, 2_000);
+        let (first, last) = (best.order[0], best.order[points - 1]);
+        let fixed = shortest(&free.starting_at(first).ending_at(last), 2_000);
+        assert_eq!([fixed.order[0], fixed.order[points - 1]], [first, last]);
+        assert!((fixed.cost - best.cost).abs() < 1e-9, "{points} points");
+    }
+}
+
 #[test]
 fn searched_orders_keep_every_rule() {
     for (points, poses) in [(20, 1), (40, 3), (90, 2)] {

@@ -5,15 +5,19 @@
 //! that going back costs what was changed.
 
 use super::grid::Grid;
-use super::ring::Ring;
+use super::ring::{MOST, Ring};
 
 /// Points to either side of a changed one whose places are chosen with its own.
-const REACH: usize = 3;
+const REACH: usize = 1;
 
 /// What a ring asks about its points.
 pub(super) trait Moves {
     /// True when some point has several places.
     const ALTERNATIVES: bool;
+    /// Continuations followed after the first and after the second removed edge.
+    const BREADTH: [usize; MOST - 2];
+    /// Temperature of the acceptance at the beginning and at the end of a cycle, in mean moves.
+    const WARMTH: (f64, f64);
     fn grid(&self) -> &Grid;
     fn cost(&self, here: u32, there: u32) -> i64;
     /// Near points, by the least that a move to them costs, which is given with each.
@@ -52,6 +56,8 @@ impl<'a> Plain<'a> {
 
 impl Moves for Plain<'_> {
     const ALTERNATIVES: bool = false;
+    const BREADTH: [usize; MOST - 2] = [4, 2];
+    const WARMTH: (f64, f64) = (2.0, 0.05);
 
     fn grid(&self) -> &Grid {
         self.grid
@@ -95,7 +101,8 @@ impl Moves for Plain<'_> {
 /// Points with alternatives. The near places of the grid are points here.
 pub(super) struct Chosen<'a> {
     grid: &'a Grid,
-    chosen: Vec<u32>,
+    /// The place of each point.
+    visited: Vec<u32>,
     log: Vec<(u32, u32)>,
     /// The chain looked at: its points, and for each of their places the cheapest way to it and the place before.
     chain: Vec<u32>,
@@ -106,7 +113,7 @@ impl<'a> Chosen<'a> {
     pub(super) fn new(grid: &'a Grid) -> Self {
         Self {
             grid,
-            chosen: (0..grid.points() as u32).collect(),
+            visited: (0..grid.points() as u32).collect(),
             log: Vec::new(),
             chain: Vec::new(),
             ways: Vec::new(),
@@ -134,6 +141,8 @@ impl<'a> Chosen<'a> {
 
 impl Moves for Chosen<'_> {
     const ALTERNATIVES: bool = true;
+    const BREADTH: [usize; MOST - 2] = [3, 1];
+    const WARMTH: (f64, f64) = (1.0, 0.03);
 
     fn grid(&self) -> &Grid {
         self.grid
@@ -141,13 +150,13 @@ impl Moves for Chosen<'_> {
 
     #[inline]
     fn cost(&self, here: u32, there: u32) -> i64 {
-        let [here, there] = [here, there].map(|point| self.chosen[point as usize]);
+        let [here, there] = [here, there].map(|point| self.visited[point as usize]);
         self.grid.cost(here, there)
     }
 
     #[inline]
     fn near(&self, here: u32) -> &[(u32, i32)] {
-        self.grid.near(self.chosen[here as usize])
+        self.grid.near(self.visited[here as usize])
     }
 
     #[inline]
@@ -161,11 +170,11 @@ impl Moves for Chosen<'_> {
     }
 
     fn place(&self, point: u32) -> u32 {
-        self.chosen[point as usize]
+        self.visited[point as usize]
     }
 
     fn choose(&mut self, point: u32, place: u32) {
-        let old = std::mem::replace(&mut self.chosen[point as usize], place);
+        let old = std::mem::replace(&mut self.visited[point as usize], place);
         self.log.push((point, old));
     }
 
@@ -177,12 +186,16 @@ impl Moves for Chosen<'_> {
         ways.clear();
         ways.push((0, 0));
         let mut old = 0;
-        let first = [self.chosen[chain[0] as usize]];
-        let end = [self.chosen[chain[last] as usize]];
+        let first = [self.visited[chain[0] as usize]];
+        let end = [self.visited[chain[last] as usize]];
         let (mut ahead, mut begin) = (&first[..], 0);
         for at in 1..=last {
             old += self.cost(chain[at - 1], chain[at]);
-            let layer = if at < last { self.places(chain[at]) } else { &end };
+            let layer = if at < last {
+                self.places(chain[at])
+            } else {
+                &end
+            };
             let next = ways.len();
             for &place in layer {
                 let mut best = (i64::MAX, 0);
@@ -206,7 +219,7 @@ impl Moves for Chosen<'_> {
                 let places = self.places(point);
                 behind -= places.len();
                 at = behind + which;
-                if self.chosen[point as usize] != places[which] {
+                if self.visited[point as usize] != places[which] {
                     self.choose(point, places[which]);
                     changed.push(point);
                 }
@@ -223,7 +236,7 @@ impl Moves for Chosen<'_> {
 
     fn undo(&mut self) {
         while let Some((point, old)) = self.log.pop() {
-            self.chosen[point as usize] = old;
+            self.visited[point as usize] = old;
         }
     }
 }

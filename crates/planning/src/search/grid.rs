@@ -14,10 +14,14 @@ const LOOK: usize = 300;
 /// Neighbours kept of those, where the search goes by how likely they belong to a shortest ring.
 const PROMISING: usize = 6;
 
+/// Near points kept, where these have alternatives.
+const POINTS: usize = 8;
+
 /// Cost of the edge that closes the path to a ring: so cheap that no exchange of a few edges removes it.
 const CLOSING: i32 = -(1 << 30);
 
 /// What is near a place.
+#[derive(Clone, Copy)]
 pub(super) enum Lists<'a> {
     /// The points most likely beside it in a shortest ring, found among these, which are in the caller's numbers: where
     /// all points are plain and moves symmetric.
@@ -237,11 +241,12 @@ impl Grid {
                 nearest[self.rules.point_of[here as usize] as usize].0 = i32::MAX;
                 let others = nearest.iter().filter(|&&(cost, _)| cost < i32::MAX);
                 let others = others.map(|&(cost, there)| (there, cost)).collect();
-                let kept = select(others, LOOK, |near, there| self.cost(near, there));
-                let point = |there: u32| self.rules.point_of[there as usize];
-                kept.into_iter()
-                    .map(|(there, cost)| (point(there), cost))
-                    .collect()
+                let mut kept = select(others, LOOK, |near, there| self.cost(near, there));
+                kept.truncate(POINTS);
+                for (there, _) in &mut kept {
+                    *there = self.rules.point_of[*there as usize];
+                }
+                kept
             })
             .collect()
     }

@@ -1,5 +1,6 @@
 //! Holds a symmetric path as a ring and improves it by sequential exchanges of up to four edges (Lin and Kernighan
-//! 1973, in the form of Helsgaun's k-opt moves).
+//! 1973, in the form of Helsgaun's k-opt moves). Where points have alternatives, other places are chosen about each
+//! changed point, and a point may go elsewhere together with its place.
 //!
 //! The ring closes over the edge from the last point to the first, which is so cheap that no exchange removes it. A
 //! kick exchanges neighbouring stretches of very different lengths: short ones mend details, long ones change in
@@ -13,8 +14,8 @@ use super::choice::Moves;
 use super::exchange::Exchange;
 use super::ring::{Layout, MOST, Ring};
 
-/// Continuations followed after the first and after the second removed edge.
-const BREADTH: [usize; MOST - 2] = [4, 2];
+/// Room for the continuations after one removed edge.
+const WIDEST: usize = 4;
 
 /// Bounds of the longest stretch of a kick; it is drawn evenly in its logarithm.
 const SPAN: (f64, f64) = (5.0, 100.0);
@@ -76,8 +77,9 @@ impl<M: Moves> Tour<M> {
     }
 
     fn push_about(&mut self, point: u32) {
-        let about = [self.ring.previous(point), point, self.ring.next(point)];
-        about.into_iter().for_each(|point| self.push(point));
+        for near in [self.ring.previous(point), point, self.ring.next(point)] {
+            self.push(near);
+        }
     }
 
     /// Takes a point out and puts it back, at any of its places, beside a point near that.
@@ -93,7 +95,10 @@ impl<M: Moves> Tour<M> {
                     break;
                 }
                 let cost = grid.cost(place, self.moves.place(near));
-                for (left, right) in [(near, self.ring.next(near)), (self.ring.previous(near), near)] {
+                for (left, right) in [
+                    (near, self.ring.next(near)),
+                    (self.ring.previous(near), near),
+                ] {
                     if left == point || right == point {
                         continue;
                     }
@@ -136,8 +141,8 @@ impl<M: Moves> Tour<M> {
         let first = exchange.ends[0];
         let open = exchange.ends[2 * edges - 1];
         let (after, before) = (self.ring.next(open), self.ring.previous(open));
-        let breadth = BREADTH.get(edges - 1).copied().unwrap_or(0);
-        let mut promising = [(i64::MIN, 0, 0); BREADTH[0]];
+        let breadth = M::BREADTH.get(edges - 1).copied().unwrap_or(0);
+        let mut promising = [(i64::MIN, 0, 0); WIDEST];
         for at in 0..self.moves.near(open).len() {
             let (near, least) = self.moves.near(open)[at];
             if gain <= i64::from(least) {
@@ -266,7 +271,12 @@ impl<M: Moves> Tour<M> {
 impl<M: Moves> Kicked for Tour<M> {
     fn write(&self, order: &mut Vec<u32>) {
         order.clear();
-        order.extend(self.ring.order().iter().map(|&point| self.moves.place(point)));
+        order.extend(
+            self.ring
+                .order()
+                .iter()
+                .map(|&point| self.moves.place(point)),
+        );
     }
 
     fn length(&self) -> i64 {
@@ -299,6 +309,6 @@ impl<M: Moves> Kicked for Tour<M> {
     }
 
     fn warmth(&self) -> (f64, f64) {
-        (2.0, 0.05)
+        M::WARMTH
     }
 }
