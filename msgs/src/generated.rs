@@ -10,7 +10,7 @@ pub struct ControllerCommand {
     pub header: crate::std_msgs::Header,
     /// run of the driver that it is made for
     pub session: String,
-    /// from 0 in a run, no gaps
+    /// from the instant at which machine_state was started (ns since 1970), no gaps
     pub command_id: u64,
     /// one of the constants above
     pub kind: u8,
@@ -794,7 +794,7 @@ impl Message for OperationReport {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct OperationRequest {
     pub header: crate::std_msgs::Header,
-    /// from 0, no gaps
+    /// from the instant at which the cycle was started (ns since 1970), no gaps
     pub request_id: u64,
     /// one of the constants above
     pub kind: u8,

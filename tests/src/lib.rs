@@ -82,7 +82,12 @@ pub fn make_part(cell: &Cell, part: &str) -> (PartReport, Vec<Published>) {
 pub fn recording(log: &[Published]) -> Recording {
     let mut recording = Recording::default();
     for published in log {
-        recording.push(&published.topic, published.sequence, &published.payload);
+        recording.push(
+            &published.topic,
+            published.sequence,
+            published.at,
+            &published.payload,
+        );
     }
     recording
 }

@@ -9,7 +9,7 @@ use cell_tests::{
     trace::Trace,
 };
 use graph::{
-    Published, Wiring,
+    Published, Stamp, Wiring,
     replay::{Recording, Report, Verdict, replay},
     topics,
 };
@@ -371,7 +371,13 @@ fn read(folder: &std::path::Path) -> Recording {
             .topic
             .strip_prefix("/turn_mill/")
             .expect("the namespace");
-        recording.push(topic, u64::from(message.sequence), &message.payload);
+        let published = Stamp(message.publish_time as i64);
+        recording.push(
+            topic,
+            u64::from(message.sequence),
+            published,
+            &message.payload,
+        );
     }
     assert!(bag.damage().is_empty());
     recording
@@ -419,7 +425,15 @@ fn every_topic_of_the_cell_has_one_producer_and_every_input_a_speaker() {
         }
     }
     let external: Vec<&str> = executor(&cell).external_topics().into_iter().collect();
-    assert_eq!(external, ["approvals", "plan_requests", "run_requests"]);
+    assert_eq!(
+        external,
+        [
+            "approvals",
+            "launcher/faults",
+            "plan_requests",
+            "run_requests"
+        ]
+    );
 }
 
 #[test]

@@ -129,6 +129,8 @@ pub struct Executor {
     counts: BTreeMap<String, u64>,
     now: Stamp,
     log: Vec<Published>,
+    /// Length of the log when each node was started last.
+    born: Vec<usize>,
 }
 
 impl Executor {
@@ -140,6 +142,7 @@ impl Executor {
             .map(|node| Journal::new(node.name(), 0))
             .collect();
         let mut executor = Self {
+            born: vec![0; nodes.len()],
             nodes,
             wiring,
             journals,
@@ -177,6 +180,62 @@ impl Executor {
             }
         }
         Ok(())
+    }
+
+    /// Starts a node again, as a launcher does whose process of that name has ended: what the old one knew is lost, its
+    /// timers and what it latched are gone, and the new one counts from 1. It hears the last latched messages that are in
+    /// the log.
+    pub fn restart(&mut self, fresh: Box<dyn Instance>) {
+        let Some(node) = self
+            .nodes
+            .iter()
+            .position(|node| node.name() == fresh.name())
+        else {
+            return;
+        };
+        // What the old process said is out before the new one speaks.
+        self.run_until(self.now);
+        self.now = Stamp(self.now.0 + 1);
+        let journal = topics::journal_name(fresh.name());
+        if let Some(message) = self.journals[node].take() {
+            self.record(&journal, to_cdr(&message));
+        }
+        self.journals[node] = Journal::new(fresh.name(), self.journals[node].incarnation() + 1);
+        for topic in fresh.outputs() {
+            self.counts.remove(topic.name);
+        }
+        self.counts.remove(&journal);
+        self.queue.retain(
+            |_, event| !matches!(event, Event::Timer { node: owner, .. } if *owner == node),
+        );
+        self.born[node] = self.log.len();
+        self.nodes[node] = fresh;
+        self.run_timer(node, START);
+        for port in 0..self.nodes[node].inputs().len() {
+            for (sequence, payload) in self.latched(self.nodes[node].inputs()[port]) {
+                self.deliver((node, port), sequence, &payload);
+            }
+        }
+    }
+
+    /// The messages that a latched topic gives a late subscriber.
+    fn latched(&self, topic: Topic) -> Vec<(u64, Vec<u8>)> {
+        let born = self
+            .wiring
+            .producer(topic.name)
+            .map_or(0, |node| self.born[node]);
+        let depth = topic.qos.depth.filter(|_| topic.qos.transient_local);
+        let mut last: Vec<_> = self
+            .log
+            .iter()
+            .skip(born)
+            .rev()
+            .filter(|published| published.topic == topic.name)
+            .take(depth.unwrap_or(0) as usize)
+            .map(|published| (published.sequence, published.payload.clone()))
+            .collect();
+        last.reverse();
+        last
     }
 
     /// Publishes a message from outside the graph at `at` (never before [`Executor::now`]).
@@ -224,6 +283,7 @@ impl Executor {
                 self.record(&topic, to_cdr(&message));
             }
         }
+        self.born.fill(0);
         std::mem::take(&mut self.log)
     }
 
@@ -238,16 +298,30 @@ impl Executor {
         };
         self.now = key.0;
         match event {
-            Event::Timer { node, id } => {
-                self.journals[node].push(Step {
-                    now: self.now,
-                    port: TIMER_PORT,
-                    sequence: u64::from(id),
-                });
-                let emitted = self.nodes[node].timer(self.now, id);
-                self.settle(node, emitted);
-            }
+            Event::Timer { node, id } => self.run_timer(node, id),
             Event::External { topic, payload } => self.publish(&topic, &payload),
+        }
+    }
+
+    fn run_timer(&mut self, node: usize, id: u32) {
+        self.journals[node].push(Step {
+            now: self.now,
+            port: TIMER_PORT,
+            sequence: u64::from(id),
+        });
+        let emitted = self.nodes[node].timer(self.now, id);
+        self.settle(node, emitted);
+    }
+
+    fn deliver(&mut self, (node, port): (usize, usize), sequence: u64, payload: &[u8]) {
+        // A payload that the node cannot read makes no step: the live process refuses it in the same way.
+        if let Ok(emitted) = self.nodes[node].deliver(self.now, port, payload) {
+            self.journals[node].push(Step {
+                now: self.now,
+                port: port as u16,
+                sequence,
+            });
+            self.settle(node, emitted);
         }
     }
 
@@ -283,16 +357,8 @@ impl Executor {
 
     fn publish(&mut self, topic: &str, payload: &[u8]) {
         let sequence = self.record(topic, payload.to_vec());
-        for (node, port) in self.wiring.subscribers(topic).to_vec() {
-            // A payload that the node cannot read makes no step: the live process refuses it in the same way.
-            if let Ok(emitted) = self.nodes[node].deliver(self.now, port, payload) {
-                self.journals[node].push(Step {
-                    now: self.now,
-                    port: port as u16,
-                    sequence,
-                });
-                self.settle(node, emitted);
-            }
+        for listener in self.wiring.subscribers(topic).to_vec() {
+            self.deliver(listener, sequence, payload);
         }
     }
 

@@ -42,6 +42,11 @@ impl Journal {
         }
     }
 
+    /// Starts of the node in this session before this one.
+    pub fn incarnation(&self) -> u32 {
+        self.incarnation
+    }
+
     /// Adds a step.
     pub fn push(&mut self, step: Step) {
         self.steps.push(step);

@@ -12,6 +12,7 @@ use serde::Serialize;
 use crate::{
     Emitted, Instance, START, Stamp, Topic, Wiring, WiringError,
     journal::{self, Step, TIMER_PORT},
+    topics,
 };
 
 /// Number of a publication on its topic, made unique over restarts of the publisher: (restart, number).
@@ -20,40 +21,91 @@ type Key = (u32, u64);
 /// What a recording holds, sorted by topic.
 #[derive(Debug, Default)]
 pub struct Recording {
-    topics: BTreeMap<String, BTreeMap<Key, Vec<u8>>>,
-    last: BTreeMap<String, Key>,
-    journals: BTreeMap<String, Vec<(u32, Step)>>,
+    topics: BTreeMap<String, Vec<Publication>>,
+    journals: BTreeMap<String, NodeJournal>,
     unreadable_journals: u64,
+}
+
+#[derive(Debug)]
+struct Publication {
+    sequence: u64,
+    at: Stamp,
+    payload: Vec<u8>,
+}
+
+/// The steps of one node that can be made again: from the start of each of its processes without a gap.
+#[derive(Debug, Default)]
+struct NodeJournal {
+    steps: Vec<(u32, Step)>,
+    /// Process and number of the step that comes next.
+    next: (u32, u64),
+    /// Instant of the first step listed of each process, in order.
+    starts: Vec<Stamp>,
+    /// Steps behind a gap: what the node knew by then cannot be told.
+    beyond: u64,
+    /// Where the first gap lies.
+    gap: Option<String>,
+}
+
+impl NodeJournal {
+    fn push(&mut self, message: &StepJournal) {
+        let (process, next) = self.next;
+        let listed = journal::steps(message);
+        if message.incarnation > process || self.starts.is_empty() {
+            self.starts.extend(message.now.first().copied().map(Stamp));
+        }
+        let whole = (message.incarnation, message.first_step) == (process, next)
+            || (message.incarnation > process && message.first_step == 0);
+        if whole {
+            let count = self.steps.len();
+            self.steps
+                .extend(listed.map(|step| (message.incarnation, step)));
+            let added = (self.steps.len() - count) as u64;
+            self.next = (message.incarnation, message.first_step + added);
+        } else {
+            self.beyond += listed.count() as u64;
+            let missing = if message.incarnation > process {
+                0
+            } else {
+                next
+            };
+            self.gap.get_or_insert_with(|| {
+                format!("its journal, which lacks what comes from step {missing} on")
+            });
+        }
+    }
+
+    /// The process that ran at this instant, counted over those that left a journal.
+    fn process_at(&self, instant: Stamp) -> u32 {
+        self.starts
+            .partition_point(|&start| start <= instant)
+            .saturating_sub(1) as u32
+    }
 }
 
 impl Recording {
     /// Adds a message in the order recorded. `topic` is the name below the cell's namespace, `sequence` the number that
-    /// its publisher gave it.
-    pub fn push(&mut self, topic: &str, sequence: u64, payload: &[u8]) {
+    /// its publisher gave it, `at` the instant of its publication.
+    pub fn push(&mut self, topic: &str, sequence: u64, at: Stamp, payload: &[u8]) {
         if let Some(node) = topic.strip_suffix("/steps") {
             match from_cdr::<StepJournal>(payload) {
-                Ok(message) => {
-                    let steps = journal::steps(&message).map(|step| (message.incarnation, step));
-                    self.journals
-                        .entry(node.to_owned())
-                        .or_default()
-                        .extend(steps);
-                }
+                Ok(message) => self
+                    .journals
+                    .entry(node.to_owned())
+                    .or_default()
+                    .push(&message),
                 Err(_) => self.unreadable_journals += 1,
             }
             return;
         }
-        let key = match self.last.get(topic) {
-            // A publisher that counts from the beginning again was started again.
-            Some(&(restart, last)) if sequence < last && sequence == 1 => (restart + 1, sequence),
-            Some(&(restart, _)) => (restart, sequence),
-            None => (0, sequence),
-        };
-        self.last.insert(topic.to_owned(), key);
         self.topics
             .entry(topic.to_owned())
             .or_default()
-            .insert(key, payload.to_vec());
+            .push(Publication {
+                sequence,
+                at,
+                payload: payload.to_vec(),
+            });
     }
 
     /// Nodes that left a journal.
@@ -61,8 +113,74 @@ impl Recording {
         self.journals.keys().map(String::as_str)
     }
 
-    fn payload(&self, topic: &str, key: Key) -> Option<&Vec<u8>> {
-        self.topics.get(topic)?.get(&key)
+    /// The journal of the node that publishes a topic: one that is replayed, or the one that the table of topics names.
+    fn producer(&self, topic: &str, replayed: &Speakers) -> Option<&NodeJournal> {
+        let name = match replayed.get(topic) {
+            Some(name) => name,
+            None => topics::by_name(topic)?.producer,
+        };
+        self.journals.get(name)
+    }
+
+    /// Every message by topic and number. A publisher with a journal tells its restarts by their instants; another one by
+    /// counting from the beginning again, which a latched message that was recorded twice does not.
+    fn keyed(&self, replayed: &Speakers) -> Keyed<'_> {
+        self.topics
+            .iter()
+            .map(|(topic, publications)| {
+                let journal = self.producer(topic, replayed);
+                let (mut restart, mut first) = (0, None);
+                let by_key = publications.iter().map(|one| {
+                    restart = match journal {
+                        Some(journal) => journal.process_at(one.at),
+                        None if one.sequence == 1 && first.is_some_and(|at| at != one.at) => {
+                            restart + 1
+                        }
+                        None => restart,
+                    };
+                    if one.sequence == 1 {
+                        first = Some(one.at);
+                    }
+                    ((restart, one.sequence), one.payload.as_slice())
+                });
+                (topic.as_str(), by_key.collect())
+            })
+            .collect()
+    }
+}
+
+/// The node that publishes each topic of the replayed ones.
+type Speakers = BTreeMap<&'static str, &'static str>;
+
+type Keyed<'a> = BTreeMap<&'a str, BTreeMap<Key, &'a [u8]>>;
+
+/// A recording, and its messages by number.
+struct Session<'a> {
+    recording: &'a Recording,
+    replayed: Speakers,
+    keyed: Keyed<'a>,
+}
+
+impl<'a> Session<'a> {
+    fn new(recording: &'a Recording, nodes: &[Box<dyn Instance>]) -> Self {
+        let replayed = nodes
+            .iter()
+            .flat_map(|node| node.outputs().iter().map(|topic| (topic.name, node.name())))
+            .collect();
+        let keyed = recording.keyed(&replayed);
+        Self {
+            recording,
+            replayed,
+            keyed,
+        }
+    }
+
+    fn producer(&self, topic: &str) -> Option<&NodeJournal> {
+        self.recording.producer(topic, &self.replayed)
+    }
+
+    fn payload(&self, topic: &str, key: Key) -> Option<&'a [u8]> {
+        self.keyed.get(topic)?.get(&key).copied()
     }
 }
 
@@ -147,10 +265,10 @@ pub struct Report {
 /// Makes a node at its start, as often as it was started in the session.
 pub type Factory = Box<dyn Fn() -> Box<dyn Instance>>;
 
-struct Player {
+struct Player<'a> {
     node: Box<dyn Instance>,
     incarnation: u32,
-    steps: Vec<(u32, Step)>,
+    steps: &'a [(u32, Step)],
     next: usize,
     pending: BTreeMap<u32, Vec<Stamp>>,
     heard: BTreeMap<u16, Key>,
@@ -159,24 +277,35 @@ struct Player {
     waits_for: Option<String>,
 }
 
-impl Player {
-    fn restart(&mut self, node: Box<dyn Instance>, incarnation: u32) {
+impl Player<'_> {
+    fn restart(&mut self, node: Box<dyn Instance>, incarnation: u32, session: &Session<'_>) {
         self.node = node;
         self.incarnation = incarnation;
         self.pending.clear();
+        // A new process hears latched messages again. Whom it hears is told by the journals, or else as it was.
+        let inputs = self.node.inputs();
+        self.heard.retain(|&port, key| {
+            key.1 = 0;
+            session.producer(inputs[usize::from(port)].name).is_none()
+        });
         for key in self.said.values_mut() {
             *key = (key.0 + 1, 0);
         }
     }
 
-    /// The key of a heard sequence number: it counts the publisher's restarts as the recording does.
-    fn key(&self, step: Step) -> Key {
+    /// The key of a heard number: within one process numbers grow, and one that begins again is another process.
+    fn key(&self, step: Step, topic: &str, session: &Session<'_>) -> Key {
         match self.heard.get(&step.port) {
-            Some(&(restart, last)) if step.sequence < last && step.sequence == 1 => {
+            Some(&(restart, last)) if step.sequence <= last && step.sequence == 1 => {
                 (restart + 1, 1)
             }
             Some(&(restart, _)) => (restart, step.sequence),
-            None => (0, step.sequence),
+            None => {
+                let restart = session
+                    .producer(topic)
+                    .map_or(0, |journal| journal.process_at(step.now));
+                (restart, step.sequence)
+            }
         }
     }
 
@@ -195,14 +324,14 @@ impl Player {
 pub fn replay(recording: &Recording, factories: &[Factory]) -> Result<Report, WiringError> {
     let nodes: Vec<Box<dyn Instance>> = factories.iter().map(|make| make()).collect();
     let wiring = Wiring::of(&nodes)?;
-    let mut players: Vec<Player> = nodes
+    let session = Session::new(recording, &nodes);
+    let mut players: Vec<Player<'_>> = nodes
         .into_iter()
         .map(|node| Player {
             steps: recording
                 .journals
                 .get(node.name())
-                .cloned()
-                .unwrap_or_default(),
+                .map_or(&[], |journal| journal.steps.as_slice()),
             incarnation: 0,
             next: 0,
             pending: BTreeMap::new(),
@@ -217,7 +346,7 @@ pub fn replay(recording: &Recording, factories: &[Factory]) -> Result<Report, Wi
             node,
         })
         .collect();
-    let mut comparison = Comparison::new(recording);
+    let mut comparison = Comparison::new(&session);
     let mut said: BTreeMap<(&'static str, Key), Vec<u8>> = BTreeMap::new();
     let mut progress = true;
     while progress {
@@ -226,7 +355,7 @@ pub fn replay(recording: &Recording, factories: &[Factory]) -> Result<Report, Wi
             while let Some(emitted) = advance(
                 &mut players[index],
                 &factories[index],
-                recording,
+                &session,
                 &wiring,
                 &said,
             ) {
@@ -247,15 +376,15 @@ pub fn replay(recording: &Recording, factories: &[Factory]) -> Result<Report, Wi
 
 /// One step of a player, or `None` when its next input is not there (yet).
 fn advance(
-    player: &mut Player,
+    player: &mut Player<'_>,
     factory: &Factory,
-    recording: &Recording,
+    session: &Session<'_>,
     wiring: &Wiring,
     said: &BTreeMap<(&'static str, Key), Vec<u8>>,
 ) -> Option<Emitted> {
     let &(incarnation, step) = player.steps.get(player.next)?;
     if incarnation != player.incarnation {
-        player.restart(factory(), incarnation);
+        player.restart(factory(), incarnation, session);
     }
     let emitted = if step.port == TIMER_PORT {
         let id = step.sequence as u32;
@@ -263,11 +392,11 @@ fn advance(
         player.node.timer(step.now, id)
     } else {
         let topic = player.node.inputs().get(usize::from(step.port))?;
-        let key = player.key(step);
+        let key = player.key(step, topic.name, session);
         let payload = if wiring.producer(topic.name).is_some() {
-            said.get(&(topic.name, key))
+            said.get(&(topic.name, key)).map(Vec::as_slice)
         } else {
-            recording.payload(topic.name, key)
+            session.payload(topic.name, key)
         };
         let Some(payload) = payload else {
             player.waits_for = Some(format!("message {} on {}", step.sequence, topic.name));
@@ -287,7 +416,7 @@ fn advance(
 }
 
 fn settle(
-    player: &mut Player,
+    player: &mut Player<'_>,
     emitted: Emitted,
     now: Stamp,
     comparison: &mut Comparison<'_>,
@@ -307,15 +436,15 @@ fn settle(
 }
 
 struct Comparison<'a> {
-    recording: &'a Recording,
+    session: &'a Session<'a>,
     compared: BTreeMap<&'static str, (u64, u64, u64)>,
     first: Option<Difference>,
 }
 
 impl<'a> Comparison<'a> {
-    fn new(recording: &'a Recording) -> Self {
+    fn new(session: &'a Session<'a>) -> Self {
         Self {
-            recording,
+            session,
             compared: BTreeMap::new(),
             first: None,
         }
@@ -324,12 +453,12 @@ impl<'a> Comparison<'a> {
     fn compare(&mut self, topic: &Topic, key: Key, at: Stamp, recomputed: &[u8]) {
         let (topic, message) = (topic.name, topic.message);
         let counts = self.compared.entry(topic).or_default();
-        let Some(recorded) = self.recording.payload(topic, key) else {
+        let Some(recorded) = self.session.payload(topic, key) else {
             counts.2 += 1;
             return;
         };
         // DDS pads the end of a payload, so a message that differs is looked at in its canonical bytes.
-        if recorded.as_slice() == recomputed
+        if recorded == recomputed
             || message
                 .canonical(recorded)
                 .is_ok_and(|canonical| canonical == recomputed)
@@ -343,21 +472,26 @@ impl<'a> Comparison<'a> {
                 topic: topic.to_owned(),
                 sequence: key.1,
                 at,
-                recorded: recorded.clone(),
+                recorded: recorded.to_vec(),
                 recomputed: recomputed.to_vec(),
             });
         }
     }
 
-    fn report(self, players: &[Player]) -> Report {
+    fn report(self, players: &[Player<'_>]) -> Report {
         let nodes: Vec<NodeReport> = players
             .iter()
-            .map(|player| NodeReport {
-                node: player.node.name().to_owned(),
-                steps: player.next as u64,
-                steps_left: (player.steps.len() - player.next) as u64,
-                timers_not_asked_for: player.timers_not_asked_for,
-                waits_for: player.waits_for.clone(),
+            .map(|player| {
+                let journal = self.session.recording.journals.get(player.node.name());
+                let beyond = journal.map_or(0, |journal| journal.beyond);
+                let gap = journal.and_then(|journal| journal.gap.clone());
+                NodeReport {
+                    node: player.node.name().to_owned(),
+                    steps: player.next as u64,
+                    steps_left: (player.steps.len() - player.next) as u64 + beyond,
+                    timers_not_asked_for: player.timers_not_asked_for,
+                    waits_for: player.waits_for.clone().or(gap),
+                }
             })
             .collect();
         let mut topics = Vec::new();
@@ -366,8 +500,8 @@ impl<'a> Comparison<'a> {
                 let (equal, different, not_recorded) =
                     self.compared.get(topic.name).copied().unwrap_or_default();
                 let recorded = self
-                    .recording
-                    .topics
+                    .session
+                    .keyed
                     .get(topic.name)
                     .map_or(0, |messages| messages.len() as u64);
                 topics.push(TopicReport {
@@ -389,7 +523,7 @@ impl<'a> Comparison<'a> {
             || nodes
                 .iter()
                 .any(|node| node.steps_left > 0 || node.steps == 0)
-            || self.recording.unreadable_journals > 0;
+            || self.session.recording.unreadable_journals > 0;
         let verdict = match (differs, incomplete) {
             (true, _) => Verdict::Different,
             (false, true) => Verdict::Incomplete,

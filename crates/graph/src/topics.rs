@@ -82,6 +82,7 @@ topics! {
 
     PLAN_REQUESTS = "operator", "plan_requests", OperatorRequest, Qos::KEEP_ALL;
     RUN_REQUESTS = "operator", "run_requests", OperatorRequest, Qos::KEEP_ALL;
+    LAUNCHER_FAULTS = "operator", "launcher/faults", Fault, Qos::KEEP_ALL;
     APPROVALS = "operator", "approvals", OperatorRequest, Qos::KEEP_ALL;
 
     ROBOT_DESCRIPTION = "machine_state", "robot_description", std_msgs::String, Qos::latched(1);

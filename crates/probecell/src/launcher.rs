@@ -145,11 +145,13 @@ fn watch(
     let mut asked = !once;
     let deadline = Instant::now() + READY_PATIENCE;
     while !end.load(Ordering::SeqCst) {
-        processes.look()?;
+        for (name, text) in processes.look()? {
+            operator.tell_ended(&name, &text);
+        }
         let states = processes.states();
         operator.tell_processes(&states);
         if once && asked {
-            check_part_holders(&states)?;
+            check_cycle(&states)?;
         }
         if let Some(verdict) = operator.part_ended().filter(|_| once) {
             return Ok(if verdict.qualified { GOOD } else { FAILED });
@@ -170,12 +172,11 @@ fn watch(
     Ok(if once { FAILED } else { GOOD })
 }
 
-/// What is lost with these nodes is the part under way: which operation runs, and what was measured in this session.
-fn check_part_holders(states: &[(String, bool, u32)]) -> anyhow::Result<()> {
-    let holders = ["cycle", "machine_state"];
+/// With this node the part under way is lost, and nobody is left who would report its end.
+fn check_cycle(states: &[(String, bool, u32)]) -> anyhow::Result<()> {
     match states
         .iter()
-        .find(|(name, runs, starts)| holders.contains(&name.as_str()) && (!runs || *starts > 1))
+        .find(|(name, runs, starts)| name == "cycle" && (!runs || *starts > 1))
     {
         Some((name, ..)) => Err(Failed(format!(
             "{name} ended while the part was made, and the part with it"
@@ -263,8 +264,10 @@ impl Processes {
         Ok(())
     }
 
-    /// Finds processes that have died, and starts nodes again when their pause is over.
-    fn look(&mut self) -> anyhow::Result<()> {
+    /// Finds processes that have died, and starts nodes again when their pause is over. Gives the name of each that has
+    /// died since the last look, and what is to be said of it.
+    fn look(&mut self) -> anyhow::Result<Vec<(String, String)>> {
+        let mut ended = Vec::new();
         for index in 0..self.nodes.len() {
             let node = &mut self.nodes[index];
             match node.restart_at {
@@ -276,10 +279,9 @@ impl Processes {
                                 Failed(format!("{} cannot run: see above", node.name)).into()
                             );
                         }
-                        report::remark(&format!(
-                            "{} ended ({status}); it is started again",
-                            node.name
-                        ));
+                        let text = format!("{} ended ({status}); it is started again", node.name);
+                        report::remark(&text);
+                        ended.push((node.name.clone(), text));
                         node.restart_at = Some(Instant::now() + node.pause);
                         node.pause = (node.pause * 2).min(LAST_PAUSE);
                     }
@@ -303,7 +305,7 @@ impl Processes {
             ))
             .into());
         }
-        Ok(())
+        Ok(ended)
     }
 
     /// Name, whether it runs, and starts, of each process.

@@ -60,6 +60,7 @@ pub(crate) struct Operator {
     heard: Arc<Mutex<Heard>>,
     gate: Arc<Gate>,
     diagnostics: Publisher,
+    faults: Publisher,
     subscriptions: Vec<Subscription>,
     servers: Vec<Server>,
 }
@@ -155,12 +156,14 @@ impl Operator {
             diagnostic_msgs::DiagnosticArray::TYPE,
             bus_qos(graph::Qos::reliable(10)),
         )?;
+        let faults = publisher(topics::LAUNCHER_FAULTS)?;
         let mut operator = Self {
             bus,
             namespace,
             heard,
             gate,
             diagnostics,
+            faults,
             subscriptions: Vec::new(),
             servers: Vec::new(),
         };
@@ -200,7 +203,7 @@ impl Operator {
         })?;
         for topic in topics::ALL
             .iter()
-            .filter(|topic| topic.name.ends_with("/faults"))
+            .filter(|topic| topic.name.ends_with("/faults") && topic.producer != "operator")
         {
             self.hear(*topic, |_, fault: Fault| {
                 report::remark(&format!(
@@ -349,6 +352,28 @@ impl Operator {
         Some(PartEnd {
             qualified: part.verdict == PartReport::QUALIFIED,
         })
+    }
+
+    /// Tells the cell that a process has ended. The part under way ends with it, unless that process only looks on.
+    pub(crate) fn tell_ended(&self, name: &str, text: &str) {
+        let instant = host::now();
+        let fault = Fault {
+            header: std_msgs::Header {
+                stamp: instant.time(),
+                frame_id: String::new(),
+            },
+            node: name.to_owned(),
+            severity: if name == "gap" {
+                Fault::WARNING
+            } else {
+                Fault::ERROR
+            },
+            code: "process_ended".to_owned(),
+            text: text.to_owned(),
+        };
+        if let Err(error) = self.faults.publish(to_cdr(&fault), instant.0) {
+            report::remark(&format!("a fault could not be published: {error}"));
+        }
     }
 
     /// Publishes the state of the processes on `/diagnostics`, once a second.

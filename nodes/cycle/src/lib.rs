@@ -4,7 +4,7 @@
 //! |---|---|
 //! | `run_requests` | `run_replies`, `part_reports` |
 //! | `operation_reports`, `pass_decisions`, `correction_acknowledgements` | `operation_requests` |
-//! | every node's `faults` | |
+//! | faults of the nodes and of the launcher | |
 //!
 //! It is the part program O0399 of the turn-mill system (source systems A.4): rough, measure, decide; finish, measure,
 //! decide. It computes nothing about sizes. A fault of severity ERROR, a refused correction or an operation that fails

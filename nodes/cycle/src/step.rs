@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use graph::{Node, Outbox, Stamp, inputs, outputs, topics};
+use graph::{Node, Outbox, START, Stamp, inputs, outputs, topics};
 use probecell_msgs::{
     CorrectionAcknowledgement, Fault, OperationReport, OperationRequest, OperatorReply,
     OperatorRequest, PartReport, PassDecision, std_msgs,
@@ -30,6 +30,8 @@ inputs! {
         PlanningFault(Fault) = topics::PATH_PLANNING_FAULTS,
         /// Faults of `analysis`.
         AnalysisFault(Fault) = topics::ANALYSIS_FAULTS,
+        /// Faults of the processes, told by who started them.
+        LauncherFault(Fault) = topics::LAUNCHER_FAULTS,
     }
 }
 
@@ -50,7 +52,7 @@ outputs! {
 pub struct State {
     /// The part that is being made.
     pub run: Option<Run>,
-    /// Number of the next operation request, and of the next timer.
+    /// Number of the next operation request.
     pub next_request: u64,
     /// Outcome of each correction of this part that the machine has answered.
     pub answered: BTreeMap<String, (u8, String)>,
@@ -123,6 +125,8 @@ impl Node for CycleNode {
         out: &mut Outbox<Output>,
     ) {
         match input {
+            // A process that follows another one must not take the answers to that one's requests for its own.
+            Input::Timer(START) => state.next_request = now.0.unsigned_abs(),
             Input::Timer(id) => overdue(state, now, id, out),
             Input::Run(request) => run(config, state, now, &request, out),
             Input::Report(report) => reported(config, state, now, &report, out),
@@ -131,7 +135,8 @@ impl Node for CycleNode {
             Input::MachineFault(fault)
             | Input::ProbeFault(fault)
             | Input::PlanningFault(fault)
-            | Input::AnalysisFault(fault) => {
+            | Input::AnalysisFault(fault)
+            | Input::LauncherFault(fault) => {
                 if fault.severity == Fault::ERROR && state.run.is_some() {
                     request(
                         state,
@@ -264,9 +269,14 @@ fn reported(
         // Numbered by the request, so that a timer of an earlier measurement says nothing about this one.
         (None, None) => out.wake_at(
             now.after_s(config.decision_limit),
-            report.request_id as u32 + 1,
+            timer_of(report.request_id),
         ),
     }
+}
+
+/// The timer of a request: never [`START`].
+fn timer_of(request_id: u64) -> u32 {
+    (request_id & 0x7fff_ffff) as u32 + 1
 }
 
 fn overdue(state: &mut State, now: Stamp, timer: u32, out: &mut Outbox<Output>) {
@@ -283,7 +293,7 @@ fn overdue(state: &mut State, now: Stamp, timer: u32, out: &mut Outbox<Output>) 
     else {
         return;
     };
-    if *request_id as u32 + 1 == timer {
+    if timer_of(*request_id) == timer {
         let text = format!("no decision on {plan_id} came in time");
         end(state, now, PartReport::STOPPED, &text, out);
     }

@@ -84,6 +84,8 @@ impl Node for MachineStateNode {
         match input {
             Input::Timer(id) => {
                 if id == START {
+                    // The driver may still answer commands of a process before this one.
+                    state.next_command = now.0.unsigned_abs();
                     let description = std_msgs::String {
                         data: config.robot_description.clone(),
                     };
@@ -148,6 +150,7 @@ fn sample(
         state.standing.remove("controller_restarted");
         let standing = std::mem::take(&mut state.standing);
         *state = State {
+            next_command: state.next_command,
             order: state.order.take(),
             standing,
             ..State::default()

@@ -6,7 +6,7 @@ use anyhow::{Context, bail};
 use bags::Bag;
 use cell::{Cell, CellText};
 use graph::{
-    Instance,
+    Instance, Stamp,
     replay::{Difference, Factory, Recording, Report, Verdict, replay},
     topics,
 };
@@ -89,7 +89,13 @@ fn read(bag: &Bag, cell: &Cell) -> anyhow::Result<Recording> {
         // Damage is told by the bag itself; what is whole is used.
         let Ok(message) = message else { continue };
         if let Some(topic) = message.channel.topic.strip_prefix(&prefix) {
-            recording.push(topic, u64::from(message.sequence), &message.payload);
+            let published = Stamp(message.publish_time as i64);
+            recording.push(
+                topic,
+                u64::from(message.sequence),
+                published,
+                &message.payload,
+            );
         }
     }
     progress.finish_and_clear();
