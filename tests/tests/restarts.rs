@@ -1,0 +1,114 @@
+//! A process that ends while a part is made is started again: the part is stopped and said to be, the next one is made,
+//! and the recording of it all replays.
+
+use cell::{Cell, NODES};
+use cell_tests::{BEGIN, cell, executor, factories, instance, messages, recording};
+use graph::{
+    Executor, Published, Stamp,
+    replay::{Verdict, replay},
+    topics,
+};
+use probecell_msgs::{Fault, OperatorRequest, PartReport, to_cdr};
+
+/// Longest virtual time of a part, s; long enough for a machine that was left alone to end what it was doing.
+const PART_LIMIT: f64 = 600.0;
+
+fn turn_mill() -> Cell {
+    cell("turn_mill.toml", str::to_owned)
+}
+
+fn ask(executor: &mut Executor, at: Stamp, part: &str) {
+    let request = OperatorRequest {
+        subject: part.to_owned(),
+        operator_name: "test".to_owned(),
+        ..OperatorRequest::default()
+    };
+    executor.inject(at, topics::RUN_REQUESTS.name, to_cdr(&request));
+}
+
+/// Ends the process `name` in the middle of the first measurement, has a part made afterwards, and gives the log.
+fn interrupted(cell: &Cell, name: &str) -> Vec<Published> {
+    let mut executor = executor(cell);
+    ask(&mut executor, BEGIN.after_s(1.0), "first");
+    for _ in 0..12 {
+        assert!(executor.run_until_published(topics::PROBE_EVENTS.name, BEGIN.after_s(PART_LIMIT)));
+    }
+    if name != "cycle" {
+        let fault = Fault {
+            node: name.to_owned(),
+            severity: Fault::ERROR,
+            code: "process_ended".to_owned(),
+            text: format!("{name} ended; it is started again"),
+            ..Fault::default()
+        };
+        executor.inject(executor.now(), topics::LAUNCHER_FAULTS.name, to_cdr(&fault));
+        executor.run_until(executor.now());
+    }
+    executor.restart(instance(cell, name));
+    executor.run_until(executor.now().after_s(120.0));
+    let later = executor.now().after_s(1.0);
+    ask(&mut executor, later, "second");
+    assert!(
+        executor.run_until_published(
+            topics::PART_REPORTS.name,
+            executor.now().after_s(PART_LIMIT)
+        ),
+        "{name}: the second part never ended"
+    );
+    executor.run_until(executor.now().after_s(1.0));
+    executor.take_log()
+}
+
+#[test]
+fn the_part_under_way_is_stopped_and_the_next_one_is_made() {
+    let cell = turn_mill();
+    for name in cell.node_names() {
+        let log = interrupted(&cell, name);
+        let mut parts: Vec<PartReport> = messages(&log, topics::PART_REPORTS.name);
+        let second = parts.pop().expect("a report");
+        assert_eq!(
+            (second.part_id.as_str(), second.verdict),
+            ("second", PartReport::QUALIFIED),
+            "{name}: {}",
+            second.text
+        );
+        // Nobody is left to report on a part whose cycle has ended.
+        let stopped: Vec<_> = parts
+            .iter()
+            .map(|part| (part.part_id.as_str(), part.verdict))
+            .collect();
+        if name == "cycle" {
+            assert_eq!(stopped, []);
+        } else {
+            assert_eq!(stopped, [("first", PartReport::STOPPED)], "{name}");
+            assert!(parts[0].text.contains(name), "{}", parts[0].text);
+        }
+        let report = replay(&recording(&log), &factories(&cell, &cell.node_names()))
+            .unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!(
+            report.verdict,
+            Verdict::Equal,
+            "{name}: {:?} {:?}",
+            report.first_difference,
+            report.nodes
+        );
+    }
+}
+
+#[test]
+fn a_recording_begun_in_mid_session_is_partial_and_does_not_differ() {
+    let cell = turn_mill();
+    let mut executor = executor(&cell);
+    ask(&mut executor, BEGIN.after_s(1.0), "first");
+    executor.run_until(BEGIN.after_s(20.0));
+    executor.take_log();
+    executor.run_until_published(topics::PART_REPORTS.name, BEGIN.after_s(PART_LIMIT));
+    let report = replay(&recording(&executor.take_log()), &factories(&cell, &NODES))
+        .unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!(report.verdict, Verdict::Incomplete);
+    for node in &report.nodes {
+        assert_eq!(node.steps, 0, "{node:?}");
+        let reason = node.waits_for.as_deref().unwrap_or_default();
+        assert!(reason.contains("from step 0 on"), "{node:?}");
+    }
+}
