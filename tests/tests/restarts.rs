@@ -8,7 +8,7 @@ use graph::{
     replay::{Verdict, replay},
     topics,
 };
-use probecell_msgs::{Fault, OperatorRequest, PartReport, to_cdr};
+use probecell_msgs::{Fault, OperatorRequest, PartReport, StepJournal, from_cdr, to_cdr};
 
 /// Longest virtual time of a part, s; long enough for a machine that was left alone to end what it was doing.
 const PART_LIMIT: f64 = 600.0;
@@ -111,4 +111,42 @@ fn a_recording_begun_in_mid_session_is_partial_and_does_not_differ() {
         let reason = node.waits_for.as_deref().unwrap_or_default();
         assert!(reason.contains("from step 0 on"), "{node:?}");
     }
+}
+
+#[test]
+fn the_last_steps_of_a_killed_process_are_missing_and_nothing_else_is() {
+    let cell = turn_mill();
+    let log = interrupted(&cell, "machine_state");
+    // Its first process never got round to publishing its last batch: cut that one short.
+    let journal = log
+        .iter()
+        .position(|one| one.topic == "machine_state/steps")
+        .expect("a journal");
+    let mut cut = log.clone();
+    let mut batch: StepJournal = from_cdr(&cut[journal].payload).expect("a journal");
+    let left = batch.now.len() - 40;
+    batch.now.truncate(left);
+    batch.port.truncate(left);
+    batch.sequence.truncate(left);
+    cut[journal].payload = to_cdr(&batch);
+    let report = replay(&recording(&cut), &factories(&cell, &cell.node_names()))
+        .unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!(
+        report.verdict,
+        Verdict::Incomplete,
+        "{:?}",
+        report.first_difference
+    );
+    for node in &report.nodes {
+        assert_eq!(node.steps_left, 0, "{node:?}");
+    }
+    for topic in &report.topics {
+        assert_eq!(topic.different + topic.not_recorded, 0, "{topic:?}");
+        assert!(
+            topic.not_recomputed == 0 || topic.node == "machine_state",
+            "{topic:?}"
+        );
+    }
+    let missing = report.topics.iter().map(|topic| topic.not_recomputed);
+    assert!((1..200).contains(&missing.sum::<u64>()));
 }

@@ -2,7 +2,9 @@
 //!
 //! Each node is fed exactly the inputs that its journal names, with the instants its process gave it. An input whose
 //! topic another replayed node publishes is taken from what that node says *now*; only inputs from outside come from
-//! the recording. So nothing that a node said in the recording can make up for what it fails to say in the replay.
+//! the recording. So nothing that a node said in the recording can make up for what it fails to say in the replay, except
+//! what a killed process said in its last tenth of a second, whose steps were never published: that is taken as recorded,
+//! and the replay is called incomplete.
 
 use std::collections::BTreeMap;
 
@@ -41,6 +43,8 @@ struct NodeJournal {
     next: (u32, u64),
     /// Instant of the first step listed of each process, in order.
     starts: Vec<Stamp>,
+    /// Instant of its last step listed.
+    ends: Vec<Stamp>,
     /// Steps behind a gap: what the node knew by then cannot be told.
     beyond: u64,
     /// Where the first gap lies.
@@ -51,8 +55,14 @@ impl NodeJournal {
     fn push(&mut self, message: &StepJournal) {
         let (process, next) = self.next;
         let listed = journal::steps(message);
+        let (Some(&first), Some(&last)) = (message.now.first(), message.now.last()) else {
+            return;
+        };
         if message.incarnation > process || self.starts.is_empty() {
-            self.starts.extend(message.now.first().copied().map(Stamp));
+            self.starts.push(Stamp(first));
+            self.ends.push(Stamp(last));
+        } else if let Some(end) = self.ends.last_mut() {
+            *end = Stamp(last);
         }
         let whole = (message.incarnation, message.first_step) == (process, next)
             || (message.incarnation > process && message.first_step == 0);
@@ -80,6 +90,13 @@ impl NodeJournal {
         self.starts
             .partition_point(|&start| start <= instant)
             .saturating_sub(1) as u32
+    }
+
+    /// Said by a process that was killed before it had published its last steps: nobody can compute it again.
+    fn is_behind(&self, process: u32, instant: Stamp) -> bool {
+        self.ends
+            .get(process as usize)
+            .is_some_and(|&end| instant > end)
     }
 }
 
@@ -141,7 +158,7 @@ impl Recording {
                     if one.sequence == 1 {
                         first = Some(one.at);
                     }
-                    ((restart, one.sequence), one.payload.as_slice())
+                    ((restart, one.sequence), one)
                 });
                 (topic.as_str(), by_key.collect())
             })
@@ -152,7 +169,7 @@ impl Recording {
 /// The node that publishes each topic of the replayed ones.
 type Speakers = BTreeMap<&'static str, &'static str>;
 
-type Keyed<'a> = BTreeMap<&'a str, BTreeMap<Key, &'a [u8]>>;
+type Keyed<'a> = BTreeMap<&'a str, BTreeMap<Key, &'a Publication>>;
 
 /// A recording, and its messages by number.
 struct Session<'a> {
@@ -180,7 +197,15 @@ impl<'a> Session<'a> {
     }
 
     fn payload(&self, topic: &str, key: Key) -> Option<&'a [u8]> {
-        self.keyed.get(topic)?.get(&key).copied()
+        Some(&self.keyed.get(topic)?.get(&key)?.payload)
+    }
+
+    /// What a replayed node said after the last step of its journal, so that those who heard it can go on.
+    fn unjournaled(&self, topic: &str, key: Key) -> Option<&'a [u8]> {
+        let publication = self.keyed.get(topic)?.get(&key)?;
+        self.producer(topic)?
+            .is_behind(key.0, publication.at)
+            .then_some(publication.payload.as_slice())
     }
 }
 
@@ -394,7 +419,9 @@ fn advance(
         let topic = player.node.inputs().get(usize::from(step.port))?;
         let key = player.key(step, topic.name, session);
         let payload = if wiring.producer(topic.name).is_some() {
-            said.get(&(topic.name, key)).map(Vec::as_slice)
+            said.get(&(topic.name, key))
+                .map(Vec::as_slice)
+                .or_else(|| session.unjournaled(topic.name, key))
         } else {
             session.payload(topic.name, key)
         };
