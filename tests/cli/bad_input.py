@@ -999,10 +999,31 @@ def node_that_is_not_there(folder):
     return cell(folder)
 
 
-@case("doctor {}", 1, quiet=True)
-@case("doctor {} --json", 1, quiet=True)
+@case("doctor {}", 2, quiet=True)
+@case("doctor {} --json", 2, quiet=True)
 def doctor_of_a_broken_cell(folder):
     return cell(folder, CELLS["unknown_key"][0])
+
+
+@case("doctor {}", 1, quiet=True)
+def doctor_of_a_router_elsewhere(folder):
+    return cell(folder, replaced("tcp/127.0.0.1:7447", "tcp/192.0.2.1:7447"))
+
+
+@case("doctor {}", 1, quiet=True)
+def doctor_of_a_setting_that_zenoh_lacks(folder):
+    return cell(folder, replaced("[path_planning]", "[bus.router_zenoh]\nacces_control = {}\n\n[path_planning]"))
+
+
+@case("doctor {}", 2, quiet=True)
+@case("plan {}", 2, "domain_id")
+def domain_that_ros_lacks(folder):
+    return cell(folder, replaced("[bus]", "[bus]\ndomain_id = 9999"))
+
+
+@case("plan {}", 2, "tool 9")
+def tool_that_the_machine_lacks(folder):
+    return cell(folder, replaced('{ id = "D1", tolerance_mm = 0.010, tool_number = 2 }', '{ id = "D1", tolerance_mm = 0.010, tool_number = 9 }'))
 
 
 # ----------------------------------------------------------------------------------------------------------- ports
@@ -1111,7 +1132,7 @@ def a_router_is_there_already(folder, port):
 
 
 @case("play {} --router tcp/127.0.0.1:{port} --rate 1e-300", (0, 2), server=router, interrupt_after=2)
-@case("play {} --router tcp/127.0.0.1:{port} --start-s 1e300", (0, 2), server=router, interrupt_after=2)
+@case("play {} --router tcp/127.0.0.1:{port} --start-s 1e300", 2, "behind the end", server=router, interrupt_after=2)
 @case("play {} --router tcp/127.0.0.1:{port} --start-s nan", 2, "start", server=router, interrupt_after=2)
 @case("play {} --router tcp/127.0.0.1:{port} --namespace //", 2, "name", server=router, interrupt_after=2)
 @case("play {} --router tcp/127.0.0.1:{port} --wait-for /nothing", 2, "/nothing", server=router, interrupt_after=2)

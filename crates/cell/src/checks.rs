@@ -7,6 +7,9 @@ use crate::{Cell, Source};
 /// s; shortest and longest time after which a recording is flushed.
 const FLUSH_INTERVAL: std::ops::RangeInclusive<f64> = 0.01..=3600.0;
 
+/// Greatest domain of ROS 2: DDS has no ports for more.
+const LAST_DOMAIN: u32 = 232;
+
 /// One sentence about the first thing that is wrong.
 pub(crate) fn sections(cell: &Cell) -> Result<(), String> {
     let name = &cell.cell.name;
@@ -23,6 +26,12 @@ pub(crate) fn sections(cell: &Cell) -> Result<(), String> {
         section.check().map_err(|error| error.to_string())?;
     }
     let bus = &cell.bus;
+    if bus.domain_id > LAST_DOMAIN {
+        return Err(format!(
+            "bus.domain_id = {} must lie between 0 and {LAST_DOMAIN}",
+            bus.domain_id
+        ));
+    }
     endpoint("router_endpoint", &bus.router_endpoint)?;
     for (key, endpoints) in [("join", &bus.join), ("listen", &bus.listen)] {
         for one in endpoints {
@@ -102,6 +111,28 @@ fn names(cell: &Cell) -> Result<(), String> {
         if !sizes.contains(characteristic.id.as_str()) {
             return Err(format!(
                 "compensation.characteristics: {:?} is neither a feature of the part nor a width or step",
+                characteristic.id
+            ));
+        }
+    }
+    tools(cell)
+}
+
+/// The simulated machine has the tools that are corrected. What a real one has is not known before it runs.
+fn tools(cell: &Cell) -> Result<(), String> {
+    let Some(simulator) = cell
+        .simulator
+        .as_ref()
+        .filter(|_| cell.driver.source == Source::Simulator)
+    else {
+        return Ok(());
+    };
+    for characteristic in &cell.compensation.characteristics {
+        if let Some(number) = characteristic.tool_number
+            && !simulator.tools.iter().any(|tool| tool.number == number)
+        {
+            return Err(format!(
+                "compensation.characteristics: {:?} is corrected by tool {number}, which is not one of simulator.tools",
                 characteristic.id
             ));
         }

@@ -111,15 +111,20 @@ pub(crate) fn up(file: &Path, once: bool, recorded: bool) -> anyhow::Result<u8> 
     outcome.map(|status| if lost && status == GOOD { LOSS } else { status })
 }
 
+/// The router that a cell carries inside itself.
+pub(crate) fn router_config(cell: &Cell) -> anyhow::Result<RouterConfig> {
+    Ok(RouterConfig {
+        listen: vec![cell.bus.router_endpoint.clone()],
+        connect: cell.bus.join.clone(),
+        zenoh: zenoh_settings(cell.bus.router_zenoh.as_ref())?,
+    })
+}
+
 fn start_router(cell: &Cell) -> anyhow::Result<Option<Router>> {
     if cell.bus.transport == TransportName::Dds {
         return Ok(None);
     }
-    let config = RouterConfig {
-        listen: vec![cell.bus.router_endpoint.clone()],
-        connect: cell.bus.join.clone(),
-        zenoh: zenoh_settings(cell.bus.router_zenoh.as_ref())?,
-    };
+    let config = router_config(cell)?;
     // Somebody may route there already: zenohd, rmw_zenoh's router, another cell, or a router on another machine.
     if host::endpoint_answers(&cell.bus.router_endpoint) {
         return Ok(None);

@@ -26,7 +26,7 @@ from cyclonedds.util import duration  # noqa: E402
 from rosbags.interfaces import Nodetype  # noqa: E402
 
 from messages import CONTRACT, Messages  # noqa: E402
-from peer import Peer, check, until  # noqa: E402
+from peer import PATIENCE, Peer, check, until  # noqa: E402
 
 SERVICE = "probecell_msgs/srv/Plan"
 
@@ -191,6 +191,45 @@ def late_joiners(program, cyclone, messages):
         check("what follows", follows, "what follows")
 
 
+def bursts(program, cyclone, messages):
+    """A topic that keeps all loses nothing of a burst, both ways."""
+    name, count = "std_msgs/msg/String", 1000
+    ty = cyclone.idl.type(name)
+    texts = [f"event {number}" for number in range(count)]
+    with Peer(program, "bursting", transport="dds", namespace="/cell") as ours:
+        ours.ask("gid", "offer", "/cell/burst_out", name, "events")
+        reader = cyclone.reader("rt/cell/burst_out", ty, "events")
+        check("found", ours.ask("found", "await", "/cell/burst_out", 1)["found"], True)
+        until("a match", lambda: reader.get_matched_publications())
+        for text in texts:
+            cdr = messages.encode(messages.store.types[name](data=text), name)
+            ours.tell("publish", "/cell/burst_out", name, "events", cdr.hex())
+        check("burst of ours", [sample.data for sample in take(reader, count)], texts)
+
+        # Whether we have matched is not told by Cyclone: write until one arrives, then the burst.
+        ours.ask("subscribed", "subscribe", "/cell/burst_in", name, "events")
+        writer = cyclone.writer("rt/cell/burst_in", ty, "events")
+        until("a match", lambda: writer.get_matched_subscriptions())
+
+        def taken(patience=PATIENCE):
+            sample = ours.take("sample", lambda sample: sample["sample"] == "/cell/burst_in", patience)
+            return messages.decode(bytes.fromhex(sample["cdr"]), name).data
+
+        def hears():
+            writer.write(ty(data="knock"))
+            try:
+                return taken(0.5)
+            except AssertionError:
+                return False
+
+        until("a first sample", hears)
+        for text in texts:
+            writer.write(ty(data=text))
+        while (first := taken()) == "knock":
+            pass
+        check("burst of theirs", [first] + [taken() for _ in texts[1:]], texts)
+
+
 def services(program, cyclone, messages):
     """Requests and responses in Cyclone's mapping, both ways, and in the enhanced one between ourselves."""
     header = {"guid": types.uint64, "number": types.int64}
@@ -284,6 +323,7 @@ def main():
     for check_one, arguments in (
         (both_ways, (cyclone, messages)),
         (late_joiners, (cyclone, messages)),
+        (bursts, (cyclone, messages)),
         (services, (cyclone, messages)),
         (discovery, (cyclone,)),
     ):

@@ -92,6 +92,14 @@ const QUEUED_BATCHES: usize = 8;
 const WAIT_BEFORE_DROP: Duration = Duration::from_millis(10);
 
 impl BusConfig {
+    /// Whether Zenoh takes these settings; nothing is opened.
+    ///
+    /// # Errors
+    /// The setting that Zenoh refuses, in a sentence.
+    pub fn check(&self) -> Result<(), BusError> {
+        self.to_zenoh().map(drop)
+    }
+
     pub(super) fn to_zenoh(&self) -> Result<zenoh::Config, BusError> {
         let is_peer = self.endpoints.iter().all(|endpoint| is_loopback(endpoint));
         let listen: &[String] = if is_peer { &self.listen } else { &[] };
@@ -133,6 +141,14 @@ impl Default for RouterConfig {
 }
 
 impl RouterConfig {
+    /// Whether Zenoh takes these settings; nothing is started.
+    ///
+    /// # Errors
+    /// The setting that Zenoh refuses, in a sentence.
+    pub fn check(&self) -> Result<(), BusError> {
+        self.to_zenoh().map(drop)
+    }
+
     pub(super) fn to_zenoh(&self) -> Result<zenoh::Config, BusError> {
         let mut settings = json!({
             "mode": "router",

@@ -1,17 +1,22 @@
 //! `probecell doctor`: what is wrong with this set-up.
 
 use std::{
-    net::{TcpStream, ToSocketAddrs},
+    net::{TcpListener, TcpStream, ToSocketAddrs},
     path::Path,
-    time::Duration,
+    time::{Duration, Instant},
 };
 
 use cell::{Cell, Source, TransportName};
 use graph::{Wiring, topics};
-use host::bus::Bus;
+use host::bus::{Bus, BusConfig};
 use serde::Serialize;
 
-use crate::{FAILED, GOOD, launcher, report};
+use crate::{BAD_INPUT, FAILED, GOOD, launcher, report};
+
+/// How long two participants on one machine may take to find each other.
+const DISCOVERY_PATIENCE: Duration = Duration::from_secs(10);
+/// How long a bus may take to close.
+const CLOSE_PATIENCE: Duration = Duration::from_secs(2);
 
 /// One thing looked at.
 #[derive(Serialize)]
@@ -35,7 +40,9 @@ pub(crate) fn run(file: &Path, json: bool) -> anyhow::Result<u8> {
             text,
         });
     };
-    match Cell::read(file) {
+    let cell = Cell::read(file);
+    let readable = cell.is_ok();
+    match cell {
         Err(error) => find("cell file", Err(error.to_string())),
         Ok(cell) => {
             find(
@@ -48,6 +55,7 @@ pub(crate) fn run(file: &Path, json: bool) -> anyhow::Result<u8> {
             );
             find("graph", graph(&cell));
             find("recordings", recordings(&cell));
+            find("bus settings", settings(&cell));
             find("bus", bus(&cell));
             if let Some(linuxcnc) = cell
                 .linuxcnc
@@ -67,7 +75,11 @@ pub(crate) fn run(file: &Path, json: bool) -> anyhow::Result<u8> {
             report::line(&format!("{word:<6} {}: {}", finding.what, finding.text));
         }
     }
-    Ok(if good { GOOD } else { FAILED })
+    Ok(match (readable, good) {
+        (false, _) => BAD_INPUT,
+        (true, false) => FAILED,
+        (true, true) => GOOD,
+    })
 }
 
 /// Every topic that is heard has somebody who speaks on it.
@@ -108,21 +120,41 @@ fn recordings(cell: &Cell) -> Result<String, String> {
     Ok(format!("{} can be written", folder.display()))
 }
 
+/// Zenoh takes what the cell file says of sessions and of the router, whether that router is needed now or not.
+fn settings(cell: &Cell) -> Result<String, String> {
+    let told = |error: anyhow::Error| error.to_string();
+    let session = launcher::bus_config(cell).map_err(told)?;
+    let router = launcher::router_config(cell).map_err(told)?;
+    session
+        .check()
+        .map_err(|error| format!("bus.zenoh: {error}"))?;
+    router
+        .check()
+        .map_err(|error| format!("bus.router_zenoh: {error}"))?;
+    Ok("Zenoh takes them".to_owned())
+}
+
 fn bus(cell: &Cell) -> Result<String, String> {
+    let mut config = launcher::bus_config(cell).map_err(|error| error.to_string())?;
+    config.connect_timeout = Duration::from_secs(2);
     if cell.bus.transport == TransportName::Dds {
-        return Ok("DDS: needs multicast; nothing else to look at before a start".to_owned());
+        return dds(cell, &config);
     }
     let endpoint = &cell.bus.router_endpoint;
     let address = endpoint
         .split_once('/')
         .map_or(endpoint.as_str(), |(_, address)| address);
-    if reach(address).is_err() {
-        return Ok(format!(
-            "nothing listens at {endpoint} yet: `up` carries its own router"
-        ));
+    if let Err(silent) = reach(address) {
+        return if is_of_this_machine(address) {
+            Ok(format!(
+                "nothing listens at {endpoint} yet: `up` carries its own router"
+            ))
+        } else {
+            Err(format!(
+                "{silent}, which is no address of this machine: start a router there"
+            ))
+        };
     }
-    let mut config = launcher::bus_config(cell).map_err(|error| error.to_string())?;
-    config.connect_timeout = Duration::from_secs(2);
     let bus = Bus::open(&config, "doctor", &cell.namespace())
         .map_err(|error| format!("something listens at {endpoint}, but: {error}"))?;
     // Liveliness tokens of a session that has just joined arrive within a round trip.
@@ -132,9 +164,53 @@ fn bus(cell: &Cell) -> Result<String, String> {
         "a router answers at {endpoint}; nodes seen: {}",
         graph.nodes().join(", ")
     );
-    bus.close(Duration::from_secs(2))
+    bus.close(CLOSE_PATIENCE)
         .map_err(|error| error.to_string())?;
     Ok(text)
+}
+
+/// Two participants of this process find each other, as those of a cell must.
+fn dds(cell: &Cell, config: &BusConfig) -> Result<String, String> {
+    let open = |name| {
+        Bus::open(config, name, &cell.namespace())
+            .map_err(|error| format!("DDS cannot be opened: {error}"))
+    };
+    let (here, there) = (open("doctor")?, open("doctor_seen")?);
+    let wanted = format!("{}/doctor_seen", cell.namespace());
+    let deadline = Instant::now() + DISCOVERY_PATIENCE;
+    let found = loop {
+        if here.graph().nodes().contains(&wanted) {
+            break true;
+        }
+        if Instant::now() > deadline {
+            break false;
+        }
+        std::thread::sleep(Duration::from_millis(50));
+    };
+    let nodes = here.graph().nodes().join(", ");
+    for bus in [here, there] {
+        bus.close(CLOSE_PATIENCE)
+            .map_err(|error| error.to_string())?;
+    }
+    if found {
+        Ok(format!(
+            "two participants find each other in domain {}; nodes seen: {nodes}",
+            cell.bus.domain_id
+        ))
+    } else {
+        Err(format!(
+            "two participants on this machine do not find each other within {} s: the loopback interface needs \
+             multicast (ip link set lo multicast on; ip route add 224.0.0.0/4 dev lo)",
+            DISCOVERY_PATIENCE.as_secs()
+        ))
+    }
+}
+
+/// A socket can be bound to it.
+fn is_of_this_machine(address: &str) -> bool {
+    address.to_socket_addrs().is_ok_and(|mut addresses| {
+        addresses.any(|address| TcpListener::bind((address.ip(), 0)).is_ok())
+    })
 }
 
 fn reach(address: &str) -> Result<String, String> {

@@ -29,14 +29,22 @@ const CLOCK_PERIOD: Duration = Duration::from_millis(25);
 /// Long enough for a session that has joined to see who else publishes.
 const GRAPH_SETTLES: Duration = Duration::from_millis(500);
 
-/// What makes a cell act; nothing recorded does.
-const NEVER_PLAYED: [topics::Topic; 5] = [
-    topics::CONTROLLER_COMMANDS,
-    topics::RUN_REQUESTS,
-    topics::PLAN_REQUESTS,
-    topics::APPROVALS,
-    topics::OPERATION_REQUESTS,
-];
+/// What makes a cell act: what its operator and its launcher say, and what is asked of the machine. Nothing recorded does.
+fn makes_act(recorded: &str) -> bool {
+    let asks = |topic: &&topics::Topic| {
+        topic.producer == "operator"
+            || [
+                topics::CONTROLLER_COMMANDS.name,
+                topics::OPERATION_REQUESTS.name,
+            ]
+            .contains(&topic.name)
+    };
+    topics::ALL.iter().filter(asks).any(|topic| {
+        recorded
+            .strip_suffix(topic.name)
+            .is_some_and(|namespace| namespace.ends_with('/'))
+    })
+}
 
 /// Speeds at which a recording can be played.
 const RATES: std::ops::RangeInclusive<f64> = 1e-3..=1e6;
@@ -68,7 +76,7 @@ pub(crate) struct Arguments {
     /// Read commands from standard input: pause, resume, seek SECONDS, rate FACTOR, quit.
     #[arg(long)]
     interactive: bool,
-    /// Wait until so many subscriptions hear each of these topics (recorded names).
+    /// Wait until somebody hears this topic (its recorded name); may be given more than once.
     #[arg(long)]
     wait_for: Vec<String>,
     /// Publish `/clock`.
@@ -105,6 +113,13 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
     }
     let bag = Bag::open(&arguments.bag)?;
     let (first, last) = bag.bounds().context("the bag has no messages to play")?;
+    let length_s = (last - first) as f64 * 1e-9;
+    if arguments.start_s > length_s {
+        bail!(
+            "--start-s {} lies behind the end of the recording, which is {length_s:.3} s long",
+            arguments.start_s
+        );
+    }
     let config = BusConfig {
         endpoints: vec![arguments.router.clone()],
         domain_id: arguments.domain_id,
@@ -115,7 +130,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
     check_free(&bus, arguments, &bag)?;
     let player = Player::new(&bus, &bag, arguments)?;
     player.wait_for_subscribers(&arguments.wait_for);
-    let orders = orders(arguments.interactive || arguments.paused)?;
+    let orders = orders(arguments.interactive || arguments.paused, arguments.paused)?;
     let mut pace = Pace {
         rate: arguments.rate,
         paused: arguments.paused,
@@ -155,6 +170,9 @@ fn check_names(arguments: &Arguments, bag: &Bag) -> anyhow::Result<()> {
             .any(|channel| channel.topic == *wanted)
         {
             bail!("--wait-for {wanted}: there is no such topic in the bag");
+        }
+        if makes_act(wanted) {
+            bail!("--wait-for {wanted}: requests, approvals and commands are never played");
         }
     }
     Ok(())
@@ -228,10 +246,7 @@ impl<'a> Player<'a> {
     fn new(bus: &'a Bus, bag: &Bag, arguments: &Arguments) -> anyhow::Result<Self> {
         let mut publishers = BTreeMap::new();
         for channel in bag.channels() {
-            let name = channel.topic.rsplit('/').next().unwrap_or_default();
-            if NEVER_PLAYED.iter().any(|topic| topic.name == name)
-                || publishers.contains_key(&channel.topic)
-            {
+            if makes_act(&channel.topic) || publishers.contains_key(&channel.topic) {
                 continue;
             }
             let Some(ty) = type_of(channel) else {
@@ -345,7 +360,7 @@ impl<'a> Player<'a> {
 }
 
 /// Orders from standard input, and the end by a signal.
-fn orders(interactive: bool) -> anyhow::Result<Receiver<Order>> {
+fn orders(interactive: bool, paused: bool) -> anyhow::Result<Receiver<Order>> {
     let (sender, receiver) = channel();
     let at_end = sender.clone();
     signals::on_end(move || drop(at_end.send(Order::Quit)))?;
@@ -353,13 +368,21 @@ fn orders(interactive: bool) -> anyhow::Result<Receiver<Order>> {
         std::thread::Builder::new()
             .name("orders".to_owned())
             .spawn(move || {
+                let mut waits = paused;
                 for line in std::io::stdin().lock().lines().map_while(Result::ok) {
                     match order(&line) {
-                        Some(order) => drop(sender.send(order)),
+                        Some(order) => {
+                            waits &= !matches!(order, Order::Resume);
+                            drop(sender.send(order));
+                        }
                         None => report::remark(
                             "orders are: pause, resume, seek SECONDS, rate FACTOR, quit",
                         ),
                     }
+                }
+                if waits {
+                    report::remark("standard input ended: nobody can resume what is paused");
+                    drop(sender.send(Order::Quit));
                 }
             })?;
     }

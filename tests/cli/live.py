@@ -1,0 +1,184 @@
+#!/usr/bin/env python3
+"""What the command line does beside a running cell: processes that are killed, recordings that are played, access control.
+
+    live.py PROBECELL
+
+Runs in a network namespace of its own (the router's port is taken). The witness on the bus is eclipse-zenoh; nothing of
+ours reads for it.
+"""
+
+import contextlib
+import json
+import pathlib
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+
+import zenoh
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+CELL = ROOT / "launch-scripts" / "turn_mill.toml"
+PATIENCE = 60  # s
+ASKING = {"run_requests", "operation_requests", "controller_commands", "plan_requests", "approvals"}
+FORBIDDEN = """
+[bus.router_zenoh.access_control]
+enabled = true
+default_permission = "allow"
+rules = [{ id = "no_parts", permission = "deny", flows = ["ingress", "egress"], messages = ["put"],
+           key_exprs = ["0/turn_mill/run_requests/**"] }]
+subjects = [{ id = "everybody" }]
+policies = [{ rules = ["no_parts"], subjects = ["everybody"] }]
+"""
+
+
+def until(what, ready):
+    deadline = time.monotonic() + PATIENCE
+    while not ready():
+        assert time.monotonic() < deadline, f"{what}: not within {PATIENCE} s"
+        time.sleep(0.05)
+
+
+@contextlib.contextmanager
+def started(*words, folder, errors=subprocess.PIPE):
+    process = subprocess.Popen(
+        [BINARY, *map(str, words)], cwd=folder, stdout=subprocess.PIPE, stderr=errors, stdin=subprocess.DEVNULL, text=True
+    )
+    try:
+        yield process
+    finally:
+        if process.poll() is None:
+            process.send_signal(signal.SIGTERM)
+            process.communicate(timeout=PATIENCE)
+
+
+def ended(process):
+    """Status, output and errors of a process that has to end by itself."""
+    output, errors = process.communicate(timeout=PATIENCE)
+    return process.returncode, output, errors
+
+
+def recorded(folder):
+    """Messages on disk of each topic of the one recording in a folder, finished or not."""
+    for recording in (folder / "recordings").glob("*"):
+        told = subprocess.run([BINARY, "info", recording, "--json"], capture_output=True, text=True)
+        if told.stdout:
+            return {topic["topic"].removeprefix("/turn_mill/"): topic["messages"] for topic in json.loads(told.stdout)["topics"]}
+    return {}
+
+
+def kill_node(launcher, name):
+    children = pathlib.Path(f"/proc/{launcher.pid}/task/{launcher.pid}/children").read_text().split()
+    for child in children:
+        if pathlib.Path(f"/proc/{child}/cmdline").read_bytes().split(b"\0")[1:3] == [b"node", name.encode()]:
+            subprocess.run(["kill", "-KILL", child], check=True)
+            return
+    raise AssertionError(f"no process of {name} among {children}")
+
+
+def killed_while_a_part_is_made(folder, name):
+    with started("up", CELL, "--once", folder=folder) as up:
+        until("a touch", lambda: recorded(folder).get("probe_events", 0) > 0)
+        kill_node(up, name)
+        return ended(up)
+
+
+def a_killed_cycle_ends_the_cell(folder):
+    status, output, errors = killed_while_a_part_is_made(folder, "cycle")
+    assert status == 1 and "cycle ended while the part was made" in errors, (status, output, errors)
+
+
+def a_killed_gate_stops_the_part(folder):
+    status, output, errors = killed_while_a_part_is_made(folder, "machine_state")
+    assert status == 1 and "stopped" in output and "machine_state ended" in output, (status, output, errors)
+    (bag,) = (folder / "recordings").glob("*")
+    replay = subprocess.run([BINARY, "replay", bag, "--json"], capture_output=True, text=True)
+    topics = json.loads(replay.stdout)["replay"]["topics"]
+    assert sum(topic["different"] for topic in topics) == 0, replay.stdout
+
+
+@contextlib.contextmanager
+def router(folder):
+    with started("router", folder=folder) as process:
+        assert "listens on" in process.stdout.readline()
+        yield
+
+
+@contextlib.contextmanager
+def witness():
+    """Keys on which anything is heard."""
+    config = zenoh.Config()
+    config.insert_json5("mode", '"client"')
+    config.insert_json5("connect/endpoints", '["tcp/127.0.0.1:7447"]')
+    config.insert_json5("scouting/multicast/enabled", "false")
+    keys, first = set(), threading.Event()
+
+    def hear(sample):
+        keys.add(str(sample.key_expr))
+        first.set()
+
+    with zenoh.open(config) as session:
+        session.declare_subscriber("0/**", hear)
+        yield keys, first
+
+
+def what_asks_is_not_played(folder, bag):
+    with router(folder), witness() as (keys, first):
+        with started("play", bag, "--rate", "20", folder=folder) as play:
+            status, output, errors = ended(play)
+        assert status == 0, (output, errors)
+        assert first.is_set()
+        played = {key.removeprefix("0/replay/turn_mill/").rsplit("/", 2)[0] for key in keys if "/@adv/" not in key}
+        there = {topic for topic, count in recorded(folder).items() if count}
+        assert there & ASKING >= {"run_requests", "operation_requests", "controller_commands"}, there
+        assert not played & ASKING, played & ASKING
+        assert there - ASKING - played == {"launcher/faults"} & there, there - ASKING - played
+
+
+def playing_ends_when_told(folder, bag):
+    with router(folder), witness() as (_, first):
+        with started("play", bag, "--rate", "1e6", "--loop", folder=folder) as play:
+            assert first.wait(PATIENCE)
+            play.send_signal(signal.SIGTERM)
+            assert ended(play)[0] == 0
+
+
+def names_in_use_are_not_played(folder, bag):
+    with tempfile.TemporaryDirectory() as other, started("up", CELL, folder=other, errors=subprocess.DEVNULL):
+        until("a cell", lambda: recorded(pathlib.Path(other)).get("machine_state", 0) > 0)
+        with started("play", bag, "--namespace", "/", folder=folder) as play:
+            status, output, errors = ended(play)
+        assert status == 2 and "is published already" in errors and not output, (status, output, errors)
+
+
+def access_control_binds_processes_of_one_machine(folder):
+    text = CELL.read_text() + FORBIDDEN
+    (folder / "cell.toml").write_text(text)
+    (folder / "turn_mill.urdf").write_text((CELL.parent / "turn_mill.urdf").read_text())
+    with started("up", folder / "cell.toml", "--once", folder=folder) as up:
+        status, output, errors = ended(up)
+    assert status == 1 and "no node answered" in errors and not recorded(folder).get("probe_events"), (status, output, errors)
+
+
+def main():
+    with tempfile.TemporaryDirectory(prefix="probecell_live_") as scratch:
+        folders = {}
+        for check in (a_killed_cycle_ends_the_cell, a_killed_gate_stops_the_part, access_control_binds_processes_of_one_machine):
+            folders[check] = pathlib.Path(scratch) / check.__name__
+            folders[check].mkdir()
+            check(folders[check])
+            print(f"ok  {check.__name__.replace('_', ' ')}", flush=True)
+        folder = folders[a_killed_gate_stops_the_part]
+        (bag,) = (folder / "recordings").glob("*")
+        for check in (what_asks_is_not_played, playing_ends_when_told, names_in_use_are_not_played):
+            check(folder, bag)
+            print(f"ok  {check.__name__.replace('_', ' ')}", flush=True)
+
+
+if __name__ == "__main__":
+    if len(sys.argv) != 2:
+        raise SystemExit(__doc__)
+    BINARY = str(pathlib.Path(sys.argv[1]).resolve())
+    main()
