@@ -42,7 +42,9 @@ fn main() -> std::io::Result<()> {
     for shape in ["line", "plane", "circle", "sphere", "cylinder", "cone"] {
         for n in [1_000, 10_000, 100_000, 1_000_000_usize] {
             if only_shape.as_ref().is_some_and(|only| only != shape)
-                || only_size.as_ref().is_some_and(|only| *only != n.to_string())
+                || only_size
+                    .as_ref()
+                    .is_some_and(|only| *only != n.to_string())
             {
                 continue;
             }
