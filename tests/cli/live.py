@@ -145,12 +145,19 @@ def playing_ends_when_told(folder, bag):
             assert ended(play)[0] == 0
 
 
-def names_in_use_are_not_played(folder, bag):
-    with tempfile.TemporaryDirectory() as other, started("up", CELL, folder=other, errors=subprocess.DEVNULL):
-        until("a cell", lambda: recorded(pathlib.Path(other)).get("machine_state", 0) > 0)
+def a_running_cell_keeps_its_names_and_records_on_demand(folder, bag):
+    with tempfile.TemporaryDirectory() as other, started("up", CELL, folder=other, errors=subprocess.DEVNULL) as up:
+        assert "turn_mill is ready" in up.stdout.readline()
         with started("play", bag, "--namespace", "/", folder=folder) as play:
             status, output, errors = ended(play)
         assert status == 2 and "is published already" in errors and not output, (status, output, errors)
+        until("a recording", lambda: recorded(pathlib.Path(other)).get("machine_state", 0) > 0)
+        for words, status, says in (
+            (["stop"], 0, "recorded "), (["stop"], 1, "nothing"), (["start", "again"], 0, "recordings/again"), (["start"], 1, "again"),
+        ):
+            with started("recording", *words, "--cell", CELL, folder=folder) as asked:
+                found, output, errors = ended(asked)
+            assert found == status and says in output, (words, found, output, errors)
 
 
 def access_control_binds_processes_of_one_machine(folder):
@@ -172,7 +179,7 @@ def main():
             print(f"ok  {check.__name__.replace('_', ' ')}", flush=True)
         folder = folders[a_killed_gate_stops_the_part]
         (bag,) = (folder / "recordings").glob("*")
-        for check in (what_asks_is_not_played, playing_ends_when_told, names_in_use_are_not_played):
+        for check in (what_asks_is_not_played, playing_ends_when_told, a_running_cell_keeps_its_names_and_records_on_demand):
             check(folder, bag)
             print(f"ok  {check.__name__.replace('_', ' ')}", flush=True)
 

@@ -147,7 +147,7 @@ fn watch(
     once: bool,
     end: &Arc<AtomicBool>,
 ) -> anyhow::Result<u8> {
-    let mut asked = !once;
+    let mut asked = false;
     let deadline = Instant::now() + READY_PATIENCE;
     while !end.load(Ordering::SeqCst) {
         for (name, text) in processes.look()? {
@@ -162,9 +162,17 @@ fn watch(
             return Ok(if verdict.qualified { GOOD } else { FAILED });
         }
         if !asked && operator.ready() {
-            operator.ask_for_part(&cell.cell.part)?;
+            if once {
+                operator.ask_for_part(&cell.cell.part)?;
+            } else {
+                report::line(&format!(
+                    "{} is ready: probecell run PART --cell {}",
+                    cell.cell.name,
+                    cell.text().name
+                ));
+            }
             asked = true;
-        } else if !asked && Instant::now() > deadline {
+        } else if once && !asked && Instant::now() > deadline {
             let text = format!(
                 "the cell was not ready within {} s: {}",
                 READY_PATIENCE.as_secs(),

@@ -85,6 +85,9 @@ enum Command {
         #[arg(long, hide = true)]
         supervised: bool,
     },
+    /// End the recording of a running cell, or begin another one.
+    #[command(subcommand)]
+    Recording(Recording),
     /// Ask a running cell for a part.
     Run {
         /// Name of the part.
@@ -194,6 +197,25 @@ enum Command {
     },
 }
 
+#[derive(Subcommand)]
+enum Recording {
+    /// Begin a recording.
+    Start {
+        /// Name of its folder inside the cell's folder of recordings; the recorder chooses when none is given.
+        #[arg(default_value = "")]
+        name: String,
+        /// Cell file.
+        #[arg(long, default_value = DEFAULT_CELL)]
+        cell: PathBuf,
+    },
+    /// End the recording and close its files.
+    Stop {
+        /// Cell file.
+        #[arg(long, default_value = DEFAULT_CELL)]
+        cell: PathBuf,
+    },
+}
+
 fn main() -> ExitCode {
     let filter = EnvFilter::try_from_default_env()
         .unwrap_or_else(|_| EnvFilter::new("warn,zenoh=error,rustdds=off,ros2_client=off"));
@@ -239,6 +261,10 @@ fn run(command: Command) -> anyhow::Result<u8> {
             folder,
             supervised,
         } => commands::record::run(&cell, folder, supervised),
+        Command::Recording(Recording::Start { name, cell }) => {
+            operator::start_recording(&cell, &name)
+        }
+        Command::Recording(Recording::Stop { cell }) => operator::stop_recording(&cell),
         Command::Run { part, cell } => operator::ask_for_part(&cell, &part),
         Command::Approve {
             correction,

@@ -26,7 +26,7 @@ use probecell_msgs::{
     std_msgs, to_cdr,
 };
 
-use crate::{FAILED, GOOD, launcher, report};
+use crate::{FAILED, GOOD, LOSS, launcher, report};
 
 /// How long a node may take to answer an operator.
 const ANSWER_PATIENCE: Duration = Duration::from_secs(10);
@@ -167,12 +167,12 @@ impl Operator {
             subscriptions: Vec::new(),
             servers: Vec::new(),
         };
-        operator.listen()?;
+        operator.listen(&cell.text().name)?;
         operator.serve()?;
         Ok(operator)
     }
 
-    fn listen(&mut self) -> anyhow::Result<()> {
+    fn listen(&mut self, file: &str) -> anyhow::Result<()> {
         self.hear(topics::MACHINE_STATE, |heard, state: MachineState| {
             heard.machine = state.execution == MachineState::EXECUTION_IDLE;
         })?;
@@ -190,8 +190,9 @@ impl Operator {
             heard.decisions.insert(plan_id.clone(), decision);
             heard.tell_when_complete(&plan_id);
         })?;
-        self.hear(topics::CORRECTIONS, |_, correction: Correction| {
-            tell_correction(&correction);
+        let file = file.to_owned();
+        self.hear(topics::CORRECTIONS, move |_, correction: Correction| {
+            tell_correction(&correction, &file);
         })?;
         self.hear(
             topics::CORRECTION_ACKNOWLEDGEMENTS,
@@ -456,6 +457,39 @@ pub(crate) fn approve(
     Ok(tell_reply(response.accepted, &response.text))
 }
 
+/// `probecell recording start`: a call of the cell's service.
+pub(crate) fn start_recording(file: &Path, name: &str) -> anyhow::Result<u8> {
+    let request = srv::StartRecordingRequest {
+        uri: name.to_owned(),
+    };
+    let response = call::<srv::StartRecording>(file, "start_recording", &request)?;
+    report::line(&if response.accepted {
+        format!("records in {}", response.uri)
+    } else {
+        response.text
+    });
+    Ok(if response.accepted { GOOD } else { FAILED })
+}
+
+/// `probecell recording stop`: a call of the cell's service.
+pub(crate) fn stop_recording(file: &Path) -> anyhow::Result<u8> {
+    let request = srv::StopRecordingRequest::default();
+    let response = call::<srv::StopRecording>(file, "stop_recording", &request)?;
+    if !response.accepted {
+        report::line(&response.text);
+        return Ok(FAILED);
+    }
+    report::line(&format!(
+        "recorded {} messages in {}",
+        response.messages, response.uri
+    ));
+    if response.text.is_empty() {
+        return Ok(GOOD);
+    }
+    report::remark(&response.text);
+    Ok(LOSS)
+}
+
 fn tell_reply(accepted: bool, text: &str) -> u8 {
     report::line(if accepted { "accepted" } else { text });
     if accepted { GOOD } else { FAILED }
@@ -513,11 +547,12 @@ fn verdict_word(verdict: u8) -> &'static str {
     }
 }
 
-fn tell_correction(correction: &Correction) {
+/// `file`: the cell file, to name in what an operator is to type.
+fn tell_correction(correction: &Correction, file: &str) {
     let (from, to) = (correction.previous_value * 1e6, correction.new_value * 1e6);
     let who = match correction.approval {
         Correction::APPROVAL_NONE => format!(
-            "waits for approval: probecell approve {} --operator NAME",
+            "waits for approval: probecell approve {} --operator NAME --cell {file}",
             correction.correction_id
         ),
         Correction::APPROVAL_REJECTED => format!("rejected by {}", correction.approved_by),
