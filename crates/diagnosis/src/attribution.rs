@@ -5,7 +5,7 @@
 //! before; the second order of large displacements on curved surfaces is corrected from outside.
 
 use crate::beside::{Beside, UNKNOWN, challenge};
-use crate::candidate::Candidate;
+use crate::candidate::{Alias, Candidate};
 use crate::effects::Variant;
 use crate::evidence::{Fit, Products, add_scaled, whitened};
 use crate::observation::Observations;
@@ -42,8 +42,8 @@ pub struct Model {
 pub struct Attribution {
     /// Candidates in use.
     pub candidates: Vec<Candidate>,
-    /// Candidates with the same signature as each candidate (by place in the library of variants).
-    pub aliases: Vec<Vec<usize>>,
+    /// What of other effects has the same signature as each candidate.
+    pub aliases: Vec<Vec<Alias>>,
     /// Rivals.
     pub rivals: Vec<Rival>,
     /// Models, most probable first.

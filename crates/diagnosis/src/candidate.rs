@@ -34,6 +34,17 @@ pub struct Candidate {
     pub bends: bool,
 }
 
+/// A variant at a definite shape that spans what a candidate of another effect spans.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Alias {
+    /// Place of the variant in the library.
+    pub variant: usize,
+    /// Value of its nonlinear constant; 0 where it has none.
+    pub shape: f64,
+    /// True where the second order of a sideways displacement belongs to it.
+    pub bends: bool,
+}
+
 impl Candidate {
     /// The block of a variant; `None` where this session cannot see it at all.
     pub fn new(

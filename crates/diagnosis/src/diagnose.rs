@@ -175,17 +175,35 @@ fn explain(shapes: &Shapes<'_>) -> Explained {
         }
     }
     for _ in 0..ROUNDS {
-        let stray = stray_of(&best);
-        if stray == best.stray {
-            break;
+        let mut better: Option<Explained> = None;
+        let mut tried: Vec<Vec<usize>> = vec![best.stray.clone()];
+        for stray in strays_of(&best) {
+            if tried.contains(&stray) {
+                continue;
+            }
+            let other = straightened(shapes, &stray);
+            if other.score > better.as_ref().map_or(best.score, |known| known.score) {
+                better = Some(other);
+            }
+            tried.push(stray);
         }
-        let other = straightened(shapes, &stray);
-        if other.score <= best.score {
-            break;
+        match better {
+            Some(other) => best = other,
+            None => break,
         }
-        best = other;
     }
     best
+}
+
+/// Touches that may be stray: by the best explanation, and by the best one without anything unknown, since a few stray
+/// touches look like something unknown, which then follows them.
+fn strays_of(explained: &Explained) -> Vec<Vec<usize>> {
+    let attribution = &explained.attribution;
+    let best = attribution.models.first();
+    let known = (attribution.models.iter()).find(|model| !attribution.is_unknown(model));
+    (best.into_iter().chain(known))
+        .map(|model| stray_of(attribution, model))
+        .collect()
 }
 
 /// Attribution with the second order of curved surfaces taken into account.
@@ -300,10 +318,8 @@ fn residuals(attribution: &Attribution, model: &Model) -> Vec<f64> {
     left
 }
 
-/// Touches that the best model misses by more than a stray touch costs.
-fn stray_of(explained: &Explained) -> Vec<usize> {
-    let attribution = &explained.attribution;
-    let model = &attribution.models[0];
+/// Touches that a model misses by more than a stray touch costs.
+fn stray_of(attribution: &Attribution, model: &Model) -> Vec<usize> {
     let left = residuals(attribution, model);
     let mut sizes: Vec<f64> = left
         .iter()
@@ -569,7 +585,7 @@ impl Reporter<'_> {
             names.contains(&own)
                 || attribution.aliases[member]
                     .iter()
-                    .any(|&alias| names.contains(&&self.variants[alias].effect))
+                    .any(|alias| names.contains(&&self.variants[alias.variant].effect))
         };
         let models = attribution
             .models

@@ -51,8 +51,8 @@ pub(crate) fn indistinguishable(
         })
         .collect();
     let mut found: BTreeSet<&str> = BTreeSet::new();
-    for &alias in &attribution.aliases[member] {
-        found.insert(&variants[alias].effect);
+    for alias in &attribution.aliases[member] {
+        found.insert(&variants[alias.variant].effect);
     }
     let seen = |column: &[f64]| -> Vec<f64> {
         (shapes.sample.iter())
@@ -91,7 +91,7 @@ pub(crate) fn indistinguishable(
             found.extend(
                 attribution.aliases[place]
                     .iter()
-                    .map(|&alias| variants[alias].effect.as_str()),
+                    .map(|alias| variants[alias.variant].effect.as_str()),
             );
         }
     }
@@ -132,7 +132,7 @@ pub(crate) fn indistinguishable(
                 found.extend(
                     attribution.aliases[new]
                         .iter()
-                        .map(|&alias| variants[alias].effect.as_str()),
+                        .map(|alias| variants[alias.variant].effect.as_str()),
                 );
             }
         }

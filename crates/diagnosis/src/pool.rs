@@ -6,7 +6,7 @@
 use std::cell::OnceCell;
 use std::collections::BTreeMap;
 
-use crate::candidate::Candidate;
+use crate::candidate::{Alias, Candidate};
 use crate::effects::Variant;
 use crate::evidence::{Products, add_scaled, dot, scale};
 use crate::observation::Observations;
@@ -112,7 +112,7 @@ pub(crate) struct Shapes<'a> {
     pub(crate) observations: &'a Observations,
     pub(crate) variants: &'a [Variant],
     base: Vec<Candidate>,
-    aliases: Vec<Vec<usize>>,
+    aliases: Vec<Vec<Alias>>,
     trials: Vec<OnceCell<Vec<Trial>>>,
     /// Rows on which shapes are scanned: all of a usual session, evenly spaced ones of a long one.
     pub(crate) sample: Vec<usize>,
@@ -211,15 +211,19 @@ impl<'a> Shapes<'a> {
 fn join(
     variants: &[Variant],
     candidates: &mut Vec<Candidate>,
-    aliases: &mut Vec<Vec<usize>>,
+    aliases: &mut Vec<Vec<Alias>>,
     candidate: Candidate,
 ) -> usize {
     for (place, known) in candidates.iter().enumerate() {
         if same_span(known, &candidate) {
             let effect = &variants[candidate.variant].effect;
-            let named = |&alias: &usize| variants[alias].effect == *effect;
+            let named = |alias: &Alias| variants[alias.variant].effect == *effect;
             if *effect != variants[known.variant].effect && !aliases[place].iter().any(named) {
-                aliases[place].push(candidate.variant);
+                aliases[place].push(Alias {
+                    variant: candidate.variant,
+                    shape: candidate.shape,
+                    bends: candidate.bends,
+                });
             }
             return place;
         }
@@ -243,7 +247,7 @@ pub(crate) struct Pool<'a> {
     /// Share of a touch's noise that the next one remembers.
     pub(crate) correlation: f64,
     pub(crate) candidates: Vec<Candidate>,
-    pub(crate) aliases: Vec<Vec<usize>>,
+    pub(crate) aliases: Vec<Vec<Alias>>,
     pub(crate) products: Products,
 }
 
@@ -280,7 +284,7 @@ impl<'a> Pool<'a> {
         let classes = |place: usize| {
             let mut effects: Vec<&str> = self.aliases[place]
                 .iter()
-                .map(|&alias| self.shapes.variants[alias].effect.as_str())
+                .map(|alias| self.shapes.variants[alias.variant].effect.as_str())
                 .collect();
             effects.sort_unstable();
             effects.dedup();

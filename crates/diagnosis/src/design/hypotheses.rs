@@ -262,10 +262,10 @@ impl Table<'_> {
             let equals = self.source.attribution.aliases[place]
                 .iter()
                 .take(EQUALS)
-                .map(|&variant| Member {
-                    variant,
-                    shape: 0.0,
-                    bends: false,
+                .map(|alias| Member {
+                    variant: alias.variant,
+                    shape: alias.shape,
+                    bends: alias.bends,
                 });
             let choices: Vec<Member> = std::iter::once(own).chain(equals).collect();
             sets = sets
