@@ -10,7 +10,7 @@ use crate::effects::Variant;
 use crate::evidence::{Fit, Products, add_scaled, whitened};
 use crate::observation::Observations;
 use crate::pool::{Pool, Shapes, orthonormal};
-use crate::rivals::{Kind, Rival, grid, rivals};
+use crate::rivals::{Kind, Rival, grid};
 use crate::search::{MOST_EFFECTS, Scored, exchange, extend, prune};
 
 /// Prior probability that the noise remembers the touch before.
@@ -196,7 +196,7 @@ fn finish(pool: Pool<'_>, scored: &[Scored]) -> Attribution {
     let white = pool.correlation == 0.0;
     let mut challengers = Vec::new();
     if white {
-        challengers = unknown_to(&pool, rivals(pool.shapes.observations, pool.active));
+        challengers = unknown_to(&pool, &pool.shapes.rivals(pool.active));
         challengers.extend(grid(pool.shapes.observations, pool.active));
     }
     let noise = if white {
@@ -235,7 +235,7 @@ fn finish(pool: Pool<'_>, scored: &[Scored]) -> Attribution {
 }
 
 /// Rivals less what the library already has: a dependence on a covariate is no rival of the effects that have it.
-fn unknown_to(pool: &Pool<'_>, rivals: Vec<Rival>) -> Vec<Rival> {
+fn unknown_to(pool: &Pool<'_>, rivals: &[Rival]) -> Vec<Rival> {
     let own = |rival: Rival| {
         let Kind::Covariate(covariate) = rival.kind else {
             return Some(rival);
@@ -249,7 +249,7 @@ fn unknown_to(pool: &Pool<'_>, rivals: Vec<Rival>) -> Vec<Rival> {
             .map(|column| whitened(column, pool.active, 0, 0.0));
         rival.beside(&orthonormal(columns))
     };
-    rivals.into_iter().filter_map(own).collect()
+    rivals.iter().cloned().filter_map(own).collect()
 }
 
 impl Attribution {

@@ -26,7 +26,7 @@ use crate::residuals::{self, Residuals, TouchResiduals};
 use crate::rivals::Kind;
 use crate::session::{DiagnoseError, Session};
 use crate::shrinkage::Blocks;
-use crate::{checks, outliers, parameters, places, referenced, timing, vocabulary};
+use crate::{checks, outliers, parameters, places, referenced, support, timing, vocabulary};
 
 /// Beside something unknown an effect is named only when it is this probable.
 const SURE_BESIDE_UNKNOWN: f64 = 0.99;
@@ -369,8 +369,14 @@ impl Reporter<'_> {
         let best = simplest(attribution, best.unwrap_or(&empty));
         let fit = attribution.fit(best);
         let noise = fit.as_ref().map_or(0.0, |fit| fit.variance.sqrt());
-        let (effects, set) = self.effects(best, beside_unknown, noise);
-        let mut effects = effects;
+        // Beside something unknown the touches cannot tell what an effect is worth.
+        let doubted = if beside_unknown {
+            Vec::new()
+        } else {
+            support::doubted(self.observations, attribution, &best.set, noise)
+        };
+        let beside_unknown = beside_unknown || !doubted.is_empty();
+        let (mut effects, set) = self.effects(best, &doubted, beside_unknown, noise);
         let grid = self.grid(best, noise, &mut effects);
         self.records(noise, beside_unknown, &mut effects);
         let named = !effects.is_empty();
@@ -426,7 +432,7 @@ impl Reporter<'_> {
                 &self.observations.deviations,
                 &attribution.active,
             ),
-            unexplained: self.unexplained(beside_unknown),
+            unexplained: self.unexplained(beside_unknown, best, &doubted, rms),
             rejected: self.rejected(&set),
             next_measurement: self.next_measurement(&set, &effects),
             declared: declared::told(self.session, self.observations, &attribution.active),
@@ -491,7 +497,15 @@ impl Reporter<'_> {
     }
 
     /// Named effects in the order in which they close the gap, and their candidates.
-    fn effects(&self, best: &Model, beside_unknown: bool, noise: f64) -> (Vec<Effect>, Vec<usize>) {
+    ///
+    /// What is `doubted` of the best explanation is left unnamed.
+    fn effects(
+        &self,
+        best: &Model,
+        doubted: &[usize],
+        beside_unknown: bool,
+        noise: f64,
+    ) -> (Vec<Effect>, Vec<usize>) {
         let attribution = &self.explained.attribution;
         let Some(fit) = attribution.fit(best) else {
             return (Vec::new(), Vec::new());
@@ -502,6 +516,9 @@ impl Reporter<'_> {
             let candidate = &attribution.candidates[member];
             let own = &fit.coefficients[start..start + candidate.block.len()];
             start += candidate.block.len();
+            if doubted.contains(&member) {
+                continue;
+            }
             let equals = indistinguishable(self.shapes, attribution, &best.set, member, own, noise);
             let name = self.variants[candidate.variant].effect.clone();
             let probability = self.probability(std::iter::once(&name).chain(&equals.names));
@@ -594,8 +611,25 @@ impl Reporter<'_> {
         models.map(|model| model.probability).sum::<f64>().min(1.0)
     }
 
-    fn unexplained(&self, beside_unknown: bool) -> Unexplained {
+    /// What remains, no more than the gap of `gap` (m): what effects and something unknown cancel is in no touch.
+    fn unexplained(
+        &self,
+        beside_unknown: bool,
+        best: &Model,
+        doubted: &[usize],
+        gap: f64,
+    ) -> Unexplained {
         let attribution = &self.explained.attribution;
+        let touches = |part: &[f64]| {
+            let touches = part.iter().take(self.observations.touches());
+            rms(touches.copied()).min(gap)
+        };
+        if let Some(part) = self.part_of(best, doubted) {
+            return Unexplained {
+                rms: touches(&part),
+                place: places::of_part(self.observations, &part, &attribution.active),
+            };
+        }
         if !beside_unknown {
             return Unexplained {
                 rms: 0.0,
@@ -628,7 +662,7 @@ impl Reporter<'_> {
             }
             if let Some((kind, part)) = places::rival_part(attribution, index) {
                 if kinds.is_empty() {
-                    size = rms(part.iter().copied());
+                    size = touches(&part);
                 }
                 all.extend(places::of_rival(self.observations, &kind, &part, share));
                 kinds.push(kind);
@@ -638,6 +672,23 @@ impl Reporter<'_> {
             rms: size,
             place: all,
         }
+    }
+
+    /// What some members of a model add to the weighted deviations; `None` for no members.
+    fn part_of(&self, model: &Model, members: &[usize]) -> Option<Vec<f64>> {
+        let attribution = &self.explained.attribution;
+        let fit = attribution.fit(model).filter(|_| !members.is_empty())?;
+        let mut part = vec![0.0; attribution.y.len()];
+        let mut start = 0;
+        for &member in &model.set {
+            let candidate = &attribution.candidates[member];
+            let own = &fit.coefficients[start..start + candidate.block.len()];
+            start += candidate.block.len();
+            if members.contains(&member) {
+                add_scaled(&mut part, 1.0, &signature(candidate, own));
+            }
+        }
+        Some(part)
     }
 
     fn rejected(&self, named: &[usize]) -> Vec<Rejected> {

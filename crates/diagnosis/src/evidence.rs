@@ -253,10 +253,11 @@ fn inverse_diagonal(factor: &[f64], n: usize, scratch: &mut [f64]) -> Vec<f64> {
     let mut diagonal = vec![0.0; n];
     for column in 0..n {
         for row in column..n {
-            let mut sum = if row == column { 1.0 } else { 0.0 };
-            for k in column..row {
-                sum -= factor[row * n + k] * scratch[column * n + k];
-            }
+            let sum = less(
+                if row == column { 1.0 } else { 0.0 },
+                &factor[row * n + column..row * n + row],
+                &scratch[column * n + column..column * n + row],
+            );
             let value = sum / factor[row * n + row];
             scratch[column * n + row] = value;
             diagonal[column] += value * value;
@@ -329,33 +330,36 @@ pub(crate) fn scale(values: &mut [f64], factor: f64) {
 pub(crate) fn cholesky(matrix: &mut [f64], n: usize) -> Option<f64> {
     let mut log_determinant = 0.0;
     for i in 0..n {
-        for j in 0..=i {
-            let mut sum = matrix[i * n + j];
-            for k in 0..j {
-                sum -= matrix[i * n + k] * matrix[j * n + k];
-            }
-            if i == j {
-                if !(sum > 0.0) {
-                    return None;
-                }
-                log_determinant += sum.ln();
-                matrix[i * n + i] = sum.sqrt();
-            } else {
-                matrix[i * n + j] = sum / matrix[j * n + j];
-            }
+        let (above, row) = matrix.split_at_mut(i * n);
+        let row = &mut row[..=i];
+        for j in 0..i {
+            let known = &above[j * n..=j * n + j];
+            let sum = less(row[j], &row[..j], &known[..j]);
+            row[j] = sum / known[j];
         }
+        let sum = less(row[i], &row[..i], &row[..i]);
+        if !(sum > 0.0) {
+            return None;
+        }
+        log_determinant += sum.ln();
+        row[i] = sum.sqrt();
     }
     Some(log_determinant)
+}
+
+/// A value less the products of two rows, in their order.
+fn less(value: f64, one: &[f64], other: &[f64]) -> f64 {
+    one.iter()
+        .zip(other)
+        .fold(value, |left, (a, b)| left - a * b)
 }
 
 /// Solves in place with the lower triangle only.
 pub(crate) fn forward(factor: &[f64], n: usize, right: &mut [f64]) {
     for i in 0..n {
-        let mut sum = right[i];
-        for k in 0..i {
-            sum -= factor[i * n + k] * right[k];
-        }
-        right[i] = sum / factor[i * n + i];
+        let row = &factor[i * n..=i * n + i];
+        let sum = less(right[i], &row[..i], &right[..i]);
+        right[i] = sum / row[i];
     }
 }
 

@@ -34,6 +34,7 @@ pub mod search;
 pub mod session;
 pub mod shrinkage;
 mod summary;
+mod support;
 pub mod timing;
 pub mod vocabulary;
 pub mod words;

@@ -25,6 +25,9 @@ use crate::session::{DiagnoseError, Session};
 const WORTH_NAMING: f64 = 0.02;
 /// Angles by which a thorough search turns each prescribed axis beside half a turn, rad.
 const TURNS: &[f64] = &[0.35, 1.05];
+/// How often what is hidden is among the explanations and predicted rightly, where something is in doubt: of 33 unsure
+/// blind sessions 22 were resolved, where the explanations alone promised 28.
+const AMONG_THEM: f64 = 0.8;
 /// Explanations told.
 const TOLD: usize = 6;
 /// Names told.
@@ -105,7 +108,8 @@ pub(crate) fn propose(
     wish: Wish,
 ) -> Vec<NextMeasurement> {
     // Who asks for a thorough proposal wants one even where little is in doubt.
-    let wanted = wish.effort == Effort::Thorough || !is_sure(known, set, effects);
+    let sure = is_sure(known, set, effects);
+    let wanted = wish.effort == Effort::Thorough || !sure;
     let Some(plan) = known.plan.filter(|_| wanted) else {
         return Vec::new();
     };
@@ -157,7 +161,7 @@ pub(crate) fn propose(
     vec![told(
         points.collect(),
         Some(runnable(plan, touches)),
-        chance(&posterior.predictions, &chosen, limits.draws),
+        if sure { 1.0 } else { AMONG_THEM } * chance(&posterior.predictions, &chosen, limits.draws),
     )]
 }
 

@@ -65,6 +65,15 @@ pub fn shares(observations: &Observations, values: &[f64], active: &[bool]) -> V
     places
 }
 
+/// Where a part of the deviations lies; never nowhere.
+pub(crate) fn of_part(observations: &Observations, values: &[f64], active: &[bool]) -> Vec<Place> {
+    let mut places = shares(observations, values, active);
+    if places.is_empty() {
+        places.push(place("region", "everywhere".to_owned(), None, 1.0));
+    }
+    places
+}
+
 /// Place of what a rival explains: `values` is its part of the deviations.
 pub fn of_rival(
     observations: &Observations,

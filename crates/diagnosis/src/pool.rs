@@ -3,13 +3,15 @@
 //! What does not depend on the deviations is built once ([`Shapes`]) and shared by all attributions of a session. Shapes
 //! are scanned against what the best sets leave and refined continuously. Metres.
 
-use std::cell::OnceCell;
+use std::cell::{OnceCell, RefCell};
 use std::collections::BTreeMap;
+use std::rc::Rc;
 
 use crate::candidate::{Alias, Candidate};
 use crate::effects::Variant;
 use crate::evidence::{Products, add_scaled, dot, scale};
 use crate::observation::Observations;
+use crate::rivals::{Rival, rivals};
 use crate::search::{Priors, Scored, search, usual_beam};
 
 /// Rows on which shapes are scanned.
@@ -107,6 +109,12 @@ impl Trial {
     }
 }
 
+/// Rivals over some rows.
+struct OfRows {
+    active: Vec<bool>,
+    rivals: Rc<[Rival]>,
+}
+
 /// What the library offers in a session, whatever its deviations.
 pub(crate) struct Shapes<'a> {
     pub(crate) observations: &'a Observations,
@@ -117,6 +125,8 @@ pub(crate) struct Shapes<'a> {
     /// Rows on which shapes are scanned: all of a usual session, evenly spaced ones of a long one.
     pub(crate) sample: Vec<usize>,
     sampled: Option<Observations>,
+    /// Rivals over the rows in use, as far as they were asked for: they do not depend on the deviations.
+    rivals: RefCell<Vec<OfRows>>,
 }
 
 impl<'a> Shapes<'a> {
@@ -139,6 +149,7 @@ impl<'a> Shapes<'a> {
             trials: variants.iter().map(|_| OnceCell::new()).collect(),
             sample,
             sampled,
+            rivals: RefCell::new(Vec::new()),
         };
         for (place, variant) in variants.iter().enumerate() {
             let (plain, bent) = match &variant.shape {
@@ -171,6 +182,20 @@ impl<'a> Shapes<'a> {
             !candidate.bends && variant.shape.is_none() && variant.share >= 1.0
         };
         self.base.iter().filter(usual).collect()
+    }
+
+    /// All rivals over the rows in `active`.
+    pub(crate) fn rivals(&self, active: &[bool]) -> Rc<[Rival]> {
+        let mut known = self.rivals.borrow_mut();
+        if let Some(of) = known.iter().find(|of| of.active == active) {
+            return Rc::clone(&of.rivals);
+        }
+        let made: Rc<[Rival]> = rivals(self.observations, active).into();
+        known.push(OfRows {
+            active: active.to_vec(),
+            rivals: Rc::clone(&made),
+        });
+        made
     }
 
     /// Tried values of a variant's shape; none where it has no shape.

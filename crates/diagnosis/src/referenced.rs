@@ -147,7 +147,8 @@ pub(crate) fn report(
     }
     report.gap.noise_floor = report.gap.noise_floor.hypot(uncertainty);
     report.gap.ratio = report.gap.rms / report.gap.noise_floor;
-    if report.unexplained.place.is_empty() {
+    let of_the_part = report.unexplained.place.is_empty() && !part.unexplained.place.is_empty();
+    if of_the_part {
         report.unexplained = part.unexplained;
     }
     let beyond = |effect: &Effect| {
@@ -170,6 +171,12 @@ pub(crate) fn report(
         (true, true) => Verdict::NoGap,
     };
     report.warnings.extend(remarks(session, parted));
+    if of_the_part {
+        report.warnings.push(format!(
+            "what stays unexplained is {}, and no part of the gap",
+            COMPARED[1]
+        ));
+    }
     report
 }
 
