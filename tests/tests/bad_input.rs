@@ -242,9 +242,12 @@ fn files_that_are_not_there_are_named() {
         "{error}"
     );
     let told = refused("clearance_axis = \"X\"", "clearance_axis = \"U\"");
+    let line = line_of("clearance_axis = \"X\"");
     assert_eq!(
         told,
-        "turn_mill.toml: path_planning.clearance_axis = \"U\" is not an axis of the machine"
+        format!(
+            "turn_mill.toml line {line}: path_planning.clearance_axis = \"U\" is not an axis of the machine"
+        )
     );
 }
 

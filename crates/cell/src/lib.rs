@@ -99,7 +99,7 @@ pub enum CellError {
     /// A setting cannot be used.
     #[error("{file}: {message}")]
     Setting {
-        /// The cell file.
+        /// The cell file, and the line where it can be told.
         file: String,
         /// What is wrong.
         message: String,
@@ -286,11 +286,42 @@ impl Cell {
     }
 
     fn setting<T, E: std::fmt::Display>(&self, checked: Result<T, E>) -> Result<T, CellError> {
-        checked.map_err(|error| CellError::Setting {
-            file: self.text.name.clone(),
-            message: error.to_string(),
+        checked.map_err(|error| {
+            let message = error.to_string();
+            let name = &self.text.name;
+            let file = line_of_setting(&self.text.cell, &message)
+                .map_or_else(|| name.clone(), |line| format!("{name} line {line}"));
+            CellError::Setting { file, message }
         })
     }
+}
+
+/// The line of the setting that a sentence begins with (`section.key ...`), or of the name that it quotes first, where
+/// that stands inside.
+fn line_of_setting(text: &str, message: &str) -> Option<usize> {
+    let is_path = |byte: &u8| byte.is_ascii_alphanumeric() || b"_.".contains(byte);
+    let path: String = message
+        .bytes()
+        .take_while(is_path)
+        .map(char::from)
+        .collect();
+    let document = toml_edit::Document::parse(text).ok()?;
+    let (mut span, mut whole) = (None, true);
+    let mut item = document.as_item();
+    for key in path.split('.') {
+        let Some(inner) = item.get(key) else {
+            whole = false;
+            break;
+        };
+        item = inner;
+        span = item.span().or(span);
+    }
+    let span = span?;
+    let quoted = message.split('"').nth(1).map(|name| format!("{name:?}"));
+    let inside = quoted.and_then(|name| text.get(span.clone())?.find(&name));
+    // A key of one of several tables: which of them is told by the name alone.
+    let at = span.start + inside.or(whole.then_some(0))?;
+    Some(text.get(..at)?.matches('\n').count() + 1)
 }
 
 /// Replaces serde's list of all known keys by the nearest one.
