@@ -182,6 +182,8 @@ pub fn in_shop_units(name: &str, value: f64, unit: &str, ci95: Option<[f64; 2]>)
         "m/m" => (1e6, "µm/m"),
         "rad/m" => (1e6, "µrad/m"),
         "1/K" => (1e6, "µm/(m K)"),
+        "rad/(N m)" => (1e6, "µrad/(N m)"),
+        "m/N" => (1e6, "µm/N"),
         "s" if value.abs() < 1.0 => (1e3, "ms"),
         "1" => (1.0, ""),
         other => (1.0, other),
@@ -229,6 +231,10 @@ mod tests {
         assert_eq!(
             text("rate", 1.4e-6, "m/m", 2e-7),
             "rate = 1.4000 ± 0.2000 µm/m"
+        );
+        assert_eq!(
+            text("A2", 1.2e-6, "rad/(N m)", 3e-7),
+            "A2 = 1.2000 ± 0.3000 µrad/(N m)"
         );
         assert_eq!(text("length", 0.075, "m", 0.0), "length = 75 mm");
         assert_eq!(text("tool", 2.0, "1", 0.0), "tool = 2");

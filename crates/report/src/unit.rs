@@ -54,6 +54,8 @@ impl Unit {
             "m/m" => Self::fixed(1e6, "µm/m"),
             "rad/m" => Self::fixed(1e6, "µrad/m"),
             "1/K" => Self::fixed(1e6, "µm/(m K)"),
+            "rad/(N m)" => Self::fixed(1e6, "µrad/(N m)"),
+            "m/N" => Self::fixed(1e6, "µm/N"),
             "1" => Self::ONE,
             other => Self::plain(other),
         }
