@@ -1,23 +1,45 @@
 #!/usr/bin/env python3
 """Compares machine's chain with Pinocchio (PyPI `pin`): the same numbers, and poses per second, in one run.
 
-usage: pin_kinematics.py BENCH   (the built bench `kinematics`; `cargo bench -p machine --no-run` prints its path)
+    python3 crates/machine/benches/pin_kinematics.py
 
+Pinocchio is installed into target/pin-venv; the bench `kinematics` is built and run.
 Tasks: `forward` is the ball in the part, `links` adds its derivatives by all six components of the location error of
 every axis (Pinocchio: computeFrameKinematicRegressor of the frames that the branches end in). Pinocchio is called from
 Python once per pose and task step, which costs it some tenths of a microsecond per call; the time of a call
 that looks up a name is taken, and ratios are given with it taken off as well. Exit status 1 where Pinocchio is ahead
 even so, or where the numbers differ by more than 1e-12.
 """
+import os
 import pathlib
 import subprocess
 import sys
 import time
-
-import numpy as np
-import pinocchio as pin
+import venv
 
 HERE = pathlib.Path(__file__).resolve().parent
+ROOT = HERE.parents[2]
+TARGET = pathlib.Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")).resolve()
+
+
+def within_venv():
+    """Starts this script again with the interpreter that has Pinocchio."""
+    folder = TARGET / "pin-venv"
+    python = folder / "bin/python"
+    if pathlib.Path(sys.prefix) == folder:
+        return
+    if not python.exists():
+        venv.create(folder, with_pip=True)
+        subprocess.run([python, "-m", "pip", "install", "-q", "pin"], check=True)
+    os.execv(python, [str(python), *sys.argv])
+
+
+within_venv()
+
+import numpy as np  # noqa: E402
+import pinocchio as pin  # noqa: E402
+
+BENCH = "cargo bench -q -p machine --bench kinematics --".split()
 URDF = {"wcbxfzyst": HERE / "../../../launch-scripts/wcbxfzyst.urdf", "arm": HERE / "arm.urdf"}
 BALL = np.array([0.001, 0.002, -0.15])
 POSES, RUNS = 20_000, 5
@@ -101,21 +123,25 @@ def per_second(task, configurations):
     return len(configurations) / best
 
 
+def own(*arguments):
+    """Lines that our bench prints."""
+    command = [*BENCH, *arguments]
+    return subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True).stdout.splitlines()
+
+
 def main():
-    if len(sys.argv) != 2:
-        sys.exit(__doc__)
-    bench = sys.argv[1]
     machines = {name: Machine(name) for name in URDF}
     worst, counts = 0.0, dict.fromkeys(URDF, 0)
-    for line in subprocess.run([bench, "check"], capture_output=True, text=True, check=True).stdout.splitlines():
+    for line in own("check"):
         name, *values = line.split()
         theirs = machines[name].numbers(machines[name].configuration(counts[name]))
         counts[name] += 1
         worst = max(worst, np.abs(np.array(values, float) - theirs).max())
+    print("load averages %.1f, %.1f, %.1f" % os.getloadavg())
     print(f"largest difference of positions (m) and derivatives: {worst:.1e} over {sum(counts.values())} poses")
 
     rates = {}
-    for line in subprocess.run([bench], capture_output=True, text=True, check=True).stdout.splitlines():
+    for line in own():
         name, task, rate = line.split()
         rates[name, task] = float(rate)
     behind = worst > 1e-12 or min(counts.values()) == 0

@@ -1,19 +1,41 @@
 #!/usr/bin/env python3
 """Times metrology's fits and SciPy's on the same kind of points in one run; exit status 1 where SciPy is ahead.
 
-usage: scipy_fits.py BENCH   (the built bench `fits`; `cargo bench -p metrology --no-run` prints its path)
+    python3 crates/metrology/benches/scipy_fits.py
 
+SciPy is installed into target/scipy-venv; the bench `fits` is built and run.
 SciPy has the easier task: it starts from the true shape, has the analytic Jacobian, and stops at its default
 tolerance; ours starts from the points alone, searches all axis directions and stops at the rounding. Line and plane are
 a singular value decomposition. Times are the fastest of three; ours those the bench prints.
 """
+import os
+import pathlib
 import subprocess
 import sys
 import time
+import venv
 
-import numpy as np
-from scipy.linalg import svd
-from scipy.optimize import least_squares
+ROOT = pathlib.Path(__file__).resolve().parents[3]
+TARGET = pathlib.Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")).resolve()
+
+
+def within_venv():
+    """Starts this script again with the interpreter that has SciPy."""
+    folder = TARGET / "scipy-venv"
+    python = folder / "bin/python"
+    if pathlib.Path(sys.prefix) == folder:
+        return
+    if not python.exists():
+        venv.create(folder, with_pip=True)
+        subprocess.run([python, "-m", "pip", "install", "-q", "scipy"], check=True)
+    os.execv(python, [str(python), *sys.argv])
+
+
+within_venv()
+
+import numpy as np  # noqa: E402
+from scipy.linalg import svd  # noqa: E402
+from scipy.optimize import least_squares  # noqa: E402
 
 
 def points(shape, n, rng):
@@ -86,11 +108,11 @@ def run(shape, p):
 
 
 def main():
-    if len(sys.argv) != 2:
-        sys.exit(__doc__)
-    ours = subprocess.run([sys.argv[1]], capture_output=True, text=True, check=True).stdout
+    command = "cargo bench -q -p metrology --bench fits".split()
+    ours = subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True).stdout
     rng = np.random.default_rng(1)
     behind = 0
+    print("load averages %.1f, %.1f, %.1f" % os.getloadavg())
     print(f"{'shape':9} {'points':>8} {'ours, s':>10} {'SciPy, s':>10} {'times':>6}")
     for line in ours.splitlines():
         shape, n, seconds = line.split()

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Compares metrology's fits with SciPy on random point sets; exit status 1 beyond 1e-9 m.
 
-usage: scipy_compare.py FIT_POINTS [--sets N] [--seed S] [--shapes SHAPE …]
+usage: scipy_compare.py FIT_POINTS [--sets N] [--seed S] [--shapes SHAPE …] [--points LOW HIGH]
 
 FIT_POINTS is the built example `fit_points`. Both sides minimise the sum of squared orthogonal distances; SciPy starts
 from the shape the points were made from, we start from nothing. Compared are the shapes themselves, as positions (m)
@@ -26,9 +26,9 @@ def rotation(rng):
     return q * np.linalg.det(q)
 
 
-def make(shape, rng):
+def make(shape, rng, sizes):
     """Points in m of a part-sized feature, and the true pose and size."""
-    n = int(rng.integers(8, 60))
+    n = int(rng.integers(*sizes))
     frame, origin = rotation(rng), rng.uniform(-0.3, 0.3, 3)
     radius, length = rng.uniform(0.005, 0.1), rng.uniform(0.02, 0.2)
     # At least a third of a turn, at every angle.
@@ -155,13 +155,14 @@ def main():
     parser.add_argument("--sets", type=int, default=10_000)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--shapes", nargs="+", choices=SHAPES, default=SHAPES)
+    parser.add_argument("--points", nargs=2, type=int, default=[8, 60], help="points of a set, from LOW to below HIGH")
     arguments = parser.parse_args()
     failed = False
     for which, shape in enumerate(SHAPES):
         if shape not in arguments.shapes:
             continue
         rng = np.random.default_rng([arguments.seed, which])
-        cases = [make(shape, rng) for _ in range(arguments.sets)]
+        cases = [make(shape, rng, arguments.points) for _ in range(arguments.sets)]
         text = "".join(json.dumps({"shape": shape, "points": case[0].tolist()}) + "\n" for case in cases)
         answers = subprocess.run([arguments.fit_points], input=text, capture_output=True, text=True, check=True).stdout
         worst, beyond = 0.0, 0

@@ -3,9 +3,11 @@
 
     python3 crates/planning/benches/compare.py [--seconds 1] [--seeds 3] [--instances eil51 pr1002 … plate200 …]
 
-The solvers are installed into target/compare-venv. Each runs in its own process, one thread; the time is CPU time of
+The solvers are installed into target/compare-venv. `--instances plate50 plate200 plate1000 plate5000` prints the rows by
+number of points alone. Each runs in its own process, one thread; the time is CPU time of
 that process. Instances are of TSPLIB, where the gap is to the published optimum, or random plates of so many points,
-where it is to the shortest tour any solver found; "-" where a solver found none. Ours is the median over the seeds.
+where it is to the shortest tour any solver found; "-" where a solver found none. What the peers spend on a search of
+0.01 s is not counted, which is to their advantage: of ours, everything but reading the costs counts. Ours is the median over the seeds.
 elkai has no time limit: its own time stands beside it. LKH is for academic use: a yardstick, nothing else.
 """
 
@@ -23,10 +25,12 @@ import time
 import venv
 
 ROOT = pathlib.Path(__file__).resolve().parents[3]
+TARGET = pathlib.Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")).resolve()
 LIBRARY = ROOT.parent / "shared/data/tsplib"
 PLATES = "plate50 plate200 plate1000 plate5000"
 DEFAULT = f"{PLATES} d198 a280 lin318 pcb442 d657 pr1002 u1060 pcb1173 d1291 fl1577 pr2392 fnl4461 rl5915".split()
 LARGEST_FOR_ELKAI = 1200
+HARDLY = 0.01
 
 
 def plate(points):
@@ -135,19 +139,24 @@ def solve(solver, name, seconds, seeds):
         return own(name, seconds, seeds)
     if solver == "elkai" and int(re.search(r"\d+$", name).group()) > LARGEST_FOR_ELKAI:
         return None
+    if solver == "elkai":
+        return apart(solver, name, seconds)
+    # What they spend on hardly any search, mostly to take over the lists of Python, is theirs on top.
+    hardly = apart(solver, name, HARDLY)
+    free = hardly[1] if hardly else 0.0
     limit = seconds
-    for _ in range(3):
+    for _ in range(4):
         answer = apart(solver, name, limit)
-        if not answer or solver == "elkai" or answer[1] >= 0.8 * seconds:
+        if not answer or answer[1] - free >= 0.9 * seconds:
             break
         # Their limit is time on the wall; on a busy machine they got less CPU time than the others.
-        limit *= seconds / answer[1]
-    return answer
+        limit *= min(seconds / max(answer[1] - free, 0.1 * seconds), 4.0)
+    return answer and (answer[0], max(answer[1] - free, 0.0))
 
 
 def within_venv():
     """Starts this script again with the interpreter that has the solvers."""
-    folder = ROOT / "target/compare-venv"
+    folder = TARGET / "compare-venv"
     python = folder / "bin/python"
     if pathlib.Path(sys.prefix) == folder:
         return
@@ -165,6 +174,7 @@ def main():
     parser.add_argument("--instances", nargs="*", default=DEFAULT, help="names of TSPLIB, or plateN of N points")
     arguments = parser.parse_args()
     solvers = ["own", "fast_tsp", "ortools", "elkai"]
+    print("load averages %.1f, %.1f, %.1f" % os.getloadavg())
     print(f"{'gap % (CPU s)':<14}" + "".join(f"{solver:>18}" for solver in solvers))
     gaps = {solver: [] for solver in solvers}
     for name in arguments.instances:

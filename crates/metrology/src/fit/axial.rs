@@ -9,6 +9,7 @@
 use nalgebra::{DMatrix, Matrix3, SMatrix, SVector, Vector2, Vector3};
 
 use super::cloud::{Cloud, frame_about, is_canonical};
+use super::moments::Moments;
 use super::refine::{Minimum, Model, descend, inverse, refine};
 use super::{Cone, Cylinder, Fit, FitError, Point, Shape, spread};
 
@@ -26,6 +27,10 @@ const SAME: f64 = 1e-3;
 const FAR: f64 = 1e4;
 /// Points times starts in the first round: few points have many shapes close to them, so all directions start there.
 const EFFORT: usize = 2560;
+/// Starts in the first round where the sample is full, and the cosine of the angle within which two directions of those,
+/// one or two steps of the lattice apart, lead to one minimum.
+const MANY_STARTS: usize = 20;
+const NEIGHBOUR: f64 = 0.98;
 /// Points the search works on; the final descent takes all.
 const SAMPLE: usize = 64;
 
@@ -197,26 +202,18 @@ fn sample(points: &[Point]) -> Vec<Point> {
         .collect()
 }
 
-/// Linear start for an axis along the third column of `frame`; `K` is 3 for a cylinder, 5 for a cone.
-fn linear_start<const K: usize>(frame: Matrix3<f64>, points: &[Point]) -> Option<Axial> {
-    let mut normal = SMatrix::<f64, K, K>::zeros();
-    let mut right = SVector::<f64, K>::zeros();
-    for p in points {
-        let q = frame.tr_mul(p);
-        let row = SVector::<f64, K>::from_fn(|i, _| [q.x, q.y, 1.0, q.z, q.z * q.z][i]);
-        let square = q.x * q.x + q.y * q.y;
-        for a in 0..K {
-            right[a] += row[a] * square;
-            for b in 0..=a {
-                normal[(a, b)] += row[a] * row[b];
-            }
-        }
-    }
+/// Linear start for an axis along the third column of `frame`, with the sum of its squared distances; `K` is 3 for a
+/// cylinder, 5 for a cone.
+fn linear_start<const K: usize>(
+    frame: Matrix3<f64>,
+    moments: &Moments,
+    points: &[Point],
+) -> Option<(f64, Axial)> {
+    let (normal, right) = moments.equations(&frame);
+    let mut normal = normal.fixed_view::<K, K>(0, 0).into_owned();
+    let right = right.fixed_rows::<K>(0).into_owned();
     for a in 0..K {
         normal[(a, a)] *= 1.0 + 1e-12;
-        for b in 0..a {
-            normal[(b, a)] = normal[(a, b)];
-        }
     }
     let s = normal.cholesky()?.solve(&right);
     let center = Vector2::new(s[0], s[1]) / 2.0;
@@ -226,33 +223,51 @@ fn linear_start<const K: usize>(frame: Matrix3<f64>, points: &[Point]) -> Option
     }
     let radius = square.sqrt();
     let foot = frame * center.push(0.0);
+    let judged = |half_angle| {
+        let start = Axial::new(frame, foot, radius, half_angle);
+        (start.distances(points), start)
+    };
     if K == 3 {
-        return Some(Axial::new(frame, foot, radius, 0.0));
+        return Some(judged(0.0));
     }
     // Of the two estimates of k, from 2r₀k and from k², the one that comes closer to the points.
     let first = s[3] / (2.0 * radius);
     let second = s[4].max(0.0).sqrt().copysign(first);
     [first, second]
-        .map(|slope| Axial::new(frame, foot, radius, slope.atan()))
+        .map(|slope| judged(slope.atan()))
         .into_iter()
-        .min_by(|a, b| a.distances(points).total_cmp(&b.distances(points)))
+        .min_by(|a, b| a.0.total_cmp(&b.0))
 }
 
 /// Linear starts on the sample for every direction and the principal axes.
 fn starts<const K: usize>(cloud: &Cloud, sample: &[Point]) -> Vec<Axial> {
+    let moments = Moments::new(sample);
     let mut tried: Vec<(f64, Axial)> = directions(&cloud.principal)
-        .filter_map(|axis| linear_start::<K>(frame_about(&axis), sample))
-        .map(|start| (start.distances(sample), start))
+        .filter_map(|axis| linear_start::<K>(frame_about(&axis), &moments, sample))
         .filter(|(sum, _)| sum.is_finite())
         .collect();
     tried.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut starts: Vec<Axial> = tried.into_iter().map(|(_, a)| a).collect();
-    starts.truncate(EFFORT / sample.len());
+    if sample.len() == SAMPLE {
+        let mut apart: Vec<Axial> = Vec::with_capacity(MANY_STARTS);
+        for start in starts {
+            let near = |kept: &Axial| kept.axis().dot(&start.axis()).abs() > NEIGHBOUR;
+            if apart.len() < MANY_STARTS && !apart.iter().any(near) {
+                apart.push(start);
+            }
+        }
+        starts = apart;
+    } else {
+        starts.truncate(EFFORT / sample.len());
+    }
     // A slender feature lies along a principal axis more closely than the lattice is spaced.
     for axis in cloud.principal.column_iter() {
         let frame = frame_about(&axis.into());
-        starts.extend(linear_start::<K>(frame, sample));
-        starts.extend(linear_start::<3>(frame, sample));
+        let linear = [
+            linear_start::<K>(frame, &moments, sample),
+            linear_start::<3>(frame, &moments, sample),
+        ];
+        starts.extend(linear.into_iter().flatten().map(|(_, start)| start));
     }
     starts
 }

@@ -13,6 +13,7 @@ mod axial;
 mod cloud;
 mod enclosing;
 mod linear_program;
+mod moments;
 mod refine;
 pub mod robust;
 mod round;

@@ -43,12 +43,17 @@ fn accumulate<M: Model<P>, const P: usize>(model: &M, points: &[Point]) -> Sums<
     for point in points {
         let (r, j) = model.linearise(point);
         sums.sum += r * r;
-        // Whole columns, though half would do: these loops run in vector registers.
+        // Of each column what lies below the diagonal, from an even row on: these loops run in vector registers.
         for a in 0..P {
             sums.gradient[a] += j[a] * r;
-            for b in 0..P {
+            for b in a / 2 * 2..P {
                 sums.normal[(b, a)] += j[b] * j[a];
             }
+        }
+    }
+    for a in 0..P {
+        for b in a + 1..P {
+            sums.normal[(a, b)] = sums.normal[(b, a)];
         }
     }
     sums
