@@ -3,6 +3,8 @@
 //! The figures are those of that document; the machines' errors are in the cell files and known to no node but the
 //! simulated machine.
 
+use std::collections::BTreeMap;
+
 use cell_tests::{cell, factories, make_part, messages, recording};
 use graph::{
     Published,
@@ -10,7 +12,8 @@ use graph::{
     topics,
 };
 use probecell_msgs::{
-    Correction, CorrectionAcknowledgement, FeatureResult, PartReport, TouchDeviation,
+    Correction, CorrectionAcknowledgement, FeatureResult, InspectionPlan, PartReport,
+    TouchDeviation,
 };
 
 fn made(file: &str) -> (PartReport, Vec<Published>) {
@@ -26,6 +29,64 @@ fn deviations(log: &[Published], plan: &str) -> Vec<TouchDeviation> {
 
 fn rms(values: &[f64]) -> f64 {
     (values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64).sqrt()
+}
+
+#[test]
+fn a_bar_bends_under_the_rough_cut_and_is_finished_within_tolerance() {
+    let (report, log) = make_part(&cell("turn_mill_bending.toml", str::to_owned), "bar");
+    assert_eq!(report.verdict, PartReport::QUALIFIED, "{}", report.text);
+    let plan = messages::<InspectionPlan>(&log, topics::INSPECTION_PLAN.name).remove(0);
+    // Error of diameter or width by height, µm: twice the mean of the radial deviations there.
+    let along = |plan_id: &str, turned: bool| -> Vec<(f64, f64)> {
+        let mut by_height: BTreeMap<i64, Vec<f64>> = BTreeMap::new();
+        for touch in deviations(&log, plan_id) {
+            let point = &plan.points[touch.point_index as usize];
+            if (point.operation == 0) == turned {
+                let height = (point.position.z * 1e6).round() as i64;
+                by_height.entry(height).or_default().push(touch.deviation);
+            }
+        }
+        let mean = |all: &[f64]| all.iter().sum::<f64>() / all.len() as f64;
+        let errors = by_height.iter();
+        errors
+            .map(|(height, all)| (*height as f64 * 1e-6, 2e6 * mean(all)))
+            .collect()
+    };
+    // A.6: 35 µm at the free end, cubic from 8 µm at the chuck; milled, the same at both ends.
+    let turned = along("bar/rough/1", true);
+    assert_eq!(turned.len(), 8);
+    for (height, error) in turned {
+        let law = 8.0 + 27.0 * (height / 0.09_f64).powi(3);
+        assert!(
+            (error - law).abs() < 2.0,
+            "{error:.1} µm at {height} m, {law:.1} µm by A.6"
+        );
+    }
+    let milled = along("bar/rough/1", false);
+    assert!((milled[1].1 - milled[0].1).abs() < 2.0, "{milled:?}");
+    // F: both finish within ±0.010, though the rough pass was corrected by more than that.
+    for (height, error) in [along("bar/finish/1", true), along("bar/finish/1", false)].concat() {
+        assert!(error.abs() < 10.0, "{error:.1} µm at {height} m");
+    }
+    let corrections = messages::<Correction>(&log, topics::CORRECTIONS.name);
+    let [only] = corrections.as_slice() else {
+        panic!("one correction, of the rough pass: {corrections:?}");
+    };
+    assert_eq!(
+        (only.tool_number, only.plan_id.as_str()),
+        (2, "bar/rough/1")
+    );
+    assert!(only.new_value < -10e-6, "{:e}", only.new_value);
+}
+
+#[test]
+fn one_register_for_both_passes_cuts_the_bending_bar_below_size() {
+    let shared = |text: &str| {
+        let text = text.replace("tool_number = 12", "tool_number = 2");
+        text.replace("[[simulator.tools]]                   # of the finish turning\nnumber = 12\nerror_um = 0.0\n", "")
+    };
+    let (report, _) = make_part(&cell("turn_mill_bending.toml", shared), "bar");
+    assert_eq!(report.verdict, PartReport::SCRAP, "{}", report.text);
 }
 
 #[test]

@@ -247,7 +247,9 @@ impl Cell {
                 Box::new(Running::<analysis::AnalysisNode>::new(config))
             }
             "compensation" => {
-                let config = self.setting(self.compensation.check(replayed))?;
+                let passes = self.cycle.passes.iter().map(|pass| pass.name.as_str());
+                let passes: Vec<&str> = passes.collect();
+                let config = self.setting(self.compensation.check(&passes, replayed))?;
                 Box::new(Running::<compensation::CompensationNode>::new(config))
             }
             "cycle" => Box::new(Running::<cycle::CycleNode>::new(

@@ -45,8 +45,8 @@ struct Heard {
     machine: bool,
     verdicts: BTreeMap<String, Vec<Verdict>>,
     decisions: BTreeMap<String, PassDecision>,
-    /// Sizes that decide on the part: so many verdicts belong to each decision.
-    sizes: usize,
+    /// Sizes that decide in each pass: so many verdicts belong to each decision.
+    sizes: Vec<usize>,
     part: Option<PartReport>,
     waiting: BTreeMap<(&'static str, u64), Sender<OperatorReply>>,
     next_request: u64,
@@ -81,10 +81,10 @@ fn lock(heard: &Mutex<Heard>) -> MutexGuard<'_, Heard> {
 impl Heard {
     /// Tells a measurement once its decision and all its verdicts are there: they travel on different topics.
     fn tell_when_complete(&mut self, plan_id: &str) {
-        let complete = self
-            .verdicts
-            .get(plan_id)
-            .is_some_and(|verdicts| verdicts.len() >= self.sizes);
+        let given = self.verdicts.get(plan_id).map_or(0, Vec::len);
+        let awaited = (self.decisions.get(plan_id))
+            .and_then(|decision| self.sizes.get(decision.pass_number as usize));
+        let complete = awaited.is_some_and(|awaited| given >= *awaited);
         if complete
             && let Some(decision) = self.decisions.remove(plan_id)
             && let Some(verdicts) = self.verdicts.remove(plan_id)
@@ -140,7 +140,12 @@ impl Operator {
         let publisher = |topic: Topic| {
             bus.publisher(&cell.topic(topic.name), topic.message, bus_qos(topic.qos))
         };
-        let sizes = cell.compensation.characteristics.len();
+        let passes = cell.cycle.passes.iter();
+        let sizes = passes.map(|pass| {
+            let all = cell.compensation.characteristics.iter();
+            all.filter(|one| one.decides_in(&pass.name)).count()
+        });
+        let sizes = sizes.collect();
         let heard = Arc::new(Mutex::new(Heard {
             sizes,
             ..Heard::default()

@@ -1,5 +1,7 @@
 //! Settings of `compensation`.
 
+use std::collections::BTreeSet;
+
 use metrology::decision::{DecisionLimits, Policy, Side};
 use probecell_msgs::Correction;
 use serde::Deserialize;
@@ -76,6 +78,11 @@ pub struct RawCharacteristic {
     /// An inner size: more wear offset, larger size is overcut.
     #[serde(default)]
     pub inner: bool,
+    /// Passes of the cycle in which it decides; none: all. A size may stand in the list once for each pass, so that each
+    /// is judged by its own tolerance and corrects its own register: what bends a rough cut is no error of the finishing
+    /// one.
+    #[serde(default)]
+    pub passes: Vec<String>,
 }
 
 /// As checked.
@@ -89,6 +96,8 @@ pub struct Characteristic {
     pub tool_number: Option<u32>,
     /// Outer or inner.
     pub side: Side,
+    /// Indices of the passes in which it decides; `None`: all.
+    pub passes: Option<BTreeSet<u32>>,
 }
 
 /// As checked.
@@ -124,6 +133,24 @@ pub enum ConfigError {
     /// No size decides.
     #[error("compensation.characteristics is empty: no size decides on the part")]
     NoCharacteristic,
+    /// A pass that the cycle lacks.
+    #[error(
+        "compensation.characteristics: {id:?} decides in pass {pass:?}, which the cycle does not have"
+    )]
+    Pass {
+        /// The characteristic.
+        id: String,
+        /// As written.
+        pass: String,
+    },
+    /// A pass in which no size, or one size twice, decides.
+    #[error("compensation.characteristics: {what} in pass {pass:?}")]
+    Decides {
+        /// What is wrong.
+        what: String,
+        /// The pass.
+        pass: String,
+    },
     /// A number that is not positive.
     #[error("compensation.{key} = {value} must be a finite number above 0")]
     Number {
@@ -135,8 +162,8 @@ pub enum ConfigError {
 }
 
 impl RawConfig {
-    /// Checks the settings.
-    pub fn check(&self, replayed: bool) -> Result<Config, ConfigError> {
+    /// Checks the settings against the names of the cycle's passes, in their order.
+    pub fn check(&self, passes: &[&str], replayed: bool) -> Result<Config, ConfigError> {
         if self.characteristics.is_empty() {
             return Err(ConfigError::NoCharacteristic);
         }
@@ -158,14 +185,26 @@ impl RawConfig {
                 return Err(ConfigError::Number { key, value });
             }
         }
-        let characteristics = self.characteristics.iter().map(|raw| Characteristic {
-            id: raw.id.clone(),
-            tolerance: raw.tolerance_mm * 1e-3,
-            tool_number: raw.tool_number,
-            side: if raw.inner { Side::Bore } else { Side::Outer },
-        });
+        let characteristics = self.characteristics.iter().map(|raw| raw.check(passes));
+        let characteristics: Vec<Characteristic> = characteristics.collect::<Result<_, _>>()?;
+        for (pass, name) in (0..).zip(passes) {
+            let mut deciding = BTreeSet::new();
+            let own = characteristics.iter().filter(|one| one.decides_in(pass));
+            let decides = |what| ConfigError::Decides {
+                what,
+                pass: (*name).to_owned(),
+            };
+            for one in own {
+                if !deciding.insert(&one.id) {
+                    return Err(decides(format!("{:?} decides twice", one.id)));
+                }
+            }
+            if deciding.is_empty() {
+                return Err(decides("no size decides".to_owned()));
+            }
+        }
         Ok(Config {
-            characteristics: characteristics.collect(),
+            characteristics,
             wear_limit: self.wear_limit_mm * 1e-3,
             path_limit: self.path_limit_mm * 1e-3,
             path: self.path,
@@ -184,7 +223,49 @@ impl RawConfig {
     }
 }
 
+impl RawCharacteristic {
+    /// True if it decides in the pass of that name.
+    pub fn decides_in(&self, pass: &str) -> bool {
+        self.passes.is_empty() || self.passes.iter().any(|own| own == pass)
+    }
+
+    fn check(&self, passes: &[&str]) -> Result<Characteristic, ConfigError> {
+        let number = |pass: &String| {
+            let found = (0..).zip(passes).find(|(_, name)| *name == pass);
+            found
+                .map(|(number, _)| number)
+                .ok_or_else(|| ConfigError::Pass {
+                    id: self.id.clone(),
+                    pass: pass.clone(),
+                })
+        };
+        let own = self.passes.iter().map(number);
+        let own: BTreeSet<u32> = own.collect::<Result<_, _>>()?;
+        Ok(Characteristic {
+            id: self.id.clone(),
+            tolerance: self.tolerance_mm * 1e-3,
+            tool_number: self.tool_number,
+            side: if self.inner { Side::Bore } else { Side::Outer },
+            passes: Some(own).filter(|own| !own.is_empty()),
+        })
+    }
+}
+
+impl Characteristic {
+    /// True if it decides in the pass of that index.
+    pub fn decides_in(&self, pass: u32) -> bool {
+        self.passes.as_ref().is_none_or(|own| own.contains(&pass))
+    }
+}
+
 impl Config {
+    /// The sizes that decide in the pass of that index.
+    pub fn deciding(&self, pass: u32) -> impl Iterator<Item = &Characteristic> {
+        self.characteristics
+            .iter()
+            .filter(move |one| one.decides_in(pass))
+    }
+
     /// What a correction says of its approval as it is made.
     pub(crate) fn approval(&self) -> u8 {
         if self.automatic_approval {

@@ -116,8 +116,8 @@ fn take(
     result: FeatureResult,
     out: &mut Outbox<Output>,
 ) {
-    match &state.measurement {
-        Some((plan_id, _)) if *plan_id == result.plan_id => {}
+    let pass = match &state.measurement {
+        Some((plan_id, pass)) if *plan_id == result.plan_id => *pass,
         _ => {
             // The cycle's request and the results travel on different topics: a quick result may come first.
             if state.early.len() < EARLY_LIMIT {
@@ -125,16 +125,15 @@ fn take(
             }
             return;
         }
-    }
+    };
     if !config
-        .characteristics
-        .iter()
+        .deciding(pass)
         .any(|characteristic| characteristic.id == result.feature_id)
     {
         return;
     }
     state.results.insert(result.feature_id.clone(), result);
-    if state.results.len() == config.characteristics.len() {
+    if state.results.len() == config.deciding(pass).count() {
         decide_on_all(config, state, now, out);
     }
 }
@@ -160,8 +159,7 @@ fn decide_on_all(config: &Config, state: &mut State, now: Stamp, out: &mut Outbo
         state.sprung = false;
     }
     let decided: Vec<(&Characteristic, decision::Verdict, Action)> = config
-        .characteristics
-        .iter()
+        .deciding(pass)
         .map(|characteristic| {
             let result = &results[&characteristic.id];
             let wear = characteristic.tool_number.map(|tool| wear(state, tool));

@@ -10,14 +10,15 @@ use probecell_msgs::{
 };
 
 /// One outer diameter of 19.8 mm cut by tool 2, within 10 µm; the table's limits.
-fn config(automatic_approval: bool, inner: bool) -> Config {
+fn raw(automatic_approval: bool, inner: bool) -> RawConfig {
     let characteristic = RawCharacteristic {
         id: "D1".to_owned(),
         tolerance_mm: 0.010,
         tool_number: Some(2),
         inner,
+        passes: Vec::new(),
     };
-    let raw = RawConfig {
+    RawConfig {
         characteristics: vec![characteristic],
         wear_limit_mm: 0.110,
         max_corrections: 5,
@@ -28,8 +29,12 @@ fn config(automatic_approval: bool, inner: bool) -> Config {
         path_limit_mm: 0.5,
         literal_macro: false,
         spring_pass: false,
-    };
-    raw.check(false).expect("sound settings")
+    }
+}
+
+fn config(automatic_approval: bool, inner: bool) -> Config {
+    let raw = raw(automatic_approval, inner);
+    raw.check(&["finish"], false).expect("sound settings")
 }
 
 fn offsets(wear_um: f64) -> Input {
@@ -315,4 +320,72 @@ fn a_spring_pass_comes_before_the_first_correction_of_a_pass() {
         inputs.extend([measure(plan), result(plan, 19.835)]);
     }
     check(&config, inputs, &["D1 compensable", "recut []"]);
+}
+
+#[test]
+fn a_size_that_stands_there_for_each_pass_has_a_tolerance_and_a_register_in_each() {
+    let of_pass = |pass: &str, tolerance_mm, tool| RawCharacteristic {
+        id: "D1".to_owned(),
+        tolerance_mm,
+        tool_number: Some(tool),
+        inner: false,
+        passes: vec![pass.to_owned()],
+    };
+    let raw = |characteristics| RawConfig {
+        characteristics,
+        ..raw(true, false)
+    };
+    let both = raw(vec![
+        of_pass("rough", 0.020, 2),
+        of_pass("finish", 0.010, 12),
+    ]);
+    let config = both.check(&["rough", "finish"], false).expect("sound");
+    let held = || {
+        Input::Offsets(ToolOffsets {
+            session: "run 1".to_owned(),
+            tool_numbers: vec![2, 12],
+            wear: vec![-15e-6, 3e-6],
+            ..ToolOffsets::default()
+        })
+    };
+    let measure_in = |pass_number, plan: &str| {
+        Input::Request(OperationRequest {
+            kind: OperationRequest::MEASURE,
+            plan_id: plan.to_owned(),
+            pass_number,
+            ..OperationRequest::default()
+        })
+    };
+    check(
+        &config,
+        vec![held(), measure_in(0, "p/1"), result("p/1", 19.815)],
+        &["D1 qualified", "next []"],
+    );
+    check(
+        &config,
+        vec![held(), measure_in(1, "p/1"), result("p/1", 19.815)],
+        &[
+            "D1 compensable",
+            "p/1/T12/4 approved 3.0 to -12.0 by \"policy of the cell file\"",
+            "recut [\"p/1/T12/4\"]",
+        ],
+    );
+    for (characteristics, expected) in [
+        (
+            vec![of_pass("rough", 0.020, 2)],
+            "compensation.characteristics: no size decides in pass \"finish\"",
+        ),
+        (
+            vec![of_pass("ruogh", 0.020, 2)],
+            "compensation.characteristics: \"D1\" decides in pass \"ruogh\", which the cycle does not have",
+        ),
+        (
+            vec![of_pass("rough", 0.020, 2), of_pass("rough", 0.010, 12)],
+            "compensation.characteristics: \"D1\" decides twice in pass \"rough\"",
+        ),
+    ] {
+        let refused = raw(characteristics).check(&["rough", "finish"], false);
+        let told = refused.err().map(|error| error.to_string());
+        assert_eq!(told.as_deref(), Some(expected));
+    }
 }
