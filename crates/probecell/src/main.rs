@@ -153,6 +153,8 @@ enum Command {
     Results(commands::results::Arguments),
     /// Say why a recorded session differs from the declared model of its cell.
     Diagnose(commands::diagnose::Arguments),
+    /// Write the record of the parts that a recorded session made, as one page to be filed.
+    Report(commands::part_record::Arguments),
     /// Make what a gap report has found part of the cell's declared model, or take it out again.
     Adopt(commands::adopt::Arguments),
     /// Say what a plan can tell before anything is measured: smallest effects, and effects that it cannot part.
@@ -280,6 +282,7 @@ fn run(command: Command) -> anyhow::Result<u8> {
         Command::Program(arguments) => commands::program::run(&arguments),
         Command::Results(arguments) => commands::results::run(&arguments),
         Command::Diagnose(arguments) => commands::diagnose::run(&arguments),
+        Command::Report(arguments) => commands::part_record::run(&arguments),
         Command::Adopt(arguments) => commands::adopt::run(&arguments),
         Command::Blind {
             refine: Some(wanted),

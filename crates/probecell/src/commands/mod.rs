@@ -8,6 +8,7 @@ pub(crate) mod doctor;
 pub(crate) mod identifiability;
 pub(crate) mod info;
 pub(crate) mod node;
+pub(crate) mod part_record;
 pub(crate) mod plan;
 pub(crate) mod play;
 pub(crate) mod program;

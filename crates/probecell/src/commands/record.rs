@@ -20,7 +20,7 @@ use crate::{GOOD, LOSS, launcher, report, signals};
 /// Name of the embedded cell file.
 pub(crate) const CELL_FILE: &str = "cell.toml";
 /// Name of the table that says what recorded.
-const PROVENANCE: &str = "probecell";
+pub(super) const PROVENANCE: &str = "probecell";
 /// Name of the embedded robot description.
 pub(crate) const ROBOT_FILE: &str = "robot.urdf";
 

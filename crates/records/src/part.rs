@@ -1,0 +1,247 @@
+//! The page of a session in which a cell made parts: sizes, corrections with all that entitled them, verdicts, pictures.
+//!
+//! Conclusion first, then one section for each measurement in the order in which they were asked for. Numbers are those
+//! of the recorded messages, sizes in mm to 0.1 µm, deviations in µm, in the part's frame. Decides and computes nothing.
+
+mod pictures;
+mod tables;
+
+use diagnosis::Report;
+use probecell_msgs::{
+    Correction, CorrectionAcknowledgement, Fault, FeatureResult, InspectionPlan, OperatorReply,
+    OperatorRequest, PartReport, PassDecision, TouchDeviation, Verdict, builtin_interfaces::Time,
+};
+use report::{Page, PlotError, Table};
+
+use crate::conclusion;
+
+/// What a session's recording holds of its parts.
+#[derive(Clone, Debug, Default)]
+pub struct PartSession {
+    /// Name of the recording.
+    pub name: String,
+    /// Name of the cell.
+    pub cell: String,
+    /// Version of what recorded it; empty where the recording does not tell.
+    pub version: String,
+    /// Source revision of what recorded it; empty where the recording does not tell.
+    pub revision: String,
+    /// Plans, each as it was measured, in the order of the measurements.
+    pub plans: Vec<InspectionPlan>,
+    /// Fitted features and composed sizes.
+    pub results: Vec<FeatureResult>,
+    /// Deviations of the touches.
+    pub touches: Vec<TouchDeviation>,
+    /// What followed from each size.
+    pub verdicts: Vec<Verdict>,
+    /// What followed from each measurement.
+    pub decisions: Vec<PassDecision>,
+    /// Corrections, proposed and approved.
+    pub corrections: Vec<Correction>,
+    /// What became of them at the machine.
+    pub acknowledgements: Vec<CorrectionAcknowledgement>,
+    /// Parts that operators asked for.
+    pub runs: Vec<OperatorRequest>,
+    /// Approvals and rejections by operators.
+    pub approvals: Vec<OperatorRequest>,
+    /// The answers to those.
+    pub approval_replies: Vec<OperatorReply>,
+    /// How parts ended.
+    pub parts: Vec<PartReport>,
+    /// What went wrong.
+    pub faults: Vec<Fault>,
+    /// Topics of which messages are missing from the recording, and how many.
+    pub losses: Vec<(String, u64)>,
+    /// Damage of the recording, a sentence each.
+    pub damage: Vec<String>,
+}
+
+/// The diagnosis that belongs to a session, in short.
+#[derive(Clone, Copy, Debug)]
+pub enum ShortDiagnosis<'a> {
+    /// Its report, and the command that makes its own page.
+    Made(&'a Report, &'a str),
+    /// Why there is none, a sentence.
+    None(&'a str),
+}
+
+/// The page of a session.
+///
+/// # Errors
+/// [`PlotError`] when a picture cannot be drawn.
+pub fn part_page(session: &PartSession, diagnosis: ShortDiagnosis<'_>) -> Result<Page, PlotError> {
+    let mut page = Page::new(format!(
+        "Record of {}, cell {}",
+        named(session),
+        session.cell
+    ));
+    page.lead(&conclusion_of(session));
+    page.table(&provenance(session));
+    page.table(&tables::measurements(session));
+    for plan in &session.plans {
+        measurement(&mut page, session, plan)?;
+    }
+    pictures::before_and_after(&mut page, session)?;
+    operators(&mut page, session);
+    troubles(&mut page, session);
+    short(&mut page, diagnosis);
+    page.paragraph(
+        "Deviations are measured less nominal, material in excess is positive. U is the expanded uncertainty, k times the \
+         standard uncertainty; a size conforms or not only beyond U (ISO 14253-1). Times are UTC.",
+    );
+    Ok(page)
+}
+
+fn named(session: &PartSession) -> String {
+    let mut names: Vec<&str> = (session.parts.iter())
+        .map(|part| part.part_id.as_str())
+        .collect();
+    names.dedup();
+    if names.is_empty() {
+        session.name.clone()
+    } else {
+        names.join(", ")
+    }
+}
+
+fn conclusion_of(session: &PartSession) -> String {
+    let ends: Vec<String> = (session.parts.iter())
+        .map(|part| {
+            let end = match part.verdict {
+                PartReport::QUALIFIED => "is qualified",
+                PartReport::SCRAP => "is scrap",
+                _ => "was stopped",
+            };
+            let passes = if part.passes == 1 { "pass" } else { "passes" };
+            let why = if part.text.is_empty() {
+                String::new()
+            } else {
+                format!(": {}", part.text)
+            };
+            format!(
+                "Part {} {end} after {} machining {passes}{why}.",
+                part.part_id, part.passes
+            )
+        })
+        .collect();
+    if ends.is_empty() {
+        "The recording does not hold the end of a part.".to_owned()
+    } else {
+        ends.join(" ")
+    }
+}
+
+fn provenance(session: &PartSession) -> Table {
+    let mut table = Table::new("Where it comes from", &["", ""]);
+    let mut row = |name: &str, value: String| {
+        if !value.is_empty() {
+            table.row(vec![name.to_owned(), value]);
+        }
+    };
+    row("recording", session.name.clone());
+    row("cell", session.cell.clone());
+    row("recorded by", {
+        let known = [
+            ("version", &session.version),
+            ("revision", &session.revision),
+        ];
+        let known = known.iter().filter(|(_, value)| !value.is_empty());
+        let known: Vec<String> = known
+            .map(|(name, value)| format!("{name} {value}"))
+            .collect();
+        known.join(", ")
+    });
+    let mut drawn: Vec<&str> = session
+        .plans
+        .iter()
+        .map(|plan| plan.part_id.as_str())
+        .collect();
+    drawn.dedup();
+    row("drawing of", drawn.join(", "));
+    let asked = session.runs.iter().map(|run| {
+        let by = if run.operator_name.is_empty() {
+            "somebody without a name"
+        } else {
+            &run.operator_name
+        };
+        format!("{}, by {by}, {}", run.subject, time(run.header.stamp))
+    });
+    row("asked for", asked.collect::<Vec<_>>().join("; "));
+    let ended = session.parts.iter().map(|part| time(part.header.stamp));
+    row("ended", ended.collect::<Vec<_>>().join("; "));
+    table
+}
+
+/// What was measured, decided and corrected by one plan.
+fn measurement(
+    page: &mut Page,
+    session: &PartSession,
+    plan: &InspectionPlan,
+) -> Result<(), PlotError> {
+    page.heading(&format!("Measurement {}", plan.plan_id));
+    let decision = (session.decisions.iter()).find(|one| one.plan_id == plan.plan_id);
+    page.paragraph(&decision.map_or_else(
+        || "Nothing was decided on it.".to_owned(),
+        |one| format!("{}: {}.", tables::decision(one.decision), one.text),
+    ));
+    page.table(&tables::sizes(session, &plan.plan_id));
+    let corrections = tables::corrections(session, &plan.plan_id);
+    if !corrections.rows.is_empty() {
+        page.table(&corrections);
+    }
+    let paths = pictures::paths(session, plan);
+    page.plots(&paths)?;
+    Ok(())
+}
+
+fn operators(page: &mut Page, session: &PartSession) {
+    if session.approvals.is_empty() {
+        return;
+    }
+    page.heading("Operators’ approvals");
+    page.table(&tables::approvals(session));
+}
+
+fn troubles(page: &mut Page, session: &PartSession) {
+    page.heading("Faults and losses");
+    if session.faults.is_empty() {
+        page.paragraph("No node reported a fault.");
+    } else {
+        page.table(&tables::faults(session));
+    }
+    let mut losses: Vec<String> = (session.losses.iter())
+        .map(|(topic, count)| {
+            format!("{count} messages of {topic} are missing from the recording.")
+        })
+        .collect();
+    losses.extend(session.damage.iter().map(|damage| format!("{damage}.")));
+    if losses.is_empty() {
+        page.paragraph("Nothing is missing from the recording.");
+    }
+    page.list(&losses);
+}
+
+fn short(page: &mut Page, diagnosis: ShortDiagnosis<'_>) {
+    page.heading("Does the cell behave as its model?");
+    match diagnosis {
+        ShortDiagnosis::Made(report, command) => {
+            page.paragraph(&conclusion::verdict(report, "touches"));
+            page.list(&conclusion::findings(report));
+            page.paragraph(&format!(
+                "Of the last measurement. Its own page, with all pictures, is made by: {command}"
+            ));
+        }
+        ShortDiagnosis::None(reason) => {
+            page.paragraph(&format!(
+                "The last measurement was not diagnosed: {reason}."
+            ));
+        }
+    }
+}
+
+/// UTC, to the second.
+fn time(stamp: Time) -> String {
+    let seconds = u64::try_from(stamp.sec).unwrap_or(0);
+    let since = std::time::Duration::from_secs(seconds);
+    humantime::format_rfc3339_seconds(std::time::UNIX_EPOCH + since).to_string()
+}

@@ -1,0 +1,295 @@
+//! Tables of the page of a session: measurements, sizes, corrections, approvals, faults.
+
+use probecell_msgs::{
+    Correction, CorrectionAcknowledgement, Fault, FeatureResult, PassDecision, Verdict,
+};
+use report::Table;
+
+use super::{PartSession, time};
+
+/// A length in mm, to 0.1 µm.
+fn mm(metres: f64) -> String {
+    fixed(metres * 1e3, 4, "mm", false)
+}
+
+/// A deviation in µm with its sign, to 0.1 µm.
+fn um(metres: f64) -> String {
+    fixed(metres * 1e6, 1, "µm", true)
+}
+
+/// A size of an uncertainty or a form in µm.
+fn um_size(metres: f64) -> String {
+    fixed(metres * 1e6, 1, "µm", false)
+}
+
+fn fixed(value: f64, digits: usize, unit: &str, signed: bool) -> String {
+    if !value.is_finite() {
+        return "–".to_owned();
+    }
+    let text = if signed {
+        format!("{value:+.digits$}")
+    } else {
+        format!("{value:.digits$}")
+    };
+    // Neither plus nor minus before nothing.
+    let zero = text.trim_start_matches(['+', '-']);
+    let text = if zero.chars().all(|letter| matches!(letter, '0' | '.')) {
+        zero
+    } else {
+        &text
+    };
+    format!("{text} {unit}")
+}
+
+/// A line for each measurement: what it led to.
+pub(super) fn measurements(session: &PartSession) -> Table {
+    let mut table = Table::new(
+        "Measurements",
+        &[
+            "measurement",
+            "touches",
+            "sizes qualified",
+            "decision",
+            "corrections",
+        ],
+    );
+    for plan in &session.plans {
+        let id = &plan.plan_id;
+        let touches = session.touches.iter().filter(|one| one.plan_id == *id);
+        let verdicts: Vec<_> = session
+            .verdicts
+            .iter()
+            .filter(|one| one.plan_id == *id)
+            .collect();
+        let good = (verdicts.iter()).filter(|one| one.verdict == Verdict::QUALIFIED);
+        let decided = (session.decisions.iter()).find(|one| one.plan_id == *id);
+        table.row(vec![
+            id.clone(),
+            touches.count().to_string(),
+            format!("{} of {}", good.count(), verdicts.len()),
+            decided.map_or("–", |one| decision(one.decision)).to_owned(),
+            corrections(session, id).rows.len().to_string(),
+        ]);
+    }
+    table
+}
+
+/// Every size of a measurement with its uncertainty and what followed from it.
+pub(super) fn sizes(session: &PartSession, plan_id: &str) -> Table {
+    let mut table = Table::new(
+        "Sizes",
+        &[
+            "feature",
+            "aimed at",
+            "measured",
+            "deviation",
+            "U",
+            "form",
+            "decision",
+            "tolerance",
+            "verdict",
+        ],
+    );
+    let own = session.results.iter().filter(|one| one.plan_id == plan_id);
+    for result in own {
+        let verdict = (session.verdicts.iter())
+            .find(|one| one.plan_id == plan_id && one.feature_id == result.feature_id);
+        let expanded = result.coverage_factor * result.standard_uncertainty;
+        table.row(vec![
+            result.feature_id.clone(),
+            mm(result.nominal_size),
+            mm(result.size),
+            um(result.size_deviation),
+            format!("{} (k = {})", um_size(expanded), result.coverage_factor),
+            um_size(result.form),
+            conformity(result).to_owned(),
+            verdict.map_or_else(
+                || "–".to_owned(),
+                |one| format!("± {}", um_size(one.tolerance)),
+            ),
+            verdict.map_or_else(|| "does not decide".to_owned(), judged),
+        ]);
+    }
+    table
+}
+
+fn conformity(result: &FeatureResult) -> &'static str {
+    match result.decision {
+        FeatureResult::CONFORMS => "conforms",
+        FeatureResult::DOES_NOT_CONFORM => "does not conform",
+        FeatureResult::INDETERMINATE => "indeterminate",
+        _ => "invalid",
+    }
+}
+
+fn judged(verdict: &Verdict) -> String {
+    let word = match verdict.verdict {
+        Verdict::QUALIFIED => "qualified",
+        Verdict::COMPENSABLE => "can be corrected",
+        Verdict::OVERCUT_NOT_COMPENSABLE => "overcut",
+        Verdict::TOOL_WORN => "tool worn",
+        Verdict::NOT_CONVERGED => "not converged",
+        _ => "measurement invalid",
+    };
+    if verdict.text.is_empty() {
+        word.to_owned()
+    } else {
+        format!("{word}: {}", verdict.text)
+    }
+}
+
+/// What a measurement led to, in a word.
+pub(super) fn decision(code: u8) -> &'static str {
+    match code {
+        PassDecision::NEXT => "Go on",
+        PassDecision::RECUT => "Cut again",
+        PassDecision::SCRAP => "Scrap",
+        _ => "Stop",
+    }
+}
+
+/// Corrections that rest on a measurement, each in its last state, with what became of it.
+pub(super) fn corrections(session: &PartSession, plan_id: &str) -> Table {
+    let mut table = Table::new(
+        "Corrections that rest on it",
+        &[
+            "correction",
+            "of",
+            "from",
+            "to",
+            "bounds",
+            "measured error",
+            "source",
+            "approval",
+            "at the machine",
+        ],
+    );
+    let mut last: Vec<&Correction> = Vec::new();
+    for one in session
+        .corrections
+        .iter()
+        .filter(|one| one.plan_id == plan_id)
+    {
+        match last
+            .iter_mut()
+            .find(|other| other.correction_id == one.correction_id)
+        {
+            Some(other) => *other = one,
+            None => last.push(one),
+        }
+    }
+    for one in last {
+        let answers = (session.acknowledgements.iter())
+            .filter(|answer| answer.correction_id == one.correction_id);
+        let answers: Vec<String> = answers.map(answered).collect();
+        table.row(vec![
+            one.correction_id.clone(),
+            subject(one),
+            um(one.previous_value),
+            um(one.new_value),
+            format!("{} to {}", um(one.lower_bound), um(one.upper_bound)),
+            format!(
+                "{}, u {}",
+                um(one.measured_error),
+                um_size(one.standard_uncertainty)
+            ),
+            format!(
+                "{} ({} touches)",
+                one.feature_ids.join(", "),
+                one.sequences.len()
+            ),
+            approval(one),
+            if answers.is_empty() {
+                "no answer".to_owned()
+            } else {
+                answers.join("; ")
+            },
+        ]);
+    }
+    table
+}
+
+fn subject(correction: &Correction) -> String {
+    match correction.kind {
+        Correction::TOOL_WEAR => format!("wear of tool {}", correction.tool_number),
+        Correction::WORK_OFFSET => format!("work offset of {}", correction.axis),
+        _ => format!(
+            "tool path, {} points, largest offset",
+            correction.path.len()
+        ),
+    }
+}
+
+fn approval(correction: &Correction) -> String {
+    let by = &correction.approved_by;
+    match correction.approval {
+        Correction::APPROVAL_POLICY | Correction::APPROVAL_OPERATOR => format!("approved by {by}"),
+        Correction::APPROVAL_REJECTED => format!("rejected by {by}"),
+        _ => "proposed only".to_owned(),
+    }
+}
+
+fn answered(answer: &CorrectionAcknowledgement) -> String {
+    let word = match answer.outcome {
+        CorrectionAcknowledgement::APPLIED => "applied",
+        CorrectionAcknowledgement::ALREADY_APPLIED => "already applied",
+        CorrectionAcknowledgement::REFUSED_NOT_APPROVED => "refused, not approved",
+        CorrectionAcknowledgement::REFUSED_STALE => "refused, stale",
+        CorrectionAcknowledgement::REFUSED_OUT_OF_BOUNDS => "refused, out of bounds",
+        CorrectionAcknowledgement::REFUSED_REPLAY => "refused, replayed",
+        CorrectionAcknowledgement::REFUSED_NO_SOURCE => "refused, no source",
+        _ => "failed",
+    };
+    let text = if answer.text.is_empty() {
+        String::new()
+    } else {
+        format!(": {}", answer.text)
+    };
+    let values = if answer.outcome == CorrectionAcknowledgement::APPLIED {
+        format!(", read back {}", um(answer.value_after))
+    } else {
+        String::new()
+    };
+    format!("{word}{values}{text}")
+}
+
+/// What operators approved or rejected, and the answers.
+pub(super) fn approvals(session: &PartSession) -> Table {
+    let mut table = Table::new("", &["when", "operator", "said", "of correction", "answer"]);
+    for asked in &session.approvals {
+        let answer =
+            (session.approval_replies.iter()).find(|reply| reply.request_id == asked.request_id);
+        table.row(vec![
+            time(asked.header.stamp),
+            asked.operator_name.clone(),
+            if asked.approve { "approve" } else { "reject" }.to_owned(),
+            asked.subject.clone(),
+            match answer {
+                None => "none".to_owned(),
+                Some(reply) if reply.accepted => "accepted".to_owned(),
+                Some(reply) => format!("refused: {}", reply.text),
+            },
+        ]);
+    }
+    table
+}
+
+/// Faults, in the order in which they were reported.
+pub(super) fn faults(session: &PartSession) -> Table {
+    let mut table = Table::new("Faults", &["when", "node", "severity", "code", "what"]);
+    for fault in &session.faults {
+        let severity = if fault.severity == Fault::ERROR {
+            "error"
+        } else {
+            "warning"
+        };
+        table.row(vec![
+            time(fault.header.stamp),
+            fault.node.clone(),
+            severity.to_owned(),
+            fault.code.clone(),
+            fault.text.clone(),
+        ]);
+    }
+    table
+}
