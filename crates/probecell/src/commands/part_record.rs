@@ -23,15 +23,6 @@ pub(crate) struct Arguments {
     html: PathBuf,
 }
 
-/// Topics on which nodes report faults.
-const FAULTS: [Topic; 5] = [
-    topics::MACHINE_STATE_FAULTS,
-    topics::PROBE_EVENTS_FAULTS,
-    topics::PATH_PLANNING_FAULTS,
-    topics::ANALYSIS_FAULTS,
-    topics::GAP_FAULTS,
-];
-
 /// Writes the page.
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
     let bag = Bag::open(&arguments.bag)?;
@@ -78,8 +69,9 @@ fn gather(bag: &Bag, path: &Path) -> anyhow::Result<PartSession> {
         );
     }
     let mut faults: Vec<Fault> = Vec::new();
-    for topic in FAULTS {
-        faults.extend(reader.all(topic)?);
+    let reporting = topics::ALL.iter();
+    for topic in reporting.filter(|topic| topic.message.name == Fault::TYPE.name) {
+        faults.extend(reader.all(*topic)?);
     }
     faults.sort_by_key(|fault| (fault.header.stamp.sec, fault.header.stamp.nanosec));
     let provenance = |key: &str| {
