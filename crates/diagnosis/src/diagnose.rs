@@ -369,14 +369,18 @@ impl Reporter<'_> {
         let best = simplest(attribution, best.unwrap_or(&empty));
         let fit = attribution.fit(best);
         let noise = fit.as_ref().map_or(0.0, |fit| fit.variance.sqrt());
+        let (mut effects, mut set) = self.effects(best, &[], beside_unknown, noise);
         // Beside something unknown the touches cannot tell what an effect is worth.
-        let doubted = if beside_unknown {
-            Vec::new()
-        } else {
-            support::doubted(self.observations, attribution, &best.set, noise)
-        };
+        let mut doubted = Vec::new();
+        if !beside_unknown {
+            let mut named = set.clone();
+            named.sort_unstable();
+            doubted = support::doubted(self.observations, attribution, &named, noise);
+        }
         let beside_unknown = beside_unknown || !doubted.is_empty();
-        let (mut effects, set) = self.effects(best, &doubted, beside_unknown, noise);
+        if !doubted.is_empty() {
+            (effects, set) = self.effects(best, &doubted, beside_unknown, noise);
+        }
         let grid = self.grid(best, noise, &mut effects);
         self.records(noise, beside_unknown, &mut effects);
         let named = !effects.is_empty();
