@@ -803,6 +803,8 @@ pub struct OperationRequest {
     pub plan_id: String,
     /// number of the machining pass, from 0
     pub pass_number: u32,
+    /// MEASURE: beside the part program; nothing is decided or corrected from it
+    pub only_measure: bool,
 }
 
 impl OperationRequest {
@@ -815,7 +817,7 @@ impl Message for OperationRequest {
     const TYPE: &'static MessageType = &MessageType {
         name: "probecell_msgs/msg/OperationRequest",
         dds_name: "probecell_msgs::msg::dds_::OperationRequest_",
-        type_hash: "RIHS01_0b43df76e73312fb9649dbcba73b9b7d9d7cfdcb630e32d9d7c72923247eeeb9",
+        type_hash: "RIHS01_65de79bd420cca47b911889eaaa79dfbd2a844939e86ba8c90b14dcd1a384648",
         definition: concat!(
             include_str!("../msg/OperationRequest.msg"),
             "================================================================================\nMSG: std_msgs/Header\n",
@@ -867,19 +869,29 @@ pub struct OperatorRequest {
     pub operator_name: String,
     /// approval: true to approve, false to reject
     pub approve: bool,
+    /// run: not empty: cut nothing, measure this plan only
+    pub plan_id: String,
+    /// plan: touches instead of the part's own; empty: the part's own
+    pub points: Vec<InspectionPoint>,
 }
 
 impl Message for OperatorRequest {
     const TYPE: &'static MessageType = &MessageType {
         name: "probecell_msgs/msg/OperatorRequest",
         dds_name: "probecell_msgs::msg::dds_::OperatorRequest_",
-        type_hash: "RIHS01_8b46fd5a040fdde5dbf08618923f60c53c8df338786dba580db8d35ff660dabd",
+        type_hash: "RIHS01_4dc75455d177b7c022b99f5f0d3f6f2987aa0cbb1e9b4ec9f561a9c55f1fff1a",
         definition: concat!(
             include_str!("../msg/OperatorRequest.msg"),
             "================================================================================\nMSG: std_msgs/Header\n",
             include_str!("../standard/std_msgs/msg/Header.msg"),
             "================================================================================\nMSG: builtin_interfaces/Time\n",
-            include_str!("../standard/builtin_interfaces/msg/Time.msg")
+            include_str!("../standard/builtin_interfaces/msg/Time.msg"),
+            "================================================================================\nMSG: probecell_msgs/InspectionPoint\n",
+            include_str!("../msg/InspectionPoint.msg"),
+            "================================================================================\nMSG: geometry_msgs/Point\n",
+            include_str!("../standard/geometry_msgs/msg/Point.msg"),
+            "================================================================================\nMSG: geometry_msgs/Vector3\n",
+            include_str!("../standard/geometry_msgs/msg/Vector3.msg")
         ),
         describe: crate::describe::of::<OperatorRequest>,
         canonical: crate::cdr::canonical::<OperatorRequest>,
@@ -896,19 +908,23 @@ pub struct PartReport {
     /// machining passes made
     pub passes: u32,
     pub text: String,
+    /// of a run that only measured; empty: a part was made
+    pub plan_id: String,
 }
 
 impl PartReport {
     pub const QUALIFIED: u8 = 0;
     pub const SCRAP: u8 = 1;
     pub const STOPPED: u8 = 2;
+    /// only measured, as asked: nothing was cut or decided
+    pub const MEASURED: u8 = 3;
 }
 
 impl Message for PartReport {
     const TYPE: &'static MessageType = &MessageType {
         name: "probecell_msgs/msg/PartReport",
         dds_name: "probecell_msgs::msg::dds_::PartReport_",
-        type_hash: "RIHS01_09e54ba7c831d6e86a89f287c230a556d8ad15f6f15382a5bff55cb3a044a571",
+        type_hash: "RIHS01_134c28b9efe1215b9f6de54cfe89a0403315b1a87a7c11996cfc4656dadeaa92",
         definition: concat!(
             include_str!("../msg/PartReport.msg"),
             "================================================================================\nMSG: std_msgs/Header\n",
@@ -2058,7 +2074,7 @@ pub mod srv {
         };
     }
 
-    /// Plan the measuring order of the cell's part.
+    /// Plan the measuring order of the cell's part, or of further touches of the part that it holds.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub struct Plan;
 
@@ -2068,7 +2084,7 @@ pub mod srv {
         const TYPE: &'static ServiceType = &ServiceType {
             name: "probecell_msgs/srv/Plan",
             dds_name: "probecell_msgs::srv::dds_::Plan_",
-            type_hash: "RIHS01_66b26c612b250d7f72951105e4ed9ed5e39e62d45069f883964b8416127108a5",
+            type_hash: "RIHS01_f562c32f65f73b981f1cd7a0c1e882f53a29c2b69f7b72da7c7423e31db7500a",
             request: PlanRequest::TYPE,
             response: PlanResponse::TYPE,
         };
@@ -2079,14 +2095,24 @@ pub mod srv {
     pub struct PlanRequest {
         /// empty: the cell's own plan
         pub plan_id: String,
+        /// empty: the part's own points; else these, in the features of the cell's plan
+        pub points: Vec<crate::InspectionPoint>,
     }
 
     impl Message for PlanRequest {
         const TYPE: &'static MessageType = &MessageType {
             name: "probecell_msgs/srv/Plan_Request",
             dds_name: "probecell_msgs::srv::dds_::Plan_Request_",
-            type_hash: "RIHS01_22c59b2ed1ce3509db166601815e21aa13f2019bbce2f8565a80c9ad924b3c37",
-            definition: "# Plan the measuring order of the cell's part.\nstring plan_id               # empty: the cell's own plan\n",
+            type_hash: "RIHS01_dc3b3ca076163b1f46cd0b9aa648275f6d3a9031a677bea24e1ba75d49bc5312",
+            definition: concat!(
+                "# Plan the measuring order of the cell's part, or of further touches of the part that it holds.\nstring plan_id               # empty: the cell's own plan\nInspectionPoint[] points     # empty: the part's own points; else these, in the features of the cell's plan\n",
+                "================================================================================\nMSG: probecell_msgs/InspectionPoint\n",
+                include_str!("../msg/InspectionPoint.msg"),
+                "================================================================================\nMSG: geometry_msgs/Point\n",
+                include_str!("../standard/geometry_msgs/msg/Point.msg"),
+                "================================================================================\nMSG: geometry_msgs/Vector3\n",
+                include_str!("../standard/geometry_msgs/msg/Vector3.msg")
+            ),
             describe: crate::describe::of::<PlanRequest>,
             canonical: crate::cdr::canonical::<PlanRequest>,
         };
@@ -2096,6 +2122,7 @@ pub mod srv {
     #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
     pub struct PlanResponse {
         pub accepted: bool,
+        /// why not, or what was planned
         pub text: String,
     }
 
@@ -2104,13 +2131,13 @@ pub mod srv {
             name: "probecell_msgs/srv/Plan_Response",
             dds_name: "probecell_msgs::srv::dds_::Plan_Response_",
             type_hash: "RIHS01_345e374ce098525a196ea7d4ab2fa69045f1a5f8c5f64dc50874a795e5a27fa5",
-            definition: "bool accepted\nstring text\n",
+            definition: "bool accepted\nstring text                  # why not, or what was planned\n",
             describe: crate::describe::of::<PlanResponse>,
             canonical: crate::cdr::canonical::<PlanResponse>,
         };
     }
 
-    /// Cut and measure one part.
+    /// Cut and measure one part; or, with a plan_id, only measure.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub struct Run;
 
@@ -2120,7 +2147,7 @@ pub mod srv {
         const TYPE: &'static ServiceType = &ServiceType {
             name: "probecell_msgs/srv/Run",
             dds_name: "probecell_msgs::srv::dds_::Run_",
-            type_hash: "RIHS01_15f6184e3f42ac3f7e68a86801a6ccbe6e66da32fd2a8f9e02ae47f3806f81a2",
+            type_hash: "RIHS01_05e448e5223f0d8f75cf9bd0d263763e0ddacf0176d2373b451073a6417daae9",
             request: RunRequest::TYPE,
             response: RunResponse::TYPE,
         };
@@ -2130,14 +2157,16 @@ pub mod srv {
     #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
     pub struct RunRequest {
         pub part_id: String,
+        /// not empty: cut nothing, measure these points that the service plan has accepted
+        pub plan_id: String,
     }
 
     impl Message for RunRequest {
         const TYPE: &'static MessageType = &MessageType {
             name: "probecell_msgs/srv/Run_Request",
             dds_name: "probecell_msgs::srv::dds_::Run_Request_",
-            type_hash: "RIHS01_ebc8ffb6aca3ed5b41af34faa1290f4080292c621cbf2e6c24fd69941678bc08",
-            definition: "# Cut and measure one part.\nstring part_id\n",
+            type_hash: "RIHS01_5e4d41af86c3b88c48346eeb8c14864c6c3497212e318d0dbb8b957970711c10",
+            definition: "# Cut and measure one part; or, with a plan_id, only measure.\nstring part_id\nstring plan_id               # not empty: cut nothing, measure these points that the service plan has accepted\n",
             describe: crate::describe::of::<RunRequest>,
             canonical: crate::cdr::canonical::<RunRequest>,
         };

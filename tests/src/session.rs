@@ -130,6 +130,11 @@ impl Session {
         self.run_s(0.0);
     }
 
+    /// What was published so far.
+    pub fn log(&self) -> &[Published] {
+        &self.log
+    }
+
     /// Everything that was published.
     pub fn finish(mut self) -> Vec<Published> {
         self.run_s(0.0);

@@ -3,7 +3,6 @@
 //!
 //! Metres, radians, seconds. What to propose in a report is decided in [`crate::next`].
 
-pub(crate) mod access;
 pub(crate) mod candidates;
 pub(crate) mod hypotheses;
 pub(crate) mod imagined;

@@ -1,11 +1,40 @@
 //! One session from two of the same clamping: touches taken later stand beside those taken before.
 //!
 //! Both must have the same machine, part pose and stylus. Points, features and operations of the later plan are appended
-//! where the first plan lacks them; sequences go on. Times are those of the stamps.
+//! where the first plan lacks them; sequences go on. Times are those of the stamps. A plan of further touches has the name
+//! of the plan that it adds to, [`FURTHER`], and a number from the second on.
 
-use probecell_msgs::{InspectionPlan, ReferenceMeasurement};
+use probecell_msgs::{InspectionPlan, ReferenceMeasurement, builtin_interfaces::Time};
 
 use crate::session::{DiagnoseError, Session};
+
+/// What follows the name of a plan in that of a plan of further touches.
+pub const FURTHER: &str = "/next";
+
+/// Name of the plan that a plan of further touches adds to; `None` where a name is of no such plan.
+pub fn added_to(plan_id: &str) -> Option<&str> {
+    let (first, number) = plan_id.rsplit_once(FURTHER)?;
+    let counted = |digits: &str| !digits.is_empty() && digits.bytes().all(|b| b.is_ascii_digit());
+    let further = number.is_empty() || number.strip_prefix('/').is_some_and(counted);
+    (further && !first.is_empty()).then_some(first)
+}
+
+/// Name of the plan of the `number`-th further touches (from 1) that add to a plan.
+pub fn further_name(first: &str, number: u32) -> String {
+    if number < 2 {
+        format!("{first}{FURTHER}")
+    } else {
+        format!("{first}{FURTHER}/{number}")
+    }
+}
+
+/// Which further touches of its plan a plan of that name holds, from 1; 0 for a plan of its own.
+pub fn further_number(plan_id: &str) -> u32 {
+    added_to(plan_id).map_or(0, |first| {
+        let digits = plan_id[first.len() + FURTHER.len()..].trim_start_matches('/');
+        digits.parse().unwrap_or(1)
+    })
+}
 
 /// The first session with the touches of a later one.
 ///
@@ -70,8 +99,18 @@ pub fn join(first: &Session, later: &Session) -> Result<Session, DiagnoseError> 
     joined
         .machine_states
         .extend(later.machine_states.iter().cloned());
+    // Sessions of one recording share samples.
+    in_order(&mut joined.joint_states, |one| one.header.stamp);
+    in_order(&mut joined.joint_commands, |one| one.header.stamp);
+    in_order(&mut joined.machine_states, |one| one.header.stamp);
     joined.plan = Some(plan);
     Ok(joined)
+}
+
+/// Samples by their stamps, each once.
+fn in_order<T: PartialEq>(samples: &mut Vec<T>, stamp: impl Fn(&T) -> Time) {
+    samples.sort_by_key(|one| (stamp(one).sec, stamp(one).nanosec));
+    samples.dedup();
 }
 
 /// Appends the points of a plan, and the features and operations that the other lacks.

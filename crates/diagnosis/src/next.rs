@@ -5,19 +5,20 @@
 //! (after Box and Hill 1967) that the axes reach and the stylus gets to without hitting the part. The answer is a plan a
 //! cell can run, with the predicted chance to resolve. It only proposes: what is measured is the operator's word.
 
+use machine::access::{Access, Aim, CLEAR};
 use probecell_msgs::{InspectionPlan, InspectionPoint};
 use rand::SeedableRng;
 use rand::seq::index::sample;
 use rand_pcg::Pcg64Mcg;
 
 use crate::attribution::{Attribution, Model};
-use crate::design::access::{Access, CLEAR};
 use crate::design::candidates::{Breadth, candidates};
 use crate::design::hypotheses::{Posterior, Source, UNKNOWN};
 use crate::design::imagined::{Imagined, Wanted};
 use crate::design::information::{Prediction, SURE, chance, choose};
 use crate::effects::Variant;
-use crate::observation::Observations;
+use crate::joined::FURTHER;
+use crate::observation::{Observations, Row};
 use crate::report::{Effect, Explanation, NextMeasurement, NextPoint};
 use crate::session::{DiagnoseError, Session};
 
@@ -133,11 +134,10 @@ pub(crate) fn propose(
             chance,
             inseparable: posterior.equals.iter().map(|pair| pair.to_vec()).collect(),
         };
-    let access = Access::new(known.observations, plan);
+    let access = access(known.observations, plan);
     let mut answers: Vec<Option<bool>> = vec![None; imagined.wanted.len()];
     let mut allowed = |place: usize| {
-        *answers[place]
-            .get_or_insert_with(|| access.allows(known.observations, &imagined.rows()[place]))
+        *answers[place].get_or_insert_with(|| access.allows(&aim(&imagined.rows()[place])))
     };
     let chosen = choose(
         &posterior.predictions,
@@ -180,16 +180,33 @@ pub fn random_plan(
     };
     let wanted = candidates(&observations, plan, Effort::Thorough.limits().breadth);
     let imagined = Imagined::new(&observations, plan, wanted);
-    let access = Access::new(&observations, plan);
+    let access = access(&observations, plan);
     let mut random = Pcg64Mcg::seed_from_u64(seed);
     let count = imagined.wanted.len();
     let drawn: Vec<&Wanted> = sample(&mut random, count, count)
         .iter()
-        .filter(|&place| access.allows(&observations, &imagined.rows()[place]))
+        .filter(|&place| access.allows(&aim(&imagined.rows()[place])))
         .take(touches)
         .map(|place| &imagined.wanted[place])
         .collect();
     Ok((!drawn.is_empty()).then(|| runnable(plan, drawn.into_iter())))
+}
+
+/// What is known of access from the touches of a session.
+fn access<'a>(observations: &'a Observations, plan: &InspectionPlan) -> Access<'a> {
+    let touches = &observations.rows[..observations.touches()];
+    let met: Vec<Aim> = touches.iter().map(aim).collect();
+    Access::new(&observations.chain, &observations.nominal, plan, &met)
+}
+
+fn aim(row: &Row) -> Aim {
+    Aim {
+        feature: row.feature,
+        position: row.position,
+        normal: row.normal,
+        surface: row.surface,
+        positions: row.pose.as_ref().map(|pose| pose.positions.clone()),
+    }
 }
 
 /// One explanation is as probable as it needs to be, and nothing is its equal.
@@ -307,7 +324,7 @@ fn runnable<'a>(plan: &InspectionPlan, wanted: impl Iterator<Item = &'a Wanted>)
         ..wanted.point.clone()
     });
     InspectionPlan {
-        plan_id: format!("{}/next", plan.plan_id),
+        plan_id: format!("{}{FURTHER}", plan.plan_id),
         points: points.collect(),
         ..plan.clone()
     }

@@ -9,7 +9,7 @@ use crate::declared::{DeclaredEffect, DeclaredError};
 use probecell_msgs::{InspectionPlan, MachineState, ProbeEvent, ReferenceMeasurement};
 
 /// The messages of one session.
-#[derive(Debug, Clone, Default, serde::Serialize, serde::Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Session {
     /// Where it came from, for the report.
     pub name: String,

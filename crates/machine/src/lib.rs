@@ -4,6 +4,7 @@
 //! the domain specification. No dynamics and no file or bus access; what drives away from this model is named by
 //! `diagnosis`.
 
+pub mod access;
 pub mod chain;
 pub mod contact;
 pub mod deviation;
@@ -14,6 +15,7 @@ pub mod links;
 pub mod models;
 pub mod volumetric;
 
+pub use access::{Access, Aim};
 pub use chain::{Chain, ChainError, Joint, JointKind, Side};
 pub use contact::Surface;
 pub use deviation::{DeviationError, Nominal, deviation, touch_positions};

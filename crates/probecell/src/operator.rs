@@ -268,6 +268,7 @@ impl Operator {
             topics::PLAN_REPLIES,
             |request| OperatorRequest {
                 subject: request.plan_id,
+                points: request.points,
                 ..OperatorRequest::default()
             },
             |accepted, text| srv::PlanResponse { accepted, text },
@@ -277,6 +278,7 @@ impl Operator {
             topics::RUN_REPLIES,
             |request| OperatorRequest {
                 subject: request.part_id,
+                plan_id: request.plan_id,
                 ..OperatorRequest::default()
             },
             |accepted, text| srv::RunResponse { accepted, text },
@@ -440,6 +442,7 @@ impl Operator {
 pub(crate) fn ask_for_part(file: &Path, part: &str) -> anyhow::Result<u8> {
     let request = srv::RunRequest {
         part_id: part.to_owned(),
+        plan_id: String::new(),
     };
     let response: srv::RunResponse = call::<srv::Run>(file, "run", &request)?;
     Ok(tell_reply(response.accepted, &response.text))
@@ -582,6 +585,10 @@ fn tell_answer(answer: &CorrectionAcknowledgement) {
 }
 
 fn tell_part(part: &PartReport) {
+    if part.verdict == PartReport::MEASURED {
+        report::line(&format!("plan {}: {}", part.plan_id, part.text));
+        return;
+    }
     let word = match part.verdict {
         PartReport::QUALIFIED => "qualified",
         PartReport::SCRAP => "scrap",

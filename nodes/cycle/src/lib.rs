@@ -8,7 +8,8 @@
 //!
 //! It is the part program O0399 of the turn-mill system (source systems A.4): rough, measure, decide; finish, measure,
 //! decide. It computes nothing about sizes. A fault of severity ERROR, a refused correction or an operation that fails
-//! ends the part as STOPPED.
+//! ends the part as STOPPED. A run of a plan only measures it: nothing is cut, no decision is waited for, and it ends as
+//! MEASURED.
 
 mod config;
 mod step;

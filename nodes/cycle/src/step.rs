@@ -94,6 +94,13 @@ pub enum Stage {
         /// The decision, when it comes before the machine has finished: it waits until the probe is out of the way.
         decision: Option<PassDecision>,
     },
+    /// The machine measures, and nothing follows from it.
+    OnlyMeasuring {
+        /// The plan.
+        plan_id: String,
+        /// The request that it answers.
+        request_id: u64,
+    },
     /// Corrections are awaited before the pass is cut again.
     Correcting {
         /// The plan that asks for them.
@@ -162,12 +169,13 @@ fn run(
     asked: &OperatorRequest,
     out: &mut Outbox<Output>,
 ) {
-    let refusal = if state.run.is_some() {
-        Some("a part is being made")
-    } else if asked.subject.is_empty() {
-        Some("the part has no name")
-    } else {
-        None
+    let refusal = match &state.run {
+        Some(run) if matches!(run.stage, Stage::OnlyMeasuring { .. }) => {
+            Some("a part is being measured")
+        }
+        Some(_) => Some("a part is being made"),
+        None if asked.subject.is_empty() => Some("the part has no name"),
+        None => None,
     };
     out.send(Output::Reply(OperatorReply {
         header: header(now),
@@ -175,21 +183,53 @@ fn run(
         accepted: refusal.is_none(),
         text: refusal.unwrap_or_default().to_owned(),
     }));
-    if refusal.is_none() {
-        state.answered.clear();
-        let stage = Stage::Cutting {
+    if refusal.is_some() {
+        return;
+    }
+    state.answered.clear();
+    let only = !asked.plan_id.is_empty();
+    let stage = if only {
+        let plan_id = asked.plan_id.clone();
+        let request_id = measure(state, now, plan_id.clone(), 0, only, out);
+        Stage::OnlyMeasuring {
+            plan_id,
+            request_id,
+        }
+    } else {
+        Stage::Cutting {
             index: 0,
             request_id: 0,
-        };
-        state.run = Some(Run {
-            part_id: asked.subject.clone(),
-            pass: 0,
-            attempt: 0,
-            cuts: 0,
-            stage,
-        });
+        }
+    };
+    state.run = Some(Run {
+        part_id: asked.subject.clone(),
+        pass: 0,
+        attempt: 0,
+        cuts: 0,
+        stage,
+    });
+    if !only {
         cut(config, state, now, 0, out);
     }
+}
+
+/// Asks for a measurement; gives the number of the request.
+fn measure(
+    state: &mut State,
+    now: Stamp,
+    plan_id: String,
+    pass_number: u32,
+    only_measure: bool,
+    out: &mut Outbox<Output>,
+) -> u64 {
+    let asked = OperationRequest {
+        kind: OperationRequest::MEASURE,
+        plan_id,
+        pass_number,
+        only_measure,
+        ..OperationRequest::default()
+    };
+    request(state, now, asked, out)
 }
 
 /// Cuts operation `index` of the pass, or measures when all are cut.
@@ -212,14 +252,7 @@ fn cut(config: &Config, state: &mut State, now: Stamp, index: usize, out: &mut O
         run.cuts += u32::from(!pass.operations.is_empty());
         run.attempt += 1;
         let plan_id = format!("{}/{}/{}", run.part_id, pass.name, run.attempt);
-        let kind = OperationRequest::MEASURE;
-        let asked = OperationRequest {
-            kind,
-            plan_id: plan_id.clone(),
-            pass_number: run.pass,
-            ..OperationRequest::default()
-        };
-        let request_id = request(state, now, asked, out);
+        let request_id = measure(state, now, plan_id.clone(), run.pass, false, out);
         run.stage = Stage::Measuring {
             plan_id,
             request_id,
@@ -238,7 +271,7 @@ fn reported(
     out: &mut Outbox<Output>,
 ) {
     let Some(run) = &mut state.run else { return };
-    let mut early = None;
+    let (mut early, mut measured) = (None, false);
     let next = match &mut run.stage {
         Stage::Cutting { index, request_id } if *request_id == report.request_id => {
             Some(*index + 1)
@@ -253,6 +286,10 @@ fn reported(
             early = decision.take();
             None
         }
+        Stage::OnlyMeasuring { request_id, .. } if *request_id == report.request_id => {
+            measured = true;
+            None
+        }
         _ => return,
     };
     if report.outcome != OperationReport::DONE {
@@ -264,6 +301,10 @@ fn reported(
         return;
     }
     match (next, early) {
+        _ if measured => {
+            let text = "measured; nothing was cut, decided or corrected";
+            end(state, now, PartReport::MEASURED, text, out);
+        }
         (Some(index), _) => cut(config, state, now, index, out),
         (None, Some(decision)) => decided(config, state, now, &decision, out),
         // Numbered by the request, so that a timer of an earlier measurement says nothing about this one.
@@ -311,7 +352,7 @@ fn decided(
         Stage::Measuring { plan_id, .. } | Stage::Correcting { plan_id, .. } => {
             *plan_id == decision.plan_id
         }
-        Stage::Cutting { .. } => false,
+        Stage::Cutting { .. } | Stage::OnlyMeasuring { .. } => false,
     };
     if !current {
         return;
@@ -420,12 +461,17 @@ fn request(
 
 fn end(state: &mut State, now: Stamp, verdict: u8, text: &str, out: &mut Outbox<Output>) {
     if let Some(run) = state.run.take() {
+        let plan_id = match run.stage {
+            Stage::OnlyMeasuring { plan_id, .. } => plan_id,
+            _ => String::new(),
+        };
         out.send(Output::Part(PartReport {
             header: header(now),
             part_id: run.part_id,
             verdict,
             passes: run.cuts,
             text: text.to_owned(),
+            plan_id,
         }));
     }
     state.answered.clear();

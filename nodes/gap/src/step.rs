@@ -2,7 +2,10 @@
 
 use std::collections::{BTreeSet, VecDeque};
 
-use diagnosis::Session;
+use diagnosis::{
+    DiagnoseError, Session,
+    joined::{added_to, join},
+};
 use graph::{Node, Outbox, Stamp, inputs, outputs, topics};
 use probecell_msgs::{
     Fault, GapReport, InspectionPlan, MachineState, ProbeEvent, ReferenceMeasurement,
@@ -52,6 +55,8 @@ pub struct State {
     pub robot_description: String,
     /// The plan heard last.
     pub plan: Option<InspectionPlan>,
+    /// What was measured before of the same part, where the plan is one of further touches.
+    pub earlier: Option<Session>,
     /// Touches of the plan, in the order of their numbers as they came.
     pub events: Vec<ProbeEvent>,
     /// Events whose plan has not come yet.
@@ -92,7 +97,7 @@ impl Node for GapNode {
         match input {
             Input::Timer(_) => {}
             Input::Machine(machine) => state.robot_description = machine.data,
-            Input::Plan(plan) => begin(state, plan),
+            Input::Plan(plan) => begin(config, state, plan),
             Input::Event(event) => {
                 state.waiting.push_back(event);
                 if state.waiting.len() > WAITING_LIMIT {
@@ -130,10 +135,14 @@ impl Node for GapNode {
 }
 
 /// Another plan; the same one again changes nothing.
-fn begin(state: &mut State, plan: InspectionPlan) {
+fn begin(config: &Config, state: &mut State, plan: InspectionPlan) {
     if state.plan.as_ref() == Some(&plan) {
         return;
     }
+    let known = state.plan.as_ref().map(|known| known.plan_id.as_str());
+    let first = known.map(|known| added_to(known).unwrap_or(known));
+    let goes_on = first.is_some() && added_to(&plan.plan_id) == first;
+    state.earlier = (goes_on.then(|| session(config, state)).flatten()).and_then(Result::ok);
     state.open = (0..plan.points.len() as u32).collect();
     state.events.clear();
     state.references.clear();
@@ -173,12 +182,12 @@ fn last_touch(state: &State) -> Option<i64> {
     stamps.map(nanoseconds).max()
 }
 
-fn diagnose(config: &Config, state: &State, now: Stamp, out: &mut Outbox<Output>) {
-    let Some(plan) = &state.plan else { return };
-    let session = Session {
+/// What was measured of the plan, with what was measured before where it adds to that; `None` without a plan.
+fn session(config: &Config, state: &State) -> Option<Result<Session, DiagnoseError>> {
+    let own = Session {
         name: LIVE.to_owned(),
         robot_description: state.robot_description.clone(),
-        plan: Some(plan.clone()),
+        plan: Some(state.plan.clone()?),
         events: state.events.clone(),
         joint_states: state.joints.samples(),
         joint_commands: Vec::new(),
@@ -186,11 +195,22 @@ fn diagnose(config: &Config, state: &State, now: Stamp, out: &mut Outbox<Output>
         references: state.references.clone(),
         declared: config.declared.clone(),
     };
+    let Some(earlier) = &state.earlier else {
+        return Some(Ok(own));
+    };
+    Some(join(earlier, &own))
+}
+
+fn diagnose(config: &Config, state: &State, now: Stamp, out: &mut Outbox<Output>) {
+    let (Some(plan), Some(session)) = (&state.plan, session(config, state)) else {
+        return;
+    };
     let header = std_msgs::Header {
         stamp: now.time(),
         frame_id: String::new(),
     };
-    match diagnosis::diagnose(&session, &config.options) {
+    let report = session.and_then(|session| diagnosis::diagnose(&session, &config.options));
+    match report {
         Ok(report) => {
             if let Some(message) = message::of(&report, &plan.plan_id, header) {
                 out.send(Output::Report(message));

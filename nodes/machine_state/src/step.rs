@@ -330,7 +330,10 @@ fn request_operation(
                 return;
             }
         }
-        state.measured.insert(request.plan_id.clone());
+        // Nothing may be corrected from what was only measured.
+        if !request.only_measure {
+            state.measured.insert(request.plan_id.clone());
+        }
     }
     let kind = match request.kind {
         OperationRequest::CUT => ControllerCommand::RUN_OPERATION,

@@ -166,6 +166,12 @@ impl Route<'_> {
         })
     }
 
+    /// Axis positions (m, rad) of each touch of a plan, at the end of its probing move.
+    pub fn contacts(&self, plan: &InspectionPlan) -> Result<Vec<Vec<f64>>, RouteError> {
+        let stations = self.stations(plan, &[])?;
+        Ok(stations.into_iter().map(|one| one.touch).collect())
+    }
+
     fn shortest(
         &self,
         plan: &InspectionPlan,

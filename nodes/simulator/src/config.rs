@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use machine::{Chain, Nominal, Target};
+use nalgebra::{Point3, Vector3};
 use probecell_msgs::InspectionPlan;
 use serde::{Deserialize, Serialize};
 
@@ -251,6 +252,8 @@ pub struct Config {
     pub left: BTreeMap<(String, String), Vec<f64>>,
     /// m; what the process leaves at each point of a feature, or how an uncut one came.
     pub surfaces: BTreeMap<String, Vec<f64>>,
+    /// Where the part's own touches of each feature lie: position (m) and outward normal, part frame.
+    pub places: BTreeMap<String, Vec<(Point3<f64>, Vector3<f64>)>>,
     /// As written, lengths still in the units of their names.
     pub raw: RawConfig,
 }
@@ -347,6 +350,7 @@ impl RawConfig {
                 .collect(),
             left: BTreeMap::new(),
             surfaces: self.surfaces(plan)?,
+            places: places(plan),
             chain,
             home,
             center_error,
@@ -449,6 +453,22 @@ impl RawConfig {
         }
         Ok(())
     }
+}
+
+/// Position and normal of every point, by feature, in the order of the plan.
+fn places(plan: &InspectionPlan) -> BTreeMap<String, Vec<(Point3<f64>, Vector3<f64>)>> {
+    let mut places: BTreeMap<String, Vec<(Point3<f64>, Vector3<f64>)>> = BTreeMap::new();
+    for point in &plan.points {
+        if let Some(feature) = plan.features.get(point.feature as usize) {
+            let (at, out) = (&point.position, &point.normal);
+            let place = (
+                Point3::new(at.x, at.y, at.z),
+                Vector3::new(out.x, out.y, out.z),
+            );
+            places.entry(feature.id.clone()).or_default().push(place);
+        }
+    }
+    places
 }
 
 /// Index in the plan of every point of a feature.

@@ -6,14 +6,19 @@
 
 use machine::Surface;
 use nalgebra::{Point3, Unit, Vector3};
-use probecell_msgs::{InspectionFeature, InspectionPlan, ReferenceMeasurement, std_msgs};
+use probecell_msgs::{
+    InspectionFeature, InspectionPlan, InspectionPoint, ReferenceMeasurement, std_msgs,
+};
 use rand::Rng;
 use rand_distr::StandardNormal;
 
 use crate::{
-    config::{Config, RawSize, points_of},
+    config::{Config, RawSize},
     state::State,
 };
+
+/// Two touches within this distance of each other, across the normal, meet the same place, m.
+const SAME_PLACE: f64 = 1e-6;
 
 /// One draw of a normal distribution of that standard deviation.
 pub(crate) fn normal(random: &mut impl Rng, standard_deviation: f64) -> f64 {
@@ -104,14 +109,38 @@ pub(crate) fn excess(config: &Config, state: &State, plan: &InspectionPlan, poin
     let Some(feature) = plan.features.get(nominal.feature as usize) else {
         return 0.0;
     };
-    let number = points_of(plan, &feature.id)
-        .take_while(|&other| other < point)
-        .count();
-    let at = |known: Option<&Vec<f64>>| known.and_then(|values| values.get(number)).copied();
-    let own = at(state.surfaces.get(&feature.id))
-        .or_else(|| at(config.surfaces.get(&feature.id)))
-        .unwrap_or(0.0);
+    let known = state.surfaces.get(&feature.id);
+    let own = known.or_else(|| config.surfaces.get(&feature.id));
+    let own = own
+        .zip(config.places.get(&feature.id))
+        .map_or(0.0, |(values, places)| at_place(places, values, nominal));
     own + by_size(config, state, feature, nominal.position.z)
+}
+
+/// Of values at the part's own touches of a feature the one at a point of any plan: at such a touch its own, elsewhere
+/// their mean weighted by the inverse square of the distance (Shepard 1968). Distances are across the normal, for a
+/// pass leaves an allowance along it; touches that face away say nothing.
+fn at_place(
+    places: &[(Point3<f64>, Vector3<f64>)],
+    values: &[f64],
+    point: &InspectionPoint,
+) -> f64 {
+    let at = Point3::new(point.position.x, point.position.y, point.position.z);
+    let normal = Vector3::new(point.normal.x, point.normal.y, point.normal.z);
+    let (mut sum, mut weights) = (0.0, 0.0);
+    for ((place, outward), value) in places.iter().zip(values) {
+        if outward.dot(&normal) <= 0.0 {
+            continue;
+        }
+        let arm = at - place;
+        let off = (arm - normal * normal.dot(&arm)).norm();
+        if off < SAME_PLACE {
+            return *value;
+        }
+        sum += value / (off * off);
+        weights += (off * off).recip();
+    }
+    if weights > 0.0 { sum / weights } else { 0.0 }
 }
 
 /// The part of it that the size of the feature makes.

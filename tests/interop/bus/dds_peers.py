@@ -28,7 +28,7 @@ from rosbags.interfaces import Nodetype  # noqa: E402
 from messages import CONTRACT, Messages  # noqa: E402
 from peer import PATIENCE, Peer, check, until  # noqa: E402
 
-SERVICE = "probecell_msgs/srv/Plan"
+SERVICE = "probecell_msgs/srv/Run"
 
 
 class Idl:
@@ -236,42 +236,42 @@ def services(program, cyclone, messages):
     request_name, response_name = f"{SERVICE}_Request", f"{SERVICE}_Response"
     request_type = cyclone.idl.type(request_name, header)
     response_type = cyclone.idl.type(response_name, header)
-    request = messages.encode(messages.store.types[request_name](plan_id="P1"), request_name)
-    response = messages.encode(messages.store.types[response_name](accepted=True, text="52 points"), response_name)
+    request = messages.encode(messages.store.types[request_name](part_id="P1", plan_id=""), request_name)
+    response = messages.encode(messages.store.types[response_name](accepted=True, text="made"), response_name)
     qos = "reliable:10"
     with Peer(program, "server", transport="dds", services="cyclone", namespace="/cell") as ours:
-        ours.ask("serving", "serve", "/cell/plan", SERVICE, response.hex())
-        writer = cyclone.writer("rq/cell/planRequest", request_type, qos)
-        reader = cyclone.reader("rr/cell/planReply", response_type, qos)
+        ours.ask("serving", "serve", "/cell/run", SERVICE, response.hex())
+        writer = cyclone.writer("rq/cell/runRequest", request_type, qos)
+        reader = cyclone.reader("rr/cell/runReply", response_type, qos)
         until("a match", lambda: writer.get_matched_subscriptions() and reader.get_matched_publications())
         answer = {}
 
         def answered():
-            writer.write(request_type(guid=0x1122334455667788, number=7, plan_id="P1"))
+            writer.write(request_type(guid=0x1122334455667788, number=7, part_id="P1", plan_id=""))
             answer.update({(reply.guid, reply.number): reply for reply in reader.take(N=10)})
             return answer
 
         until("a response of ours", answered)
         (((guid, number), reply),) = answer.items()
         check("identity", (guid, number), (0x1122334455667788, 7))
-        check("response", (reply.accepted, reply.text), (True, "52 points"))
+        check("response", (reply.accepted, reply.text), (True, "made"))
         check("request", unpadded(ours.take("request")["request"], request), request)
 
-        reader = cyclone.reader("rq/cell/plan_theirsRequest", request_type, qos)
-        writer = cyclone.writer("rr/cell/plan_theirsReply", response_type, qos)
-        ours.tell("call", "/cell/plan_theirs", SERVICE, request.hex())
+        reader = cyclone.reader("rq/cell/run_theirsRequest", request_type, qos)
+        writer = cyclone.writer("rr/cell/run_theirsReply", response_type, qos)
+        ours.tell("call", "/cell/run_theirs", SERVICE, request.hex())
         (asked,) = take(reader)
-        check("request of ours", asked.plan_id, "P1")
+        check("request of ours", asked.part_id, "P1")
         until("a match", lambda: writer.get_matched_subscriptions())
-        writer.write(response_type(guid=asked.guid, number=asked.number, accepted=True, text="52 points"))
+        writer.write(response_type(guid=asked.guid, number=asked.number, accepted=True, text="made"))
         check("response of theirs", unpadded(ours.take("response")["response"], response), response)
     with (
         Peer(program, "server", transport="dds", namespace="/cell") as server,
         Peer(program, "client", transport="dds", namespace="/cell") as client,
     ):
-        server.ask("serving", "serve", "/cell/plan_enhanced", SERVICE, response.hex())
+        server.ask("serving", "serve", "/cell/run_enhanced", SERVICE, response.hex())
         for _ in range(3):
-            answer = client.ask("response", "call", "/cell/plan_enhanced", SERVICE, request.hex())
+            answer = client.ask("response", "call", "/cell/run_enhanced", SERVICE, request.hex())
             check("enhanced response", unpadded(answer["response"], response), response)
             check("enhanced request", unpadded(server.take("request")["request"], request), request)
 

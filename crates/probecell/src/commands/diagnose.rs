@@ -1,16 +1,18 @@
 //! `probecell diagnose`: why a session differs from the declared model of its cell.
 
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use anyhow::{Context, bail};
 use bags::{Bag, Measurement};
 use cell::{Cell, ModelSection};
+use diagnosis::joined::{added_to, further_name, further_number, join};
 use diagnosis::{
     DeclaredEffect, Options, Report, Residuals, Session, diagnose_together_with_residuals,
     diagnose_with_residuals,
 };
 
-use super::record::CELL_FILE;
+use super::{further, record::CELL_FILE};
 use crate::{GOOD, report};
 
 /// What the user asks for.
@@ -43,6 +45,16 @@ pub(crate) struct Arguments {
     /// Write a page that stands alone: conclusion, effects, pictures. Not with `--each`.
     #[arg(long, value_name = "FILE", conflicts_with = "each")]
     html: Option<PathBuf>,
+    /// Where rivals are left, have the running cell that measured the bag make the touches that part them, and answer
+    /// again over both.
+    #[arg(long, conflicts_with_all = ["each", "fit", "withhold", "plan"])]
+    refine: bool,
+    /// Cell file of that cell.
+    #[arg(long, default_value = crate::DEFAULT_CELL, requires = "refine")]
+    cell: PathBuf,
+    /// Longest time that the cell may take, s.
+    #[arg(long, default_value_t = 900, requires = "refine")]
+    patience_s: u64,
 }
 
 /// Diagnoses the bags together, or each.
@@ -51,6 +63,9 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
         without: arguments.without.clone(),
         ..Options::default()
     };
+    if arguments.refine {
+        return refine(arguments, &options);
+    }
     let bags = if arguments.fit.is_empty() {
         &arguments.bags
     } else {
@@ -76,11 +91,35 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
     Ok(GOOD)
 }
 
+/// Diagnoses the bag, has a running cell make further touches, and diagnoses both.
+fn refine(arguments: &Arguments, options: &Options) -> anyhow::Result<u8> {
+    let [path] = arguments.bags.as_slice() else {
+        bail!(
+            "--refine goes on from one bag, not from {}",
+            arguments.bags.len()
+        );
+    };
+    let cell = Cell::read(&arguments.cell)?;
+    let first = read(path, arguments)?;
+    let patience = Duration::from_secs(arguments.patience_s);
+    let refined = further::refine(&cell, &first, options, patience, !arguments.json)?;
+    if let Some(file) = &arguments.html {
+        write_page(file, &refined.after, &refined.residuals)?;
+    }
+    if arguments.json {
+        report::json(&refined)?;
+    }
+    Ok(GOOD)
+}
+
+fn write_page(file: &Path, result: &Report, residuals: &Residuals) -> anyhow::Result<()> {
+    let page = records::diagnosis_page(result, residuals)?;
+    std::fs::write(file, page.html()).with_context(|| format!("cannot write {}", file.display()))
+}
+
 fn tell(arguments: &Arguments, result: &Report, residuals: &Residuals) -> anyhow::Result<()> {
     if let Some(file) = &arguments.html {
-        let page = records::diagnosis_page(result, residuals)?;
-        std::fs::write(file, page.html())
-            .with_context(|| format!("cannot write {}", file.display()))?;
+        write_page(file, result, residuals)?;
     }
     if arguments.json {
         report::json(result)?;
@@ -90,11 +129,41 @@ fn tell(arguments: &Arguments, result: &Report, residuals: &Residuals) -> anyhow
     Ok(())
 }
 
-/// The session of a bag; damage that leaves enough is a warning.
+/// The session of a bag; damage that leaves enough is a warning. Where the measurement is one of further touches, what
+/// it adds to stands before it.
 pub(super) fn read(path: &Path, arguments: &Arguments) -> anyhow::Result<Session> {
     let bag = Bag::open(path)?;
     let measurement = (arguments.plan.clone()).map_or(Measurement::Last, Measurement::Named);
-    let session = bags::Session::read_measurement(&bag, &measurement)?;
+    let last = read_measurement(&bag, &measurement, arguments)?;
+    let Some(plan) = &last.plan else {
+        return Ok(last);
+    };
+    let Some(first) = added_to(&plan.plan_id) else {
+        return Ok(last);
+    };
+    let named = |id: String| read_measurement(&bag, &Measurement::Named(id), arguments);
+    let mut all = match named(first.to_owned()) {
+        Ok(session) => session,
+        Err(problem) => {
+            report::remark(&format!(
+                "warning: {:?} adds to {first:?}, which is not in this bag: {problem}",
+                plan.plan_id
+            ));
+            return Ok(last);
+        }
+    };
+    for number in 1..further_number(&plan.plan_id) {
+        all = join(&all, &named(further_name(first, number))?)?;
+    }
+    Ok(join(&all, &last)?)
+}
+
+fn read_measurement(
+    bag: &Bag,
+    measurement: &Measurement,
+    arguments: &Arguments,
+) -> anyhow::Result<Session> {
+    let session = bags::Session::read_measurement(bag, measurement)?;
     for damage in &session.damage {
         report::remark(&format!(
             "warning: {damage}: only the complete part is diagnosed"
@@ -104,7 +173,8 @@ pub(super) fn read(path: &Path, arguments: &Arguments) -> anyhow::Result<Session
         report::remark(&format!("warning: {missing}"));
     }
     Ok(Session {
-        name: path
+        name: bag
+            .path()
             .file_name()
             .map_or_else(String::new, |name| name.to_string_lossy().into_owned()),
         robot_description: session.robot_description,
@@ -134,7 +204,7 @@ pub(super) fn read(path: &Path, arguments: &Arguments) -> anyhow::Result<Session
             .into_iter()
             .map(|stamped| stamped.message)
             .collect(),
-        declared: declared(&bag, arguments.model.as_deref())?,
+        declared: declared(bag, arguments.model.as_deref())?,
     })
 }
 

@@ -5,6 +5,7 @@ pub(crate) mod blind;
 pub(crate) mod correct;
 pub(crate) mod diagnose;
 pub(crate) mod doctor;
+pub(crate) mod further;
 pub(crate) mod identifiability;
 pub(crate) mod info;
 pub(crate) mod node;

@@ -1,6 +1,6 @@
-//! Whether the stylus gets to an imagined touch and away again without hitting what is known of the part.
+//! Whether the stylus gets to a touch and away again without hitting what is known of the part.
 //!
-//! Bodies are made from the plan: the convex block between its planes, as far as they were touched, with each bore cut
+//! Bodies are made from touches that a plan holds: the convex block between its planes, as far as they were touched, with each bore cut
 //! out of it for touches of that bore; cylinders over the heights touched; balls from inside. What a measured touch
 //! would have hit is not there for touches of the same feature with the stem in nearly the same direction. A touch is
 //! allowed when approach, retract and the withdrawal along the stem to free space are clear, so that any order of
@@ -8,12 +8,13 @@
 
 use std::f64::consts::{PI, TAU};
 
-use machine::{Chain, Nominal, Surface};
 use nalgebra::{Point3, Unit, Vector3};
 use planning::{Solid, StylusShape};
 use probecell_msgs::InspectionPlan;
 
-use crate::observation::{Observations, Row};
+use crate::chain::Chain;
+use crate::contact::Surface;
+use crate::deviation::Nominal;
 
 /// Radius of the stem over that of the ball.
 const STEM: f64 = 0.7;
@@ -22,7 +23,7 @@ const FREE: f64 = 0.5;
 /// Radius of a spindle probe's body, m: 40 mm across is the most common.
 const BODY: f64 = 0.02;
 /// Approach and retract where the plan gives none, m.
-pub(crate) const CLEAR: f64 = 2e-3;
+pub const CLEAR: f64 = 2e-3;
 /// Sectors that stand for the material around a bore.
 const SECTORS: usize = 16;
 /// Faces of the body inside a ball.
@@ -32,9 +33,24 @@ const ALIKE: f64 = 0.1;
 /// How much a touch may seem to enter the surface it ends on, m.
 const CONTACT: f64 = 1e-9;
 
+/// A touch, measured or imagined.
+#[derive(Debug, Clone)]
+pub struct Aim {
+    /// Index of the feature touched.
+    pub feature: usize,
+    /// Nominal contact, m, part frame.
+    pub position: Point3<f64>,
+    /// Outward normal there, part frame.
+    pub normal: Vector3<f64>,
+    /// The feature's surface, part frame.
+    pub surface: Surface,
+    /// Axis positions (m, rad) at the contact; `None` for what is no touch of the machine.
+    pub positions: Option<Vec<f64>>,
+}
+
 /// A stylus in place: contact, direction of the normal and of the stem, part frame.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Placed {
+struct Placed {
     feature: usize,
     ball: Point3<f64>,
     normal: Vector3<f64>,
@@ -43,7 +59,9 @@ pub(crate) struct Placed {
 
 /// What is known of the part, and of the stylus.
 #[derive(Debug)]
-pub(crate) struct Access {
+pub struct Access<'a> {
+    chain: &'a Chain,
+    nominal: &'a Nominal,
     stylus: Option<StylusShape>,
     /// Bodies that touches of each feature may hit.
     bodies: Vec<Vec<Solid>>,
@@ -55,38 +73,37 @@ pub(crate) struct Access {
     far: f64,
 }
 
-impl Access {
-    /// From the plan and the touches measured by it.
-    pub(crate) fn new(observations: &Observations, plan: &InspectionPlan) -> Self {
-        let nominal = &observations.nominal;
-        let rows = &observations.rows[..observations.touches()];
+impl<'a> Access<'a> {
+    /// From a plan and touches that are known to be possible: `nominal` is the plan's, `met` the touches.
+    pub fn new(chain: &'a Chain, nominal: &'a Nominal, plan: &InspectionPlan, met: &[Aim]) -> Self {
         let least = |of: fn(&probecell_msgs::InspectionPoint) -> f64| {
             let given = plan.points.iter().map(of).filter(|value| *value > 0.0);
             let least = given.fold(f64::INFINITY, f64::min);
             if least.is_finite() { least } else { CLEAR }
         };
         let stylus = stylus(nominal);
-        let bodies = bodies(rows, plan.features.len());
-        let size = rows
+        let bodies = bodies(met, plan.features.len());
+        let size = met
             .iter()
-            .map(|row| (row.position - rows[0].position).norm())
+            .map(|aim| (aim.position - met[0].position).norm())
             .fold(0.0, f64::max);
         Self {
+            chain,
+            nominal,
             far: 2.0 * (size + stylus.map_or(0.0, |stylus| stylus.reach())),
             stylus,
             bodies,
-            met: rows
-                .iter()
-                .filter_map(|row| placed(&observations.chain, nominal, row))
+            met: (met.iter())
+                .filter_map(|aim| placed(chain, nominal, aim))
                 .collect(),
             approach: least(|point| point.approach_distance),
             retract: least(|point| point.retract_distance),
         }
     }
 
-    /// True when the stylus gets to the touch of a row and away.
-    pub(crate) fn allows(&self, observations: &Observations, row: &Row) -> bool {
-        let Some(placed) = placed(&observations.chain, &observations.nominal, row) else {
+    /// True when the stylus gets to a touch and away.
+    pub fn allows(&self, aim: &Aim) -> bool {
+        let Some(placed) = placed(self.chain, self.nominal, aim) else {
             // Without an offset of the ball nothing is known of the stem; the plan's own attitude is as good as any.
             return self.stylus.is_none();
         };
@@ -131,7 +148,7 @@ impl Access {
 }
 
 /// Ball, stem and body along the line from the ball to the probe mount; `None` where the ball is in the mount's origin.
-pub(crate) fn stylus(nominal: &Nominal) -> Option<StylusShape> {
+fn stylus(nominal: &Nominal) -> Option<StylusShape> {
     let length = nominal.ball.coords.norm();
     (length > 2.0 * nominal.ball_radius && length > 0.0).then_some(StylusShape {
         ball_radius: nominal.ball_radius,
@@ -142,29 +159,28 @@ pub(crate) fn stylus(nominal: &Nominal) -> Option<StylusShape> {
     })
 }
 
-fn placed(chain: &Chain, nominal: &Nominal, row: &Row) -> Option<Placed> {
-    let pose = row.pose.as_ref()?;
-    let mount = chain.part_from_mount(&pose.positions, &nominal.part_pose);
+fn placed(chain: &Chain, nominal: &Nominal, aim: &Aim) -> Option<Placed> {
+    let mount = chain.part_from_mount(aim.positions.as_ref()?, &nominal.part_pose);
     let stem = Unit::try_new(mount.rotation * -nominal.ball.coords, 1e-6)?;
     Some(Placed {
-        feature: row.feature,
-        ball: row.position + row.normal * nominal.ball_radius,
-        normal: row.normal,
+        feature: aim.feature,
+        ball: aim.position + aim.normal * nominal.ball_radius,
+        normal: aim.normal,
         stem: stem.into_inner(),
     })
 }
 
 /// Bodies of the part that touches of each feature may hit.
-fn bodies(rows: &[Row], features: usize) -> Vec<Vec<Solid>> {
+fn bodies(aims: &[Aim], features: usize) -> Vec<Vec<Solid>> {
     let mut common: Vec<Solid> = Vec::new();
     let mut seen: Vec<usize> = Vec::new();
-    for row in rows {
-        if seen.contains(&row.feature) {
+    for aim in aims {
+        if seen.contains(&aim.feature) {
             continue;
         }
-        seen.push(row.feature);
-        let own: Vec<&Row> = rows.iter().filter(|it| it.feature == row.feature).collect();
-        match &row.surface {
+        seen.push(aim.feature);
+        let own: Vec<&Aim> = aims.iter().filter(|it| it.feature == aim.feature).collect();
+        match &aim.surface {
             Surface::Cylinder(origin, axis, radius) => {
                 common.extend(round(&own, origin, axis, *radius));
             }
@@ -172,14 +188,14 @@ fn bodies(rows: &[Row], features: usize) -> Vec<Vec<Solid>> {
             _ => {}
         }
     }
-    let block = block(rows);
+    let block = block(aims);
     (0..features)
         .map(|feature| {
             let mut bodies = common.clone();
-            let surface = rows
+            let surface = aims
                 .iter()
-                .find(|row| row.feature == feature)
-                .map(|row| &row.surface);
+                .find(|aim| aim.feature == feature)
+                .map(|aim| &aim.surface);
             if let Some(faces) = &block {
                 match surface {
                     Some(Surface::Bore(origin, axis, radius)) => {
@@ -200,16 +216,16 @@ fn face(normal: &Vector3<f64>, through: &Point3<f64>) -> Face {
 }
 
 /// The block between all planes, as far as they were touched; `None` where the planes bound nothing convex.
-fn block(rows: &[Row]) -> Option<Vec<Face>> {
-    let flat: Vec<&Row> = rows
+fn block(aims: &[Aim]) -> Option<Vec<Face>> {
+    let flat: Vec<&Aim> = aims
         .iter()
-        .filter(|row| matches!(row.surface, Surface::Plane(..)))
+        .filter(|aim| matches!(aim.surface, Surface::Plane(..)))
         .collect();
     let first = flat.first()?;
     let (mut low, mut high) = (first.position, first.position);
-    for row in &flat {
-        low = low.inf(&row.position);
-        high = high.sup(&row.position);
+    for aim in &flat {
+        low = low.inf(&aim.position);
+        high = high.sup(&aim.position);
     }
     let mut faces: Vec<Face> = Vec::new();
     for axis in 0..3 {
@@ -218,8 +234,8 @@ fn block(rows: &[Row]) -> Option<Vec<Face>> {
         faces.push(face(&out, &high));
         faces.push(face(&-out, &low));
     }
-    for row in &flat {
-        let own = face(&row.normal, &row.position);
+    for aim in &flat {
+        let own = face(&aim.normal, &aim.position);
         let known = |other: &Face| (0..3).all(|k| (other.0[k] - own.0[k]).abs() < 1e-9);
         if !faces
             .iter()
@@ -229,8 +245,8 @@ fn block(rows: &[Row]) -> Option<Vec<Face>> {
         }
     }
     // Planes that others stand out of are steps of a part that is not convex: then no block is sure.
-    let outside = |row: &&&Row| {
-        let at = row.position.coords;
+    let outside = |aim: &&&Aim| {
+        let at = aim.position.coords;
         faces
             .iter()
             .any(|(normal, offset)| Vector3::from(*normal).dot(&at) > offset + 1e-6)
@@ -264,12 +280,12 @@ fn around(
 
 /// A cylinder over the heights that were touched.
 fn round(
-    rows: &[&Row],
+    aims: &[&Aim],
     origin: &Point3<f64>,
     axis: &Unit<Vector3<f64>>,
     radius: f64,
 ) -> Option<Solid> {
-    let heights = rows.iter().map(|row| axis.dot(&(row.position - origin)));
+    let heights = aims.iter().map(|aim| axis.dot(&(aim.position - origin)));
     let (low, high) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), at| {
         (low.min(at), high.max(at))
     });
