@@ -98,11 +98,9 @@ fn what_the_first_plan_cannot_tell_is_told_by_the_touches_that_it_proposes() {
     let effect = &refined.before.effects[0];
     let mut rivals = effect.indistinguishable_from.clone();
     rivals.push(effect.effect.clone());
-    assert!(
-        rivals.contains(&"probe.stylus_offset".to_owned()),
-        "{rivals:?}"
-    );
-    assert!(rivals.len() > 1, "{rivals:?}");
+    for name in ["probe.stylus_offset", "fixture.shift"] {
+        assert!(rivals.iter().any(|rival| rival == name), "{rivals:?}");
+    }
     let proposed = &refined.before.next_measurement[0];
     let plan_id = &proposed.plan.as_ref().expect("touches").plan_id;
     let later = measured(refined, plan_id);
@@ -116,8 +114,12 @@ fn what_the_first_plan_cannot_tell_is_told_by_the_touches_that_it_proposes() {
         .collect();
     assert_eq!(names, ["probe.stylus_offset"]);
     let found = &after.effects[0];
-    assert!(found.indistinguishable_from.is_empty(), "{found:?}");
-    assert!(after.next_measurement.is_empty());
+    // A ball beside its axis goes round with the spindle, whether the stylus or the spindle is at fault: no touch parts
+    // these two, and no touch is left to be proposed.
+    assert_eq!(found.indistinguishable_from, ["axis.S.error_motion"]);
+    let left = after.next_measurement.iter().map(|next| next.points.len());
+    assert_eq!(left.sum::<usize>(), 0);
+    assert!(proposed.chance > 0.9, "{}", proposed.chance);
     for (parameter, truth) in found.parameters.iter().zip([18e-6, -11e-6]) {
         assert!((parameter.value - truth).abs() < 1e-6, "{parameter:?}");
     }
@@ -279,10 +281,10 @@ fn further_touches_need_a_name_a_free_machine_and_the_part_as_it_was() {
         .expect("a part");
     let points = part.plan(0.0).points[..1].to_vec();
     assert!(!plan(&mut session, "", &points).accepted);
-    assert!(plan(&mut session, "balls/next", &points).accepted);
+    assert!(plan(&mut session, "balls/check/1/next", &points).accepted);
     session.ask_for("balls");
     session.run_to(topics::RUN_REPLIES);
-    let reply = measure(&mut session, "balls/next");
+    let reply = measure(&mut session, "balls/check/1/next");
     assert_eq!(
         (reply.accepted, reply.text.as_str()),
         (false, "a part is being made")
@@ -290,14 +292,14 @@ fn further_touches_need_a_name_a_free_machine_and_the_part_as_it_was() {
     assert_eq!(session.wait_for_report().verdict, PartReport::QUALIFIED);
     // Measured once; what was cut or measured before keeps its name.
     assert!(!plan(&mut session, "balls/check/1", &points).accepted);
-    assert!(measure(&mut session, "balls/next").accepted);
-    let busy = measure(&mut session, "balls/next");
+    assert!(measure(&mut session, "balls/check/1/next").accepted);
+    let busy = measure(&mut session, "balls/check/1/next");
     assert_eq!(
         (busy.accepted, busy.text.as_str()),
         (false, "a part is being measured")
     );
     assert_eq!(session.wait_for_report().verdict, PartReport::MEASURED);
-    assert!(measure(&mut session, "balls/next").accepted);
+    assert!(measure(&mut session, "balls/check/1/next").accepted);
     assert_eq!(session.wait_for_report().verdict, PartReport::STOPPED);
     assert_eq!(session.fault_codes(), ["plan_unknown"]);
 }

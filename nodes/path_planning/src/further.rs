@@ -24,6 +24,9 @@ const SAME_SIZE: f64 = 1e-9;
 /// A further touch may be so many times as fast as the fastest of the part's own, or as much slower than the slowest.
 const FEEDS: f64 = 2.0;
 
+/// Nominal point (m) and outward normal, part frame.
+type Place = (Point3<f64>, Unit<Vector3<f64>>);
+
 /// Further touches that are not made.
 #[derive(Debug, thiserror::Error)]
 pub enum FurtherError {
@@ -133,20 +136,20 @@ fn check_place(
 ) -> Result<(), String> {
     let feature = &own.features[point.feature as usize];
     let (position, normal) = nominal.points[index];
-    let alike: Vec<&(Point3<f64>, Unit<Vector3<f64>>)> = of_feature(own, point.feature)
+    let alike: Vec<&Place> = of_feature(own, point.feature)
         .map(|(place, _)| &known.points[place])
         .collect();
-    let same = |other: &&&(Point3<f64>, Unit<Vector3<f64>>)| {
-        (other.0 - position).norm() <= SAME_PLACE && other.1.angle(&normal) <= SAME_DIRECTION
+    let again = |(at, outward): &Place| {
+        (at - position).norm() <= SAME_PLACE && outward.angle(&normal) <= SAME_DIRECTION
     };
-    if alike.iter().any(|other| same(&other)) {
+    if alike.iter().any(|own| again(own)) {
         return Ok(());
     }
-    let closed = [
+    let free_form = [
         probecell_msgs::InspectionFeature::PROFILE,
         probecell_msgs::InspectionFeature::SURFACE,
     ];
-    if closed.contains(&feature.kind) {
+    if free_form.contains(&feature.kind) {
         return Err(format!(
             "is none of the part's own touches of {:?}, whose shape between them is not known",
             feature.id
@@ -184,7 +187,7 @@ fn spanned(
     surface: &Surface,
     position: &Point3<f64>,
     normal: &Unit<Vector3<f64>>,
-    alike: &[&(Point3<f64>, Unit<Vector3<f64>>)],
+    alike: &[&Place],
 ) -> bool {
     let between = |of: &dyn Fn(&Point3<f64>) -> f64| {
         let all = || alike.iter().map(|(known, _)| of(known));

@@ -231,6 +231,9 @@ pub enum Injected {
     Silence,
 }
 
+/// Position (m) and outward normal of a touch, part frame.
+pub type Place = (Point3<f64>, Vector3<f64>);
+
 /// As checked: m, rad, s.
 #[derive(Clone, Debug)]
 pub struct Config {
@@ -253,7 +256,7 @@ pub struct Config {
     /// m; what the process leaves at each point of a feature, or how an uncut one came.
     pub surfaces: BTreeMap<String, Vec<f64>>,
     /// Where the part's own touches of each feature lie: position (m) and outward normal, part frame.
-    pub places: BTreeMap<String, Vec<(Point3<f64>, Vector3<f64>)>>,
+    pub places: BTreeMap<String, Vec<Place>>,
     /// As written, lengths still in the units of their names.
     pub raw: RawConfig,
 }
@@ -456,8 +459,8 @@ impl RawConfig {
 }
 
 /// Position and normal of every point, by feature, in the order of the plan.
-fn places(plan: &InspectionPlan) -> BTreeMap<String, Vec<(Point3<f64>, Vector3<f64>)>> {
-    let mut places: BTreeMap<String, Vec<(Point3<f64>, Vector3<f64>)>> = BTreeMap::new();
+fn places(plan: &InspectionPlan) -> BTreeMap<String, Vec<Place>> {
+    let mut places: BTreeMap<String, Vec<Place>> = BTreeMap::new();
     for point in &plan.points {
         if let Some(feature) = plan.features.get(point.feature as usize) {
             let (at, out) = (&point.position, &point.normal);

@@ -13,7 +13,7 @@ use rand::Rng;
 use rand_distr::StandardNormal;
 
 use crate::{
-    config::{Config, RawSize},
+    config::{Config, Place, RawSize},
     state::State,
 };
 
@@ -120,11 +120,7 @@ pub(crate) fn excess(config: &Config, state: &State, plan: &InspectionPlan, poin
 /// Of values at the part's own touches of a feature the one at a point of any plan: at such a touch its own, elsewhere
 /// their mean weighted by the inverse square of the distance (Shepard 1968). Distances are across the normal, for a
 /// pass leaves an allowance along it; touches that face away say nothing.
-fn at_place(
-    places: &[(Point3<f64>, Vector3<f64>)],
-    values: &[f64],
-    point: &InspectionPoint,
-) -> f64 {
+fn at_place(places: &[Place], values: &[f64], point: &InspectionPoint) -> f64 {
     let at = Point3::new(point.position.x, point.position.y, point.position.z);
     let normal = Vector3::new(point.normal.x, point.normal.y, point.normal.z);
     let (mut sum, mut weights) = (0.0, 0.0);
