@@ -232,7 +232,7 @@ pub enum Injected {
 }
 
 /// Position (m) and outward normal of a touch, part frame.
-pub type Place = (Point3<f64>, Vector3<f64>);
+pub(crate) type Place = (Point3<f64>, Vector3<f64>);
 
 /// As checked: m, rad, s.
 #[derive(Clone, Debug)]

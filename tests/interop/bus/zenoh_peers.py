@@ -120,8 +120,8 @@ def golden_bytes(program, endpoint, messages):
         (token,) = service
         parts = token.split("/")
         check("service token", parts[4:11] + parts[12:], [
-            str(2 * len(CONTRACT) + 1), "SS", "%", "%cell", "golden", "%cell%plan",
-            "probecell_msgs::srv::dds_::Plan_", "::,10:,:,:,,",
+            str(2 * len(CONTRACT) + 1), "SS", "%", "%cell", "golden", "%cell%run",
+            "probecell_msgs::srv::dds_::Run_", "::,10:,:,:,,",
         ])
         check("tokens", found - service, wanted)
         ours.ask("closed", "close")

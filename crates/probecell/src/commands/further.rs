@@ -32,6 +32,9 @@ const ANSWER_PATIENCE: Duration = Duration::from_secs(10);
 /// How long what was touched last may be on its way after the cell has said that it is done.
 const LATE_PATIENCE: Duration = Duration::from_secs(5);
 
+/// An explanation that is more probable is left alone: the chance of a proposal is that of reaching it.
+const SURE: f64 = 0.95;
+
 /// Why a cell does not measure further.
 #[derive(Debug, thiserror::Error)]
 enum RefineError {
@@ -138,7 +141,7 @@ fn proposal(
     options: &Options,
     before: &Report,
 ) -> anyhow::Result<Option<(NextMeasurement, InspectionPlan)>> {
-    if before.next_measurement.is_empty() {
+    if resolved(before) {
         return Ok(None);
     }
     let options = Options {
@@ -165,7 +168,10 @@ fn resolved(result: &Report) -> bool {
     let alone = |effect: &Effect| effect.indistinguishable_from.is_empty();
     match result.next_measurement.first() {
         None => result.effects.iter().all(alone),
-        Some(next) => next.points.is_empty() && next.chance >= 1.0,
+        Some(next) => {
+            let first = next.explanations.first();
+            first.is_some_and(|one| one.probability > SURE)
+        }
     }
 }
 
