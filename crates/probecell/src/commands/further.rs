@@ -107,7 +107,7 @@ pub(super) fn refine(
             residuals,
         });
     };
-    let mut desk = Desk::join(cell, first)?;
+    let desk = Desk::join(cell, first)?;
     let plan_id = desk.next_name(first);
     tell(&question(&proposal, &cell.cell.name, &plan_id));
     desk.ask(&plan_id, &plan)?;
@@ -218,9 +218,9 @@ fn answer(proposal: &NextMeasurement, touched: usize, before: &Report, after: &R
         }
     };
     let kept = if resolved(after) {
-        "one explanation is left, as promised"
+        "kept"
     } else {
-        "more than one explanation is left, against the promise"
+        "not kept, more than one is left"
     };
     format!(
         "\nBefore: {}\nAfter {touched} further touches: {}\nPromised with a chance of {:.2} to leave one: {kept}.",
