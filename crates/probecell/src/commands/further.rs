@@ -176,13 +176,13 @@ fn resolved(result: &Report) -> bool {
 }
 
 fn question(proposal: &NextMeasurement, cell: &str, plan_id: &str) -> String {
-    let mut text = format!(
+    let mut lines = vec![format!(
         "\nCell {cell:?} is asked for {} further touches, plan {plan_id:?}, to tell apart {} \
          (predicted chance {:.2}):",
         proposal.points.len(),
         proposal.separates.join(", "),
         proposal.chance
-    );
+    )];
     for point in &proposal.points {
         let [x, y, z] = point.position.map(|value| value * 1e3);
         let turned: Vec<String> = (point.rotary_positions.iter())
@@ -193,14 +193,14 @@ fn question(proposal: &NextMeasurement, cell: &str, plan_id: &str) -> String {
         } else {
             format!(" at {}", turned.join(" "))
         };
-        text += &format!(
-            "\n  {} ({x:.3}, {y:.3}, {z:.3}) mm{turned}, {:.0} mm/min: {}",
+        lines.push(format!(
+            "  {} ({x:.3}, {y:.3}, {z:.3}) mm{turned}, {:.0} mm/min: {}",
             point.feature,
             point.feed * 60e3,
             point.why
-        );
+        ));
     }
-    text
+    lines.join("\n")
 }
 
 fn answer(proposal: &NextMeasurement, touched: usize, before: &Report, after: &Report) -> String {
