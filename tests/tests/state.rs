@@ -11,12 +11,14 @@ use std::{
 
 use cell::Cell;
 use cell_tests::{
-    cell,
+    cell, messages,
     session::{Session, alone, with_fault},
     trace::{Cause, Trace},
 };
 use graph::{Published, topics};
-use probecell_msgs::{Correction, MachineState, OperatorRequest, ProbeEvent, from_cdr, to_cdr};
+use probecell_msgs::{
+    Correction, InspectionPlan, MachineState, OperatorRequest, ProbeEvent, from_cdr, to_cdr,
+};
 use serde_json::Value;
 
 /// Steps of a trace at which a field is lost, at most.
@@ -114,6 +116,55 @@ fn five_axis() -> (Cell, Vec<Published>) {
     (cell, session.finish())
 }
 
+/// Further touches of a part that was made, and touches that were measured already.
+fn further() -> (Cell, Vec<Published>) {
+    let cell = cell("ball_check.toml", |text| {
+        text.replace("at_end_of_plan = false", "at_end_of_plan = true")
+    });
+    let mut session = Session::new(&cell);
+    session.make("balls");
+    session.run_s(1.0);
+    let own: InspectionPlan = session.last(topics::INSPECTION_PLAN);
+    let asked = OperatorRequest {
+        subject: "balls/check/1/next".to_owned(),
+        points: own.points[..3].to_vec(),
+        ..OperatorRequest::default()
+    };
+    session.send(topics::PLAN_REQUESTS, &asked);
+    session.run_to(topics::PLAN_REPLIES);
+    let run = OperatorRequest {
+        subject: "balls".to_owned(),
+        plan_id: asked.subject.clone(),
+        ..OperatorRequest::default()
+    };
+    session.send(topics::RUN_REQUESTS, &run);
+    session.run_to(topics::PART_REPORTS);
+    session.run_s(1.0);
+    session.send(topics::PLAN_REQUESTS, &asked);
+    session.run_to(topics::PLAN_REPLIES);
+    (cell, session.finish())
+}
+
+/// Touches of the finished part, asked for while the rough one is cut: they lie inside it.
+fn too_early() -> (Cell, Vec<Published>) {
+    let cell = turn_mill(str::to_owned);
+    let (_, log) = &*AUTOMATIC;
+    let finished: InspectionPlan = messages(log, topics::INSPECTION_PLAN.name)
+        .pop()
+        .expect("a plan");
+    let mut session = Session::new(&cell);
+    session.ask_for("punch");
+    session.run_to(topics::CONTROLLER_COMMANDS);
+    let asked = OperatorRequest {
+        subject: "punch/early".to_owned(),
+        points: finished.points,
+        ..OperatorRequest::default()
+    };
+    session.send(topics::PLAN_REQUESTS, &asked);
+    session.run_to(topics::PLAN_REPLIES);
+    (cell, session.finish())
+}
+
 fn gone_wrong(kind: &str) -> (Cell, Vec<Published>) {
     let cell = turn_mill(|text| with_fault(text, kind, 20));
     let mut session = Session::new(&cell);
@@ -181,6 +232,8 @@ fn sessions() -> Vec<(Cell, Vec<Published>)> {
         springing(),
         path(),
         five_axis(),
+        further(),
+        too_early(),
     ];
     sessions.extend(
         [

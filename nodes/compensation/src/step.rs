@@ -52,8 +52,6 @@ pub struct State {
     pub results: BTreeMap<String, FeatureResult>,
     /// Results that came before the cycle said what is measured.
     pub early: Vec<FeatureResult>,
-    /// The plan that was measured last without anything to follow from it.
-    pub only_measured: Option<String>,
     /// Wear offsets and the driver's session.
     pub offsets: Option<ToolOffsets>,
     /// Corrections made in the current pass.
@@ -99,12 +97,9 @@ impl Node for CompensationNode {
                 if request.kind == OperationRequest::MEASURE {
                     state.results.clear();
                     state.proposed.clear();
-                    state.measurement = if request.only_measure {
-                        state.only_measured = Some(request.plan_id);
-                        None
-                    } else {
-                        Some((request.plan_id, request.pass_number))
-                    };
+                    // From a plan that is only measured nothing follows.
+                    state.measurement =
+                        (!request.only_measure).then_some((request.plan_id, request.pass_number));
                     for result in std::mem::take(&mut state.early) {
                         take(config, state, now, result, out);
                     }
@@ -124,13 +119,13 @@ fn take(
     out: &mut Outbox<Output>,
 ) {
     let pass = match &state.measurement {
-        _ if state.only_measured.as_ref() == Some(&result.plan_id) => return,
         Some((plan_id, pass)) if *plan_id == result.plan_id => *pass,
         _ => {
             // The cycle's request and the results travel on different topics: a quick result may come first.
-            if state.early.len() < EARLY_LIMIT {
-                state.early.push(result);
+            if state.early.len() == EARLY_LIMIT {
+                state.early.remove(0);
             }
+            state.early.push(result);
             return;
         }
     };
