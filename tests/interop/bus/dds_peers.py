@@ -142,8 +142,16 @@ def both_ways(program, cyclone, messages):
             check("found", ours.ask("found", "await", f"/cell/{topic}_out", 1)["found"], True)
             until("a match", lambda: reader.get_matched_publications())
             message = messages.random(name, 20)
-            ours.ask("published", "publish", f"/cell/{topic}_out", name, qos, messages.encode(message, name).hex())
-            (found,) = take(reader, what=f"{name} of {qos}")
+            came = []
+
+            def reaches():
+                # Cyclone has matched; whether our writer has is not told.
+                ours.ask("published", "publish", f"/cell/{topic}_out", name, qos, messages.encode(message, name).hex())
+                came.extend(reader.take(N=1))
+                return came
+
+            until(f"{name} of {qos}", reaches)
+            (found,) = came
             check(f"{name} as taken by Cyclone", messages.encode(cyclone.idl.from_idl(found, name), name),
                   messages.encode(message, name))
             check("source time, ns", found.sample_info.source_timestamp, 42)
@@ -175,9 +183,17 @@ def late_joiners(program, cyclone, messages):
     ty = cyclone.idl.type(name)
     texts = [f"state {number}" for number in range(6)]
     with Peer(program, "latcher", transport="dds", namespace="/cell") as ours:
+        # A publication is on its way when it is acknowledged; when a reader before the late one has the last of them (of a
+        # topic that keeps three it need not get all), none is.
+        ours.ask("gid", "offer", "/cell/latched_out", name, "latched:3")
+        witness = cyclone.reader("rt/cell/latched_out", ty, "events")
+        check("found", ours.ask("found", "await", "/cell/latched_out", 1)["found"], True)
+        until("a match", lambda: witness.get_matched_publications())
         for text in texts:
             cdr = messages.encode(messages.store.types[name](data=text), name)
             ours.ask("published", "publish", "/cell/latched_out", name, "latched:3", cdr.hex())
+        while take(witness)[0].data != texts[-1]:
+            pass
         reader = cyclone.reader("rt/cell/latched_out", ty, "latched:3")
         check("history of ours", [sample.data for sample in take(reader, 3)], texts[3:])
         writer = cyclone.writer("rt/cell/latched_in", ty, "latched:3")
@@ -201,12 +217,25 @@ def bursts(program, cyclone, messages):
         reader = cyclone.reader("rt/cell/burst_out", ty, "events")
         check("found", ours.ask("found", "await", "/cell/burst_out", 1)["found"], True)
         until("a match", lambda: reader.get_matched_publications())
-        for text in texts:
+
+        def tell(text):
             cdr = messages.encode(messages.store.types[name](data=text), name)
             ours.tell("publish", "/cell/burst_out", name, "events", cdr.hex())
-        check("burst of ours", [sample.data for sample in take(reader, count)], texts)
 
-        # Whether we have matched is not told by Cyclone: write until one arrives, then the burst.
+        # Whether our writer has matched too is not told: write until one arrives, then the burst.
+        def heard():
+            tell("knock")
+            return reader.take(N=1)
+
+        until("a first sample", heard)
+        for text in texts:
+            tell(text)
+        found = []
+        while len(found) < count:
+            found += [sample.data for sample in take(reader, what=f"a burst after {len(found)}") if sample.data != "knock"]
+        check("burst of ours", found, texts)
+
+        # The same from the other side.
         ours.ask("subscribed", "subscribe", "/cell/burst_in", name, "events")
         writer = cyclone.writer("rt/cell/burst_in", ty, "events")
         until("a match", lambda: writer.get_matched_subscriptions())
