@@ -2105,7 +2105,7 @@ pub mod srv {
             dds_name: "probecell_msgs::srv::dds_::Plan_Request_",
             type_hash: "RIHS01_dc3b3ca076163b1f46cd0b9aa648275f6d3a9031a677bea24e1ba75d49bc5312",
             definition: concat!(
-                "# Plan the measuring order of the cell's part, or of further touches of the part that it holds.\nstring plan_id               # empty: the cell's own plan\nInspectionPoint[] points     # empty: the part's own points; else these, in the features of the cell's plan\n",
+                "# Plan the measuring order of the cell's part, or of further touches of the part that it holds.\nstring plan_id               # empty: the cell's own plan\nprobecell_msgs/InspectionPoint[] points   # empty: the part's own points; else these, in the features of the cell's plan\n",
                 "================================================================================\nMSG: probecell_msgs/InspectionPoint\n",
                 include_str!("../msg/InspectionPoint.msg"),
                 "================================================================================\nMSG: geometry_msgs/Point\n",
