@@ -23,6 +23,12 @@ fn check() -> Cell {
     })
 }
 
+/// What the cell touches by itself, on the finished surfaces.
+fn own_plan(cell: &Cell) -> InspectionPlan {
+    let chain = cell.chain().expect("a chain");
+    cell.part.check(&chain).expect("a part").plan(0.0)
+}
+
 /// Asks for further touches.
 fn plan(session: &mut Session, plan_id: &str, points: &[InspectionPoint]) -> OperatorReply {
     let request = OperatorRequest {
@@ -209,11 +215,8 @@ fn a_touch_off_the_plan_finds_the_part_as_it_was_cut() {
 fn refused(change: impl Fn(&mut InspectionPoint)) -> String {
     static MADE: LazyLock<(Cell, InspectionPlan)> = LazyLock::new(|| {
         let cell = cell("turn_mill.toml", str::to_owned);
-        let part = cell
-            .part
-            .check(&cell.chain().expect("a chain"))
-            .expect("a part");
-        (cell, part.plan(0.0))
+        let own = own_plan(&cell);
+        (cell, own)
     });
     let (cell, own) = &*MADE;
     let mut session = Session::new(cell);
@@ -262,11 +265,7 @@ fn each_touch_that_cannot_be_made_is_refused_with_its_reason() {
 fn a_touch_out_of_travel_is_refused() {
     let cell = check();
     let mut session = Session::new(&cell);
-    let part = cell
-        .part
-        .check(&cell.chain().expect("a chain"))
-        .expect("a part");
-    let mut point = part.plan(0.0).points[0].clone();
+    let mut point = own_plan(&cell).points[0].clone();
     // B reaches 110 degrees.
     point.rotary_positions[0] = 2.2;
     let reply = plan(&mut session, "balls/next", &[point]);
@@ -282,11 +281,7 @@ fn a_touch_out_of_travel_is_refused() {
 fn further_touches_need_a_name_a_free_machine_and_the_part_as_it_was() {
     let cell = check();
     let mut session = Session::new(&cell);
-    let part = cell
-        .part
-        .check(&cell.chain().expect("a chain"))
-        .expect("a part");
-    let points = part.plan(0.0).points[..1].to_vec();
+    let points = own_plan(&cell).points[..1].to_vec();
     assert!(!plan(&mut session, "", &points).accepted);
     assert!(plan(&mut session, "balls/check/1/next", &points).accepted);
     session.ask_for("balls");
@@ -315,11 +310,7 @@ fn further_touches_need_a_name_a_free_machine_and_the_part_as_it_was() {
 fn a_cell_that_runs_on_a_recording_measures_nothing_further() {
     let cell = check();
     let mut session = Session::replayed(&cell);
-    let part = cell
-        .part
-        .check(&cell.chain().expect("a chain"))
-        .expect("a part");
-    assert!(plan(&mut session, "balls/next", &part.plan(0.0).points[..1]).accepted);
+    assert!(plan(&mut session, "balls/next", &own_plan(&cell).points[..1]).accepted);
     assert!(measure(&mut session, "balls/next").accepted);
     let report = session.wait_for_report();
     assert_eq!(report.verdict, PartReport::STOPPED);

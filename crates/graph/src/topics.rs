@@ -1,7 +1,7 @@
 //! The table of topics: name, message, quality of service and the one producer of each.
 //!
-//! Names are relative to the cell's namespace. Consumers are found from the nodes' inputs; `probecell doctor --graph`
-//! prints both sides. Contract topics keep the contract's names and QoS.
+//! Names are relative to the cell's namespace. Consumers are found from the nodes' inputs (`Wiring`). Contract topics keep
+//! the contract's names and QoS.
 
 use probecell_msgs::{
     ControllerCommand, ControllerReply, ControllerStatus, Correction, CorrectionAcknowledgement,
