@@ -29,7 +29,7 @@ const FAR: f64 = 1e4;
 const EFFORT: usize = 2560;
 /// Starts in the first round where the sample is full, and the cosine of the angle within which two directions of those,
 /// one or two steps of the lattice apart, lead to one minimum.
-const MANY_STARTS: usize = 20;
+const MANY_STARTS: usize = 12;
 const NEIGHBOUR: f64 = 0.98;
 /// Points the search works on; the final descent takes all.
 const SAMPLE: usize = 64;
