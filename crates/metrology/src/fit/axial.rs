@@ -33,6 +33,8 @@ const MANY_STARTS: usize = 12;
 const NEIGHBOUR: f64 = 0.98;
 /// Points the search works on; the final descent takes all.
 const SAMPLE: usize = 64;
+/// Points by which directions are ranked, where the sample was drawn: its order is then random.
+const RANKED: usize = 32;
 
 /// Axis frame, foot point, radius at the foot and half angle; a cylinder is the cone of half angle zero.
 #[derive(Clone, Copy)]
@@ -242,8 +244,10 @@ fn linear_start<const K: usize>(
 /// Linear starts on the sample for every direction and the principal axes.
 fn starts<const K: usize>(cloud: &Cloud, sample: &[Point]) -> Vec<Axial> {
     let moments = Moments::new(sample);
+    let drawn = cloud.points.len() > SAMPLE;
+    let ranked = if drawn { &sample[..RANKED] } else { sample };
     let mut tried: Vec<(f64, Axial)> = directions(&cloud.principal)
-        .filter_map(|axis| linear_start::<K>(frame_about(&axis), &moments, sample))
+        .filter_map(|axis| linear_start::<K>(frame_about(&axis), &moments, ranked))
         .filter(|(sum, _)| sum.is_finite())
         .collect();
     tried.sort_by(|a, b| a.0.total_cmp(&b.0));
