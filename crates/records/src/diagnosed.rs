@@ -20,7 +20,10 @@ pub fn diagnosis_page(report: &Report, residuals: &Residuals) -> Result<Page, Pl
     };
     page.lead(&verdict(report, samples));
     page.list(&findings(report));
-    effects(&mut page, report)?;
+    if !report.effects.is_empty() {
+        page.heading("Effects added to the model");
+        effects(&mut page, report)?;
+    }
     sessions(&mut page, report);
     places(&mut page, report, &|axis| turns(residuals, axis))?;
     match residuals {
@@ -31,7 +34,10 @@ pub fn diagnosis_page(report: &Report, residuals: &Residuals) -> Result<Page, Pl
         }
         Residuals::Drives(all) => drives::pictures(&mut page, all)?,
     }
-    next(&mut page, report);
+    if !report.next_measurement.is_empty() {
+        page.heading("What to measure next");
+        next(&mut page, report);
+    }
     considered(&mut page, report);
     if !report.warnings.is_empty() {
         page.heading("Remarks").list(&report.warnings);
@@ -41,6 +47,19 @@ pub fn diagnosis_page(report: &Report, residuals: &Residuals) -> Result<Page, Pl
         report.schema
     ));
     Ok(page)
+}
+
+/// Adds what a report says to a page that is about something else: conclusion, effects, what to measure next.
+///
+/// # Errors
+/// [`PlotError`] when a picture cannot be drawn.
+pub fn add_diagnosis(page: &mut Page, report: &Report) -> Result<(), PlotError> {
+    page.paragraph(&verdict(report, "touches"));
+    page.list(&findings(report));
+    effects(page, report)?;
+    next(page, report);
+    page.list(&report.warnings);
+    Ok(())
 }
 
 fn turns(residuals: &Residuals, name: &str) -> bool {
@@ -60,7 +79,6 @@ fn effects(page: &mut Page, report: &Report) -> Result<(), PlotError> {
         return Ok(());
     }
     let unit = unit_of(report);
-    page.heading("Effects added to the model");
     let mut table = Table::new(
         "In the order in which they close the gap",
         &[
@@ -235,10 +253,6 @@ fn places(page: &mut Page, report: &Report, turns: Turns<'_>) -> Result<(), Plot
 }
 
 fn next(page: &mut Page, report: &Report) {
-    if report.next_measurement.is_empty() {
-        return;
-    }
-    page.heading("What to measure next");
     for next in &report.next_measurement {
         if !next.points.is_empty() {
             let unit = unit_of(report);

@@ -11,5 +11,5 @@ mod part;
 mod part_view;
 mod touches;
 
-pub use diagnosed::diagnosis_page;
+pub use diagnosed::{add_diagnosis, diagnosis_page};
 pub use part::{PartSession, ShortDiagnosis, part_page};

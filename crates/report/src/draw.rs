@@ -14,6 +14,8 @@ use crate::{
 
 /// Points of one series beyond which a plot shows fewer: paper shows no more.
 const MOST_POINTS: usize = 2500;
+/// A series of so many points has them drawn larger.
+const FEW_POINTS: usize = 40;
 /// Share of the shorter side of the plot that the longest arrow takes.
 const LONGEST_ARROW: f64 = 0.15;
 /// Sides of an arrow's head against its shaft.
@@ -134,10 +136,11 @@ pub(crate) fn plot(plot: &Plot) -> Result<String, PlotError> {
     if plot.same_scale {
         same_scale(&mut x, &mut y, inner);
     }
-    let entries = plot
-        .series
-        .iter()
-        .filter(|series| in_legend(series))
+    let kinds: Vec<usize> = (0..plot.series.len())
+        .map(|place| first_of_its_kind(&plot.series, place))
+        .collect();
+    let entries = (plot.series.iter().zip(&kinds).enumerate())
+        .filter(|(place, (series, kind))| in_legend(series) && place == *kind)
         .count() as u32;
     let legend_height = if entries > 0 {
         entries * ENTRY + FRAME
@@ -163,10 +166,10 @@ pub(crate) fn plot(plot: &Plot) -> Result<String, PlotError> {
             .configure_mesh()
             .x_desc(plot.x.text())
             .y_desc(plot.y.text())
-            .x_labels(8)
-            .y_labels(7)
-            .x_label_formatter(&|value| tick(*value, x))
-            .y_label_formatter(&|value| tick(*value, y))
+            .x_labels(labels(&plot.x, 8))
+            .y_labels(labels(&plot.y, 7))
+            .x_label_formatter(&|value| axis_tick(&plot.x, *value, x))
+            .y_label_formatter(&|value| axis_tick(&plot.y, *value, y))
             .label_style(text_style(11))
             .axis_desc_style(text_style(12))
             .light_line_style(WHITE)
@@ -174,7 +177,12 @@ pub(crate) fn plot(plot: &Plot) -> Result<String, PlotError> {
             .draw()
             .map_err(failed)?;
         for (place, series) in plot.series.iter().enumerate() {
-            draw(&mut chart, series, place, (fx, fy), (x, y), inner)?;
+            let look = Look {
+                colour: colours::series(kinds[place]),
+                shape: kinds[place],
+                told: kinds[place] == place,
+            };
+            draw(&mut chart, series, look, (fx, fy), (x, y), inner)?;
         }
         let scale = plot.series.iter().find_map(|series| match series {
             Series::Arrows { unit, scale, .. } => Some((unit, (*scale)?)),
@@ -248,6 +256,47 @@ pub(crate) fn tick(value: f64, range: (f64, f64)) -> String {
     crate::unit::trimmed(format!("{value:.decimals$}"))
 }
 
+/// How many labels an axis has room for; every name of a named one.
+fn labels(axis: &Axis, most: usize) -> usize {
+    if axis.names.is_empty() {
+        most
+    } else {
+        axis.names.len() + 1
+    }
+}
+
+/// A tick's number or name.
+fn axis_tick(axis: &Axis, value: f64, range: (f64, f64)) -> String {
+    if axis.names.is_empty() {
+        return tick(value, range);
+    }
+    let place = value.round();
+    let name = (1..)
+        .zip(&axis.names)
+        .find(|(number, _)| f64::from(*number) == place);
+    match name {
+        Some((_, name)) if (value - place).abs() < 1e-6 => name.clone(),
+        _ => String::new(),
+    }
+}
+
+/// How a series looks: levels of one name look the same, and the legend tells it once.
+#[derive(Clone, Copy)]
+struct Look {
+    colour: RGBColor,
+    shape: usize,
+    told: bool,
+}
+
+/// The first level with the name of this one; any other series itself.
+fn first_of_its_kind(all: &[Series], place: usize) -> usize {
+    let Some(Series::Level { label, .. }) = all.get(place) else {
+        return place;
+    };
+    let same = |other: &Series| matches!(other, Series::Level { label: own, .. } if own == label);
+    all.iter().position(same).unwrap_or(place)
+}
+
 /// True for a series that the legend names.
 fn in_legend(series: &Series) -> bool {
     match series {
@@ -264,12 +313,12 @@ fn in_legend(series: &Series) -> bool {
 fn draw(
     chart: &mut Chart<'_, '_>,
     series: &Series,
-    place: usize,
+    look: Look,
     (fx, fy): (f64, f64),
     ranges: ((f64, f64), (f64, f64)),
     pixels: (f64, f64),
 ) -> Result<(), PlotError> {
-    let colour = colours::series(place);
+    let colour = look.colour;
     let scaled = |points: &[(f64, f64)]| -> Vec<(f64, f64)> {
         points
             .iter()
@@ -298,25 +347,21 @@ fn draw(
             let stride = all.len().div_ceil(MOST_POINTS).max(1);
             let dots = all.into_iter().step_by(stride);
             let style = colour.mix(0.8).filled();
+            let size = if points.len() > FEW_POINTS { 2 } else { 3 };
             // Shape tells as well as colour.
-            if place.is_multiple_of(2) {
-                let drawn = chart
-                    .draw_series(dots.map(|at| Circle::new(at, 2, style)))
-                    .map_err(failed)?;
-                if !label.is_empty() {
-                    drawn
-                        .label(label.clone())
-                        .legend(move |(x, y)| Circle::new((x + 7, y), 3, style));
-                }
-            } else {
-                let drawn = chart
-                    .draw_series(dots.map(|at| TriangleMarker::new(at, 3, style)))
-                    .map_err(failed)?;
-                if !label.is_empty() {
-                    drawn
-                        .label(label.clone())
-                        .legend(move |(x, y)| TriangleMarker::new((x + 7, y), 4, style));
-                }
+            let drawn = match look.shape % 3 {
+                0 => chart.draw_series(dots.map(|at| Circle::new(at, size, style))),
+                1 => chart.draw_series(dots.map(|at| TriangleMarker::new(at, size + 1, style))),
+                _ => chart.draw_series(dots.map(|at| Cross::new(at, size, style))),
+            };
+            let drawn = drawn.map_err(failed)?;
+            if !label.is_empty() {
+                let drawn = drawn.label(label.clone());
+                match look.shape % 3 {
+                    0 => drawn.legend(move |(x, y)| Circle::new((x + 7, y), 3, style)),
+                    1 => drawn.legend(move |(x, y)| TriangleMarker::new((x + 7, y), 4, style)),
+                    _ => drawn.legend(move |(x, y)| Cross::new((x + 7, y), 3, style)),
+                };
             }
         }
         Series::Band { label, points } => {
@@ -343,7 +388,7 @@ fn draw(
             let across = [(ranges.0.0, y * fy), (ranges.0.1, y * fy)];
             let line = DashedLineSeries::new(across, 6, 4, colour.stroke_width(1));
             let drawn = chart.draw_series(line).map_err(failed)?;
-            if !label.is_empty() {
+            if look.told && !label.is_empty() {
                 drawn
                     .label(label.clone())
                     .legend(move |(x, y)| stroke(x, y, 1));
@@ -534,6 +579,9 @@ fn check(heat: &Heat) -> Result<(), PlotError> {
 }
 
 fn largest(heat: &Heat) -> f64 {
+    if let Some(scale) = heat.scale.filter(|scale| *scale > 0.0 && scale.is_finite()) {
+        return scale;
+    }
     let sizes = heat.values.iter().filter(|value| value.is_finite());
     sizes.fold(f64::MIN_POSITIVE, |most, value| most.max(value.abs()))
 }
@@ -569,6 +617,7 @@ fn colour_bar(
             .map_err(failed)?;
     }
     let name = format!("{} / {}", heat.label, heat.unit.symbol);
-    area.draw(&Text::new(name, (left - 20, top - 18), text_style(11)))
+    let style = TextStyle::from(text_style(11)).pos(Pos::new(HPos::Right, VPos::Top));
+    area.draw(&Text::new(name, (width as i32 - 4, top - 18), style))
         .map_err(failed)
 }

@@ -11,6 +11,8 @@ pub struct Axis {
     pub unit: Unit,
     /// Range that is shown at least, SI.
     pub at_least: Option<(f64, f64)>,
+    /// Names that stand at 1, 2, 3, … in the place of numbers; none: numbers.
+    pub names: Vec<String>,
 }
 
 impl Axis {
@@ -20,7 +22,18 @@ impl Axis {
             label: label.into(),
             unit,
             at_least: None,
+            names: Vec::new(),
         }
+    }
+
+    /// An axis that counts things: the first stands at 1, and their names stand in the place of numbers.
+    pub fn named<N: Into<String>>(
+        label: impl Into<String>,
+        names: impl IntoIterator<Item = N>,
+    ) -> Self {
+        let names: Vec<String> = names.into_iter().map(Into::into).collect();
+        let axis = Self::new(label, Unit::ONE).showing(0.5, names.len() as f64 + 0.5);
+        Self { names, ..axis }
     }
 
     /// Shows that range (SI) even where no data are.
@@ -82,6 +95,8 @@ pub struct Heat {
     pub label: String,
     /// In what people read it.
     pub unit: Unit,
+    /// Size (SI) that has the darkest colour, for maps that are to be compared; the largest value's own if not said.
+    pub scale: Option<f64>,
 }
 
 /// One thing that is drawn, with its name in the legend. An empty name stays out of the legend. SI.

@@ -45,6 +45,7 @@ fn page() -> Page {
                 values: (0..12).map(|i| f64::from(i - 5) * 1e-6).collect(),
                 label: "deviation".to_owned(),
                 unit: Unit::UM,
+                scale: None,
             },
         )),
         Plot::new("Empty", Axis::new("x", Unit::MM), Axis::new("y", Unit::MM)),
@@ -161,6 +162,7 @@ fn nothing_finite_and_grids_that_do_not_fit_are_refused() {
         values: vec![1.0],
         label: "g".to_owned(),
         unit: Unit::ONE,
+        scale: None,
     };
     assert_eq!(
         plot()

@@ -74,14 +74,14 @@ fn run(_: &Run<'_>) -> Result<Outcome, ScenarioError> {
         .rule(Rule::AtMost(1e-9)),
     ];
     let signature: Vec<(f64, f64)> = (0..3)
-        .map(|steps| (f64::from(steps), shown[steps as usize]))
+        .map(|steps| (f64::from(steps) + 1.0, shown[steps as usize]))
         .collect();
     Ok(Outcome {
         figures,
         plots: vec![
             Plot::new(
                 "What shows of 50 µrad EC0B",
-                Axis::new("corner steps beside five slots", Unit::ONE),
+                Axis::named("corner steps beside five slots", ["0", "1", "2"]),
                 Axis::new("mismatch, root of the sum of squares", Unit::UM),
             )
             .with(Series::points("", signature)),

@@ -136,7 +136,7 @@ fn run(run: &Run<'_>) -> Result<Outcome, ScenarioError> {
         Axis::new("height above the chuck", Unit::MM),
         Axis::new("error of diameter or width", Unit::UM),
     )
-    .with(Series::line("cantilever, A.6", model))
+    .with(Series::line("cantilever, A.6, of the rough turning", model))
     .with(drawn("rough turned", &rough.turned))
     .with(drawn("rough milled", &rough.milled))
     .with(drawn("finish turned", &finish.turned))

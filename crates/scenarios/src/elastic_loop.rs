@@ -85,7 +85,7 @@ fn run(run: &Run<'_>) -> Result<Outcome, ScenarioError> {
     };
     let plot = Plot::new(
         "Error of D1 from measurement to measurement",
-        Axis::new("measurement", Unit::ONE),
+        Axis::named("measurement", ["1", "2", "3", "4"]),
         Axis::new("error of the diameter", Unit::UM),
     )
     .with(drawn("corrected at once", &ignored))

@@ -201,6 +201,8 @@ impl Figure {
         };
         match &self.rule {
             Rule::Reported => String::new(),
+            // What differs only by rounding is the same.
+            Rule::Near(tolerance) if *tolerance <= 1e-9 => "equal to the source".to_owned(),
             Rule::Near(tolerance) => format!("within {} of the source", with_unit(*tolerance)),
             Rule::NearShare(share) => format!("within {} % of the source", number(100.0 * share)),
             Rule::AtMost(limit) => format!("at most {}", with_unit(*limit)),

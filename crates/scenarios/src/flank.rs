@@ -82,6 +82,19 @@ pub(crate) fn map(
         values,
         label: label.to_owned(),
         unit: report::Unit::UM,
+        scale: None,
+    })
+}
+
+/// Maps of one quantity on one scale of colours: that of the largest value of all.
+pub(crate) fn on_one_scale<const N: usize>(maps: [report::Heat; N]) -> [report::Heat; N] {
+    let values = maps.iter().flat_map(|map| &map.values);
+    let largest = values
+        .filter(|value| value.is_finite())
+        .fold(0.0_f64, |most, value| most.max(value.abs()));
+    maps.map(|map| report::Heat {
+        scale: Some(largest),
+        ..map
     })
 }
 

@@ -223,12 +223,15 @@ fn mismatch_plot(mismatches: &Mismatches) -> Plot {
     let points = |rows: &[f64]| -> Vec<(f64, f64)> {
         rows.iter()
             .enumerate()
-            .map(|(row, m)| (1.0 + (row / 2) as f64 + 0.3 * (row % 2) as f64, *m))
+            .map(|(row, m)| (0.85 + (row / 2) as f64 + 0.3 * (row % 2) as f64, *m))
             .collect()
     };
     Plot::new(
         "Mismatch of slots and steps, case E1",
-        Axis::new("pattern; direction b right of a", Unit::ONE),
+        Axis::named(
+            "pattern; its direction b stands right of its a",
+            (1..=7).map(|pattern| format!("P{pattern}")),
+        ),
         Axis::new("mismatch", Unit::UM),
     )
     .with(Series::points("R: one index", points(&mismatches.floor)))
@@ -241,7 +244,11 @@ fn mismatch_plot(mismatches: &Mismatches) -> Plot {
         points(&mismatches.compensated),
     ))
     .with(Series::level("", 0.0))
-    .with_caption("P1 to P5 are slots, P6 and P7 corner steps.")
+    .with_size(640, 300)
+    .with_caption(
+        "P1 to P5 are slots, P6 and P7 corner steps; each is measured in its two directions a and b. C: the machine \
+         commands what a calibration (5 µrad, 2 µm) has told it.",
+    )
 }
 
 fn sensitivities(test: &MismatchTest, matrix: &nalgebra::DMatrix<f64>) -> Table {
@@ -250,10 +257,10 @@ fn sensitivities(test: &MismatchTest, matrix: &nalgebra::DMatrix<f64>) -> Table 
     let mut table = Table::new("Mismatch for +50 µrad each, EX0C +20 µm", &columns);
     for (row, name) in test.row_names().into_iter().enumerate() {
         let mut cells = vec![name];
-        // Adding zero turns a negative zero into a plain one.
-        cells.extend(
-            (0..LINKS.len()).map(|column| format!("{:.1}", matrix[(row, column)] * 1e6 + 0.0)),
-        );
+        // Adding zero turns the negative zero that rounding leaves into a plain one.
+        let tenths = |value: f64| (value * 1e7).round() / 10.0 + 0.0;
+        cells
+            .extend((0..LINKS.len()).map(|column| format!("{:.1}", tenths(matrix[(row, column)]))));
         table.row(cells);
     }
     table

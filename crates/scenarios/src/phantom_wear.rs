@@ -3,13 +3,14 @@
 //! The turn-mill cell makes the same part with the same tools before and after the calibration of the probe. A gauge of
 //! known diameter tells the two causes apart: it is read with the probe, but no tool has cut it. µm.
 
+use metrology::decision::DecisionLimits;
 use metrology::probe::Probe;
 use nalgebra::Vector3;
 use probecell_msgs::{InspectionFeature, Verdict};
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
-use report::Table;
+use report::{Axis, Plot, Series, Table, Unit};
 
 use crate::touches::{Touch, plan, planned, round, session};
 use crate::turn_mill::{MACHINE, ProbeState, SIZES, make};
@@ -126,7 +127,32 @@ fn run(run: &Run<'_>) -> Result<Outcome, ScenarioError> {
             cause.to_owned(),
         ]);
     }
+    let drawn = |name: &str, values: [f64; 3]| {
+        let places = [1.0, 2.0, 3.0].into_iter().zip(values);
+        Series::points(name, places.map(|(x, y)| (x, y * 1e-6)).collect())
+    };
+    let gauges = [gauge_before, gauge_after, gauge_after].map(|error| error * 1e6);
+    let plot = Plot::new(
+        "A register looks worn; a gauge tells why",
+        Axis::named(
+            "probe; error of the tool",
+            [
+                "not calibrated; 20 µm",
+                "calibrated; 20 µm",
+                "calibrated; 85 µm",
+            ],
+        ),
+        Axis::new("register, error of the gauge", Unit::UM),
+    )
+    .with(drawn("wear register", [before, after, worn]))
+    .with(drawn("gauge, read less true", gauges))
+    .with(Series::level(
+        "limit of the register",
+        DecisionLimits::default().wear_limit,
+    ))
+    .with_size(640, 320);
     Ok(Outcome {
+        plots: vec![plot],
         figures: vec![
             Figure::new(
                 "wear_difference_um",

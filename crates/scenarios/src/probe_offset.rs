@@ -315,13 +315,13 @@ fn plots(before: &Errors, after: &Errors) -> Vec<Plot> {
         };
         Plot::new(
             title,
-            Axis::new("size: D1, D2, L1, L2, L3", Unit::ONE),
+            Axis::named("size", SIZES.map(|(size, _, _)| size)),
             Axis::new("error", Unit::UM),
         )
         .with(series("machine", by_machine(errors)))
         .with(series("reference", by_reference(errors)))
-        .with(Series::level("upper tolerance", TOLERANCE * 1e-6))
-        .with(Series::level("lower tolerance", -TOLERANCE * 1e-6))
+        .with(Series::level("tolerance", TOLERANCE * 1e-6))
+        .with(Series::level("tolerance", -TOLERANCE * 1e-6))
     };
     vec![
         drawn("Sizes before the calibration of the probe", before),

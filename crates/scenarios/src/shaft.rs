@@ -18,7 +18,7 @@ use crate::{Expected, Figure, Outcome, Recorded, Rule, Run, Scenario, ScenarioEr
 
 pub(crate) const SCENARIO: Scenario = Scenario {
     name: "C-shaft",
-    effect: "none",
+    effect: "nothing: a straight shaft, as the source measured it",
     source: "shaft of 280 mm over 220 mm: largest deviation 0.040, mean 0.007, limit ±0.050 mm",
     run,
     sessions: Some(sessions),

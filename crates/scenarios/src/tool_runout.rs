@@ -11,7 +11,7 @@ use rand::SeedableRng;
 use rand_pcg::Pcg64;
 use report::{Axis, Plot, Series, Table, Unit};
 
-use crate::flank::{Parts, Rib, SEEDS, Told, case, map, map_plot};
+use crate::flank::{Parts, Rib, SEEDS, Told, case, map, map_plot, on_one_scale};
 use crate::{Expected, Figure, Outcome, Recorded, Rule, Run, Scenario, ScenarioError};
 
 pub(crate) const SCENARIO: Scenario = Scenario {
@@ -182,6 +182,7 @@ fn regenerated(
     let after = map(part, "deviation", |u, v| {
         Ok(case.machined(part, &better, Place { u, v })?)
     })?;
+    let [predicted, made, after] = on_one_scale([predicted, made, after]);
     let plots = vec![
         map_plot(&format!("{name}: predicted deviation"), predicted),
         map_plot(&format!("{name}: deviation as machined"), made),

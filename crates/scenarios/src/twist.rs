@@ -99,7 +99,12 @@ fn run(_: &Run<'_>) -> Result<Outcome, ScenarioError> {
             Figure::new("s_overcut_middle_bottom_um", "S piece: overcut with the axis offset at mid height, at the bottom", "µm", um([overcut(radius, 0.5)?, overcut(radius, 0.0)?]))
                 .source([12.3, 60.8]),
         ],
-        plots: vec![map_plot("S piece: one normal per location, off the envelope", heat)],
+        plots: vec![
+            map_plot("S piece: one normal per location, off the envelope", heat).with_caption(
+                "Cells by their middles, over the rulings of the piece; the figures take the heights of the planar test, \
+                 0 to 45 mm, and the uppermost shows most.",
+            ),
+        ],
         tables: Vec::new(),
         remarks: vec![
             "The source's grid is not stated; extremes depend on it, so that the S piece is reported and not judged.".to_owned(),

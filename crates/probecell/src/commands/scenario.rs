@@ -4,7 +4,7 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 use indicatif::{ProgressBar, ProgressStyle};
 use scenarios::{Judged, Run, Scenario, Value};
 use serde::Serialize;
@@ -41,8 +41,8 @@ pub(crate) struct RunArguments {
     /// Print one JSON object.
     #[arg(long)]
     json: bool,
-    /// Write a page for each scenario into this folder.
-    #[arg(long, value_name = "DIR")]
+    /// Write a page for each scenario into this folder; of a single one into this file, if it ends in .html.
+    #[arg(long, value_name = "PATH")]
     html: Option<PathBuf>,
     /// Write the sessions of each scenario as recordings below this folder.
     #[arg(long, value_name = "DIR")]
@@ -102,6 +102,11 @@ fn run_all(arguments: &RunArguments) -> anyhow::Result<u8> {
         let found = arguments.names.iter().map(|name| scenarios::find(name));
         found.collect::<Result<_, _>>()?
     };
+    let pages = arguments
+        .html
+        .as_deref()
+        .map(|path| Pages::at(path, chosen.len()));
+    let pages = pages.transpose()?;
     let bar = progress_bar(chosen.len())?;
     let mut judged = Vec::new();
     for (index, scenario) in chosen.iter().enumerate() {
@@ -117,8 +122,8 @@ fn run_all(arguments: &RunArguments) -> anyhow::Result<u8> {
         if let Some(folder) = &arguments.bag {
             record(folder, scenario, &one)?;
         }
-        if let Some(folder) = &arguments.html {
-            page(folder, scenario, &one, arguments.seed)?;
+        if let Some(pages) = &pages {
+            page(&pages.of(scenario), scenario, &one, arguments.seed)?;
         }
         judged.push(one);
     }
@@ -151,11 +156,49 @@ fn progress_bar(count: usize) -> anyhow::Result<ProgressBar> {
     Ok(ProgressBar::new(position(count, 0.0)).with_style(style))
 }
 
-fn page(folder: &Path, scenario: &Scenario, judged: &Judged, seed: u64) -> anyhow::Result<()> {
-    let file = folder.join(format!("{}.html", scenario.name));
-    let html = scenarios::page(scenario, judged, seed)?.html();
+/// Where the pages go.
+enum Pages<'a> {
+    /// One for each scenario, named after it.
+    Folder(&'a Path),
+    /// The only one.
+    File(&'a Path),
+}
+
+impl<'a> Pages<'a> {
+    fn at(path: &'a Path, count: usize) -> anyhow::Result<Self> {
+        let file = path.extension().is_some_and(|end| end == "html") && !path.is_dir();
+        if file && count > 1 {
+            bail!(
+                "{count} scenarios do not go into one page: --html needs a folder, not {}",
+                path.display()
+            );
+        }
+        Ok(if file {
+            Self::File(path)
+        } else {
+            Self::Folder(path)
+        })
+    }
+
+    fn of(&self, scenario: &Scenario) -> PathBuf {
+        match self {
+            Self::Folder(folder) => folder.join(format!("{}.html", scenario.name)),
+            Self::File(file) => file.to_path_buf(),
+        }
+    }
+}
+
+fn page(file: &Path, scenario: &Scenario, judged: &Judged, seed: u64) -> anyhow::Result<()> {
+    let made_by = concat!(
+        "probecell ",
+        env!("CARGO_PKG_VERSION"),
+        ", revision ",
+        env!("PROBECELL_REVISION")
+    );
+    let html = scenarios::page(scenario, judged, seed, made_by)?.html();
+    let folder = file.parent().unwrap_or(Path::new(""));
     std::fs::create_dir_all(folder)
-        .and_then(|()| std::fs::write(&file, html))
+        .and_then(|()| std::fs::write(file, html))
         .with_context(|| format!("cannot write {}", file.display()))
 }
 

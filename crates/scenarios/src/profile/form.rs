@@ -167,7 +167,11 @@ fn run(run: &Run<'_>) -> Result<Outcome, ScenarioError> {
     figures.extend(curve_figures);
     Ok(Outcome {
         figures,
-        plots: shown.iter().map(|pair| plot(&case, pair)).chain([path]).collect(),
+        plots: shown
+            .iter()
+            .flat_map(|pair| [plot(&case, pair), after_plot(&case, pair)])
+            .chain([path])
+            .collect(),
         tables: vec![table(&raw, &corrected)],
         remarks: vec![
             "The rule's 99 % is judged on the default correction, the deterministic part. With the raw deviations the \
@@ -340,6 +344,26 @@ fn plot(case: &Case, pair: &Pair) -> Plot {
         along(case, &pair.deterministic),
     ))
     .with_size(720, 360)
+}
+
+/// The second part, where the first one's scale hides it.
+fn after_plot(case: &Case, pair: &Pair) -> Plot {
+    Plot::new(
+        "Second part of the first run, at the datum",
+        Axis::new("length along the profile", Unit::MM),
+        Axis::new("deviation", Unit::UM),
+    )
+    .with(Series::points(
+        "corrected with the deterministic part",
+        along(case, &pair.deterministic),
+    ))
+    .with(Series::points(
+        "corrected with the raw deviations",
+        along(case, &pair.raw),
+    ))
+    .with(Series::level("half the form that is allowed", 21e-6))
+    .with(Series::level("half the form that is allowed", -21e-6))
+    .with_size(720, 320)
 }
 
 fn table(raw: &[Evaluation], corrected: &[Evaluation]) -> Table {

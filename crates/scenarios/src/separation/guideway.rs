@@ -104,18 +104,26 @@ fn run(run: &Run<'_>) -> Result<Outcome, ScenarioError> {
     let walk: Vec<f64> = (1..N)
         .map(|k| micro(sums.walk[k]) / (NOISE * 1e6 * (2.0 * k as f64).sqrt()))
         .collect();
-    let drawn = |name: &str, values: &[f64]| {
-        Series::line(name, places().zip(without_line(values)).collect())
-    };
+    let mut random = Pcg64::seed_from_u64(run.seed);
+    let mut noise = || NOISE * Distribution::<f64>::sample(&StandardNormal, &mut random);
+    let noisy = recursion(&pass(0, &mut noise).readings, &pass(1, &mut noise).readings)?;
+    let shape = |values: &[f64]| places().zip(without_line(values)).collect::<Vec<_>>();
+    let true_part: Vec<f64> = places().map(part).collect();
     let plot = Plot::new(
-        "Straightness, lines taken off",
+        "Straightness of guideway and part, lines taken off",
         Axis::new("place along the guideway", Unit::MM),
         Axis::new("deviation", Unit::UM),
     )
-    .with(drawn("reading K0", &first))
-    .with(drawn("part", &separated.part[..N]))
-    .with(drawn("guideway, separated", &separated.guideway))
-    .with(drawn("guideway, true", &guideway()));
+    .with(Series::line("reading K0: both", shape(&first)))
+    .with(Series::line("part, true", shape(&true_part)))
+    .with(Series::points("part, separated", shape(&noisy.part[..N])))
+    .with(Series::line("guideway, true", shape(&guideway())))
+    .with(Series::points(
+        "guideway, separated",
+        shape(&noisy.guideway),
+    ))
+    .with_size(640, 360)
+    .with_caption("Separated by one run of two passes, with noise of 1 µm on each reading.");
     Ok(Outcome {
         figures: vec![
             Figure::new("unseparated_um", "error of the part's form, reading taken for the part", "µm", rms(&without_line(&unseparated)) * 1e6)
