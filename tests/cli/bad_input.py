@@ -104,6 +104,11 @@ def scenario_of_no_name(_):
     return "C-slp"
 
 
+@case("scenario run C-slip C-shaft --html {}", 2, "2 scenarios do not go into one page: --html needs a folder, not .*one.html")
+def two_scenarios_in_one_page(folder):
+    return folder / "one.html"
+
+
 @case("correct {} --tolerance-um 40", 2, "0 features that are profiles")
 def part_without_a_profile(folder):
     return Session().write(folder / "bag.mcap")

@@ -15,6 +15,8 @@ pub(crate) fn parameter(parameter: &ParameterEstimate) -> String {
     let unit = match parameter.unit.as_str() {
         "m" if !fitted && value.abs() >= 2e-3 => Unit::MM,
         "s" if value.abs() < 1.0 => Unit::MS,
+        // A phase, not an error of an axis.
+        "rad" if value.abs() >= 0.02 => Unit::DEG,
         other => Unit::of_si(other),
     };
     let text = unit.text_with_interval(value, parameter.ci95);
@@ -92,6 +94,7 @@ mod tests {
         assert_eq!(text(0.045, "m", 0.0), "p = 45 mm");
         assert_eq!(text(2e-3, "s", 1.2e-4), "p = 2.00 ± 0.12 ms");
         assert_eq!(text(1.15e-5, "1/K", 2.1e-7), "p = 11.50 ± 0.21 µm/(m K)");
+        assert_eq!(text(std::f64::consts::FRAC_PI_2, "rad", 0.0), "p = 90°");
         assert_eq!(text(3.0, "1", 0.0), "p = 3");
     }
 

@@ -49,7 +49,7 @@ th, td { text-align: left; vertical-align: top; padding: .2rem .8rem .2rem 0; bo
 figcaption { font-size: .85rem; color: #444; max-width: 46rem; } .plots figcaption { max-width: 480px; } svg { max-width: 100%; height: auto; }
 .lead { font-size: 1.1rem; } li { margin: .2rem 0; }
 @page { size: A4; margin: 15mm; }
-@media print { body { margin: 0; padding: 0; max-width: none; font-size: 10pt; } h1, h2, caption { break-after: avoid; } tr { break-inside: avoid; } td { overflow-wrap: anywhere; } .plots { display: block; } figure { margin: .5rem 0; } }
+@media print { body { margin: 0; padding: 0; max-width: none; font-size: 10pt; } h1, h2, caption { break-after: avoid; } tr { break-inside: avoid; } tr:has(th) { break-after: avoid; } table { font-size: 8.5pt; } th, td { padding-right: .5rem; } .plots { display: block; } figure { margin: .5rem 0; } }
 ";
 
 impl Page {
