@@ -869,9 +869,9 @@ pub struct OperatorRequest {
     pub operator_name: String,
     /// approval: true to approve, false to reject
     pub approve: bool,
-    /// run: not empty: cut nothing, measure this plan only
+    /// run: not empty: measure this plan only, or go on with what is left of it
     pub plan_id: String,
-    /// plan: touches instead of the part's own; empty: the part's own
+    /// plan: touches instead of the part's own, or to be made again; empty: the part's own
     pub points: Vec<InspectionPoint>,
 }
 
@@ -2074,7 +2074,7 @@ pub mod srv {
         };
     }
 
-    /// Plan the measuring order of the cell's part, or of further touches of the part that it holds.
+    /// Plan the measuring order of the cell's part, of further touches of the part that it holds, or of what is left of a plan.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub struct Plan;
 
@@ -2093,9 +2093,9 @@ pub mod srv {
     /// Asks [`Plan`].
     #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
     pub struct PlanRequest {
-        /// empty: the cell's own plan
+        /// empty: the cell's own plan; the plan measured last: what is left of it, until something is cut
         pub plan_id: String,
-        /// empty: the part's own points; else these, in the features of the cell's plan
+        /// empty: all; else these, in the features of the cell's plan. Of the plan measured last: measured again
         pub points: Vec<crate::InspectionPoint>,
     }
 
@@ -2105,7 +2105,7 @@ pub mod srv {
             dds_name: "probecell_msgs::srv::dds_::Plan_Request_",
             type_hash: "RIHS01_dc3b3ca076163b1f46cd0b9aa648275f6d3a9031a677bea24e1ba75d49bc5312",
             definition: concat!(
-                "# Plan the measuring order of the cell's part, or of further touches of the part that it holds.\nstring plan_id               # empty: the cell's own plan\nprobecell_msgs/InspectionPoint[] points   # empty: the part's own points; else these, in the features of the cell's plan\n",
+                "# Plan the measuring order of the cell's part, of further touches of the part that it holds, or of what is left of a plan.\nstring plan_id               # empty: the cell's own plan; the plan measured last: what is left of it, until something is cut\nprobecell_msgs/InspectionPoint[] points   # empty: all; else these, in the features of the cell's plan. Of the plan measured last: measured again\n",
                 "================================================================================\nMSG: probecell_msgs/InspectionPoint\n",
                 include_str!("../msg/InspectionPoint.msg"),
                 "================================================================================\nMSG: geometry_msgs/Point\n",
@@ -2137,7 +2137,7 @@ pub mod srv {
         };
     }
 
-    /// Cut and measure one part; or, with a plan_id, only measure.
+    /// Cut and measure one part; or, with a plan_id, only measure; or go on with the measurement at which the last part ended.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub struct Run;
 
@@ -2156,8 +2156,9 @@ pub mod srv {
     /// Asks [`Run`].
     #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
     pub struct RunRequest {
+        /// may be empty to go on
         pub part_id: String,
-        /// not empty: cut nothing, measure these points that the service plan has accepted
+        /// not empty: measure points that the service plan has accepted. The plan measured last: what is left of it, and the part goes on
         pub plan_id: String,
     }
 
@@ -2166,7 +2167,7 @@ pub mod srv {
             name: "probecell_msgs/srv/Run_Request",
             dds_name: "probecell_msgs::srv::dds_::Run_Request_",
             type_hash: "RIHS01_5e4d41af86c3b88c48346eeb8c14864c6c3497212e318d0dbb8b957970711c10",
-            definition: "# Cut and measure one part; or, with a plan_id, only measure.\nstring part_id\nstring plan_id               # not empty: cut nothing, measure these points that the service plan has accepted\n",
+            definition: "# Cut and measure one part; or, with a plan_id, only measure; or go on with the measurement at which the last part ended.\nstring part_id               # may be empty to go on\nstring plan_id               # not empty: measure points that the service plan has accepted. The plan measured last: what is left of it, and the part goes on\n",
             describe: crate::describe::of::<RunRequest>,
             canonical: crate::cdr::canonical::<RunRequest>,
         };

@@ -292,8 +292,6 @@ fn further_touches_need_a_name_a_free_machine_and_the_part_as_it_was() {
         (false, "a part is being made")
     );
     assert_eq!(session.wait_for_report().verdict, PartReport::QUALIFIED);
-    // Measured once; what was cut or measured before keeps its name.
-    assert!(!plan(&mut session, "balls/check/1", &points).accepted);
     assert!(measure(&mut session, "balls/check/1/next").accepted);
     let busy = measure(&mut session, "balls/check/1/next");
     assert_eq!(
@@ -301,6 +299,8 @@ fn further_touches_need_a_name_a_free_machine_and_the_part_as_it_was() {
         (false, "a part is being measured")
     );
     assert_eq!(session.wait_for_report().verdict, PartReport::MEASURED);
+    // What was measured before keeps its name, and nothing is left of the further touches.
+    assert!(!plan(&mut session, "balls/check/1", &points).accepted);
     assert!(measure(&mut session, "balls/check/1/next").accepted);
     assert_eq!(session.wait_for_report().verdict, PartReport::STOPPED);
     assert_eq!(session.fault_codes(), ["plan_unknown"]);

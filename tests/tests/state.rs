@@ -145,6 +145,29 @@ fn further() -> (Cell, Vec<Published>) {
     (cell, session.finish())
 }
 
+/// A scan that the probe breaks off goes on, with a point that was touched already; then another part is made.
+fn again() -> (Cell, Vec<Published>) {
+    let cell = turn_mill(|text| format!("{}touches = 2\n", with_fault(text, "dead_probe", 20)));
+    let mut session = Session::new(&cell);
+    session.make("punch");
+    session.run_s(1.0);
+    let own: InspectionPlan = session.last(topics::INSPECTION_PLAN);
+    let asked = OperatorRequest {
+        subject: own.plan_id.clone(),
+        points: own.points[3..4].to_vec(),
+        ..OperatorRequest::default()
+    };
+    session.send(topics::PLAN_REQUESTS, &asked);
+    session.run_to(topics::PLAN_REPLIES);
+    let run = OperatorRequest {
+        plan_id: own.plan_id,
+        ..OperatorRequest::default()
+    };
+    session.send(topics::RUN_REQUESTS, &run);
+    session.wait_for_report();
+    (cell, session.finish())
+}
+
 /// Touches of the finished part, asked for while the rough one is cut: they lie inside it.
 fn too_early() -> (Cell, Vec<Published>) {
     let cell = turn_mill(str::to_owned);
@@ -234,6 +257,7 @@ fn sessions() -> Vec<(Cell, Vec<Published>)> {
         five_axis(),
         further(),
         too_early(),
+        again(),
     ];
     sessions.extend(
         [
@@ -252,6 +276,7 @@ fn sessions() -> Vec<(Cell, Vec<Published>)> {
     sessions.push(late("simulator", &[topics::INSPECTION_PLAN], 0.005));
     sessions.push(late("simulator", &[topics::MEASUREMENT_ORDER], 0.005));
     sessions.push(late("machine_state", &[topics::MEASUREMENT_ORDER], 11.0));
+    sessions.push(late("machine_state", &[topics::OPERATION_REQUESTS], 0.005));
     sessions.push(gap(&[topics::INSPECTION_PLAN], 20.0));
     sessions.push(gap(&[topics::MACHINE_STATE], 3.0));
     sessions.push(gap(&[topics::JOINT_STATES, topics::REFERENCE], 3.0));

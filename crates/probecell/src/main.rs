@@ -96,6 +96,19 @@ enum Command {
         #[arg(long, default_value = DEFAULT_CELL)]
         cell: PathBuf,
     },
+    /// Go on with a running cell's measurement that broke off, or measure points of it again; the part goes on with it.
+    #[command(group(clap::ArgGroup::new("what").required(true)))]
+    Measure {
+        /// Measure what is left of it.
+        #[arg(long, group = "what")]
+        resume: bool,
+        /// Measure these points once more, and what is left: numbers of points of the plan, from 0.
+        #[arg(long, group = "what", value_name = "POINT", num_args = 1..)]
+        again: Vec<u32>,
+        /// Cell file.
+        #[arg(long, default_value = DEFAULT_CELL)]
+        cell: PathBuf,
+    },
     /// Approve or reject a correction that a running cell proposes.
     Approve {
         /// The correction.
@@ -268,6 +281,7 @@ fn run(command: Command) -> anyhow::Result<u8> {
         }
         Command::Recording(Recording::Stop { cell }) => operator::stop_recording(&cell),
         Command::Run { part, cell } => operator::ask_for_part(&cell, &part),
+        Command::Measure { again, cell, .. } => operator::measure(&cell, &again),
         Command::Approve {
             correction,
             operator,

@@ -21,9 +21,9 @@ use host::{
     bus_qos,
 };
 use probecell_msgs::{
-    Correction, CorrectionAcknowledgement, Fault, MachineState, Message, OperatorReply,
-    OperatorRequest, PartReport, PassDecision, Service, Verdict, diagnostic_msgs, from_cdr, srv,
-    std_msgs, to_cdr,
+    Correction, CorrectionAcknowledgement, Fault, InspectionPlan, MachineState, Message,
+    OperatorReply, OperatorRequest, PartReport, PassDecision, Service, Verdict, diagnostic_msgs,
+    from_cdr, srv, std_msgs, to_cdr,
 };
 
 use crate::{FAILED, GOOD, LOSS, launcher, report};
@@ -448,6 +448,70 @@ pub(crate) fn ask_for_part(file: &Path, part: &str) -> anyhow::Result<u8> {
     Ok(tell_reply(response.accepted, &response.text))
 }
 
+/// `probecell measure`: goes on with the plan that the cell published last; `again` are points of it that are measured
+/// once more.
+pub(crate) fn measure(file: &Path, again: &[u32]) -> anyhow::Result<u8> {
+    let cell = Cell::read(file)?;
+    let bus = Bus::open(
+        &launcher::bus_config(&cell)?,
+        "operator_call",
+        &cell.namespace(),
+    )?;
+    let plan = last_plan(&bus, &cell)?;
+    let mut points = Vec::new();
+    for &index in again {
+        let point = plan.points.get(index as usize);
+        points.push(point.cloned().with_context(|| {
+            let (id, count) = (&plan.plan_id, plan.points.len());
+            format!("point {index} is not in plan {id:?}, which has {count} points from 0")
+        })?);
+    }
+    let plan_id = plan.plan_id;
+    let asked = srv::PlanRequest {
+        plan_id: plan_id.clone(),
+        points,
+    };
+    let planned = ask::<srv::Plan>(&bus, &cell, "plan", &asked)?;
+    report::line(&format!("{plan_id}: {}", planned.text));
+    let mut status = FAILED;
+    if planned.accepted {
+        let asked = srv::RunRequest {
+            part_id: String::new(),
+            plan_id,
+        };
+        let run = ask::<srv::Run>(&bus, &cell, "run", &asked)?;
+        status = tell_reply(run.accepted, &run.text);
+    }
+    bus.close(Duration::from_secs(2))?;
+    Ok(status)
+}
+
+/// The plan that a running cell published last.
+fn last_plan(bus: &Bus, cell: &Cell) -> anyhow::Result<InspectionPlan> {
+    let topic = topics::INSPECTION_PLAN;
+    let (sender, receiver) = channel();
+    let on_sample = move |received: Received<'_>| {
+        // Who asked may have got one already.
+        drop(sender.send(from_cdr::<InspectionPlan>(&received.payload)));
+    };
+    let subscription = bus.subscribe(
+        &cell.topic(topic.name),
+        topic.message,
+        bus_qos(topic.qos),
+        Box::new(on_sample),
+        Box::new(|_| {}),
+    )?;
+    let heard = receiver.recv_timeout(ANSWER_PATIENCE);
+    drop(subscription);
+    let heard = heard.map_err(|_| {
+        let seconds = ANSWER_PATIENCE.as_secs();
+        launcher::Failed(format!(
+            "no plan was heard within {seconds} s: the cell has measured nothing"
+        ))
+    })?;
+    heard.context("the plan heard is not of its type")
+}
+
 /// `probecell approve`: a call of the cell's service.
 pub(crate) fn approve(
     file: &Path,
@@ -510,13 +574,23 @@ fn call<S: Service>(file: &Path, name: &str, request: &S::Request) -> anyhow::Re
         "operator_call",
         &cell.namespace(),
     )?;
+    let response = ask::<S>(&bus, &cell, name, request)?;
+    bus.close(Duration::from_secs(2))?;
+    Ok(response)
+}
+
+fn ask<S: Service>(
+    bus: &Bus,
+    cell: &Cell,
+    name: &str,
+    request: &S::Request,
+) -> anyhow::Result<S::Response> {
     let response = bus.call(
         &cell.topic(name),
         S::TYPE,
         &to_cdr(request),
         ANSWER_PATIENCE,
     )?;
-    bus.close(Duration::from_secs(2))?;
     from_cdr(&response).context("the answer is not of the service's type")
 }
 

@@ -6,6 +6,8 @@
 mod pictures;
 mod tables;
 
+use std::collections::BTreeSet;
+
 use diagnosis::Report;
 use probecell_msgs::{
     Correction, CorrectionAcknowledgement, Fault, FeatureResult, InspectionPlan, OperatorReply,
@@ -70,6 +72,7 @@ pub enum ShortDiagnosis<'a> {
 /// # Errors
 /// [`PlotError`] when a picture cannot be drawn.
 pub fn part_page(session: &PartSession, diagnosis: ShortDiagnosis<'_>) -> Result<Page, PlotError> {
+    let session = &told_last(session);
     let mut page = Page::new(format!(
         "Record of {}, cell {}",
         named(session),
@@ -90,6 +93,25 @@ pub fn part_page(session: &PartSession, diagnosis: ShortDiagnosis<'_>) -> Result
          standard uncertainty; a size conforms or not only beyond U (ISO 14253-1). Times are UTC.",
     );
     Ok(page)
+}
+
+/// Of what was told again, because points of a plan were measured again, only what was told last.
+fn told_last(session: &PartSession) -> PartSession {
+    let mut session = session.clone();
+    let feature = |one: &FeatureResult| (one.plan_id.clone(), one.feature_id.clone());
+    let size = |one: &Verdict| (one.plan_id.clone(), one.feature_id.clone());
+    keep_last(&mut session.results, feature);
+    keep_last(&mut session.verdicts, size);
+    keep_last(&mut session.decisions, |one| one.plan_id.clone());
+    session
+}
+
+/// Keeps the last of those with the same key.
+fn keep_last<T, K: Ord>(all: &mut Vec<T>, key: impl Fn(&T) -> K) {
+    let mut known = BTreeSet::new();
+    all.reverse();
+    all.retain(|one| known.insert(key(one)));
+    all.reverse();
 }
 
 fn named(session: &PartSession) -> String {

@@ -7,8 +7,8 @@ use machine::Nominal;
 use metrology::conformance::{Conformance, Tolerance, conformance};
 use nalgebra::Point3;
 use probecell_msgs::{
-    Fault, FeatureResult, InspectionFeature, InspectionPlan, ProbeEvent, TouchDeviation,
-    geometry_msgs, std_msgs,
+    Fault, FeatureResult, InspectionFeature, InspectionPlan, MeasurementOrder, ProbeEvent,
+    TouchDeviation, geometry_msgs, std_msgs,
 };
 use serde::{Deserialize, Serialize};
 
@@ -22,6 +22,8 @@ inputs! {
     pub enum Input {
         /// What is measured.
         Plan(InspectionPlan) = topics::INSPECTION_PLAN,
+        /// Which points of it are touched now.
+        Order(MeasurementOrder) = topics::MEASUREMENT_ORDER,
         /// One probing move and what came of it.
         Event(ProbeEvent) = topics::PROBE_EVENTS,
     }
@@ -53,6 +55,8 @@ pub struct State {
     pub touches: BTreeMap<u32, Vec<Touch>>,
     /// Features and widths reported, with their results.
     pub reported: BTreeMap<String, FeatureResult>,
+    /// Points that a further scan of the plan is to touch and has not yet.
+    pub open: BTreeSet<u32>,
 }
 
 /// What came of one probing move.
@@ -91,7 +95,9 @@ impl Node for AnalysisNode {
                 state.plan = Some(plan);
                 state.touches.clear();
                 state.reported.clear();
+                state.open.clear();
             }
+            Input::Order(order) => goes_on(config, state, now, &order, out),
             Input::Event(event) => {
                 state.waiting.push_back(event);
                 if state.waiting.len() > WAITING_LIMIT {
@@ -112,6 +118,34 @@ impl Node for AnalysisNode {
         }
         state.plan = Some(plan);
     }
+}
+
+/// A further scan of the plan that some touches of are there: what it does not touch is reported as it was, and the rest
+/// once it is touched.
+fn goes_on(
+    config: &Config,
+    state: &mut State,
+    now: Stamp,
+    order: &MeasurementOrder,
+    out: &mut Outbox<Output>,
+) {
+    let of_plan = |plan: &InspectionPlan| plan.plan_id == order.plan_id;
+    if state.touches.is_empty() || !state.plan.as_ref().is_some_and(of_plan) {
+        return;
+    }
+    let Some(plan) = state.plan.take() else {
+        return;
+    };
+    state.reported.clear();
+    state.open = order.order.iter().copied().collect();
+    let header = std_msgs::Header {
+        stamp: now.time(),
+        frame_id: "part".to_owned(),
+    };
+    for feature in 0..plan.features.len() as u32 {
+        report_when_complete(config, state, &plan, feature, &header, out);
+    }
+    state.plan = Some(plan);
 }
 
 fn take(
@@ -150,11 +184,12 @@ fn take(
         sequence: event.sequence,
         found: found.map(|(centre, d)| ([centre.x, centre.y, centre.z], d)),
     };
-    state
-        .touches
-        .entry(event.point_index)
-        .or_default()
-        .push(touch);
+    let touches = state.touches.entry(event.point_index).or_default();
+    if state.open.remove(&event.point_index) {
+        // What an earlier scan found there is superseded.
+        touches.clear();
+    }
+    touches.push(touch);
     let feature = nominal.feature;
     report_when_complete(config, state, plan, feature, &event.header, out);
 }
@@ -195,7 +230,8 @@ fn report_when_complete(
     let points: BTreeSet<u32> = (0..plan.points.len() as u32)
         .filter(|&point| plan.points[point as usize].feature == index)
         .collect();
-    if !points.iter().all(|point| state.touches.contains_key(point)) {
+    let settled = |point| state.touches.contains_key(point) && !state.open.contains(point);
+    if points.is_empty() || !points.iter().all(settled) {
         return;
     }
     let touches: Vec<&Touch> = points

@@ -52,6 +52,8 @@ outputs! {
 pub struct State {
     /// The part that is being made.
     pub run: Option<Run>,
+    /// The part that ended last, where it ended with a measurement that can go on: nothing was cut or corrected since.
+    pub last: Option<Run>,
     /// Number of the next operation request.
     pub next_request: u64,
     /// Outcome of each correction of this part that the machine has answered.
@@ -110,6 +112,16 @@ pub enum Stage {
     },
 }
 
+impl Stage {
+    /// The plan that is measured.
+    fn plan_id(&self) -> Option<&str> {
+        match self {
+            Self::Measuring { plan_id, .. } | Self::OnlyMeasuring { plan_id, .. } => Some(plan_id),
+            Self::Cutting { .. } | Self::Correcting { .. } => None,
+        }
+    }
+}
+
 /// The node.
 pub struct CycleNode;
 
@@ -144,6 +156,7 @@ impl Node for CycleNode {
             | Input::PlanningFault(fault)
             | Input::AnalysisFault(fault)
             | Input::LauncherFault(fault) => {
+                let forgets = forgets(&fault);
                 if fault.severity == Fault::ERROR && state.run.is_some() {
                     request(
                         state,
@@ -157,9 +170,19 @@ impl Node for CycleNode {
                     let text = format!("{}: {}: {}", fault.node, fault.code, fault.text);
                     end(state, now, PartReport::STOPPED, &text, out);
                 }
+                if forgets {
+                    state.last = None;
+                }
             }
         }
     }
+}
+
+/// After some faults what was measured before cannot be relied on together with what is measured next: a process has
+/// lost its memory, or the axes may have another origin.
+fn forgets(fault: &Fault) -> bool {
+    let codes = ["process_ended", "controller_restarted"];
+    fault.severity == Fault::ERROR && codes.contains(&fault.code.as_str())
 }
 
 fn run(
@@ -169,13 +192,19 @@ fn run(
     asked: &OperatorRequest,
     out: &mut Outbox<Output>,
 ) {
+    let measured = |run: &&Run| run.stage.plan_id() == Some(asked.plan_id.as_str());
+    let last = state.last.as_ref().filter(measured).cloned();
     let refusal = match &state.run {
         Some(run) if matches!(run.stage, Stage::OnlyMeasuring { .. }) => {
             Some("a part is being measured")
         }
         Some(_) => Some("a part is being made"),
-        None if asked.subject.is_empty() => Some("the part has no name"),
-        None => None,
+        None => match &last {
+            Some(run) if asked.subject.is_empty() || asked.subject == run.part_id => None,
+            Some(_) => Some("the plan is of another part"),
+            None if asked.subject.is_empty() => Some("the part has no name"),
+            None => None,
+        },
     };
     out.send(Output::Reply(OperatorReply {
         header: header(now),
@@ -187,6 +216,10 @@ fn run(
         return;
     }
     state.answered.clear();
+    state.last = None;
+    if let Some(run) = last {
+        return go_on(state, now, run, out);
+    }
     let only = !asked.plan_id.is_empty();
     let stage = if only {
         let plan_id = asked.plan_id.clone();
@@ -211,6 +244,28 @@ fn run(
     if !only {
         cut(config, state, now, 0, out);
     }
+}
+
+/// Goes on with the measurement at which a part ended.
+fn go_on(state: &mut State, now: Stamp, mut run: Run, out: &mut Outbox<Output>) {
+    match &mut run.stage {
+        Stage::Measuring {
+            plan_id,
+            request_id,
+            done,
+            decision,
+        } => {
+            *request_id = measure(state, now, plan_id.clone(), run.pass, false, out);
+            *done = false;
+            *decision = None;
+        }
+        Stage::OnlyMeasuring {
+            plan_id,
+            request_id,
+        } => *request_id = measure(state, now, plan_id.clone(), run.pass, true, out),
+        Stage::Cutting { .. } | Stage::Correcting { .. } => return,
+    }
+    state.run = Some(run);
 }
 
 /// Asks for a measurement; gives the number of the request.
@@ -373,15 +428,12 @@ fn decided(
             run.attempt = 0;
             cut(config, state, now, 0, out);
         }
-        PassDecision::NEXT => {
+        PassDecision::NEXT if (run.pass as usize) + 1 < config.passes.len() => {
             run.pass += 1;
             run.attempt = 0;
-            if (run.pass as usize) < config.passes.len() {
-                cut(config, state, now, 0, out);
-            } else {
-                end(state, now, PartReport::QUALIFIED, &decision.text, out);
-            }
+            cut(config, state, now, 0, out);
         }
+        PassDecision::NEXT => end(state, now, PartReport::QUALIFIED, &decision.text, out),
         PassDecision::RECUT => {
             let awaited = decision.correction_ids.iter().cloned().collect();
             run.stage = Stage::Correcting {
@@ -461,18 +513,20 @@ fn request(
 
 fn end(state: &mut State, now: Stamp, verdict: u8, text: &str, out: &mut Outbox<Output>) {
     if let Some(run) = state.run.take() {
-        let plan_id = match run.stage {
-            Stage::OnlyMeasuring { plan_id, .. } => plan_id,
+        let plan_id = match &run.stage {
+            Stage::OnlyMeasuring { plan_id, .. } => plan_id.clone(),
             _ => String::new(),
         };
         out.send(Output::Part(PartReport {
             header: header(now),
-            part_id: run.part_id,
+            part_id: run.part_id.clone(),
             verdict,
             passes: run.cuts,
             text: text.to_owned(),
             plan_id,
         }));
+        // A decision that asked for corrections is carried out or void.
+        state.last = run.stage.plan_id().is_some().then_some(run);
     }
     state.answered.clear();
 }

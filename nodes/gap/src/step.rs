@@ -8,8 +8,8 @@ use diagnosis::{
 };
 use graph::{Node, Outbox, Stamp, inputs, outputs, topics};
 use probecell_msgs::{
-    Fault, GapReport, InspectionPlan, MachineState, ProbeEvent, ReferenceMeasurement,
-    builtin_interfaces::Time, sensor_msgs::JointState, std_msgs,
+    Fault, GapReport, InspectionPlan, MachineState, MeasurementOrder, ProbeEvent,
+    ReferenceMeasurement, builtin_interfaces::Time, sensor_msgs::JointState, std_msgs,
 };
 use serde::{Deserialize, Serialize};
 
@@ -22,6 +22,8 @@ inputs! {
         Machine(std_msgs::String) = topics::ROBOT_DESCRIPTION,
         /// What is measured.
         Plan(InspectionPlan) = topics::INSPECTION_PLAN,
+        /// Which points of it are touched now, perhaps once more.
+        Order(MeasurementOrder) = topics::MEASUREMENT_ORDER,
         /// One probing move and what came of it.
         Event(ProbeEvent) = topics::PROBE_EVENTS,
         /// Where the axes are.
@@ -61,7 +63,7 @@ pub struct State {
     pub events: Vec<ProbeEvent>,
     /// Events whose plan has not come yet.
     pub waiting: VecDeque<ProbeEvent>,
-    /// Points of the plan that have not been tried.
+    /// Points of the plan that have not been tried, or are to be tried once more.
     pub open: BTreeSet<u32>,
     /// Measurements of the plan by others.
     pub references: Vec<ReferenceMeasurement>,
@@ -98,6 +100,12 @@ impl Node for GapNode {
             Input::Timer(_) => {}
             Input::Machine(machine) => state.robot_description = machine.data,
             Input::Plan(plan) => begin(config, state, plan),
+            Input::Order(order) => {
+                let known = state.plan.as_ref();
+                if known.is_some_and(|plan| plan.plan_id == order.plan_id) {
+                    state.open.extend(order.order);
+                }
+            }
             Input::Event(event) => {
                 state.waiting.push_back(event);
                 if state.waiting.len() > WAITING_LIMIT {

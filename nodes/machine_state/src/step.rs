@@ -106,7 +106,10 @@ impl Node for MachineStateNode {
             }
             Input::Request(request) => request_operation(config, state, now, request, out),
             Input::Order(order) => {
-                state.order = Some((order.plan_id, order.order));
+                // A request was refused, or will be: its order must not be taken for that of a later request.
+                if unfit(config, state).is_none() {
+                    state.order = Some((order.plan_id, order.order));
+                }
                 if let Some(awaited) = state.awaited.take() {
                     request_operation(config, state, now, awaited.request, out);
                 }
@@ -295,6 +298,19 @@ fn watch(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Output
     }
 }
 
+/// Why the machine can be asked for nothing.
+fn unfit(config: &Config, state: &State) -> Option<&'static str> {
+    match &state.controller {
+        _ if config.replayed => Some("this graph runs on a recording"),
+        None => Some("no controller has been heard"),
+        Some(known) if known.lost => Some("the controller is silent"),
+        Some(known) if known.status.execution == MachineState::EXECUTION_ESTOP => {
+            Some("the machine is in emergency stop")
+        }
+        Some(_) => None,
+    }
+}
+
 fn request_operation(
     config: &Config,
     state: &mut State,
@@ -302,26 +318,18 @@ fn request_operation(
     request: OperationRequest,
     out: &mut Outbox<Output>,
 ) {
-    let refusal = match &state.controller {
-        _ if config.replayed => Some("this graph runs on a recording"),
-        None => Some("no controller has been heard"),
-        Some(known) if known.lost => Some("the controller is silent"),
-        Some(known) if known.status.execution == MachineState::EXECUTION_ESTOP => {
-            Some("the machine is in emergency stop")
-        }
-        Some(_) if request.kind != OperationRequest::STOP && state.operation.is_some() => {
-            Some("the machine is busy")
-        }
-        Some(_) => None,
-    };
+    let busy = request.kind != OperationRequest::STOP && state.operation.is_some();
+    let refusal = unfit(config, state).or(busy.then_some("the machine is busy"));
     if let Some(text) = refusal {
+        state.order = None;
         report(now, request.request_id, OperationReport::REFUSED, text, out);
         return;
     }
     let mut order = Vec::new();
     if request.kind == OperationRequest::MEASURE {
-        match &state.order {
-            Some((plan, indices)) if *plan == request.plan_id => order.clone_from(indices),
+        // Taken: the same plan, measured again, has another order.
+        match state.order.take() {
+            Some((plan, indices)) if plan == request.plan_id => order = indices,
             _ => {
                 state.awaited = Some(Awaited {
                     request,

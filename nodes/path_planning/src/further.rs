@@ -31,7 +31,7 @@ type Place = (Point3<f64>, Unit<Vector3<f64>>);
 #[derive(Debug, thiserror::Error)]
 pub enum FurtherError {
     /// A plan without a name.
-    #[error("further touches need a plan_id that none of this session's measurements has")]
+    #[error("further touches need a plan_id")]
     Name,
     /// Too many.
     #[error("{0} further touches are more than {MOST}")]

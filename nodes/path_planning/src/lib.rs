@@ -4,15 +4,17 @@
 //! |---|---|
 //! | `plan_requests` | `plan_replies` |
 //! | `operation_requests` (measurements) | `inspection_plan`, `measurement_order` |
-//! | | `path_planning/faults`: `plan_impossible`, `plan_unknown` |
+//! | `probe_events`, `joint_states` | `path_planning/faults`: `plan_impossible`, `plan_unknown` |
 //!
 //! The part comes from the cell file ([`part`]): nominal features, where to touch them, which operation cut them. For a
 //! measurement of a pass the nominal sizes are the drawing's plus the allowance that the pass leaves. The order is the
 //! shortest open path over the moves between touches ([`route`]), never longer than the order in which the cell file
 //! lists the points; features marked as a datum come first, and every target is within the travel of its axis.
 //! An operator may ask for further touches of the part as it is now ([`further`]): they are checked when they are asked
-//! for, and published when the cycle measures them; what is cut in between voids them.
+//! for, and published when the cycle measures them; what is cut in between voids them. A measurement that is asked for
+//! again under its name goes on with what is left of it ([`again`]): the plan stands, only an order is published.
 
+pub mod again;
 mod config;
 pub mod further;
 pub mod part;

@@ -8,7 +8,7 @@
 
 use machine::{Chain, DeviationError, Nominal, Target};
 use nalgebra::{Point3, UnitQuaternion};
-use planning::{CostMatrix, Options, Problem, check_limits, solve};
+use planning::{CostMatrix, Options, Problem, Solution, check_limits, solve};
 use probecell_msgs::{InspectionFeature, InspectionPlan, MeasurementOrder, ProbingMove};
 
 /// Speed taken for an axis whose URDF gives none (m/s or rad/s): slow, so that it is not preferred.
@@ -110,16 +110,39 @@ impl Route<'_> {
         self.order_of(plan, &all, &[], seeds)
     }
 
-    /// The shortest order found of some points of a plan, as after a scan that broke off, and its moves. `points` are
-    /// indices into the plan's points in the order that is to be beaten. `stages` has one entry for each point of the
-    /// plan, or is empty: points of a lower stage are touched before all of a higher one. `seeds` has one entry for each
-    /// of `points`, or is empty. Every target is within the travel of its axis.
+    /// The shortest order found of some points of a plan and its moves. `points` are indices into the plan's points in
+    /// the order that is to be beaten. `stages` has one entry for each point of the plan, or is empty: points of a lower
+    /// stage are touched before all of a higher one. `seeds` has one entry for each of `points`, or is empty. Every
+    /// target is within the travel of its axis.
     pub fn order_of(
         &self,
         plan: &InspectionPlan,
         points: &[u32],
         stages: &[u32],
         seeds: &[Seed],
+    ) -> Result<MeasurementOrder, RouteError> {
+        self.some(plan, points, stages, seeds, None)
+    }
+
+    /// The same from where the axes stand (m, rad, in the order of the chain's axes), as after a scan that broke off:
+    /// what clears the part first is the clearance axis, from there, and the way to the first touch counts.
+    pub fn order_from(
+        &self,
+        plan: &InspectionPlan,
+        points: &[u32],
+        stages: &[u32],
+        here: &[f64],
+    ) -> Result<MeasurementOrder, RouteError> {
+        self.some(plan, points, stages, &[], Some(here))
+    }
+
+    fn some(
+        &self,
+        plan: &InspectionPlan,
+        points: &[u32],
+        stages: &[u32],
+        seeds: &[Seed],
+        here: Option<&[f64]>,
     ) -> Result<MeasurementOrder, RouteError> {
         let mut part = InspectionPlan {
             points: Vec::new(),
@@ -133,7 +156,7 @@ impl Route<'_> {
         }
         let stage = |place: usize| stages.get(points[place] as usize).copied().unwrap_or(0);
         let stages: Vec<u32> = (0..points.len()).map(stage).collect();
-        let mut order = self.shortest(&part, &stages, seeds)?;
+        let mut order = self.shortest(&part, &stages, seeds, here)?;
         for index in &mut order.order {
             *index = points[*index as usize];
         }
@@ -177,27 +200,10 @@ impl Route<'_> {
         plan: &InspectionPlan,
         stages: &[u32],
         seeds: &[Seed],
+        here: Option<&[f64]>,
     ) -> Result<MeasurementOrder, RouteError> {
         let stations = self.stations(plan, seeds)?;
-        let count = stations.len();
-        let time = |from: usize, to: usize| {
-            if from == to {
-                0.0
-            } else {
-                self.time(plan, &stations, from, to)
-            }
-        };
-        let table = CostMatrix::from_fn(count, time)
-            .map_err(|error| RouteError::Cost(error.to_string()))?;
-        let mut given: Vec<usize> = (0..count).collect();
-        given.sort_by_key(|&index| stages[index]);
-        let problem = Problem::new(table).given(given).stages(stages.to_vec());
-        let options = Options {
-            kicks: self.kicks,
-            ..Options::default()
-        };
-        let solution = solve(&problem, &options, &mut |_| true)
-            .map_err(|error| RouteError::Cost(error.to_string()))?;
+        let solution = self.solve(plan, &stations, stages, here)?;
         let length = |order: &[usize]| -> f64 {
             order
                 .windows(2)
@@ -213,9 +219,55 @@ impl Route<'_> {
             given_air_length: length(&solution.given),
             optimal: solution.optimal,
             axis_names: self.chain.axis_names().map(str::to_owned).collect(),
-            moves: self.moves(plan, &stations, &solution.order),
+            moves: self.moves(plan, &stations, &solution.order, here),
             ..MeasurementOrder::default()
         })
+    }
+
+    /// The order of the touches. Where the axes stand is a place before all of them, which the answer leaves out.
+    fn solve(
+        &self,
+        plan: &InspectionPlan,
+        stations: &[Stations],
+        stages: &[u32],
+        here: Option<&[f64]>,
+    ) -> Result<Solution, RouteError> {
+        let before = usize::from(here.is_some());
+        let time = |from: usize, to: usize| match (from.checked_sub(before), to.checked_sub(before))
+        {
+            (Some(from), Some(to)) if from != to => self.time(plan, stations, from, to),
+            (None, Some(to)) => here.map_or(0.0, |here| {
+                self.duration(here, &self.first(Some(here), &stations[to].approach))
+            }),
+            _ => 0.0,
+        };
+        let refused = |error: &dyn std::fmt::Display| RouteError::Cost(error.to_string());
+        let count = stations.len() + before;
+        let table = CostMatrix::from_fn(count, time).map_err(|error| refused(&error))?;
+        let stages: Vec<u32> = [0]
+            .repeat(before)
+            .into_iter()
+            .chain(stages.iter().copied())
+            .collect();
+        let mut given: Vec<usize> = (0..count).collect();
+        given[before..].sort_by_key(|&index| stages[index]);
+        let mut problem = Problem::new(table).given(given).stages(stages);
+        if here.is_some() {
+            problem = problem.starting_at(0);
+        }
+        let options = Options {
+            kicks: self.kicks,
+            ..Options::default()
+        };
+        let mut solution =
+            solve(&problem, &options, &mut |_| true).map_err(|error| refused(&error))?;
+        for order in [&mut solution.order, &mut solution.given] {
+            *order = order
+                .iter()
+                .filter_map(|place| place.checked_sub(before))
+                .collect();
+        }
+        Ok(solution)
     }
 
     fn stations(&self, plan: &InspectionPlan, seeds: &[Seed]) -> Result<Vec<Stations>, RouteError> {
@@ -310,10 +362,33 @@ impl Route<'_> {
 
     /// Seconds from the retract of one touch to the approach of the next.
     fn time(&self, plan: &InspectionPlan, stations: &[Stations], from: usize, to: usize) -> f64 {
-        let mut at = &stations[from].retract;
-        let way = self.between(plan, stations, from, to);
+        self.duration(
+            &stations[from].retract,
+            &self.between(plan, stations, from, to),
+        )
+    }
+
+    /// Joint targets to the first touch: from where the axes stand, where that is known, else from somewhere clear.
+    fn first(&self, here: Option<&[f64]>, approach: &[f64]) -> Vec<Vec<f64>> {
+        let Some((axis, clear)) = self.clearance else {
+            return vec![approach.to_vec()];
+        };
+        let out = |at: &[f64]| {
+            let mut out = at.to_vec();
+            out[axis] = clear;
+            out
+        };
+        let away = here.map(out);
+        away.into_iter()
+            .chain([out(approach), approach.to_vec()])
+            .collect()
+    }
+
+    /// Seconds of a way of joint targets.
+    fn duration(&self, from: &[f64], way: &[Vec<f64>]) -> f64 {
+        let mut at = from;
         let mut seconds = 0.0;
-        for target in &way {
+        for target in way {
             seconds += self.move_time(at, target);
             at = target;
         }
@@ -331,6 +406,7 @@ impl Route<'_> {
         plan: &InspectionPlan,
         stations: &[Stations],
         order: &[usize],
+        here: Option<&[f64]>,
     ) -> Vec<ProbingMove> {
         let mut moves = Vec::new();
         for (place, &index) in order.iter().enumerate() {
@@ -342,16 +418,13 @@ impl Route<'_> {
                     feed,
                 });
             };
-            if place > 0 {
-                let mut way = self.between(plan, stations, order[place - 1], index);
-                way.pop();
-                for target in way {
-                    push(ProbingMove::CLEARANCE, target, 0.0);
-                }
-            } else if let Some((axis, clear)) = self.clearance {
-                let mut over = stations[index].approach.clone();
-                over[axis] = clear;
-                push(ProbingMove::CLEARANCE, over, 0.0);
+            let mut way = match place.checked_sub(1) {
+                Some(before) => self.between(plan, stations, order[before], index),
+                None => self.first(here, &stations[index].approach),
+            };
+            way.pop();
+            for target in way {
+                push(ProbingMove::CLEARANCE, target, 0.0);
             }
             push(ProbingMove::APPROACH, stations[index].approach.clone(), 0.0);
             push(

@@ -5,11 +5,12 @@ use std::collections::BTreeSet;
 use graph::{Node, Outbox, Stamp, inputs, outputs, topics};
 use probecell_msgs::{
     Fault, InspectionPlan, MeasurementOrder, OperationRequest, OperatorReply, OperatorRequest,
-    std_msgs,
+    ProbeEvent, sensor_msgs::JointState, std_msgs,
 };
 use serde::{Deserialize, Serialize};
 
 use crate::{
+    again::{AgainError, Measurement},
     config::Config,
     further::{self, FurtherError},
     route::{Route, RouteError},
@@ -22,6 +23,10 @@ inputs! {
         Plan(OperatorRequest) = topics::PLAN_REQUESTS,
         /// What the cycle wants next.
         Request(OperationRequest) = topics::OPERATION_REQUESTS,
+        /// One probing move and what came of it: what is touched is not left.
+        Event(ProbeEvent) = topics::PROBE_EVENTS,
+        /// Where the axes are.
+        Joints(JointState) = topics::JOINT_STATES,
     }
 }
 
@@ -48,6 +53,10 @@ pub struct State {
     pub further: Option<(InspectionPlan, MeasurementOrder)>,
     /// Plans of this session's measurements.
     pub measured: BTreeSet<String>,
+    /// The measurement that was asked for last; `None` once something is cut, or another plan is published.
+    pub measurement: Option<Measurement>,
+    /// Where the axes stand, in the order of the chain's axes: m, rad.
+    pub here: Option<Vec<f64>>,
 }
 
 /// The node.
@@ -73,6 +82,15 @@ impl Node for PathPlanningNode {
     ) {
         match input {
             Input::Timer(_) => {}
+            Input::Event(event) => {
+                if let Some(measurement) = &mut state.measurement {
+                    measurement.take(&event);
+                }
+            }
+            Input::Joints(joints) => {
+                let positions = config.chain.positions(&joints.name, &joints.position);
+                state.here = positions.ok().or(state.here.take());
+            }
             Input::Request(request) => {
                 if let Err((code, text)) = requested(config, state, now, &request, out) {
                     out.send(Output::Fault(Fault {
@@ -105,7 +123,24 @@ fn requested(
     request: &OperationRequest,
     out: &mut Outbox<Output>,
 ) -> Result<(), (&'static str, String)> {
+    let of_plan = |one: &&Measurement| {
+        one.plan.plan_id == request.plan_id && one.only_measure == request.only_measure
+    };
     match request.kind {
+        OperationRequest::MEASURE
+            if let Some(measurement) = state.measurement.as_ref().filter(of_plan) =>
+        {
+            // The plan stands: only what is left of it is touched.
+            let order = measurement.order(&route(config), state.here.as_deref());
+            let mut order = order.map_err(|error| ("plan_unknown", error.to_string()))?;
+            order.header = header(now);
+            "workpiece".clone_into(&mut order.header.frame_id);
+            out.send(Output::Order(order));
+        }
+        OperationRequest::MEASURE if state.measured.contains(&request.plan_id) => {
+            let error = AgainError::Over(request.plan_id.clone());
+            return Err(("plan_unknown", error.to_string()));
+        }
         OperationRequest::MEASURE if request.only_measure => {
             let further = state.further.take();
             let Some((mut plan, mut order)) =
@@ -120,6 +155,7 @@ fn requested(
             plan.header.stamp = now.time();
             order.header = plan.header.clone();
             state.measured.insert(plan.plan_id.clone());
+            state.measurement = Some(Measurement::new(plan.clone(), &[], true));
             out.send(Output::Plan(plan));
             out.send(Output::Order(order));
         }
@@ -127,12 +163,14 @@ fn requested(
             state.pass = Some(request.pass_number);
             state.measured.insert(request.plan_id.clone());
             let allowance = allowance(config, request.pass_number);
-            publish(config, now, &request.plan_id, allowance, out)
-                .map_err(|error| ("plan_impossible", error.to_string()))?;
+            let published = publish(config, now, &request.plan_id, allowance, out);
+            let (plan, _) = published.map_err(|error| ("plan_impossible", error.to_string()))?;
+            state.measurement = Some(Measurement::new(plan, config.part.stages(), false));
         }
         OperationRequest::CUT => {
-            // What was planned was planned for the surfaces before.
+            // What was planned was planned for the surfaces before, and what was measured of them is over.
             state.further = None;
+            state.measurement = None;
             state.pass = Some(request.pass_number);
         }
         _ => {}
@@ -146,24 +184,50 @@ fn allowance(config: &Config, pass: u32) -> f64 {
     known.copied().unwrap_or(0.0)
 }
 
-/// What an operator wants: a preview of the part's plan, or further touches for a run that only measures.
+/// What is not planned.
+#[derive(Debug, thiserror::Error)]
+enum AskError {
+    #[error(transparent)]
+    Again(#[from] AgainError),
+    #[error(transparent)]
+    Further(#[from] FurtherError),
+    #[error(transparent)]
+    Route(#[from] RouteError),
+}
+
+/// What an operator wants: what is left of a measurement, a preview of the part's plan, or further touches for a run
+/// that only measures.
 fn asked(
     config: &Config,
     state: &mut State,
     now: Stamp,
     request: &OperatorRequest,
     out: &mut Outbox<Output>,
-) -> Result<String, FurtherError> {
+) -> Result<String, AskError> {
+    let subject = &request.subject;
+    if let Some(measurement) = &mut state.measurement
+        && measurement.plan.plan_id == *subject
+    {
+        measurement.want(&request.points)?;
+        let order = measurement.order(&route(config), state.here.as_deref())?;
+        return Ok(described(&order));
+    }
+    if state.measured.contains(subject) {
+        return Err(AgainError::Over(subject.clone()).into());
+    }
     if request.points.is_empty() {
-        let plan_id = if request.subject.is_empty() {
+        let plan_id = if subject.is_empty() {
             "preview"
         } else {
-            &request.subject
+            subject
         };
-        return Ok(publish(config, now, plan_id, 0.0, out)?);
+        let (_, text) = publish(config, now, plan_id, 0.0, out)?;
+        // Who hears the touches has the plan that was published last.
+        state.measurement = None;
+        return Ok(text);
     }
-    if request.subject.is_empty() || state.measured.contains(&request.subject) {
-        return Err(FurtherError::Name);
+    if subject.is_empty() {
+        return Err(FurtherError::Name.into());
     }
     // Where nothing was cut yet, the part is taken to be as the last pass leaves it.
     let last = config.allowances.last().copied().unwrap_or(0.0);
@@ -200,22 +264,22 @@ fn named(plan: InspectionPlan, plan_id: &str, now: Stamp) -> InspectionPlan {
     }
 }
 
-/// Publishes the plan and its order; gives a sentence about them.
+/// Publishes the plan and its order; gives the plan and a sentence about them.
 fn publish(
     config: &Config,
     now: Stamp,
     plan_id: &str,
     allowance: f64,
     out: &mut Outbox<Output>,
-) -> Result<String, RouteError> {
+) -> Result<(InspectionPlan, String), RouteError> {
     let plan = named(config.part.plan(allowance), plan_id, now);
     let all: Vec<u32> = (0..plan.points.len() as u32).collect();
     let mut order = route(config).order_of(&plan, &all, config.part.stages(), &[])?;
     order.header = plan.header.clone();
     let text = described(&order);
-    out.send(Output::Plan(plan));
+    out.send(Output::Plan(plan.clone()));
     out.send(Output::Order(order));
-    Ok(text)
+    Ok((plan, text))
 }
 
 fn described(order: &MeasurementOrder) -> String {

@@ -213,6 +213,9 @@ pub struct RawFault {
     /// Touches of the session before it does.
     #[serde(default)]
     pub after_touches: u32,
+    /// Touches that a probe fails at before it is well again; none: all that follow.
+    #[serde(default)]
+    pub touches: Option<u32>,
 }
 
 /// What can go wrong.

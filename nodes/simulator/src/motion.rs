@@ -142,7 +142,10 @@ fn touch(
         .raw
         .fault
         .as_ref()
-        .filter(|fault| state.touches >= fault.after_touches)
+        .filter(|fault| {
+            let since = state.touches.checked_sub(fault.after_touches);
+            since.is_some_and(|since| fault.touches.is_none_or(|failing| since < failing))
+        })
         .map(|fault| fault.kind);
     state.touches += 1;
     let start = builder.position.clone();
