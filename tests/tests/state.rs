@@ -165,6 +165,9 @@ fn again() -> (Cell, Vec<Published>) {
     };
     session.send(topics::RUN_REQUESTS, &run);
     session.wait_for_report();
+    // That surface is cut away by now.
+    session.send(topics::PLAN_REQUESTS, &asked);
+    session.run_to(topics::PLAN_REPLIES);
     (cell, session.finish())
 }
 
