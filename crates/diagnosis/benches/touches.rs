@@ -1,7 +1,7 @@
 //! Time of a diagnosis against the number of touches and of effects in the library: `cargo bench -p diagnosis`.
 //!
 //! Sessions of the blind plant; longer ones repeat a session's touches with fresh noise. One run, ratios in the last
-//! column: how much longer than the first line.
+//! column: how much longer than the first line. `-- 10000` makes only the lines of so many touches, `-- 0` those of 124.
 #![expect(
     clippy::print_stdout,
     clippy::unwrap_used,
@@ -23,6 +23,9 @@ const NOISE: f64 = 5e-7;
 fn main() {
     println!("| touches | effects offered | ms | ratio |\n|---|---|---|---|");
     let mut first = None;
+    let wanted: Vec<usize> = (std::env::args().skip(1))
+        .filter_map(|number| number.parse().ok())
+        .collect();
     for (content, touches) in [
         (Content::Clean, 0),
         (Content::Known(1), 0),
@@ -32,9 +35,14 @@ fn main() {
         (Content::Known(2), 1_000),
         (Content::Known(2), 10_000),
     ] {
-        line(content, touches, 0, &mut first);
+        if wanted.is_empty() || wanted.contains(&touches) {
+            line(content, touches, 0, &mut first);
+        }
     }
     for most in [10, 30, 60] {
+        if !wanted.is_empty() {
+            break;
+        }
         line(Content::Known(2), 0, most, &mut first);
     }
 }

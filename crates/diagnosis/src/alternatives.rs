@@ -28,8 +28,7 @@ pub(crate) fn of(
                 }
             })
             .collect();
-        let estimates =
-            parameters::of_members(shapes.observations, shapes.variants, attribution, &members);
+        let estimates = parameters::of_members(shapes, attribution, &members);
         let parameters = estimates.into_iter().nth(place)?;
         (!parameters.is_empty()).then(|| Alternative {
             effect: name.clone(),

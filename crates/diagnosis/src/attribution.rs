@@ -4,7 +4,9 @@
 //! Every set stands alone and beside each promising rival; probabilities are over all of them. Outliers are masked
 //! before; the second order of large displacements on curved surfaces is corrected from outside.
 
-use crate::beside::{Beside, UNKNOWN, challenge};
+use std::rc::Rc;
+
+use crate::beside::{Seen, UNKNOWN, challenge};
 use crate::candidate::{Alias, Candidate};
 use crate::effects::Variant;
 use crate::evidence::{Fit, Products, add_scaled, whitened};
@@ -45,7 +47,7 @@ pub struct Attribution {
     /// What of other effects has the same signature as each candidate.
     pub aliases: Vec<Vec<Alias>>,
     /// Rivals.
-    pub rivals: Vec<Rival>,
+    pub rivals: Vec<Rc<Rival>>,
     /// Models, most probable first.
     pub models: Vec<Model>,
     /// Products over the active rows.
@@ -197,7 +199,7 @@ fn finish(pool: Pool<'_>, scored: &[Scored]) -> Attribution {
     let mut challengers = Vec::new();
     if white {
         challengers = unknown_to(&pool, &pool.shapes.rivals(pool.active));
-        challengers.extend(grid(pool.shapes.observations, pool.active));
+        challengers.extend(grid(pool.shapes.observations, pool.active).map(Rc::new));
     }
     let noise = if white {
         1.0 - REMEMBERS
@@ -235,10 +237,10 @@ fn finish(pool: Pool<'_>, scored: &[Scored]) -> Attribution {
 }
 
 /// Rivals less what the library already has: a dependence on a covariate is no rival of the effects that have it.
-fn unknown_to(pool: &Pool<'_>, rivals: &[Rival]) -> Vec<Rival> {
-    let own = |rival: Rival| {
+fn unknown_to(pool: &Pool<'_>, rivals: &[Rc<Rival>]) -> Vec<Rc<Rival>> {
+    let own = |rival: &Rc<Rival>| {
         let Kind::Covariate(covariate) = rival.kind else {
-            return Some(rival);
+            return Some(Rc::clone(rival));
         };
         let known = |candidate: &&Candidate| {
             let effect = pool.shapes.variants[candidate.variant].effect.as_str();
@@ -247,9 +249,13 @@ fn unknown_to(pool: &Pool<'_>, rivals: &[Rival]) -> Vec<Rival> {
         let columns = (pool.candidates.iter().filter(known))
             .flat_map(|candidate| &candidate.block)
             .map(|column| whitened(column, pool.active, 0, 0.0));
-        rival.beside(&orthonormal(columns))
+        let basis = orthonormal(columns);
+        if basis.is_empty() {
+            return Some(Rc::clone(rival));
+        }
+        rival.beside(&basis).map(Rc::new)
     };
-    rivals.iter().cloned().filter_map(own).collect()
+    rivals.iter().filter_map(own).collect()
 }
 
 impl Attribution {
@@ -263,13 +269,10 @@ impl Attribution {
         match model.rival {
             None => self.products.fit(&model.set),
             Some((place, power)) => {
-                let members: Vec<&Candidate> = model
-                    .set
-                    .iter()
-                    .map(|&member| &self.candidates[member])
-                    .collect();
-                let places: Vec<usize> = (0..members.len()).collect();
-                Beside::new(&members, &self.rivals[place], &self.y, &self.active)
+                let members = model.set.iter().map(|&member| &self.candidates[member]);
+                let places: Vec<usize> = (0..model.set.len()).collect();
+                Seen::new(members, &self.y, &self.active)
+                    .beside(&self.rivals[place])
                     .products(power, &self.products.part(&model.set))
                     .fit(&places)
             }

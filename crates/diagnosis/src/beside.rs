@@ -3,13 +3,17 @@
 //! A first look at fixed sizes tells which rivals are worth more; those stand beside the best sets, and the best of them
 //! have the library searched anew beside them. Metres.
 
+use std::rc::Rc;
+
+use nalgebra::{DMatrix, DVector};
+
 use crate::attribution::Model;
 use crate::candidate::Candidate;
-use crate::evidence::{Products, dot};
+use crate::evidence::{Products, dot, whitened};
 use crate::observation::Observations;
 use crate::pool::Pool;
 use crate::rivals::{Kind, Rival};
-use crate::search::{Priors, Scored, search};
+use crate::search::{Known, Priors, Scored, search};
 
 /// Prior probability that something outside the vocabulary acts.
 pub(crate) const UNKNOWN: f64 = 0.05;
@@ -68,7 +72,7 @@ fn beside(pool: &Pool<'_>, rival: &Rival, priors: &Priors) -> Priors {
 pub(crate) fn challenge(
     pool: &Pool<'_>,
     scored: &[Scored],
-    rivals: &[Rival],
+    rivals: &[Rc<Rival>],
     priors: &Priors,
     models: &mut Vec<Model>,
 ) {
@@ -77,10 +81,8 @@ pub(crate) fn challenge(
     let mut members: Vec<usize> = sets.iter().flatten().copied().collect();
     members.sort_unstable();
     members.dedup();
-    let few: Vec<&Candidate> = members
-        .iter()
-        .map(|&member| &pool.candidates[member])
-        .collect();
+    let few = members.iter().map(|&member| &pool.candidates[member]);
+    let few = Seen::new(few, pool.y, pool.active);
     let plain = pool.products.part(&members);
     let local = |set: &Vec<usize>| -> Vec<usize> {
         set.iter()
@@ -103,7 +105,7 @@ pub(crate) fn challenge(
     for (_, place, middle) in looks {
         let rival = &rivals[place];
         let priors = beside(pool, rival, priors);
-        let beside = Beside::new(&few, rival, pool.y, pool.active);
+        let beside = few.beside(rival);
         let mut own: Option<(f64, f64)> = None;
         let near = middle.saturating_sub(1)..(middle + 2).min(POWERS.len());
         for &power in &POWERS[near] {
@@ -128,15 +130,16 @@ pub(crate) fn challenge(
         }
     }
     promising.sort_by(|one, other| other.0.total_cmp(&one.0));
+    let mut all = None;
     for (score, place, power) in promising.into_iter().take(SEARCHED) {
         if score < best - FAR_BEHIND {
             break;
         }
         let rival = &rivals[place];
-        let all: Vec<&Candidate> = pool.candidates.iter().collect();
-        let whitened =
-            Beside::new(&all, rival, pool.y, pool.active).products(power, &pool.products);
-        for found in search(&whitened, &beside(pool, rival, priors), 6)
+        let all = all.get_or_insert_with(|| Seen::new(pool.candidates.iter(), pool.y, pool.active));
+        let whitened = all.beside(rival).products(power, &pool.products);
+        let priors = beside(pool, rival, priors);
+        for found in search(&whitened, &priors, 6, &mut Known::new())
             .into_iter()
             .take(60)
         {
@@ -179,7 +182,7 @@ fn sets_of(scored: &[Scored]) -> Vec<Vec<usize>> {
 /// Rivals worth a second look, best first, with the place of their best power.
 fn first_look(
     pool: &Pool<'_>,
-    rivals: &[Rival],
+    rivals: &[Rc<Rival>],
     priors: &Priors,
     scored: &[Scored],
     best: f64,
@@ -196,10 +199,8 @@ fn first_look(
     let mut members: Vec<usize> = sets.iter().copied().flatten().copied().collect();
     members.sort_unstable();
     members.dedup();
-    let few: Vec<&Candidate> = members
-        .iter()
-        .map(|&member| &pool.candidates[member])
-        .collect();
+    let few = members.iter().map(|&member| &pool.candidates[member]);
+    let few = Seen::new(few, pool.y, pool.active);
     let plain = pool.products.part(&members);
     let sized: Vec<(Vec<usize>, Vec<f64>, f64)> = sets
         .iter()
@@ -214,7 +215,7 @@ fn first_look(
         .collect();
     let mut looks: Vec<(f64, usize, usize)> = Vec::new();
     for (place, rival) in rivals.iter().enumerate() {
-        let beside = Beside::new(&few, rival, pool.y, pool.active);
+        let beside = few.beside(rival);
         let mut own: Option<(f64, usize, usize)> = None;
         for (number, &power) in POWERS.iter().enumerate() {
             let whitened = beside.products(power, &plain);
@@ -234,6 +235,46 @@ fn first_look(
     looks
 }
 
+/// Columns of some candidates and the deviations, over the rows in use.
+pub(crate) struct Seen {
+    columns: DMatrix<f64>,
+    y: DVector<f64>,
+}
+
+impl Seen {
+    pub(crate) fn new<'c>(
+        candidates: impl Iterator<Item = &'c Candidate>,
+        y: &[f64],
+        active: &[bool],
+    ) -> Self {
+        let pick = |values: &[f64]| whitened(values, active, 0, 0.0);
+        let y = DVector::from_vec(pick(y));
+        let mut values = Vec::new();
+        let mut count = 0;
+        for column in candidates.flat_map(|candidate| &candidate.block) {
+            values.extend(pick(column));
+            count += 1;
+        }
+        Self {
+            columns: DMatrix::from_vec(y.len(), count, values),
+            y,
+        }
+    }
+
+    /// Them beside a rival over the same rows.
+    pub(crate) fn beside<'a>(&self, rival: &'a Rival) -> Beside<'a> {
+        let crossed = &rival.directions * &self.columns;
+        Beside {
+            rival,
+            crossed: crossed
+                .column_iter()
+                .map(|column| column.iter().copied().collect())
+                .collect(),
+            seen: (&rival.directions * &self.y).data.into(),
+        }
+    }
+}
+
 /// Products of the candidates with a rival's directions.
 pub(crate) struct Beside<'a> {
     rival: &'a Rival,
@@ -242,39 +283,7 @@ pub(crate) struct Beside<'a> {
     seen: Vec<f64>,
 }
 
-impl<'a> Beside<'a> {
-    pub(crate) fn new(
-        candidates: &[&Candidate],
-        rival: &'a Rival,
-        y: &[f64],
-        active: &[bool],
-    ) -> Self {
-        let pick = |values: &[f64]| -> Vec<f64> {
-            values
-                .iter()
-                .zip(active)
-                .filter(|&(_, &used)| used)
-                .map(|(&value, _)| value)
-                .collect()
-        };
-        let against = |values: &[f64]| -> Vec<f64> {
-            let values = pick(values);
-            rival
-                .directions
-                .iter()
-                .map(|direction| dot(direction, &values))
-                .collect()
-        };
-        let crossed = candidates
-            .iter()
-            .flat_map(|candidate| candidate.block.iter().map(|column| against(column)));
-        Self {
-            rival,
-            crossed: crossed.collect(),
-            seen: against(y),
-        }
-    }
-
+impl Beside<'_> {
     /// The products with the rival's part of the rows whitened, for a variance over that of the noise.
     pub(crate) fn products(&self, power: f64, plain: &Products) -> Products {
         let shares: Vec<f64> = self

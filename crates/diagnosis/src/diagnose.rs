@@ -543,7 +543,7 @@ impl Reporter<'_> {
         }
         members.sort_by(|one, other| other.4.total_cmp(&one.4));
         let set: Vec<usize> = members.iter().map(|member| member.0).collect();
-        let estimates = parameters::estimates(self.observations, self.variants, attribution, &set);
+        let estimates = parameters::estimates(self.shapes, attribution, &set);
         let blocks = Blocks::new(self.observations, &attribution.active);
         let held_out = |set: &[usize]| {
             let candidates: Vec<&Candidate> = set

@@ -4,6 +4,8 @@
 //! of σ²), found by maximising the evidence (MacKay 1992) and paid for; σ² is integrated against 1/σ². Works on inner
 //! products only, so its cost does not depend on the number of touches. No decision is taken here.
 
+use crate::columns::{Columns, Rows};
+
 /// Price of having chosen a block's size: a log-uniform prior over four decades of it, known to about a factor e.
 const SIZE_PRICE: f64 = 1.5;
 /// Rounds of the fixed-point iteration for the sizes.
@@ -63,36 +65,25 @@ impl Products {
         touches: usize,
         correlation: f64,
     ) -> Self {
-        let mut spans = Vec::with_capacity(blocks.len());
-        let mut columns: Vec<Vec<f64>> = Vec::new();
-        for block in blocks {
-            spans.push((columns.len(), block.len()));
-            let own = block
-                .iter()
-                .map(|column| whitened(column, active, touches, correlation));
-            columns.extend(own);
+        let rows = Rows {
+            active: active.to_vec(),
+            touches,
+            correlation,
+        };
+        Columns::new(rows, blocks.iter().copied()).products(std::iter::empty(), y)
+    }
+
+    /// Products over the rows of all parts together: the same blocks over rows that no two parts share.
+    pub(crate) fn together<'p>(mut parts: impl Iterator<Item = &'p Self>) -> Option<Self> {
+        let mut sum = parts.next()?.clone();
+        for part in parts {
+            sum.rows += part.rows;
+            sum.yy += part.yy;
+            sum.offset += part.offset;
+            add_scaled(&mut sum.qy, 1.0, &part.qy);
+            add_scaled(&mut sum.qq, 1.0, &part.qq);
         }
-        let y = whitened(y, active, touches, correlation);
-        let remembered = active.iter().take(touches).filter(|&&used| used).count() as f64;
-        let count = columns.len();
-        let mut qq = vec![0.0; count * count];
-        for one in 0..count {
-            for other in one..count {
-                let product = dot(&columns[one], &columns[other]);
-                qq[one * count + other] = product;
-                qq[other * count + one] = product;
-            }
-        }
-        let qy = columns.iter().map(|column| dot(column, &y)).collect();
-        Self {
-            rows: y.len() as f64,
-            yy: dot(&y, &y),
-            qy,
-            qq,
-            spans,
-            caps: vec![f64::INFINITY; count],
-            offset: 0.5 * (remembered - 1.0).max(0.0) * (1.0 - correlation * correlation).ln(),
-        }
+        Some(sum)
     }
 
     /// The same where no coefficient is larger than plausible: `plausible` holds its standard deviation per column, m.
@@ -328,7 +319,8 @@ pub(crate) fn scale(values: &mut [f64], factor: f64) {
 
 /// Cholesky factor in the lower triangle of a row-major matrix; gives its log-determinant.
 pub(crate) fn cholesky(matrix: &mut [f64], n: usize) -> Option<f64> {
-    let mut log_determinant = 0.0;
+    // One logarithm for many pivots, as long as their product keeps its precision.
+    let (mut log_determinant, mut pivots) = (0.0, 1.0_f64);
     for i in 0..n {
         let (above, row) = matrix.split_at_mut(i * n);
         let row = &mut row[..=i];
@@ -341,10 +333,14 @@ pub(crate) fn cholesky(matrix: &mut [f64], n: usize) -> Option<f64> {
         if !(sum > 0.0) {
             return None;
         }
-        log_determinant += sum.ln();
+        pivots *= sum;
+        if !(1e-150..1e150).contains(&pivots) {
+            log_determinant += pivots.ln();
+            pivots = 1.0;
+        }
         row[i] = sum.sqrt();
     }
-    Some(log_determinant)
+    Some(log_determinant + pivots.ln())
 }
 
 /// A value less the products of two rows, in their order.

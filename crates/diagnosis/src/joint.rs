@@ -398,12 +398,8 @@ impl Reporter<'_> {
         let groups: Vec<Vec<Vec<f64>>> = known
             .iter()
             .map(|rival| {
-                (rival.directions.iter().zip(&rival.powers))
-                    .map(|(direction, power)| {
-                        let length = power.sqrt();
-                        spread(&direction.iter().map(|v| v * length).collect::<Vec<_>>())
-                    })
-                    .collect()
+                let columns = rival.columns();
+                columns.iter().map(|column| spread(column)).collect()
             })
             .collect();
         let slices: Vec<&[Vec<f64>]> = groups.iter().map(Vec::as_slice).collect();

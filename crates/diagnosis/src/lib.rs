@@ -10,6 +10,7 @@ mod beside;
 pub mod blind;
 pub mod candidate;
 mod checks;
+mod columns;
 pub mod declared;
 mod design;
 pub mod diagnose;

@@ -8,17 +8,16 @@ use nalgebra::{DMatrix, DVector};
 use crate::attribution::Attribution;
 use crate::candidate::Candidate;
 use crate::effects::{Form, Parameter, Variant};
-use crate::evidence::{dot, whitened};
-use crate::observation::Observations;
+use crate::evidence::{add_scaled, dot, whitened};
+use crate::pool::Shapes;
 use crate::report::ParameterEstimate;
 
 /// A parameter with a smaller share than this in all observable directions is not reported.
 const UNSEEN: f64 = 1e-6;
 
 /// Parameters of each member of a set, in its order.
-pub fn estimates(
-    observations: &Observations,
-    variants: &[Variant],
+pub(crate) fn estimates(
+    shapes: &Shapes<'_>,
     attribution: &Attribution,
     set: &[usize],
 ) -> Vec<Vec<ParameterEstimate>> {
@@ -26,13 +25,12 @@ pub fn estimates(
         .iter()
         .map(|&member| &attribution.candidates[member])
         .collect();
-    of_members(observations, variants, attribution, &members)
+    of_members(shapes, attribution, &members)
 }
 
 /// The same for candidates of which the attribution need not know.
 pub(crate) fn of_members(
-    observations: &Observations,
-    variants: &[Variant],
+    shapes: &Shapes<'_>,
     attribution: &Attribution,
     members: &[&Candidate],
 ) -> Vec<Vec<ParameterEstimate>> {
@@ -44,7 +42,7 @@ pub(crate) fn of_members(
         .flat_map(|candidate| &candidate.block)
         .collect();
     let linear = blocks.len();
-    let touches = observations.touches();
+    let touches = shapes.observations.touches();
     let white = |values: &[f64]| {
         whitened(
             values,
@@ -73,7 +71,7 @@ pub(crate) fn of_members(
                 .map(|member| member.block.len())
                 .sum();
             let own = &coefficients.as_slice()[start..start + candidate.block.len()];
-            slope(observations, variants, candidate, own).map(|slope| (place, slope))
+            slope(shapes, candidate, own).map(|slope| (place, slope))
         })
         .collect();
     let extra: Vec<(usize, f64, Vec<f64>)> = slopes
@@ -125,7 +123,7 @@ pub(crate) fn of_members(
                 covariance[(linear + index, linear + index)] / (length * length)
             });
         result.push(of_member(
-            &variants[candidate.variant],
+            &shapes.variants[candidate.variant],
             candidate,
             &own,
             &spread,
@@ -142,7 +140,12 @@ fn solve(columns: &DMatrix<f64>, y: &DVector<f64>, sizes: &[f64]) -> Option<DVec
     if columns.ncols() == 0 {
         return Some(DVector::zeros(0));
     }
-    let free = columns.clone().svd(true, true).solve(y, 1e-9).ok()?;
+    // The singular values of the triangle are those of the columns.
+    let reduced = columns.clone().qr();
+    let mut rotated = y.clone();
+    reduced.q_tr_mul(&mut rotated);
+    let seen = rotated.rows(0, columns.ncols().min(y.len())).into_owned();
+    let free = reduced.r().svd(true, true).solve(&seen, 1e-9).ok()?;
     let variance = (y - columns * free).norm_squared() / y.len() as f64;
     let mut normal = columns.transpose() * columns;
     for (index, size) in sizes.iter().enumerate() {
@@ -154,27 +157,14 @@ fn solve(columns: &DMatrix<f64>, y: &DVector<f64>, sizes: &[f64]) -> Option<DVec
 }
 
 /// How the fitted signature changes with the shape; `None` where there is no continuous shape.
-fn slope(
-    observations: &Observations,
-    variants: &[Variant],
-    candidate: &Candidate,
-    coefficients: &[f64],
-) -> Option<Vec<f64>> {
-    let variant = &variants[candidate.variant];
-    variant.shape.as_ref().filter(|shape| shape.continuous)?;
+fn slope(shapes: &Shapes<'_>, candidate: &Candidate, coefficients: &[f64]) -> Option<Vec<f64>> {
+    let columns = shapes.slopes(candidate.variant, candidate.shape)?;
     let parameters = &candidate.parameters_from_block * DVector::from_column_slice(coefficients);
-    let step = 1e-4 * candidate.shape;
-    let above = variant.columns(observations, candidate.shape + step);
-    let below = variant.columns(observations, candidate.shape - step);
-    let rows = observations.rows.len();
-    let slope = |row: usize| {
-        let change = above.iter().zip(&below).zip(parameters.iter());
-        let change: f64 = change
-            .map(|((high, low), value)| (high.signature[row] - low.signature[row]) * value)
-            .sum();
-        change / (2.0 * step) * observations.rows[row].weight
-    };
-    Some((0..rows).map(slope).collect())
+    let mut slope = vec![0.0; shapes.observations.rows.len()];
+    for (column, value) in columns.iter().zip(parameters.iter()) {
+        add_scaled(&mut slope, *value, column);
+    }
+    Some(slope)
 }
 
 pub(crate) fn of_member(

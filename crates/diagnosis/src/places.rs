@@ -138,7 +138,7 @@ pub fn rival_part(attribution: &Attribution, model: usize) -> Option<(Kind, Vec<
         .filter(|&row| attribution.active[row])
         .collect();
     let mut part = vec![0.0; left.len()];
-    for (direction, own) in rival.directions.iter().zip(&rival.powers) {
+    for (direction, own) in rival.directions.row_iter().zip(&rival.powers) {
         let along: f64 = direction
             .iter()
             .zip(&used)

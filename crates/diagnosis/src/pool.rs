@@ -8,11 +8,12 @@ use std::collections::BTreeMap;
 use std::rc::Rc;
 
 use crate::candidate::{Alias, Candidate};
+use crate::columns::{Columns, Rows};
 use crate::effects::Variant;
 use crate::evidence::{Products, add_scaled, dot, scale};
-use crate::observation::Observations;
+use crate::observation::{Column, Observations};
 use crate::rivals::{Rival, rivals};
-use crate::search::{Priors, Scored, search, usual_beam};
+use crate::search::{Known, Priors, Scored, search, usual_beam};
 
 /// Rows on which shapes are scanned.
 const SCANNED: usize = 800;
@@ -24,6 +25,8 @@ const FEW: usize = 4;
 const SAME: f64 = 1e-7;
 /// Noise of a usual touch, m: only weighs plausible sizes while shapes are scanned.
 const USUAL_NOISE: f64 = 1e-6;
+/// Share of a shape by which it is changed for a slope.
+const STEP: f64 = 1e-4;
 /// Rounds of the search for the best value of a shape.
 const REFINED: usize = 16;
 /// A column that keeps less than this share of its power beside a basis says nothing of its own.
@@ -112,7 +115,7 @@ impl Trial {
 /// Rivals over some rows.
 struct OfRows {
     active: Vec<bool>,
-    rivals: Rc<[Rival]>,
+    rivals: Rc<[Rc<Rival>]>,
 }
 
 /// What the library offers in a session, whatever its deviations.
@@ -127,6 +130,10 @@ pub(crate) struct Shapes<'a> {
     sampled: Option<Observations>,
     /// Rivals over the rows in use, as far as they were asked for: they do not depend on the deviations.
     rivals: RefCell<Vec<OfRows>>,
+    /// The base over the rows in use, as far as it was asked for.
+    columns: RefCell<Vec<Rc<Columns>>>,
+    /// Slopes, by variant and the bits of its shape, as far as they were asked for.
+    slopes: RefCell<BTreeMap<(usize, u64), Rc<[Vec<f64>]>>>,
 }
 
 impl<'a> Shapes<'a> {
@@ -150,6 +157,8 @@ impl<'a> Shapes<'a> {
             sample,
             sampled,
             rivals: RefCell::new(Vec::new()),
+            columns: RefCell::new(Vec::new()),
+            slopes: RefCell::default(),
         };
         for (place, variant) in variants.iter().enumerate() {
             let (plain, bent) = match &variant.shape {
@@ -185,16 +194,35 @@ impl<'a> Shapes<'a> {
     }
 
     /// All rivals over the rows in `active`.
-    pub(crate) fn rivals(&self, active: &[bool]) -> Rc<[Rival]> {
+    pub(crate) fn rivals(&self, active: &[bool]) -> Rc<[Rc<Rival>]> {
         let mut known = self.rivals.borrow_mut();
         if let Some(of) = known.iter().find(|of| of.active == active) {
             return Rc::clone(&of.rivals);
         }
-        let made: Rc<[Rival]> = rivals(self.observations, active).into();
+        let made: Rc<[Rc<Rival>]> = (rivals(self.observations, active).into_iter())
+            .map(Rc::new)
+            .collect();
         known.push(OfRows {
             active: active.to_vec(),
             rivals: Rc::clone(&made),
         });
+        made
+    }
+
+    /// The base over the rows in `active`, whose noise remembers a share `correlation` of the touch before.
+    fn columns(&self, active: &[bool], correlation: f64) -> Rc<Columns> {
+        let rows = Rows {
+            active: active.to_vec(),
+            touches: self.observations.touches(),
+            correlation,
+        };
+        let mut known = self.columns.borrow_mut();
+        if let Some(columns) = known.iter().find(|columns| *columns.rows() == rows) {
+            return Rc::clone(columns);
+        }
+        let blocks = self.base.iter().map(|candidate| candidate.block.as_slice());
+        let made = Rc::new(Columns::new(rows, blocks));
+        known.push(Rc::clone(&made));
         made
     }
 
@@ -219,10 +247,31 @@ impl<'a> Shapes<'a> {
         })
     }
 
+    /// How a variant's weighted columns change with its shape; `None` where that is not continuous.
+    pub(crate) fn slopes(&self, place: usize, shape: f64) -> Option<Rc<[Vec<f64>]>> {
+        let variant = &self.variants[place];
+        variant.shape.as_ref().filter(|own| own.continuous)?;
+        let mut known = self.slopes.borrow_mut();
+        let slopes = known.entry((place, shape.to_bits())).or_insert_with(|| {
+            let step = STEP * shape;
+            let above = variant.columns(self.observations, shape + step);
+            let below = variant.columns(self.observations, shape - step);
+            let slope = |(high, low): (&Column, &Column)| -> Vec<f64> {
+                let rows = self.observations.rows.iter();
+                let change = high.signature.iter().zip(&low.signature);
+                (change.zip(rows))
+                    .map(|((high, low), row)| (high - low) / (2.0 * step) * row.weight)
+                    .collect()
+            };
+            above.iter().zip(&below).map(slope).collect()
+        });
+        Some(Rc::clone(slopes))
+    }
+
     fn trial(&self, place: usize, value: f64, rows: Option<&Observations>) -> Trial {
         let observations = rows.unwrap_or(self.observations);
         let columns = self.variants[place].columns(observations, value);
-        let weighted = |column: crate::observation::Column| -> Vec<f64> {
+        let weighted = |column: Column| -> Vec<f64> {
             (column.signature.iter().zip(&observations.rows))
                 .map(|(part, row)| part * row.weight)
                 .collect()
@@ -274,6 +323,8 @@ pub(crate) struct Pool<'a> {
     pub(crate) candidates: Vec<Candidate>,
     pub(crate) aliases: Vec<Vec<Alias>>,
     pub(crate) products: Products,
+    /// Candidates are only added: what is known of a set stays true.
+    known: Known,
 }
 
 impl<'a> Pool<'a> {
@@ -291,6 +342,7 @@ impl<'a> Pool<'a> {
             candidates: shapes.base.clone(),
             aliases: shapes.aliases.clone(),
             products: Products::new(&[], y, active),
+            known: Known::new(),
         }
     }
 
@@ -336,28 +388,17 @@ impl<'a> Pool<'a> {
 
     pub(crate) fn search(&mut self) -> Vec<Scored> {
         self.refresh();
-        search(&self.products, &self.priors(), usual_beam())
+        let priors = self.priors();
+        search(&self.products, &priors, usual_beam(), &mut self.known)
     }
 
     /// Products of all candidates there are by now.
     pub(crate) fn refresh(&mut self) {
-        let blocks: Vec<&[Vec<f64>]> = self
-            .candidates
-            .iter()
-            .map(|candidate| candidate.block.as_slice())
-            .collect();
-        self.products = Products::correlated(
-            &blocks,
-            self.y,
-            self.active,
-            self.shapes.observations.touches(),
-            self.correlation,
-        )
-        .capped(
-            self.candidates
-                .iter()
-                .flat_map(|candidate| &candidate.plausible),
-        );
+        let added = self.candidates[self.shapes.base.len()..].iter();
+        let added = added.map(|candidate| candidate.block.as_slice());
+        let base = self.shapes.columns(self.active, self.correlation);
+        let plausible = (self.candidates.iter()).flat_map(|candidate| &candidate.plausible);
+        self.products = base.products(added, self.y).capped(plausible);
     }
 
     fn add(&mut self, candidate: Option<Candidate>) {

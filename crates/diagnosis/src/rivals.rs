@@ -9,7 +9,7 @@ mod covariate;
 use machine::JointKind;
 use nalgebra::{DMatrix, Vector3};
 
-use crate::evidence::{add_scaled, dot};
+use crate::evidence::add_scaled;
 use crate::observation::{Observations, Pose, Row};
 use crate::pool::remove;
 
@@ -65,8 +65,8 @@ pub enum Kind {
 pub struct Rival {
     /// What it depends on.
     pub kind: Kind,
-    /// Orthonormal directions over the weighted active rows.
-    pub directions: Vec<Vec<f64>>,
+    /// Orthonormal directions over the weighted active rows, a row of the matrix for each.
+    pub directions: DMatrix<f64>,
     /// Variance along each, for unit variance of the process.
     pub powers: Vec<f64>,
     /// Natural logarithm of its prior probability among the rivals.
@@ -430,12 +430,12 @@ fn factor(
         left[pivot] = 0.0;
         columns.push(column);
     }
-    let (directions, powers) = leading(&columns, 1e-6 * scale);
+    let (directions, powers) = leading(columns, 1e-6 * scale);
     let fewest = match kind {
         Kind::Covariate(_) => 1,
         _ => FEWEST_DIRECTIONS,
     };
-    (directions.len() >= fewest).then_some(Rival {
+    (powers.len() >= fewest).then_some(Rival {
         kind,
         directions,
         powers,
@@ -444,45 +444,47 @@ fn factor(
 }
 
 /// Orthonormal directions and powers of what columns make together; powers up to `least` are left out.
-fn leading(columns: &[Vec<f64>], least: f64) -> (Vec<Vec<f64>>, Vec<f64>) {
-    let gram = DMatrix::from_fn(columns.len(), columns.len(), |one, other| {
-        dot(&columns[one], &columns[other])
+fn leading(columns: Vec<Vec<f64>>, least: f64) -> (DMatrix<f64>, Vec<f64>) {
+    let (rows, count) = (columns.first().map_or(0, Vec::len), columns.len());
+    let down = DMatrix::from_vec(rows, count, columns.concat());
+    let across = down.transpose();
+    let eigen = (&across * down).symmetric_eigen();
+    let kept: Vec<usize> = (0..count)
+        .filter(|&index| eigen.eigenvalues[index] > least)
+        .collect();
+    let powers: Vec<f64> = kept.iter().map(|&index| eigen.eigenvalues[index]).collect();
+    let shares = DMatrix::from_fn(kept.len(), count, |place, column| {
+        eigen.eigenvectors[(column, kept[place])] / powers[place].sqrt()
     });
-    let eigen = gram.symmetric_eigen();
-    let mut directions = Vec::new();
-    let mut powers = Vec::new();
-    for (index, &power) in eigen.eigenvalues.iter().enumerate() {
-        if power > least {
-            let mut direction = vec![0.0; columns[0].len()];
-            for (column, share) in columns.iter().zip(eigen.eigenvectors.column(index).iter()) {
-                add_scaled(&mut direction, share / power.sqrt(), column);
-            }
-            directions.push(direction);
-            powers.push(power);
-        }
-    }
-    (directions, powers)
+    (shares * across, powers)
 }
 
 impl Rival {
+    /// Number of rows that it is over.
+    pub(crate) fn rows(&self) -> usize {
+        self.directions.ncols()
+    }
+
+    /// The columns that it is made of: directions at the size of their standard deviation, for unit variance.
+    pub(crate) fn columns(&self) -> Vec<Vec<f64>> {
+        (self.directions.row_iter().zip(&self.powers))
+            .map(|(direction, power)| direction.iter().map(|own| own * power.sqrt()).collect())
+            .collect()
+    }
+
     /// What is left of it beside an orthonormal basis over the active rows; `None` where nothing is.
-    pub(crate) fn beside(self, basis: &[Vec<f64>]) -> Option<Self> {
-        if basis.is_empty() {
-            return Some(self);
-        }
+    pub(crate) fn beside(&self, basis: &[Vec<f64>]) -> Option<Self> {
         let most = self.powers.iter().copied().fold(0.0, f64::max);
-        let columns: Vec<Vec<f64>> = (self.directions.into_iter().zip(&self.powers))
-            .map(|(mut direction, power)| {
-                remove(&mut direction, basis);
-                crate::evidence::scale(&mut direction, power.sqrt());
-                direction
-            })
-            .collect();
-        let (directions, powers) = leading(&columns, OWN * most);
-        (!directions.is_empty()).then_some(Self {
+        let mut columns = self.columns();
+        for column in &mut columns {
+            remove(column, basis);
+        }
+        let (directions, powers) = leading(columns, OWN * most);
+        (!powers.is_empty()).then_some(Self {
+            kind: self.kind.clone(),
             directions,
             powers,
-            ..self
+            log_prior: self.log_prior,
         })
     }
 }

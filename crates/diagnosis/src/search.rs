@@ -3,7 +3,7 @@
 //! Beam search up to five effects, each level screened by what a candidate would still explain. The prior halves with
 //! each effect and is spread evenly over the sets of that size, so that a larger library is paid for.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use crate::evidence::{Products, cholesky, forward};
 
@@ -55,8 +55,16 @@ impl Priors {
     }
 }
 
-/// Scored sets, best first.
-pub fn search(products: &Products, priors: &Priors, beam: usize) -> Vec<Scored> {
+/// Log evidence of the sets that were looked at already.
+pub(crate) type Known = BTreeMap<Vec<usize>, f64>;
+
+/// Scored sets, best first; what is `known` of the same products is not computed again.
+pub(crate) fn search(
+    products: &Products,
+    priors: &Priors,
+    beam: usize,
+    known: &mut Known,
+) -> Vec<Scored> {
     let empty = Scored {
         set: Vec::new(),
         score: products.log_evidence(&[]) + priors.of(&[]),
@@ -74,7 +82,9 @@ pub fn search(products: &Products, priors: &Priors, beam: usize) -> Vec<Scored> 
                 set.push(candidate);
                 set.sort_unstable();
                 if seen.insert(set.clone()) {
-                    let score = products.log_evidence(&set) + priors.of(&set);
+                    let evidence = *(known.entry(set.clone()))
+                        .or_insert_with_key(|set| products.log_evidence(set));
+                    let score = evidence + priors.of(&set);
                     next.push(Scored { set, score });
                 }
             }

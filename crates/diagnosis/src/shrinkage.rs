@@ -6,7 +6,7 @@
 use std::collections::BTreeMap;
 
 use crate::candidate::Candidate;
-use crate::evidence::Products;
+use crate::evidence::{Fit, Products};
 use crate::observation::Observations;
 
 /// Number of folds.
@@ -71,20 +71,34 @@ impl Blocks {
             .map(|candidate| candidate.block.as_slice())
             .collect();
         let set: Vec<usize> = (0..candidates.len()).collect();
-        for fold in 0..folds {
-            let held = |row: usize| self.of[row].is_some_and(|block| block % folds == fold);
-            let training: Vec<bool> = (0..y.len()).map(|row| active[row] && !held(row)).collect();
-            let fit = Products::new(&blocks, y, &training).fit(&set);
-            for row in (0..y.len()).filter(|&row| held(row)) {
-                let columns = candidates.iter().flat_map(|candidate| &candidate.block);
-                let predicted: f64 = fit.as_ref().map_or(0.0, |fit| {
-                    columns
-                        .zip(&fit.coefficients)
-                        .map(|(column, coefficient)| column[row] * coefficient)
-                        .sum()
-                });
-                residuals[row] = Some(y[row] - predicted);
-            }
+        let fold_of = |row: usize| self.of[row].map_or(folds, |block| block % folds);
+        // References are in no fold: they always train.
+        let parts: Vec<Products> = (0..=folds)
+            .map(|fold| {
+                let own: Vec<bool> = (0..y.len())
+                    .map(|row| active[row] && fold_of(row) == fold)
+                    .collect();
+                Products::new(&blocks, y, &own)
+            })
+            .collect();
+        let fits: Vec<Option<Fit>> = (0..folds)
+            .map(|fold| {
+                let training = parts.iter().enumerate().filter(|(own, _)| *own != fold);
+                Products::together(training.map(|(_, part)| part))?.fit(&set)
+            })
+            .collect();
+        for row in 0..y.len() {
+            let Some(fit) = fits.get(fold_of(row)) else {
+                continue;
+            };
+            let columns = candidates.iter().flat_map(|candidate| &candidate.block);
+            let predicted: f64 = fit.as_ref().map_or(0.0, |fit| {
+                columns
+                    .zip(&fit.coefficients)
+                    .map(|(column, coefficient)| column[row] * coefficient)
+                    .sum()
+            });
+            residuals[row] = Some(y[row] - predicted);
         }
         residuals
     }
