@@ -1,7 +1,11 @@
-//! Blind score card: `blind [--trials N] [--seed S] [--only PLACE] [--verbose]`; PLACE counts the kinds of trials.
+//! Blind score card: `blind [--trials N] [--seed S] [--only PLACE] [--verbose] [--bag BAG]`; PLACE counts the kinds of
+//! trials, BAG gives machine and plan.
 #![expect(clippy::print_stdout, reason = "a table for a person")]
 
+use diagnosis::blind::Stage;
 use diagnosis::blind::card::{Card, Judged, TRIALS, judge};
+
+mod common;
 
 fn main() -> anyhow::Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -15,6 +19,11 @@ fn main() -> anyhow::Result<()> {
         .div_ceil(TRIALS.len() as u64);
     let seed = number("--seed").unwrap_or(1);
     let only = number("--only");
+    let bag = arguments.iter().position(|argument| argument == "--bag");
+    let stage = match bag.and_then(|place| arguments.get(place + 1)) {
+        Some(bag) => Stage::of(&common::read(std::path::Path::new(bag))?)?,
+        None => Stage::made_up(),
+    };
     let mut all = Vec::new();
     for (place, trial) in TRIALS.into_iter().enumerate() {
         if only.is_some_and(|only| only != place as u64) {
@@ -24,7 +33,7 @@ fn main() -> anyhow::Result<()> {
             println!("== {}", trial.name());
         }
         for index in 0..each {
-            let judged = judge(trial.seed(seed, index), trial)?;
+            let judged = judge(&stage, trial.seed(seed, index), trial)?;
             if verbose && !(judged.cause && judged.verdict) {
                 tell(&judged);
             }

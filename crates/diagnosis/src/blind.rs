@@ -7,6 +7,7 @@
 pub mod card;
 mod causes;
 pub mod drive;
+mod given;
 mod plant;
 pub mod refine;
 mod scene;
@@ -18,7 +19,7 @@ use rand_pcg::Pcg64Mcg;
 
 pub use causes::Cause;
 
-use crate::session::Session;
+use crate::session::{DiagnoseError, Session};
 use plant::Plant;
 use scene::Scene;
 
@@ -59,6 +60,30 @@ pub struct Truth {
     pub machine: String,
 }
 
+/// The machine, part and plan on which sessions are made.
+#[derive(Debug, Clone, Default)]
+pub struct Stage {
+    given: Option<Scene>,
+}
+
+impl Stage {
+    /// Machines, parts and plans made up anew for each session.
+    pub fn made_up() -> Self {
+        Self::default()
+    }
+
+    /// Those of a recorded session: its description, its plan, and when each point was touched. What its touches found is
+    /// not looked at.
+    ///
+    /// # Errors
+    /// [`DiagnoseError`] for a session that could not be diagnosed either.
+    pub fn of(session: &Session) -> Result<Self, DiagnoseError> {
+        Ok(Self {
+            given: Some(given::scene(session)?),
+        })
+    }
+}
+
 /// What is hidden in a session, before anything is measured.
 struct Hidden {
     scene: Scene,
@@ -75,7 +100,7 @@ pub fn measure(seed: u64, content: Content, plan: &InspectionPlan, salt: u64) ->
         causes,
         noise,
         ..
-    } = hide(&mut random, content);
+    } = hide(&Stage::made_up(), &mut random, content);
     let planned = scene.touches.len();
     let scene = scene.with(plan);
     let mut random = Pcg64Mcg::seed_from_u64(seed ^ salt.wrapping_mul(0x9e37_79b9_7f4a_7c15));
@@ -85,15 +110,20 @@ pub fn measure(seed: u64, content: Content, plan: &InspectionPlan, salt: u64) ->
     Plant::further(&scene, &causes, planned).measured(seed, &errors, plan)
 }
 
-/// Makes a session and its truth from a seed.
+/// Makes a session and its truth from a seed, on a machine made up for it.
 pub fn session(seed: u64, content: Content) -> (Session, Truth) {
+    session_on(&Stage::made_up(), seed, content)
+}
+
+/// Makes a session and its truth from a seed.
+pub fn session_on(stage: &Stage, seed: u64, content: Content) -> (Session, Truth) {
     let mut random = Pcg64Mcg::seed_from_u64(seed);
     let Hidden {
         scene,
         causes,
         sizes,
         noise,
-    } = hide(&mut random, content);
+    } = hide(stage, &mut random, content);
     let errors = errors(&mut random, content, noise, scene.touches.len());
     let session = Plant::new(&scene, &causes).session(seed, &errors);
     let effects = causes.iter().map(Cause::id).collect();
@@ -111,8 +141,8 @@ pub fn session(seed: u64, content: Content) -> (Session, Truth) {
     )
 }
 
-fn hide(random: &mut Pcg64Mcg, content: Content) -> Hidden {
-    let scene = Scene::random(random);
+fn hide(stage: &Stage, random: &mut Pcg64Mcg, content: Content) -> Hidden {
+    let scene = (stage.given.clone()).unwrap_or_else(|| Scene::random(random));
     let noise = 10.0_f64.powf(random.random_range(-6.4..-5.7));
     let (known, strange) = match content {
         Content::Clean => (0, 0),
@@ -127,7 +157,7 @@ fn hide(random: &mut Pcg64Mcg, content: Content) -> Hidden {
     while causes.len() < known + strange {
         let outside = causes.len() >= known;
         let mut cause = Cause::random(random, &scene, outside);
-        if causes.iter().any(|other| other.id() == cause.id()) {
+        if causes.iter().any(|other| other.id() == cause.id()) || !cause.shows_as_itself(&scene) {
             continue;
         }
         let wanted = noise * 10.0_f64.powf(random.random_range(0.5..1.4));

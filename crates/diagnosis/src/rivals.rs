@@ -36,6 +36,10 @@ const FINE: f64 = 5e-7;
 /// Share of an axis's travel over which a turn that depends on it changes.
 const TURNING: f64 = 0.25;
 
+/// A turn that acts on no longer lever than this moves nothing, m: what is left there is rounding, which knows the
+/// deviations.
+const SHORT: f64 = 1e-5;
+
 /// An axis that moves less than this (m or rad) is no cause of anything.
 const STILL: f64 = 1e-3;
 
@@ -360,7 +364,7 @@ fn along_axis(observations: &Observations, axis: usize) -> Vec<Kernel<'_>> {
         let mut one = seen(&move |pose| pose.sensitivity.motion[joint][component]);
         let atoms = || one.iter().flatten();
         let reach = atoms().map(|atom| atom.0.abs()).fold(0.0, f64::max);
-        if reach <= 0.0 {
+        if reach < SHORT {
             continue;
         }
         for atom in one.iter_mut().flatten() {

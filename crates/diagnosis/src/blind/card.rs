@@ -10,7 +10,7 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use super::{Content, Truth, session};
+use super::{Content, Stage, Truth, session_on};
 use crate::report::{Effect, Report, Verdict};
 use crate::session::DiagnoseError;
 use crate::{Options, diagnose};
@@ -110,8 +110,8 @@ pub struct Judged {
 ///
 /// # Errors
 /// [`DiagnoseError`] when the diagnosis refuses the session.
-pub fn judge(seed: u64, trial: Trial) -> Result<Judged, DiagnoseError> {
-    let (sealed, truth) = session(seed, trial.content());
+pub fn judge(stage: &Stage, seed: u64, trial: Trial) -> Result<Judged, DiagnoseError> {
+    let (sealed, truth) = session_on(stage, seed, trial.content());
     let begun = Instant::now();
     let mut report = diagnose(&sealed, &Options::default())?;
     let took_ms = begun.elapsed().as_secs_f64() * 1e3;

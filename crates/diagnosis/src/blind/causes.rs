@@ -10,7 +10,7 @@ use super::scene::{Axis, Scene, Touch};
 #[derive(Debug, Clone)]
 pub struct Cause {
     kind: Kind,
-    axis: &'static str,
+    axis: String,
     component: usize,
     size: f64,
     angle: f64,
@@ -18,6 +18,8 @@ pub struct Cause {
     direction: Vector3<f64>,
     /// Displacements that grow along an axis vanish at its zero instead of at the middle of the travel used.
     from_zero: bool,
+    /// Where a patch lies and how wide it is.
+    patch: (Point3<f64>, f64),
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -55,6 +57,26 @@ enum Kind {
     XKink,
     XOval,
     XCross,
+}
+
+impl Kind {
+    /// True for what acts on one axis.
+    fn needs_axis(self) -> bool {
+        matches!(
+            self,
+            Self::Scale
+                | Self::Straightness
+                | Self::Angular
+                | Self::Backlash
+                | Self::Cyclic
+                | Self::Lag
+                | Self::Indexing
+                | Self::ErrorMotion
+                | Self::Link
+                | Self::XBump
+                | Self::XKink
+        )
+    }
 }
 
 const COMPONENTS: [&str; 6] = ["X", "Y", "Z", "A", "B", "C"];
@@ -113,15 +135,24 @@ impl Cause {
                 XBump, XVibration, XTwist, XPatch, XFeature, XWander, XKink, XOval, XCross,
             ];
         }
-        let kind = kinds[random.random_range(0..kinds.len())];
         let axes: Vec<&Axis> = scene.part_axes.iter().chain(&scene.tool_axes).collect();
-        let turning = matches!(kind, Indexing | ErrorMotion);
-        let any = kind == Link;
-        let fits: Vec<&&Axis> = axes
-            .iter()
-            .filter(|axis| any || axis.turns == turning)
-            .filter(|axis| axis.name != "S")
-            .collect();
+        let (kind, fits) = loop {
+            let kind = kinds[random.random_range(0..kinds.len())];
+            let turning = matches!(kind, Indexing | ErrorMotion);
+            let any = kind == Link;
+            let fits: Vec<&&Axis> = axes
+                .iter()
+                .filter(|axis| any || axis.turns == turning)
+                .filter(|axis| axis.name != "S")
+                .collect();
+            // A machine may have no axis of the kind: then only what needs none can be hidden on it.
+            if !fits.is_empty() {
+                break (kind, fits);
+            }
+            if !kind.needs_axis() {
+                break (kind, axes.iter().collect());
+            }
+        };
         let axis = fits[random.random_range(0..fits.len())];
         let mut component = random.random_range(0..6);
         if matches!(kind, Straightness | ErrorMotion | XBump | XKink) {
@@ -134,14 +165,16 @@ impl Cause {
         if direction.norm() < 0.1 {
             direction = Vector3::x();
         }
+        let direction = direction.normalize();
         Self {
             kind,
-            axis: axis.name,
+            patch: scene.patch(&direction),
+            axis: axis.name.clone(),
             component,
             size: 1e-5,
             angle: random.random_range(0.0..std::f64::consts::TAU),
             constant: random.random_range(0.0..1.0),
-            direction: direction.normalize(),
+            direction,
             from_zero: random.random_bool(0.25),
         }
     }
@@ -249,6 +282,15 @@ impl Cause {
         }
     }
 
+    /// False where it would show as something else: a tool that cuts at one height has no run-out along it.
+    pub(super) fn shows_as_itself(&self, scene: &Scene) -> bool {
+        let mut heights = (scene.touches.iter())
+            .filter(|touch| touch.operation == 0)
+            .map(|touch| touch.tool_height);
+        let first = heights.next();
+        self.kind != Kind::Runout || heights.any(|height| Some(height) != first)
+    }
+
     pub(super) fn resize(&mut self, factor: f64) {
         self.size *= factor;
     }
@@ -260,6 +302,9 @@ impl Cause {
                 Kind::Latency | Kind::Lag => 0.05,
                 Kind::Scale | Kind::Angular | Kind::Link | Kind::Tilt | Kind::Indexing => 5e-3,
                 Kind::XTwist => 1.0,
+                // Ten times what screws do, four times what any usual material does.
+                Kind::Cyclic => 5e-5,
+                Kind::PartExpansion => 1e-5,
                 _ => 1e-3,
             }
     }
@@ -360,7 +405,7 @@ impl Cause {
                     - point.coords
             }
             Kind::Drift => self.direction * (self.size * time / moment.span),
-            Kind::PartExpansion => point.coords * (self.size * warmth(time) / 0.1),
+            Kind::PartExpansion => point.coords * (self.size * moment.touch.warm / 0.1),
             Kind::XTwist => {
                 let turn = self.size * (point.z - 0.03);
                 UnitQuaternion::from_scaled_axis(Vector3::z() * turn) * point.coords - point.coords
@@ -428,8 +473,8 @@ impl Cause {
                 self.size * u * u * (3.0 - u)
             }
             Kind::XPatch => {
-                let place = Point3::new(0.05 * self.direction.x, 0.04 * self.direction.y, 0.04);
-                let far = (touch.point - place).norm() / 0.022;
+                let (place, width) = self.patch;
+                let far = (touch.point - place).norm() / width;
                 self.size * (-0.5 * far * far).exp()
             }
             Kind::XOval if touch.round => {

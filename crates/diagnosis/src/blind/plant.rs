@@ -1,18 +1,28 @@
 //! The plant of a blind session: finite kinematics and contact solved for the true ball on the true surface.
 
-use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
+use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Point3, Vector3};
 use probecell_msgs::builtin_interfaces::Time;
 use probecell_msgs::{
     InspectionFeature, InspectionPlan, InspectionPoint, MachineState, MachiningOperation,
-    ProbeEvent, Stylus, geometry_msgs, std_msgs,
+    ProbeEvent, ReferenceMeasurement, Stylus, geometry_msgs, std_msgs,
 };
+use rand::{Rng, SeedableRng};
+use rand_distr::StandardNormal;
+use rand_pcg::Pcg64Mcg;
 
 use super::causes::{Cause, Moment, warmth};
-use super::scene::{Axis, Scene, Shape, Touch};
+use super::scene::{Axis, Reach, Scene, Shape, Touch};
 use crate::session::{Session, seconds};
 
 /// Begin of every blind session, s since 1970.
 const EPOCH: f64 = 1.7e9;
+/// Keeps the noise of references apart from the other draws of a seed.
+const REFERENCE: u64 = 0x5e7e_11e5;
+/// Rounds in which free axes follow the ball, and in which they are brought into contact first.
+const FOLLOWED: usize = 8;
+const APPROACHES: usize = 3;
+/// Step of an axis for its slope, m or rad.
+const STEP: f64 = 1e-6;
 
 /// Machine and part with causes at work.
 pub(super) struct Plant<'a> {
@@ -42,7 +52,7 @@ impl<'a> Plant<'a> {
             .touches
             .iter()
             .take(planned)
-            .map(|touch| plant.positions(&contact(touch), &touch.fixed))
+            .map(|touch| plant.positions(&contact(touch), touch, &touch.fixed))
             .collect();
         let count = scene.part_axes.len() + scene.tool_axes.len();
         plant.travels = (0..count)
@@ -85,35 +95,19 @@ impl<'a> Plant<'a> {
     fn gap(&self, index: usize, away: f64) -> f64 {
         let touch = &self.scene.touches[index];
         let centre = touch.point + touch.normal * (self.scene.ball_radius + away);
-        let positions = self.positions(&centre, &touch.fixed);
-        let ahead = self.positions(&(centre - touch.normal * 1e-4), &touch.fixed);
+        let positions = self.positions(&centre, touch, &touch.fixed);
+        let ahead = self.positions(&(centre - touch.normal * 1e-4), touch, &touch.fixed);
         let speeds: Vec<f64> = positions
             .iter()
             .zip(&ahead)
             .map(|(now, next)| clean((next - now) / 1e-4) * touch.feed)
             .collect();
-        let moment = |cutting: bool, speed: f64| Moment {
-            touch,
-            index,
-            count: self.planned,
-            span: self.scene.touches[self.planned - 1].time,
-            speed,
-            cutting,
-            middle: 0.0,
-            half: 1.0,
-        };
-        let (ball, mount) = self.ball(&positions, &speeds, &moment(false, 0.0));
-        let still = moment(false, 0.0);
-        let mut left = 0.0;
-        if self.scene.cut_here {
-            let rotary = vec![0.0; touch.fixed.len()];
-            let at = self.positions(&touch.point, &rotary);
-            let (cut, _) = self.ball(&at, &vec![0.0; at.len()], &moment(true, 0.0));
-            left += touch.normal.dot(&(cut - touch.point));
-        }
+        let still = self.moment(touch, index, false);
+        let (ball, mount) = self.ball(&positions, &speeds, &still);
+        let mut left = self.left(touch, index);
         let touched = mount.inverse_transform_vector(&touch.normal);
         for cause in self.causes {
-            left += cause.material(&still) + cause.reading(&touched, &still);
+            left += cause.reading(&touched, &still);
         }
         let feature = &self.scene.features[touch.feature];
         let mut true_ball = ball;
@@ -123,17 +117,51 @@ impl<'a> Plant<'a> {
         let distance = match &feature.shape {
             Shape::Plane => feature.axis.dot(&(true_ball - feature.origin)),
             Shape::Round { centre, axis, hole } => {
-                let arm = true_ball - centre;
-                let from = (arm - axis * axis.dot(&arm)).norm();
-                if *hole {
-                    feature.radius - from
-                } else {
-                    from - feature.radius
-                }
+                let from = |point: &Point3<f64>| {
+                    let arm = point - centre;
+                    (arm - axis * axis.dot(&arm)).norm()
+                };
+                let outside = from(&true_ball) - from(&touch.point);
+                if *hole { -outside } else { outside }
             }
-            Shape::Ball { centre } => (true_ball - centre).norm() - feature.radius,
+            Shape::Ball { centre } => {
+                (true_ball - centre).norm() - (touch.point - centre).norm()
+            }
+            Shape::Free => touch.normal.dot(&(true_ball - touch.point)),
         };
         distance - self.scene.ball_radius - left
+    }
+
+    /// What machine and process left on the part at a point, along its normal.
+    fn left(&self, touch: &Touch, index: usize) -> f64 {
+        let mut left = 0.0;
+        if self.scene.cut_here {
+            let operation = usize::try_from(touch.operation).unwrap_or(usize::MAX);
+            let given = self.scene.given.as_ref();
+            let rotary = given.and_then(|given| given.operations.get(operation).cloned());
+            let rotary = rotary.unwrap_or_else(|| vec![0.0; touch.fixed.len()]);
+            let at = self.positions(&touch.point, touch, &rotary);
+            let cutting = self.moment(touch, index, true);
+            let (cut, _) = self.ball(&at, &vec![0.0; at.len()], &cutting);
+            left += touch.normal.dot(&(cut - touch.point));
+        }
+        let still = self.moment(touch, index, false);
+        left + (self.causes.iter())
+            .map(|cause| cause.material(&still))
+            .sum::<f64>()
+    }
+
+    fn moment<'m>(&self, touch: &'m Touch, index: usize, cutting: bool) -> Moment<'m> {
+        Moment {
+            touch,
+            index,
+            count: self.planned,
+            span: self.scene.touches[self.planned - 1].time,
+            speed: 0.0,
+            cutting,
+            middle: 0.0,
+            half: 1.0,
+        }
     }
 
     /// True ball centre in the part frame, and the mount in the part frame.
@@ -155,7 +183,7 @@ impl<'a> Plant<'a> {
                     half,
                     ..*moment
                 };
-                pose *= Isometry3::translation(axis.origin.x, axis.origin.y, axis.origin.z);
+                pose *= axis.origin;
                 let mut after = Isometry3::identity();
                 let mut off = 0.0;
                 for cause in self.causes {
@@ -168,9 +196,8 @@ impl<'a> Plant<'a> {
             }
             pose
         };
-        let part = branch(&self.scene.part_axes, 0)
-            * Isometry3::translation(0.0, 0.0, self.scene.part_height);
-        let mount = part.inverse() * branch(&self.scene.tool_axes, count);
+        let part = branch(&self.scene.part_axes, 0) * self.scene.part;
+        let mount = part.inverse() * branch(&self.scene.tool_axes, count) * self.scene.mount;
         let mut centre = self.scene.stylus;
         for cause in self.causes {
             centre += cause.ball(moment);
@@ -179,13 +206,16 @@ impl<'a> Plant<'a> {
     }
 
     /// Axis positions (part branch, then tool branch) that put the nominal ball at `centre`.
-    fn positions(&self, centre: &Point3<f64>, fixed: &[f64]) -> Vec<f64> {
+    fn positions(&self, centre: &Point3<f64>, touch: &Touch, fixed: &[f64]) -> Vec<f64> {
         let nominal = Plant {
             scene: self.scene,
             causes: &[],
             travels: Vec::new(),
             planned: self.planned,
         };
+        if let Some(reach) = &touch.reach {
+            return nominal.followed(reach, centre, touch);
+        }
         let axes: Vec<&Axis> = self
             .scene
             .part_axes
@@ -205,16 +235,7 @@ impl<'a> Plant<'a> {
         let linear: Vec<usize> = (0..axes.len())
             .filter(|&index| !axes[index].turns)
             .collect();
-        let moment = Moment {
-            touch: &self.scene.touches[0],
-            index: 0,
-            count: 1,
-            span: 1.0,
-            speed: 0.0,
-            cutting: false,
-            middle: 0.0,
-            half: 1.0,
-        };
+        let moment = nominal.moment(touch, 0, false);
         let still = vec![0.0; positions.len()];
         let (start, _) = nominal.ball(&positions, &still, &moment);
         let mut matrix = Matrix3::zeros();
@@ -231,26 +252,92 @@ impl<'a> Plant<'a> {
         positions
     }
 
+    /// Positions that put the ball at `centre` in the attitude of a posture near by.
+    fn followed(&self, reach: &Reach, centre: &Point3<f64>, touch: &Touch) -> Vec<f64> {
+        let still = vec![0.0; reach.positions.len()];
+        let moment = self.moment(touch, 0, false);
+        let mut positions = reach.positions.clone();
+        for _ in 0..FOLLOWED {
+            let (ball, mount) = self.ball(&positions, &still, &moment);
+            let (off, turned) = (centre - ball, reach.attitude * mount.rotation.inverse());
+            let turned = turned.scaled_axis();
+            let all = DVector::from_iterator(6, off.iter().chain(turned.iter()).copied());
+            if all.norm() < 1e-13 {
+                break;
+            }
+            for (position, step) in positions.iter_mut().zip((&reach.follow * all).iter()) {
+                *position += step;
+            }
+        }
+        positions
+    }
+
+    /// How free axes put the nominal ball into contact in the attitude that it has at `positions`.
+    pub(super) fn reach(scene: &Scene, touch: &Touch, positions: &[f64]) -> Reach {
+        let plant = Plant {
+            scene,
+            causes: &[],
+            travels: Vec::new(),
+            planned: 1,
+        };
+        let still = vec![0.0; positions.len()];
+        let moment = plant.moment(touch, 0, false);
+        let attitude = plant.ball(positions, &still, &moment).1.rotation;
+        let names = scene.part_axes.iter().chain(&scene.tool_axes);
+        let free: Vec<bool> = names
+            .map(|axis| !scene.fixed.contains(&axis.name))
+            .collect();
+        let mut reach = Reach {
+            positions: positions.to_vec(),
+            follow: DMatrix::zeros(positions.len(), 6),
+            attitude,
+        };
+        for _ in 0..APPROACHES {
+            let mut slopes = DMatrix::zeros(6, positions.len());
+            for axis in (0..positions.len()).filter(|&axis| free[axis]) {
+                let at = |by: f64| {
+                    let mut moved = reach.positions.clone();
+                    moved[axis] += by;
+                    plant.ball(&moved, &still, &moment)
+                };
+                let ((high, turned), (low, other)) = (at(STEP), at(-STEP));
+                let turn = (turned.rotation * other.rotation.inverse()).scaled_axis();
+                let moved = (high - low) / (2.0 * STEP);
+                let turn = turn / (2.0 * STEP);
+                slopes.fixed_view_mut::<3, 1>(0, axis).copy_from(&moved);
+                slopes.fixed_view_mut::<3, 1>(3, axis).copy_from(&turn);
+            }
+            let Ok(follow) = slopes.pseudo_inverse(1e-9) else {
+                break;
+            };
+            reach.follow = follow;
+            let contact = touch.point + touch.normal * scene.ball_radius;
+            reach.positions = plant.followed(&reach, &contact, touch);
+        }
+        reach
+    }
+
     /// The messages of the session, with these errors (m) on the touches.
     pub(super) fn session(&self, seed: u64, errors: &[f64]) -> Session {
         let scene = self.scene;
+        let plan = self.plan();
         let axes: Vec<String> = scene
             .part_axes
             .iter()
             .chain(&scene.tool_axes)
-            .map(|axis| axis.name.to_owned())
+            .map(|axis| axis.name.clone())
             .collect();
         let events = (0..scene.touches.len())
             .map(|index| {
                 let touch = &scene.touches[index];
                 let away = self.contact(index) + errors[index];
                 let centre = touch.point + touch.normal * (scene.ball_radius + away);
-                let positions = self.positions(&centre, &touch.fixed);
+                let positions = self.positions(&centre, touch, &touch.fixed);
                 ProbeEvent {
-                    header: header(touch.time),
+                    header: self.header(touch.time),
                     sequence: index as u64,
-                    plan_id: "blind".to_owned(),
-                    point_index: index as u32,
+                    plan_id: plan.plan_id.clone(),
+                    point_index: touch.number,
                     outcome: ProbeEvent::OUTCOME_TOUCHED,
                     axis_names: axes.clone(),
                     axis_positions: positions
@@ -264,32 +351,53 @@ impl<'a> Plant<'a> {
             })
             .collect();
         let last = scene.touches.last().map_or(0.0, |touch| touch.time);
-        let machine_states = (0..=(last / 10.0) as usize + 1)
+        let made_up = (0..=(last / 10.0) as usize + 1)
             .map(|index| {
                 let time = index as f64 * 10.0;
                 MachineState {
-                    header: header(time),
+                    header: self.header(time),
                     temperature_names: vec!["part".to_owned()],
                     temperatures: vec![20.0 + warmth(time)],
                     ..MachineState::default()
                 }
             })
             .collect();
+        let given = scene.given.as_ref();
         Session {
             name: format!("blind-{seed}"),
             robot_description: scene.urdf(),
-            plan: Some(self.plan()),
+            plan: Some(plan),
             events,
-            machine_states,
+            machine_states: given.map_or(made_up, |given| given.machine_states.clone()),
+            references: self.references(seed),
             ..Session::default()
         }
+    }
+
+    /// What outside instruments measure of the part, each with noise of its standard uncertainty.
+    fn references(&self, seed: u64) -> Vec<ReferenceMeasurement> {
+        let mut random = Pcg64Mcg::seed_from_u64(seed ^ REFERENCE);
+        let given = self.scene.given.iter();
+        given
+            .flat_map(|given| &given.references)
+            .map(|reference| {
+                let noise = reference.message.standard_uncertainty.max(0.0);
+                let deviation = reference.points.iter().map(|touch| {
+                    self.left(touch, 0) + noise * random.sample::<f64, _>(StandardNormal)
+                });
+                ReferenceMeasurement {
+                    deviation: deviation.collect(),
+                    ..reference.message.clone()
+                }
+            })
+            .collect()
     }
 
     /// The messages of the touches after the first session, as a session of their own plan.
     pub(super) fn measured(&self, seed: u64, errors: &[f64], plan: &InspectionPlan) -> Session {
         let whole = self.session(seed, errors);
         let further = |event: &ProbeEvent| event.sequence as usize >= self.planned;
-        let began = seconds(&header(self.scene.touches[self.planned].time - 10.0).stamp);
+        let began = seconds(&self.header(self.scene.touches[self.planned].time - 10.0).stamp);
         Session {
             name: format!("blind-{seed}-further"),
             plan: Some(plan.clone()),
@@ -308,8 +416,23 @@ impl<'a> Plant<'a> {
         }
     }
 
+    fn header(&self, time: f64) -> std_msgs::Header {
+        let began = (self.scene.given.as_ref()).map_or(EPOCH, |given| given.began);
+        let whole = (began + time).floor();
+        std_msgs::Header {
+            stamp: Time {
+                sec: whole as i32,
+                nanosec: ((began + time - whole) * 1e9) as u32,
+            },
+            frame_id: "foundation".to_owned(),
+        }
+    }
+
     fn plan(&self) -> InspectionPlan {
         let scene = self.scene;
+        if let Some(given) = &scene.given {
+            return given.plan.clone();
+        }
         let features = scene.features.iter().map(|feature| InspectionFeature {
             id: feature.name.clone(),
             kind: feature.kind,
@@ -343,11 +466,7 @@ impl<'a> Plant<'a> {
             plan_id: "blind".to_owned(),
             machined_on_this_machine: scene.cut_here,
             part_pose: geometry_msgs::Pose {
-                position: geometry_msgs::Point {
-                    x: 0.0,
-                    y: 0.0,
-                    z: scene.part_height,
-                },
+                position: point(&Point3::from(scene.part.translation.vector)),
                 orientation: geometry_msgs::Quaternion {
                     x: 0.0,
                     y: 0.0,
@@ -360,7 +479,7 @@ impl<'a> Plant<'a> {
                 ball_center: point(&Point3::from(scene.stylus)),
                 ball_radius: scene.ball_radius,
             },
-            rotary_names: scene.fixed.iter().map(|name| (*name).to_owned()).collect(),
+            rotary_names: scene.fixed.clone(),
             features: features.collect(),
             operations: operations.collect(),
             points: points.collect(),
@@ -372,17 +491,6 @@ impl<'a> Plant<'a> {
 /// Rounding of the nominal solution does not make a standing axis move.
 fn clean(speed: f64) -> f64 {
     if speed.abs() < 1e-6 { 0.0 } else { speed }
-}
-
-fn header(time: f64) -> std_msgs::Header {
-    let whole = (EPOCH + time).floor();
-    std_msgs::Header {
-        stamp: Time {
-            sec: whole as i32,
-            nanosec: ((EPOCH + time - whole) * 1e9) as u32,
-        },
-        frame_id: "foundation".to_owned(),
-    }
 }
 
 fn point(point: &Point3<f64>) -> geometry_msgs::Point {

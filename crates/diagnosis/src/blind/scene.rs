@@ -1,19 +1,22 @@
-//! A made-up machine, part and plan.
+//! Machine, part and plan of a sealed session: a made-up one here, that of a recording in [`super::given`].
 
 use std::fmt::Write;
 
-use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
-use probecell_msgs::InspectionPlan;
+use nalgebra::{DMatrix, Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
+use probecell_msgs::{InspectionPlan, MachineState, ReferenceMeasurement};
 use rand::Rng;
 use rand_pcg::Pcg64Mcg;
+
+use super::causes::warmth;
 
 /// A joint of the made-up machine.
 #[derive(Debug, Clone)]
 pub(super) struct Axis {
-    pub(super) name: &'static str,
+    pub(super) name: String,
     pub(super) turns: bool,
     pub(super) direction: Vector3<f64>,
-    pub(super) origin: Vector3<f64>,
+    /// From the axis before.
+    pub(super) origin: Isometry3<f64>,
 }
 
 impl Axis {
@@ -45,11 +48,15 @@ pub(super) enum Shape {
     Ball {
         centre: Point3<f64>,
     },
+    /// Its tangent plane at each touch.
+    Free,
 }
 
 /// One planned touch.
 #[derive(Debug, Clone)]
 pub(super) struct Touch {
+    /// Place in the plan's points.
+    pub(super) number: u32,
     pub(super) feature: usize,
     pub(super) point: Point3<f64>,
     pub(super) normal: Vector3<f64>,
@@ -62,6 +69,42 @@ pub(super) struct Touch {
     pub(super) overhang: f64,
     /// On a bore or a boss.
     pub(super) round: bool,
+    /// Part temperature above 20 °C.
+    pub(super) warm: f64,
+    /// How axes that the plan leaves free get there, where they are not just three linear ones.
+    pub(super) reach: Option<Reach>,
+}
+
+/// The posture in which axes touch a point, and how they move the ball from there without turning it.
+#[derive(Debug, Clone)]
+pub(super) struct Reach {
+    /// All positions, part branch first, with the nominal ball in contact.
+    pub(super) positions: Vec<f64>,
+    /// Positions per metre of the ball, part frame.
+    pub(super) follow: DMatrix<f64>,
+    /// Attitude of the mount in the part frame.
+    pub(super) attitude: UnitQuaternion<f64>,
+}
+
+/// What an outside instrument measures of the part.
+#[derive(Debug, Clone)]
+pub(super) struct Reference {
+    pub(super) message: ReferenceMeasurement,
+    /// Its points, as if they were touched.
+    pub(super) points: Vec<Touch>,
+}
+
+/// What a scene takes from a recording as it is.
+#[derive(Debug, Clone)]
+pub(super) struct Given {
+    pub(super) urdf: String,
+    pub(super) plan: InspectionPlan,
+    pub(super) machine_states: Vec<MachineState>,
+    /// When its time begins, s since 1970.
+    pub(super) began: f64,
+    pub(super) references: Vec<Reference>,
+    /// Positions of the prescribed axes in each operation.
+    pub(super) operations: Vec<Vec<f64>>,
 }
 
 #[derive(Debug, Clone)]
@@ -80,21 +123,26 @@ pub(super) struct Scene {
     pub(super) machine: String,
     pub(super) part_axes: Vec<Axis>,
     pub(super) tool_axes: Vec<Axis>,
-    pub(super) fixed: Vec<&'static str>,
-    pub(super) part_height: f64,
+    /// Names of the axes that the plan prescribes.
+    pub(super) fixed: Vec<String>,
+    /// Part in the frame of its last axis.
+    pub(super) part: Isometry3<f64>,
+    /// Mount in the frame of its last axis.
+    pub(super) mount: Isometry3<f64>,
     pub(super) stylus: Vector3<f64>,
     pub(super) ball_radius: f64,
     pub(super) features: Vec<Feature>,
     pub(super) touches: Vec<Touch>,
     pub(super) cut_here: bool,
+    pub(super) given: Option<Given>,
 }
 
 fn axis(name: &'static str, turns: bool, direction: [f64; 3], origin: [f64; 3]) -> Axis {
     Axis {
-        name,
+        name: name.to_owned(),
         turns,
         direction: direction.into(),
-        origin: origin.into(),
+        origin: Isometry3::translation(origin[0], origin[1], origin[2]),
     }
 }
 
@@ -155,13 +203,15 @@ impl Scene {
             machine: machine.to_owned(),
             part_axes,
             tool_axes,
-            fixed,
-            part_height: random.random_range(0.03..0.08),
+            fixed: fixed.into_iter().map(str::to_owned).collect(),
+            part: Isometry3::translation(0.0, 0.0, random.random_range(0.03..0.08)),
+            mount: Isometry3::identity(),
             stylus: Vector3::new(0.0, 0.0, -length),
             ball_radius: random.random_range(0.001..0.004),
             features: Vec::new(),
             touches: Vec::new(),
             cut_here,
+            given: None,
         };
         scene.part(random);
         scene.plan(random);
@@ -252,6 +302,7 @@ impl Scene {
             time += random.random_range(6.0..12.0);
             let round = matches!(self.features[feature].shape, Shape::Round { .. });
             self.touches.push(Touch {
+                number: self.touches.len() as u32,
                 feature,
                 point,
                 normal,
@@ -275,6 +326,8 @@ impl Scene {
                     0.0
                 },
                 round,
+                warm: warmth(time),
+                reach: None,
             });
         }
     }
@@ -282,7 +335,7 @@ impl Scene {
     fn point(&self, random: &mut Pcg64Mcg, index: usize) -> (Point3<f64>, Vector3<f64>) {
         let feature = &self.features[index];
         match &feature.shape {
-            Shape::Plane => {
+            Shape::Plane | Shape::Free => {
                 let normal = feature.axis;
                 let mut across = Vector3::new(
                     random.random_range(-0.03..0.03),
@@ -320,6 +373,7 @@ impl Scene {
             let round = matches!(shape, Some(Shape::Round { .. }));
             let (at, normal) = (&point.position, &point.normal);
             self.touches.push(Touch {
+                number: self.touches.len() as u32,
                 feature: point.feature as usize,
                 point: Point3::new(at.x, at.y, at.z),
                 normal: Vector3::new(normal.x, normal.y, normal.z),
@@ -331,13 +385,33 @@ impl Scene {
                 tool_height: point.tool_height,
                 overhang: point.overhang,
                 round,
+                warm: warmth(time),
+                reach: None,
             });
         }
         self
     }
 
+    /// Where a patch of the surface lies and how wide it is, in a direction from the part's middle.
+    pub(super) fn patch(&self, direction: &Vector3<f64>) -> (Point3<f64>, f64) {
+        if self.given.is_none() {
+            let place = Point3::new(0.05 * direction.x, 0.04 * direction.y, 0.04);
+            return (place, 0.022);
+        }
+        let (low, high) = self.touches.iter().fold(
+            (Point3::from(Vector3::repeat(f64::MAX)), Point3::from(Vector3::repeat(f64::MIN))),
+            |(low, high), touch| (low.inf(&touch.point), high.sup(&touch.point)),
+        );
+        let half = (high - low) / 2.0;
+        (nalgebra::center(&low, &high) + half.component_mul(direction), 0.3 * half.norm())
+    }
+
     /// The machine as a robot description.
+
     pub(super) fn urdf(&self) -> String {
+        if let Some(given) = &self.given {
+            return given.urdf.clone();
+        }
         let mut text = format!(
             "<robot name=\"{}\"><link name=\"foundation\"/>",
             self.machine
@@ -354,7 +428,7 @@ impl Scene {
                     format!("{}_link", axis.name)
                 };
                 let kind = if axis.turns { "revolute" } else { "prismatic" };
-                let (o, d) = (axis.origin, axis.direction);
+                let (o, d) = (axis.origin.translation, axis.direction);
                 write!(
  text,
                     "<link name=\"{child}\"/><joint name=\"{}\" type=\"{kind}\"><parent link=\"{parent}\"/><child link=\"{child}\"/>\
