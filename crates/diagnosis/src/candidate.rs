@@ -12,6 +12,8 @@ use crate::observation::{Column, Observations};
 
 /// Directions whose signature stays below this rms at a thousand times the plausible size are unobservable, m.
 const INVISIBLE: f64 = 2e-7;
+/// What does not show to first order may be so many times as large as is plausible: nobody sees it.
+const UNSEEN: f64 = 2.0;
 /// A thousand times.
 const FAR: f64 = 1000.0;
 
@@ -30,7 +32,8 @@ pub struct Candidate {
     pub parameters_from_block: DMatrix<f64>,
     /// Natural logarithm of the prior probability of this variant and shape within its effect.
     pub log_prior: f64,
-    /// True where the last block column is the second order of a sideways displacement on a curved surface.
+    /// True where the last block column is the second order of a sideways displacement on a curved surface: a square, so
+    /// that its coefficient is not negative.
     pub bends: bool,
 }
 
@@ -155,7 +158,7 @@ impl Candidate {
                 },
             );
             block.push(bend.column);
-            plausible.push(f64::INFINITY);
+            plausible.push(UNSEEN * UNSEEN * bend.length);
             back.push(own);
         }
         if block.is_empty() {
@@ -182,6 +185,8 @@ impl Candidate {
 /// A second-order column and its products with the linear ones over its own length.
 struct Bend {
     column: Vec<f64>,
+    /// Its coefficient at the largest plausible displacement, m.
+    length: f64,
     along: Vec<f64>,
 }
 
@@ -229,5 +234,9 @@ fn bend(
     let length = left * (column.len() as f64).sqrt();
     scale(&mut column, 1.0 / length);
     scale(&mut along, 1.0 / length);
-    Some(Bend { column, along })
+    Some(Bend {
+        column,
+        length,
+        along,
+    })
 }

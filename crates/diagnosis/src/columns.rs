@@ -95,6 +95,7 @@ impl Columns {
             qq,
             spans: [self.spans.as_slice(), &added].concat(),
             caps: vec![f64::INFINITY; count],
+            squares: vec![false; count],
             offset: self.rows.offset(),
         }
     }

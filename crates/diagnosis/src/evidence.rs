@@ -4,6 +4,8 @@
 //! of σ²), found by maximising the evidence (MacKay 1992) and paid for; σ² is integrated against 1/σ². Works on inner
 //! products only, so its cost does not depend on the number of touches. No decision is taken here.
 
+use statrs::function::erf::erfc;
+
 use crate::columns::{Columns, Rows};
 
 /// Price of having chosen a block's size: a log-uniform prior over four decades of it, known to about a factor e.
@@ -32,6 +34,8 @@ pub struct Products {
     pub spans: Vec<(usize, usize)>,
     /// Largest variance of each column's coefficient that is plausible, m².
     pub caps: Vec<f64>,
+    /// Columns whose coefficient is a square and so not negative.
+    pub squares: Vec<bool>,
     /// Half the log-determinant of what the rows were whitened with, and the price of choosing it.
     pub offset: f64,
 }
@@ -95,6 +99,16 @@ impl Products {
         self
     }
 
+    /// The same with the last column of each of these candidates a square.
+    #[must_use]
+    pub fn squared(mut self, candidates: impl Iterator<Item = usize>) -> Self {
+        for candidate in candidates {
+            let (first, width) = self.spans[candidate];
+            self.squares[first + width - 1] = true;
+        }
+        self
+    }
+
     /// The products of some candidates only, in the given order.
     pub fn part(&self, members: &[usize]) -> Self {
         let count = self.qy.len();
@@ -115,6 +129,7 @@ impl Products {
             qq: qq.collect(),
             spans,
             caps: columns.iter().map(|&column| self.caps[column]).collect(),
+            squares: columns.iter().map(|&column| self.squares[column]).collect(),
             offset: self.offset,
         }
     }
@@ -158,6 +173,7 @@ impl Products {
         let mut mean = right.clone();
         let mut inverse = vec![0.0; n * n];
         let (mut log_determinant, mut left) = (0.0, self.yy);
+        let mut spreads = Vec::new();
         let rounds = if n == 0 { 0 } else { ROUNDS };
         let mut settled = false;
         for round in 0..=rounds {
@@ -172,7 +188,7 @@ impl Products {
             if round == rounds || settled {
                 break;
             }
-            let spreads = inverse_diagonal(&matrix, n, &mut inverse);
+            spreads = inverse_diagonal(&matrix, n, &mut inverse);
             let known = variance;
             variance = (left + pseudo) / freedom;
             settled = (variance - known).abs() < SETTLED * variance;
@@ -196,7 +212,8 @@ impl Products {
             - 0.5 * freedom * (std::f64::consts::PI * (left + pseudo)).ln()
             - 0.5 * (spread + log_determinant)
             - SIZE_PRICE * set.len() as f64
-            - self.offset;
+            - self.offset
+            + self.of_squares(&columns, &mean, &spreads, variance);
         Some(Fit {
             log_evidence,
             coefficients: mean,
@@ -204,6 +221,19 @@ impl Products {
             variance: (left + pseudo) / freedom,
             sizes,
         })
+    }
+
+    /// What it is worth (natural log) that the prior of a square has no negative half.
+    fn of_squares(&self, columns: &[usize], mean: &[f64], spreads: &[f64], variance: f64) -> f64 {
+        let squares = (columns.iter().zip(mean).zip(spreads)).filter(|((column, _), _)| self.squares[**column]);
+        squares
+            .map(|((_, mean), spread)| {
+                let away = mean / (2.0 * spread * variance).sqrt();
+                // Twice the normal's share above zero; far below, what the share tends to.
+                let positive = erfc(-away);
+                if positive > 1e-300 { positive.ln() } else { -away * away }
+            })
+            .sum()
     }
 
     /// Log evidence of a set whose blocks have these sizes, their price included: a quick look, nothing is optimised.

@@ -398,7 +398,9 @@ impl<'a> Pool<'a> {
         let added = added.map(|candidate| candidate.block.as_slice());
         let base = self.shapes.columns(self.active, self.correlation);
         let plausible = (self.candidates.iter()).flat_map(|candidate| &candidate.plausible);
-        self.products = base.products(added, self.y).capped(plausible);
+        let bent = (self.candidates.iter().enumerate()).filter(|(_, candidate)| candidate.bends);
+        self.products = (base.products(added, self.y).capped(plausible))
+            .squared(bent.map(|(place, _)| place));
     }
 
     fn add(&mut self, candidate: Option<Candidate>) {

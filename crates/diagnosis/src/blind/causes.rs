@@ -140,9 +140,11 @@ impl Cause {
             let kind = kinds[random.random_range(0..kinds.len())];
             let turning = matches!(kind, Indexing | ErrorMotion);
             let any = kind == Link;
+            // An arm's bearings run true: its links and joints err by far more, and look the same.
+            let runs_true = kind == ErrorMotion && axes.iter().all(|axis| axis.turns);
             let fits: Vec<&&Axis> = axes
                 .iter()
-                .filter(|axis| any || axis.turns == turning)
+                .filter(|axis| any || axis.turns == turning && !runs_true)
                 .filter(|axis| axis.name != "S")
                 .collect();
             // A machine may have no axis of the kind: then only what needs none can be hidden on it.

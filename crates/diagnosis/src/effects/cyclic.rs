@@ -22,7 +22,7 @@ pub(super) fn offer(observations: &Observations, variants: &mut Vec<Variant>) {
         let joint = observations.chain.axis(axis);
         let (low, high) = observations.travel(axis);
         let range = high - low;
-        if joint.kind != JointKind::Prismatic || range < PERIODS.0 / 4.0 {
+        if joint.kind != JointKind::Prismatic || range < 2.0 * PERIODS.1 {
             continue;
         }
         let slowest = (1.0 / PERIODS.0).max(0.5 / range);
