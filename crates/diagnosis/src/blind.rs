@@ -9,6 +9,7 @@ mod causes;
 pub mod drive;
 mod given;
 mod plant;
+mod reach;
 pub mod refine;
 mod scene;
 
@@ -19,6 +20,7 @@ use rand_pcg::Pcg64Mcg;
 
 pub use causes::Cause;
 
+use crate::identifiability::as_if_measured;
 use crate::session::{DiagnoseError, Session};
 use plant::Plant;
 use scene::Scene;
@@ -72,14 +74,14 @@ impl Stage {
         Self::default()
     }
 
-    /// Those of a recorded session: its description, its plan, and when each point was touched. What its touches found is
-    /// not looked at.
+    /// Those of a session: its description, its plan, and when each point was touched. What its touches found is not
+    /// looked at; a plan that was not measured yet is taken as measured in its order.
     ///
     /// # Errors
     /// [`DiagnoseError`] for a session that could not be diagnosed either.
     pub fn of(session: &Session) -> Result<Self, DiagnoseError> {
         Ok(Self {
-            given: Some(given::scene(session)?),
+            given: Some(given::scene(&as_if_measured(session)?)?),
         })
     }
 }

@@ -225,13 +225,18 @@ impl Products {
 
     /// What it is worth (natural log) that the prior of a square has no negative half.
     fn of_squares(&self, columns: &[usize], mean: &[f64], spreads: &[f64], variance: f64) -> f64 {
-        let squares = (columns.iter().zip(mean).zip(spreads)).filter(|((column, _), _)| self.squares[**column]);
+        let squares = (columns.iter().zip(mean).zip(spreads))
+            .filter(|((column, _), _)| self.squares[**column]);
         squares
             .map(|((_, mean), spread)| {
                 let away = mean / (2.0 * spread * variance).sqrt();
                 // Twice the normal's share above zero; far below, what the share tends to.
                 let positive = erfc(-away);
-                if positive > 1e-300 { positive.ln() } else { -away * away }
+                if positive > 1e-300 {
+                    positive.ln()
+                } else {
+                    -away * away
+                }
             })
             .sum()
     }
@@ -426,4 +431,31 @@ pub(crate) fn ln_gamma(x: f64) -> f64 {
     let series =
         1.0 / (12.0 * x) - 1.0 / (360.0 * x * square) + 1.0 / (1260.0 * x * square * square);
     shift + (x - 0.5) * x.ln() - x + 0.5 * std::f64::consts::TAU.ln() + series
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A square that would have to be negative explains less than one that is positive, by the half of its prior that it
+    /// lacks; far from zero on the right side it is worth ln 2 more than a coefficient of either sign.
+    #[test]
+    fn a_square_is_not_negative() {
+        let block = vec![vec![1.0 / 4.0; 16]];
+        let noise = |row: usize| 1e-6 * ((row * 7 % 5) as f64 - 2.0);
+        let deviations =
+            |sign: f64| -> Vec<f64> { (0..16).map(|row| sign * 2e-5 + noise(row)).collect() };
+        let evidence = |sign: f64, square: bool| {
+            let products = Products::new(&[&block], &deviations(sign), &[true; 16]);
+            let products = if square {
+                products.squared(std::iter::once(0))
+            } else {
+                products
+            };
+            products.log_evidence(&[0])
+        };
+        let gained = evidence(1.0, true) - evidence(1.0, false);
+        assert!((gained - std::f64::consts::LN_2).abs() < 1e-9, "{gained}");
+        assert!(evidence(-1.0, true) < evidence(-1.0, false) - 20.0);
+    }
 }

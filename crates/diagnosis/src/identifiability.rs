@@ -18,6 +18,7 @@ use crate::evidence::{add_scaled, dot};
 use crate::observation::Observations;
 use crate::session::{DiagnoseError, Session};
 
+pub(crate) use remedies::as_if_measured;
 pub use remedies::{Remedy, complete};
 pub use sizes::noncentrality;
 
@@ -159,7 +160,7 @@ pub fn identifiability(
     session: &Session,
     question: &Question,
 ) -> Result<Identifiability, DiagnoseError> {
-    let session = remedies::as_if_measured(session)?;
+    let session = as_if_measured(session)?;
     let plan = session.plan.as_ref().ok_or(DiagnoseError::NoPlan)?;
     let observations = Observations::from_session(&session)?;
     let variants = library(&observations);

@@ -118,6 +118,9 @@ struct OfRows {
     rivals: Rc<[Rc<Rival>]>,
 }
 
+/// How each weighted column of a variant changes with its shape.
+type Slopes = Rc<[Vec<f64>]>;
+
 /// What the library offers in a session, whatever its deviations.
 pub(crate) struct Shapes<'a> {
     pub(crate) observations: &'a Observations,
@@ -133,7 +136,7 @@ pub(crate) struct Shapes<'a> {
     /// The base over the rows in use, as far as it was asked for.
     columns: RefCell<Vec<Rc<Columns>>>,
     /// Slopes, by variant and the bits of its shape, as far as they were asked for.
-    slopes: RefCell<BTreeMap<(usize, u64), Rc<[Vec<f64>]>>>,
+    slopes: RefCell<BTreeMap<(usize, u64), Slopes>>,
 }
 
 impl<'a> Shapes<'a> {
@@ -248,7 +251,7 @@ impl<'a> Shapes<'a> {
     }
 
     /// How a variant's weighted columns change with its shape; `None` where that is not continuous.
-    pub(crate) fn slopes(&self, place: usize, shape: f64) -> Option<Rc<[Vec<f64>]>> {
+    pub(crate) fn slopes(&self, place: usize, shape: f64) -> Option<Slopes> {
         let variant = &self.variants[place];
         variant.shape.as_ref().filter(|own| own.continuous)?;
         let mut known = self.slopes.borrow_mut();
@@ -399,8 +402,8 @@ impl<'a> Pool<'a> {
         let base = self.shapes.columns(self.active, self.correlation);
         let plausible = (self.candidates.iter()).flat_map(|candidate| &candidate.plausible);
         let bent = (self.candidates.iter().enumerate()).filter(|(_, candidate)| candidate.bends);
-        self.products = (base.products(added, self.y).capped(plausible))
-            .squared(bent.map(|(place, _)| place));
+        self.products =
+            (base.products(added, self.y).capped(plausible)).squared(bent.map(|(place, _)| place));
     }
 
     fn add(&mut self, candidate: Option<Candidate>) {

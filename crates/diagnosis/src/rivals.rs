@@ -434,7 +434,7 @@ fn factor(
         left[pivot] = 0.0;
         columns.push(column);
     }
-    let (directions, powers) = leading(columns, 1e-6 * scale);
+    let (directions, powers) = leading(&columns, 1e-6 * scale);
     let fewest = match kind {
         Kind::Covariate(_) => 1,
         _ => FEWEST_DIRECTIONS,
@@ -448,7 +448,7 @@ fn factor(
 }
 
 /// Orthonormal directions and powers of what columns make together; powers up to `least` are left out.
-fn leading(columns: Vec<Vec<f64>>, least: f64) -> (DMatrix<f64>, Vec<f64>) {
+fn leading(columns: &[Vec<f64>], least: f64) -> (DMatrix<f64>, Vec<f64>) {
     let (rows, count) = (columns.first().map_or(0, Vec::len), columns.len());
     let down = DMatrix::from_vec(rows, count, columns.concat());
     let across = down.transpose();
@@ -483,7 +483,7 @@ impl Rival {
         for column in &mut columns {
             remove(column, basis);
         }
-        let (directions, powers) = leading(columns, OWN * most);
+        let (directions, powers) = leading(&columns, OWN * most);
         (!powers.is_empty()).then_some(Self {
             kind: self.kind.clone(),
             directions,

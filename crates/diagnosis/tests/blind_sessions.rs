@@ -2,8 +2,13 @@
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-use diagnosis::blind::{Content, Truth, session};
+use std::path::Path;
+
+use diagnosis::blind::{Content, Stage, Truth, session, session_on};
 use diagnosis::{DiagnoseError, Options, Report, Session, Verdict, diagnose};
+
+#[path = "../examples/common/mod.rs"]
+mod common;
 
 fn check(seed: u64, content: Content) -> (Truth, Report) {
     let (session, truth) = session(seed, content);
@@ -121,4 +126,72 @@ fn unusable_sessions_are_refused_with_the_reason() {
         },
         "event 7 came twice",
     );
+}
+
+/// Machines and plans of another author, of every kind that there is: a mill, a poor plan, a part cut in its clamping,
+/// balls, a turned punch, a shaft on a lathe, a flank, an arm, and a reference beside.
+#[test]
+fn what_is_hidden_on_the_machine_and_plan_of_a_recording_is_found() {
+    let directory = Path::new(concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../../../shared/trials/dev"
+    ));
+    if !directory.is_dir() {
+        println!("skipped: {} is not there", directory.display());
+        return;
+    }
+    let (mut right, mut all) = (0, 0);
+    for name in [
+        "01_block5",
+        "12_block5_poor",
+        "14_cut5",
+        "17_balls5",
+        "21_punch",
+        "24_shaft",
+        "26_flank",
+        "28_robot",
+        "29_punch_ref",
+        "31_cut5_ref",
+    ] {
+        let recorded = common::read(&directory.join(format!("{name}.mcap"))).unwrap();
+        let stage = Stage::of(&recorded).unwrap();
+        for seed in 0..3 {
+            let (sealed, _) = session_on(&stage, seed, Content::Clean);
+            assert_eq!(sealed.plan, recorded.plan, "{name}");
+            assert_eq!(sealed.events.len(), recorded.events.len(), "{name}");
+            let report = diagnose(&sealed, &Options::default()).unwrap();
+            assert_eq!(report.verdict, Verdict::NoGap, "{name} {seed}: {report}");
+            let (sealed, truth) = session_on(&stage, 100 + seed, Content::Known(1));
+            let report = diagnose(&sealed, &Options::default()).unwrap();
+            let id = &truth.effects[0];
+            let named = |effect: &diagnosis::report::Effect| {
+                effect.effect == *id || effect.indistinguishable_from.contains(id)
+            };
+            all += 1;
+            if report.effects.len() == 1 && report.effects.iter().any(named) {
+                right += 1;
+            } else {
+                println!("{name} {seed}: {id} hidden, {report}");
+            }
+        }
+    }
+    assert!(right >= all - 1, "{right} of {all}");
+}
+
+/// Sessions on a cell that has measured nothing yet: its plan is taken as measured in its order.
+#[test]
+fn a_plan_alone_is_enough_to_hide_something_on_it() {
+    let (sealed, _) = session(7, Content::Clean);
+    let planned = Session {
+        events: Vec::new(),
+        ..sealed
+    };
+    let stage = Stage::of(&planned).unwrap();
+    let (sealed, truth) = session_on(&stage, 11, Content::Known(1));
+    assert_eq!(
+        Some(sealed.events.len()),
+        planned.plan.map(|plan| plan.points.len())
+    );
+    let report = diagnose(&sealed, &Options::default()).unwrap();
+    assert_eq!(report.verdict, Verdict::Explained, "{truth:?} {report}");
 }

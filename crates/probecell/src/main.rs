@@ -184,6 +184,9 @@ enum Command {
         /// Seed of the sessions.
         #[arg(long, default_value_t = 1)]
         seed: u64,
+        /// A cell file or a bag: sessions on its machine and plan instead of made-up ones.
+        #[arg(long, value_name = "CELL_OR_BAG", conflicts_with = "refine")]
+        on: Option<PathBuf>,
         /// Write every session as a recording, and what was hidden in it, into this folder.
         #[arg(long, value_name = "DIR", conflicts_with = "refine")]
         keep: Option<PathBuf>,
@@ -307,10 +310,11 @@ fn run(command: Command) -> anyhow::Result<u8> {
         Command::Blind {
             trials,
             seed,
+            on,
             keep,
             json,
             ..
-        } => commands::blind::run(trials, seed, keep.as_deref(), json),
+        } => commands::blind::run(trials, seed, on.as_deref(), keep.as_deref(), json),
         Command::Identifiability(arguments) => commands::identifiability::run(&arguments),
         Command::Correct(arguments) => commands::correct::run(&arguments),
         Command::Scenario(command) => commands::scenario::run(&command),

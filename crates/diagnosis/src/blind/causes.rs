@@ -18,6 +18,8 @@ pub struct Cause {
     direction: Vector3<f64>,
     /// Displacements that grow along an axis vanish at its zero instead of at the middle of the travel used.
     from_zero: bool,
+    /// Number of the tool that errs.
+    tool: u32,
     /// Where a patch lies and how wide it is.
     patch: (Point3<f64>, f64),
 }
@@ -168,14 +170,20 @@ impl Cause {
             direction = Vector3::x();
         }
         let direction = direction.normalize();
+        let angle = random.random_range(0.0..std::f64::consts::TAU);
+        let constant: f64 = random.random_range(0.0..1.0);
+        let tools = scene.tools();
+        let second = kind != Runout && constant > 0.5;
+        let tool = tools.get(usize::from(second)).or(tools.first());
         Self {
             kind,
             patch: scene.patch(&direction),
+            tool: tool.copied().unwrap_or_default(),
             axis: axis.name.clone(),
             component,
             size: 1e-5,
-            angle: random.random_range(0.0..std::f64::consts::TAU),
-            constant: random.random_range(0.0..1.0),
+            angle,
+            constant,
             direction,
             from_zero: random.random_bool(0.25),
         }
@@ -287,7 +295,7 @@ impl Cause {
     /// False where it would show as something else: a tool that cuts at one height has no run-out along it.
     pub(super) fn shows_as_itself(&self, scene: &Scene) -> bool {
         let mut heights = (scene.touches.iter())
-            .filter(|touch| touch.operation == 0)
+            .filter(|touch| touch.tool == self.tool)
             .map(|touch| touch.tool_height);
         let first = heights.next();
         self.kind != Kind::Runout || heights.any(|height| Some(height) != first)
@@ -462,11 +470,11 @@ impl Cause {
     /// Material left on the part at a point.
     pub(super) fn material(&self, moment: &Moment<'_>) -> f64 {
         let touch = moment.touch;
-        let own = touch.operation == i32::from(self.constant > 0.5);
+        let own = touch.tool > 0 && touch.tool == self.tool;
         match self.kind {
             Kind::ToolRadius if own => self.size,
             Kind::ToolWear if own => self.size * touch.cut_length / 10.0,
-            Kind::Runout if touch.operation == 0 => {
+            Kind::Runout if own => {
                 let u = touch.tool_height / 0.06;
                 self.size * (1.0 - 1.5 * u + self.constant * u * u)
             }

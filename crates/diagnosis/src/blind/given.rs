@@ -31,7 +31,10 @@ pub(super) fn scene(session: &Session) -> Result<Scene, DiagnoseError> {
     let (tool_axes, mount) = axes(chain, Side::Tool);
     let rows = &observations.rows[..observations.touches()];
     let start = |row: &Row| {
-        let event = session.events.iter().find(|event| Some(event.sequence) == row.sequence);
+        let event = session
+            .events
+            .iter()
+            .find(|event| Some(event.sequence) == row.sequence);
         event.map(|event| seconds(&event.header.stamp) - row.time)
     };
     let began = rows.first().and_then(start).unwrap_or_default();
@@ -62,13 +65,17 @@ pub(super) fn scene(session: &Session) -> Result<Scene, DiagnoseError> {
             .collect(),
     });
     let names = || scene.part_axes.iter().chain(&scene.tool_axes);
-    let free: Vec<&Axis> = names().filter(|axis| !scene.fixed.contains(&axis.name)).collect();
+    let free: Vec<&Axis> = names()
+        .filter(|axis| !scene.fixed.contains(&axis.name))
+        .collect();
     if free.len() != LINEAR || free.iter().any(|axis| axis.turns) {
         let order: Vec<Option<usize>> = names().map(|axis| chain.axis_index(&axis.name)).collect();
         let reaches: Vec<_> = (scene.touches.iter().zip(rows))
             .map(|(touch, row)| {
                 let known = row.pose.as_ref().map_or(&[][..], |pose| &pose.positions);
-                let own = order.iter().map(|place| place.and_then(|place| known.get(place)));
+                let own = order
+                    .iter()
+                    .map(|place| place.and_then(|place| known.get(place)));
                 let own: Vec<f64> = own.map(|value| value.copied().unwrap_or(0.0)).collect();
                 Plant::reach(&scene, touch, &own)
             })
@@ -148,6 +155,7 @@ fn touch(plan: &InspectionPlan, row: &Row) -> Touch {
         feed: row.feed,
         time: row.time,
         operation: point.map_or(-1, |point| point.operation),
+        tool: row.tool.unwrap_or(0),
         cut_length: row.cut_length,
         tool_height: row.tool_height,
         overhang: row.overhang,
@@ -159,7 +167,10 @@ fn touch(plan: &InspectionPlan, row: &Row) -> Touch {
 
 /// References of touched points, as far as they are.
 fn references(session: &Session, plan: &InspectionPlan, touches: &[Touch]) -> Vec<Reference> {
-    let own = session.references.iter().filter(|known| known.plan_id == plan.plan_id);
+    let own = session
+        .references
+        .iter()
+        .filter(|known| known.plan_id == plan.plan_id);
     own.map(|reference| {
         let touched: Vec<&Touch> = (reference.point_index.iter())
             .filter_map(|&number| touches.iter().find(|touch| touch.number == number))

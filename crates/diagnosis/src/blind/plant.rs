@@ -1,6 +1,6 @@
 //! The plant of a blind session: finite kinematics and contact solved for the true ball on the true surface.
 
-use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Point3, Vector3};
+use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 use probecell_msgs::builtin_interfaces::Time;
 use probecell_msgs::{
     InspectionFeature, InspectionPlan, InspectionPoint, MachineState, MachiningOperation,
@@ -11,18 +11,13 @@ use rand_distr::StandardNormal;
 use rand_pcg::Pcg64Mcg;
 
 use super::causes::{Cause, Moment, warmth};
-use super::scene::{Axis, Reach, Scene, Shape, Touch};
+use super::scene::{Axis, Scene, Shape, Touch};
 use crate::session::{Session, seconds};
 
 /// Begin of every blind session, s since 1970.
 const EPOCH: f64 = 1.7e9;
 /// Keeps the noise of references apart from the other draws of a seed.
 const REFERENCE: u64 = 0x5e7e_11e5;
-/// Rounds in which free axes follow the ball, and in which they are brought into contact first.
-const FOLLOWED: usize = 8;
-const APPROACHES: usize = 3;
-/// Step of an axis for its slope, m or rad.
-const STEP: f64 = 1e-6;
 
 /// Machine and part with causes at work.
 pub(super) struct Plant<'a> {
@@ -66,6 +61,16 @@ impl<'a> Plant<'a> {
             })
             .collect();
         plant
+    }
+
+    /// The scene with nothing wrong in it.
+    pub(super) fn nominal(scene: &'a Scene, planned: usize) -> Self {
+        Self {
+            scene,
+            causes: &[],
+            travels: Vec::new(),
+            planned,
+        }
     }
 
     /// Deviation at every touch, without noise.
@@ -124,9 +129,7 @@ impl<'a> Plant<'a> {
                 let outside = from(&true_ball) - from(&touch.point);
                 if *hole { -outside } else { outside }
             }
-            Shape::Ball { centre } => {
-                (true_ball - centre).norm() - (touch.point - centre).norm()
-            }
+            Shape::Ball { centre } => (true_ball - centre).norm() - (touch.point - centre).norm(),
             Shape::Free => touch.normal.dot(&(true_ball - touch.point)),
         };
         distance - self.scene.ball_radius - left
@@ -135,7 +138,7 @@ impl<'a> Plant<'a> {
     /// What machine and process left on the part at a point, along its normal.
     fn left(&self, touch: &Touch, index: usize) -> f64 {
         let mut left = 0.0;
-        if self.scene.cut_here {
+        if self.scene.cut_here && touch.operation >= 0 {
             let operation = usize::try_from(touch.operation).unwrap_or(usize::MAX);
             let given = self.scene.given.as_ref();
             let rotary = given.and_then(|given| given.operations.get(operation).cloned());
@@ -151,7 +154,7 @@ impl<'a> Plant<'a> {
             .sum::<f64>()
     }
 
-    fn moment<'m>(&self, touch: &'m Touch, index: usize, cutting: bool) -> Moment<'m> {
+    pub(super) fn moment<'m>(&self, touch: &'m Touch, index: usize, cutting: bool) -> Moment<'m> {
         Moment {
             touch,
             index,
@@ -165,7 +168,7 @@ impl<'a> Plant<'a> {
     }
 
     /// True ball centre in the part frame, and the mount in the part frame.
-    fn ball(
+    pub(super) fn ball(
         &self,
         positions: &[f64],
         speeds: &[f64],
@@ -207,12 +210,7 @@ impl<'a> Plant<'a> {
 
     /// Axis positions (part branch, then tool branch) that put the nominal ball at `centre`.
     fn positions(&self, centre: &Point3<f64>, touch: &Touch, fixed: &[f64]) -> Vec<f64> {
-        let nominal = Plant {
-            scene: self.scene,
-            causes: &[],
-            travels: Vec::new(),
-            planned: self.planned,
-        };
+        let nominal = Plant::nominal(self.scene, self.planned);
         if let Some(reach) = &touch.reach {
             return nominal.followed(reach, centre, touch);
         }
@@ -250,71 +248,6 @@ impl<'a> Plant<'a> {
             }
         }
         positions
-    }
-
-    /// Positions that put the ball at `centre` in the attitude of a posture near by.
-    fn followed(&self, reach: &Reach, centre: &Point3<f64>, touch: &Touch) -> Vec<f64> {
-        let still = vec![0.0; reach.positions.len()];
-        let moment = self.moment(touch, 0, false);
-        let mut positions = reach.positions.clone();
-        for _ in 0..FOLLOWED {
-            let (ball, mount) = self.ball(&positions, &still, &moment);
-            let (off, turned) = (centre - ball, reach.attitude * mount.rotation.inverse());
-            let turned = turned.scaled_axis();
-            let all = DVector::from_iterator(6, off.iter().chain(turned.iter()).copied());
-            if all.norm() < 1e-13 {
-                break;
-            }
-            for (position, step) in positions.iter_mut().zip((&reach.follow * all).iter()) {
-                *position += step;
-            }
-        }
-        positions
-    }
-
-    /// How free axes put the nominal ball into contact in the attitude that it has at `positions`.
-    pub(super) fn reach(scene: &Scene, touch: &Touch, positions: &[f64]) -> Reach {
-        let plant = Plant {
-            scene,
-            causes: &[],
-            travels: Vec::new(),
-            planned: 1,
-        };
-        let still = vec![0.0; positions.len()];
-        let moment = plant.moment(touch, 0, false);
-        let attitude = plant.ball(positions, &still, &moment).1.rotation;
-        let names = scene.part_axes.iter().chain(&scene.tool_axes);
-        let free: Vec<bool> = names
-            .map(|axis| !scene.fixed.contains(&axis.name))
-            .collect();
-        let mut reach = Reach {
-            positions: positions.to_vec(),
-            follow: DMatrix::zeros(positions.len(), 6),
-            attitude,
-        };
-        for _ in 0..APPROACHES {
-            let mut slopes = DMatrix::zeros(6, positions.len());
-            for axis in (0..positions.len()).filter(|&axis| free[axis]) {
-                let at = |by: f64| {
-                    let mut moved = reach.positions.clone();
-                    moved[axis] += by;
-                    plant.ball(&moved, &still, &moment)
-                };
-                let ((high, turned), (low, other)) = (at(STEP), at(-STEP));
-                let turn = (turned.rotation * other.rotation.inverse()).scaled_axis();
-                let moved = (high - low) / (2.0 * STEP);
-                let turn = turn / (2.0 * STEP);
-                slopes.fixed_view_mut::<3, 1>(0, axis).copy_from(&moved);
-                slopes.fixed_view_mut::<3, 1>(3, axis).copy_from(&turn);
-            }
-            let Ok(follow) = slopes.pseudo_inverse(1e-9) else {
-                break;
-            };
-            reach.follow = follow;
-            let contact = touch.point + touch.normal * scene.ball_radius;
-            reach.positions = plant.followed(&reach, &contact, touch);
-        }
-        reach
     }
 
     /// The messages of the session, with these errors (m) on the touches.
@@ -397,7 +330,11 @@ impl<'a> Plant<'a> {
     pub(super) fn measured(&self, seed: u64, errors: &[f64], plan: &InspectionPlan) -> Session {
         let whole = self.session(seed, errors);
         let further = |event: &ProbeEvent| event.sequence as usize >= self.planned;
-        let began = seconds(&self.header(self.scene.touches[self.planned].time - 10.0).stamp);
+        let began = seconds(
+            &self
+                .header(self.scene.touches[self.planned].time - 10.0)
+                .stamp,
+        );
         Session {
             name: format!("blind-{seed}-further"),
             plan: Some(plan.clone()),

@@ -64,6 +64,8 @@ pub(super) struct Touch {
     pub(super) feed: f64,
     pub(super) time: f64,
     pub(super) operation: i32,
+    /// Number of the tool that cut it; 0 where none did.
+    pub(super) tool: u32,
     pub(super) cut_length: f64,
     pub(super) tool_height: f64,
     pub(super) overhang: f64,
@@ -310,6 +312,11 @@ impl Scene {
                 feed: feeds[random.random_range(0..feeds.len())],
                 time,
                 operation: if self.cut_here { i32::from(round) } else { -1 },
+                tool: if self.cut_here {
+                    1 + u32::from(round)
+                } else {
+                    0
+                },
                 cut_length: if self.cut_here {
                     random.random_range(0.0..30.0)
                 } else {
@@ -381,6 +388,7 @@ impl Scene {
                 feed: point.feed,
                 time,
                 operation: point.operation,
+                tool: u32::try_from(point.operation + 1).unwrap_or(0),
                 cut_length: point.cut_length,
                 tool_height: point.tool_height,
                 overhang: point.overhang,
@@ -392,6 +400,15 @@ impl Scene {
         self
     }
 
+    /// The tools that cut it, in the order of their numbers.
+    pub(super) fn tools(&self) -> Vec<u32> {
+        let mut tools: Vec<u32> = self.touches.iter().map(|touch| touch.tool).collect();
+        tools.sort_unstable();
+        tools.dedup();
+        tools.retain(|&tool| tool > 0);
+        tools
+    }
+
     /// Where a patch of the surface lies and how wide it is, in a direction from the part's middle.
     pub(super) fn patch(&self, direction: &Vector3<f64>) -> (Point3<f64>, f64) {
         if self.given.is_none() {
@@ -399,15 +416,20 @@ impl Scene {
             return (place, 0.022);
         }
         let (low, high) = self.touches.iter().fold(
-            (Point3::from(Vector3::repeat(f64::MAX)), Point3::from(Vector3::repeat(f64::MIN))),
+            (
+                Point3::from(Vector3::repeat(f64::MAX)),
+                Point3::from(Vector3::repeat(f64::MIN)),
+            ),
             |(low, high), touch| (low.inf(&touch.point), high.sup(&touch.point)),
         );
         let half = (high - low) / 2.0;
-        (nalgebra::center(&low, &high) + half.component_mul(direction), 0.3 * half.norm())
+        (
+            nalgebra::center(&low, &high) + half.component_mul(direction),
+            0.3 * half.norm(),
+        )
     }
 
     /// The machine as a robot description.
-
     pub(super) fn urdf(&self) -> String {
         if let Some(given) = &self.given {
             return given.urdf.clone();

@@ -223,7 +223,7 @@ impl<'a> Remedies<'a> {
 }
 
 /// A session whose plan was not measured gets the touches of a perfect cell, at an even pace in the plan's order.
-pub(super) fn as_if_measured(session: &Session) -> Result<Session, DiagnoseError> {
+pub(crate) fn as_if_measured(session: &Session) -> Result<Session, DiagnoseError> {
     let plan = session.plan.as_ref().ok_or(DiagnoseError::NoPlan)?;
     if session.robot_description.is_empty() {
         return Err(DiagnoseError::NoMachine);

@@ -6,25 +6,41 @@ use std::path::Path;
 
 use anyhow::Context;
 use diagnosis::blind::card::{Card, Judged, TRIALS, Trial, judge};
-use diagnosis::blind::session;
+use diagnosis::blind::{Stage, session_on};
 use indicatif::ProgressBar;
 use serde_json::{Map, Value, json};
 
-use super::recording;
+use super::identifiability::{is_cell, of_cell};
+use super::{diagnose, recording};
 
 use crate::{GOOD, report};
 
-/// Makes, diagnoses and opens `trials` sessions, shared out evenly over the kinds of trials; `keep` is where they stay.
-pub(crate) fn run(trials: u64, seed: u64, keep: Option<&Path>, json: bool) -> anyhow::Result<u8> {
+/// Makes, diagnoses and opens `trials` sessions, shared out evenly over the kinds of trials; they are made on the machine
+/// and plan of `on`, a cell file or a bag, and `keep` is where they stay.
+pub(crate) fn run(
+    trials: u64,
+    seed: u64,
+    on: Option<&Path>,
+    keep: Option<&Path>,
+    json: bool,
+) -> anyhow::Result<u8> {
+    let stage = match on {
+        None => Stage::made_up(),
+        Some(cell) if is_cell(cell) => Stage::of(&of_cell(cell)?)?,
+        Some(bag) => {
+            let session = diagnose::read(bag, &diagnose::Arguments::default())?;
+            Stage::of(&session).with_context(|| bag.display().to_string())?
+        }
+    };
     let each = (trials / TRIALS.len() as u64).max(1);
     let progress = ProgressBar::new(each * TRIALS.len() as u64);
     let mut judged = Vec::new();
     for trial in TRIALS {
         for number in 0..each {
             let own = trial.seed(seed, number);
-            let one = judge(own, trial)?;
+            let one = judge(&stage, own, trial)?;
             if let Some(folder) = keep {
-                leave(folder, own, trial, &one)?;
+                leave(folder, &stage, own, trial, &one)?;
             }
             judged.push((trial, one));
             progress.inc(1);
@@ -41,8 +57,14 @@ pub(crate) fn run(trials: u64, seed: u64, keep: Option<&Path>, json: bool) -> an
 }
 
 /// Writes a session as a recording, and beside it what was hidden in it and how it was judged.
-fn leave(folder: &Path, seed: u64, trial: Trial, judged: &Judged) -> anyhow::Result<()> {
-    let (sealed, truth) = session(seed, trial.content());
+fn leave(
+    folder: &Path,
+    stage: &Stage,
+    seed: u64,
+    trial: Trial,
+    judged: &Judged,
+) -> anyhow::Result<()> {
+    let (sealed, truth) = session_on(stage, seed, trial.content());
     let hidden: Vec<Value> = (truth.effects.iter().enumerate())
         .map(|(place, effect)| {
             let parameters: Map<String, Value> =
@@ -69,8 +91,6 @@ fn leave(folder: &Path, seed: u64, trial: Trial, judged: &Judged) -> anyhow::Res
 
 #[cfg(test)]
 mod tests {
-    use diagnosis::{Options, diagnose};
-
     use super::super::diagnose::{Arguments, read};
     use super::*;
 
@@ -80,10 +100,13 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let trial = TRIALS[1];
         let seed = trial.seed(3, 0);
-        let judged = judge(seed, trial).expect("a diagnosis");
-        leave(folder.path(), seed, trial, &judged).expect("a recording and a seal");
+        let stage = Stage::made_up();
+        let judged = judge(&stage, seed, trial).expect("a diagnosis");
+        leave(folder.path(), &stage, seed, trial, &judged).expect("a recording and a seal");
         let kept = read(&folder.path().join(&judged.name), &Arguments::default());
-        let again = diagnose(&kept.expect("a session"), &Options::default()).expect("a diagnosis");
+        let options = diagnosis::Options::default();
+        let again = diagnosis::diagnose(&kept.expect("a session"), &options);
+        let again = again.expect("a diagnosis");
         assert_eq!(again, judged.report);
         let seal = folder.path().join(format!("{}.seal.json", judged.name));
         let seal: Value =

@@ -53,8 +53,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
         power > 0.01 && power < 1.0,
         "--power {power} must lie between 0.01 and 1"
     );
-    let is_cell = arguments.plan.extension().is_some_and(|end| end == "toml");
-    let session = if is_cell {
+    let session = if is_cell(&arguments.plan) {
         of_cell(&arguments.plan)?
     } else {
         of_bag(&arguments.plan)?
@@ -73,7 +72,13 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
     Ok(GOOD)
 }
 
-fn of_cell(file: &Path) -> anyhow::Result<Session> {
+/// True for a cell file, false for what must be a bag.
+pub(super) fn is_cell(path: &Path) -> bool {
+    path.extension().is_some_and(|end| end == "toml")
+}
+
+/// The plan of a cell that has not measured yet.
+pub(super) fn of_cell(file: &Path) -> anyhow::Result<Session> {
     let cell = Cell::read(file)?;
     let robot_description = cell.text().robot_description.clone();
     let chain = Chain::from_urdf(&robot_description)?;
