@@ -3,6 +3,7 @@
 //! δq = a·sin(2πq/period + phase), the period profiled over 1–40 mm. Typical 0.5–5 µm. Points spaced by a pitch cannot
 //! see it.
 
+use std::collections::BTreeSet;
 use std::f64::consts::TAU;
 
 use machine::JointKind;
@@ -12,6 +13,10 @@ use crate::observation::Observations;
 
 /// Longest and shortest period that a screw or a scale has, m.
 const PERIODS: (f64, f64) = (0.04, 0.001);
+/// Fewest places of a short travel that a wave is told from: through a few of them goes a wave of any period.
+const FEWEST: usize = 12;
+/// Places closer than this are one, m.
+const APART: f64 = 1e-4;
 /// Steps after which a wave is computed anew in a sweep.
 const RENEWED: usize = 64;
 /// Trials in one resolvable step of the frequency.
@@ -22,7 +27,11 @@ pub(super) fn offer(observations: &Observations, variants: &mut Vec<Variant>) {
         let joint = observations.chain.axis(axis);
         let (low, high) = observations.travel(axis);
         let range = high - low;
-        if joint.kind != JointKind::Prismatic || range < 2.0 * PERIODS.1 {
+        let places = if range < PERIODS.0 / 4.0 { FEWEST } else { 0 };
+        if joint.kind != JointKind::Prismatic
+            || range < 2.0 * PERIODS.1
+            || distinct_places(observations, axis) < places
+        {
             continue;
         }
         let slowest = (1.0 / PERIODS.0).max(0.5 / range);
@@ -64,6 +73,15 @@ pub(super) fn offer(observations: &Observations, variants: &mut Vec<Variant>) {
             .swept(move |observations, periods| sweep(observations, axis, periods)),
         );
     }
+}
+
+/// How many places an axis visits.
+fn distinct_places(observations: &Observations, axis: usize) -> usize {
+    let poses = observations.rows.iter().filter_map(|row| row.pose.as_ref());
+    let places: BTreeSet<i64> = poses
+        .map(|pose| (pose.positions[axis] / APART).round() as i64)
+        .collect();
+    places.len()
 }
 
 /// One position of the axis in a row: how strongly the row sees it, and the waves at the frequency in turn.
