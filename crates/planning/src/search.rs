@@ -8,6 +8,7 @@
 
 mod ascent;
 mod beginning;
+mod bridges;
 mod choice;
 mod directed;
 mod exchange;
@@ -32,6 +33,16 @@ const CYCLE: u64 = 10;
 /// More points than this begin with a cold cycle: a search stopped in it has no time to make good what it accepts.
 const LARGE: usize = 3000;
 
+/// How much colder a steadily cooling search of so many points is: it is mostly stopped after a few kicks per point.
+const COLD: f64 = 0.2;
+
+/// Points visited by all further beginnings of a search among clusters, and most beginnings.
+const BEGINNINGS: usize = 50_000;
+const MOST_BEGINNINGS: usize = 50;
+
+/// By how much of its length one beginning must be shorter than the first, so that it is more than luck in details.
+const CLEARLY: f64 = 0.01;
+
 /// Fewer points with alternatives than this are no ring to exchange stretches of.
 const RING: usize = 8;
 
@@ -46,8 +57,17 @@ trait Kicked {
     fn kick(&mut self, rng: &mut Pcg32);
     /// Brings back the path as it was before the kick.
     fn revert(&mut self);
-    /// Temperature of the acceptance at the beginning and at the end of a cycle, in mean moves.
-    fn warmth(&self) -> (f64, f64);
+    /// How the acceptance of kicked paths cools down.
+    fn cooling(&self) -> Cooling;
+}
+
+/// The temperature of the acceptance, in mean moves.
+#[derive(Clone, Copy)]
+enum Cooling {
+    /// Falls in cycles, from the beginning to the end of each.
+    Cycles { hot: f64, cold: f64 },
+    /// Falls with a power of the kicks per point, one added, so that the search may be stopped at any time.
+    Steady { hot: f64, power: f64 },
 }
 
 /// Searches until the budget ends or the caller stops; returns the best order and the kicks made.
@@ -58,13 +78,16 @@ pub(crate) fn run(
 ) -> (Vec<usize>, u64) {
     let mut reporter = Reporter::new(problem, keep_going);
     if problem.costs.is_symmetric() && problem.is_plain() {
-        let near = near::select_all(problem.costs, grid::scale(problem.costs));
-        let grid = Grid::new(
-            problem,
-            &beginning::by_cheapest(problem, &near),
-            Lists::Promising(&near),
-        );
-        iterate(Tour::new(Plain::new(&grid)), &grid, options, &mut reporter)
+        let scale = grid::scale(problem.costs);
+        let near = near::select_all(problem.costs, scale);
+        let bridges = bridges::between_clusters(problem.costs, scale, &near);
+        let beginning = beginning::by_cheapest(problem, &near);
+        let grid = Grid::new(problem, &beginning, Lists::Promising(&near, &bridges));
+        let mut tour = Tour::new(Plain::new(&grid));
+        if !bridges.is_empty() {
+            tour = shortest_of_many(problem, &near, &grid, tour, options.seed);
+        }
+        iterate(tour, &grid, options, &mut reporter)
     } else if problem.costs.is_symmetric() && problem.is_free() && problem.places_of.len() >= RING {
         let grid = Grid::new(problem, &beginning::by_nearest(problem), Lists::Points);
         iterate(Tour::new(Chosen::new(&grid)), &grid, options, &mut reporter)
@@ -73,6 +96,29 @@ pub(crate) fn run(
         let order = (0..grid.points() as u32).collect();
         iterate(Directed::new(&grid, order), &grid, options, &mut reporter)
     }
+}
+
+/// In which order far clusters are visited is hardly changed by kicks, so of several beginnings the shortest is taken,
+/// when it is clearly shorter once improved.
+fn shortest_of_many<'a>(
+    problem: &Checked,
+    near: &near::Near,
+    grid: &'a Grid,
+    mut tour: Tour<Plain<'a>>,
+    seed: u64,
+) -> Tour<Plain<'a>> {
+    let mut rng = Pcg32::seed_from_u64(seed);
+    tour.improve_all();
+    let clearly = tour.length() - (CLEARLY * tour.length() as f64) as i64;
+    for _ in 0..(BEGINNINGS / near.len()).clamp(1, MOST_BEGINNINGS) {
+        let order = beginning::by_nearly_cheapest(problem, near, &mut rng);
+        let mut other = Tour::along(Plain::new(grid), &grid.path(&order));
+        other.improve_all();
+        if other.length() < clearly.min(tour.length()) {
+            tour = other;
+        }
+    }
+    tour
 }
 
 /// A stretch of the search in which the acceptance cools down. Each is twice as long as the one before, so that a
@@ -156,7 +202,7 @@ fn iterate(
     let mut here = best_length;
     let mut rng = Pcg32::seed_from_u64(options.seed);
     let mean_move = best_length as f64 / best.len() as f64;
-    let (hot, cold) = path.warmth();
+    let cooling = path.cooling();
     let mut cycle = Cycle {
         begun: 0,
         length: CYCLE * best.len() as u64,
@@ -175,8 +221,14 @@ fn iterate(
         path.kick(&mut rng);
         let length = path.length();
         let luck = (f64::from(rng.next_u32()) + 1.0) / 4_294_967_297.0;
-        let warmth = mean_move * hot * (cold / hot).powf(cycle.part(kicks));
-        if ((length - here) as f64) <= -luck.ln() * warmth {
+        let warmth = match cooling {
+            Cooling::Cycles { hot, cold } => hot * (cold / hot).powf(cycle.part(kicks)),
+            Cooling::Steady { hot, power } => {
+                let cold = if best.len() > LARGE { COLD } else { 1.0 };
+                cold * hot * (1.0 + kicks as f64 / best.len() as f64).powf(-power)
+            }
+        };
+        if ((length - here) as f64) <= -luck.ln() * warmth * mean_move {
             here = length;
             if length < best_length {
                 best_length = length;

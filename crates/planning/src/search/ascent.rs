@@ -4,15 +4,16 @@
 //! all its moves, changes no ring relative to another but the tree; raising it where the tree has too many neighbours
 //! and lowering it at leaves (subgradient ascent, Held and Karp 1971) brings the tree near a ring. What a move then
 //! lacks to belong to a minimum tree, its alpha value (Helsgaun 2000), ranks it far better than its cost does.
-//! Works on the sparse graph of near neighbours, so each round costs O(n log n).
+//! Works on the sparse graph of near neighbours, so each round costs O(n log n), and ranks only what is near or near to
+//! that.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
+use super::near::Near;
+
 /// Rounds of the ascent.
 const ROUNDS: usize = 60;
-
-use super::near::Near;
 
 type Neighbours = Vec<Vec<(u32, i32)>>;
 
@@ -20,18 +21,18 @@ type Neighbours = Vec<Vec<(u32, i32)>>;
 struct Tree {
     /// Point and cost, penalties included; itself at the root.
     parent: Vec<(u32, i64)>,
-    depth: Vec<u32>,
     degree: Vec<i64>,
 }
 
-/// Of all points the `keep` with the least alpha value for each point, nearest first. Points without near neighbours
-/// stay out; a negative cost is no move.
+/// For each point the `keep` with the least alpha value of the points up to two near moves off, and those across a
+/// bridge, nearest first. Points without near neighbours stay out; a negative cost is no move.
 pub(super) fn most_promising(
     near: &[Vec<(u32, i32)>],
+    bridges: &[(u32, u32, i32)],
     keep: usize,
     cost: impl Fn(u32, u32) -> i64,
 ) -> Near {
-    let graph = both_ways(near);
+    let graph = both_ways(near, bridges);
     let mut penalty = vec![0; graph.len()];
     let mut tree = spanning_tree(&graph, &penalty);
     let edges = tree.parent.iter().map(|&(_, cost)| cost).sum::<i64>();
@@ -54,24 +55,22 @@ pub(super) fn most_promising(
         }
     }
     let penalty = best.1;
-    let tree = spanning_tree(&graph, &penalty);
-    let outwards: Vec<u32> = tree
-        .outwards()
-        .into_iter()
-        .filter(|&point| !graph[point as usize].is_empty())
-        .collect();
-    let mut longest = vec![0; graph.len()];
+    let dearest = Dearest::new(&graph, &penalty);
+    let mut seen = vec![u32::MAX; graph.len()];
+    let mut others = Vec::new();
+    let mut bridged = vec![Vec::new(); graph.len()];
+    for &(here, there, cost) in bridges {
+        bridged[here as usize].push((there, cost));
+        bridged[there as usize].push((here, cost));
+    }
     (0..graph.len() as u32)
         .map(|here| {
-            if graph[here as usize].is_empty() {
-                return Vec::new();
-            }
-            tree.longest_to_all(here, &outwards, &mut longest);
+            two_moves_off(&graph, here, &mut seen, &mut others);
             let mut ranked: Vec<(i64, i32, u32)> = Vec::with_capacity(keep + 1);
-            for &there in outwards.iter().filter(|&&there| there != here) {
+            for &there in &others {
                 let cost = cost(here, there);
                 let penalties = penalty[here as usize] + penalty[there as usize];
-                let alpha = cost + penalties - longest[there as usize];
+                let alpha = cost + penalties - dearest.between(here, there);
                 let entry = (alpha, cost as i32, there);
                 if cost >= 0 && (ranked.len() < keep || entry < ranked[keep - 1]) {
                     ranked.insert(ranked.partition_point(|kept| *kept < entry), entry);
@@ -79,16 +78,105 @@ pub(super) fn most_promising(
                 }
             }
             let kept = ranked.into_iter().map(|(_, cost, there)| (there, cost));
-            let mut kept: Vec<(u32, i32)> = kept.collect();
+            let mut kept: Vec<(u32, i32)> =
+                kept.chain(bridged[here as usize].iter().copied()).collect();
             kept.sort_unstable_by_key(|&(there, cost)| (cost, there));
+            kept.dedup();
             kept
         })
         .collect()
 }
 
+/// The points that are near a point or near those, each once.
+fn two_moves_off(graph: &Neighbours, here: u32, seen: &mut [u32], others: &mut Vec<u32>) {
+    others.clear();
+    seen[here as usize] = here;
+    let mut visit = |there: u32, others: &mut Vec<u32>| {
+        if std::mem::replace(&mut seen[there as usize], here) != here {
+            others.push(there);
+        }
+    };
+    for &(near, _) in &graph[here as usize] {
+        visit(near, others);
+    }
+    for at in 0..others.len() {
+        for &(there, _) in &graph[others[at] as usize] {
+            visit(there, others);
+        }
+    }
+}
+
+/// How dear the dearest edge on a minimum spanning tree's path between two points is, asked in O(log n): the tree is
+/// grown by its cheapest edges first (Kruskal 1956), and of two parts that an edge joins the shallower one hangs below
+/// the other by that edge.
+struct Dearest {
+    /// What each point hangs below, and by which cost; itself at a root.
+    above: Vec<(u32, i64)>,
+}
+
+impl Dearest {
+    fn new(graph: &Neighbours, penalty: &[i64]) -> Self {
+        let points = graph.len() as u32;
+        let mut edges: Vec<(i64, u32, u32)> = Vec::new();
+        for (here, others) in graph.iter().enumerate() {
+            for &(there, cost) in others {
+                if (here as u32) < there {
+                    let penalties = penalty[here] + penalty[there as usize];
+                    edges.push((i64::from(cost) + penalties, here as u32, there));
+                }
+            }
+        }
+        edges.sort_unstable();
+        let mut above: Vec<(u32, i64)> = (0..points).map(|point| (point, i64::MAX)).collect();
+        let mut height = vec![0_u8; graph.len()];
+        for (cost, here, there) in edges {
+            let [mut low, mut high] = [here, there].map(|point| {
+                let mut root = point;
+                while above[root as usize].0 != root {
+                    root = above[root as usize].0;
+                }
+                root
+            });
+            if low == high {
+                continue;
+            }
+            if height[low as usize] > height[high as usize] {
+                (low, high) = (high, low);
+            }
+            if height[low as usize] == height[high as usize] {
+                height[high as usize] += 1;
+            }
+            above[low as usize] = (high, cost);
+        }
+        Self { above }
+    }
+
+    /// Very little where no path joins the points. Costs only rise on the way up, so the last step taken is the dearest.
+    fn between(&self, here: u32, there: u32) -> i64 {
+        const NONE: i64 = i64::MIN / 4;
+        let (mut here, mut there) = (here as usize, there as usize);
+        let mut dearest = NONE;
+        while here != there {
+            if self.above[here].1 > self.above[there].1 {
+                (here, there) = (there, here);
+            }
+            let (next, cost) = self.above[here];
+            if next as usize == here {
+                return NONE;
+            }
+            (here, dearest) = (next as usize, cost);
+        }
+        dearest
+    }
+}
+
 /// The graph in which every neighbour is mutual.
-fn both_ways(near: &[Vec<(u32, i32)>]) -> Neighbours {
+fn both_ways(near: &[Vec<(u32, i32)>], bridges: &[(u32, u32, i32)]) -> Neighbours {
     let mut graph = near.to_vec();
+    for &(here, there, cost) in bridges {
+        graph[here as usize].push((there, cost));
+        graph[there as usize].push((here, cost));
+    }
     for (here, others) in near.iter().enumerate() {
         for &(there, cost) in others {
             graph[there as usize].push((here as u32, cost));
@@ -106,7 +194,6 @@ fn spanning_tree(graph: &Neighbours, penalty: &[i64]) -> Tree {
     let points = graph.len();
     let mut tree = Tree {
         parent: (0..points as u32).map(|point| (point, 0)).collect(),
-        depth: vec![0; points],
         degree: vec![0; points],
     };
     let mut done = vec![false; points];
@@ -120,7 +207,6 @@ fn spanning_tree(graph: &Neighbours, penalty: &[i64]) -> Tree {
             }
             if from != point {
                 tree.parent[point as usize] = (from, cost);
-                tree.depth[point as usize] = tree.depth[from as usize] + 1;
                 tree.degree[point as usize] += 1;
                 tree.degree[from as usize] += 1;
             }
@@ -134,37 +220,4 @@ fn spanning_tree(graph: &Neighbours, penalty: &[i64]) -> Tree {
         }
     }
     tree
-}
-
-impl Tree {
-    /// The points, each behind its parent.
-    fn outwards(&self) -> Vec<u32> {
-        let mut order: Vec<u32> = (0..self.parent.len() as u32).collect();
-        order.sort_by_key(|&point| self.depth[point as usize]);
-        order
-    }
-
-    /// The dearest edge on the tree's path from `here` to each point; very little to points of other trees.
-    fn longest_to_all(&self, here: u32, outwards: &[u32], longest: &mut [i64]) {
-        const NONE: i64 = i64::MIN / 4;
-        const UNKNOWN: i64 = i64::MIN;
-        longest.fill(UNKNOWN);
-        longest[here as usize] = NONE;
-        let mut at = here as usize;
-        while self.parent[at].0 as usize != at {
-            let (parent, cost) = self.parent[at];
-            longest[parent as usize] = longest[at].max(cost);
-            at = parent as usize;
-        }
-        for &point in outwards {
-            let (parent, cost) = self.parent[point as usize];
-            if longest[point as usize] == UNKNOWN {
-                longest[point as usize] = if parent == point {
-                    NONE
-                } else {
-                    longest[parent as usize].max(cost)
-                };
-            }
-        }
-    }
 }

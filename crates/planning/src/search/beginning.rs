@@ -1,11 +1,17 @@
 //! Decides the path a search begins with: the shortest of the given order and a few quick constructions.
 
+use rand_pcg::Pcg32;
+use rand_pcg::rand_core::RngCore;
+
 use super::near::Near;
 use crate::costs::CostMatrix;
 use crate::problem::Checked;
 
 /// Moves looked at for nearest-neighbour paths; each path looks at n² of them.
 const MOVES: usize = 20_000_000;
+
+/// How much dearer a move may seem by chance.
+const BLUR: f64 = 0.3;
 
 /// The shortest of the given order and nearest-neighbour paths from spread starts; ties go to the earlier one.
 pub(super) fn by_nearest(problem: &Checked) -> Vec<usize> {
@@ -33,7 +39,19 @@ pub(super) fn by_nearest(problem: &Checked) -> Vec<usize> {
 /// The shorter of the given order and the path that takes the cheapest moves of all first (greedy edges), as long as
 /// they leave a path; what remains in pieces is joined by going to the nearest free end.
 pub(super) fn by_cheapest(problem: &Checked, near: &Near) -> Vec<usize> {
-    shortest(problem, std::iter::once(Pieces::new(problem, near).join()))
+    shortest(
+        problem,
+        std::iter::once(Pieces::new(problem, near, |cost| cost).join()),
+    )
+}
+
+/// The path of [`by_cheapest`] for costs made dearer by chance, each by up to [`BLUR`] of itself.
+pub(super) fn by_nearly_cheapest(problem: &Checked, near: &Near, rng: &mut Pcg32) -> Vec<usize> {
+    let blurred = |cost: i32| {
+        let luck = f64::from(rng.next_u32()) / 4_294_967_296.0;
+        (f64::from(cost) * (1.0 + BLUR * luck)) as i32
+    };
+    Pieces::new(problem, near, blurred).join()
 }
 
 fn shortest(problem: &Checked, paths: impl Iterator<Item = Vec<usize>>) -> Vec<usize> {
@@ -92,7 +110,7 @@ struct Pieces<'a> {
 }
 
 impl<'a> Pieces<'a> {
-    fn new(problem: &'a Checked<'a>, near: &Near) -> Self {
+    fn new(problem: &'a Checked<'a>, near: &Near, mut seen: impl FnMut(i32) -> i32) -> Self {
         let points = problem.costs.len();
         let mut moves: Vec<(i32, u32, u32)> = (0..points as u32)
             .flat_map(|here| {
@@ -103,6 +121,10 @@ impl<'a> Pieces<'a> {
             .collect();
         moves.sort_unstable();
         moves.dedup();
+        for (cost, _, _) in &mut moves {
+            *cost = seen(*cost);
+        }
+        moves.sort_unstable();
         let mut pieces = Self {
             problem,
             links: vec![Vec::with_capacity(2); points],

@@ -4,6 +4,7 @@
 //! places through a few neighbouring points (dynamic programming through its layers). Chosen places are logged, so
 //! that going back costs what was changed.
 
+use super::Cooling;
 use super::grid::Grid;
 use super::ring::{MOST, Ring};
 
@@ -16,8 +17,8 @@ pub(super) trait Moves {
     const ALTERNATIVES: bool;
     /// Continuations followed after the first and after the second removed edge.
     const BREADTH: [usize; MOST - 2];
-    /// Temperature of the acceptance at the beginning and at the end of a cycle, in mean moves.
-    const WARMTH: (f64, f64);
+    /// How the acceptance of kicked rings cools down.
+    const COOLING: Cooling;
     fn grid(&self) -> &Grid;
     fn cost(&self, here: u32, there: u32) -> i64;
     /// Near points, by the least that a move to them costs, which is given with each.
@@ -57,7 +58,10 @@ impl<'a> Plain<'a> {
 impl Moves for Plain<'_> {
     const ALTERNATIVES: bool = false;
     const BREADTH: [usize; MOST - 2] = [4, 2];
-    const WARMTH: (f64, f64) = (2.0, 0.05);
+    const COOLING: Cooling = Cooling::Steady {
+        hot: 0.5,
+        power: 0.4,
+    };
 
     fn grid(&self) -> &Grid {
         self.grid
@@ -142,7 +146,10 @@ impl<'a> Chosen<'a> {
 impl Moves for Chosen<'_> {
     const ALTERNATIVES: bool = true;
     const BREADTH: [usize; MOST - 2] = [3, 1];
-    const WARMTH: (f64, f64) = (1.0, 0.03);
+    const COOLING: Cooling = Cooling::Cycles {
+        hot: 1.0,
+        cold: 0.03,
+    };
 
     fn grid(&self) -> &Grid {
         self.grid

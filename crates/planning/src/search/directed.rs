@@ -10,8 +10,8 @@
 use rand_pcg::Pcg32;
 use rand_pcg::rand_core::RngCore;
 
-use super::Kicked;
 use super::grid::Grid;
+use super::{Cooling, Kicked};
 
 /// Longest stretch that a kick rearranges.
 const KICK_SPAN: usize = 50;
@@ -543,7 +543,10 @@ impl Kicked for Directed<'_> {
         }
     }
 
-    fn warmth(&self) -> (f64, f64) {
-        (1.0, 0.03)
+    fn cooling(&self) -> Cooling {
+        Cooling::Cycles {
+            hot: 1.0,
+            cold: 0.03,
+        }
     }
 }

@@ -12,7 +12,7 @@ const LARGEST: f64 = (1_u32 << 26) as f64;
 const LOOK: usize = 300;
 
 /// Neighbours kept of those, where the search goes by how likely they belong to a shortest ring.
-const PROMISING: usize = 6;
+const PROMISING: usize = 5;
 
 /// Near points kept, where these have alternatives.
 const POINTS: usize = 8;
@@ -23,9 +23,9 @@ const CLOSING: i32 = -(1 << 30);
 /// What is near a place.
 #[derive(Clone, Copy)]
 pub(super) enum Lists<'a> {
-    /// The points most likely beside it in a shortest ring, found among these, which are in the caller's numbers: where
-    /// all points are plain and moves symmetric.
-    Promising(&'a Near),
+    /// The points most likely beside it in a shortest ring, found among these, and those across these bridges between
+    /// clusters; both are in the caller's numbers: where all points are plain and moves symmetric.
+    Promising(&'a Near, &'a [(u32, u32, i32)]),
     /// The nearest places of other points.
     Places,
     /// The nearest other points, each by the nearest of its places.
@@ -117,6 +117,27 @@ pub(super) fn scale(costs: &CostMatrix) -> f64 {
     }
 }
 
+/// The costs between places as integers, row by row; moves from and to dummies, which stand at either end of the points,
+/// cost nothing.
+fn integers(problem: &Checked, labels: &[Option<usize>], points: usize, scale: f64) -> Vec<i32> {
+    let places = labels.len();
+    let first = usize::from(problem.start.is_none());
+    let plain = points - first - usize::from(problem.end.is_none());
+    let known: Vec<u32> = labels.iter().flatten().map(|&label| label as u32).collect();
+    let (on_path, others) = known.split_at(plain);
+    let mut entries = vec![0; places * places];
+    for (row, from) in entries.chunks_exact_mut(places.max(1)).zip(labels) {
+        let Some(from) = from else { continue };
+        let costs = problem.costs.row(*from);
+        for (begin, labels) in [(first, on_path), (points, others)] {
+            for (entry, &to) in row[begin..].iter_mut().zip(labels) {
+                *entry = (costs[to as usize] * scale + 0.5) as i32;
+            }
+        }
+    }
+    entries
+}
+
 impl Grid {
     /// `beginning` is the order of places by which the points are numbered; it becomes 0, 1, 2, …
     pub(super) fn new(problem: &Checked, beginning: &[usize], lists: Lists) -> Self {
@@ -143,13 +164,7 @@ impl Grid {
         }
         let places = labels.len();
         let scale = scale(costs);
-        let mut entries = Vec::with_capacity(places * places);
-        for &from in &labels {
-            entries.extend(labels.iter().map(|&to| match (from, to) {
-                (Some(from), Some(to)) => (costs.cost(from, to) * scale + 0.5) as i32,
-                _ => 0,
-            }));
-        }
+        let mut entries = integers(problem, &labels, points, scale);
         entries[points - 1] = CLOSING;
         entries[(points - 1) * places] = CLOSING;
         let rules = Rules::new(problem, &labels, points);
@@ -163,9 +178,12 @@ impl Grid {
             rules,
         };
         match lists {
-            Lists::Promising(near) => {
+            Lists::Promising(near, bridges) => {
+                let number = grid.numbers();
+                let near = grid.renumber(near, &number);
+                let bridges = grid.renumber_bridges(bridges, &number);
                 let cost = |a, b| grid.cost(a, b);
-                grid.after = most_promising(&grid.renumber(near), PROMISING, cost);
+                grid.after = most_promising(&near, &bridges, PROMISING, cost);
             }
             Lists::Places => {
                 grid.after = grid.nearest(Self::cost);
@@ -178,14 +196,19 @@ impl Grid {
         grid
     }
 
-    /// Near places of each place in the numbers of the grid; dummies have none, and the ends are not near each other.
-    fn renumber(&self, near: &Near) -> Vec<Vec<(u32, i32)>> {
-        let mut number = vec![0; near.len()];
+    /// The place of each label.
+    fn numbers(&self) -> Vec<u32> {
+        let mut number = vec![0; self.labels.len()];
         for (at, label) in self.labels.iter().enumerate() {
             if let Some(label) = label {
                 number[*label] = at as u32;
             }
         }
+        number
+    }
+
+    /// Near places of each place in the numbers of the grid; dummies have none, and the ends are not near each other.
+    fn renumber(&self, near: &Near, number: &[u32]) -> Vec<Vec<(u32, i32)>> {
         let others = |here: usize, label: usize| {
             near.of(label as u32)
                 .iter()
@@ -197,6 +220,19 @@ impl Grid {
             .iter()
             .enumerate()
             .map(|(here, label)| label.map_or(Vec::new(), |label| others(here, label)))
+            .collect()
+    }
+
+    /// Moves in the numbers of the grid, but for that between the ends.
+    fn renumber_bridges(
+        &self,
+        bridges: &[(u32, u32, i32)],
+        number: &[u32],
+    ) -> Vec<(u32, u32, i32)> {
+        bridges
+            .iter()
+            .map(|&(here, there, cost)| (number[here as usize], number[there as usize], cost))
+            .filter(|&(here, there, _)| self.cost(here, there) >= 0)
             .collect()
     }
 
@@ -286,6 +322,18 @@ impl Grid {
         path.windows(2)
             .map(|move_| self.cost(move_[0], move_[1]))
             .sum()
+    }
+
+    /// The path of a caller's order of places, with its dummies.
+    pub(super) fn path(&self, order: &[usize]) -> Vec<u32> {
+        let number = self.numbers();
+        let head = self.labels[0].is_none().then_some(0);
+        let last = self.points - 1;
+        let tail = self.labels[last].is_none().then_some(last as u32);
+        head.into_iter()
+            .chain(order.iter().map(|&place| number[place]))
+            .chain(tail)
+            .collect()
     }
 
     /// The caller's order of a path, or of a ring that holds the path in either direction.

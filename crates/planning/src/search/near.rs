@@ -3,7 +3,7 @@
 use crate::costs::CostMatrix;
 
 /// Nearest points always kept.
-const NEAREST: usize = 5;
+pub(super) const NEAREST: usize = 5;
 
 /// Most neighbours kept.
 const MOST: usize = 10;

@@ -9,10 +9,10 @@
 use rand_pcg::Pcg32;
 use rand_pcg::rand_core::RngCore;
 
-use super::Kicked;
 use super::choice::Moves;
 use super::exchange::Exchange;
 use super::ring::{Layout, MOST, Ring};
+use super::{Cooling, Kicked};
 
 /// Room for the continuations after one removed edge.
 const WIDEST: usize = 4;
@@ -38,10 +38,15 @@ impl<M: Moves> Tour<M> {
     /// Begins with the points in the order of their numbers, each at the place of the same number.
     pub(super) fn new(moves: M) -> Self {
         let order: Vec<u32> = (0..moves.grid().points() as u32).collect();
-        let length = moves.grid().length(&order);
+        Self::along(moves, &order)
+    }
+
+    /// Begins with this order of all points, each at the place of the same number.
+    pub(super) fn along(moves: M, order: &[u32]) -> Self {
+        let length = moves.grid().length(order);
         Self {
             moves,
-            ring: Ring::new(&order),
+            ring: Ring::new(order),
             length,
             kept_length: length,
             queue: Vec::with_capacity(order.len()),
@@ -308,7 +313,7 @@ impl<M: Moves> Kicked for Tour<M> {
         self.length = self.kept_length;
     }
 
-    fn warmth(&self) -> (f64, f64) {
-        M::WARMTH
+    fn cooling(&self) -> Cooling {
+        M::COOLING
     }
 }
