@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
 """Compares the search with fast-tsp, OR-tools and elkai (LKH) on the same tours, in the same run.
 
-    python3 crates/planning/benches/compare.py [--seconds 1] [--seeds 3] [--instances eil51 pr1002 … plate200 …]
+    python3 crates/planning/benches/compare.py [--seconds 1] [--seeds 3] [--instances eil51 pr1002 … plate200 clusters2000 …]
 
 The solvers are installed into target/compare-venv. `--instances plate50 plate200 plate1000 plate5000` prints the rows by
 number of points alone. Each runs in its own process, one thread; the time is CPU time of
-that process. Instances are of TSPLIB, where the gap is to the published optimum, or random plates of so many points,
+that process. Instances are of TSPLIB, where the gap is to the published optimum, or random plates of so many points or clusters,
 where it is to the shortest tour any solver found; "-" where a solver found none. What the peers spend on a search of
 0.01 s is not counted, which is to their advantage: of ours, everything but reading the costs counts. Ours is the median over the seeds.
 elkai has no time limit: its own time stands beside it. LKH is for academic use: a yardstick, nothing else.
@@ -40,9 +40,23 @@ def plate(points):
     return "NODE_COORD_SECTION\n" + "\n".join(rows) + "\nEOF\n"
 
 
+def clusters(points):
+    """The same for clusters of 80 points on average, normally spread by a sixtieth of the side about random centres."""
+    draw = random.Random(points)
+    centres = [(draw.randrange(30000), draw.randrange(30000)) for _ in range(max(4, points // 80))]
+    rows = []
+    while len(rows) < points:
+        x, y = (int(draw.gauss(middle, 500)) for middle in draw.choice(centres))
+        if 0 <= x < 30000 and 0 <= y < 30000:
+            rows.append(f"{len(rows) + 1} {x} {y}")
+    return "NODE_COORD_SECTION\n" + "\n".join(rows) + "\nEOF\n"
+
+
 def source(name):
-    number = re.fullmatch(r"plate(\d+)", name)
-    return plate(int(number.group(1))) if number else (LIBRARY / "tsp" / f"{name}.tsp").read_text()
+    number = re.fullmatch(r"(plate|clusters)(\d+)", name)
+    if number:
+        return {"plate": plate, "clusters": clusters}[number.group(1)](int(number.group(2)))
+    return (LIBRARY / "tsp" / f"{name}.tsp").read_text()
 
 
 def distances(name):
@@ -55,8 +69,8 @@ def distances(name):
 
 
 def optimum(name):
-    """The published optimum; none of a random plate."""
-    if name.startswith("plate"):
+    """The published optimum; none of random points."""
+    if name.startswith(("plate", "clusters")):
         return None
     match = re.search(rf"^{name} : (\d+)", (LIBRARY / "solutions_stsp.txt").read_text(), re.MULTILINE)
     return int(match.group(1))
@@ -69,8 +83,10 @@ def length(matrix, tour):
 
 def fast_tsp(matrix, seconds):
     import fast_tsp as solver
+    import numpy
 
-    return solver.find_tour(matrix, seconds, max_threads=1)
+    # It reads arrays without turning lists of Python over.
+    return solver.find_tour(numpy.array(matrix, dtype=numpy.uint16), seconds, max_threads=1)
 
 
 def ortools(matrix, seconds):
@@ -162,7 +178,7 @@ def within_venv():
         return
     if not python.exists():
         venv.create(folder, with_pip=True)
-        subprocess.run([python, "-m", "pip", "install", "-q", "fast-tsp", "ortools", "elkai"], check=True)
+        subprocess.run([python, "-m", "pip", "install", "-q", "fast-tsp", "numpy", "ortools", "elkai"], check=True)
     os.execv(python, [str(python), *sys.argv])
 
 
@@ -171,7 +187,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seconds", type=float, default=1.0)
     parser.add_argument("--seeds", type=int, default=3)
-    parser.add_argument("--instances", nargs="*", default=DEFAULT, help="names of TSPLIB, or plateN of N points")
+    parser.add_argument("--instances", nargs="*", default=DEFAULT, help="names of TSPLIB, plateN or clustersN of N points")
     arguments = parser.parse_args()
     solvers = ["own", "fast_tsp", "ortools", "elkai"]
     print("load averages %.1f, %.1f, %.1f" % os.getloadavg())
