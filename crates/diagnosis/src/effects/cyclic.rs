@@ -13,10 +13,10 @@ use crate::observation::Observations;
 
 /// Longest and shortest period that a screw or a scale has, m.
 const PERIODS: (f64, f64) = (0.04, 0.001);
-/// Fewest places of a short travel that a wave is told from: through a few of them goes a wave of any period.
+/// Fewest places that a wave is told from: through a few of them goes a wave of almost any period.
 const FEWEST: usize = 12;
-/// Places closer than this are one, m.
-const APART: f64 = 1e-4;
+/// Places closer than this are one, m: a quarter of the shortest period.
+const APART: f64 = 2.5e-4;
 /// Steps after which a wave is computed anew in a sweep.
 const RENEWED: usize = 64;
 /// Trials in one resolvable step of the frequency.
@@ -27,10 +27,9 @@ pub(super) fn offer(observations: &Observations, variants: &mut Vec<Variant>) {
         let joint = observations.chain.axis(axis);
         let (low, high) = observations.travel(axis);
         let range = high - low;
-        let places = if range < PERIODS.0 / 4.0 { FEWEST } else { 0 };
         if joint.kind != JointKind::Prismatic
             || range < 2.0 * PERIODS.1
-            || distinct_places(observations, axis) < places
+            || distinct_places(observations, axis) < FEWEST
         {
             continue;
         }
