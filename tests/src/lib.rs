@@ -1,6 +1,7 @@
 //! Whole cells without a bus: the harness of the tests beside it.
 
 pub mod bag;
+pub mod gaps;
 pub mod session;
 pub mod trace;
 
