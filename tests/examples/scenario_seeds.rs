@@ -7,7 +7,6 @@
 
 use std::collections::BTreeMap;
 
-use bags::Measurement;
 use cell_tests::bag;
 use cell_tests::gaps::{DELIVERED, Expected, FAULTLESS, ROWS, Row, means, stands_for};
 use diagnosis::{Report, Verdict};
@@ -114,7 +113,7 @@ fn over(row: &Row, seeds: std::ops::RangeInclusive<u64>, tell: bool) -> Tally {
     let mut tally = Tally::default();
     for seed in seeds {
         let (cell, log) = row.session(seed);
-        let report = bag::diagnosis(&cell, &log, &Measurement::Named(row.plan.to_owned()));
+        let report = bag::diagnosis(&cell, &log, &row.measurement());
         if tell && !row.expected.holds(&report) {
             println!("seed {seed}: {report}");
         }

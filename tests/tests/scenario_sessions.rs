@@ -7,7 +7,6 @@
 
 use std::collections::BTreeMap;
 
-use bags::Measurement;
 use cell_tests::bag;
 use cell_tests::gaps::ROWS;
 
@@ -18,7 +17,7 @@ fn every_scenario_of_a_cell_is_found_in_its_recording() {
     for row in ROWS {
         let key = (row.file, row.change.as_ptr() as usize);
         let (cell, log) = made.entry(key).or_insert_with(|| row.session(1));
-        let report = bag::diagnosis(cell, log, &Measurement::Named(row.plan.to_owned()));
+        let report = bag::diagnosis(cell, log, &row.measurement());
         if !row.expected.holds(&report) {
             let named: Vec<&str> = report.effects.iter().map(|e| e.effect.as_str()).collect();
             let verdict = report.verdict;
