@@ -26,7 +26,7 @@ use crate::residuals::{self, Residuals, TouchResiduals};
 use crate::rivals::Kind;
 use crate::session::{DiagnoseError, Session};
 use crate::shrinkage::Blocks;
-use crate::{checks, outliers, parameters, places, referenced, support, timing, vocabulary};
+use crate::{checks, noise, outliers, parameters, places, referenced, support, timing, vocabulary};
 
 /// Beside something unknown an effect is named only when it is this probable.
 const SURE_BESIDE_UNKNOWN: f64 = 0.99;
@@ -409,6 +409,14 @@ impl Reporter<'_> {
                 self.explained.stray.len()
             ));
         }
+        let noise_of = noise::floors(
+            self.observations,
+            &residuals(attribution, best),
+            &attribution.active,
+            fit.as_ref()
+                .map_or(0.0, |fit| fit.coefficients.len() as f64),
+        );
+        warnings.extend(noise::differing(&noise_of));
         let report = Report {
             schema: SCHEMA.to_owned(),
             bag: self.session.name.clone(),
@@ -431,6 +439,7 @@ impl Reporter<'_> {
                     0.0
                 },
             },
+            noise: noise_of,
             place: places::shares(
                 self.observations,
                 &self.observations.deviations,

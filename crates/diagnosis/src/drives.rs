@@ -488,6 +488,7 @@ impl Drives {
                     0.0
                 },
             },
+            noise: Vec::new(),
             place: place(&|axis| axis.scale.powi(2) / total),
             declared: Vec::new(),
             effects,

@@ -224,6 +224,7 @@ impl Reporter<'_> {
                 noise_floor: floor,
                 ratio: if floor > 0.0 { size / floor } else { 0.0 },
             },
+            noise: Vec::new(),
             place: places::shares(&self.joined.observations, all, self.rows.active),
             rejected: self.rejected(&gram, &set, &solved),
             declared: (self.fit.iter().take(1))

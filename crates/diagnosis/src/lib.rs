@@ -22,6 +22,7 @@ pub mod identifiability;
 pub mod joined;
 pub mod joint;
 pub mod next;
+mod noise;
 pub mod observation;
 pub mod outliers;
 pub mod parameters;

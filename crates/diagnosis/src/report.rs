@@ -48,6 +48,9 @@ pub struct Report {
     pub verdict: Verdict,
     /// Size of the gap.
     pub gap: Gap,
+    /// The noise of a touch with its interval: of all, and by feed and by direction where the touches tell.
+    #[serde(skip_serializing_if = "Vec::is_empty", default)]
+    pub noise: Vec<Noise>,
     /// Where the gap's energy lies.
     #[serde(rename = "where")]
     pub place: Vec<Place>,
@@ -156,6 +159,21 @@ pub struct Gap {
     pub noise_floor: f64,
     /// `rms` over `noise_floor`.
     pub ratio: f64,
+}
+
+/// The noise of some touches.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Noise {
+    /// `all`, `feed` or `direction`.
+    pub of: String,
+    /// Which of them: a feed in mm/s, or the axis of the part that the normals point along most; empty for all.
+    pub key: String,
+    /// How many touches.
+    pub touches: usize,
+    /// Standard deviation, m.
+    pub floor: f64,
+    /// Its 95 % interval, m.
+    pub ci95: [f64; 2],
 }
 
 fn metres() -> String {

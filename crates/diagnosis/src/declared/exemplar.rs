@@ -12,10 +12,14 @@ use crate::observation::{Observations, Pose, Row};
 
 /// Half the travel where the effect names none, m or rad.
 const HALF: f64 = 1.0;
+/// Touches at the ends of the travels, and between them.
+const ENDS: usize = 4;
+const BETWEEN: usize = 12;
 /// Longest overhang, or greatest height along the tool, where the effect names none, m.
 const LENGTH: f64 = 0.1;
 
-/// Four touches: at either end of every axis, by the declared tool and by another.
+/// Touches at either end of every axis, by the declared tool and by another, and at places between: some effects are
+/// offered only where an axis visits enough of them.
 pub(super) fn table(chain: &Chain, effect: &DeclaredEffect) -> Observations {
     let constant = |name: &str, usual: f64| effect.value(name).unwrap_or(usual);
     let (mid, half) = (constant("mid", 0.0), constant("half", HALF));
@@ -25,7 +29,12 @@ pub(super) fn table(chain: &Chain, effect: &DeclaredEffect) -> Observations {
     let (ball, normal) = (Point3::origin(), Vector3::z_axis());
     let row = |number: usize| {
         let high = number % 2 == 1;
-        let at = if high { mid + half } else { mid - half };
+        let along = match number.checked_sub(ENDS) {
+            None if high => 1.0,
+            None => -1.0,
+            Some(place) => 2.0 * (place + 1) as f64 / (BETWEEN + 1) as f64 - 1.0,
+        };
+        let at = mid + along * half;
         let positions = vec![at; chain.axes().len()];
         let of_end = |end: f64| if high { end } else { 0.0 };
         Row {
@@ -62,8 +71,8 @@ pub(super) fn table(chain: &Chain, effect: &DeclaredEffect) -> Observations {
             points: vec![(ball, normal)],
             surfaces: vec![Surface::Plane(ball, normal)],
         },
-        rows: (0..4).map(row).collect(),
-        deviations: vec![0.0; 4],
+        rows: (0..ENDS + BETWEEN).map(row).collect(),
+        deviations: vec![0.0; ENDS + BETWEEN],
         declared: Vec::new(),
         features: vec![String::new()],
         cut_here: false,
