@@ -20,6 +20,8 @@ use crate::vocabulary;
 
 /// No declared effect moves a touch so far, m.
 const FARTHEST: f64 = 0.05;
+/// What happens once: no model can hold it.
+const EVENT: &str = "process.slip";
 /// Constants that agree to this share are the same.
 const SAME: f64 = 1e-9;
 
@@ -211,7 +213,7 @@ impl DeclaredEffect {
         }
         self.finite()?;
         let mut variants = library(&exemplar::table(chain, self));
-        variants.retain(|variant| variant.effect == self.effect);
+        variants.retain(|variant| variant.effect == self.effect && variant.effect != EVENT);
         if variants.is_empty() {
             return Err(DeclaredError::NotOfTheModel {
                 effect: self.effect.clone(),
@@ -357,7 +359,7 @@ fn unit(variant: &Variant, name: &str) -> &'static str {
 }
 
 fn why_not(effect: &str) -> &'static str {
-    if effect == "process.slip" {
+    if effect == EVENT {
         "it is an event of one session, not a property of the cell"
     } else if effect.starts_with("data.") || effect.starts_with("time.") {
         "it tells of the records of one session, not of the machine"
