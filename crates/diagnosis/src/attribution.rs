@@ -88,14 +88,18 @@ pub(crate) fn attribute_with(shapes: &Shapes<'_>, y: &[f64], active: &[bool]) ->
 /// Attribution with noise that remembers a share `correlation` of the touch before.
 fn with_noise(shapes: &Shapes<'_>, y: &[f64], active: &[bool], correlation: f64) -> Attribution {
     let mut pool = Pool::new(shapes, y, active, correlation);
+    let mut scanned = vec![Vec::new()];
     pool.scan(&[]);
     let mut scored = pool.search();
     for _ in 0..2 {
-        let contexts = best_of_each_size(&scored, 3);
+        let mut contexts = best_of_each_size(&scored, 3);
         let before = pool.candidates.len();
+        // What a set leaves is what it left before.
+        contexts.retain(|context| !scanned.contains(context));
         for context in &contexts {
             pool.scan(context);
         }
+        scanned.append(&mut contexts);
         pool.refine(&scored[0].set.clone());
         if pool.candidates.len() == before {
             break;
