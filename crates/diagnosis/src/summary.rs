@@ -145,15 +145,19 @@ fn write_next(to: &mut fmt::Formatter<'_>, next: &NextMeasurement) -> fmt::Resul
             .iter()
             .map(|angle| format!("{:.1}", angle.to_degrees()))
             .collect();
+        let turned = if angles.is_empty() {
+            String::new()
+        } else {
+            format!(" rotary axes at ({})°,", angles.join(", "))
+        };
         writeln!(
             to,
-            "    {} at ({}) mm, rotary axes at ({})°, {:.0} mm/min: {}",
+            "    {} at ({}) mm,{turned} {:.0} mm/min: {}",
             point.feature,
             point
                 .position
                 .map(|value| format!("{:.2}", value * 1e3))
                 .join(", "),
-            angles.join(", "),
             point.feed * 60e3,
             point.why
         )?;
