@@ -53,7 +53,13 @@ fn plan(session: &mut Session, plan_id: &str, points: &[InspectionPoint]) -> Ope
 
 /// Goes on with a plan.
 fn go_on(session: &mut Session, plan_id: &str) -> OperatorReply {
+    run(session, "", plan_id)
+}
+
+/// Runs a plan under the name of a part.
+fn run(session: &mut Session, part_id: &str, plan_id: &str) -> OperatorReply {
     let asked = OperatorRequest {
+        subject: part_id.to_owned(),
         plan_id: plan_id.to_owned(),
         ..OperatorRequest::default()
     };
@@ -373,38 +379,15 @@ fn nothing_is_measured_again_across_a_cut_nor_under_another_name() {
         "{}",
         reply.text
     );
-    let other = OperatorRequest {
-        subject: "another".to_owned(),
-        plan_id: own.plan_id.clone(),
-        ..OperatorRequest::default()
-    };
-    let reply = ask(
-        &mut session,
-        topics::RUN_REQUESTS,
-        topics::RUN_REPLIES,
-        &other,
-    );
+    let reply = run(&mut session, "another", &own.plan_id);
     assert_eq!(
         (reply.accepted, reply.text.as_str()),
         (false, "the plan is of another part")
     );
     // What is asked for past the planning is refused by it.
     assert!(!go_on(&mut session, "").accepted);
-    let named = OperatorRequest {
-        subject: "punch".to_owned(),
-        plan_id: ROUGH.to_owned(),
-        ..OperatorRequest::default()
-    };
     let touches = session.all::<ProbeEvent>(topics::PROBE_EVENTS).len();
-    assert!(
-        ask(
-            &mut session,
-            topics::RUN_REQUESTS,
-            topics::RUN_REPLIES,
-            &named
-        )
-        .accepted
-    );
+    assert!(run(&mut session, "punch", ROUGH).accepted);
     assert_eq!(session.wait_for_report().verdict, PartReport::STOPPED);
     assert_eq!(session.fault_codes(), ["plan_unknown"]);
     assert_eq!(
@@ -456,20 +439,7 @@ fn further_touches_that_broke_off_go_on_too() {
     let own: InspectionPlan = session.last(topics::INSPECTION_PLAN);
     let next = format!("{}/next", own.plan_id);
     assert!(plan(&mut session, &next, &own.points[..4]).accepted);
-    let named = OperatorRequest {
-        subject: "punch".to_owned(),
-        plan_id: next.clone(),
-        ..OperatorRequest::default()
-    };
-    assert!(
-        ask(
-            &mut session,
-            topics::RUN_REQUESTS,
-            topics::RUN_REPLIES,
-            &named
-        )
-        .accepted
-    );
+    assert!(run(&mut session, "punch", &next).accepted);
     assert_eq!(session.wait_for_report().verdict, PartReport::STOPPED);
     session.run_s(1.0);
     assert!(go_on(&mut session, &next).accepted);

@@ -9,7 +9,8 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::attribution::Model;
 use crate::candidate::Candidate;
-use crate::evidence::{Products, dot, whitened};
+use crate::columns::{Rows, side_by_side};
+use crate::evidence::{Products, dot};
 use crate::observation::Observations;
 use crate::pool::Pool;
 use crate::rivals::{Kind, Rival};
@@ -247,17 +248,11 @@ impl Seen {
         y: &[f64],
         active: &[bool],
     ) -> Self {
-        let pick = |values: &[f64]| whitened(values, active, 0, 0.0);
-        let y = DVector::from_vec(pick(y));
-        let mut values = Vec::new();
-        let mut count = 0;
-        for column in candidates.flat_map(|candidate| &candidate.block) {
-            values.extend(pick(column));
-            count += 1;
-        }
+        let rows = Rows::plain(active);
+        let blocks = candidates.map(|candidate| candidate.block.as_slice());
         Self {
-            columns: DMatrix::from_vec(y.len(), count, values),
-            y,
+            columns: side_by_side(&rows, blocks, 0).0,
+            y: DVector::from_vec(rows.white(y)),
         }
     }
 

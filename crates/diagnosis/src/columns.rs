@@ -19,8 +19,17 @@ pub(crate) struct Rows {
 }
 
 impl Rows {
+    /// Rows whose noise remembers nothing.
+    pub(crate) fn plain(active: &[bool]) -> Self {
+        Self {
+            active: active.to_vec(),
+            touches: 0,
+            correlation: 0.0,
+        }
+    }
+
     /// Values of the rows in use, whitened.
-    fn white(&self, values: &[f64]) -> Vec<f64> {
+    pub(crate) fn white(&self, values: &[f64]) -> Vec<f64> {
         whitened(values, &self.active, self.touches, self.correlation)
     }
 
@@ -102,7 +111,7 @@ impl Columns {
 }
 
 /// The blocks' white columns as one matrix, and the first column (counted from `first`) and width of each block.
-fn side_by_side<'b>(
+pub(crate) fn side_by_side<'b>(
     rows: &Rows,
     blocks: impl Iterator<Item = &'b [Vec<f64>]>,
     first: usize,

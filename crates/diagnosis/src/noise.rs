@@ -66,11 +66,8 @@ pub(crate) fn floors(
     let mut directions = Vec::new();
     for (axis, name) in ["x", "y", "z"].iter().enumerate() {
         for (sign, letter) in [(1.0, "+"), (-1.0, "-")] {
-            let along = move |row: &Row| {
-                let own = row.normal[axis] * sign;
-                own > 0.0 && (0..3).all(|other| other == axis || row.normal[other].abs() < own)
-            };
-            directions.extend(of("direction", format!("{letter}{name}"), &along));
+            let facing = move |row: &Row| row.faces(axis, sign);
+            directions.extend(of("direction", format!("{letter}{name}"), &facing));
         }
     }
     floors.extend(several(directions));

@@ -74,6 +74,14 @@ pub struct Row {
     pub weight: f64,
 }
 
+impl Row {
+    /// True where the normal points along this axis of the part more than along any other, in the direction of `sign`.
+    pub(crate) fn faces(&self, axis: usize, sign: f64) -> bool {
+        let along = self.normal[axis] * sign;
+        along > 0.0 && (0..3).all(|other| other == axis || self.normal[other].abs() < along)
+    }
+}
+
 /// All rows of a session.
 #[derive(Debug, Clone)]
 pub struct Observations {

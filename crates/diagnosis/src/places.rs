@@ -31,10 +31,7 @@ pub fn shares(observations: &Observations, values: &[f64], active: &[bool]) -> V
     }
     for (axis, name) in ["x", "y", "z"].iter().enumerate() {
         for (sign, letter) in [(1.0, '+'), (-1.0, '-')] {
-            let share = of(observations, &energy, |row| {
-                let along = row.normal[axis] * sign;
-                along > 0.0 && (0..3).all(|other| other == axis || row.normal[other].abs() < along)
-            }) / total;
+            let share = of(observations, &energy, |row| row.faces(axis, sign)) / total;
             places.push(place("direction", format!("{letter}{name}"), None, share));
         }
         let at = |row: &Row| row.position[axis];

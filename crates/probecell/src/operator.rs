@@ -451,12 +451,7 @@ pub(crate) fn ask_for_part(file: &Path, part: &str) -> anyhow::Result<u8> {
 /// `probecell measure`: goes on with the plan that the cell published last; `again` are points of it that are measured
 /// once more.
 pub(crate) fn measure(file: &Path, again: &[u32]) -> anyhow::Result<u8> {
-    let cell = Cell::read(file)?;
-    let bus = Bus::open(
-        &launcher::bus_config(&cell)?,
-        "operator_call",
-        &cell.namespace(),
-    )?;
+    let (cell, bus) = open(file)?;
     let plan = last_plan(&bus, &cell)?;
     let mut points = Vec::new();
     for &index in again {
@@ -567,13 +562,19 @@ fn tell_reply(accepted: bool, text: &str) -> u8 {
     if accepted { GOOD } else { FAILED }
 }
 
-fn call<S: Service>(file: &Path, name: &str, request: &S::Request) -> anyhow::Result<S::Response> {
+/// The cell of a file, and its bus to call services on.
+fn open(file: &Path) -> anyhow::Result<(Cell, Bus)> {
     let cell = Cell::read(file)?;
     let bus = Bus::open(
         &launcher::bus_config(&cell)?,
         "operator_call",
         &cell.namespace(),
     )?;
+    Ok((cell, bus))
+}
+
+fn call<S: Service>(file: &Path, name: &str, request: &S::Request) -> anyhow::Result<S::Response> {
+    let (cell, bus) = open(file)?;
     let response = ask::<S>(&bus, &cell, name, request)?;
     bus.close(Duration::from_secs(2))?;
     Ok(response)
