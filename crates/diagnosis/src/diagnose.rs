@@ -409,12 +409,14 @@ impl Reporter<'_> {
                 self.explained.stray.len()
             ));
         }
+        let of_rival = (best.rival).map(|(place, power)| attribution.rivals[place].taken(power));
+        let taken = of_rival.unwrap_or(0.0)
+            + (fit.as_ref()).map_or(0.0, |fit| fit.coefficients.len() as f64);
         let noise_of = noise::floors(
             self.observations,
             &residuals(attribution, best),
             &attribution.active,
-            fit.as_ref()
-                .map_or(0.0, |fit| fit.coefficients.len() as f64),
+            taken,
         );
         warnings.extend(noise::differing(&noise_of));
         let report = Report {

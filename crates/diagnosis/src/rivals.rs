@@ -469,6 +469,12 @@ impl Rival {
         self.directions.ncols()
     }
 
+    /// Degrees of freedom that it takes up at a variance over that of the noise.
+    pub(crate) fn taken(&self, power: f64) -> f64 {
+        let share = |own: &f64| power * own / (1.0 + power * own);
+        self.powers.iter().map(share).sum()
+    }
+
     /// The columns that it is made of: directions at the size of their standard deviation, for unit variance.
     pub(crate) fn columns(&self) -> Vec<Vec<f64>> {
         (self.directions.row_iter().zip(&self.powers))

@@ -128,6 +128,21 @@ fn unusable_sessions_are_refused_with_the_reason() {
     );
 }
 
+/// What something unknown takes up of the touches is no less taken up: the told noise is that of the session.
+#[test]
+fn the_noise_told_beside_something_unknown_is_that_of_the_session() {
+    let mut ratios: Vec<f64> = (60..70)
+        .filter_map(|seed| {
+            let (truth, report) = check(seed, Content::Strange);
+            report.noise.first().map(|all| all.floor / truth.noise)
+        })
+        .collect();
+    ratios.sort_by(f64::total_cmp);
+    assert_eq!(ratios.len(), 10);
+    let middle = ratios[5];
+    assert!((middle - 1.0).abs() < 0.1, "{ratios:?}");
+}
+
 /// Machines and plans of another author, of every kind that there is: a mill, a poor plan, a part cut in its clamping,
 /// balls, a turned punch, a shaft on a lathe, a flank, an arm, and a reference beside.
 #[test]
