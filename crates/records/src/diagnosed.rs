@@ -1,12 +1,12 @@
 //! The page of a diagnosis: conclusion first, then the table of effects with placebo, then the pictures.
 
-use diagnosis::report::{Effect, Place};
+use diagnosis::report::{Effect, NextMeasurement, Place};
 use diagnosis::{Report, Residuals, words};
 use report::{Bar, Bars, Page, PlotError, Table, Unit};
 
 use crate::conclusion::{findings, position, verdict};
 use crate::numbers::{Turns, interval, parameters, percent, place, probability, unit_of};
-use crate::{drives, touches};
+use crate::{drives, grounds, touches};
 
 /// The page of a report and the residuals behind it.
 ///
@@ -20,12 +20,15 @@ pub fn diagnosis_page(report: &Report, residuals: &Residuals) -> Result<Page, Pl
     };
     page.lead(&verdict(report, samples));
     page.list(&findings(report));
+    grounds::machine(&mut page, report);
+    grounds::declared(&mut page, report);
     if !report.effects.is_empty() {
         page.heading("Effects added to the model");
         effects(&mut page, report)?;
     }
     sessions(&mut page, report);
     places(&mut page, report, &|axis| turns(residuals, axis))?;
+    grounds::noise(&mut page, report);
     match residuals {
         Residuals::Touches(all) => {
             for one in all {
@@ -35,7 +38,7 @@ pub fn diagnosis_page(report: &Report, residuals: &Residuals) -> Result<Page, Pl
         Residuals::Drives(all) => drives::pictures(&mut page, all)?,
     }
     if !report.next_measurement.is_empty() {
-        page.heading("What to measure next");
+        page.section("What to measure next");
         next(&mut page, report);
     }
     considered(&mut page, report);
@@ -255,33 +258,7 @@ fn places(page: &mut Page, report: &Report, turns: Turns<'_>) -> Result<(), Plot
 fn next(page: &mut Page, report: &Report) {
     for next in &report.next_measurement {
         if !next.points.is_empty() {
-            let unit = unit_of(report);
-            let mut table = Table::new(
-                format!("To tell apart: {}", next.separates.join(", ")),
-                &[
-                    "feature",
-                    "point x, y, z / mm",
-                    "rotary axes / °",
-                    "feed / mm/min",
-                    "the explanations differ by",
-                    "what is new",
-                ],
-            );
-            for point in &next.points {
-                let angles = point.rotary_positions.iter();
-                let angles: Vec<String> = angles
-                    .map(|angle| format!("{:.1}", angle.to_degrees()))
-                    .collect();
-                table.row(vec![
-                    point.feature.clone(),
-                    position(point.position),
-                    angles.join(", "),
-                    format!("{:.0}", point.feed * Unit::MM_PER_MIN.factor),
-                    unit.size(point.difference),
-                    point.why.clone(),
-                ]);
-            }
-            page.table(&table);
+            page.table(&proposed(report, next));
         }
         let mut pairs: Vec<String> = (next.inseparable.iter())
             .map(|pair| {
@@ -299,6 +276,32 @@ fn next(page: &mut Page, report: &Report) {
             ));
         }
     }
+}
+
+/// Touches to take next; a machine without rotary axes has no column for them.
+fn proposed(report: &Report, next: &NextMeasurement) -> Table {
+    let unit = unit_of(report);
+    let turned = (next.points.iter()).any(|point| !point.rotary_positions.is_empty());
+    let mut columns = vec!["feature", "point x, y, z / mm"];
+    columns.extend(turned.then_some("rotary axes / °"));
+    columns.extend(["feed / mm/min", "the explanations differ by", "what is new"]);
+    let title = format!("To tell apart: {}", next.separates.join(", "));
+    let mut table = Table::new(title, &columns);
+    for point in &next.points {
+        let angles = point.rotary_positions.iter();
+        let angles: Vec<String> = angles
+            .map(|angle| format!("{:.1}", angle.to_degrees()))
+            .collect();
+        let mut row = vec![point.feature.clone(), position(point.position)];
+        row.extend(turned.then(|| angles.join(", ")));
+        row.extend([
+            format!("{:.0}", point.feed * Unit::MM_PER_MIN.factor),
+            unit.size(point.difference),
+            point.why.clone(),
+        ]);
+        table.row(row);
+    }
+    table
 }
 
 fn considered(page: &mut Page, report: &Report) {

@@ -6,6 +6,7 @@
 mod conclusion;
 mod diagnosed;
 mod drives;
+mod grounds;
 mod numbers;
 mod part;
 mod part_view;

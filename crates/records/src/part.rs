@@ -1,8 +1,10 @@
 //! The page of a session in which a cell made parts: sizes, corrections with all that entitled them, verdicts, pictures.
 //!
-//! Conclusion first, then one section for each measurement in the order in which they were asked for. Numbers are those
-//! of the recorded messages, sizes in mm to 0.1 µm, deviations in µm, in the part's frame. Decides and computes nothing.
+//! Conclusion first, then one section for each measurement in the order in which they were asked for, then every step of
+//! every correction, faults and losses. Numbers are those of the recorded messages, sizes in mm to 0.1 µm, deviations in
+//! µm, angles in µrad, in the part's frame. Decides and computes nothing.
 
+mod ledger;
 mod pictures;
 mod tables;
 
@@ -10,8 +12,9 @@ use std::collections::BTreeSet;
 
 use diagnosis::Report;
 use probecell_msgs::{
-    Correction, CorrectionAcknowledgement, Fault, FeatureResult, InspectionPlan, OperatorReply,
-    OperatorRequest, PartReport, PassDecision, TouchDeviation, Verdict, builtin_interfaces::Time,
+    Correction, CorrectionAcknowledgement, Fault, FeatureResult, InspectionPlan, LossReport,
+    OperatorReply, OperatorRequest, PartReport, PassDecision, TouchDeviation, Verdict,
+    builtin_interfaces::Time,
 };
 use report::{Page, PlotError, Table};
 
@@ -52,6 +55,8 @@ pub struct PartSession {
     pub parts: Vec<PartReport>,
     /// What went wrong.
     pub faults: Vec<Fault>,
+    /// Messages that the recorder, or another observer, did not get.
+    pub loss_reports: Vec<LossReport>,
     /// Topics of which messages are missing from the recording, and how many.
     pub losses: Vec<(String, u64)>,
     /// Damage of the recording, a sentence each.
@@ -85,7 +90,7 @@ pub fn part_page(session: &PartSession, diagnosis: ShortDiagnosis<'_>) -> Result
         measurement(&mut page, session, plan)?;
     }
     pictures::before_and_after(&mut page, session)?;
-    operators(&mut page, session);
+    ledger::add(&mut page, session);
     troubles(&mut page, session);
     short(&mut page, diagnosis);
     page.paragraph(
@@ -200,7 +205,7 @@ fn measurement(
     session: &PartSession,
     plan: &InspectionPlan,
 ) -> Result<(), PlotError> {
-    page.heading(&format!("Measurement {}", plan.plan_id));
+    page.section(&format!("Measurement {}", plan.plan_id));
     let decision = (session.decisions.iter()).find(|one| one.plan_id == plan.plan_id);
     page.paragraph(&decision.map_or_else(
         || "Nothing was decided on it.".to_owned(),
@@ -216,24 +221,24 @@ fn measurement(
     Ok(())
 }
 
-fn operators(page: &mut Page, session: &PartSession) {
-    if session.approvals.is_empty() {
-        return;
-    }
-    page.heading("Operators’ approvals");
-    page.table(&tables::approvals(session));
-}
-
 fn troubles(page: &mut Page, session: &PartSession) {
-    page.heading("Faults and losses");
+    page.section("Faults and losses");
     if session.faults.is_empty() {
         page.paragraph("No node reported a fault.");
     } else {
         page.table(&tables::faults(session));
     }
+    if !session.loss_reports.is_empty() {
+        page.table(&tables::losses(session));
+    }
     let mut losses: Vec<String> = (session.losses.iter())
         .map(|(topic, count)| {
-            format!("{count} messages of {topic} are missing from the recording.")
+            let (noun, verb) = if *count == 1 {
+                ("message", "is")
+            } else {
+                ("messages", "are")
+            };
+            format!("{count} {noun} of {topic} {verb} missing from the recording.")
         })
         .collect();
     losses.extend(session.damage.iter().map(|damage| format!("{damage}.")));
@@ -263,7 +268,17 @@ fn short(page: &mut Page, diagnosis: ShortDiagnosis<'_>) {
 
 /// UTC, to the second.
 fn time(stamp: Time) -> String {
+    humantime::format_rfc3339_seconds(instant(stamp)).to_string()
+}
+
+/// UTC, to the millisecond: steps that follow each other are told apart.
+fn moment(stamp: Time) -> String {
+    humantime::format_rfc3339_millis(instant(stamp)).to_string()
+}
+
+/// The instant of a stamp; one before 1970 is told as 1970.
+fn instant(stamp: Time) -> std::time::SystemTime {
     let seconds = u64::try_from(stamp.sec).unwrap_or(0);
-    let since = std::time::Duration::from_secs(seconds);
-    humantime::format_rfc3339_seconds(std::time::UNIX_EPOCH + since).to_string()
+    let since = std::time::Duration::new(seconds, stamp.nanosec.min(999_999_999));
+    std::time::UNIX_EPOCH + since
 }

@@ -16,7 +16,7 @@ const MOST_FEATURES: usize = 40;
 
 /// Adds the pictures of one comparison.
 pub(crate) fn pictures(page: &mut Page, touches: &TouchResiduals) -> Result<(), PlotError> {
-    page.heading(&format!("On the part: {}", touches.compared));
+    page.section(&format!("On the part: {}", touches.compared));
     let stray = touches.touches.iter().filter(|touch| touch.after.is_none());
     let stray: Vec<String> = stray.map(|touch| touch.sequence.to_string()).collect();
     if !stray.is_empty() {
@@ -26,7 +26,7 @@ pub(crate) fn pictures(page: &mut Page, touches: &TouchResiduals) -> Result<(), 
         ));
     }
     page.plots(&on_the_part(touches))?;
-    page.heading(&format!(
+    page.section(&format!(
         "Against what a cause depends on: {}",
         touches.compared
     ));

@@ -1,7 +1,7 @@
 //! The page of a diagnosis as another program reads it: well-formed, true to the report, and safe whatever a bag says.
 
 use diagnosis::blind::{Content, session};
-use diagnosis::report::Report;
+use diagnosis::report::{Declared, NextMeasurement, NextPoint, Report, Sizes};
 use diagnosis::residuals::TouchResiduals;
 use diagnosis::{
     Options, Residuals, Session, diagnose_together_with_residuals, diagnose_with_residuals,
@@ -35,7 +35,7 @@ fn table(page: &Document<'_>, caption: &str) -> Vec<Vec<String>> {
         .filter(|node| node.has_tag_name("table"))
         .find(|table| texts(*table).contains(caption))
         .expect("the table");
-    let rows = table.children().filter(|node| node.has_tag_name("tr"));
+    let rows = table.descendants().filter(|node| node.has_tag_name("tr"));
     let cells = |row: Node<'_, '_>| -> Vec<String> {
         row.children().filter(Node::is_element).map(texts).collect()
     };
@@ -88,6 +88,96 @@ fn the_table_says_what_the_report_says() {
             assert!(row[7].contains(other.as_str()));
         }
     }
+}
+
+/// Machine, noise and declared effects are those of the report; what is not there makes no table.
+#[test]
+fn the_page_says_what_the_diagnosis_stands_on() {
+    let (session, _) = session(6, Content::Known(2));
+    let (mut report, residuals) = diagnosed(&session);
+    let html = diagnosis_page(&report, &residuals).expect("a page").html();
+    assert!(!html.contains("held already"), "nothing was declared");
+    let page = parsed(&html);
+    let machine = report.machine.clone().expect("a machine");
+    let text = texts(page.root());
+    assert!(text.contains(&machine.fingerprint[..12]) && text.contains(&machine.name));
+    let rows = table(
+        &page,
+        "Standard deviation of what the best explanation leaves",
+    );
+    assert!(report.noise.len() > 1, "something to compare");
+    assert_eq!(rows.len(), report.noise.len());
+    for (row, noise) in rows.iter().zip(&report.noise) {
+        assert!(row[0].ends_with(&noise.key), "{row:?}");
+        assert_eq!(row[1], noise.touches.to_string());
+        assert!(same(um(&row[2]), 1e6 * noise.floor), "{row:?}");
+        let (low, high) = row[3].split_once(" to ").expect("an interval");
+        assert!(same(um(low), 1e6 * noise.ci95[0]), "{row:?}");
+        assert!(same(um(high), 1e6 * noise.ci95[1]), "{row:?}");
+    }
+
+    let sizes = |before: f64, after: f64| Sizes {
+        rms_before: before,
+        rms_after: after,
+        ci95_after: [0.9 * after, 1.1 * after],
+    };
+    let effect = |name: &str, kept: Option<bool>| Declared {
+        effect: name.to_owned(),
+        parameters: report.effects[0].parameters.clone(),
+        chosen_from: vec!["axis.X.scale".to_owned()],
+        source: Some(format!("session {HOSTILE}")),
+        measured: Some("2026-01-01T00:00:00Z".to_owned()),
+        promised: Some(sizes(30e-6, 2e-6)),
+        achieved: Some(sizes(31e-6, 9e-6)),
+        kept,
+    };
+    report.declared = vec![effect("link.EX0C", None), effect("link.EA0C", Some(false))];
+    let html = diagnosis_page(&report, &residuals).expect("a page").html();
+    let page = parsed(&html);
+    let rows = table(
+        &page,
+        "Declared, and subtracted before anything was looked for",
+    );
+    assert_eq!(rows.len(), 2);
+    for (row, declared) in rows.iter().zip(&report.declared) {
+        assert_eq!(row[0], declared.effect);
+        assert!(row[2].contains(HOSTILE) && row[2].contains("chosen from axis.X.scale"));
+        assert!(row[3].starts_with("30.0 µm → 2.00 µm"), "{}", row[3]);
+        assert!(row[4].starts_with("31.0 µm → 9.00 µm"), "{}", row[4]);
+        // Both were found in one session and are judged together.
+        assert!(row[5].starts_with("NOT kept"), "{}", row[5]);
+    }
+}
+
+/// Touches for a machine without rotary axes have no column for them.
+#[test]
+fn proposed_touches_name_the_axes_that_the_machine_has() {
+    let (session, _) = session(6, Content::Known(1));
+    let (mut report, residuals) = diagnosed(&session);
+    let mut columns = |rotary_positions: Vec<f64>| -> Vec<String> {
+        report.next_measurement = vec![NextMeasurement {
+            separates: vec!["link.EX0C".to_owned(), "axis.X.scale".to_owned()],
+            points: vec![NextPoint {
+                point_index: 0,
+                rotary_positions,
+                feed: 1e-3,
+                difference: 5e-6,
+                feature: "top".to_owned(),
+                position: [0.01, 0.0, 0.0],
+                why: "another place".to_owned(),
+            }],
+            plan: None,
+            explanations: Vec::new(),
+            chance: 0.9,
+            inseparable: Vec::new(),
+        }];
+        let html = diagnosis_page(&report, &residuals).expect("a page").html();
+        let rows = table(&parsed(&html), "To tell apart: link.EX0C, axis.X.scale");
+        rows[0].clone()
+    };
+    assert_eq!(columns(Vec::new()).len(), 5);
+    let turned = columns(vec![0.0, std::f64::consts::FRAC_PI_2]);
+    assert_eq!((turned.len(), turned[2].as_str()), (6, "0.0, 90.0"));
 }
 
 /// What the pictures show is what the report judges by.

@@ -4,11 +4,30 @@ use std::fmt::Write;
 
 use crate::{Bars, Plot, PlotError, Strips};
 
-/// A page that stands alone: HTML that a program for XML reads as well.
+/// A page that stands alone: HTML that a program for XML reads as well, or plain text without the pictures.
 #[derive(Clone, Debug)]
 pub struct Page {
     title: String,
-    body: String,
+    blocks: Vec<Block>,
+}
+
+/// What a page is made of. Texts are plain.
+#[derive(Clone, Debug)]
+enum Block {
+    /// On paper a section begins on a new page, a heading does not.
+    Heading {
+        text: String,
+        section: bool,
+    },
+    Lead(String),
+    Paragraph(String),
+    List(Vec<String>),
+    Table(Table),
+    /// Pictures with their captions; `beside` each other as far as the page is wide.
+    Figures {
+        figures: Vec<(String, String)>,
+        beside: bool,
+    },
 }
 
 /// A table. Cells are plain text.
@@ -39,6 +58,11 @@ impl Table {
     }
 }
 
+/// On paper a table of more rows may go on overleaf, under its columns again; a shorter one is kept whole.
+const KEPT_WHOLE: usize = 20;
+/// Letters that a line of plain text holds; a table that is wider is told row by row.
+const LINE: usize = 140;
+
 const STYLE: &str = "
 body { font: 15px/1.45 system-ui, sans-serif; color: #1a1a1a; background: #fff; max-width: 62rem; margin: 2rem auto; padding: 0 1rem; }
 h1 { font-size: 1.5rem; } h2 { font-size: 1.15rem; margin-top: 2rem; border-bottom: 1px solid #ddd; }
@@ -49,7 +73,13 @@ th, td { text-align: left; vertical-align: top; padding: .2rem .8rem .2rem 0; bo
 figcaption { font-size: .85rem; color: #444; max-width: 46rem; } .plots figcaption { max-width: 480px; } svg { max-width: 100%; height: auto; }
 .lead { font-size: 1.1rem; } li { margin: .2rem 0; }
 @page { size: A4; margin: 15mm; }
-@media print { body { margin: 0; padding: 0; max-width: none; font-size: 10pt; } h1, h2, caption { break-after: avoid; } tr { break-inside: avoid; } tr:has(th) { break-after: avoid; } table { font-size: 8.5pt; } th, td { padding-right: .5rem; } .plots { display: block; } figure { margin: .5rem 0; } }
+@media print {
+body { margin: 0; padding: 0; max-width: none; font-size: 10pt; color: #000; background: none; }
+h1, h2, caption { break-after: avoid; } h2.section { break-before: page; margin-top: 0; } p, li { orphans: 3; widows: 3; }
+table { font-size: 8pt; max-width: 100%; break-inside: avoid; } table.long { break-inside: auto; } thead { display: table-header-group; }
+tr { break-inside: avoid; } th, td { padding-right: .5rem; border-bottom: .5pt solid #999; } td { overflow-wrap: anywhere; } td:first-child { overflow-wrap: break-word; }
+.plots { display: block; } figure { margin: .5rem 0; } figcaption { color: #000; max-width: none; } svg { max-height: 230mm; }
+}
 ";
 
 impl Page {
@@ -57,23 +87,34 @@ impl Page {
     pub fn new(title: impl Into<String>) -> Self {
         Self {
             title: title.into(),
-            body: String::new(),
+            blocks: Vec::new(),
         }
     }
 
     /// A heading of the second order.
     pub fn heading(&mut self, text: &str) -> &mut Self {
-        self.add("h2", "", text)
+        self.add(Block::Heading {
+            text: text.to_owned(),
+            section: false,
+        })
+    }
+
+    /// The same, of what begins on a new page when printed.
+    pub fn section(&mut self, text: &str) -> &mut Self {
+        self.add(Block::Heading {
+            text: text.to_owned(),
+            section: true,
+        })
     }
 
     /// A paragraph in larger letters: what somebody in a hurry reads.
     pub fn lead(&mut self, text: &str) -> &mut Self {
-        self.add("p", " class=\"lead\"", text)
+        self.add(Block::Lead(text.to_owned()))
     }
 
     /// A paragraph.
     pub fn paragraph(&mut self, text: &str) -> &mut Self {
-        self.add("p", "", text)
+        self.add(Block::Paragraph(text.to_owned()))
     }
 
     /// A list of sentences; nothing when there are none.
@@ -81,36 +122,12 @@ impl Page {
         if items.is_empty() {
             return self;
         }
-        self.body.push_str("<ul>\n");
-        for item in items {
-            self.add("li", "", item);
-        }
-        self.body.push_str("</ul>\n");
-        self
+        self.add(Block::List(items.to_vec()))
     }
 
     /// A table.
     pub fn table(&mut self, table: &Table) -> &mut Self {
-        self.body.push_str("<table>\n");
-        if !table.caption.is_empty() {
-            self.add("caption", "", &table.caption);
-        }
-        let mut row = |cells: &[String], tag: &str| {
-            self.body.push_str("<tr>");
-            for cell in cells {
-                put(
-                    &mut self.body,
-                    format_args!("<{tag}>{}</{tag}>", escaped(cell)),
-                );
-            }
-            self.body.push_str("</tr>\n");
-        };
-        row(&table.columns, "th");
-        for cells in &table.rows {
-            row(cells, "td");
-        }
-        self.body.push_str("</table>\n");
-        self
+        self.add(Block::Table(table.clone()))
     }
 
     /// A plot.
@@ -126,17 +143,9 @@ impl Page {
     /// # Errors
     /// [`PlotError`] when one cannot be drawn.
     pub fn plots(&mut self, plots: &[Plot]) -> Result<&mut Self, PlotError> {
-        let shown: Vec<&Plot> = plots.iter().filter(|plot| !plot.is_empty()).collect();
-        if shown.is_empty() {
-            return Ok(self);
-        }
-        self.body.push_str("<div class=\"plots\">\n");
-        for plot in shown {
-            let svg = plot.svg()?;
-            self.figure(&svg, &plot.caption);
-        }
-        self.body.push_str("</div>\n");
-        Ok(self)
+        let shown = plots.iter().filter(|plot| !plot.is_empty());
+        let drawn = shown.map(|plot| Ok((plot.svg()?, plot.caption.clone())));
+        Ok(self.figures(drawn.collect::<Result<_, _>>()?, true))
     }
 
     /// A bar chart.
@@ -144,9 +153,7 @@ impl Page {
     /// # Errors
     /// [`PlotError`] when it cannot be drawn.
     pub fn bars(&mut self, bars: &Bars) -> Result<&mut Self, PlotError> {
-        let svg = bars.svg()?;
-        self.figure(&svg, &bars.caption);
-        Ok(self)
+        Ok(self.figures(vec![(bars.svg()?, bars.caption.clone())], false))
     }
 
     /// Strips beside each other as far as the page is wide; those with nothing to show are left out.
@@ -154,45 +161,200 @@ impl Page {
     /// # Errors
     /// [`PlotError`] when one cannot be drawn.
     pub fn strips(&mut self, strips: &[Strips]) -> Result<&mut Self, PlotError> {
-        let shown: Vec<&Strips> = strips.iter().filter(|strips| !strips.is_empty()).collect();
-        if shown.is_empty() {
-            return Ok(self);
-        }
-        self.body.push_str("<div class=\"plots\">\n");
-        for strips in shown {
-            let svg = strips.svg()?;
-            self.figure(&svg, &strips.caption);
-        }
-        self.body.push_str("</div>\n");
-        Ok(self)
+        let shown = strips.iter().filter(|strips| !strips.is_empty());
+        let drawn = shown.map(|strips| Ok((strips.svg()?, strips.caption.clone())));
+        Ok(self.figures(drawn.collect::<Result<_, _>>()?, true))
     }
 
-    fn figure(&mut self, svg: &str, caption: &str) {
-        put(&mut self.body, format_args!("<figure>\n{svg}"));
-        if !caption.is_empty() {
-            self.add("figcaption", "", caption);
+    fn figures(&mut self, figures: Vec<(String, String)>, beside: bool) -> &mut Self {
+        if figures.is_empty() {
+            return self;
         }
-        self.body.push_str("</figure>\n");
+        self.add(Block::Figures { figures, beside })
     }
 
-    fn add(&mut self, tag: &str, attributes: &str, text: &str) -> &mut Self {
-        let text = escaped(text);
-        put(
-            &mut self.body,
-            format_args!("<{tag}{attributes}>{text}</{tag}>\n"),
-        );
+    fn add(&mut self, block: Block) -> &mut Self {
+        self.blocks.push(block);
         self
     }
 
     /// The whole page, UTF-8.
     pub fn html(&self) -> String {
-        let (title, body) = (escaped(&self.title), &self.body);
+        let title = escaped(&self.title);
+        let mut body = String::new();
+        for block in &self.blocks {
+            block.html(&mut body);
+        }
         format!(
             "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>\n\
              <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\n\
              <title>{title}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<h1>{title}</h1>\n{body}</body>\n</html>\n"
         )
     }
+
+    /// What the page says, as plain text for a terminal or a printer of lines; pictures are left out, and headings under
+    /// which there is nothing else.
+    pub fn text(&self) -> String {
+        let mut text = format!("{}\n", plain(&self.title));
+        let mut heading = None;
+        for block in &self.blocks {
+            match block {
+                Block::Heading { .. } => heading = Some(block),
+                Block::Figures { .. } => {}
+                other => {
+                    if let Some(heading) = heading.take() {
+                        heading.text(&mut text);
+                    }
+                    other.text(&mut text);
+                }
+            }
+        }
+        text
+    }
+}
+
+impl Block {
+    fn html(&self, body: &mut String) {
+        match self {
+            Self::Heading { text, section } => {
+                let class = if *section { " class=\"section\"" } else { "" };
+                element(body, "h2", class, text);
+            }
+            Self::Lead(text) => element(body, "p", " class=\"lead\"", text),
+            Self::Paragraph(text) => element(body, "p", "", text),
+            Self::List(items) => {
+                body.push_str("<ul>\n");
+                for item in items {
+                    element(body, "li", "", item);
+                }
+                body.push_str("</ul>\n");
+            }
+            Self::Table(table) => table.html(body),
+            Self::Figures { figures, beside } => {
+                if *beside {
+                    body.push_str("<div class=\"plots\">\n");
+                }
+                for (svg, caption) in figures {
+                    put(body, format_args!("<figure>\n{svg}"));
+                    if !caption.is_empty() {
+                        element(body, "figcaption", "", caption);
+                    }
+                    body.push_str("</figure>\n");
+                }
+                if *beside {
+                    body.push_str("</div>\n");
+                }
+            }
+        }
+    }
+
+    fn text(&self, text: &mut String) {
+        match self {
+            Self::Heading { text: name, .. } => {
+                let name = plain(name);
+                let line = "-".repeat(name.chars().count());
+                put(text, format_args!("\n{name}\n{line}\n"));
+            }
+            Self::Lead(words) | Self::Paragraph(words) => {
+                put(text, format_args!("\n{}\n", plain(words)));
+            }
+            Self::List(items) => {
+                text.push('\n');
+                for item in items {
+                    put(text, format_args!("- {}\n", plain(item)));
+                }
+            }
+            Self::Table(table) => table.text(text),
+            Self::Figures { .. } => {}
+        }
+    }
+}
+
+impl Table {
+    fn headed(&self) -> bool {
+        self.columns.iter().any(|name| !name.is_empty())
+    }
+
+    fn html(&self, body: &mut String) {
+        let long = self.rows.len() > KEPT_WHOLE;
+        body.push_str(if long {
+            "<table class=\"long\">\n"
+        } else {
+            "<table>\n"
+        });
+        if !self.caption.is_empty() {
+            element(body, "caption", "", &self.caption);
+        }
+        if self.headed() {
+            // It stands again on every sheet that the table goes on to.
+            body.push_str("<thead>\n");
+            cells_html(body, &self.columns, "th");
+            body.push_str("</thead>\n");
+        }
+        body.push_str("<tbody>\n");
+        for cells in &self.rows {
+            cells_html(body, cells, "td");
+        }
+        body.push_str("</tbody>\n");
+        body.push_str("</table>\n");
+    }
+
+    /// Columns under each other, or row by row where they would not stand on a line.
+    fn text(&self, text: &mut String) {
+        let cells = |row: &[String]| -> Vec<String> { row.iter().map(|one| plain(one)).collect() };
+        let head = self.headed().then(|| cells(&self.columns));
+        let rows: Vec<Vec<String>> = (head.iter().cloned())
+            .chain(self.rows.iter().map(|row| cells(row)))
+            .collect();
+        let mut widths = vec![0; self.columns.len()];
+        for row in &rows {
+            for (width, cell) in widths.iter_mut().zip(row) {
+                *width = cell.chars().count().max(*width);
+            }
+        }
+        text.push('\n');
+        if !self.caption.is_empty() {
+            put(text, format_args!("{}\n", plain(&self.caption)));
+        }
+        if let (Some(names), true) = (
+            &head,
+            widths.iter().map(|width| width + 2).sum::<usize>() > LINE,
+        ) {
+            for row in &rows[1..] {
+                for (place, (name, cell)) in names.iter().zip(row).enumerate() {
+                    let mark = if place == 0 { "- " } else { "  " };
+                    put(text, format_args!("  {mark}{name}: {cell}\n"));
+                }
+            }
+            return;
+        }
+        for row in &rows {
+            let padded = row.iter().zip(&widths);
+            let line: Vec<String> = padded
+                .map(|(cell, width)| format!("{cell:<width$}"))
+                .collect();
+            put(text, format_args!("  {}\n", line.join("  ").trim_end()));
+        }
+    }
+}
+
+fn cells_html(body: &mut String, cells: &[String], tag: &str) {
+    body.push_str("<tr>");
+    for cell in cells {
+        put(body, format_args!("<{tag}>{}</{tag}>", escaped(cell)));
+    }
+    body.push_str("</tr>\n");
+}
+
+fn element(body: &mut String, tag: &str, attributes: &str, text: &str) {
+    let text = escaped(text);
+    put(body, format_args!("<{tag}{attributes}>{text}</{tag}>\n"));
+}
+
+/// Text on one line without control codes: what a bag says steers no terminal.
+fn plain(text: &str) -> String {
+    let safe = |letter: char| if letter.is_control() { ' ' } else { letter };
+    text.chars().map(safe).collect()
 }
 
 /// Text that is no markup.

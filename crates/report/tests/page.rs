@@ -173,3 +173,70 @@ fn nothing_finite_and_grids_that_do_not_fit_are_refused() {
         "grid `g` has 1 values for 1 columns and 2 rows"
     );
 }
+
+/// Paper: columns stand again on every sheet, a short table is kept whole, a section begins a sheet.
+#[test]
+fn tables_have_heads_and_only_long_ones_go_on_overleaf() {
+    let with = |rows: usize| {
+        let mut table = Table::new("Touches", &["point", "deviation"]);
+        for row in 0..rows {
+            table.row(vec![row.to_string(), "0".to_owned()]);
+        }
+        let mut page = Page::new("t");
+        page.section("Touches").table(&table);
+        page.html()
+    };
+    for (rows, opening) in [(20, "<table>"), (21, "<table class=\"long\">")] {
+        let html = with(rows);
+        elements(&html);
+        assert!(html.contains(opening), "{rows} rows");
+        let (head, body) = html.split_once("</thead>").expect("a head");
+        assert!(head.contains("<th>point</th>") && !head.contains("<td>"));
+        assert_eq!(body.matches("<td>").count(), 2 * rows);
+    }
+    assert!(with(1).contains("<h2 class=\"section\">Touches</h2>"));
+    let mut bare = Page::new("t");
+    let mut table = Table::new("", &["", ""]);
+    table.row(vec!["cell".to_owned(), "mill".to_owned()]);
+    bare.table(&table);
+    assert!(!bare.html().contains("<thead>"), "there is nothing to head");
+}
+
+/// The text holds every word and number of the page, in columns where they fit, and nothing that steers a terminal.
+#[test]
+fn plain_text_says_what_the_page_says() {
+    let mut whole = page();
+    let plot = Plot::new("p", Axis::new("x", Unit::MM), Axis::new("y", Unit::MM));
+    let plot = plot.with(Series::points("", vec![(0.0, 0.0)]));
+    whole.heading("Only pictures").plot(&plot).expect("a plot");
+    whole.heading("Last").paragraph("Words.");
+    let text = whole.text();
+    let lines: Vec<&str> = text.lines().collect();
+    assert_eq!(lines[0], "Gap of <part> & \"cell\"");
+    for line in [
+        "One sentence.",
+        "Plots",
+        "-----",
+        "- a < b",
+        "Effects",
+        "Last",
+    ] {
+        assert!(lines.contains(&line), "{line} is not in {text}");
+    }
+    let column = |line: &str, word: &str| line.find(word).map(|at| line[..at].chars().count());
+    let row = |word: &str| lines.iter().find(|line| line.contains(word)).expect(word);
+    assert_eq!(
+        column(row("effect"), "value"),
+        column(row("link.EX0C"), &Unit::UM.text(12.5e-6))
+    );
+    assert!(!text.contains("svg") && !text.contains("Only pictures"));
+
+    let mut wide = Table::new("Faults", &["node", "what"]);
+    wide.row(vec!["cycle\u{1b}[31m".to_owned(), "long ".repeat(60)]);
+    let mut page = Page::new("t");
+    page.table(&wide);
+    let text = page.text();
+    assert!(text.contains("  - node: cycle [31m\n"), "{text:?}");
+    assert!(text.contains("    what: long long"), "{text:?}");
+    assert!(!text.contains('\u{1b}'));
+}

@@ -73,7 +73,7 @@ fn every_page_says_what_the_run_gave() {
             .descendants()
             .find(|node| node.has_tag_name("table"))
             .expect("the table of figures");
-        let rows = table.children().filter(|node| node.has_tag_name("tr"));
+        let rows = table.descendants().filter(|node| node.has_tag_name("tr"));
         let rows: Vec<Vec<String>> = rows
             .skip(1)
             .map(|row| row.children().map(texts).collect())

@@ -6,7 +6,7 @@ use anyhow::{Context, bail};
 use bags::Bag;
 use diagnosis::Options;
 use graph::{Topic, topics};
-use probecell_msgs::{Fault, InspectionPlan, Message};
+use probecell_msgs::{Fault, InspectionPlan, LossReport, Message};
 use records::{PartSession, ShortDiagnosis, part_page};
 
 use super::diagnose;
@@ -18,12 +18,12 @@ use crate::report;
 pub(crate) struct Arguments {
     /// Bag: a folder or an .mcap file.
     bag: PathBuf,
-    /// The page to write; it needs nothing else, and can be printed.
+    /// The page to write instead of plain text: with pictures; it needs nothing else, and can be printed.
     #[arg(long, value_name = "FILE")]
-    html: PathBuf,
+    html: Option<PathBuf>,
 }
 
-/// Writes the page.
+/// Writes the page, or prints what it says.
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
     let bag = Bag::open(&arguments.bag)?;
     let damage = bag.verify();
@@ -43,8 +43,11 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
         }
     };
     let page = part_page(&session, short)?;
-    std::fs::write(&arguments.html, page.html())
-        .with_context(|| format!("cannot write {}", arguments.html.display()))?;
+    match &arguments.html {
+        Some(file) => std::fs::write(file, page.html())
+            .with_context(|| format!("cannot write {}", file.display()))?,
+        None => report::line(page.text().trim_end()),
+    }
     Ok(report::damage(&damage))
 }
 
@@ -74,6 +77,8 @@ fn gather(bag: &Bag, path: &Path) -> anyhow::Result<PartSession> {
         faults.extend(reader.all(*topic)?);
     }
     faults.sort_by_key(|fault| (fault.header.stamp.sec, fault.header.stamp.nanosec));
+    let mut loss_reports: Vec<LossReport> = reader.all(topics::LOSS_REPORTS)?;
+    loss_reports.sort_by_key(|loss| (loss.header.stamp.sec, loss.header.stamp.nanosec));
     let provenance = |key: &str| {
         let tables = bag.metadata().filter(|(name, _)| *name == PROVENANCE);
         let values = tables.filter_map(|(_, table)| table.get(key));
@@ -102,6 +107,7 @@ fn gather(bag: &Bag, path: &Path) -> anyhow::Result<PartSession> {
         approval_replies: reader.all(topics::APPROVAL_REPLIES)?,
         parts: reader.all(topics::PART_REPORTS)?,
         faults,
+        loss_reports,
         losses: losses.filter(|(_, missing)| *missing > 0).collect(),
         damage: Vec::new(),
     };
@@ -171,7 +177,10 @@ mod tests {
     use bags::{Channel, Overflow, Qos, Recorder, RecorderOptions};
     use cell::{Cell, CellText};
     use graph::{Executor, Published, Stamp};
-    use probecell_msgs::{Correction, FeatureResult, OperatorRequest, Verdict, from_cdr, to_cdr};
+    use probecell_msgs::{
+        Correction, CorrectionAcknowledgement, FeatureResult, OperatorReply, OperatorRequest,
+        Verdict, from_cdr, to_cdr,
+    };
     use roxmltree::{Document, Node, ParsingOptions};
 
     use super::*;
@@ -241,7 +250,7 @@ mod tests {
             own.is_some_and(|own| text(own) == caption)
         });
         let rows = wanted.flat_map(|table| {
-            let rows = table.children().filter(|node| node.has_tag_name("tr"));
+            let rows = table.descendants().filter(|node| node.has_tag_name("tr"));
             rows.skip(1).collect::<Vec<_>>()
         });
         let cells = |row: Node<'_, '_>| row.children().filter(Node::is_element).map(text).collect();
@@ -277,7 +286,7 @@ mod tests {
         write(&log, &bag);
         let arguments = Arguments {
             bag,
-            html: file.clone(),
+            html: Some(file.clone()),
         };
         assert_eq!(run(&arguments).expect("a page"), crate::GOOD);
         let html = std::fs::read_to_string(&file).expect("the page");
@@ -337,13 +346,174 @@ mod tests {
         assert!(pictures.count() >= 2, "one for each pass at least");
     }
 
+    /// A message at its own instant.
+    fn told<M: Message>(topic: Topic, after_s: f64, sequence: u64, message: &M) -> Published {
+        Published {
+            topic: topic.name.to_owned(),
+            sequence,
+            at: BEGIN.after_s(after_s),
+            payload: to_cdr(message),
+        }
+    }
+
+    fn stamped(after_s: f64) -> probecell_msgs::std_msgs::Header {
+        probecell_msgs::std_msgs::Header {
+            stamp: BEGIN.after_s(after_s).time(),
+            frame_id: String::new(),
+        }
+    }
+
+    /// Every step of a correction, faults and losses stand in the order of their stamps, whatever the order on the bus.
+    #[test]
+    fn who_approved_what_and_when_is_told_with_faults_and_losses() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let mut log = made();
+        log.retain(|one| {
+            ![
+                topics::CORRECTIONS.name,
+                topics::CORRECTION_ACKNOWLEDGEMENTS.name,
+            ]
+            .contains(&one.topic.as_str())
+        });
+        let plan: Vec<InspectionPlan> = messages(&log, topics::INSPECTION_PLAN);
+        let correction = |after_s: f64, approval: u8, by: &str| Correction {
+            header: stamped(after_s),
+            correction_id: "punch/T1/0".to_owned(),
+            kind: Correction::TOOL_WEAR,
+            tool_number: 1,
+            new_value: -12e-6,
+            lower_bound: -100e-6,
+            upper_bound: 100e-6,
+            plan_id: plan[0].plan_id.clone(),
+            feature_ids: vec!["d1".to_owned()],
+            sequences: vec![3, 4],
+            measured_error: 12e-6,
+            standard_uncertainty: 1e-6,
+            approval,
+            approved_by: by.to_owned(),
+            expires: BEGIN.after_s(700.0).time(),
+            ..Correction::default()
+        };
+        let asks = OperatorRequest {
+            header: stamped(102.25),
+            request_id: 7,
+            subject: "punch/T1/0".to_owned(),
+            operator_name: "Ada".to_owned(),
+            approve: true,
+            ..OperatorRequest::default()
+        };
+        let reply = OperatorReply {
+            request_id: 7,
+            accepted: true,
+            ..OperatorReply::default()
+        };
+        let answer = CorrectionAcknowledgement {
+            header: stamped(103.5),
+            correction_id: "punch/T1/0".to_owned(),
+            outcome: CorrectionAcknowledgement::APPLIED,
+            value_before: 0.0,
+            value_after: -12e-6,
+            text: String::new(),
+        };
+        let fault = |after_s: f64, node: &str| Fault {
+            header: stamped(after_s),
+            node: node.to_owned(),
+            severity: Fault::ERROR,
+            code: "estop".to_owned(),
+            text: "the machine is in emergency stop".to_owned(),
+        };
+        let loss = LossReport {
+            header: stamped(104.0),
+            observer: "recorder".to_owned(),
+            topic: "joint_states".to_owned(),
+            first_sequence: 812,
+            count: 3,
+            recovered: false,
+        };
+        let proposed = correction(102.0, Correction::APPROVAL_NONE, "");
+        let approved = correction(103.0, Correction::APPROVAL_OPERATOR, "Ada");
+        let waits = Correction {
+            correction_id: "punch/T2/9".to_owned(),
+            ..proposed.clone()
+        };
+        log.extend([
+            told(topics::CORRECTIONS, 102.0, 1, &proposed),
+            told(topics::CORRECTIONS, 102.0, 2, &waits),
+            told(topics::CORRECTIONS, 103.0, 3, &approved),
+            told(topics::APPROVALS, 102.3, 1, &asks),
+            told(topics::APPROVAL_REPLIES, 103.0, 1, &reply),
+            told(topics::CORRECTION_ACKNOWLEDGEMENTS, 103.5, 1, &answer),
+            told(topics::LAUNCHER_FAULTS, 105.0, 1, &fault(105.0, "launcher")),
+            told(
+                topics::MACHINE_STATE_FAULTS,
+                104.5,
+                1,
+                &fault(104.5, "machine_state"),
+            ),
+            told(topics::LOSS_REPORTS, 104.0, 1, &loss),
+        ]);
+        let bag = folder.path().join("session");
+        write(&log, &bag);
+        let session = gather(&Bag::open(&bag).expect("a bag"), &bag).expect("a session");
+        let page = part_page(&session, ShortDiagnosis::None("not asked for")).expect("a page");
+        let html = page.html();
+        let options = ParsingOptions {
+            allow_dtd: true,
+            ..ParsingOptions::default()
+        };
+        let page_read = Document::parse_with_options(&html, options).expect("a well-formed page");
+        let steps = rows(&page_read, "Who let what pass, and what the machine said");
+        let when: Vec<&str> = steps.iter().map(|row| row[0].as_str()).collect();
+        let mut sorted = when.clone();
+        sorted.sort_unstable();
+        assert_eq!(when, sorted);
+        let own: Vec<&Vec<String>> = steps.iter().filter(|row| row[1] == "punch/T1/0").collect();
+        let happened: Vec<&str> = own.iter().map(|row| row[2].as_str()).collect();
+        assert_eq!(
+            happened,
+            [
+                "wear of tool 1: proposed, valid until 2026-01-01T00:11:40.000Z",
+                "Ada asked to approve it: accepted",
+                "approved by Ada",
+                "at the machine: applied, read back -12.0 µm",
+            ]
+        );
+        assert_eq!(own[1][0], "2026-01-01T00:01:42.250Z");
+        assert_eq!(own[2][4], "-100.0 µm to +100.0 µm");
+        assert!(own[2][5].contains("d1, 2 touches, error +12.0 µm, u 1.0 µm"));
+        let all = text(page_read.root());
+        assert!(all.contains("Proposed and never approved, so never written: punch/T2/9."));
+        let faults = rows(&page_read, "Faults");
+        let nodes: Vec<&str> = faults.iter().map(|row| row[1].as_str()).collect();
+        assert_eq!(nodes, ["machine_state", "launcher"]);
+        let lost = rows(&page_read, "Messages that were lost, as reported");
+        assert_eq!(
+            lost,
+            [[
+                "2026-01-01T00:01:44.000Z",
+                "recorder",
+                "joint_states",
+                "3",
+                "812",
+                "no"
+            ]]
+        );
+        // The text says the same.
+        let plain = page.text();
+        for row in steps.iter().chain(&faults).chain(&lost) {
+            for cell in row {
+                assert!(plain.contains(cell.as_str()), "{cell} is not in the text");
+            }
+        }
+    }
+
     #[test]
     fn what_holds_no_part_is_refused_in_a_sentence() {
         let folder = tempfile::tempdir().expect("a folder");
         let told = |bag: &Path, html: &Path| {
             let arguments = Arguments {
                 bag: bag.to_owned(),
-                html: html.to_owned(),
+                html: Some(html.to_owned()),
             };
             format!("{:#}", run(&arguments).expect_err("refused"))
         };

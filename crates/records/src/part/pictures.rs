@@ -49,9 +49,14 @@ pub(super) fn before_and_after(page: &mut Page, session: &PartSession) -> Result
             None => passes.push((plan, plan)),
         }
     }
-    for (first, last) in passes {
+    for (number, (first, last)) in passes.into_iter().enumerate() {
         let corrected = first.plan_id != last.plan_id;
-        page.heading(&format!("Deviations of {}", pass(first)));
+        let title = format!("Deviations of {}", pass(first));
+        if number == 0 {
+            page.section(&title);
+        } else {
+            page.heading(&title);
+        }
         let mut measured = vec![(
             if corrected {
                 "before correction"

@@ -1,11 +1,11 @@
-//! Tables of the page of a session: measurements, sizes, corrections, approvals, faults.
+//! Tables of the page of a session: measurements, sizes, corrections, faults, losses.
 
 use probecell_msgs::{
     Correction, CorrectionAcknowledgement, Fault, FeatureResult, PassDecision, Verdict,
 };
 use report::Table;
 
-use super::{PartSession, time};
+use super::{PartSession, moment};
 
 /// A length in mm, to 0.1 µm.
 fn mm(metres: f64) -> String {
@@ -13,12 +13,12 @@ fn mm(metres: f64) -> String {
 }
 
 /// A deviation in µm with its sign, to 0.1 µm.
-fn um(metres: f64) -> String {
+pub(super) fn um(metres: f64) -> String {
     fixed(metres * 1e6, 1, "µm", true)
 }
 
 /// A size of an uncertainty or a form in µm.
-fn um_size(metres: f64) -> String {
+pub(super) fn um_size(metres: f64) -> String {
     fixed(metres * 1e6, 1, "µm", false)
 }
 
@@ -209,7 +209,7 @@ pub(super) fn corrections(session: &PartSession, plan_id: &str) -> Table {
     table
 }
 
-fn subject(correction: &Correction) -> String {
+pub(super) fn subject(correction: &Correction) -> String {
     match correction.kind {
         Correction::TOOL_WEAR => format!("wear of tool {}", correction.tool_number),
         Correction::WORK_OFFSET => format!("work offset of {}", correction.axis),
@@ -229,7 +229,7 @@ fn approval(correction: &Correction) -> String {
     }
 }
 
-fn answered(answer: &CorrectionAcknowledgement) -> String {
+pub(super) fn answered(answer: &CorrectionAcknowledgement) -> String {
     let word = match answer.outcome {
         CorrectionAcknowledgement::APPLIED => "applied",
         CorrectionAcknowledgement::ALREADY_APPLIED => "already applied",
@@ -253,27 +253,6 @@ fn answered(answer: &CorrectionAcknowledgement) -> String {
     format!("{word}{values}{text}")
 }
 
-/// What operators approved or rejected, and the answers.
-pub(super) fn approvals(session: &PartSession) -> Table {
-    let mut table = Table::new("", &["when", "operator", "said", "of correction", "answer"]);
-    for asked in &session.approvals {
-        let answer =
-            (session.approval_replies.iter()).find(|reply| reply.request_id == asked.request_id);
-        table.row(vec![
-            time(asked.header.stamp),
-            asked.operator_name.clone(),
-            if asked.approve { "approve" } else { "reject" }.to_owned(),
-            asked.subject.clone(),
-            match answer {
-                None => "none".to_owned(),
-                Some(reply) if reply.accepted => "accepted".to_owned(),
-                Some(reply) => format!("refused: {}", reply.text),
-            },
-        ]);
-    }
-    table
-}
-
 /// Faults, in the order in which they were reported.
 pub(super) fn faults(session: &PartSession) -> Table {
     let mut table = Table::new("Faults", &["when", "node", "severity", "code", "what"]);
@@ -284,11 +263,37 @@ pub(super) fn faults(session: &PartSession) -> Table {
             "warning"
         };
         table.row(vec![
-            time(fault.header.stamp),
+            moment(fault.header.stamp),
             fault.node.clone(),
             severity.to_owned(),
             fault.code.clone(),
             fault.text.clone(),
+        ]);
+    }
+    table
+}
+
+/// Messages that did not arrive, in the order in which that was reported.
+pub(super) fn losses(session: &PartSession) -> Table {
+    let mut table = Table::new(
+        "Messages that were lost, as reported",
+        &[
+            "when",
+            "who noticed",
+            "topic",
+            "how many",
+            "from number",
+            "fetched late",
+        ],
+    );
+    for loss in &session.loss_reports {
+        table.row(vec![
+            moment(loss.header.stamp),
+            loss.observer.clone(),
+            loss.topic.clone(),
+            loss.count.to_string(),
+            loss.first_sequence.to_string(),
+            if loss.recovered { "yes" } else { "no" }.to_owned(),
         ]);
     }
     table
