@@ -9,11 +9,11 @@ use statrs::function::erf::erfc;
 use crate::columns::{Columns, Rows};
 
 /// Price of having chosen a block's size: a log-uniform prior over four decades of it, known to about a factor e.
-const SIZE_PRICE: f64 = 1.5;
+pub(crate) const SIZE_PRICE: f64 = 1.5;
 /// Rounds of the fixed-point iteration for the sizes.
 const ROUNDS: usize = 6;
 /// One pseudo-observation of noise at the resolution of a good controller, m: keeps perfect fits finite.
-const RESOLUTION: f64 = 2e-8;
+pub(crate) const RESOLUTION: f64 = 2e-8;
 /// Sizes that change by less than this share have settled.
 const SETTLED: f64 = 0.03;
 /// Largest set of columns that is solved.
@@ -53,6 +53,17 @@ pub struct Fit {
     pub variance: f64,
     /// Variance of each block's coefficients over that of the noise.
     pub sizes: Vec<f64>,
+}
+
+/// What a set is worth, and at which sizes.
+#[derive(Debug, Clone)]
+pub(crate) struct Sized {
+    /// Log evidence.
+    pub(crate) log_evidence: f64,
+    /// Variance of each block's coefficients over that of the noise.
+    pub(crate) sizes: Vec<f64>,
+    /// Noise variance, m².
+    pub(crate) variance: f64,
 }
 
 impl Products {
@@ -134,6 +145,12 @@ impl Products {
         }
     }
 
+    /// Products of each column with itself.
+    pub(crate) fn powers(&self) -> Vec<f64> {
+        let count = self.qy.len();
+        (0..count).map(|column| self.qq[column * count + column]).collect()
+    }
+
     /// Evidence and fit of the candidates in `set`; `None` for more columns than can be solved.
     pub fn fit(&self, set: &[usize]) -> Option<Fit> {
         self.solve(set, true)
@@ -143,6 +160,20 @@ impl Products {
     pub fn log_evidence(&self, set: &[usize]) -> f64 {
         self.solve(set, false)
             .map_or(f64::NEG_INFINITY, |fit| fit.log_evidence)
+    }
+
+    /// Log evidence of the candidates in `set`, with the sizes at which it is largest.
+    pub(crate) fn sized(&self, set: &[usize]) -> Sized {
+        let unsolved = || Sized {
+            log_evidence: f64::NEG_INFINITY,
+            sizes: vec![1.0; set.len()],
+            variance: self.yy / self.rows,
+        };
+        self.solve(set, false).map_or_else(unsolved, |fit| Sized {
+            log_evidence: fit.log_evidence,
+            sizes: fit.sizes,
+            variance: fit.variance,
+        })
     }
 
     fn solve(&self, set: &[usize], full: bool) -> Option<Fit> {

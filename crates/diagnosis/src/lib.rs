@@ -18,6 +18,7 @@ pub mod drives;
 pub mod effects;
 pub mod evidence;
 pub mod groups;
+mod growth;
 pub mod identifiability;
 pub mod joined;
 pub mod joint;

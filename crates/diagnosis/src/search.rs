@@ -1,11 +1,13 @@
 //! The search over sets of candidates: which sets are probable, none tried by hand.
 //!
-//! Beam search up to five effects, each level screened by what a candidate would still explain. The prior halves with
+//! Beam search up to five effects; of each level only the best are solved, by a look at all ([`crate::growth`]). The prior halves with
 //! each effect and is spread evenly over the sets of that size, so that a larger library is paid for.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::cmp::Ordering;
+use std::collections::BTreeMap;
 
-use crate::evidence::{Products, cholesky, forward};
+use crate::evidence::{Products, Sized};
+use crate::growth::Growth;
 
 /// Most effects in a set.
 pub const MOST_EFFECTS: usize = 5;
@@ -15,6 +17,8 @@ const MOST_AT_LENGTH: usize = 32;
 const BEAM: usize = 24;
 /// Candidates tried on each kept set.
 const TRIED: usize = 14;
+/// So many times as many are looked at more closely.
+const LOOKED: usize = 2;
 /// Candidates tried on a set that grows one by one.
 const TRIED_AT_LENGTH: usize = 6;
 /// Exchanges of a set that grows one by one, at most.
@@ -45,18 +49,25 @@ pub struct Priors {
 impl Priors {
     /// Log prior probability of a set.
     pub fn of(&self, set: &[usize]) -> f64 {
-        let size = set.len() as f64;
-        let mut choices = 0.0;
-        for k in 0..set.len() {
-            choices += ((self.effects.max(set.len()) - k) as f64 / (k + 1) as f64).ln();
-        }
-        -std::f64::consts::LN_2 * (size + 1.0) - choices
-            + set.iter().map(|&j| self.log_prior[j]).sum::<f64>()
+        self.of_size(set.len()) + self.of_members(set)
+    }
+
+    /// Log prior probability of one set of `size` effects.
+    fn of_size(&self, size: usize) -> f64 {
+        let choices: f64 = (0..size)
+            .map(|k| ((self.effects.max(size) - k) as f64 / (k + 1) as f64).ln())
+            .sum();
+        -std::f64::consts::LN_2 * (size as f64 + 1.0) - choices
+    }
+
+    /// Log prior probability of the members within their effects.
+    fn of_members(&self, set: &[usize]) -> f64 {
+        set.iter().map(|&member| self.log_prior[member]).sum()
     }
 }
 
-/// Log evidence of the sets that were looked at already.
-pub(crate) type Known = BTreeMap<Vec<usize>, f64>;
+/// What the sets that were looked at already are worth.
+pub(crate) type Known = BTreeMap<Vec<usize>, Sized>;
 
 /// Scored sets, best first; what is `known` of the same products is not computed again.
 pub(crate) fn search(
@@ -65,37 +76,33 @@ pub(crate) fn search(
     beam: usize,
     known: &mut Known,
 ) -> Vec<Scored> {
-    let empty = Scored {
-        set: Vec::new(),
-        score: products.log_evidence(&[]) + priors.of(&[]),
+    let mut score = |set: Vec<usize>| {
+        let sized = (known.entry(set.clone())).or_insert_with_key(|set| products.sized(set));
+        let score = sized.log_evidence + priors.of(&set);
+        (Scored { set, score }, sized.clone())
     };
-    let mut best = empty.score;
-    let mut all = vec![empty.clone()];
+    let empty = score(Vec::new());
+    let mut best = empty.0.score;
+    let mut all = vec![empty.0.clone()];
     let mut level = vec![empty];
-    let mut seen = BTreeSet::new();
     for size in 1..=MOST_EFFECTS {
-        let mut next: Vec<Scored> = Vec::new();
-        let tried = if size == 1 { usize::MAX } else { TRIED };
-        for parent in &level {
-            for candidate in promising(products, priors, &parent.set, tried) {
-                let mut set = parent.set.clone();
-                set.push(candidate);
-                set.sort_unstable();
-                if seen.insert(set.clone()) {
-                    let evidence = *(known.entry(set.clone()))
-                        .or_insert_with_key(|set| products.log_evidence(set));
-                    let score = evidence + priors.of(&set);
-                    next.push(Scored { set, score });
-                }
-            }
-        }
-        next.sort_by(|one, other| other.score.total_cmp(&one.score));
-        let Some(leader) = next.first().map(|scored| scored.score) else {
+        let (tried, solved, kept) = match size {
+            1 => (usize::MAX, usize::MAX, 2 * beam),
+            _ => (TRIED, 2 * beam, beam),
+        };
+        let parents = level.iter().map(|(parent, sized)| (&*parent.set, sized));
+        let mut next: Vec<(Scored, Sized)> = (children(products, priors, parents, tried))
+            .into_iter()
+            .take(solved)
+            .map(&mut score)
+            .collect();
+        next.sort_by(|one, other| other.0.score.total_cmp(&one.0.score));
+        let Some(leader) = next.first().map(|(scored, _)| scored.score) else {
             break;
         };
         best = best.max(leader);
-        all.extend(next.iter().take(4 * beam.max(BEAM)).cloned());
-        next.truncate(if size == 1 { 2 * beam } else { beam });
+        all.extend(next.iter().map(|(scored, _)| scored.clone()));
+        next.truncate(kept);
         level = next;
         if size > 1 && leader < best - HOPELESS {
             break;
@@ -105,27 +112,88 @@ pub(crate) fn search(
     all
 }
 
+/// Sets of one candidate more than those of `parents`, best first by a look at each; `tried` of each parent at most.
+fn children<'p>(
+    products: &Products,
+    priors: &Priors,
+    parents: impl Iterator<Item = (&'p [usize], &'p Sized)>,
+    tried: usize,
+) -> Vec<Vec<usize>> {
+    let mut looked: Vec<(f64, Vec<usize>)> = Vec::new();
+    let mut ranked: Vec<(f64, usize)> = Vec::new();
+    for (set, sized) in parents {
+        let Some(mut growth) = Growth::new(products, set, sized) else {
+            continue;
+        };
+        let effects: Vec<usize> = set.iter().map(|&member| priors.effect[member]).collect();
+        let prior = priors.of_size(set.len() + 1) + priors.of_members(set);
+        let others = (0..products.spans.len())
+            .filter(|&candidate| !effects.contains(&priors.effect[candidate]));
+        ranked.clear();
+        ranked.extend(others.map(|candidate| (growth.share(candidate), candidate)));
+        keep(&mut ranked, tried.saturating_mul(LOOKED));
+        ranked.retain_mut(|(worth, candidate)| {
+            let evidence = growth.with(*candidate);
+            *worth = evidence.unwrap_or_default() + priors.log_prior[*candidate];
+            evidence.is_some()
+        });
+        keep(&mut ranked, tried);
+        looked.extend(ranked.iter().map(|&(worth, candidate)| {
+            let mut child = Vec::with_capacity(set.len() + 1);
+            child.extend_from_slice(set);
+            child.insert(set.partition_point(|&member| member < candidate), candidate);
+            (prior + worth, child)
+        }));
+    }
+    // The same set from several parents is looked at from each.
+    looked.sort_by(|one, other| one.1.cmp(&other.1).then(other.0.total_cmp(&one.0)));
+    looked.dedup_by(|one, other| one.1 == other.1);
+    looked.sort_by(|one, other| other.0.total_cmp(&one.0).then_with(|| one.1.cmp(&other.1)));
+    looked.into_iter().map(|(_, set)| set).collect()
+}
+
+/// Keeps the best, in any order.
+fn keep(ranked: &mut Vec<(f64, usize)>, most: usize) {
+    if most < ranked.len() {
+        ranked.select_nth_unstable_by(most, better);
+        ranked.truncate(most);
+    }
+}
+
+/// Larger first, then by place.
+fn better(one: &(f64, usize), other: &(f64, usize)) -> Ordering {
+    other.0.total_cmp(&one.0).then(one.1.cmp(&other.1))
+}
+
+/// The best of some sets, if it is better than `best`.
+fn best_of(
+    products: &Products,
+    priors: &Priors,
+    sets: impl Iterator<Item = Vec<usize>>,
+    best: &Scored,
+) -> Option<Scored> {
+    sets.map(|set| Scored {
+        score: products.log_evidence(&set) + priors.of(&set),
+        set,
+    })
+    .max_by(|one, other| one.score.total_cmp(&other.score))
+    .filter(|next| next.score > best.score)
+}
+
 /// Adds candidates to a set one by one while the posterior rises; `None` when none does.
 pub fn extend(products: &Products, priors: &Priors, start: &[usize]) -> Option<Scored> {
-    let score = |set: &[usize]| products.log_evidence(set) + priors.of(set);
-    let first = score(start);
+    let first = products.log_evidence(start) + priors.of(start);
     let mut best = Scored {
         set: start.to_vec(),
         score: first,
     };
     while best.set.len() < MOST_AT_LENGTH {
-        let trials = promising(products, priors, &best.set, TRIED_AT_LENGTH)
-            .into_iter()
-            .map(|candidate| {
-                let mut set = best.set.clone();
-                set.push(candidate);
-                set.sort_unstable();
-                let score = score(&set);
-                Scored { set, score }
-            });
-        match trials.max_by(|one, other| one.score.total_cmp(&other.score)) {
-            Some(next) if next.score > best.score => best = next,
-            _ => break,
+        let sized = products.sized(&best.set);
+        let parent = std::iter::once((best.set.as_slice(), &sized));
+        let longer = children(products, priors, parent, TRIED_AT_LENGTH);
+        match best_of(products, priors, longer.into_iter(), &best) {
+            Some(next) => best = next,
+            None => break,
         }
     }
     (best.score > first).then_some(best)
@@ -133,38 +201,32 @@ pub fn extend(products: &Products, priors: &Priors, start: &[usize]) -> Option<S
 
 /// Takes candidates out of a set one by one while the posterior rises.
 pub fn prune(products: &Products, priors: &Priors, mut best: Scored) -> Scored {
-    loop {
-        let trials = (0..best.set.len()).map(|place| {
-            let mut set = best.set.clone();
-            set.remove(place);
-            let score = products.log_evidence(&set) + priors.of(&set);
-            Scored { set, score }
-        });
-        match trials.max_by(|one, other| one.score.total_cmp(&other.score)) {
-            Some(next) if next.score > best.score => best = next,
-            _ => return best,
-        }
+    while let Some(next) = best_of(products, priors, shorter(&best.set), &best) {
+        best = next;
     }
+    best
+}
+
+/// A set less each of its candidates.
+fn shorter(set: &[usize]) -> impl Iterator<Item = Vec<usize>> {
+    (0..set.len()).map(|place| [&set[..place], &set[place + 1..]].concat())
 }
 
 /// Exchanges candidates of a set one by one while the posterior rises: what came in early may have stood for another.
 pub fn exchange(products: &Products, priors: &Priors, mut best: Scored) -> Scored {
     for _ in 0..EXCHANGES {
-        let trials = (0..best.set.len()).flat_map(|place| {
-            let mut rest = best.set.clone();
-            rest.remove(place);
-            let others = promising(products, priors, &rest, TRIED).into_iter();
-            others.map(move |candidate| {
-                let mut set = rest.clone();
-                set.push(candidate);
-                set.sort_unstable();
-                let score = products.log_evidence(&set) + priors.of(&set);
-                Scored { set, score }
+        let rests: Vec<(Vec<usize>, Sized)> = (shorter(&best.set))
+            .map(|rest| {
+                let sized = products.sized(&rest);
+                (rest, sized)
             })
-        });
-        match trials.max_by(|one, other| one.score.total_cmp(&other.score)) {
-            Some(next) if next.score > best.score => best = next,
-            _ => break,
+            .collect();
+        let parents = rests.iter().map(|(rest, sized)| (rest.as_slice(), sized));
+        let others = children(products, priors, parents, TRIED).into_iter();
+        let most = TRIED_AT_LENGTH * best.set.len();
+        match best_of(products, priors, others.take(most), &best) {
+            Some(next) => best = next,
+            None => break,
         }
     }
     best
@@ -173,60 +235,4 @@ pub fn exchange(products: &Products, priors: &Priors, mut best: Scored) -> Score
 /// The usual width of the search.
 pub fn usual_beam() -> usize {
     BEAM
-}
-
-/// Candidates that would explain most of what the set leaves, best first.
-fn promising(products: &Products, priors: &Priors, set: &[usize], most: usize) -> Vec<usize> {
-    let count = products.qy.len();
-    let columns: Vec<usize> = set
-        .iter()
-        .flat_map(|&j| products.spans[j].0..products.spans[j].0 + products.spans[j].1)
-        .collect();
-    let n = columns.len();
-    let mut factor = vec![0.0; n * n];
-    for (i, &a) in columns.iter().enumerate() {
-        for (k, &b) in columns.iter().enumerate() {
-            factor[i * n + k] = products.qq[a * count + b];
-        }
-        factor[i * n + i] += 1e-6;
-    }
-    if cholesky(&mut factor, n).is_none() {
-        return Vec::new();
-    }
-    // With the factor L of the set's products: what the set leaves of a column c is c·c − |L⁻¹c|², of y against it
-    // c·y − (L⁻¹c)·(L⁻¹y).
-    let mut seen: Vec<f64> = columns.iter().map(|&a| products.qy[a]).collect();
-    forward(&factor, n, &mut seen);
-    let mut ranked: Vec<(f64, usize)> = Vec::new();
-    let mut cross = vec![0.0; n];
-    for candidate in 0..products.spans.len() {
-        if set
-            .iter()
-            .any(|&member| priors.effect[member] == priors.effect[candidate])
-        {
-            continue;
-        }
-        let (first, width) = products.spans[candidate];
-        let mut gain = 0.0;
-        for column in first..first + width {
-            for (value, &a) in cross.iter_mut().zip(&columns) {
-                *value = products.qq[column * count + a];
-            }
-            forward(&factor, n, &mut cross);
-            let left =
-                products.qy[column] - cross.iter().zip(&seen).map(|(x, y)| x * y).sum::<f64>();
-            let free =
-                products.qq[column * count + column] - cross.iter().map(|x| x * x).sum::<f64>();
-            if free > 1e-5 {
-                gain += left * left / free;
-            }
-        }
-        ranked.push((gain, candidate));
-    }
-    ranked.sort_by(|one, other| other.0.total_cmp(&one.0).then(one.1.cmp(&other.1)));
-    ranked
-        .into_iter()
-        .take(most)
-        .map(|(_, candidate)| candidate)
-        .collect()
 }
