@@ -5,12 +5,12 @@
 
 use std::rc::Rc;
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
 
 use crate::attribution::Model;
 use crate::candidate::Candidate;
 use crate::columns::{Rows, side_by_side};
-use crate::evidence::{Products, dot};
+use crate::evidence::Products;
 use crate::observation::Observations;
 use crate::pool::Pool;
 use crate::rivals::{Kind, Rival};
@@ -236,11 +236,8 @@ fn first_look(
     looks
 }
 
-/// Columns of some candidates and the deviations, over the rows in use.
-pub(crate) struct Seen {
-    columns: DMatrix<f64>,
-    y: DVector<f64>,
-}
+/// Columns of some candidates and, as the last, the deviations, over the rows in use.
+pub(crate) struct Seen(DMatrix<f64>);
 
 impl Seen {
     pub(crate) fn new<'c>(
@@ -249,72 +246,43 @@ impl Seen {
         active: &[bool],
     ) -> Self {
         let rows = Rows::plain(active);
+        let y = [y.to_vec()];
         let blocks = candidates.map(|candidate| candidate.block.as_slice());
-        Self {
-            columns: side_by_side(&rows, blocks, 0).0,
-            y: DVector::from_vec(rows.white(y)),
-        }
+        Self(side_by_side(&rows, blocks.chain([y.as_slice()]), 0).0)
     }
 
     /// Them beside a rival over the same rows.
     pub(crate) fn beside<'a>(&self, rival: &'a Rival) -> Beside<'a> {
-        let crossed = &rival.directions * &self.columns;
         Beside {
             rival,
-            crossed: crossed
-                .column_iter()
-                .map(|column| column.iter().copied().collect())
-                .collect(),
-            seen: (&rival.directions * &self.y).data.into(),
+            crossed: (rival.lines() * &self.0).transpose(),
         }
     }
 }
 
-/// Products of the candidates with a rival's directions.
+/// Products of the candidates and the deviations with a rival's lines: a row for each column of theirs.
 pub(crate) struct Beside<'a> {
     rival: &'a Rival,
-    /// Per candidate column, its products with the rival's directions.
-    crossed: Vec<Vec<f64>>,
-    seen: Vec<f64>,
+    crossed: DMatrix<f64>,
 }
 
 impl Beside<'_> {
     /// The products with the rival's part of the rows whitened, for a variance over that of the noise.
     pub(crate) fn products(&self, power: f64, plain: &Products) -> Products {
-        let shares: Vec<f64> = self
-            .rival
-            .powers
-            .iter()
-            .map(|own| power * own / (1.0 + power * own))
-            .collect();
-        let weighted: Vec<Vec<f64>> = self
-            .crossed
-            .iter()
-            .map(|column| column.iter().zip(&shares).map(|(x, w)| x * w).collect())
-            .collect();
+        let held = self.rival.held(power);
+        let seen = held.forward(self.crossed.clone());
+        let known = &seen * seen.transpose();
         let count = plain.qy.len();
         let mut whitened = plain.clone();
-        for (one, own) in weighted.iter().enumerate() {
-            for other in one..count {
-                let value = plain.qq[one * count + other] - dot(own, &self.crossed[other]);
-                whitened.qq[one * count + other] = value;
-                whitened.qq[other * count + one] = value;
+        for (column, known) in known.column_iter().take(count).enumerate() {
+            let own = &mut whitened.qq[column * count..(column + 1) * count];
+            for (value, known) in own.iter_mut().zip(&known) {
+                *value -= known;
             }
-            whitened.qy[one] -= dot(own, &self.seen);
+            whitened.qy[column] -= known[count];
         }
-        whitened.yy -= self
-            .seen
-            .iter()
-            .zip(&shares)
-            .map(|(x, w)| x * x * w)
-            .sum::<f64>();
-        whitened.offset += 0.5
-            * self
-                .rival
-                .powers
-                .iter()
-                .map(|own| (1.0 + power * own).ln())
-                .sum::<f64>();
+        whitened.yy -= known[(count, count)];
+        whitened.offset += 0.5 * held.log_determinant;
         whitened
     }
 }

@@ -134,17 +134,10 @@ pub fn rival_part(attribution: &Attribution, model: usize) -> Option<(Kind, Vec<
     let used: Vec<usize> = (0..left.len())
         .filter(|&row| attribution.active[row])
         .collect();
+    let used_left: Vec<f64> = used.iter().map(|&row| left[row]).collect();
     let mut part = vec![0.0; left.len()];
-    for (direction, own) in rival.directions.row_iter().zip(&rival.powers) {
-        let along: f64 = direction
-            .iter()
-            .zip(&used)
-            .map(|(share, &row)| share * left[row])
-            .sum();
-        let kept = along * power * own / (1.0 + power * own);
-        for (share, &row) in direction.iter().zip(&used) {
-            part[row] += kept * share;
-        }
+    for (value, &row) in rival.part(power, &used_left).into_iter().zip(&used) {
+        part[row] = value;
     }
     Some((rival.kind.clone(), part))
 }

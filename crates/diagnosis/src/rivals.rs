@@ -2,18 +2,24 @@
 //!
 //! Each is a Gaussian process over something a cause could depend on: the part's surface, an axis, time, the probe's
 //! direction, a feature, an index. Where one beats every set of effects, something unknown acts, and the rival's kind
-//! is its place. A process is kept as its leading directions (pivoted Cholesky, then eigenvectors).
+//! is its place. A process is kept as its leading directions (pivoted Cholesky), turned so that their products with one
+//! another are tridiagonal ([`held`]).
 
 mod covariate;
+mod held;
+
+use std::ops::Neg;
+use std::rc::Rc;
 
 use machine::JointKind;
-use nalgebra::{DMatrix, Vector3};
+use nalgebra::{DMatrix, DVector, Point3, Vector3};
 
 use crate::evidence::add_scaled;
 use crate::observation::{Observations, Pose, Row};
 use crate::pool::remove;
 
 pub use covariate::Covariate;
+pub(crate) use held::{Held, Lines};
 
 /// Directions that a process may have at most.
 const MOST_DIRECTIONS: usize = 48;
@@ -39,6 +45,9 @@ const TURNING: f64 = 0.25;
 /// A turn that acts on no longer lever than this moves nothing, m: what is left there is rounding, which knows the
 /// deviations.
 const SHORT: f64 = 1e-5;
+
+/// So many lengths away nothing is in common: a part in 10¹³.
+const DISTANT: f64 = 8.0;
 
 /// An axis that moves less than this (m or rad) is no cause of anything.
 const STILL: f64 = 1e-3;
@@ -69,15 +78,21 @@ pub enum Kind {
 pub struct Rival {
     /// What it depends on.
     pub kind: Kind,
-    /// Orthonormal directions over the weighted active rows, a row of the matrix for each.
-    pub directions: DMatrix<f64>,
-    /// Variance along each, for unit variance of the process.
-    pub powers: Vec<f64>,
+    /// What it is made of over the weighted active rows, for unit variance: a row of the matrix for each line.
+    lines: DMatrix<f64>,
+    /// Products of the lines with one another.
+    products: Lines,
     /// Natural logarithm of its prior probability among the rivals.
     pub log_prior: f64,
 }
 
-type Kernel<'a> = Box<dyn Fn(usize, usize) -> f64 + 'a>;
+/// Fills a column: what each of some rows has in common with one row.
+type Kernel<'a> = Box<dyn Fn(&[usize], usize, &mut Vec<f64>) + 'a>;
+
+/// A kernel from what two rows have in common.
+fn each<'a>(common: impl Fn(usize, usize) -> f64 + 'a) -> Kernel<'a> {
+    Box::new(move |rows, with, column| column.extend(rows.iter().map(|&row| common(row, with))))
+}
 
 /// All rivals of a session, over its active rows only.
 pub fn rivals(observations: &Observations, active: &[bool]) -> Vec<Rival> {
@@ -135,7 +150,7 @@ pub(crate) fn grid(observations: &Observations, active: &[bool]) -> Option<Rival
         })
         .collect();
     let cell = |pose: &Pose, axis: usize| (pose.latched[axis] / step).round() as i64;
-    let kernel: Kernel<'_> = Box::new(|i, j| {
+    let kernel = each(|i, j| {
         let (Some(one), Some(other)) = (pose(&rows[i]), pose(&rows[j])) else {
             return 0.0;
         };
@@ -156,15 +171,22 @@ fn pose(row: &Row) -> Option<&Pose> {
     row.pose.as_ref()
 }
 
+/// A squared exponential; 0 from where nobody could see it.
 fn squared(distance: f64, length: f64) -> f64 {
-    (-0.5 * (distance / length).powi(2)).exp()
+    let along = distance / length;
+    if along.abs() > DISTANT {
+        return 0.0;
+    }
+    (-0.5 * along * along).exp()
 }
 
 fn region(observations: &Observations) -> Vec<Kernel<'_>> {
     let rows = &observations.rows;
+    let places: Rc<[(Point3<f64>, Vector3<f64>)]> =
+        rows.iter().map(|row| (row.position, row.normal)).collect();
     let mut size = 0.0_f64;
-    for row in rows {
-        size = size.max((row.position - rows[0].position).norm());
+    for (position, _) in &*places {
+        size = size.max((position - places[0].0).norm());
     }
     if size <= 0.0 {
         return Vec::new();
@@ -172,25 +194,27 @@ fn region(observations: &Observations) -> Vec<Kernel<'_>> {
     let mut kernels: Vec<Kernel<'_>> = Vec::new();
     for share in [0.05, 0.12, 0.3, 0.8] {
         // Displacements that change over the part, and material that does.
-        kernels.push(Box::new(move |i, j| {
-            let (one, other) = (&rows[i], &rows[j]);
-            one.normal.dot(&other.normal)
-                * squared((one.position - other.position).norm(), share * size)
+        let near = move |one: &Point3<f64>, other: &Point3<f64>| {
+            squared((one - other).norm(), share * size)
+        };
+        let displaced = Rc::clone(&places);
+        kernels.push(each(move |i, j| {
+            let ((one, along), (other, across)) = (&displaced[i], &displaced[j]);
+            along.dot(across) * near(one, other)
         }));
-        kernels.push(Box::new(move |i, j| {
-            squared((rows[i].position - rows[j].position).norm(), share * size)
-        }));
+        let left = Rc::clone(&places);
+        kernels.push(each(move |i, j| near(&left[i].0, &left[j].0)));
     }
     // The part warps: a field of displacements, of second and third order in the place.
-    let middle = rows
-        .iter()
-        .fold(Vector3::zeros(), |sum, row| sum + row.position.coords)
+    let middle = (places.iter()).fold(Vector3::zeros(), |sum, place| sum + place.0.coords)
         / rows.len() as f64;
     for order in [2, 3] {
-        kernels.push(Box::new(move |i, j| {
-            let (one, other) = (&rows[i], &rows[j]);
-            let from = |row: &Row| (row.position.coords - middle) * (2.0 / size);
-            one.normal.dot(&other.normal) * (1.0 + from(one).dot(&from(other))).powi(order)
+        let warped: Vec<(Vector3<f64>, Vector3<f64>)> = (places.iter())
+            .map(|(position, normal)| ((position.coords - middle) * (2.0 / size), *normal))
+            .collect();
+        kernels.push(each(move |i, j| {
+            let ((one, along), (other, across)) = (&warped[i], &warped[j]);
+            along.dot(across) * (1.0 + one.dot(other)).powi(order)
         }));
     }
     kernels
@@ -198,34 +222,43 @@ fn region(observations: &Observations) -> Vec<Kernel<'_>> {
 
 fn time(observations: &Observations) -> Vec<Kernel<'_>> {
     let rows = &observations.rows;
-    let span = observations.span() - rows[0].time;
+    let begin = rows[0].time;
+    let span = observations.span() - begin;
     if span <= 0.0 {
         return Vec::new();
     }
+    // When, and facing where: nowhere for what was not measured.
+    let touches: Rc<[(f64, f64, Vector3<f64>)]> = (rows.iter())
+        .map(|row| {
+            let measured = if row.pose.is_some() { 1.0 } else { 0.0 };
+            (row.time - begin, measured, row.normal * measured)
+        })
+        .collect();
     let mut kernels: Vec<Kernel<'_>> = Vec::new();
     for share in [0.015, 0.04, 0.12] {
-        kernels.push(Box::new(move |i, j| {
-            measured(rows, i, j) * squared(rows[i].time - rows[j].time, share * span)
+        let touches = Rc::clone(&touches);
+        kernels.push(each(move |i, j| {
+            let ((one, is, _), (other, was, _)) = (&touches[i], &touches[j]);
+            is * was * squared(one - other, share * span)
         }));
     }
     for share in [0.04, 0.2] {
-        kernels.push(Box::new(move |i, j| {
-            let along = rows[i].normal.dot(&rows[j].normal);
-            measured(rows, i, j) * along * squared(rows[i].time - rows[j].time, share * span)
+        let touches = Rc::clone(&touches);
+        kernels.push(each(move |i, j| {
+            let ((one, _, along), (other, _, across)) = (&touches[i], &touches[j]);
+            along.dot(across) * squared(one - other, share * span)
         }));
     }
     // What jumps or wanders from its last value: Brownian motion of the reading, and of the part against the probe.
-    for displaced in [false, true] {
-        kernels.push(Box::new(move |i, j| {
-            let earlier = rows[i].time.min(rows[j].time) - rows[0].time;
-            let along = if displaced {
-                rows[i].normal.dot(&rows[j].normal)
-            } else {
-                1.0
-            };
-            measured(rows, i, j) * along * earlier / span
-        }));
-    }
+    let wandering = Rc::clone(&touches);
+    kernels.push(each(move |i, j| {
+        let ((one, is, _), (other, was, _)) = (&wandering[i], &wandering[j]);
+        is * was * one.min(*other) / span
+    }));
+    kernels.push(each(move |i, j| {
+        let ((one, _, along), (other, _, across)) = (&touches[i], &touches[j]);
+        along.dot(across) * one.min(*other) / span
+    }));
     kernels
 }
 
@@ -234,18 +267,18 @@ fn measured(rows: &[Row], i: usize, j: usize) -> f64 {
 }
 
 fn direction(observations: &Observations) -> Vec<Kernel<'_>> {
-    let rows = &observations.rows;
+    // The normal in the probe's frame.
+    let facing = |row: &Row| {
+        let mount = &row.pose.as_ref()?.sensitivity.mount;
+        Some(Vector3::from_fn(|axis, _| mount[axis].dot(&row.normal)))
+    };
+    let directions: Rc<[Option<Vector3<f64>>]> = observations.rows.iter().map(facing).collect();
     [0.25, 0.7]
-        .map(|length| -> Kernel<'_> {
-            Box::new(move |i, j| {
-                let (Some(one), Some(other)) = (pose(&rows[i]), pose(&rows[j])) else {
-                    return 0.0;
-                };
-                let mut distance = 0.0;
-                for (a, b) in one.sensitivity.mount.iter().zip(&other.sensitivity.mount) {
-                    distance += (a.dot(&rows[i].normal) - b.dot(&rows[j].normal)).powi(2);
-                }
-                squared(distance.sqrt(), length)
+        .map(|length| {
+            let directions = Rc::clone(&directions);
+            each(move |i, j| match (&directions[i], &directions[j]) {
+                (Some(one), Some(other)) => squared((one - other).norm(), length),
+                _ => 0.0,
             })
         })
         .into()
@@ -257,10 +290,10 @@ fn feature(observations: &Observations) -> Vec<Kernel<'_>> {
         return Vec::new();
     }
     let same = |i: usize, j: usize| f64::from(u8::from(rows[i].feature == rows[j].feature));
-    let mut kernels: Vec<Kernel<'_>> = vec![Box::new(same)];
+    let mut kernels: Vec<Kernel<'_>> = vec![each(same)];
     for length in [0.2, 0.45] {
         // Form: what depends on where a curved feature is touched.
-        kernels.push(Box::new(move |i, j| {
+        kernels.push(each(move |i, j| {
             same(i, j) * squared((rows[i].normal - rows[j].normal).norm(), length)
         }));
     }
@@ -274,7 +307,7 @@ fn scattered(observations: &Observations) -> Vec<Kernel<'_>> {
     for feature in 0..observations.features.len() {
         let own = rows.iter().filter(|row| row.feature == feature).count();
         if own >= FEWEST_SCATTERED && 2 * own <= rows.len() {
-            kernels.push(Box::new(move |i, j| {
+            kernels.push(each(move |i, j| {
                 f64::from(u8::from(i == j && rows[i].feature == feature))
             }));
         }
@@ -296,9 +329,9 @@ fn index(observations: &Observations) -> Vec<Kernel<'_>> {
         .fold(0.0, f64::max)
         .max(f64::MIN_POSITIVE);
     vec![
-        Box::new(move |i, j| same(i, j) * rows[i].normal.dot(&rows[j].normal)),
+        each(move |i, j| same(i, j) * rows[i].normal.dot(&rows[j].normal)),
         // At each index the whole part lies elsewhere: displaced and turned.
-        Box::new(move |i, j| {
+        each(move |i, j| {
             let (one, other) = (&rows[i], &rows[j]);
             let lever = |row: &Row| row.position.coords.cross(&row.normal) / reach;
             same(i, j) * (one.normal.dot(&other.normal) + lever(one).dot(&lever(other)))
@@ -307,7 +340,7 @@ fn index(observations: &Observations) -> Vec<Kernel<'_>> {
 }
 
 /// Where and how strongly a displacement that depends on an axis is seen: probing, then cutting.
-type Atoms = Vec<[(f64, f64); 2]>;
+type Atoms<T> = Vec<[(T, f64); 2]>;
 
 /// Displacements that depend on one axis: in any direction of the foundation, or in one direction of the axis's frame.
 fn along_axis(observations: &Observations, axis: usize) -> Vec<Kernel<'_>> {
@@ -318,69 +351,88 @@ fn along_axis(observations: &Observations, axis: usize) -> Vec<Kernel<'_>> {
     let range = high - low;
     let joint = observations.chain.axes()[axis];
     let turns = observations.chain.axis(axis).kind == JointKind::Revolute;
-    let seen = |direction: &dyn Fn(&Pose) -> Vector3<f64>| -> Atoms {
-        let atom = |row: &Row, pose: Option<&Pose>, sign: f64| {
-            pose.map_or((0.0, 0.0), |pose| {
-                (
-                    sign * row.normal.dot(&direction(pose)),
-                    pose.positions[axis],
-                )
-            })
-        };
-        let atoms = |row: &Row| {
-            [
-                atom(row, row.pose.as_ref(), -1.0),
-                atom(row, row.cut.as_ref(), 1.0),
-            ]
-        };
-        observations.rows.iter().map(atoms).collect()
-    };
+    let rows = &observations.rows;
     let mut kernels: Vec<Kernel<'_>> = Vec::new();
-    let all = [0, 1, 2].map(|k| seen(&move |pose| pose.sensitivity.foundation[k]));
+    let all: Rc<Atoms<Vector3<f64>>> = Rc::new(atoms(rows, axis, |row, pose| {
+        let foundation = &pose.sensitivity.foundation;
+        Vector3::from_fn(|k, _| row.normal.dot(&foundation[k]))
+    }));
     for share in [0.03, 0.08, 0.25] {
-        let all = all.clone();
-        kernels.push(Box::new(move |i, j| {
-            all.iter()
-                .map(|atoms| together(atoms, i, j, share * range))
-                .sum()
+        let all = Rc::clone(&all);
+        kernels.push(each(move |i, j| {
+            together(&all[i], &all[j], share * range, Vector3::dot)
         }));
     }
     for component in 0..3 {
-        let one = seen(&move |pose| {
+        let one = Rc::new(atoms(rows, axis, |row, pose| {
             let frames = if turns {
                 &pose.sensitivity.location
             } else {
                 &pose.sensitivity.motion
             };
-            frames[joint][component]
-        });
+            row.normal.dot(&frames[joint][component])
+        }));
         for share in [0.04, 0.1, 0.3] {
-            let one = one.clone();
-            kernels.push(Box::new(move |i, j| together(&one, i, j, share * range)));
+            let one = Rc::clone(&one);
+            kernels.push(each(move |i, j| {
+                together(&one[i], &one[j], share * range, product)
+            }));
         }
     }
     // Turns that depend on the axis, at the size of the displacement that they make.
     for component in 3..6 {
-        let mut one = seen(&move |pose| pose.sensitivity.motion[joint][component]);
-        let atoms = || one.iter().flatten();
-        let reach = atoms().map(|atom| atom.0.abs()).fold(0.0, f64::max);
+        let mut one = atoms(rows, axis, |row, pose| {
+            row.normal.dot(&pose.sensitivity.motion[joint][component])
+        });
+        let levers = one.iter().flatten();
+        let reach = levers.map(|atom| atom.0.abs()).fold(0.0, f64::max);
         if reach < SHORT {
             continue;
         }
         for atom in one.iter_mut().flatten() {
             atom.0 /= reach;
         }
-        kernels.push(Box::new(move |i, j| together(&one, i, j, TURNING * range)));
+        kernels.push(each(move |i, j| {
+            together(&one[i], &one[j], TURNING * range, product)
+        }));
     }
     kernels
 }
 
-fn together(atoms: &Atoms, i: usize, j: usize, length: f64) -> f64 {
+/// What each row sees of a displacement while probing (which moves the ball against the part), and while cutting.
+fn atoms<T>(rows: &[Row], axis: usize, seen: impl Fn(&Row, &Pose) -> T) -> Atoms<T>
+where
+    T: Default + Neg<Output = T>,
+{
+    let atom = |row: &Row, pose: Option<&Pose>| {
+        pose.map_or((T::default(), 0.0), |pose| {
+            (seen(row, pose), pose.positions[axis])
+        })
+    };
+    let both = |row: &Row| {
+        let (probing, at) = atom(row, row.pose.as_ref());
+        [(-probing, at), atom(row, row.cut.as_ref())]
+    };
+    rows.iter().map(both).collect()
+}
+
+fn product(one: &f64, other: &f64) -> f64 {
+    one * other
+}
+
+/// What two rows have in common of a displacement that changes over `length`.
+fn together<T>(
+    one: &[(T, f64); 2],
+    other: &[(T, f64); 2],
+    length: f64,
+    product: impl Fn(&T, &T) -> f64,
+) -> f64 {
     let mut sum = 0.0;
-    for (one, at) in &atoms[i] {
-        for (other, there) in &atoms[j] {
-            if *one != 0.0 && *other != 0.0 {
-                sum += one * other * squared(at - there, length);
+    for (seen, at) in one {
+        for (also, there) in other {
+            let product = product(seen, also);
+            if product != 0.0 {
+                sum += product * squared(at - there, length);
             }
         }
     }
@@ -397,11 +449,16 @@ fn factor(
 ) -> Option<Rival> {
     let used: Vec<usize> = (0..active.len()).filter(|&row| active[row]).collect();
     let rows = used.len();
-    let kernel = |i: usize, j: usize| kernel(used[i], used[j]);
-    let weight = |row: usize| observations.rows[used[row]].weight;
-    let mut left: Vec<f64> = (0..rows)
-        .map(|row| kernel(row, row) * weight(row).powi(2))
+    let weights: Vec<f64> = (used.iter())
+        .map(|&row| observations.rows[row].weight)
         .collect();
+    let mut left = Vec::with_capacity(rows);
+    for &row in &used {
+        kernel(&[row], row, &mut left);
+    }
+    for (own, weight) in left.iter_mut().zip(&weights) {
+        *own *= weight * weight;
+    }
     let scale = left.iter().fold(0.0_f64, |most, &value| most.max(value));
     if scale <= 0.0 {
         return None;
@@ -420,81 +477,113 @@ fn factor(
         if value < NEGLIGIBLE * scale {
             break;
         }
-        let root = value.sqrt();
-        let mut column: Vec<f64> = (0..rows)
-            .map(|row| kernel(row, pivot) * weight(row) * weight(pivot))
-            .collect();
+        let mut column = Vec::with_capacity(rows);
+        kernel(&used, used[pivot], &mut column);
+        for (own, weight) in column.iter_mut().zip(&weights) {
+            *own *= weight * weights[pivot];
+        }
         for known in &columns {
             add_scaled(&mut column, -known[pivot], known);
         }
-        crate::evidence::scale(&mut column, 1.0 / root);
+        crate::evidence::scale(&mut column, 1.0 / value.sqrt());
         for (rest, value) in left.iter_mut().zip(&column) {
             *rest -= value * value;
         }
         left[pivot] = 0.0;
         columns.push(column);
     }
-    let (directions, powers) = leading(&columns, 1e-6 * scale);
     let fewest = match kind {
         Kind::Covariate(_) => 1,
         _ => FEWEST_DIRECTIONS,
     };
-    (powers.len() >= fewest).then_some(Rival {
-        kind,
-        directions,
-        powers,
-        log_prior,
-    })
+    (columns.len() >= fewest).then(|| Rival::new(kind, &columns, log_prior))
 }
 
-/// Orthonormal directions and powers of what columns make together; powers up to `least` are left out.
-fn leading(columns: &[Vec<f64>], least: f64) -> (DMatrix<f64>, Vec<f64>) {
-    let (rows, count) = (columns.first().map_or(0, Vec::len), columns.len());
-    let down = DMatrix::from_vec(rows, count, columns.concat());
+/// What columns make together as columns at right angles to one another, a row of the matrix for each, with their powers.
+fn leading(columns: &[Vec<f64>]) -> (DMatrix<f64>, Vec<f64>) {
+    let rows = columns.first().map_or(0, Vec::len);
+    let down = DMatrix::from_vec(rows, columns.len(), columns.concat());
     let across = down.transpose();
     let eigen = (&across * down).symmetric_eigen();
-    let kept: Vec<usize> = (0..count)
-        .filter(|&index| eigen.eigenvalues[index] > least)
-        .collect();
-    let powers: Vec<f64> = kept.iter().map(|&index| eigen.eigenvalues[index]).collect();
-    let shares = DMatrix::from_fn(kept.len(), count, |place, column| {
-        eigen.eigenvectors[(column, kept[place])] / powers[place].sqrt()
-    });
-    (shares * across, powers)
+    (eigen.eigenvectors.transpose() * across, eigen.eigenvalues.data.into())
 }
 
 impl Rival {
+    /// Of at least one column over the active rows.
+    fn new(kind: Kind, columns: &[Vec<f64>], log_prior: f64) -> Self {
+        let rows = columns.first().map_or(0, Vec::len);
+        let down = DMatrix::from_vec(rows, columns.len(), columns.concat());
+        let across = down.transpose();
+        let (turn, own, next) = (&across * down).symmetric_tridiagonalize().unpack();
+        Self {
+            kind,
+            lines: turn.transpose() * across,
+            products: Lines {
+                own: own.data.into(),
+                next: next.data.into(),
+            },
+            log_prior,
+        }
+    }
+
     /// Number of rows that it is over.
     pub(crate) fn rows(&self) -> usize {
-        self.directions.ncols()
+        self.lines.ncols()
+    }
+
+    /// What it is made of over the rows, for unit variance: a row of the matrix for each line.
+    pub(crate) fn lines(&self) -> &DMatrix<f64> {
+        &self.lines
+    }
+
+    /// It at a variance over that of the noise.
+    pub(crate) fn held(&self, power: f64) -> Held {
+        self.products.held(power)
+    }
+
+    /// Sum of its variances over the rows, for unit variance.
+    pub(crate) fn trace(&self) -> f64 {
+        self.products.own.iter().sum()
     }
 
     /// Degrees of freedom that it takes up at a variance over that of the noise.
     pub(crate) fn taken(&self, power: f64) -> f64 {
-        let share = |own: &f64| power * own / (1.0 + power * own);
-        self.powers.iter().map(share).sum()
+        let (held, count) = (self.held(power), self.lines.nrows());
+        let kept = |place: usize| {
+            let mut unit = vec![0.0; count];
+            unit[place] = 1.0;
+            held.solve(&mut unit);
+            1.0 - unit[place] / power
+        };
+        (0..count).map(kept).sum()
     }
 
-    /// The columns that it is made of: directions at the size of their standard deviation, for unit variance.
+    /// Its most probable part of values over the rows, at a variance over that of the noise.
+    pub(crate) fn part(&self, power: f64, values: &[f64]) -> Vec<f64> {
+        let mut along = &self.lines * DVector::from_column_slice(values);
+        self.held(power).solve(along.as_mut_slice());
+        self.lines.tr_mul(&along).data.into()
+    }
+
+    /// The columns that it is made of, for unit variance.
     pub(crate) fn columns(&self) -> Vec<Vec<f64>> {
-        (self.directions.row_iter().zip(&self.powers))
-            .map(|(direction, power)| direction.iter().map(|own| own * power.sqrt()).collect())
-            .collect()
+        let line = |line: nalgebra::RowDVector<f64>| line.data.into();
+        (self.lines.row_iter().map(|row| line(row.into_owned()))).collect()
     }
 
     /// What is left of it beside an orthonormal basis over the active rows; `None` where nothing is.
     pub(crate) fn beside(&self, basis: &[Vec<f64>]) -> Option<Self> {
-        let most = self.powers.iter().copied().fold(0.0, f64::max);
+        let largest = |powers: &[f64]| powers.iter().copied().fold(0.0, f64::max);
         let mut columns = self.columns();
+        let most = largest(&leading(&columns).1);
         for column in &mut columns {
             remove(column, basis);
         }
-        let (directions, powers) = leading(&columns, OWN * most);
-        (!powers.is_empty()).then_some(Self {
-            kind: self.kind.clone(),
-            directions,
-            powers,
-            log_prior: self.log_prior,
-        })
+        let (own, powers) = leading(&columns);
+        let kept: Vec<Vec<f64>> = (own.row_iter().zip(&powers))
+            .filter(|&(_, &power)| power > OWN * most)
+            .map(|(column, _)| column.iter().copied().collect())
+            .collect();
+        (!kept.is_empty()).then(|| Self::new(self.kind.clone(), &kept, self.log_prior))
     }
 }

@@ -322,7 +322,7 @@ impl Table<'_> {
         let views: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
         let rival = &source.attribution.rivals[place];
         let rows = rival.rows().max(1) as f64;
-        let spread = power * rival.powers.iter().sum::<f64>() / rows;
+        let spread = power * rival.trace() / rows;
         let small = simplest(source.attribution, model);
         let members: Vec<Member> = small
             .set

@@ -3,7 +3,7 @@
 //! A reading that depends on the speed of approach; material that depends on the path that a tool had cut, on the height
 //! along it or on the distance from the clamping. Lengths are shares of the range that the session covers.
 
-use super::{Kernel, measured, squared};
+use super::{Kernel, each, measured, squared};
 use crate::observation::{Observations, Row};
 
 /// A covariate that varies by less than this share of its size tells nothing.
@@ -81,12 +81,12 @@ impl Covariate {
             squared(one - other, LENGTH * range)
         };
         if self == Self::Feed {
-            return vec![Box::new(move |i, j| measured(rows, i, j) * alike(i, j))];
+            return vec![each(move |i, j| measured(rows, i, j) * alike(i, j))];
         }
         // Each tool leaves its own; or all leave the same.
         vec![
-            Box::new(alike),
-            Box::new(move |i, j| f64::from(u8::from(rows[i].tool == rows[j].tool)) * alike(i, j)),
+            each(alike),
+            each(move |i, j| f64::from(u8::from(rows[i].tool == rows[j].tool)) * alike(i, j)),
         ]
     }
 }
