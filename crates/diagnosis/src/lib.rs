@@ -33,6 +33,7 @@ mod referenced;
 pub mod report;
 pub mod residuals;
 pub mod rivals;
+mod scan;
 pub mod search;
 pub mod session;
 pub mod shrinkage;

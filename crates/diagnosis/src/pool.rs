@@ -13,6 +13,7 @@ use crate::effects::Variant;
 use crate::evidence::{Products, add_scaled, dot, scale};
 use crate::observation::{Column, Observations};
 use crate::rivals::{Rival, rivals};
+use crate::scan::{Crossed, Left, Masked};
 use crate::search::{Known, Priors, Scored, search, usual_beam};
 
 /// Rows on which shapes are scanned.
@@ -69,27 +70,41 @@ impl Trial {
         }
     }
 
+    /// The weighted columns over the scanned rows.
+    pub(crate) fn columns(&self) -> &[Vec<f64>] {
+        &self.columns
+    }
+
     /// How much of `left` the columns explain beside an orthonormal basis; `out` are rows that do not count.
     pub(crate) fn gain(&self, basis: &[Vec<f64>], left: &[f64], out: &[usize]) -> f64 {
+        let with = |values: &[f64]| -> Vec<f64> {
+            let columns = self.columns.iter();
+            columns.map(|column| dot(column, values)).collect()
+        };
+        let shared: Vec<Vec<f64>> = basis.iter().map(|known| with(known)).collect();
+        self.explained(shared.iter().map(Vec::as_slice), &mut with(left), out)
+    }
+
+    /// The same from the columns' products with each column of the basis, and with what is left (`right`, used up).
+    pub(crate) fn explained<'s>(
+        &self,
+        shared: impl Iterator<Item = &'s [f64]>,
+        right: &mut [f64],
+        out: &[usize],
+    ) -> f64 {
         let width = self.columns.len();
         let mut gram = self.gram.clone();
-        let mut right: Vec<f64> = self
-            .columns
-            .iter()
-            .map(|column| dot(column, left))
-            .collect();
-        let shared: Vec<Vec<f64>> = self
-            .columns
-            .iter()
-            .map(|column| basis.iter().map(|known| dot(known, column)).collect())
-            .collect();
+        for known in shared {
+            for (i, one) in known.iter().enumerate() {
+                add_scaled(&mut gram[i * width..(i + 1) * width], -one, known);
+            }
+        }
         for i in 0..width {
             for k in 0..width {
-                let missing: f64 = (out.iter())
+                let missing = out.iter();
+                gram[i * width + k] -= missing
                     .map(|&row| self.columns[i][row] * self.columns[k][row])
-                    .sum();
-                let known: f64 = shared[i].iter().zip(&shared[k]).map(|(a, b)| a * b).sum();
-                gram[i * width + k] -= missing + known;
+                    .sum::<f64>();
             }
             gram[i * width + i] += self.held[i];
         }
@@ -137,6 +152,8 @@ pub(crate) struct Shapes<'a> {
     columns: RefCell<Vec<Rc<Columns>>>,
     /// Slopes, by variant and the bits of its shape, as far as they were asked for.
     slopes: RefCell<BTreeMap<(usize, u64), Slopes>>,
+    /// Products of candidates with all trials, as far as they were asked for.
+    pub(crate) crossed: Crossed,
 }
 
 impl<'a> Shapes<'a> {
@@ -162,6 +179,7 @@ impl<'a> Shapes<'a> {
             rivals: RefCell::new(Vec::new()),
             columns: RefCell::new(Vec::new()),
             slopes: RefCell::default(),
+            crossed: Crossed::default(),
         };
         for (place, variant) in variants.iter().enumerate() {
             let (plain, bent) = match &variant.shape {
@@ -310,12 +328,6 @@ fn join(
     candidates.len() - 1
 }
 
-/// What a set spans, orthonormal, and what it leaves of the deviations.
-struct Rest {
-    basis: Vec<Vec<f64>>,
-    left: Vec<f64>,
-}
-
 /// Candidates of one attribution.
 pub(crate) struct Pool<'a> {
     pub(crate) shapes: &'a Shapes<'a>,
@@ -328,6 +340,8 @@ pub(crate) struct Pool<'a> {
     pub(crate) products: Products,
     /// Candidates are only added: what is known of a set stays true.
     known: Known,
+    /// The deviations' products with all trials.
+    seen: OnceCell<Rc<Masked>>,
 }
 
 impl<'a> Pool<'a> {
@@ -346,6 +360,7 @@ impl<'a> Pool<'a> {
             aliases: shapes.aliases.clone(),
             products: Products::new(&[], y, active),
             known: Known::new(),
+            seen: OnceCell::new(),
         }
     }
 
@@ -420,9 +435,15 @@ impl<'a> Pool<'a> {
     /// Adds the shapes that best explain what `context` leaves; an effect of the context is scanned beside the others.
     pub(crate) fn scan(&mut self, context: &[usize]) {
         let shapes = self.shapes;
-        let mut bases: BTreeMap<Option<usize>, Rest> = BTreeMap::new();
+        let mut lefts: BTreeMap<Option<usize>, Left> = BTreeMap::new();
         let out = self.out();
+        let seen = || Rc::new(Masked::new(shapes, self.active, self.y));
+        let seen = Rc::clone(self.seen.get_or_init(seen));
+        let mut next = 0;
         for (place, variant) in shapes.variants.iter().enumerate() {
+            let trials = shapes.trials(place);
+            let first = next;
+            next += trials.iter().map(|trial| trial.columns.len()).sum::<usize>();
             let offered = variant
                 .shape
                 .as_ref()
@@ -433,20 +454,13 @@ impl<'a> Pool<'a> {
             let own = context
                 .iter()
                 .position(|&member| self.effect(member) == variant.effect);
-            let Rest { basis, left } = bases.entry(own).or_insert_with(|| {
-                let others: Vec<usize> = (0..context.len())
-                    .filter(|&place| Some(place) != own)
-                    .map(|place| context[place])
-                    .collect();
-                let basis = self.basis(&others, &shapes.sample);
-                let left = self.left(&basis, &shapes.sample);
-                Rest { basis, left }
+            let left = lefts.entry(own).or_insert_with(|| {
+                let others = (context.iter().enumerate())
+                    .filter(|&(place, _)| Some(place) != own)
+                    .map(|(_, &member)| &self.candidates[member]);
+                Left::new(shapes, self.active, others, Rc::clone(&seen))
             });
-            let trials = shapes.trials(place);
-            let gains: Vec<f64> = trials
-                .iter()
-                .map(|trial| trial.gain(basis, left, &out))
-                .collect();
+            let gains = left.gains(first, trials, &out);
             let mut peaks: Vec<usize> = (0..gains.len())
                 .filter(|&i| {
                     (i == 0 || gains[i] >= gains[i - 1])
