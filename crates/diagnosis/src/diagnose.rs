@@ -168,15 +168,16 @@ impl Explained {
 fn explain(shapes: &Shapes<'_>) -> Explained {
     let suspects = outliers::suspects(&shapes.usual(), &weighted(shapes.observations, &[]));
     let mut best = straightened(shapes, &[]);
+    let mut tried: Vec<Vec<usize>> = vec![Vec::new()];
     if !suspects.is_empty() {
         let other = straightened(shapes, &suspects);
         if other.score > best.score {
             best = other;
         }
+        tried.push(suspects);
     }
     for _ in 0..ROUNDS {
         let mut better: Option<Explained> = None;
-        let mut tried: Vec<Vec<usize>> = vec![best.stray.clone()];
         for stray in strays_of(&best) {
             if tried.contains(&stray) {
                 continue;

@@ -127,11 +127,8 @@ impl Trial {
     }
 }
 
-/// Rivals over some rows.
-struct OfRows {
-    active: Vec<bool>,
-    rivals: Rc<[Rc<Rival>]>,
-}
+/// Rows in use, and rivals over them.
+type OfRows = (Vec<bool>, Rc<[Rc<Rival>]>);
 
 /// How each weighted column of a variant changes with its shape.
 type Slopes = Rc<[Vec<f64>]>;
@@ -146,7 +143,7 @@ pub(crate) struct Shapes<'a> {
     /// Rows on which shapes are scanned: all of a usual session, evenly spaced ones of a long one.
     pub(crate) sample: Vec<usize>,
     sampled: Option<Observations>,
-    /// Rivals over the rows in use, as far as they were asked for: they do not depend on the deviations.
+    /// Rivals over all rows, then over the rows in use, as far as they were asked for: they do not depend on the deviations.
     rivals: RefCell<Vec<OfRows>>,
     /// The base over the rows in use, as far as it was asked for.
     columns: RefCell<Vec<Rc<Columns>>>,
@@ -216,17 +213,21 @@ impl<'a> Shapes<'a> {
 
     /// All rivals over the rows in `active`.
     pub(crate) fn rivals(&self, active: &[bool]) -> Rc<[Rc<Rival>]> {
+        let kept: Vec<usize> = (0..active.len()).filter(|&row| active[row]).collect();
         let mut known = self.rivals.borrow_mut();
-        if let Some(of) = known.iter().find(|of| of.active == active) {
-            return Rc::clone(&of.rivals);
+        if known.is_empty() {
+            let all = vec![true; active.len()];
+            let made = rivals(self.observations, &all).into_iter().map(Rc::new);
+            known.push((all, made.collect()));
         }
-        let made: Rc<[Rc<Rival>]> = (rivals(self.observations, active).into_iter())
-            .map(Rc::new)
+        if let Some((_, rivals)) = known.iter().find(|(rows, _)| rows == active) {
+            return Rc::clone(rivals);
+        }
+        let all = &known[0].1;
+        let made: Rc<[Rc<Rival>]> = (all.iter())
+            .map(|rival| Rc::new(rival.over(&kept)))
             .collect();
-        known.push(OfRows {
-            active: active.to_vec(),
-            rivals: Rc::clone(&made),
-        });
+        known.push((active.to_vec(), Rc::clone(&made)));
         made
     }
 

@@ -513,8 +513,13 @@ impl Rival {
     fn new(kind: Kind, columns: &[Vec<f64>], log_prior: f64) -> Self {
         let rows = columns.first().map_or(0, Vec::len);
         let down = DMatrix::from_vec(rows, columns.len(), columns.concat());
-        let across = down.transpose();
-        let (turn, own, next) = (&across * down).symmetric_tridiagonalize().unpack();
+        Self::of(kind, down.transpose(), log_prior)
+    }
+
+    /// Of columns that are the rows of a matrix, at least one.
+    fn of(kind: Kind, across: DMatrix<f64>, log_prior: f64) -> Self {
+        let products = &across * across.transpose();
+        let (turn, own, next) = products.symmetric_tridiagonalize().unpack();
         Self {
             kind,
             lines: turn.transpose() * across,
@@ -524,6 +529,12 @@ impl Rival {
             },
             log_prior,
         }
+    }
+
+    /// It over some of its rows only.
+    pub(crate) fn over(&self, kept: &[usize]) -> Self {
+        let own = self.lines.select_columns(kept);
+        Self::of(self.kind.clone(), own, self.log_prior)
     }
 
     /// Number of rows that it is over.
