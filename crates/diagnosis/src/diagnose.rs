@@ -179,7 +179,7 @@ fn explain(shapes: &Shapes<'_>) -> Explained {
     for _ in 0..ROUNDS {
         let mut better: Option<Explained> = None;
         for stray in strays_of(&best) {
-            if tried.contains(&stray) {
+            if tried.contains(&stray) || stray.len() > outliers::most(best.attribution.y.len()) {
                 continue;
             }
             let other = straightened(shapes, &stray);

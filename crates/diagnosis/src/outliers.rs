@@ -23,6 +23,11 @@ pub fn log_evidence(stray: usize) -> f64 {
     stray as f64 * (STRAY.ln() - WIDTH.ln())
 }
 
+/// Most touches of a session that may be stray.
+pub(crate) fn most(touches: usize) -> usize {
+    ((touches as f64 * MOST) as usize).max(1)
+}
+
 /// Rows that miss what the library predicts for them from the others.
 pub fn suspects(candidates: &[&Candidate], y: &[f64]) -> Vec<usize> {
     let columns: Vec<&Vec<f64>> = candidates
@@ -30,7 +35,7 @@ pub fn suspects(candidates: &[&Candidate], y: &[f64]) -> Vec<usize> {
         .flat_map(|candidate| &candidate.block)
         .collect();
     let mut active = vec![true; y.len()];
-    let most = ((y.len() as f64 * MOST) as usize).max(1);
+    let most = most(y.len());
     let mut found = Vec::new();
     while found.len() < most {
         let Some(misses) = misses(&columns, y, &active) else {
