@@ -9,7 +9,7 @@ use rand::{Rng, SeedableRng};
 use rand_distr::StandardNormal;
 use rand_pcg::Pcg64Mcg;
 
-use crate::evidence::{cholesky, dot};
+use crate::evidence::{add_scaled, cholesky, dot, scale};
 
 /// Weight of distances beyond what the information counts: a reserve against predictions that are not quite right.
 const RESERVE: f64 = 1e-2;
@@ -36,8 +36,14 @@ pub(crate) struct Prediction {
 }
 
 impl Prediction {
+    /// Covariances of what is expected of a candidate with what is expected of each.
+    fn covariances(&self, place: usize) -> &[f64] {
+        let count = self.mean.len();
+        &self.covariance[place * count..(place + 1) * count]
+    }
+
     fn between(&self, one: usize, other: usize) -> f64 {
-        self.covariance[one * self.mean.len() + other]
+        self.covariances(one)[other]
     }
 
     fn own(&self, place: usize) -> f64 {
@@ -45,30 +51,46 @@ impl Prediction {
     }
 }
 
-/// A Gaussian over the chosen touches, grown one by one.
-#[derive(Clone, Default)]
-struct Grown {
-    /// Rows of the Cholesky factor.
-    rows: Vec<Vec<f64>>,
+/// A Gaussian over all candidates, given the touches that were chosen so far.
+#[derive(Clone)]
+struct Given {
+    /// Per chosen touch, the column of the Cholesky factor that it makes, over all candidates.
+    columns: Vec<Vec<f64>>,
+    /// Variance of a touch of each candidate, noise included, m².
+    rest: Vec<f64>,
+    /// What rounding leaves of it at least, m².
+    least: Vec<f64>,
     log_determinant: f64,
 }
 
-impl Grown {
-    /// The next row of the factor without its end, and the square of its end.
-    fn next(&self, crossed: &[f64], own: f64) -> (Vec<f64>, f64) {
-        let mut row = Vec::with_capacity(self.rows.len() + 1);
-        for (known, cross) in self.rows.iter().zip(crossed) {
-            let seen = dot(&known[..row.len()], &row);
-            row.push((cross - seen) / known[row.len()]);
+impl Given {
+    /// Nothing is chosen.
+    fn new(variances: Vec<f64>) -> Self {
+        Self {
+            columns: Vec::new(),
+            least: variances.iter().map(|own| 1e-9 * own).collect(),
+            rest: variances,
+            log_determinant: 0.0,
         }
-        let rest = (own - dot(&row, &row)).max(1e-9 * own);
-        (row, rest)
     }
 
-    fn push(&mut self, mut row: Vec<f64>, rest: f64) {
-        row.push(rest.sqrt());
-        self.rows.push(row);
-        self.log_determinant += rest.ln();
+    fn variance(&self, place: usize) -> f64 {
+        self.rest[place].max(self.least[place])
+    }
+
+    /// Takes a touch whose covariances with all candidates are `crossed`; gives its standard deviation before.
+    fn take(&mut self, place: usize, mut crossed: Vec<f64>) -> f64 {
+        let variance = self.variance(place);
+        for known in &self.columns {
+            add_scaled(&mut crossed, -known[place], known);
+        }
+        scale(&mut crossed, 1.0 / variance.sqrt());
+        for (rest, own) in self.rest.iter_mut().zip(&crossed) {
+            *rest -= own * own;
+        }
+        self.log_determinant += variance.ln();
+        self.columns.push(crossed);
+        variance.sqrt()
     }
 }
 
@@ -77,9 +99,11 @@ impl Grown {
 struct Pair {
     one: usize,
     other: usize,
-    grown: Grown,
-    /// Whitened difference of the means.
+    given: Given,
+    /// Difference of what they expect of each candidate, given the chosen touches, m.
     apart: Vec<f64>,
+    /// Square of the whitened difference of the chosen touches.
+    far: f64,
 }
 
 /// The state of a choice.
@@ -87,88 +111,64 @@ struct Pair {
 struct Choice<'a> {
     predictions: &'a [Prediction],
     chosen: Vec<usize>,
-    single: Vec<Grown>,
+    single: Vec<Given>,
     pairs: Vec<Pair>,
 }
 
 impl<'a> Choice<'a> {
     fn new(predictions: &'a [Prediction]) -> Self {
+        let owns: Vec<Vec<f64>> = (predictions.iter())
+            .map(|own| (0..own.mean.len()).map(|place| own.own(place)).collect())
+            .collect();
         let mut pairs = Vec::new();
         for one in 0..predictions.len() {
             for other in one + 1..predictions.len() {
+                let means = (predictions[one].mean.iter()).zip(&predictions[other].mean);
                 pairs.push(Pair {
                     one,
                     other,
-                    grown: Grown::default(),
-                    apart: Vec::new(),
+                    given: Given::new(middle(&owns[one], &owns[other])),
+                    apart: means.map(|(one, other)| one - other).collect(),
+                    far: 0.0,
                 });
             }
         }
         Self {
             predictions,
             chosen: Vec::new(),
-            single: vec![Grown::default(); predictions.len()],
+            single: owns.into_iter().map(Given::new).collect(),
             pairs,
         }
     }
 
-    fn crossed(&self, prediction: &Prediction, place: usize) -> Vec<f64> {
-        self.chosen
-            .iter()
-            .map(|&known| prediction.between(known, place))
-            .collect()
-    }
-
     /// Information with one more touch.
     fn with(&self, place: usize) -> f64 {
-        let singles: Vec<(Vec<f64>, f64)> = self
-            .predictions
-            .iter()
-            .zip(&self.single)
-            .map(|(prediction, grown)| {
-                let crossed = self.crossed(prediction, place);
-                let (_, rest) = grown.next(&crossed, prediction.own(place));
-                (crossed, grown.log_determinant + rest.ln())
-            })
+        let singles: Vec<f64> = (self.single.iter())
+            .map(|given| given.log_determinant + given.variance(place).ln())
             .collect();
         let distances = self.pairs.iter().map(|pair| {
-            let (one, other) = (&singles[pair.one], &singles[pair.other]);
-            let (a, b) = (&self.predictions[pair.one], &self.predictions[pair.other]);
-            let crossed: Vec<f64> = (one.0.iter().zip(&other.0))
-                .map(|(x, y)| 0.5 * (x + y))
-                .collect();
-            let (row, rest) = pair
-                .grown
-                .next(&crossed, 0.5 * (a.own(place) + b.own(place)));
-            let apart = (a.mean[place] - b.mean[place] - dot(&row, &pair.apart)) / rest.sqrt();
-            let far = dot(&pair.apart, &pair.apart) + apart * apart;
-            let spread = pair.grown.log_determinant + rest.ln() - 0.5 * (one.1 + other.1);
+            let variance = pair.given.variance(place);
+            let far = pair.far + pair.apart[place] * pair.apart[place] / variance;
+            let both = 0.5 * (singles[pair.one] + singles[pair.other]);
+            let spread = pair.given.log_determinant + variance.ln() - both;
             (far / 8.0 + 0.5 * spread).max(0.0)
         });
         information(self.predictions, &self.pairs, distances)
     }
 
     fn take(&mut self, place: usize) {
-        let crossed: Vec<Vec<f64>> = self
-            .predictions
-            .iter()
-            .map(|prediction| self.crossed(prediction, place))
-            .collect();
-        for ((grown, prediction), crossed) in
-            self.single.iter_mut().zip(self.predictions).zip(&crossed)
-        {
-            let (row, rest) = grown.next(crossed, prediction.own(place));
-            grown.push(row, rest);
+        for (given, prediction) in self.single.iter_mut().zip(self.predictions) {
+            given.take(place, prediction.covariances(place).to_vec());
         }
         for pair in &mut self.pairs {
             let (a, b) = (&self.predictions[pair.one], &self.predictions[pair.other]);
-            let mixed: Vec<f64> = (crossed[pair.one].iter().zip(&crossed[pair.other]))
-                .map(|(x, y)| 0.5 * (x + y))
-                .collect();
-            let (row, rest) = pair.grown.next(&mixed, 0.5 * (a.own(place) + b.own(place)));
-            let apart = (a.mean[place] - b.mean[place] - dot(&row, &pair.apart)) / rest.sqrt();
-            pair.apart.push(apart);
-            pair.grown.push(row, rest);
+            let crossed = middle(a.covariances(place), b.covariances(place));
+            let deviation = pair.given.take(place, crossed);
+            let apart = pair.apart[place] / deviation;
+            pair.far += apart * apart;
+            if let Some(column) = pair.given.columns.last() {
+                add_scaled(&mut pair.apart, -apart, column);
+            }
         }
         self.chosen.push(place);
     }
@@ -194,6 +194,11 @@ impl<'a> Choice<'a> {
             .find(|&(_, place)| allowed(place))
             .map(|(gain, place)| (place, gain))
     }
+}
+
+/// The values half way between others.
+fn middle(one: &[f64], other: &[f64]) -> Vec<f64> {
+    one.iter().zip(other).map(|(x, y)| 0.5 * (x + y)).collect()
 }
 
 /// Expected information about the class, nats, from the distances of the pairs.
