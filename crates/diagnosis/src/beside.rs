@@ -85,22 +85,14 @@ pub(crate) fn challenge(
     let few = members.iter().map(|&member| &pool.candidates[member]);
     let few = Seen::new(few, pool.y, pool.active);
     let plain = pool.products.part(&members);
-    let local = |set: &Vec<usize>| -> Vec<usize> {
-        set.iter()
-            .filter_map(|member| members.binary_search(member).ok())
-            .collect()
-    };
     let mut best = models
         .iter()
         .map(|model| model.score)
         .fold(f64::NEG_INFINITY, f64::max);
     let looks = first_look(pool, rivals, priors, scored, best);
-    let sets: Vec<(Vec<usize>, Vec<usize>)> = sets
+    let sets: Vec<Sized> = sets
         .into_iter()
-        .map(|set| {
-            let places = local(&set);
-            (set, places)
-        })
+        .filter_map(|set| Sized::new(set, &members, &plain))
         .collect();
     let mut promising: Vec<(f64, usize, f64)> = Vec::new();
     for (_, place, middle) in looks {
@@ -112,7 +104,12 @@ pub(crate) fn challenge(
         for &power in &POWERS[near] {
             let price = price(rival);
             let whitened = beside.products(power, &plain);
-            for (set, places) in &sets {
+            // At the sizes that they have without the rival, only the best are worth more.
+            let mut looked: Vec<(f64, &Sized)> = (sets.iter())
+                .map(|sized| (sized.look(&whitened) + priors.of(&sized.set), sized))
+                .collect();
+            looked.sort_by(|one, other| other.0.total_cmp(&one.0));
+            for (_, Sized { set, places, .. }) in looked.into_iter().take(SETS) {
                 let score = whitened.log_evidence(places) + priors.of(set) + price;
                 models.push(Model {
                     set: set.clone(),
@@ -152,6 +149,29 @@ pub(crate) fn challenge(
                 score: found.score + price(rival),
             });
         }
+    }
+}
+
+/// A set with the sizes that it has without a rival.
+struct Sized {
+    set: Vec<usize>,
+    /// Places of its candidates among those that are set beside every rival.
+    places: Vec<usize>,
+    sizes: Vec<f64>,
+}
+
+impl Sized {
+    /// Of a set of some of `members`, ascending, whose products are `plain`; `None` where it cannot be solved.
+    fn new(set: Vec<usize>, members: &[usize], plain: &Products) -> Option<Self> {
+        let places = set.iter().filter_map(|member| members.binary_search(member).ok());
+        let places: Vec<usize> = places.collect();
+        let sizes = plain.fit(&places)?.sizes;
+        Some(Self { set, places, sizes })
+    }
+
+    /// Log evidence beside a rival at these sizes.
+    fn look(&self, whitened: &Products) -> f64 {
+        whitened.log_evidence_at(&self.places, &self.sizes)
     }
 }
 
@@ -203,15 +223,10 @@ fn first_look(
     let few = members.iter().map(|&member| &pool.candidates[member]);
     let few = Seen::new(few, pool.y, pool.active);
     let plain = pool.products.part(&members);
-    let sized: Vec<(Vec<usize>, Vec<f64>, f64)> = sets
-        .iter()
+    let sized: Vec<(Sized, f64)> = (sets.into_iter())
         .filter_map(|set| {
-            let places: Vec<usize> = set
-                .iter()
-                .filter_map(|member| members.binary_search(member).ok())
-                .collect();
-            let sizes = plain.fit(&places)?.sizes;
-            Some((places, sizes, priors.of(set)))
+            let prior = priors.of(set);
+            Some((Sized::new(set.clone(), &members, &plain)?, prior))
         })
         .collect();
     let mut looks: Vec<(f64, usize, usize)> = Vec::new();
@@ -220,8 +235,8 @@ fn first_look(
         let mut own: Option<(f64, usize, usize)> = None;
         for (number, &power) in POWERS.iter().enumerate() {
             let whitened = beside.products(power, &plain);
-            for (places, sizes, prior) in &sized {
-                let score = whitened.log_evidence_at(places, sizes) + prior + price(rival);
+            for (sized, prior) in &sized {
+                let score = sized.look(&whitened) + prior + price(rival);
                 if own.is_none_or(|(known, _, _)| score > known) {
                     own = Some((score, place, number));
                 }
