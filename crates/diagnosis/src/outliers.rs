@@ -5,7 +5,7 @@
 //! drawn evenly from a wide range instead of around the model.
 
 use crate::candidate::Candidate;
-use crate::evidence::{cholesky, dot, invert};
+use crate::evidence::{cholesky, dot, forward, solve_cholesky};
 
 /// Standardised misses beyond this are suspected.
 const SUSPECT: f64 = 5.0;
@@ -83,7 +83,7 @@ fn misses(columns: &[&Vec<f64>], y: &[f64], active: &[bool]) -> Option<Vec<f64>>
         }
         let log_determinant = cholesky(&mut factor, n)?;
         let mut mean = right.clone();
-        crate::evidence::solve_cholesky(&factor, n, &mut mean);
+        solve_cholesky(&factor, n, &mut mean);
         let left = (yy - dot(&right, &mean)).max(1e-30);
         let evidence = -0.5 * used.len() as f64 * left.ln()
             - 0.5 * (log_determinant + n as f64 * f64::ln(power));
@@ -91,35 +91,29 @@ fn misses(columns: &[&Vec<f64>], y: &[f64], active: &[bool]) -> Option<Vec<f64>>
             best = Some((evidence, factor, mean));
         }
     }
-    best.map(|(_, factor, mean)| {
-        let mut inverse = vec![0.0; n * n];
-        invert(&factor, n, &mut inverse);
-        standardised(&thin, &target, &mean, &inverse, &used, y.len())
-    })
+    best.map(|(_, factor, mean)| standardised(&thin, &target, &mean, &factor, &used, y.len()))
 }
 
+/// Residuals of rows in use over what they would be in the mean, from a Cholesky factor of the ridge.
 fn standardised(
     columns: &[Vec<f64>],
     target: &[f64],
     mean: &[f64],
-    inverse: &[f64],
+    factor: &[f64],
     used: &[usize],
     rows: usize,
 ) -> Vec<f64> {
     let n = columns.len();
     let mut residuals = vec![0.0; rows];
     let mut size = Vec::with_capacity(used.len());
+    let mut own = vec![0.0; n];
     for (place, &row) in used.iter().enumerate() {
-        let mut predicted = 0.0;
-        let mut leverage = 0.0;
-        for i in 0..n {
-            predicted += columns[i][place] * mean[i];
-            let mut along = 0.0;
-            for k in 0..n {
-                along += inverse[i * n + k] * columns[k][place];
-            }
-            leverage += columns[i][place] * along;
+        for (own, column) in own.iter_mut().zip(columns) {
+            *own = column[place];
         }
+        let predicted = dot(&own, mean);
+        forward(factor, n, &mut own);
+        let leverage = dot(&own, &own);
         residuals[row] = (target[place] - predicted) / (1.0 - leverage).max(1e-3).sqrt();
         size.push(residuals[row].abs());
     }

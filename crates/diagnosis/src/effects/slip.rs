@@ -3,8 +3,10 @@
 //! The probe's slide slips in the foundation, the clamped part in its own frame, or the reading itself jumps (a scale
 //! that lost counts along the approach); the instant is any gap between two touches. Typical 5–100 µm.
 
+use nalgebra::Vector3;
+
 use super::{Parameter, Shape, Variant};
-use crate::observation::{Observations, Row};
+use crate::observation::{Column, Observations, Pose, Row};
 
 /// Instants tried; in longer sessions not every gap is.
 const FINEST: usize = 400;
@@ -52,29 +54,43 @@ pub(super) fn offer(observations: &Observations, variants: &mut Vec<Variant>) {
             .into()
     };
     for part in [false, true] {
-        let after = after.clone();
-        variants.push(Variant::shaped(
+        let (after, since) = (after.clone(), after.clone());
+        let step = move |pose: &Pose, k: usize| {
+            if part {
+                pose.sensitivity.part[k]
+            } else {
+                pose.sensitivity.foundation[k]
+            }
+        };
+        let slipped = Variant::shaped(
             "process.slip",
             named(),
             shape.clone(),
             move |observations, index| {
-                [0, 1, 2]
-                    .map(|k| {
-                        observations.machine_column(false, |pose, row| {
-                            let direction = if part {
-                                pose.sensitivity.part[k]
-                            } else {
-                                pose.sensitivity.foundation[k]
-                            };
-                            if after(row, index) {
-                                direction
-                            } else {
-                                direction * 0.0
-                            }
-                        })
+                let column = |k| {
+                    observations.machine_column(false, |pose, row| {
+                        if after(row, index) {
+                            step(pose, k)
+                        } else {
+                            Vector3::zeros()
+                        }
                     })
-                    .into()
+                };
+                [0, 1, 2].map(column).into()
             },
-        ));
+        );
+        variants.push(slipped.swept(move |observations, instants| {
+            let whole =
+                [0, 1, 2].map(|k| observations.machine_column(false, |pose, _| step(pose, k)));
+            let from = |&index: &f64| {
+                let of = |column: &Column| {
+                    let rows = column.signature.iter().zip(&observations.rows);
+                    rows.map(|(part, row)| if since(row, index) { *part } else { 0.0 })
+                        .collect()
+                };
+                whole.iter().map(of).collect()
+            };
+            instants.iter().map(from).collect()
+        }));
     }
 }
