@@ -21,6 +21,8 @@ const REMEMBERS: f64 = 0.05;
 const CORRELATIONS: [f64; 5] = [0.2, 0.4, 0.6, 0.75, 0.85];
 /// Correlations under so many standard deviations are chance.
 const CHANCE: f64 = 2.5;
+/// Rounds of scans beside the best sets.
+const SCANS: usize = 2;
 /// Rounds of growth beyond the search's depth.
 const GROWTHS: usize = 3;
 /// Models that are kept.
@@ -67,16 +69,21 @@ pub fn attribute(
     y: &[f64],
     active: &[bool],
 ) -> Attribution {
-    attribute_with(&Shapes::new(observations, variants), y, active)
+    attribute_with(&Shapes::new(observations, variants), y, active, None)
 }
 
-/// The same with what the library offers at hand.
-pub(crate) fn attribute_with(shapes: &Shapes<'_>, y: &[f64], active: &[bool]) -> Attribution {
-    let white = with_noise(shapes, y, active, 0.0);
+/// The same with what the library offers at hand, and with what was found for almost the same deviations.
+pub(crate) fn attribute_with(
+    shapes: &Shapes<'_>,
+    y: &[f64],
+    active: &[bool],
+    before: Option<&Attribution>,
+) -> Attribution {
+    let white = with_noise(shapes, y, active, 0.0, before);
     let Some(correlation) = remembered(shapes.observations, &white) else {
         return white;
     };
-    let red = with_noise(shapes, y, active, correlation);
+    let red = with_noise(shapes, y, active, correlation, Some(&white));
     let score = |attribution: &Attribution| attribution.models[0].score;
     if score(&red) > score(&white) {
         red
@@ -86,12 +93,23 @@ pub(crate) fn attribute_with(shapes: &Shapes<'_>, y: &[f64], active: &[bool]) ->
 }
 
 /// Attribution with noise that remembers a share `correlation` of the touch before.
-fn with_noise(shapes: &Shapes<'_>, y: &[f64], active: &[bool], correlation: f64) -> Attribution {
+///
+/// Shapes that were found `before` for almost the same deviations stay; only what the best sets leave is scanned anew.
+fn with_noise(
+    shapes: &Shapes<'_>,
+    y: &[f64],
+    active: &[bool],
+    correlation: f64,
+    before: Option<&Attribution>,
+) -> Attribution {
     let mut pool = Pool::new(shapes, y, active, correlation);
     let mut scanned = vec![Vec::new()];
-    pool.scan(&[]);
+    match before {
+        Some(before) => pool.take(before),
+        None => pool.scan(&[]),
+    }
     let mut scored = pool.search();
-    for _ in 0..2 {
+    for _ in 0..if before.is_some() { 1 } else { SCANS } {
         let mut contexts = best_of_each_size(&scored, 3);
         let before = pool.candidates.len();
         // What a set leaves is what it left before.

@@ -215,7 +215,8 @@ fn straightened(shapes: &Shapes<'_>, stray: &[usize]) -> Explained {
         active[row] = false;
     }
     let mut correction: Vec<f64> = Vec::new();
-    let mut attribution = attribute_with(shapes, &weighted(observations, &correction), &active);
+    let mut attribution =
+        attribute_with(shapes, &weighted(observations, &correction), &active, None);
     for _ in 0..ROUNDS {
         let model = &attribution.models[0];
         let Some(fit) = attribution.fit(model) else {
@@ -230,7 +231,8 @@ fn straightened(shapes: &Shapes<'_>, stray: &[usize]) -> Explained {
             break;
         }
         correction = second;
-        attribution = attribute_with(shapes, &weighted(observations, &correction), &active);
+        let y = weighted(observations, &correction);
+        attribution = attribute_with(shapes, &y, &active, Some(&attribution));
     }
     let score = attribution.models[0].score + outliers::log_evidence(stray.len());
     Explained {

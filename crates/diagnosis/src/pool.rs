@@ -7,6 +7,7 @@ use std::cell::{OnceCell, RefCell};
 use std::collections::BTreeMap;
 use std::rc::Rc;
 
+use crate::attribution::Attribution;
 use crate::candidate::{Alias, Candidate};
 use crate::columns::{Columns, Rows};
 use crate::effects::Variant;
@@ -363,6 +364,12 @@ impl<'a> Pool<'a> {
             known: Known::new(),
             seen: OnceCell::new(),
         }
+    }
+
+    /// Takes over the candidates of another attribution of the same session.
+    pub(crate) fn take(&mut self, other: &Attribution) {
+        self.candidates.clone_from(&other.candidates);
+        self.aliases.clone_from(&other.aliases);
     }
 
     fn effect(&self, member: usize) -> &str {
