@@ -163,7 +163,9 @@ struct Sized {
 impl Sized {
     /// Of a set of some of `members`, ascending, whose products are `plain`; `None` where it cannot be solved.
     fn new(set: Vec<usize>, members: &[usize], plain: &Products) -> Option<Self> {
-        let places = set.iter().filter_map(|member| members.binary_search(member).ok());
+        let places = set
+            .iter()
+            .filter_map(|member| members.binary_search(member).ok());
         let places: Vec<usize> = places.collect();
         let sizes = plain.fit(&places)?.sizes;
         Some(Self { set, places, sizes })

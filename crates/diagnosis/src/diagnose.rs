@@ -623,8 +623,8 @@ impl Reporter<'_> {
                     .any(|alias| names.contains(&&self.variants[alias.variant].effect))
         };
         let has: Vec<bool> = (0..attribution.candidates.len()).map(has).collect();
-        let models = (attribution.models.iter())
-            .filter(|model| model.set.iter().any(|&member| has[member]));
+        let models =
+            (attribution.models.iter()).filter(|model| model.set.iter().any(|&member| has[member]));
         models.map(|model| model.probability).sum::<f64>().min(1.0)
     }
 

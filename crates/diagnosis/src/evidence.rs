@@ -148,7 +148,9 @@ impl Products {
     /// Products of each column with itself.
     pub(crate) fn powers(&self) -> Vec<f64> {
         let count = self.qy.len();
-        (0..count).map(|column| self.qq[column * count + column]).collect()
+        (0..count)
+            .map(|column| self.qq[column * count + column])
+            .collect()
     }
 
     /// Evidence and fit of the candidates in `set`; `None` for more columns than can be solved.

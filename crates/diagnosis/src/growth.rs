@@ -1,8 +1,9 @@
 //! What a set of candidates would be worth with one more: a look at the sizes that the set has, to choose what is solved.
 //!
-//! A first look at all candidates takes each column for itself; a second one at the best of them estimates the size of the
-//! new block by one step of the fixed-point iteration of [`crate::evidence`], while the set's own sizes stay as they are, in
-//! metres. Good to about one in the log evidence; what is reported is solved in full.
+//! A first look at all candidates takes each column for itself; a second one at the best of them estimates the size of
+//! the new block by one step of the fixed-point iteration of [`crate::evidence`], while the set's own sizes stay as they
+//! are, in metres. Good to about one in the log evidence and a twentieth of what the candidate gains; what is reported is
+//! solved in full.
 
 use crate::evidence::{
     Products, RESOLUTION, SIZE_PRICE, Sized, add_scaled, cholesky, dot, forward, ln_gamma, scale,
@@ -11,6 +12,9 @@ use crate::evidence::{
 
 /// What is added to the products of a new block with itself while its size is not known.
 const LOOSE: f64 = 1e-5;
+
+/// Least share of what a set and a candidate leave that does not hold the set's coefficients.
+const FIRM: f64 = 0.1;
 
 /// A set whose sizes are known, ready to be looked at with each other candidate.
 pub(crate) struct Growth<'p> {
@@ -22,8 +26,9 @@ pub(crate) struct Growth<'p> {
     /// What the set leaves of each column's product with the deviations, and of its power.
     right: Vec<f64>,
     free: Vec<f64>,
-    /// What the set leaves of the deviations, m².
+    /// What the set leaves of the deviations, and the part of it that holds its coefficients to their sizes, m².
     left: f64,
+    held: f64,
     /// Twice what the set's columns cost, but for the noise.
     spread: f64,
     /// What does not depend on the new candidate.
@@ -85,7 +90,14 @@ impl<'p> Growth<'p> {
                 *free -= own * own;
             }
         }
+        let mut mean: Vec<f64> = columns.iter().map(|&a| products.qy[a]).collect();
+        solve_cholesky(&factor, n, &mut mean);
+        let held = mean
+            .iter()
+            .zip(&sizes)
+            .map(|(mean, size)| mean * mean / size);
         Some(Self {
+            held: held.sum(),
             columns: n,
             crossed,
             right,
@@ -153,8 +165,10 @@ impl<'p> Growth<'p> {
         mean.clear();
         mean.extend_from_slice(right);
         forward(factor, width, mean);
+        // Sizes are told over the noise: they grow as it shrinks, and what holds the set's coefficients shrinks with it.
         let left = (self.left - dot(mean, mean)).max(pseudo);
-        // Sizes are told over the noise: they grow as it shrinks.
+        let free = (left - self.held) / (1.0 - self.held / self.left);
+        let left = free.max(FIRM * left);
         let grown = self.columns as f64 * (self.left / left).ln();
         Some(
             self.constant
@@ -178,5 +192,60 @@ impl<'p> Growth<'p> {
                 add_scaled(&mut gram[i * width..(i + 1) * width], -one, own);
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::{Rng, SeedableRng};
+    use rand_distr::StandardNormal;
+    use rand_pcg::Pcg64Mcg;
+
+    use super::*;
+
+    /// Beside a set, a look at each candidate says what solving it in full says, but for 1 and a twentieth of what it
+    /// gains, and the best of them is the one that acts.
+    #[test]
+    fn a_look_ranks_candidates_as_solving_them_does() {
+        let mut random = Pcg64Mcg::seed_from_u64(11);
+        let rows = 90;
+        let mut block = |width: usize| -> Vec<Vec<f64>> {
+            let column = |random: &mut Pcg64Mcg| -> Vec<f64> {
+                let values = (0..rows).map(|_| random.sample(StandardNormal));
+                values
+                    .map(|value: f64| value / f64::from(rows).sqrt())
+                    .collect()
+            };
+            (0..width).map(|_| column(&mut random)).collect()
+        };
+        let blocks: Vec<Vec<Vec<f64>>> = (0..30).map(|place| block(1 + place % 3)).collect();
+        let mut random = Pcg64Mcg::seed_from_u64(12);
+        let y: Vec<f64> = (0..rows as usize)
+            .map(|row| {
+                let noise: f64 = random.sample(StandardNormal);
+                1e-6 * noise + 2e-5 * blocks[4][0][row] - 3e-5 * blocks[11][1][row]
+                    + 1.5e-5 * blocks[20][2][row]
+            })
+            .collect();
+        let views: Vec<&[Vec<f64>]> = blocks.iter().map(Vec::as_slice).collect();
+        let products = Products::new(&views, &y, &[true; 90]);
+        let set = [4, 11];
+        let alone = products.sized(&set);
+        let mut growth = Growth::new(&products, &set, &alone).expect("solvable");
+        let mut best = (f64::NEG_INFINITY, 0);
+        for candidate in (0..blocks.len()).filter(|candidate| !set.contains(candidate)) {
+            let mut more = set.to_vec();
+            more.push(candidate);
+            let solved = products.log_evidence(&more);
+            let looked = growth.with(candidate).expect("solvable");
+            assert!(
+                (looked - solved).abs() < 1.0,
+                "{candidate}: {looked} for {solved}"
+            );
+            if looked > best.0 {
+                best = (looked, candidate);
+            }
+        }
+        assert_eq!(best.1, 20);
     }
 }

@@ -451,7 +451,10 @@ impl<'a> Pool<'a> {
         for (place, variant) in shapes.variants.iter().enumerate() {
             let trials = shapes.trials(place);
             let first = next;
-            next += trials.iter().map(|trial| trial.columns.len()).sum::<usize>();
+            next += trials
+                .iter()
+                .map(|trial| trial.columns.len())
+                .sum::<usize>();
             let offered = variant
                 .shape
                 .as_ref()

@@ -375,7 +375,7 @@ fn along_axis(observations: &Observations, axis: usize) -> Vec<Kernel<'_>> {
         for share in [0.04, 0.1, 0.3] {
             let one = Rc::clone(&one);
             kernels.push(each(move |i, j| {
-                together(&one[i], &one[j], share * range, product)
+                together(&one[i], &one[j], share * range, |one, other| one * other)
             }));
         }
     }
@@ -393,7 +393,7 @@ fn along_axis(observations: &Observations, axis: usize) -> Vec<Kernel<'_>> {
             atom.0 /= reach;
         }
         kernels.push(each(move |i, j| {
-            together(&one[i], &one[j], TURNING * range, product)
+            together(&one[i], &one[j], TURNING * range, |one, other| one * other)
         }));
     }
     kernels
@@ -414,10 +414,6 @@ where
         [(-probing, at), atom(row, row.cut.as_ref())]
     };
     rows.iter().map(both).collect()
-}
-
-fn product(one: &f64, other: &f64) -> f64 {
-    one * other
 }
 
 /// What two rows have in common of a displacement that changes over `length`.
@@ -505,7 +501,10 @@ fn leading(columns: &[Vec<f64>]) -> (DMatrix<f64>, Vec<f64>) {
     let down = DMatrix::from_vec(rows, columns.len(), columns.concat());
     let across = down.transpose();
     let eigen = (&across * down).symmetric_eigen();
-    (eigen.eigenvectors.transpose() * across, eigen.eigenvalues.data.into())
+    (
+        eigen.eigenvectors.transpose() * across,
+        eigen.eigenvalues.data.into(),
+    )
 }
 
 impl Rival {
@@ -596,5 +595,75 @@ impl Rival {
             .map(|(column, _)| column.iter().copied().collect())
             .collect();
         (!kept.is_empty()).then(|| Self::new(self.kind.clone(), &kept, self.log_prior))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::evidence::dot;
+
+    /// Columns without order, and values over the same rows.
+    fn columns(rows: usize, count: usize) -> Vec<Vec<f64>> {
+        let value =
+            |row: usize, column: usize| ((row * 37 + column * 101 + 7) % 23) as f64 / 23.0 - 0.4;
+        let column = |column| {
+            (0..rows)
+                .map(|row| value(row * (column + 1), column))
+                .collect()
+        };
+        (0..count).map(column).collect()
+    }
+
+    /// Against the dense matrix I + p·K that the tridiagonal products stand for.
+    #[test]
+    fn a_process_held_by_its_lines_is_the_process() {
+        let (rows, power) = (17, 3.5);
+        let made = columns(rows, 6);
+        let rival = Rival::new(Kind::Region, &made, 0.0);
+        let down = DMatrix::from_vec(rows, 6, made.concat());
+        let kernel = &down * down.transpose();
+        let whole = DMatrix::identity(rows, rows) + &kernel * power;
+        let inverse = whole.clone().try_inverse().expect("positive definite");
+
+        let near = |one: f64, other: f64| (one - other).abs() < 1e-11 * (1.0 + other.abs());
+        assert!(near(
+            rival.held(power).log_determinant,
+            whole.determinant().ln()
+        ));
+        assert!(near(rival.trace(), kernel.trace()));
+        assert!(near(
+            rival.taken(power),
+            (&kernel * power * &inverse).trace()
+        ));
+
+        let values = columns(rows, 9).pop().expect("nine");
+        let y = DVector::from_column_slice(&values);
+        let part = rival.part(power, &values);
+        let expected = &kernel * power * &inverse * &y;
+        assert!(
+            part.iter()
+                .zip(&expected)
+                .all(|(&one, &other)| near(one, other))
+        );
+
+        let crossed = DMatrix::from_row_slice(1, 6, (rival.lines() * &y).as_slice());
+        let seen = rival.held(power).forward(crossed);
+        let beside = dot(&values, &values) - seen.norm_squared();
+        assert!(near(beside, (y.transpose() * &inverse * &y)[0]));
+    }
+
+    /// Over fewer rows it is what its columns over those rows make.
+    #[test]
+    fn a_process_over_fewer_rows_is_that_of_its_columns() {
+        let made = columns(17, 5);
+        let kept = [0, 3, 4, 8, 9, 12, 16];
+        let fewer: Vec<Vec<f64>> = (made.iter())
+            .map(|column| kept.iter().map(|&row| column[row]).collect())
+            .collect();
+        let one = Rival::new(Kind::Time, &made, 0.0).over(&kept);
+        let other = Rival::new(Kind::Time, &fewer, 0.0);
+        let kernel = |rival: &Rival| rival.lines().tr_mul(rival.lines());
+        assert!((kernel(&one) - kernel(&other)).amax() < 1e-12);
     }
 }

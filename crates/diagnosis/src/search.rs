@@ -1,7 +1,7 @@
 //! The search over sets of candidates: which sets are probable, none tried by hand.
 //!
-//! Beam search up to five effects; of each level only the best are solved, by a look at all ([`crate::growth`]). The prior halves with
-//! each effect and is spread evenly over the sets of that size, so that a larger library is paid for.
+//! Beam search up to five effects; of each level only the best are solved, after a look at all ([`crate::growth`]). The
+//! prior halves with each effect and is spread evenly over the sets of that size, so that a larger library is paid for.
 
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
