@@ -1,7 +1,7 @@
 //! Measures the gap to the published best length, in CPU time, on TSPLIB instances kept beside the project.
 //!
 //! `cargo bench -p planning --bench tsplib -- tsp|atsp|gtsp|sop [seconds] [seeds] [instance …]` runs seeds 1 to `seeds`. With
-//! `lengths SECONDS SEEDS FILE` it prints length and CPU seconds for each seed, of any file of coordinates.
+//! `lengths SECONDS SEEDS FILE` it prints length, CPU seconds and kicks for each seed, of any file of coordinates.
 #![allow(
     clippy::print_stdout,
     clippy::unwrap_used,
@@ -196,7 +196,7 @@ fn main() {
         let problem = closed(&std::fs::read_to_string(path).unwrap());
         for seed in 1..=seeds {
             let run = Run::new(std::slice::from_ref(&problem), seed, seconds);
-            println!("{} {:.2}", run.found, run.spent);
+            println!("{} {:.2} {}", run.found, run.spent, run.kicks);
         }
         return;
     }

@@ -4,12 +4,17 @@
 //! places through a few neighbouring points (dynamic programming through its layers). Chosen places are logged, so
 //! that going back costs what was changed.
 
+use std::cell::Cell;
+
 use super::Cooling;
 use super::grid::Grid;
 use super::ring::{MOST, Ring};
 
 /// Points to either side of a changed one whose places are chosen with its own.
 const REACH: usize = 1;
+
+/// Costs kept at hand of each point.
+const CACHED: usize = 32;
 
 /// What a ring asks about its points.
 pub(super) trait Moves {
@@ -43,6 +48,8 @@ pub(super) struct Plain<'a> {
     grid: &'a Grid,
     /// Cost to the nearest candidate of each point.
     least: Vec<i64>,
+    /// Costs asked for last: of each point, to [`CACHED`] others by the last digits of their numbers.
+    cache: Vec<Cell<(u32, i32)>>,
 }
 
 impl<'a> Plain<'a> {
@@ -51,6 +58,7 @@ impl<'a> Plain<'a> {
         Self {
             grid,
             least: (0..grid.points() as u32).map(nearest).collect(),
+            cache: vec![Cell::new((u32::MAX, 0)); grid.points() * CACHED],
         }
     }
 }
@@ -69,7 +77,14 @@ impl Moves for Plain<'_> {
 
     #[inline]
     fn cost(&self, here: u32, there: u32) -> i64 {
-        self.grid.cost(here, there)
+        let entry = &self.cache[here as usize * CACHED + there as usize % CACHED];
+        let (cached, cost) = entry.get();
+        if cached == there {
+            return i64::from(cost);
+        }
+        let cost = self.grid.cost(here, there);
+        entry.set((there, cost as i32));
+        cost
     }
 
     #[inline]

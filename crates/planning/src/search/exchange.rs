@@ -5,67 +5,81 @@
 
 use super::ring::{Layout, MOST, Ring};
 
-/// Removed edges as pairs of ends, in the order of removal.
+/// Removed edges as pairs of ends, in the order of removal. Points are ranked from the second end, away from the first.
 #[derive(Clone, Copy)]
 pub(super) struct Exchange {
     pub(super) edges: usize,
     pub(super) ends: [u32; 2 * MOST],
+    /// True where ranks rise with the places of the ring.
+    pub(super) forwards: bool,
+    /// Place of rank zero.
+    begin: u32,
+    /// Rank of the lower end of each removed edge.
+    cuts: [u32; MOST],
+    /// How the removed edges lie to each other, as [`Exchange::with`] writes it.
+    signature: u32,
 }
 
 impl Exchange {
-    pub(super) fn new(from: u32, to: u32) -> Self {
+    pub(super) fn new(ring: &Ring, from: u32, to: u32) -> Self {
         let mut ends = [0; 2 * MOST];
         (ends[0], ends[1]) = (from, to);
-        Self { edges: 1, ends }
-    }
-
-    pub(super) fn remove(&mut self, from: u32, to: u32) {
-        self.ends[2 * self.edges] = from;
-        self.ends[2 * self.edges + 1] = to;
-        self.edges += 1;
-    }
-
-    pub(super) fn removes(&self, a: u32, b: u32) -> bool {
-        self.ends[..2 * self.edges]
-            .chunks_exact(2)
-            .any(|edge| edge == [a, b] || edge == [b, a])
-    }
-
-    /// Judges exchanges of two and three edges by the order of their ends; larger ones are left to the layout.
-    pub(super) fn may_stay_one_ring(&self, ring: &Ring) -> bool {
-        let [t1, t2, t3, t4, t5, t6, ..] = self.ends;
-        let size = ring.len() as u32;
-        let forwards = ring.next(t1) == t2;
-        let begin = ring.place(t2);
-        // Places counted from t2 away from t1.
-        let rank = |point: u32| {
-            let at = ring.place(point);
-            let steps = if forwards {
-                at + size - begin
-            } else {
-                begin + size - at
-            };
-            if steps >= size { steps - size } else { steps }
-        };
-        let (r3, r4) = (rank(t3), rank(t4));
-        match self.edges {
-            2 => r4 < r3,
-            3 => {
-                let (r5, r6) = (rank(t5), rank(t6));
-                if r4 > r3 {
-                    r5 <= r3 && r6 <= r3
-                } else if r5 >= r3 {
-                    r6 < r5
-                } else {
-                    r6 > r5
-                }
-            }
-            _ => true,
+        let mut cuts = [0; MOST];
+        cuts[0] = ring.len() as u32 - 1;
+        Self {
+            edges: 1,
+            ends,
+            forwards: ring.next(from) == to,
+            begin: ring.place(to),
+            cuts,
+            signature: 0,
         }
     }
 
-    /// The ring after the exchange is closed, or nothing when it would fall into several rings.
-    pub(super) fn layout(&self, ring: &Ring) -> Option<Layout> {
+    /// Rank of the point at this place, in a ring of `size` points.
+    #[inline]
+    pub(super) fn rank(&self, place: u32, size: u32) -> u32 {
+        let steps = if self.forwards {
+            place.wrapping_sub(self.begin)
+        } else {
+            self.begin.wrapping_sub(place)
+        };
+        if steps < size {
+            steps
+        } else {
+            steps.wrapping_add(size)
+        }
+    }
+
+    /// True when this edge is among the first `edges` removed ones.
+    #[inline]
+    pub(super) fn removes(&self, cut: u32, edges: usize) -> bool {
+        self.cuts[..edges].contains(&cut)
+    }
+
+    /// The signature with one more edge removed, from a point to the next higher rank (`up`) or the next lower: bits for
+    /// the directions, and for which edge lies below which.
+    #[inline]
+    pub(super) fn with(&self, cut: u32, up: bool, edges: usize) -> u32 {
+        let up = u32::from(up);
+        let below = |edge: usize| u32::from(cut < self.cuts[edge]);
+        match edges {
+            1 => up,
+            2 => self.signature & 1 | up << 1 | below(1) << 2,
+            _ => self.signature & 7 | up << 3 | below(1) << 4 | below(2) << 5,
+        }
+    }
+
+    #[inline]
+    pub(super) fn remove(&mut self, edges: usize, ends: [u32; 2], cut: u32, up: bool) {
+        self.signature = self.with(cut, up, edges);
+        [self.ends[2 * edges], self.ends[2 * edges + 1]] = ends;
+        self.cuts[edges] = cut;
+        self.edges = edges + 1;
+    }
+
+    /// The ring after the exchange is closed, which leaves one ring.
+    pub(super) fn layout(&self, ring: &Ring) -> Layout {
         let edges = self.edges;
         let size = ring.len() as u32;
         let mut cuts = [0; MOST];
@@ -83,7 +97,7 @@ impl Exchange {
         let mut joined = [0_u8; 2 * MOST];
         let mut numbers = [0_u8; 2 * MOST];
         for edge in 0..edges {
-            let cut = cuts[..edges].iter().position(|&cut| cut == left[edge])?;
+            let cut = cuts[..edges].partition_point(|&cut| cut < left[edge]);
             let a_is_left = ring.place(self.ends[2 * edge]) == left[edge];
             let last = (2 * ((cut + edges - 1) % edges) + 1) as u8;
             let head = (2 * cut) as u8;
@@ -110,10 +124,170 @@ impl Exchange {
             let length = (tail + size - head) % size + 1;
             layout.stretches[walked] = (head, length, enter % 2 == 1);
             enter = joined[(enter ^ 1) as usize];
-            if enter == 0 && walked + 1 < edges {
-                return None;
+        }
+        layout
+    }
+}
+
+/// Which signatures of two, three and four removed edges leave one ring, a bit for each.
+static CLOSES: [u64; MOST + 1] = [0, 0, closing(2), closing(3), closing(4)];
+
+/// True when an exchange of so many edges with this signature leaves one ring.
+#[inline]
+pub(super) fn closes(edges: usize, signature: u32) -> bool {
+    CLOSES[edges] >> signature & 1 == 1
+}
+
+const fn closing(edges: usize) -> u64 {
+    let mut found = 0;
+    let mut signature = 0;
+    while signature < 64 {
+        if leaves_one_ring(edges, signature) {
+            found |= 1 << signature;
+        }
+        signature += 1;
+    }
+    found
+}
+
+/// Walks the stretches between the removed edges. Their ends are numbered 2i (the lower) and 2i+1 (the higher).
+const fn leaves_one_ring(edges: usize, signature: usize) -> bool {
+    let [up2, up3, third_below, up4, below2, below3] = bits(signature);
+    // How many removed edges lie below each one after the first.
+    let (ups, below) = match edges {
+        2 => ([up2, 0, 0], [0, 0, 0]),
+        3 => ([up2, up3, 0], [third_below, 1 - third_below, 0]),
+        _ => (
+            [up2, up3, up4],
+            [
+                third_below + below2,
+                1 - third_below + below3,
+                2 - below2 - below3,
+            ],
+        ),
+    };
+    let mut joined = [0; 2 * MOST];
+    let mut open = 0;
+    let mut edge = 0;
+    while edge + 1 < edges {
+        let (low, high) = (2 * below[edge] + 1, 2 * below[edge] + 2);
+        let (near, far) = if ups[edge] == 1 {
+            (low, high)
+        } else {
+            (high, low)
+        };
+        (joined[open], joined[near]) = (near, open);
+        open = far;
+        edge += 1;
+    }
+    let first = 2 * edges - 1;
+    (joined[open], joined[first]) = (first, open);
+    let mut end = joined[1];
+    let mut walked = 1;
+    while end != 0 && walked < edges {
+        end = joined[end ^ 1];
+        walked += 1;
+    }
+    end == 0 && walked == edges
+}
+
+const fn bits(signature: usize) -> [usize; 6] {
+    let mut bits = [0; 6];
+    let mut at = 0;
+    while at < 6 {
+        bits[at] = signature >> at & 1;
+        at += 1;
+    }
+    bits
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Removes edges of a ring of `size` points at every choice of places and directions, and asks `closes` and
+    /// `layout` against a walk along the edges that then are there.
+    fn compare(ring: &Ring, exchange: Exchange, seen: &mut [usize; 2]) {
+        let size = ring.len();
+        if exchange.edges >= 2 {
+            let joined = walk(ring, &exchange);
+            let closes = closes(exchange.edges, exchange.signature);
+            assert_eq!(closes, joined.len() == size, "{:?}", exchange.ends);
+            seen[usize::from(closes)] += 1;
+            if closes {
+                let mut after = Ring::new(ring.order());
+                after.rearrange(&exchange.layout(ring));
+                assert!((0..size as u32).all(|point| {
+                    let found = [after.previous(point), after.next(point)];
+                    let expected = neighbours(ring, &exchange, point);
+                    expected == found || expected == [found[1], found[0]]
+                }));
             }
         }
-        (enter == 0).then_some(layout)
+        if exchange.edges == MOST {
+            return;
+        }
+        for near in 0..size as u32 {
+            let rank = exchange.rank(ring.place(near), size as u32);
+            for up in [true, false] {
+                let cut = if up {
+                    rank
+                } else {
+                    (rank + size as u32 - 1) % size as u32
+                };
+                if !exchange.removes(cut, exchange.edges) {
+                    let mut next = exchange;
+                    let far = if up == exchange.forwards {
+                        ring.next(near)
+                    } else {
+                        ring.previous(near)
+                    };
+                    next.remove(exchange.edges, [near, far], cut, up);
+                    compare(ring, next, seen);
+                }
+            }
+        }
+    }
+
+    /// Both neighbours of a point once the exchange is closed: those of the ring, each removed edge replaced.
+    fn neighbours(ring: &Ring, exchange: &Exchange, point: u32) -> [u32; 2] {
+        let ends = &exchange.ends[..2 * exchange.edges];
+        [ring.previous(point), ring.next(point)].map(|beside| {
+            let removed = |at: &usize| ends[*at] == point && ends[*at ^ 1] == beside;
+            (0..ends.len()).find(removed).map_or(beside, |at| {
+                let other = if at % 2 == 1 {
+                    at + 1
+                } else {
+                    at + ends.len() - 1
+                };
+                ends[other % ends.len()]
+            })
+        })
+    }
+
+    /// The points on the ring of point 0, walked edge by edge.
+    fn walk(ring: &Ring, exchange: &Exchange) -> Vec<u32> {
+        let mut walked = vec![0];
+        let mut before = u32::MAX;
+        loop {
+            let here = walked[walked.len() - 1];
+            let [one, other] = neighbours(ring, exchange, here);
+            let next = if one == before { other } else { one };
+            if next == 0 || walked.contains(&next) {
+                return walked;
+            }
+            before = here;
+            walked.push(next);
+        }
+    }
+
+    #[test]
+    fn tells_what_a_walk_along_the_edges_tells() {
+        let ring = Ring::new(&[3, 0, 5, 2, 6, 1, 4]);
+        let mut seen = [0; 2];
+        for (from, to) in [(0, 5), (5, 0), (4, 3)] {
+            compare(&ring, Exchange::new(&ring, from, to), &mut seen);
+        }
+        assert!(seen.iter().all(|&seen| seen > 500), "{seen:?}");
     }
 }

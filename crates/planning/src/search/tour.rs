@@ -10,7 +10,7 @@ use rand_pcg::Pcg32;
 use rand_pcg::rand_core::RngCore;
 
 use super::choice::Moves;
-use super::exchange::Exchange;
+use super::exchange::{Exchange, closes};
 use super::ring::{Layout, MOST, Ring};
 use super::{Cooling, Kicked};
 
@@ -23,6 +23,35 @@ const SPAN: (f64, f64) = (5.0, 100.0);
 /// Most points that a kick visits at a random place.
 const SHAKEN: usize = 2;
 
+/// Places among which successive kicks begin, and how many do before the next places follow: what a search of many points
+/// looks at then stays near at hand in memory.
+const WINDOW: usize = 50;
+const KICKS: usize = 20;
+
+/// Fewer points than this are always near at hand.
+const SPREAD: usize = 1500;
+
+/// Where the next kick begins.
+#[derive(Default)]
+struct Window {
+    begin: usize,
+    kicks: usize,
+}
+
+impl Window {
+    fn place(&mut self, size: usize, draw: &mut impl FnMut(usize) -> usize) -> usize {
+        if size < SPREAD {
+            return draw(size);
+        }
+        self.kicks += 1;
+        if self.kicks > KICKS {
+            self.kicks = 1;
+            self.begin = (self.begin + WINDOW) % size;
+        }
+        (self.begin + draw(WINDOW)) % size
+    }
+}
+
 pub(super) struct Tour<M> {
     moves: M,
     ring: Ring,
@@ -32,6 +61,7 @@ pub(super) struct Tour<M> {
     queued: Vec<bool>,
     /// Points whose place has just changed.
     changed: Vec<u32>,
+    window: Window,
 }
 
 impl<M: Moves> Tour<M> {
@@ -52,6 +82,7 @@ impl<M: Moves> Tour<M> {
             queue: Vec::with_capacity(order.len()),
             queued: vec![false; order.len()],
             changed: Vec::new(),
+            window: Window::default(),
         }
     }
 
@@ -129,49 +160,68 @@ impl<M: Moves> Tour<M> {
         true
     }
 
-    /// Tries all exchanges that begin by removing an edge of this point.
+    /// Carries out an exchange that begins by removing an edge of this point and shortens the ring.
     fn improve(&mut self, point: u32) -> bool {
-        [self.ring.next(point), self.ring.previous(point)]
-            .into_iter()
-            .any(|other| {
-                let mut exchange = Exchange::new(point, other);
-                self.extend(&mut exchange, self.moves.cost(point, other))
-            })
+        for other in [self.ring.next(point), self.ring.previous(point)] {
+            let mut exchange = Exchange::new(&self.ring, point, other);
+            let freed = self.moves.cost(point, other);
+            if let Some(gain) = self.shorten::<1>(&mut exchange, freed) {
+                let layout = exchange.layout(&self.ring);
+                self.length -= gain;
+                self.ring.rearrange(&layout);
+                for &point in &exchange.ends[..2 * exchange.edges] {
+                    self.push(point);
+                }
+                return true;
+            }
+        }
+        false
     }
 
-    /// Goes on from the open end with near neighbours: closes the ring when that shortens it, otherwise follows the
-    /// few continuations that leave the most to gain.
-    fn extend(&mut self, exchange: &mut Exchange, gain: i64) -> bool {
-        let edges = exchange.edges;
+    /// Goes on from the open end of `EDGES` removed edges with near neighbours: tells the gain where closing the ring
+    /// shortens it, otherwise follows the few continuations that leave the most to gain.
+    fn shorten<const EDGES: usize>(&self, exchange: &mut Exchange, gain: i64) -> Option<i64> {
+        let (moves, ring) = (&self.moves, &self.ring);
+        let size = ring.len() as u32;
         let first = exchange.ends[0];
-        let open = exchange.ends[2 * edges - 1];
-        let (after, before) = (self.ring.next(open), self.ring.previous(open));
-        let breadth = M::BREADTH.get(edges - 1).copied().unwrap_or(0);
-        let mut promising = [(i64::MIN, 0, 0); WIDEST];
-        for at in 0..self.moves.near(open).len() {
-            let (near, least) = self.moves.near(open)[at];
+        let open = exchange.ends[2 * EDGES - 1];
+        let breadth = M::BREADTH.get(EDGES - 1).copied().unwrap_or(0);
+        let mut promising = [(i64::MIN, 0, 0, 0, false); WIDEST];
+        let (after, before) = (ring.next(open), ring.previous(open));
+        for &(near, least) in moves.near(open) {
             if gain <= i64::from(least) {
                 break;
             }
             if near == after || near == before {
                 continue;
             }
-            let left = gain - self.moves.cost_to(open, near, least);
+            let left = gain - moves.cost_to(open, near, least);
             if left <= 0 {
                 continue;
             }
-            for far in [self.ring.next(near), self.ring.previous(near)] {
-                let total = left + self.moves.cost(near, far);
-                if total <= self.moves.least(far) || exchange.removes(near, far) {
+            let rank = exchange.rank(ring.place(near), size);
+            for up in [true, false] {
+                let cut = if up { rank } else { rank.wrapping_sub(1) };
+                let cut = if cut < size { cut } else { size - 1 };
+                let closes = closes(EDGES + 1, exchange.with(cut, up, EDGES));
+                if breadth == 0 && !closes || exchange.removes(cut, EDGES) {
                     continue;
                 }
-                let change = total - self.moves.cost(first, far);
-                if change > 0 && far != first {
-                    exchange.remove(near, far);
-                    if self.close(exchange, change) {
-                        return true;
+                let far = if up == exchange.forwards {
+                    ring.next(near)
+                } else {
+                    ring.previous(near)
+                };
+                let total = left + moves.cost(near, far);
+                if total <= moves.least(far) {
+                    continue;
+                }
+                if closes {
+                    let change = total - moves.cost(first, far);
+                    if change > 0 {
+                        exchange.remove(EDGES, [near, far], cut, up);
+                        return Some(change);
                     }
-                    exchange.edges = edges;
                 }
                 let mut at = breadth;
                 while at > 0 && promising[at - 1].0 < total {
@@ -181,37 +231,25 @@ impl<M: Moves> Tour<M> {
                     at -= 1;
                 }
                 if at < breadth {
-                    promising[at] = (total, near, far);
+                    promising[at] = (total, near, far, cut, up);
                 }
             }
         }
-        for &(total, near, far) in &promising[..breadth] {
+        for &(total, near, far, cut, up) in &promising[..breadth] {
             if total == i64::MIN {
                 break;
             }
-            exchange.remove(near, far);
-            if self.extend(exchange, total) {
-                return true;
+            exchange.remove(EDGES, [near, far], cut, up);
+            let found = match EDGES {
+                1 => self.shorten::<2>(exchange, total),
+                2 => self.shorten::<3>(exchange, total),
+                _ => None,
+            };
+            if found.is_some() {
+                return found;
             }
-            exchange.edges = edges;
         }
-        false
-    }
-
-    /// Carries out an exchange that shortens the ring by `gain`, unless the ring would fall into several.
-    fn close(&mut self, exchange: &Exchange, gain: i64) -> bool {
-        if !exchange.may_stay_one_ring(&self.ring) {
-            return false;
-        }
-        let Some(layout) = exchange.layout(&self.ring) else {
-            return false;
-        };
-        self.length -= gain;
-        self.ring.rearrange(&layout);
-        for &point in &exchange.ends[..2 * exchange.edges] {
-            self.push(point);
-        }
-        true
+        None
     }
 
     /// Double bridge: three neighbouring stretches in the order 3, 2, 1.
@@ -220,7 +258,7 @@ impl<M: Moves> Tour<M> {
         let mut draw = |below: usize| ((u64::from(rng.next_u32()) * below as u64) >> 32) as usize;
         let part = draw(1 << 16) as f64 / f64::from(1 << 16);
         let span = (SPAN.0 * (SPAN.1 / SPAN.0).powf(part)) as usize;
-        let mut at = draw(size);
+        let mut at = self.window.place(size, &mut draw);
         let mut places = [at; MOST];
         let mut lengths = [0; MOST];
         for stretch in 0..3 {
