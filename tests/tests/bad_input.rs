@@ -197,6 +197,18 @@ fn a_negative_or_zero_number_is_refused_where_it_means_nothing() {
     }
 }
 
+#[test]
+fn an_approval_limit_beyond_the_validity_of_a_correction_is_refused() {
+    let told = refused(
+        "automatic_approval = true",
+        "automatic_approval = false\napproval_limit_s = 601",
+    );
+    assert!(
+        told.contains("approval_limit_s = 601 is longer than validity_s = 600"),
+        "{told}"
+    );
+}
+
 /// What the robot description says when `from` stands as `to` in it.
 fn robot_refused(from: &str, to: &str) -> String {
     let mut text = text();

@@ -121,16 +121,58 @@ fn an_approval_of_nothing_or_by_nobody_is_refused() {
 
 #[test]
 fn a_proposal_that_has_expired_is_not_revived_by_an_approval() {
+    // Nobody comes within the validity of 600 s: the part does not wait for ever.
     let (mut session, corrections) = proposed();
-    session.run_s(601.0);
-    session.answer(&corrections[0], true);
+    session.run_s(590.0);
+    assert!(session.all::<PartReport>(topics::PART_REPORTS).is_empty());
+    session.run_s(10.0);
     let report = session.last::<PartReport>(topics::PART_REPORTS);
     assert_eq!(report.verdict, PartReport::STOPPED);
-    assert!(report.text.ends_with("it has expired"), "{}", report.text);
+    let ids: Vec<&str> = (corrections.iter())
+        .map(|one| one.correction_id.as_str())
+        .collect();
+    let said = format!(
+        "nobody approved or rejected {} within 600 s",
+        ids.join(", ")
+    );
+    assert_eq!(report.text, said);
+    assert_eq!(session.fault_codes(), ["approval_overdue"]);
+    session.answer(&corrections[0], true);
     let reply: OperatorReply = session.last(topics::APPROVAL_REPLIES);
     let expected = format!("correction {:?} has expired", corrections[0].correction_id);
     assert_eq!((reply.accepted, reply.text), (false, expected));
     assert_eq!(wear(&session).0, 0);
+    // The cell makes the next part.
+    session.ask_for("second");
+    session.run_to(topics::PASS_DECISIONS);
+    let decision: PassDecision = session.last(topics::PASS_DECISIONS);
+    assert_eq!(decision.decision, PassDecision::RECUT);
+}
+
+#[test]
+fn an_approval_limit_of_the_cell_file_ends_the_wait_before_the_correction_expires() {
+    let cell = cell("turn_mill.toml", |text| {
+        text.replace(
+            "automatic_approval = true",
+            "automatic_approval = false\napproval_limit_s = 45",
+        )
+    });
+    let mut session = Session::new(&cell);
+    session.ask_for("punch");
+    session.run_to(topics::PASS_DECISIONS);
+    let asked = session.now();
+    // One of the two is approved and written; that does not stop the clock of the other.
+    session.run_s(5.0);
+    let corrections: Vec<Correction> = session.all(topics::CORRECTIONS);
+    session.answer(&corrections[0], true);
+    let report = session.wait_for_report();
+    assert_eq!(session.now(), asked.after_s(45.0));
+    let said = format!(
+        "nobody approved or rejected {} within 45 s",
+        corrections[1].correction_id
+    );
+    assert_eq!((report.verdict, report.text), (PartReport::STOPPED, said));
+    assert_eq!(wear(&session), (1, vec![corrections[0].new_value, 0.0]));
 }
 
 #[test]

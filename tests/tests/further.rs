@@ -316,3 +316,30 @@ fn a_cell_that_runs_on_a_recording_measures_nothing_further() {
     assert_eq!(report.verdict, PartReport::STOPPED);
     assert!(report.text.contains("recording"), "{}", report.text);
 }
+
+/// Whoever hears touches has the plan that was published last: a preview must not take the place of the one that is
+/// being measured. The part is made as if nobody had asked.
+#[test]
+fn a_preview_during_a_measurement_is_refused_and_disturbs_nothing() {
+    let cell = check();
+    let preview = |session: &mut Session| plan(session, "", &[]);
+    let mut session = Session::new(&cell);
+    session.ask_for("balls");
+    session.run_to(topics::PROBE_EVENTS);
+    let measured: InspectionPlan = session.last(topics::INSPECTION_PLAN);
+    let reply = preview(&mut session);
+    let says = format!(
+        "plan {:?} is being measured: a preview would take its place; ask again when that is done",
+        measured.plan_id
+    );
+    assert_eq!((reply.accepted, reply.text), (false, says));
+    let report = session.wait_for_report();
+    let alone = Session::new(&cell).make("balls");
+    assert_eq!((report.verdict, report.text), (alone.verdict, alone.text));
+    assert!(session.fault_codes().is_empty());
+    let plans: Vec<InspectionPlan> = session.all(topics::INSPECTION_PLAN);
+    assert!(plans.iter().all(|one| one.plan_id != "preview"));
+    assert!(preview(&mut session).accepted);
+    let shown: InspectionPlan = session.last(topics::INSPECTION_PLAN);
+    assert_eq!(shown.plan_id, "preview");
+}

@@ -75,6 +75,24 @@ fn approved() -> (Cell, Vec<Published>) {
     (cell, session.finish())
 }
 
+/// A preview is asked for while the machine measures; nobody approves in time, and somebody does afterwards.
+fn unanswered() -> (Cell, Vec<Published>) {
+    let cell = turn_mill(|text| {
+        text.replace(
+            "automatic_approval = true",
+            "automatic_approval = false\napproval_limit_s = 5",
+        )
+    });
+    let mut session = Session::new(&cell);
+    session.ask_for("punch");
+    session.run_to(topics::PROBE_EVENTS);
+    session.send(topics::PLAN_REQUESTS, &OperatorRequest::default());
+    session.wait_for_report();
+    let proposed: Correction = session.last(topics::CORRECTIONS);
+    session.answer(&proposed, true);
+    (cell, session.finish())
+}
+
 /// A tool that moves less than it is told.
 fn not_converging() -> (Cell, Vec<Published>) {
     let cell = turn_mill(|text| {
@@ -254,6 +272,7 @@ fn sessions() -> Vec<(Cell, Vec<Published>)> {
     let mut sessions = vec![
         AUTOMATIC.clone(),
         approved(),
+        unanswered(),
         not_converging(),
         springing(),
         path(),

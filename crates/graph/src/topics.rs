@@ -111,6 +111,7 @@ topics! {
     CORRECTIONS = "compensation", "corrections", Correction, Qos::latched(64);
     PASS_DECISIONS = "compensation", "pass_decisions", PassDecision, Qos::latched(1);
     APPROVAL_REPLIES = "compensation", "approval_replies", OperatorReply, Qos::KEEP_ALL;
+    COMPENSATION_FAULTS = "compensation", "compensation/faults", Fault, Qos::KEEP_ALL;
 
     OPERATION_REQUESTS = "cycle", "operation_requests", OperationRequest, Qos::KEEP_ALL;
     PART_REPORTS = "cycle", "part_reports", PartReport, Qos::latched(1);

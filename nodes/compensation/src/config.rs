@@ -22,6 +22,8 @@ pub struct RawConfig {
     /// A correction that has not reached the machine within this time is void.
     #[serde(default = "default_validity")]
     pub validity_s: f64,
+    /// A proposed correction that nobody approves or rejects within this time stops the part; none: `validity_s`.
+    pub approval_limit_s: Option<f64>,
     /// Change of the wear offset per change of size: 1 for an offset that counts diameters, 0.5 for radii.
     #[serde(default = "default_wear_per_size")]
     pub wear_per_size: f64,
@@ -117,6 +119,8 @@ pub struct Config {
     pub automatic_approval: bool,
     /// s; how long a correction is valid.
     pub validity: f64,
+    /// s; how long a proposed correction waits for an operator, at most as long as it is valid.
+    pub approval_limit: f64,
     /// Change of the wear offset per change of size.
     pub wear_per_size: f64,
     /// What to do with a size that can be corrected.
@@ -151,6 +155,16 @@ pub enum ConfigError {
         /// The pass.
         pass: String,
     },
+    /// Somebody could approve what is void.
+    #[error(
+        "compensation.approval_limit_s = {limit} is longer than validity_s = {validity}: a correction is void by then"
+    )]
+    ApprovalLimit {
+        /// s; as written.
+        limit: f64,
+        /// s; as written.
+        validity: f64,
+    },
     /// A number that is not positive.
     #[error("compensation.{key} = {value} must be a finite number above 0")]
     Number {
@@ -174,16 +188,24 @@ impl RawConfig {
                 raw.tolerance_mm,
             )
         });
+        let approval_limit = self.approval_limit_s.unwrap_or(self.validity_s);
         let own = [
             ("wear_limit_mm".to_owned(), self.wear_limit_mm),
             ("path_limit_mm".to_owned(), self.path_limit_mm),
             ("validity_s".to_owned(), self.validity_s),
+            ("approval_limit_s".to_owned(), approval_limit),
             ("wear_per_size".to_owned(), self.wear_per_size),
         ];
         for (key, value) in own.into_iter().chain(tolerances) {
             if !(value.is_finite() && value > 0.0) {
                 return Err(ConfigError::Number { key, value });
             }
+        }
+        if approval_limit > self.validity_s {
+            return Err(ConfigError::ApprovalLimit {
+                limit: approval_limit,
+                validity: self.validity_s,
+            });
         }
         let characteristics = self.characteristics.iter().map(|raw| raw.check(passes));
         let characteristics: Vec<Characteristic> = characteristics.collect::<Result<_, _>>()?;
@@ -211,6 +233,7 @@ impl RawConfig {
             max_corrections: self.max_corrections,
             automatic_approval: self.automatic_approval,
             validity: self.validity_s,
+            approval_limit,
             wear_per_size: self.wear_per_size,
             spring_pass: self.spring_pass,
             policy: if self.literal_macro {

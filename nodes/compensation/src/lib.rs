@@ -4,10 +4,12 @@
 //! |---|---|
 //! | `feature_results`, `operation_requests` | `verdicts`, `pass_decisions` |
 //! | `tool_offsets`, `approvals` | `corrections`, `approval_replies` |
+//! | | `compensation/faults`: `approval_overdue` |
 //!
 //! The decision table is that of the turn-mill system (source systems A.4). Characteristics cut by one tool share its wear
 //! offset: the correction is made for their mean error, and bounded so that no characteristic is cut below size. A
-//! correction is proposed; it is approved by the cell file's policy or by an operator, never by itself.
+//! correction is proposed; it is approved by the cell file's policy or by an operator, never by itself. One that nobody
+//! answers in time is withdrawn, with all that was proposed beside it, and the part stops.
 
 mod config;
 mod path;

@@ -1,12 +1,12 @@
 //! The rules of `compensation`.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use graph::{Node, Outbox, Stamp, inputs, outputs, topics};
 use metrology::decision::{self, Action, Invalid, Reading, decide};
 use probecell_msgs::{
-    Correction, FeatureResult, OperationRequest, OperatorReply, OperatorRequest, PassDecision,
-    ToolOffsets, Verdict, std_msgs,
+    Correction, Fault, FeatureResult, OperationRequest, OperatorReply, OperatorRequest,
+    PassDecision, ToolOffsets, Verdict, std_msgs,
 };
 use serde::{Deserialize, Serialize};
 
@@ -40,6 +40,8 @@ outputs! {
         Decision(PassDecision) = topics::PASS_DECISIONS,
         /// The answer to an operator.
         Reply(OperatorReply) = topics::APPROVAL_REPLIES,
+        /// What went wrong.
+        Fault(Fault) = topics::COMPENSATION_FAULTS,
     }
 }
 
@@ -62,10 +64,14 @@ pub struct State {
     pub counted: Option<(String, u32)>,
     /// Corrections that wait for an operator.
     pub proposed: BTreeMap<String, (Correction, u32)>,
+    /// Corrections of the last measurement that were withdrawn, because nobody answered in time.
+    pub expired: BTreeSet<String>,
     /// Offsets of the tool paths that were asked for in this session of the driver.
     pub paths: Paths,
 }
 
+/// Timer that looks for proposals nobody has answered.
+const APPROVAL: u32 = 1;
 /// Results kept that came before their measurement was asked for.
 const EARLY_LIMIT: usize = 1024;
 
@@ -91,12 +97,14 @@ impl Node for CompensationNode {
         out: &mut Outbox<Output>,
     ) {
         match input {
+            Input::Timer(APPROVAL) => withdraw(config, state, now, out),
             Input::Timer(_) => {}
             Input::Offsets(offsets) => state.offsets = Some(offsets),
             Input::Request(request) => {
                 if request.kind == OperationRequest::MEASURE {
                     state.results.clear();
                     state.proposed.clear();
+                    state.expired.clear();
                     // From a plan that is only measured nothing follows.
                     state.measurement =
                         (!request.only_measure).then_some((request.plan_id, request.pass_number));
@@ -273,6 +281,7 @@ fn decide_on_all(config: &Config, state: &mut State, now: Stamp, out: &mut Outbo
                 state
                     .proposed
                     .insert(correction.correction_id.clone(), (correction.clone(), pass));
+                out.wake_at(due(config, &correction), APPROVAL);
             }
             out.send(Output::Correction(correction));
         }
@@ -397,6 +406,46 @@ fn corrections(
     made
 }
 
+/// When a proposal is withdrawn.
+fn due(config: &Config, proposed: &Correction) -> Stamp {
+    Stamp::from(&proposed.header.stamp).after_s(config.approval_limit)
+}
+
+/// Ends the part whose proposed correction nobody has answered: nothing that was proposed for it is to reach the machine.
+fn withdraw(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Output>) {
+    let overdue: Vec<&str> = (state.proposed.values())
+        .filter(|(correction, _)| due(config, correction) <= now)
+        .map(|(correction, _)| correction.correction_id.as_str())
+        .collect();
+    if overdue.is_empty() {
+        return;
+    }
+    let text = format!(
+        "nobody approved or rejected {} within {} s",
+        overdue.join(", "),
+        config.approval_limit
+    );
+    let proposed = std::mem::take(&mut state.proposed);
+    out.send(Output::Fault(Fault {
+        header: header(now),
+        node: CompensationNode::NAME.to_owned(),
+        severity: Fault::ERROR,
+        code: "approval_overdue".to_owned(),
+        text: text.clone(),
+    }));
+    if let Some((correction, pass)) = proposed.values().next() {
+        out.send(Output::Decision(PassDecision {
+            header: header(now),
+            plan_id: correction.plan_id.clone(),
+            pass_number: *pass,
+            decision: PassDecision::STOP,
+            text,
+            ..PassDecision::default()
+        }));
+    }
+    state.expired.extend(proposed.into_keys());
+}
+
 fn approve(state: &mut State, now: Stamp, request: &OperatorRequest, out: &mut Outbox<Output>) {
     let mut reply = OperatorReply {
         header: header(now),
@@ -404,6 +453,9 @@ fn approve(state: &mut State, now: Stamp, request: &OperatorRequest, out: &mut O
         accepted: false,
         text: format!("no correction {:?} waits for approval", request.subject),
     };
+    if state.expired.contains(&request.subject) {
+        reply.text = format!("correction {:?} has expired", request.subject);
+    }
     if request.operator_name.is_empty() {
         "an approval needs the name of the operator".clone_into(&mut reply.text);
     } else if let Some((correction, pass)) = state.proposed.remove(&request.subject) {

@@ -24,6 +24,7 @@ fn raw(automatic_approval: bool, inner: bool) -> RawConfig {
         max_corrections: 5,
         automatic_approval,
         validity_s: 60.0,
+        approval_limit_s: None,
         wear_per_size: 1.0,
         path: PathCorrection::Deterministic,
         path_limit_mm: 0.5,
@@ -110,6 +111,7 @@ fn line(output: &Output) -> String {
             format!("{decision} {:?}", one.correction_ids)
         }
         Output::Reply(one) => format!("accepted {}", one.accepted),
+        Output::Fault(one) => format!("{}: {}", one.code, one.text),
     }
 }
 
@@ -242,6 +244,72 @@ fn a_proposed_correction_is_approved_once_by_somebody_with_a_name() {
         with(vec![measure("p/2"), answer("Ada", true)]),
         &["accepted false"],
     );
+}
+
+/// The node wakes itself when the limit has passed, and not again for what was answered.
+#[test]
+fn a_proposal_that_nobody_answers_stops_the_part_at_the_limit() {
+    let config = RawConfig {
+        approval_limit_s: Some(20.0),
+        ..raw(false, false)
+    };
+    let config = config.check(&["finish"], false).expect("sound settings");
+    let begin = Stamp(7_000_000_000);
+    let proposed = || {
+        let mut state = CompensationNode::start(&config);
+        let mut out = Outbox::default();
+        for input in [offsets(0.0), measure("p/1"), result("p/1", 19.83)] {
+            CompensationNode::step(&config, &mut state, begin, input, &mut out);
+        }
+        assert_eq!(out.timers(), [(begin.after_s(20.0), 1)]);
+        state
+    };
+    let said = |state: &mut compensation::State, after_s: f64, input: Input| -> Vec<String> {
+        let mut out = Outbox::default();
+        CompensationNode::step(&config, state, begin.after_s(after_s), input, &mut out);
+        out.messages().iter().map(line).collect()
+    };
+    let mut state = proposed();
+    let nothing: Vec<String> = Vec::new();
+    assert_eq!(said(&mut state, 19.9, Input::Timer(1)), nothing);
+    assert_eq!(
+        said(&mut state, 20.0, Input::Timer(1)),
+        [
+            "approval_overdue: nobody approved or rejected p/1/T2/4 within 20 s",
+            "stop []"
+        ]
+    );
+    assert_eq!(said(&mut state, 20.1, Input::Timer(1)), nothing);
+    assert_eq!(
+        said(&mut state, 21.0, answer("Ada", true)),
+        ["accepted false"]
+    );
+    for approve in [true, false] {
+        let mut state = proposed();
+        said(&mut state, 3.0, answer("Ada", approve));
+        assert_eq!(said(&mut state, 20.0, Input::Timer(1)), nothing);
+    }
+}
+
+#[test]
+fn a_limit_that_is_no_time_or_outlives_the_correction_is_refused() {
+    for (limit, says) in [
+        (0.0, "compensation.approval_limit_s = 0 must be"),
+        (-5.0, "compensation.approval_limit_s = -5 must be"),
+        (f64::NAN, "compensation.approval_limit_s = NaN must be"),
+        (f64::INFINITY, "compensation.approval_limit_s = inf must be"),
+        (
+            60.5,
+            "approval_limit_s = 60.5 is longer than validity_s = 60",
+        ),
+    ] {
+        let raw = RawConfig {
+            approval_limit_s: Some(limit),
+            ..raw(false, false)
+        };
+        let error = raw.check(&["finish"], false).expect_err("refused");
+        assert!(error.to_string().contains(says), "{error}");
+    }
 }
 
 #[test]

@@ -4,8 +4,8 @@ use std::collections::BTreeSet;
 
 use graph::{Node, Outbox, Stamp, inputs, outputs, topics};
 use probecell_msgs::{
-    Fault, InspectionPlan, MeasurementOrder, OperationRequest, OperatorReply, OperatorRequest,
-    ProbeEvent, sensor_msgs::JointState, std_msgs,
+    Fault, InspectionPlan, MeasurementOrder, OperationReport, OperationRequest, OperatorReply,
+    OperatorRequest, ProbeEvent, sensor_msgs::JointState, std_msgs,
 };
 use serde::{Deserialize, Serialize};
 
@@ -23,6 +23,8 @@ inputs! {
         Plan(OperatorRequest) = topics::PLAN_REQUESTS,
         /// What the cycle wants next.
         Request(OperationRequest) = topics::OPERATION_REQUESTS,
+        /// What came of it.
+        Report(OperationReport) = topics::OPERATION_REPORTS,
         /// One probing move and what came of it: what is touched is not left.
         Event(ProbeEvent) = topics::PROBE_EVENTS,
         /// Where the axes are.
@@ -55,6 +57,8 @@ pub struct State {
     pub measured: BTreeSet<String>,
     /// The measurement that was asked for last; `None` once something is cut, or another plan is published.
     pub measurement: Option<Measurement>,
+    /// The measurement that the machine makes now: number of its request, and its plan.
+    pub running: Option<(u64, String)>,
     /// Where the axes stand, in the order of the chain's axes: m, rad.
     pub here: Option<Vec<f64>>,
 }
@@ -91,8 +95,17 @@ impl Node for PathPlanningNode {
                 let positions = config.chain.positions(&joints.name, &joints.position);
                 state.here = positions.ok().or(state.here.take());
             }
+            Input::Report(report) => {
+                state
+                    .running
+                    .take_if(|(request_id, _)| *request_id == report.request_id);
+            }
             Input::Request(request) => {
+                // What the machine did before is over, or the cycle gives it up.
+                state.running = (request.kind == OperationRequest::MEASURE)
+                    .then(|| (request.request_id, request.plan_id.clone()));
                 if let Err((code, text)) = requested(config, state, now, &request, out) {
+                    state.running = None;
                     out.send(Output::Fault(Fault {
                         header: header(now),
                         node: Self::NAME.to_owned(),
@@ -193,6 +206,10 @@ enum AskError {
     Further(#[from] FurtherError),
     #[error(transparent)]
     Route(#[from] RouteError),
+    #[error(
+        "plan {0:?} is being measured: a preview would take its place; ask again when that is done"
+    )]
+    Measuring(String),
 }
 
 /// What an operator wants: what is left of a measurement, a preview of the part's plan, or further touches for a run
@@ -221,6 +238,9 @@ fn asked(
         } else {
             subject
         };
+        if let Some((_, measured)) = &state.running {
+            return Err(AskError::Measuring(measured.clone()));
+        }
         let (_, text) = publish(config, now, plan_id, 0.0, out)?;
         // Who hears the touches has the plan that was published last.
         state.measurement = None;

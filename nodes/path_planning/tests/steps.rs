@@ -3,7 +3,7 @@
 use graph::{Node, Outbox, Stamp};
 use machine::Chain;
 use path_planning::{Config, Input, Output, PathPlanningNode, RawConfig, part::RawPart};
-use probecell_msgs::{OperationRequest, OperatorRequest};
+use probecell_msgs::{OperationReport, OperationRequest, OperatorRequest};
 
 /// A probe that moves freely over a part that turns about Z; its ball's centre is the mount's origin.
 const ROBOT: &str = r#"<robot name="xyzc"><link name="foundation"/><link name="workpiece"/><link name="probe_mount"/>
@@ -184,6 +184,57 @@ fn an_operator_gets_a_preview_of_the_finished_part() {
             "4 accepted true",
         ],
     );
+}
+
+/// A preview is published, so it would take the place of a plan that is being measured; afterwards it may.
+#[test]
+fn a_preview_is_refused_while_a_measurement_runs() {
+    let config = config(10.0);
+    let mut state = PathPlanningNode::start(&config);
+    let mut said = |input: Input| -> Vec<String> {
+        let mut out = Outbox::default();
+        PathPlanningNode::step(&config, &mut state, Stamp(0), input, &mut out);
+        out.messages().iter().map(line).collect()
+    };
+    let preview = || {
+        Input::Plan(OperatorRequest {
+            request_id: 4,
+            ..OperatorRequest::default()
+        })
+    };
+    let request = |kind: u8, request_id: u64, plan_id: &str| {
+        Input::Request(OperationRequest {
+            kind,
+            request_id,
+            plan_id: plan_id.to_owned(),
+            ..OperationRequest::default()
+        })
+    };
+    let report = |request_id: u64, outcome: u8| {
+        Input::Report(OperationReport {
+            request_id,
+            outcome,
+            ..OperationReport::default()
+        })
+    };
+    // It ends by the report on it, however it ends, or by a stop; another report says nothing of it.
+    for (number, outcome) in [(0, 0), (1, OperationReport::FAILED), (2, 0)] {
+        let plan_id = format!("p/{number}");
+        let (own, other) = (10 + number, 9 + number);
+        assert_eq!(
+            said(request(OperationRequest::MEASURE, own, &plan_id)).len(),
+            2
+        );
+        assert_eq!(said(preview()), ["4 accepted false"]);
+        said(report(other, OperationReport::DONE));
+        assert_eq!(said(preview()), ["4 accepted false"]);
+        if number == 2 {
+            said(request(OperationRequest::STOP, 20, ""));
+        } else {
+            said(report(own, outcome));
+        }
+        assert_eq!(said(preview()).len(), 3);
+    }
 }
 
 fn said(config: &Config, input: Input) -> Vec<Output> {
