@@ -12,6 +12,8 @@ pub struct RawConfig {
     pub silence_limit_s: f64,
     /// A measurement whose order does not come within this time fails.
     pub order_limit_s: f64,
+    /// A correction that the driver does not answer within this time has failed.
+    pub reply_limit_s: f64,
     /// No wear offset is ever written outside plus or minus this.
     pub wear_limit_mm: f64,
     /// No point of a tool path is ever offset by more.
@@ -24,6 +26,7 @@ impl Default for RawConfig {
             machine_id: String::new(),
             silence_limit_s: 1.0,
             order_limit_s: 10.0,
+            reply_limit_s: 30.0,
             wear_limit_mm: 0.5,
             path_limit_mm: 0.5,
         }
@@ -41,6 +44,8 @@ pub struct Config {
     pub silence_limit: f64,
     /// s; a measurement whose order does not come within this time fails.
     pub order_limit: f64,
+    /// s; a correction that the driver does not answer within this time has failed.
+    pub reply_limit: f64,
     /// m; no wear offset is written outside plus or minus this.
     pub wear_limit: f64,
     /// m; no point of a tool path is offset by more.
@@ -68,6 +73,7 @@ impl RawConfig {
         for (key, value) in [
             ("silence_limit_s", self.silence_limit_s),
             ("order_limit_s", self.order_limit_s),
+            ("reply_limit_s", self.reply_limit_s),
             ("wear_limit_mm", self.wear_limit_mm),
             ("path_limit_mm", self.path_limit_mm),
         ] {
@@ -85,6 +91,7 @@ impl RawConfig {
             robot_description,
             silence_limit: self.silence_limit_s,
             order_limit: self.order_limit_s,
+            reply_limit: self.reply_limit_s,
             wear_limit: self.wear_limit_mm * 1e-3,
             path_limit: self.path_limit_mm * 1e-3,
             replayed,

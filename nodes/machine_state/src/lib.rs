@@ -12,7 +12,7 @@
 //! | | `machine_state/faults`: `controller_lost`, `controller_restarted`, `estop`, `controller_alarm`, `unplanned_touch`, `status_not_finite` |
 //!
 //! Invariants: nothing else publishes `controller_commands`; a correction is written at most once; a command names the
-//! session of the driver that runs now.
+//! session of the driver that runs now. A driver that does not answer a correction in time has failed it.
 
 mod config;
 mod gate;

@@ -22,7 +22,7 @@ pub struct State {
     /// Plans that this driver was told to measure.
     pub measured: BTreeSet<String>,
     /// Corrections written to the controller and not yet answered, by command number.
-    pub writing: BTreeMap<u64, Correction>,
+    pub writing: BTreeMap<u64, Writing>,
     /// Approved corrections that wait until the machine stands still and the one before is written, in order of arrival.
     pub deferred: VecDeque<Correction>,
     /// Corrections that the controller has, with the values read before and after.
@@ -51,6 +51,15 @@ pub struct Operation {
     pub request_id: u64,
     /// Command to the driver.
     pub command_id: u64,
+}
+
+/// A correction that the driver was told to write.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Writing {
+    /// The correction.
+    pub correction: Correction,
+    /// When it is given up.
+    pub until: Stamp,
 }
 
 /// A measurement that waits for its order.

@@ -10,7 +10,7 @@ use probecell_msgs::{
 use crate::{
     config::Config,
     gate,
-    state::{Awaited, Controller, Operation, State},
+    state::{Awaited, Controller, Operation, State, Writing},
 };
 
 inputs! {
@@ -92,6 +92,7 @@ impl Node for MachineStateNode {
                     out.send(Output::RobotDescription(description));
                 }
                 watch(config, state, now, out);
+                give_up_writing(config, state, now, out);
                 write_deferred(config, state, now, out);
                 out.wake_at(now.after_s(WATCH_PERIOD), WATCH);
             }
@@ -247,6 +248,24 @@ fn publish(config: &Config, state: &State, status: &ControllerStatus, out: &mut 
     }
 }
 
+/// Gives up corrections that the driver does not answer: others wait behind them, and the part waits for both.
+fn give_up_writing(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Output>) {
+    let overdue = state.writing.iter().filter(|(_, one)| now > one.until);
+    let overdue: Vec<u64> = overdue.map(|(command_id, _)| *command_id).collect();
+    for command_id in overdue {
+        let Some(Writing { correction, .. }) = state.writing.remove(&command_id) else {
+            continue;
+        };
+        let text = format!(
+            "the driver did not answer within {} s: what the controller holds is not known",
+            config.reply_limit
+        );
+        let values = (correction.previous_value, f64::NAN);
+        let failed = CorrectionAcknowledgement::FAILED;
+        acknowledge(now, &correction, failed, values, &text, out);
+    }
+}
+
 /// Looks for a silent controller and for an order that does not come.
 fn watch(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Output>) {
     let silent = state
@@ -374,7 +393,7 @@ fn correct(
     let silent = [Correction::APPROVAL_NONE, Correction::APPROVAL_REJECTED];
     let known = |other: &Correction| other.correction_id == correction.correction_id;
     if silent.contains(&correction.approval)
-        || state.writing.values().any(known)
+        || (state.writing.values()).any(|writing| known(&writing.correction))
         || state.deferred.iter().any(known)
     {
         return;
@@ -431,7 +450,11 @@ fn write(
                 }
             };
             let command_id = tell(state, now, command, out);
-            state.writing.insert(command_id, correction.clone());
+            let writing = Writing {
+                correction: correction.clone(),
+                until: now.after_s(config.reply_limit),
+            };
+            state.writing.insert(command_id, writing);
         }
     }
 }
@@ -472,7 +495,7 @@ fn answer(state: &mut State, now: Stamp, reply: &ControllerReply, out: &mut Outb
     {
         return;
     }
-    if let Some(correction) = state.writing.remove(&reply.command_id) {
+    if let Some(Writing { correction, .. }) = state.writing.remove(&reply.command_id) {
         let values = (reply.value_before, reply.value);
         let written = (reply.value - correction.new_value).abs() <= 0.5e-6;
         if reply.outcome == ControllerReply::DONE && written {

@@ -337,6 +337,35 @@ fn a_correction_is_written_when_nothing_speaks_against_it_and_acknowledged_by_wh
     );
 }
 
+/// Inputs are 0.1 s apart and the limit is 30 s: the watch finds the driver silent on the one, and writes the other.
+#[test]
+fn a_driver_that_does_not_answer_a_correction_has_failed_it_and_the_next_one_is_written() {
+    let next = Correction {
+        correction_id: "d".to_owned(),
+        ..correction()
+    };
+    let told = with(
+        measured(),
+        vec![
+            Input::Correction(correction()),
+            Input::Correction(next.clone()),
+        ],
+    );
+    // Samples keep coming: the controller itself is not lost.
+    let waiting = |samples: usize| with(told.clone(), vec![status(); samples]);
+    check(with(waiting(298), vec![Input::Timer(1)]), &[]);
+    check(
+        with(waiting(299), vec![Input::Timer(1)]),
+        &[
+            "c outcome 7: the driver did not answer within 30 s: what the controller holds is not known",
+            "run 1 2 wear of 2 -20.0 µm",
+        ],
+    );
+    // An answer after that says nothing of the other one.
+    let late = vec![Input::Timer(1), reply(1, ControllerReply::DONE, -20e-6)];
+    check(with(waiting(299), late), &[]);
+}
+
 #[test]
 fn a_correction_that_rests_on_nothing_measured_here_is_refused() {
     let refused = format!(
