@@ -2,18 +2,20 @@
 //!
 //! Each touch has four stations of the ball along the normal: the start of the approach, the nominal contact, the end of
 //! the probing move if nothing is touched, and the end of the retract. Between the retract of one touch and the approach
-//! of the next the axes move at top speed; where the straight way could lead through the part, the clearance axis goes
-//! out first and comes in last. The cost of a move is the time of its slowest axis at the URDF's top speed (source
+//! of the next the axes move at top speed; where the straight way could lead through the part ([`crate::clear`]), the
+//! clearance axis goes out first and comes in last. Without a clearance axis the probe withdraws along its stem, as far as
+//! it must, crosses, and comes back. The cost of a move is the time of its slowest axis at the URDF's top speed (source
 //! systems C.2, for a turn-mill). The order is for the touches; positions are joint targets in m and rad.
 
 use machine::{Chain, DeviationError, Nominal, Target};
 use nalgebra::{Point3, UnitQuaternion};
 use planning::{CostMatrix, Options, Problem, Solution, check_limits, solve};
-use probecell_msgs::{InspectionFeature, InspectionPlan, MeasurementOrder, ProbingMove};
+use probecell_msgs::{InspectionPlan, MeasurementOrder, ProbingMove};
+
+use crate::ways::{End, NO_WAY, Ways};
 
 /// Speed taken for an axis whose URDF gives none (m/s or rad/s): slow, so that it is not preferred.
 const UNKNOWN_SPEED: f64 = 0.05;
-
 /// A plan that cannot be measured on this machine.
 #[derive(Debug, thiserror::Error)]
 pub enum RouteError {
@@ -63,6 +65,14 @@ pub enum RouteError {
         /// Highest, m or rad.
         most: f64,
     },
+    /// Two touches between which nothing was found that is clear.
+    #[error("no way clear of the part was found from point {from} to point {to}")]
+    NoWay {
+        /// Index of the point left.
+        from: u32,
+        /// Index of the point sought.
+        to: u32,
+    },
     /// The cost table was refused.
     #[error("the moves between touches cannot be compared: {0}")]
     Cost(String),
@@ -73,7 +83,8 @@ pub enum RouteError {
 pub struct Route<'a> {
     /// The machine.
     pub chain: &'a Chain,
-    /// Axis that goes clear first (index in the chain's axes) and its clear position (m).
+    /// Axis that goes clear first (index in the chain's axes) and its clear position (m); `None`: the probe withdraws
+    /// along its stem.
     pub clearance: Option<(usize, f64)>,
     /// m; how far a probing move goes on behind the nominal contact.
     pub overtravel: f64,
@@ -91,11 +102,17 @@ pub struct Seed {
 }
 
 /// Axis positions of the stations of one touch.
-struct Stations {
-    approach: Vec<f64>,
-    touch: Vec<f64>,
-    retract: Vec<f64>,
-    ball: [Point3<f64>; 2],
+pub(crate) struct Stations {
+    pub(crate) approach: Vec<f64>,
+    pub(crate) touch: Vec<f64>,
+    pub(crate) retract: Vec<f64>,
+    /// Of approach and retract.
+    pub(crate) ball: [Point3<f64>; 2],
+    /// Nominal contact on the surface.
+    pub(crate) contact: Point3<f64>,
+    /// Axes that stand still while the ball goes to and from the touch, and the attitude of the probe there.
+    pub(crate) prescribed: Vec<Option<f64>>,
+    pub(crate) attitude: Option<UnitQuaternion<f64>>,
 }
 
 impl Route<'_> {
@@ -156,7 +173,15 @@ impl Route<'_> {
         }
         let stage = |place: usize| stages.get(points[place] as usize).copied().unwrap_or(0);
         let stages: Vec<u32> = (0..points.len()).map(stage).collect();
-        let mut order = self.shortest(&part, &stages, seeds, here)?;
+        let mut order =
+            self.shortest(&part, &stages, seeds, here)
+                .map_err(|error| match error {
+                    RouteError::NoWay { from, to } => RouteError::NoWay {
+                        from: points[from as usize],
+                        to: points[to as usize],
+                    },
+                    other => other,
+                })?;
         for index in &mut order.order {
             *index = points[*index as usize];
         }
@@ -191,7 +216,7 @@ impl Route<'_> {
 
     /// Axis positions (m, rad) of each touch of a plan, at the end of its probing move.
     pub fn contacts(&self, plan: &InspectionPlan) -> Result<Vec<Vec<f64>>, RouteError> {
-        let stations = self.stations(plan, &[])?;
+        let stations = self.stations(plan, &Nominal::from_plan(plan)?, &[])?;
         Ok(stations.into_iter().map(|one| one.touch).collect())
     }
 
@@ -202,8 +227,10 @@ impl Route<'_> {
         seeds: &[Seed],
         here: Option<&[f64]>,
     ) -> Result<MeasurementOrder, RouteError> {
-        let stations = self.stations(plan, seeds)?;
-        let solution = self.solve(plan, &stations, stages, here)?;
+        let nominal = Nominal::from_plan(plan)?;
+        let stations = self.stations(plan, &nominal, seeds)?;
+        let ways = Ways::new(self, plan, &nominal, &stations);
+        let solution = self.solve(&ways, stages, here)?;
         let length = |order: &[usize]| -> f64 {
             order
                 .windows(2)
@@ -219,7 +246,7 @@ impl Route<'_> {
             given_air_length: length(&solution.given),
             optimal: solution.optimal,
             axis_names: self.chain.axis_names().map(str::to_owned).collect(),
-            moves: self.moves(plan, &stations, &solution.order, here),
+            moves: self.moves(&ways, &stations, &solution.order, here)?,
             ..MeasurementOrder::default()
         })
     }
@@ -227,22 +254,22 @@ impl Route<'_> {
     /// The order of the touches. Where the axes stand is a place before all of them, which the answer leaves out.
     fn solve(
         &self,
-        plan: &InspectionPlan,
-        stations: &[Stations],
+        ways: &Ways<'_>,
         stages: &[u32],
         here: Option<&[f64]>,
     ) -> Result<Solution, RouteError> {
         let before = usize::from(here.is_some());
+        let times = ways.times();
         let time = |from: usize, to: usize| match (from.checked_sub(before), to.checked_sub(before))
         {
-            (Some(from), Some(to)) if from != to => self.time(plan, stations, from, to),
+            (Some(from), Some(to)) if from != to => times[from][to],
             (None, Some(to)) => here.map_or(0.0, |here| {
-                self.duration(here, &self.first(Some(here), &stations[to].approach))
+                self.duration(here, &self.first(Some(here), &ways.approach[to]))
             }),
             _ => 0.0,
         };
         let refused = |error: &dyn std::fmt::Display| RouteError::Cost(error.to_string());
-        let count = stations.len() + before;
+        let count = times.len() + before;
         let table = CostMatrix::from_fn(count, time).map_err(|error| refused(&error))?;
         let stages: Vec<u32> = [0]
             .repeat(before)
@@ -261,6 +288,10 @@ impl Route<'_> {
         };
         let mut solution =
             solve(&problem, &options, &mut |_| true).map_err(|error| refused(&error))?;
+        // A way that was not found in the order given is not counted against it.
+        let given = solution.given.windows(2);
+        let missing = given.filter(|pair| time(pair[0], pair[1]) >= NO_WAY);
+        solution.given_cost -= NO_WAY * missing.count() as f64;
         for order in [&mut solution.order, &mut solution.given] {
             *order = order
                 .iter()
@@ -270,7 +301,12 @@ impl Route<'_> {
         Ok(solution)
     }
 
-    fn stations(&self, plan: &InspectionPlan, seeds: &[Seed]) -> Result<Vec<Stations>, RouteError> {
+    fn stations(
+        &self,
+        plan: &InspectionPlan,
+        part: &Nominal,
+        seeds: &[Seed],
+    ) -> Result<Vec<Stations>, RouteError> {
         let chain = self.chain;
         let mut rotary = Vec::new();
         for name in &plan.rotary_names {
@@ -280,7 +316,6 @@ impl Route<'_> {
                     .ok_or_else(|| RouteError::Rotary(name.clone()))?,
             );
         }
-        let part = Nominal::from_plan(plan)?;
         let radius = part.ball_radius;
         let middle: Vec<f64> = (0..chain.axes().len())
             .map(|index| {
@@ -336,42 +371,18 @@ impl Route<'_> {
                 touch,
                 retract,
                 ball: [approach_ball, retract_ball],
+                contact: part.points[index].0,
+                prescribed,
+                attitude,
             });
         }
         Ok(all)
     }
 
-    /// Joint targets between the retract of one touch and the approach of the next.
-    fn between(
-        &self,
-        plan: &InspectionPlan,
-        stations: &[Stations],
-        from: usize,
-        to: usize,
-    ) -> Vec<Vec<f64>> {
-        let (start, end) = (&stations[from].retract, &stations[to].approach);
-        let Some((axis, clear)) = self.clearance.filter(|_| !direct(plan, from, to)) else {
-            return vec![end.clone()];
-        };
-        let mut out = start.clone();
-        out[axis] = clear;
-        let mut over = end.clone();
-        over[axis] = clear;
-        vec![out, over, end.clone()]
-    }
-
-    /// Seconds from the retract of one touch to the approach of the next.
-    fn time(&self, plan: &InspectionPlan, stations: &[Stations], from: usize, to: usize) -> f64 {
-        self.duration(
-            &stations[from].retract,
-            &self.between(plan, stations, from, to),
-        )
-    }
-
     /// Joint targets to the first touch: from where the axes stand, where that is known, else from somewhere clear.
-    fn first(&self, here: Option<&[f64]>, approach: &[f64]) -> Vec<Vec<f64>> {
+    fn first(&self, here: Option<&[f64]>, approach: &End) -> Vec<Vec<f64>> {
         let Some((axis, clear)) = self.clearance else {
-            return vec![approach.to_vec()];
+            return vec![approach.positions.clone()];
         };
         let out = |at: &[f64]| {
             let mut out = at.to_vec();
@@ -379,13 +390,14 @@ impl Route<'_> {
             out
         };
         let away = here.map(out);
-        away.into_iter()
-            .chain([out(approach), approach.to_vec()])
+        let way = away.into_iter().chain([out(approach.exit())]);
+        way.chain(approach.exit.clone())
+            .chain([approach.positions.clone()])
             .collect()
     }
 
     /// Seconds of a way of joint targets.
-    fn duration(&self, from: &[f64], way: &[Vec<f64>]) -> f64 {
+    pub(crate) fn duration(&self, from: &[f64], way: &[Vec<f64>]) -> f64 {
         let mut at = from;
         let mut seconds = 0.0;
         for target in way {
@@ -403,11 +415,11 @@ impl Route<'_> {
 
     fn moves(
         &self,
-        plan: &InspectionPlan,
+        ways: &Ways<'_>,
         stations: &[Stations],
         order: &[usize],
         here: Option<&[f64]>,
-    ) -> Vec<ProbingMove> {
+    ) -> Result<Vec<ProbingMove>, RouteError> {
         let mut moves = Vec::new();
         for (place, &index) in order.iter().enumerate() {
             let mut push = |kind: u8, axis_positions: Vec<f64>, feed: f64| {
@@ -419,8 +431,13 @@ impl Route<'_> {
                 });
             };
             let mut way = match place.checked_sub(1) {
-                Some(before) => self.between(plan, stations, order[before], index),
-                None => self.first(here, &stations[index].approach),
+                Some(before) => ways
+                    .between(order[before], index)
+                    .ok_or(RouteError::NoWay {
+                        from: order[before] as u32,
+                        to: index as u32,
+                    })?,
+                None => self.first(here, &ways.approach[index]),
             };
             way.pop();
             for target in way {
@@ -430,33 +447,23 @@ impl Route<'_> {
             push(
                 ProbingMove::TOUCH,
                 stations[index].touch.clone(),
-                plan.points[index].feed,
+                ways.plan.points[index].feed,
             );
             push(ProbingMove::RETRACT, stations[index].retract.clone(), 0.0);
         }
         if let (Some((axis, clear)), Some(&last)) = (self.clearance, order.last()) {
-            let mut out = stations[last].retract.clone();
+            let mut out = ways.retract[last].exit().to_vec();
             out[axis] = clear;
-            moves.push(ProbingMove {
+            let way = ways.retract[last].exit.clone().into_iter().chain([out]);
+            moves.extend(way.map(|axis_positions| ProbingMove {
                 kind: ProbingMove::CLEARANCE,
                 point_index: last as u32,
-                axis_positions: out,
+                axis_positions,
                 feed: 0.0,
-            });
+            }));
         }
-        moves
+        Ok(moves)
     }
-}
-
-/// The straight way from one touch to the next cannot lead through the feature: points of one plane, or of one bore,
-/// at the same rotary positions. (Between retracts over a plane, and within a convex hole, straight lines stay out of
-/// the material.)
-fn direct(plan: &InspectionPlan, from: usize, to: usize) -> bool {
-    let (a, b) = (&plan.points[from], &plan.points[to]);
-    a.feature == b.feature
-        && a.rotary_positions == b.rotary_positions
-        && [InspectionFeature::PLANE, InspectionFeature::BORE]
-            .contains(&plan.features[a.feature as usize].kind)
 }
 
 /// Top speed of an axis by its URDF, m/s or rad/s.

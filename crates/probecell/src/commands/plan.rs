@@ -29,7 +29,9 @@ pub(crate) fn run(source: &Path, as_json: bool) -> anyhow::Result<u8> {
         of_bag(&Bag::open(source)?, None, &|_| true)?
     };
     if as_json {
-        report::json(&order)?;
+        let mut told = serde_json::to_value(&order)?;
+        told["plan"] = serde_json::to_value(&plan)?;
+        report::json(&told)?;
         return Ok(status);
     }
     let saved = 100.0 * (1.0 - order.air_time / order.given_air_time.max(1e-12));
