@@ -283,7 +283,15 @@ fn unknown_to(pool: &Pool<'_>, rivals: &[Rc<Rival>]) -> Vec<Rc<Rival>> {
 impl Attribution {
     /// True where a model needs something outside the vocabulary.
     pub fn is_unknown(&self, model: &Model) -> bool {
-        (model.rival).is_some_and(|(place, _)| self.rivals[place].kind != Kind::Grid)
+        (model.rival)
+            .is_some_and(|(place, _)| !matches!(self.rivals[place].kind, Kind::Grid | Kind::Noise))
+    }
+
+    /// Where noise is larger for some touches: by how much the standard deviation of each active row is larger.
+    pub fn widening(&self, model: &Model) -> Option<Vec<f64>> {
+        let (place, power) = model.rival?;
+        let rival = &self.rivals[place];
+        (rival.kind == Kind::Noise).then(|| rival.widening(power))?
     }
 
     /// Fit of a model's set on the active rows, beside its rival.

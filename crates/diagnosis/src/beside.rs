@@ -13,7 +13,7 @@ use crate::columns::{Rows, side_by_side};
 use crate::evidence::Products;
 use crate::observation::Observations;
 use crate::pool::Pool;
-use crate::rivals::{Kind, Rival};
+use crate::rivals::{Kind, Met, Rival};
 use crate::search::{Known, Priors, Scored, search};
 
 /// Prior probability that something outside the vocabulary acts.
@@ -53,7 +53,12 @@ fn kin(observations: &Observations, rival: &Rival, effect: &str) -> bool {
         }
         Kind::Time => ["thermal.drift", "thermal.spindle_growth"].contains(&effect),
         Kind::Direction => effect == "probe.pretravel_lobing",
-        Kind::Region | Kind::Feature | Kind::Index | Kind::Covariate(_) | Kind::Grid => false,
+        Kind::Region
+        | Kind::Feature
+        | Kind::Index
+        | Kind::Covariate(_)
+        | Kind::Grid
+        | Kind::Noise => false,
     }
 }
 
@@ -182,6 +187,9 @@ fn price(rival: &Rival) -> f64 {
         // The readings themselves show the grid.
         return 0.5_f64.ln() - (POWERS.len() as f64).ln();
     }
+    if rival.kind == Kind::Noise {
+        return rival.log_prior - (POWERS.len() as f64).ln();
+    }
     rival.log_prior + UNKNOWN.ln() - (POWERS.len() as f64).ln()
 }
 
@@ -270,25 +278,17 @@ impl Seen {
 
     /// Them beside a rival over the same rows.
     pub(crate) fn beside<'a>(&self, rival: &'a Rival) -> Beside<'a> {
-        Beside {
-            rival,
-            crossed: (rival.lines() * &self.0).transpose(),
-        }
+        Beside(rival.meet(&self.0))
     }
 }
 
-/// Products of the candidates and the deviations with a rival's lines: a row for each column of theirs.
-pub(crate) struct Beside<'a> {
-    rival: &'a Rival,
-    crossed: DMatrix<f64>,
-}
+/// The candidates and the deviations beside a rival.
+pub(crate) struct Beside<'a>(Met<'a>);
 
 impl Beside<'_> {
     /// The products with the rival's part of the rows whitened, for a variance over that of the noise.
     pub(crate) fn products(&self, power: f64, plain: &Products) -> Products {
-        let held = self.rival.held(power);
-        let seen = held.forward(self.crossed.clone());
-        let known = &seen * seen.transpose();
+        let (known, log_determinant) = self.0.had(power);
         let count = plain.qy.len();
         let mut whitened = plain.clone();
         for (column, known) in known.column_iter().take(count).enumerate() {
@@ -299,7 +299,7 @@ impl Beside<'_> {
             whitened.qy[column] -= known[count];
         }
         whitened.yy -= known[(count, count)];
-        whitened.offset += 0.5 * held.log_determinant;
+        whitened.offset += 0.5 * log_determinant;
         whitened
     }
 }

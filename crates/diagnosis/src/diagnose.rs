@@ -299,8 +299,8 @@ fn simplest<'a>(attribution: &'a Attribution, model: &'a Model) -> &'a Model {
     best
 }
 
-/// Weighted residuals of a model, its rival's part taken out as well.
-fn residuals(attribution: &Attribution, model: &Model) -> Vec<f64> {
+/// What the effects of a model leave of the weighted deviations.
+fn left_by(attribution: &Attribution, model: &Model) -> Vec<f64> {
     let mut left = attribution.y.clone();
     if let Some(fit) = attribution.fit(model) {
         let columns = model
@@ -310,6 +310,21 @@ fn residuals(attribution: &Attribution, model: &Model) -> Vec<f64> {
         for (column, coefficient) in columns.zip(&fit.coefficients) {
             add_scaled(&mut left, -coefficient, column);
         }
+    }
+    left
+}
+
+/// Weighted residuals of a model: its rival's part is taken out as well, and where touches are noisier than others, they
+/// are told in units of the others.
+fn residuals(attribution: &Attribution, model: &Model) -> Vec<f64> {
+    let mut left = left_by(attribution, model);
+    if let Some(widening) = attribution.widening(model) {
+        let used = left.iter_mut().zip(&attribution.active);
+        let used = used.filter(|(_, used)| **used).map(|(left, _)| left);
+        for (left, wider) in used.zip(widening) {
+            *left /= wider;
+        }
+        return left;
     }
     let place = attribution
         .models
@@ -371,7 +386,9 @@ impl Reporter<'_> {
         };
         let best = simplest(attribution, best.unwrap_or(&empty));
         let fit = attribution.fit(best);
-        let noise = fit.as_ref().map_or(0.0, |fit| fit.variance.sqrt());
+        let uneven = attribution.widening(best);
+        let widened = uneven.as_ref().map_or(1.0, |of| rms(of.iter().copied()));
+        let noise = (fit.as_ref()).map_or(0.0, |fit| fit.variance.sqrt() * widened);
         let (mut effects, mut set) = self.effects(best, &[], beside_unknown, noise);
         // Beside something unknown the touches cannot tell what an effect is worth.
         let mut doubted = Vec::new();
@@ -413,14 +430,14 @@ impl Reporter<'_> {
             ));
         }
         let of_rival = (best.rival).map(|(place, power)| attribution.rivals[place].taken(power));
-        let taken = of_rival.unwrap_or(0.0)
+        let taken = of_rival.filter(|_| uneven.is_none()).unwrap_or(0.0)
             + (fit.as_ref()).map_or(0.0, |fit| fit.coefficients.len() as f64);
-        let noise_of = noise::floors(
-            self.observations,
-            &residuals(attribution, best),
-            &attribution.active,
-            taken,
-        );
+        let left = if uneven.is_some() {
+            left_by(attribution, best)
+        } else {
+            residuals(attribution, best)
+        };
+        let noise_of = noise::floors(self.observations, &left, &attribution.active, taken);
         warnings.extend(noise::differing(&noise_of));
         let report = Report {
             schema: SCHEMA.to_owned(),
@@ -502,6 +519,12 @@ impl Reporter<'_> {
         }
         let covered = |(_, part): (Kind, Vec<f64>)| rms(part.into_iter()) <= self.covered;
         !(self.covered > 0.0 && places::rival_part(attribution, model).is_some_and(covered))
+    }
+
+    /// What a model is beside.
+    fn kind_of(&self, model: &Model) -> Option<&Kind> {
+        let (place, _) = model.rival?;
+        Some(&self.explained.attribution.rivals[place].kind)
     }
 
     fn next_measurement(&self, set: &[usize], effects: &[Effect]) -> Vec<NextMeasurement> {
@@ -738,7 +761,7 @@ impl Reporter<'_> {
             return 0.0;
         };
         // A rounding that depends on the cell stands apart from the noise already.
-        let apart = best.rival.is_some() && !self.explained.attribution.is_unknown(best);
+        let apart = self.kind_of(best) == Some(&Kind::Grid);
         let own = step / 12.0_f64.sqrt();
         if !apart && own * own < GRID_SHARE * noise * noise {
             return 0.0;

@@ -21,7 +21,7 @@ use crate::report::{
     Effect, Gap, Machine, ParameterEstimate, Rejected, Report, SCHEMA, Unexplained, Verdict,
 };
 use crate::residuals::{self, Residuals, TouchResiduals};
-use crate::rivals::{Kind, rivals};
+use crate::rivals::{Kind, Rival, rivals};
 use crate::session::{DiagnoseError, Session};
 use gram::{Set, rms};
 use grow::{Grown, Rows, price, taken, without};
@@ -394,15 +394,14 @@ impl Reporter<'_> {
                 .map(Option::unwrap_or_default)
                 .collect()
         };
-        let known = rivals(observations, active);
-        let kinds = known.len().max(1) as f64;
-        let groups: Vec<Vec<Vec<f64>>> = known
-            .iter()
-            .map(|rival| {
-                let columns = rival.columns();
-                columns.iter().map(|column| spread(column)).collect()
+        let (known, groups): (Vec<Rival>, Vec<Vec<Vec<f64>>>) = rivals(observations, active)
+            .into_iter()
+            .filter_map(|rival| {
+                let columns = rival.columns()?;
+                Some((rival, columns.iter().map(|column| spread(column)).collect()))
             })
-            .collect();
+            .unzip();
+        let kinds = known.len().max(1) as f64;
         let slices: Vec<&[Vec<f64>]> = groups.iter().map(Vec::as_slice).collect();
         let gains = gram.foreign(solved, &all, &slices, self.rows.y, active);
         // Times of different sessions have nothing in common; what depends on a covariate is here left to the effects.

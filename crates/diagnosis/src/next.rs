@@ -220,7 +220,8 @@ fn is_sure(known: &Known<'_>, set: &[usize], effects: &[Effect]) -> bool {
     };
     let own = names(set);
     let share = |unknown: bool| -> f64 {
-        let same = |model: &&Model| model.rival.is_some() == unknown && names(&model.set) == own;
+        let same =
+            |model: &&Model| attribution.is_unknown(model) == unknown && names(&model.set) == own;
         let models = attribution.models.iter().filter(same);
         models.map(|model| model.probability).sum()
     };

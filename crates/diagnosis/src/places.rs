@@ -108,7 +108,7 @@ pub fn of_rival(
             .collect(),
         Kind::Direction => named(observations, &energy, "direction", probability),
         Kind::Feature => named(observations, &energy, "feature", probability),
-        Kind::Grid => Vec::new(),
+        Kind::Grid | Kind::Noise => Vec::new(),
         Kind::Index => vec![place("component", "index".to_owned(), None, probability)],
         Kind::Covariate(covariate) => {
             let key = covariate.name().to_owned();

@@ -4,6 +4,9 @@
 
 use diagnosis::blind::{Content, session};
 use diagnosis::{Options, Report, Session, Verdict, diagnose};
+use rand::{Rng, SeedableRng};
+use rand_distr::StandardNormal;
+use rand_pcg::Pcg64Mcg;
 
 /// Diagnoses and checks that every number of the answer is finite and every probability one.
 fn check(session: &Session) -> Report {
@@ -44,6 +47,68 @@ fn few_touches_get_a_modest_answer() {
             truth.effects
         );
     }
+}
+
+/// Adds noise to the touches that are `noisier`, so that theirs is `times` as large as before.
+fn uneven(
+    session: &mut Session,
+    noise: f64,
+    times: f64,
+    noisier: impl Fn(&probecell_msgs::ProbeEvent) -> bool,
+) {
+    let mut random = Pcg64Mcg::seed_from_u64(4);
+    let more = noise * (times * times - 1.0).sqrt();
+    for event in session.events.iter_mut().filter(|event| noisier(event)) {
+        for (name, position) in event.axis_names.iter().zip(&mut event.axis_positions) {
+            if linear(name) {
+                *position += more * random.sample::<f64, _>(StandardNormal);
+            }
+        }
+    }
+}
+
+/// A probe that is three times as noisy along z, or at its slower feed, is noise and nothing unknown; what is hidden is
+/// found all the same, and a person is told.
+#[test]
+fn noise_that_depends_on_direction_or_feed_is_no_gap() {
+    let slow = |session: &Session| {
+        let feeds = session.events.iter().map(|event| event.feed);
+        feeds.fold(f64::INFINITY, f64::min)
+    };
+    let (mut told, mut sessions) = (0, 0);
+    for seed in 0..6 {
+        for (content, verdict) in [
+            (Content::Clean, Verdict::NoGap),
+            (Content::Known(1), Verdict::Explained),
+        ] {
+            let (even, truth) = session(7_300 + seed, content);
+            let (mut along_z, mut at_a_feed) = (even.clone(), even.clone());
+            uneven(&mut along_z, truth.noise, 3.0, |event| {
+                event.approach.z.abs() > 0.8
+            });
+            let slow = slow(&even);
+            uneven(&mut at_a_feed, truth.noise, 3.0, |event| event.feed <= slow);
+            for one in [along_z, at_a_feed] {
+                let report = check(&one);
+                assert_eq!(
+                    report.verdict, verdict,
+                    "seed {seed}, {:?}: {report}",
+                    truth.effects
+                );
+                for id in &truth.effects {
+                    let [only] = report.effects.as_slice() else {
+                        panic!("seed {seed}, {id}: {report}");
+                    };
+                    assert!(only.effect == *id || only.indistinguishable_from.contains(id));
+                }
+                let differs = |warning: &String| warning.starts_with("the noise differs");
+                told += usize::from(report.warnings.iter().any(differs));
+                sessions += 1;
+            }
+        }
+    }
+    // With one feed alone all touches are alike.
+    assert!(told * 4 >= sessions * 3, "{told} of {sessions}");
 }
 
 #[test]

@@ -124,7 +124,7 @@ impl Source<'_> {
                 break;
             }
             covered += model.probability;
-            if model.rival.is_some() {
+            if self.attribution.is_unknown(model) {
                 table.beside_unknown(model);
             } else {
                 table.spread_over_equals(model);
@@ -423,7 +423,7 @@ fn offers(variants: &[Variant], attribution: &Attribution, name: &str) -> Vec<Me
 fn simplest<'a>(attribution: &'a Attribution, model: &'a Model) -> &'a Model {
     let mut best = model;
     while let Some(smaller) = attribution.models.iter().find(|other| {
-        other.rival.is_some() == best.rival.is_some()
+        attribution.is_unknown(other) == attribution.is_unknown(best)
             && other.set.len() < best.set.len()
             && other.set.iter().all(|member| best.set.contains(member))
             && other.probability * REFUTED > best.probability

@@ -3,7 +3,7 @@
 //! A reading that depends on the speed of approach; material that depends on the path that a tool had cut, on the height
 //! along it or on the distance from the clamping. Lengths are shares of the range that the session covers.
 
-use super::{Kernel, each, measured, squared};
+use super::kernels::{Kernel, each, measured, squared};
 use crate::observation::{Observations, Row};
 
 /// A covariate that varies by less than this share of its size tells nothing.

@@ -73,6 +73,18 @@ impl Held {
         crossed
     }
 
+    /// Degrees of freedom that the process takes up: the trace of p·T·(I + p·T)⁻¹.
+    pub(crate) fn taken(&self, power: f64) -> f64 {
+        let count = self.pivots.len();
+        let kept = |place: usize| {
+            let mut unit = vec![0.0; count];
+            unit[place] = 1.0;
+            self.solve(&mut unit);
+            1.0 - unit[place] / power
+        };
+        (0..count).map(kept).sum()
+    }
+
     /// (I/p + T)⁻¹ times `values`.
     pub(crate) fn solve(&self, values: &mut [f64]) {
         for (place, factor) in self.below.iter().enumerate() {
