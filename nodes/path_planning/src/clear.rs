@@ -4,10 +4,10 @@
 //! each plane as far as it is touched; cylinders and the walls of bores over the heights touched; balls; a disc at each
 //! touch of any other surface. Nobody touches at the very edge, so a surface goes on beyond its outermost touches by the
 //! approach distance. Bores are cut out of the block at any depth. The stylus is its ball and a stem to the mount's
-//! origin. A way keeps half the shortest retract away from every body, or as far as its ends are, where they are nearer:
-//! such a body is less than it seems (a shaft with flats). Distances of bodies are lower bounds, and between two places
-//! of the axes the way is halved until what they are clear by is more than what any point of the stylus moves. Not known
-//! here: table, clamps, the probe's body, the machine, what no touch tells of. Metres, radians, part frame.
+//! origin. A way keeps half the shortest approach or retract away from every body, or as far as its ends are, where they
+//! are nearer: such a body is less than it seems (a shaft with flats). Distances of bodies are lower bounds, and between
+//! two places of the axes the way is halved until what they are clear by is more than what any point of the stylus moves.
+//! Not known here: table, clamps, the probe's body, the machine, what no touch tells of. Metres, radians, part frame.
 
 use machine::{Chain, JointKind, Nominal, Surface};
 use nalgebra::{Isometry3, Point3, Unit, Vector3};

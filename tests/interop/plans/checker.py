@@ -16,7 +16,9 @@ The part is surface that touches prove, a patch for each feature:
   sphere           the cap around its touches
   other            a disc about each touch, half as wide as the way to the next one, at most as wide as the ball
 A patch is obstacle from both sides. Ball and stem may not come nearer to a patch than their radius, but for the ball to
-the patch of a feature while it goes to a touch of it, as far as the nominal contact, and back.
+the patch of a feature while it goes to a touch of it, as far as the nominal contact, and back. Where a plan demands a touch
+that no order can make (a face touched where a boss stands, see `impossible`), that boss is no obstacle on that touch's own
+moves and on the ones next to them; on all others it is.
 What is proved nowhere (an edge beyond the last touch, a floor never touched) is not an obstacle: a way through it is not
 found. Ways are searched without gaps: a piece of a move and of the stem is done with when it is farther from the patch than
 anything on it can move, else it is halved, down to 20 µm.

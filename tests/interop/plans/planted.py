@@ -28,7 +28,7 @@ def xyz(v):
     return dict(zip("xyz", map(float, v)))
 
 
-def part():
+def part(boss_foot=False):
     def feature(name, kind, origin, axis):
         return {"id": name, "kind": kind, "origin": xyz(origin), "axis": xyz(axis)}
 
@@ -58,6 +58,8 @@ def part():
         touch(SIDE, (-0.03, y, z), (-1, 0, 0))
     for normal in ((0, 0, 1), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)):
         touch(BALL, numpy.array([0.06, 0, 0.06]) + 0.01 * numpy.array(normal), normal)
+    if boss_foot:
+        touch(TOP, (0.019, 0, 0.04), (0, 0, 1))
     return {
         "features": [
             feature("top", checker.PLANE, (0, 0, 0.04), (0, 0, 1)),
@@ -78,9 +80,9 @@ def targets(ball):
     return [float(ball[0] + 0.01), float(ball[1] + 0.02), float(ball[2] + STYLUS - 0.1)]
 
 
-def sound():
-    """Every point from 80 mm above, in the order given."""
-    plan, moves = part(), []
+def sound(boss_foot=False):
+    """Every point from 80 mm above, in the order given; `boss_foot`: the last is one of the top where the boss stands."""
+    plan, moves = part(boss_foot), []
     for index, point in enumerate(plan["points"]):
         position, normal = (numpy.array([point[key][letter] for letter in "xyz"]) for key in ("position", "normal"))
         stations = [position + height * normal for height in (RADIUS + REACH, RADIUS - OVERTRAVEL, RADIUS + REACH)]
@@ -90,8 +92,8 @@ def sound():
     return plan, {"axis_names": ["X", "Y", "Z"], "order": list(range(len(plan["points"]))), "moves": moves}
 
 
-def complaints(change=lambda order: None, stages=None, given=None):
-    raw, order = sound()
+def complaints(change=lambda order: None, stages=None, given=None, boss_foot=False):
+    raw, order = sound(boss_foot)
     order = copy.deepcopy(order)
     change(order)
     plan = checker.Plan.of(raw)
@@ -190,6 +192,9 @@ def main():
     stages = [1] + [0] * 28
     judge("a datum after what needs it", complaints(stages=stages), "datum")
     judge("a datum first", complaints(swapped, stages=[1, 0] + [1] * 27), None)
+    # What a plan demands is not laid to the order, but only for that touch.
+    judge("a touch demanded where the boss stands", complaints(boss_foot=True), None)
+    judge("through the boss beside such a touch", complaints(through(14, (0.033, 0, 0.048), (0.033, 0, CLEAR)), boss_foot=True), "point 14")
     judge("longer than the order to beat", complaints(given=numpy.zeros((2, 3))), "longer")
     return 1 if failed else 0
 
