@@ -20,6 +20,8 @@ use crate::search::{Known, Priors, Scored, search};
 pub(crate) const UNKNOWN: f64 = 0.05;
 /// Variances of a rival over that of the noise that are tried.
 const POWERS: [f64; 9] = [0.3, 1.0, 4.0, 16.0, 64.0, 256.0, 1024.0, 4096.0, 16384.0];
+/// Largest variance over that of the others that is still noise: eight times their standard deviation.
+const NOISY: f64 = 64.0;
 /// A rival this far (natural log) behind the best is not searched further.
 const FAR_BEHIND: f64 = 7.0;
 /// At a first look, sizes and set are not the best: a rival this far behind is not looked at again.
@@ -105,8 +107,9 @@ pub(crate) fn challenge(
         let priors = beside(pool, rival, priors);
         let beside = few.beside(rival);
         let mut own: Option<(f64, f64)> = None;
-        let near = middle.saturating_sub(1)..(middle + 2).min(POWERS.len());
-        for &power in &POWERS[near] {
+        let powers = powers(rival);
+        let near = middle.saturating_sub(1)..(middle + 2).min(powers.len());
+        for &power in &powers[near] {
             let price = price(rival);
             let whitened = beside.products(power, &plain);
             // At the sizes that they have without the rival, only the best are worth more.
@@ -182,6 +185,15 @@ impl Sized {
     }
 }
 
+/// Variances that are tried for a rival.
+fn powers(rival: &Rival) -> &'static [f64] {
+    let tried = match rival.kind {
+        Kind::Noise => POWERS.iter().take_while(|&&power| power <= NOISY).count(),
+        _ => POWERS.len(),
+    };
+    &POWERS[..tried]
+}
+
 fn price(rival: &Rival) -> f64 {
     if rival.kind == Kind::Grid {
         // The readings themselves show the grid.
@@ -243,7 +255,7 @@ fn first_look(
     for (place, rival) in rivals.iter().enumerate() {
         let beside = few.beside(rival);
         let mut own: Option<(f64, usize, usize)> = None;
-        for (number, &power) in POWERS.iter().enumerate() {
+        for (number, &power) in powers(rival).iter().enumerate() {
             let whitened = beside.products(power, &plain);
             for (sized, prior) in &sized {
                 let score = sized.look(&whitened) + prior + price(rival);

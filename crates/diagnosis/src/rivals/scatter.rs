@@ -30,12 +30,17 @@ pub(super) fn of_features(observations: &Observations) -> Vec<Vec<f64>> {
 }
 
 /// Each direction of the probe and of the part, and each feed.
+///
+/// None beside a reference: what the machine errs while it measures stands in the touches alone, and would pass for noise.
 pub(super) fn of_noise(observations: &Observations) -> Vec<Vec<f64>> {
     let rows = &observations.rows;
     let measured = |row: &Row, value: &dyn Fn(&Row) -> f64| {
         if row.pose.is_some() { value(row) } else { 0.0 }
     };
     let mut all: Vec<Vec<f64>> = Vec::new();
+    if observations.reference_uncertainty > 0.0 {
+        return all;
+    }
     let mut add = |value: &dyn Fn(&Row) -> f64| {
         let own: Vec<f64> = rows.iter().map(|row| measured(row, value)).collect();
         let count = own.iter().filter(|&&own| own > 0.5).count();
