@@ -20,7 +20,7 @@ const CACHED: usize = 32;
 pub(super) trait Moves {
     /// True when some point has several places.
     const ALTERNATIVES: bool;
-    /// Continuations followed after the first and after the second removed edge.
+    /// Continuations followed after the first, the second and the third removed edge.
     const BREADTH: [usize; MOST - 2];
     /// How the acceptance of kicked rings cools down.
     const COOLING: Cooling;
@@ -65,7 +65,7 @@ impl<'a> Plain<'a> {
 
 impl Moves for Plain<'_> {
     const ALTERNATIVES: bool = false;
-    const BREADTH: [usize; MOST - 2] = [4, 2];
+    const BREADTH: [usize; MOST - 2] = [4, 2, 1];
     const COOLING: Cooling = Cooling::Steady {
         hot: 0.5,
         power: 0.4,
@@ -160,7 +160,7 @@ impl<'a> Chosen<'a> {
 
 impl Moves for Chosen<'_> {
     const ALTERNATIVES: bool = true;
-    const BREADTH: [usize; MOST - 2] = [3, 1];
+    const BREADTH: [usize; MOST - 2] = [3, 1, 0];
     const COOLING: Cooling = Cooling::Cycles {
         hot: 1.0,
         cold: 0.03,

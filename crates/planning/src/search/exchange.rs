@@ -61,13 +61,11 @@ impl Exchange {
     /// the directions, and for which edge lies below which.
     #[inline]
     pub(super) fn with(&self, cut: u32, up: bool, edges: usize) -> u32 {
-        let up = u32::from(up);
-        let below = |edge: usize| u32::from(cut < self.cuts[edge]);
-        match edges {
-            1 => up,
-            2 => self.signature & 1 | up << 1 | below(1) << 2,
-            _ => self.signature & 7 | up << 3 | below(1) << 4 | below(2) << 5,
-        }
+        let first = bits(edges);
+        let known = self.signature & ((1 << first) - 1);
+        (1..edges).fold(known | u32::from(up) << first, |signature, edge| {
+            signature | u32::from(cut < self.cuts[edge]) << (first + edge)
+        })
     }
 
     #[inline]
@@ -129,53 +127,60 @@ impl Exchange {
     }
 }
 
-/// Which signatures of two, three and four removed edges leave one ring, a bit for each.
-static CLOSES: [u64; MOST + 1] = [0, 0, closing(2), closing(3), closing(4)];
+/// Bits of the signature of so many removed edges: of each after the first its direction, and whether it lies below each
+/// one between the first and itself.
+const fn bits(edges: usize) -> usize {
+    edges * (edges - 1) / 2
+}
+
+/// Words of a bit for each signature.
+const WORDS: usize = (1 << bits(MOST)) / 64;
+
+/// Which signatures of so many removed edges leave one ring.
+static CLOSES: [[u64; WORDS]; MOST + 1] = {
+    let mut closes = [[0; WORDS]; MOST + 1];
+    let mut edges = 2;
+    while edges <= MOST {
+        let mut signature = 0;
+        while signature < 1 << bits(edges) {
+            if leaves_one_ring(edges, signature) {
+                closes[edges][signature / 64] |= 1 << (signature % 64);
+            }
+            signature += 1;
+        }
+        edges += 1;
+    }
+    closes
+};
 
 /// True when an exchange of so many edges with this signature leaves one ring.
 #[inline]
 pub(super) fn closes(edges: usize, signature: u32) -> bool {
-    CLOSES[edges] >> signature & 1 == 1
-}
-
-const fn closing(edges: usize) -> u64 {
-    let mut found = 0;
-    let mut signature = 0;
-    while signature < 64 {
-        if leaves_one_ring(edges, signature) {
-            found |= 1 << signature;
-        }
-        signature += 1;
-    }
-    found
+    CLOSES[edges][signature as usize / 64] >> (signature % 64) & 1 == 1
 }
 
 /// Walks the stretches between the removed edges. Their ends are numbered 2i (the lower) and 2i+1 (the higher).
 const fn leaves_one_ring(edges: usize, signature: usize) -> bool {
-    let [up2, up3, third_below, up4, below2, below3] = bits(signature);
-    // How many removed edges lie below each one after the first.
-    let (ups, below) = match edges {
-        2 => ([up2, 0, 0], [0, 0, 0]),
-        3 => ([up2, up3, 0], [third_below, 1 - third_below, 0]),
-        _ => (
-            [up2, up3, up4],
-            [
-                third_below + below2,
-                1 - third_below + below3,
-                2 - below2 - below3,
-            ],
-        ),
-    };
+    // How many removed edges lie below each one, the first left out.
+    let mut below = [0; MOST];
+    let mut edge = 1;
+    while edge < edges {
+        let mut other = 1;
+        while other < edge {
+            let is_below = signature >> (bits(edge) + other) & 1;
+            below[edge] += 1 - is_below;
+            below[other] += is_below;
+            other += 1;
+        }
+        edge += 1;
+    }
     let mut joined = [0; 2 * MOST];
     let mut open = 0;
-    let mut edge = 0;
-    while edge + 1 < edges {
+    let mut edge = 1;
+    while edge < edges {
         let (low, high) = (2 * below[edge] + 1, 2 * below[edge] + 2);
-        let (near, far) = if ups[edge] == 1 {
-            (low, high)
-        } else {
-            (high, low)
-        };
+        let up = signature >> bits(edge) & 1 == 1;
+        let (near, far) = if up { (low, high) } else { (high, low) };
         (joined[open], joined[near]) = (near, open);
         open = far;
         edge += 1;
@@ -189,16 +194,6 @@ const fn leaves_one_ring(edges: usize, signature: usize) -> bool {
         walked += 1;
     }
     end == 0 && walked == edges
-}
-
-const fn bits(signature: usize) -> [usize; 6] {
-    let mut bits = [0; 6];
-    let mut at = 0;
-    while at < 6 {
-        bits[at] = signature >> at & 1;
-        at += 1;
-    }
-    bits
 }
 
 #[cfg(test)]

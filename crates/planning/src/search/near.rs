@@ -81,28 +81,27 @@ pub(super) fn select_all(costs: &CostMatrix, scale: f64) -> Near {
     (0..costs.len())
         .map(|here| {
             let row = costs.row(here);
-            let reach = reach(row);
-            let near = row.iter().enumerate();
-            let others = near
-                .filter(|&(there, &cost)| cost <= reach && there != here)
-                .map(|(there, &cost)| (there as u32, rounded(cost)))
-                .collect();
+            let within = |reach: f64| -> Vec<(u32, i32)> {
+                let near = row.iter().enumerate();
+                near.filter(|&(there, &cost)| cost <= reach && there != here)
+                    .map(|(there, &cost)| (there as u32, rounded(cost)))
+                    .collect()
+            };
+            let mut others = within(likely_reach(row));
+            if others.len() < LOOK {
+                others = within(f64::INFINITY);
+            }
             select(others, LOOK, between)
         })
         .collect()
 }
 
-/// A cost within which at least [`LOOK`] of a row lie, or all.
-fn reach(row: &[f64]) -> f64 {
+/// A cost within which, by a sample, some more than [`LOOK`] of a row lie, or all.
+fn likely_reach(row: &[f64]) -> f64 {
     let mut sample: Vec<f64> = row.iter().copied().step_by(SAMPLE).collect();
     let wanted = 3 * LOOK / (2 * SAMPLE);
     if wanted >= sample.len() {
         return f64::INFINITY;
     }
-    let reach = *sample.select_nth_unstable_by(wanted, f64::total_cmp).1;
-    if row.iter().filter(|&&cost| cost <= reach).count() > LOOK {
-        reach
-    } else {
-        f64::INFINITY
-    }
+    *sample.select_nth_unstable_by(wanted, f64::total_cmp).1
 }

@@ -4,7 +4,7 @@
 //! going back costs what was changed.
 
 /// Most stretches a rearrangement has.
-pub(super) const MOST: usize = 4;
+pub(super) const MOST: usize = 5;
 
 /// Stretches of the ring in a new order; each is (first position, length, walked backwards).
 #[derive(Clone, Copy)]
@@ -108,6 +108,7 @@ impl Ring {
             (self.next_place(from), between, false),
             (from, 1, false),
             (self.next_place(to), size - 1 - between, false),
+            (0, 0, false),
             (0, 0, false),
         ];
         self.rearrange(&Layout {

@@ -1,4 +1,4 @@
-//! Holds a symmetric path as a ring and improves it by sequential exchanges of up to four edges (Lin and Kernighan
+//! Holds a symmetric path as a ring and improves it by sequential exchanges of up to five edges (Lin and Kernighan
 //! 1973, in the form of Helsgaun's k-opt moves). Where points have alternatives, other places are chosen about each
 //! changed point, and a point may go elsewhere together with its place.
 //!
@@ -13,6 +13,9 @@ use super::choice::Moves;
 use super::exchange::{Exchange, closes};
 use super::ring::{Layout, MOST, Ring};
 use super::{Cooling, Kicked};
+
+/// Stretches of a double bridge.
+const BRIDGED: usize = 4;
 
 /// Room for the continuations after one removed edge.
 const WIDEST: usize = 4;
@@ -243,6 +246,7 @@ impl<M: Moves> Tour<M> {
             let found = match EDGES {
                 1 => self.shorten::<2>(exchange, total),
                 2 => self.shorten::<3>(exchange, total),
+                3 => self.shorten::<4>(exchange, total),
                 _ => None,
             };
             if found.is_some() {
@@ -259,10 +263,10 @@ impl<M: Moves> Tour<M> {
         let part = draw(1 << 16) as f64 / f64::from(1 << 16);
         let span = (SPAN.0 * (SPAN.1 / SPAN.0).powf(part)) as usize;
         let mut at = self.window.place(size, &mut draw);
-        let mut places = [at; MOST];
-        let mut lengths = [0; MOST];
+        let mut places = [at; BRIDGED];
+        let mut lengths = [0; BRIDGED];
         for stretch in 0..3 {
-            lengths[stretch] = 1 + draw(span.min(size / MOST));
+            lengths[stretch] = 1 + draw(span.min(size / BRIDGED));
             at += lengths[stretch];
             places[stretch + 1] = at % size;
         }
@@ -271,7 +275,7 @@ impl<M: Moves> Tour<M> {
         let before = places.map(|at| self.ring.at((at + size - 1) % size));
         let behind = places.map(|at| self.ring.at(at));
         let mut change = 0;
-        for cut in 0..MOST {
+        for cut in 0..BRIDGED {
             let cost = self.moves.cost(before[cut], behind[cut]);
             if cost < 0 {
                 return;
@@ -281,9 +285,12 @@ impl<M: Moves> Tour<M> {
         for (left, right) in [(0, 2), (3, 1), (2, 0), (1, 3)] {
             change += self.moves.cost(before[left], behind[right]);
         }
-        let stretches = [3, 2, 1, 0].map(|i| (places[i] as u32, lengths[i] as u32, false));
+        let mut stretches = [(0, 0, false); MOST];
+        for (stretch, i) in stretches.iter_mut().zip([3, 2, 1, 0]) {
+            *stretch = (places[i] as u32, lengths[i] as u32, false);
+        }
         self.ring.rearrange(&Layout {
-            edges: MOST,
+            edges: BRIDGED,
             stretches,
         });
         self.length += change;
@@ -293,7 +300,7 @@ impl<M: Moves> Tour<M> {
         if M::ALTERNATIVES {
             let wanted = draw(SHAKEN + 1);
             for _ in 0..wanted {
-                let point = behind[draw(MOST)];
+                let point = behind[draw(BRIDGED)];
                 let places = &self.moves.grid().rules.places_of[point as usize];
                 self.visit(point, places[draw(places.len())]);
             }
