@@ -4,6 +4,7 @@
 //! Deterministic: the same messages give the same report, whatever their order.
 
 use std::cell::RefCell;
+use std::collections::BTreeMap;
 
 use nalgebra::Vector3;
 
@@ -375,9 +376,7 @@ impl Reporter<'_> {
             .map(|model| attribution.models[model].probability)
             .sum();
         let beside_unknown = unknown > self.least_unknown();
-        let best = (0..attribution.models.len())
-            .find(|&model| self.is_unknown(model) == beside_unknown)
-            .map(|model| &attribution.models[model]);
+        let best = self.most_probable(beside_unknown);
         let empty = Model {
             set: Vec::new(),
             rival: None,
@@ -496,6 +495,30 @@ impl Reporter<'_> {
         )
     }
 
+    /// The best model of the set that is most probable, whatever the noise, among those with or without something unknown.
+    fn most_probable(&self, unknown: bool) -> Option<&Model> {
+        let models = &self.explained.attribution.models;
+        let mut sets: BTreeMap<&[usize], (f64, &Model)> = BTreeMap::new();
+        for (place, model) in models.iter().enumerate() {
+            if self.is_unknown(place) == unknown {
+                sets.entry(&model.set).or_insert((0.0, model)).0 += model.probability;
+            }
+        }
+        (sets.into_values())
+            .max_by(|one, other| one.0.total_cmp(&other.0))
+            .map(|(_, model)| model)
+    }
+
+    /// True where it is improbable that nothing acts.
+    fn something_acts(&self) -> bool {
+        let models = self.explained.attribution.models.iter();
+        let nothing: f64 = models
+            .filter(|model| model.set.is_empty())
+            .map(|model| model.probability)
+            .sum();
+        nothing * REFUTED < 1.0
+    }
+
     /// How probable something unknown must be to be told of: where it takes many effects to imitate it, less is enough.
     fn least_unknown(&self) -> f64 {
         let size = |unknown: bool| {
@@ -568,16 +591,28 @@ impl Reporter<'_> {
                 (true, false) => SURE_BESIDE_UNKNOWN,
                 (false, false) => 0.5,
             };
-            if probability > least {
-                members.push((
-                    member,
-                    name,
-                    probability,
-                    equals.names,
-                    rms(signature(candidate, own).into_iter()),
-                ));
+            members.push((
+                member,
+                name,
+                probability,
+                equals.names,
+                rms(signature(candidate, own).into_iter()),
+                probability > least,
+            ));
+        }
+        // A gap that none of them makes for sure is made all the same: the best set stands for all that are probable.
+        let stands_for_all =
+            !beside_unknown && members.iter().all(|member| !member.5) && self.something_acts();
+        if stands_for_all {
+            let others = self.other_sets(best);
+            for (_, name, probability, equals, ..) in &mut members {
+                let more = others.iter().filter(|other| !equals.contains(other));
+                let more: Vec<String> = more.cloned().collect();
+                equals.extend(more);
+                *probability = self.probability(std::iter::once(&*name).chain(&*equals));
             }
         }
+        members.retain(|member| member.5 || stands_for_all);
         members.sort_by(|one, other| other.4.total_cmp(&one.4));
         let set: Vec<usize> = members.iter().map(|member| member.0).collect();
         let estimates = parameters::estimates(self.shapes, attribution, &set);
@@ -590,7 +625,7 @@ impl Reporter<'_> {
             blocks.size(&blocks.residuals(&candidates, &attribution.y, &attribution.active))
         };
         let mut effects = Vec::new();
-        for (place, (_, effect, probability, equals, _)) in members.into_iter().enumerate() {
+        for (place, (_, effect, probability, equals, ..)) in members.into_iter().enumerate() {
             let after = held_out(&set[..=place]);
             effects.push(Effect {
                 effect,
@@ -607,6 +642,34 @@ impl Reporter<'_> {
             });
         }
         (effects, set)
+    }
+
+    /// Effects of other sets that are not much less probable than that of a model, in the order of the library.
+    fn other_sets(&self, best: &Model) -> Vec<String> {
+        let attribution = &self.explained.attribution;
+        let of = |model: &Model| -> Vec<usize> {
+            let variant = |&member: &usize| attribution.candidates[member].variant;
+            model.set.iter().map(variant).collect()
+        };
+        let named = |variants: &[usize], name: &str| {
+            let mut effects = variants
+                .iter()
+                .map(|&variant| &self.variants[variant].effect);
+            effects.any(|effect| effect == name)
+        };
+        let own = of(best);
+        let probable = attribution.models.iter().filter(|model| {
+            !attribution.is_unknown(model) && model.probability * REFUTED > best.probability
+        });
+        let others: Vec<usize> = probable.flat_map(of).collect();
+        let mut names: Vec<String> = Vec::new();
+        for variant in self.variants {
+            let name = &variant.effect;
+            if named(&others, name) && !named(&own, name) && !names.contains(name) {
+                names.push(name.clone());
+            }
+        }
+        names
     }
 
     /// Held-out rms with a wrong effect of as many parameters in the place of a named one: the median over them.

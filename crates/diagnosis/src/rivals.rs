@@ -31,7 +31,7 @@ const FEWEST_DIRECTIONS: usize = 3;
 /// What more scatter on one feature pays (natural log) against a smooth discrepancy: stray touches look alike.
 const SCATTER: f64 = -5.0;
 /// Prior probability that some touches are noisier than others.
-const UNEVEN: f64 = 0.05;
+const UNEVEN: f64 = 0.01;
 /// A pivoted factor stops when no row keeps more than this share of its variance.
 const NEGLIGIBLE: f64 = 1e-3;
 

@@ -111,6 +111,23 @@ fn noise_that_depends_on_direction_or_feed_is_no_gap() {
     assert!(told * 4 >= sessions * 3, "{told} of {sessions}");
 }
 
+/// Two location errors of one direction, which several other pairs replace: none is sure, but the gap is twenty times the
+/// noise, and an answer names a pair and says what it cannot be told from.
+#[test]
+fn a_gap_of_which_every_explanation_is_unsure_is_not_called_none() {
+    let (session, truth) = session(27_182_818_310_047, Content::Known(2));
+    let report = check(&session);
+    assert!(report.gap.ratio > 10.0, "{report}");
+    assert_eq!(report.verdict, Verdict::Explained, "{report}");
+    for id in &truth.effects {
+        let told = report
+            .effects
+            .iter()
+            .any(|effect| effect.effect == *id || effect.indistinguishable_from.contains(id));
+        assert!(told, "{id}: {report}");
+    }
+}
+
 #[test]
 fn five_effects_at_once_are_found_or_their_equals() {
     let (mut found, mut hidden) = (0, 0);
