@@ -357,6 +357,19 @@ fn stray_of(attribution: &Attribution, model: &Model) -> Vec<usize> {
         .collect()
 }
 
+/// A member of an explanation, to be named or not.
+struct Offered {
+    member: usize,
+    name: String,
+    /// That it or one of its equals acts.
+    probability: f64,
+    equals: Vec<String>,
+    /// Root mean square of what it adds to the deviations, m.
+    size: f64,
+    /// Probable enough to be named by itself.
+    sure: bool,
+}
+
 struct Reporter<'a> {
     session: &'a Session,
     next: Wish,
@@ -591,30 +604,31 @@ impl Reporter<'_> {
                 (true, false) => SURE_BESIDE_UNKNOWN,
                 (false, false) => 0.5,
             };
-            members.push((
+            members.push(Offered {
                 member,
                 name,
                 probability,
-                equals.names,
-                rms(signature(candidate, own).into_iter()),
-                probability > least,
-            ));
+                equals: equals.names,
+                size: rms(signature(candidate, own).into_iter()),
+                sure: probability > least,
+            });
         }
         // A gap that none of them makes for sure is made all the same: the best set stands for all that are probable.
         let stands_for_all =
-            !beside_unknown && members.iter().all(|member| !member.5) && self.something_acts();
+            !beside_unknown && members.iter().all(|offered| !offered.sure) && self.something_acts();
         if stands_for_all {
             let others = self.other_sets(best);
-            for (_, name, probability, equals, ..) in &mut members {
-                let more = others.iter().filter(|other| !equals.contains(other));
+            for offered in &mut members {
+                let more = (others.iter()).filter(|other| !offered.equals.contains(other));
                 let more: Vec<String> = more.cloned().collect();
-                equals.extend(more);
-                *probability = self.probability(std::iter::once(&*name).chain(&*equals));
+                offered.equals.extend(more);
+                let names = std::iter::once(&offered.name).chain(&offered.equals);
+                offered.probability = self.probability(names);
             }
         }
-        members.retain(|member| member.5 || stands_for_all);
-        members.sort_by(|one, other| other.4.total_cmp(&one.4));
-        let set: Vec<usize> = members.iter().map(|member| member.0).collect();
+        members.retain(|offered| offered.sure || stands_for_all);
+        members.sort_by(|one, other| other.size.total_cmp(&one.size));
+        let set: Vec<usize> = members.iter().map(|offered| offered.member).collect();
         let estimates = parameters::estimates(self.shapes, attribution, &set);
         let blocks = Blocks::new(self.observations, &attribution.active);
         let held_out = |set: &[usize]| {
@@ -625,11 +639,12 @@ impl Reporter<'_> {
             blocks.size(&blocks.residuals(&candidates, &attribution.y, &attribution.active))
         };
         let mut effects = Vec::new();
-        for (place, (_, effect, probability, equals, ..)) in members.into_iter().enumerate() {
+        for (place, offered) in members.into_iter().enumerate() {
             let after = held_out(&set[..=place]);
+            let equals = offered.equals;
             effects.push(Effect {
-                effect,
-                probability,
+                effect: offered.name,
+                probability: offered.probability,
                 parameters: estimates.get(place).cloned().unwrap_or_default(),
                 rms_before: held_out(&set[..place]).rms,
                 rms_after: after.rms,

@@ -396,13 +396,7 @@ fn width_result(
         origin: geometry_msgs::Point::default(),
         ..a.clone()
     };
-    if let Some(invalid) = [a, b]
-        .into_iter()
-        .find(|plane| plane.decision == FeatureResult::INVALID)
-    {
-        result.decision = FeatureResult::INVALID;
-        result.text = format!("{}: {}", invalid.feature_id, invalid.text);
-    } else {
+    if !is_invalid(&mut result, [a, b]) {
         decide(
             &mut result,
             width.tolerance_um[0] * 1e-6,
@@ -410,6 +404,21 @@ fn width_result(
         );
     }
     Some(result)
+}
+
+/// True where one of two planes has no size: then what rests on both has none either, and says which.
+fn is_invalid(result: &mut FeatureResult, planes: [&FeatureResult; 2]) -> bool {
+    let mut invalid = planes.into_iter();
+    let Some(invalid) = invalid.find(|plane| plane.decision == FeatureResult::INVALID) else {
+        return false;
+    };
+    result.decision = FeatureResult::INVALID;
+    result.text = format!("{}: {}", invalid.feature_id, invalid.text);
+    result.size = 0.0;
+    result.size_deviation = 0.0;
+    result.form = 0.0;
+    result.standard_uncertainty = 0.0;
+    true
 }
 
 /// The step from the first plane to the second, once both are reported for this plan: what they deviate differently.
@@ -438,13 +447,7 @@ fn step_result(
         text: String::new(),
         ..a.clone()
     };
-    if let Some(invalid) = [a, b]
-        .into_iter()
-        .find(|plane| plane.decision == FeatureResult::INVALID)
-    {
-        result.decision = FeatureResult::INVALID;
-        result.text = format!("{}: {}", invalid.feature_id, invalid.text);
-    } else {
+    if !is_invalid(&mut result, [a, b]) {
         let [lower, upper] = step.tolerance_um;
         decide(&mut result, lower * 1e-6, upper * 1e-6);
     }
