@@ -34,6 +34,8 @@ pub(crate) struct Parted {
     /// Mean of the reference on the points of each tool, m; `None`: of no tool.
     tools: Vec<(Option<u32>, f64)>,
     /// True where reading and part err against each other.
+    opposed: bool,
+    /// True where they do so by more than the reference may be wrong.
     cancels: bool,
 }
 
@@ -81,8 +83,8 @@ pub(crate) fn part(observations: &Observations) -> Option<Parted> {
     );
     let followed: Vec<f64> = pairs.iter().map(|&(row, _)| read(row)).collect();
     let size = rms(&reading.deviations);
-    let cancels =
-        size > CANCELS * rms(&followed) && size > 2.0 * observations.reference_uncertainty;
+    let opposed = size > CANCELS * rms(&followed);
+    let cancels = opposed && size > 2.0 * observations.reference_uncertainty;
     let part = if cancels {
         with(followed, declared(&|read, _| read))
     } else {
@@ -103,13 +105,14 @@ pub(crate) fn part(observations: &Observations) -> Option<Parted> {
             .into_iter()
             .map(|(tool, (sum, count))| (tool, sum / count))
             .collect(),
+        opposed,
         cancels,
     })
 }
 
 /// True where the joint explanation does not hold: something is left, or the errors cancel in the reading.
 pub(crate) fn is_better(parted: &Parted, joint: &Report) -> bool {
-    parted.cancels
+    parted.opposed
         || matches!(
             joint.verdict,
             Verdict::Unexplained | Verdict::PartlyExplained
