@@ -131,15 +131,7 @@ fn with_noise(
 /// The correlation of neighbouring touches that what no effect explains asks for, if any.
 fn remembered(observations: &Observations, white: &Attribution) -> Option<f64> {
     let plain = white.models.iter().find(|model| model.rival.is_none())?;
-    let fit = white.fit(plain)?;
-    let mut left = white.y.clone();
-    let columns = plain
-        .set
-        .iter()
-        .flat_map(|&member| &white.candidates[member].block);
-    for (column, coefficient) in columns.zip(&fit.coefficients) {
-        add_scaled(&mut left, -coefficient, column);
-    }
+    let left = white.left(plain)?;
     let used: Vec<f64> = (left.iter().zip(&white.active))
         .take(observations.touches())
         .filter(|&(_, &used)| used)
@@ -292,6 +284,17 @@ impl Attribution {
         let (place, power) = model.rival?;
         let rival = &self.rivals[place];
         (rival.kind == Kind::Noise).then(|| rival.widening(power))?
+    }
+
+    /// What the effects of a model leave of the weighted deviations of all rows; `None` where it cannot be fitted.
+    pub fn left(&self, model: &Model) -> Option<Vec<f64>> {
+        let fit = self.fit(model)?;
+        let mut left = self.y.clone();
+        let columns = (model.set.iter()).flat_map(|&member| &self.candidates[member].block);
+        for (column, coefficient) in columns.zip(&fit.coefficients) {
+            add_scaled(&mut left, -coefficient, column);
+        }
+        Some(left)
     }
 
     /// Fit of a model's set on the active rows, beside its rival.

@@ -84,40 +84,29 @@ pub(crate) fn challenge(
     priors: &Priors,
     models: &mut Vec<Model>,
 ) {
-    let sets = sets_of(scored);
-    // Only the candidates of these sets are set beside every rival: the whole library would cost too much.
-    let mut members: Vec<usize> = sets.iter().flatten().copied().collect();
-    members.sort_unstable();
-    members.dedup();
-    let few = members.iter().map(|&member| &pool.candidates[member]);
-    let few = Seen::new(few, pool.y, pool.active);
-    let plain = pool.products.part(&members);
+    let few = Few::new(pool, sets_of(scored));
     let mut best = models
         .iter()
         .map(|model| model.score)
         .fold(f64::NEG_INFINITY, f64::max);
     let looks = first_look(pool, rivals, priors, scored, best);
-    let sets: Vec<Sized> = sets
-        .into_iter()
-        .filter_map(|set| Sized::new(set, &members, &plain))
-        .collect();
     let mut promising: Vec<(f64, usize, f64)> = Vec::new();
     for (_, place, middle) in looks {
         let rival = &rivals[place];
         let priors = beside(pool, rival, priors);
-        let beside = few.beside(rival);
+        let beside = few.seen.beside(rival);
         let mut own: Option<(f64, f64)> = None;
         let powers = powers(rival);
         let near = middle.saturating_sub(1)..(middle + 2).min(powers.len());
         for &power in &powers[near] {
             let price = price(rival);
-            let whitened = beside.products(power, &plain);
+            let whitened = beside.products(power, &few.plain);
             // At the sizes that they have without the rival, only the best are worth more.
-            let mut looked: Vec<(f64, &Sized)> = (sets.iter())
-                .map(|sized| (sized.look(&whitened) + priors.of(&sized.set), sized))
+            let mut looked: Vec<(f64, &Fitted)> = (few.sets.iter())
+                .map(|fitted| (fitted.look(&whitened) + priors.of(&fitted.set), fitted))
                 .collect();
             looked.sort_by(|one, other| other.0.total_cmp(&one.0));
-            for (_, Sized { set, places, .. }) in looked.into_iter().take(SETS) {
+            for (_, Fitted { set, places, .. }) in looked.into_iter().take(SETS) {
                 let score = whitened.log_evidence(places) + priors.of(set) + price;
                 models.push(Model {
                     set: set.clone(),
@@ -160,25 +149,47 @@ pub(crate) fn challenge(
     }
 }
 
+/// Some sets, with what of their candidates is set beside every rival: the whole library would cost too much.
+struct Few {
+    seen: Seen,
+    /// Products without a rival.
+    plain: Products,
+    /// Those that can be solved.
+    sets: Vec<Fitted>,
+}
+
+impl Few {
+    fn new(pool: &Pool<'_>, sets: Vec<Vec<usize>>) -> Self {
+        let mut members: Vec<usize> = sets.iter().flatten().copied().collect();
+        members.sort_unstable();
+        members.dedup();
+        let candidates = members.iter().map(|&member| &pool.candidates[member]);
+        let plain = pool.products.part(&members);
+        let fitted = |set: Vec<usize>| {
+            let places = set
+                .iter()
+                .map(|member| members.partition_point(|other| other < member));
+            let places: Vec<usize> = places.collect();
+            let sizes = plain.fit(&places)?.sizes;
+            Some(Fitted { set, places, sizes })
+        };
+        Self {
+            seen: Seen::new(candidates, pool.y, pool.active),
+            sets: sets.into_iter().filter_map(fitted).collect(),
+            plain,
+        }
+    }
+}
+
 /// A set with the sizes that it has without a rival.
-struct Sized {
+struct Fitted {
     set: Vec<usize>,
     /// Places of its candidates among those that are set beside every rival.
     places: Vec<usize>,
     sizes: Vec<f64>,
 }
 
-impl Sized {
-    /// Of a set of some of `members`, ascending, whose products are `plain`; `None` where it cannot be solved.
-    fn new(set: Vec<usize>, members: &[usize], plain: &Products) -> Option<Self> {
-        let places = set
-            .iter()
-            .filter_map(|member| members.binary_search(member).ok());
-        let places: Vec<usize> = places.collect();
-        let sizes = plain.fit(&places)?.sizes;
-        Some(Self { set, places, sizes })
-    }
-
+impl Fitted {
     /// Log evidence beside a rival at these sizes.
     fn look(&self, whitened: &Products) -> f64 {
         whitened.log_evidence_at(&self.places, &self.sizes)
@@ -195,14 +206,13 @@ fn powers(rival: &Rival) -> &'static [f64] {
 }
 
 fn price(rival: &Rival) -> f64 {
-    if rival.kind == Kind::Grid {
+    let prior = match rival.kind {
         // The readings themselves show the grid.
-        return 0.5_f64.ln() - (POWERS.len() as f64).ln();
-    }
-    if rival.kind == Kind::Noise {
-        return rival.log_prior - (POWERS.len() as f64).ln();
-    }
-    rival.log_prior + UNKNOWN.ln() - (POWERS.len() as f64).ln()
+        Kind::Grid => 0.5_f64.ln(),
+        Kind::Noise => rival.log_prior,
+        _ => rival.log_prior + UNKNOWN.ln(),
+    };
+    prior - (POWERS.len() as f64).ln()
 }
 
 /// The best sets, each of them less one of its effects, and nothing.
@@ -230,35 +240,27 @@ fn first_look(
     scored: &[Scored],
     best: f64,
 ) -> Vec<(f64, usize, usize)> {
-    let mut sets: Vec<&Vec<usize>> = Vec::new();
+    let mut sets: Vec<Vec<usize>> = Vec::new();
     for scored in scored {
         if sets.iter().all(|known| known.len() != scored.set.len()) {
-            sets.push(&scored.set);
+            sets.push(scored.set.clone());
         }
         if sets.len() == FIRST_SETS {
             break;
         }
     }
-    let mut members: Vec<usize> = sets.iter().copied().flatten().copied().collect();
-    members.sort_unstable();
-    members.dedup();
-    let few = members.iter().map(|&member| &pool.candidates[member]);
-    let few = Seen::new(few, pool.y, pool.active);
-    let plain = pool.products.part(&members);
-    let sized: Vec<(Sized, f64)> = (sets.into_iter())
-        .filter_map(|set| {
-            let prior = priors.of(set);
-            Some((Sized::new(set.clone(), &members, &plain)?, prior))
-        })
+    let few = Few::new(pool, sets);
+    let sets: Vec<(&Fitted, f64)> = (few.sets.iter())
+        .map(|fitted| (fitted, priors.of(&fitted.set)))
         .collect();
     let mut looks: Vec<(f64, usize, usize)> = Vec::new();
     for (place, rival) in rivals.iter().enumerate() {
-        let beside = few.beside(rival);
+        let beside = few.seen.beside(rival);
         let mut own: Option<(f64, usize, usize)> = None;
         for (number, &power) in powers(rival).iter().enumerate() {
-            let whitened = beside.products(power, &plain);
-            for (sized, prior) in &sized {
-                let score = sized.look(&whitened) + prior + price(rival);
+            let whitened = beside.products(power, &few.plain);
+            for (fitted, prior) in &sets {
+                let score = fitted.look(&whitened) + prior + price(rival);
                 if own.is_none_or(|(known, _, _)| score > known) {
                     own = Some((score, place, number));
                 }
@@ -289,7 +291,7 @@ impl Seen {
     }
 
     /// Them beside a rival over the same rows.
-    pub(crate) fn beside<'a>(&self, rival: &'a Rival) -> Beside<'a> {
+    pub(crate) fn beside<'a>(&'a self, rival: &'a Rival) -> Beside<'a> {
         Beside(rival.meet(&self.0))
     }
 }

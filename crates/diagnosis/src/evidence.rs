@@ -306,8 +306,8 @@ impl Products {
     }
 }
 
-/// Diagonal of the inverse from a Cholesky factor; `scratch` holds n² values.
-fn inverse_diagonal(factor: &[f64], n: usize, scratch: &mut [f64]) -> Vec<f64> {
+/// Diagonal of the inverse from a Cholesky factor; `scratch` holds at least n² values.
+pub(crate) fn inverse_diagonal(factor: &[f64], n: usize, scratch: &mut [f64]) -> Vec<f64> {
     // Column by column the inverse of the factor; the inverse's diagonal is the sum of its squares.
     let mut diagonal = vec![0.0; n];
     for column in 0..n {

@@ -6,8 +6,8 @@
 //! solved in full.
 
 use crate::evidence::{
-    Products, RESOLUTION, SIZE_PRICE, Sized, add_scaled, cholesky, dot, forward, ln_gamma, scale,
-    solve_cholesky,
+    Products, RESOLUTION, SIZE_PRICE, Sized, add_scaled, cholesky, dot, forward, inverse_diagonal,
+    ln_gamma, scale, solve_cholesky,
 };
 
 /// What is added to the products of a new block with itself while its size is not known.
@@ -42,7 +42,7 @@ struct Scratch {
     gram: Vec<f64>,
     factor: Vec<f64>,
     mean: Vec<f64>,
-    unit: Vec<f64>,
+    inverse: Vec<f64>,
 }
 
 impl<'p> Growth<'p> {
@@ -132,7 +132,7 @@ impl<'p> Growth<'p> {
             gram,
             factor,
             mean,
-            unit,
+            inverse,
         } = &mut self.scratch;
         let freedom = products.rows + 1.0;
         factor.clone_from(gram);
@@ -145,14 +145,9 @@ impl<'p> Growth<'p> {
         solve_cholesky(factor, width, mean);
         let pseudo = RESOLUTION * RESOLUTION;
         let variance = (self.left - dot(right, mean)).max(pseudo) / freedom;
-        let mut power = mean.iter().map(|mean| mean * mean).sum::<f64>() / variance;
-        for i in 0..width {
-            unit.clear();
-            unit.resize(width, 0.0);
-            unit[i] = 1.0;
-            forward(factor, width, unit);
-            power += dot(unit, unit);
-        }
+        inverse.resize(width * width, 0.0);
+        let spreads = inverse_diagonal(factor, width, inverse);
+        let power = dot(mean, mean) / variance + spreads.iter().sum::<f64>();
         let size = (power / width as f64).max(1.0);
         factor.clone_from(gram);
         let mut spread = 0.0;

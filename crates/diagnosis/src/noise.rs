@@ -14,8 +14,6 @@ const FEWEST: usize = 8;
 /// Intervals lie apart when one begins at so many times the end of the other: among six directions two of equal noise lie
 /// apart by chance now and then.
 const APPARENT: f64 = 1.25;
-/// Feeds closer than this are one, m/s.
-const APART: f64 = 1e-6;
 
 /// The noise of all touches, then of each group, where there are two groups at least.
 ///
@@ -55,14 +53,13 @@ pub(crate) fn floors(
         })
     };
     let mut floors: Vec<Noise> = of("all", String::new(), &|_| true).into_iter().collect();
-    let mut feeds: Vec<f64> = touches.iter().map(|(row, _)| row.feed).collect();
-    feeds.sort_by(f64::total_cmp);
-    feeds.dedup_by(|one, other| (*one - *other).abs() < APART);
     let at = |feed: f64| {
         let key = format!("{:.1} mm/s", feed * 1e3);
-        of("feed", key, &move |row| (row.feed - feed).abs() < APART)
+        of("feed", key, &move |row| row.is_at(feed))
     };
-    floors.extend(several(feeds.into_iter().filter_map(at).collect()));
+    floors.extend(several(
+        observations.feeds().into_iter().filter_map(at).collect(),
+    ));
     let mut directions = Vec::new();
     for (axis, name) in ["x", "y", "z"].iter().enumerate() {
         for (sign, letter) in [(1.0, "+"), (-1.0, "-")] {

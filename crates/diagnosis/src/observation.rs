@@ -17,6 +17,8 @@ use crate::timing;
 
 /// Fewest touches that say anything.
 const FEWEST: usize = 6;
+/// Speeds of approach closer than this are one, m/s.
+const SAME_FEED: f64 = 1e-6;
 /// Axis speed below which an axis stands, as a share of the feed.
 const STANDS: f64 = 1e-6;
 
@@ -75,6 +77,11 @@ pub struct Row {
 }
 
 impl Row {
+    /// True where the surface was approached at this speed, m/s.
+    pub(crate) fn is_at(&self, feed: f64) -> bool {
+        (self.feed - feed).abs() < SAME_FEED
+    }
+
     /// True where the normal points along this axis of the part more than along any other, in the direction of `sign`.
     pub(crate) fn faces(&self, axis: usize, sign: f64) -> bool {
         let along = self.normal[axis] * sign;
@@ -237,6 +244,15 @@ impl Observations {
             shifts.push(probing - cutting);
         }
         Column { signature, shifts }
+    }
+
+    /// Speeds at which the surface was approached, ascending, m/s.
+    pub(crate) fn feeds(&self) -> Vec<f64> {
+        let touches = self.rows.iter().take(self.touches());
+        let mut feeds: Vec<f64> = touches.map(|row| row.feed).collect();
+        feeds.sort_by(f64::total_cmp);
+        feeds.dedup_by(|one, other| (*one - *other).abs() < SAME_FEED);
+        feeds
     }
 
     /// Column of a change of the deviation itself, as the probe sees it: `change` in m per unit.

@@ -3,7 +3,6 @@
 //! Shares of the sum of squares; intervals in m, rad or s from the start of the session.
 
 use crate::attribution::Attribution;
-use crate::evidence::add_scaled;
 use crate::observation::{Observations, Row};
 use crate::report::Place;
 use crate::rivals::Kind;
@@ -122,15 +121,7 @@ pub fn rival_part(attribution: &Attribution, model: usize) -> Option<(Kind, Vec<
     let model = &attribution.models[model];
     let (place, power) = model.rival?;
     let rival = &attribution.rivals[place];
-    let fit = attribution.fit(model)?;
-    let mut left = attribution.y.clone();
-    let columns = model
-        .set
-        .iter()
-        .flat_map(|&member| &attribution.candidates[member].block);
-    for (column, coefficient) in columns.zip(&fit.coefficients) {
-        add_scaled(&mut left, -coefficient, column);
-    }
+    let left = attribution.left(model)?;
     let used: Vec<usize> = (0..left.len())
         .filter(|&row| attribution.active[row])
         .collect();

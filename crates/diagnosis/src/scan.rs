@@ -108,13 +108,14 @@ impl Left {
     /// Adds a column unless it is spanned.
     fn add(&mut self, column: Rc<Masked>) {
         let full = dot(&column.values, &column.values);
+        let products: Vec<f64> = (self.columns.iter())
+            .map(|own| dot(&own.values, &column.values))
+            .collect();
         let mut factors = Vec::with_capacity(self.columns.len() + 1);
         let (mut power, mut seen) = (full, dot(&column.values, &self.y.values));
         for (line, known) in self.lines.iter().zip(&self.seen) {
-            let crossed = self.columns.iter().zip(line);
-            let factor: f64 = crossed
-                .map(|(own, share)| share * dot(&own.values, &column.values))
-                .sum();
+            let shares = line.iter().zip(&products);
+            let factor: f64 = shares.map(|(share, product)| share * product).sum();
             power -= factor * factor;
             seen -= factor * known;
             factors.push(factor);

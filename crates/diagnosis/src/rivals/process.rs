@@ -53,7 +53,7 @@ pub(crate) enum Met<'a> {
     /// Products of each column with its lines.
     Smooth(DMatrix<f64>, &'a Lines),
     /// The columns, and its variances at the rows.
-    Scatter(DMatrix<f64>, &'a [f64]),
+    Scatter(&'a DMatrix<f64>, &'a [f64]),
 }
 
 impl Met<'_> {
@@ -67,7 +67,7 @@ impl Met<'_> {
                 (&seen * seen.transpose(), held.log_determinant)
             }
             Self::Scatter(columns, variances) => {
-                let mut own = columns.clone();
+                let mut own = (*columns).clone();
                 for mut column in own.column_iter_mut() {
                     for (value, variance) in column.iter_mut().zip(*variances) {
                         *value *= share(power * variance).sqrt();
@@ -165,10 +165,10 @@ impl Rival {
     }
 
     /// What it needs of some columns over its rows to be set beside them.
-    pub(crate) fn meet(&self, columns: &DMatrix<f64>) -> Met<'_> {
+    pub(crate) fn meet<'a>(&'a self, columns: &'a DMatrix<f64>) -> Met<'a> {
         match &self.form {
             Form::Smooth(lines, products) => Met::Smooth((lines * columns).transpose(), products),
-            Form::Scatter(own) => Met::Scatter(columns.clone(), own),
+            Form::Scatter(own) => Met::Scatter(columns, own),
         }
     }
 
@@ -243,9 +243,8 @@ mod tests {
                 .all(|(&one, &other)| near(one, other))
         );
 
-        let (had, log_determinant) = rival
-            .meet(&DMatrix::from_vec(rows, 1, values.clone()))
-            .had(power);
+        let one = DMatrix::from_vec(rows, 1, values.clone());
+        let (had, log_determinant) = rival.meet(&one).had(power);
         assert!(near(log_determinant, whole.determinant().ln()));
         let beside = dot(&values, &values) - had[0];
         assert!(near(beside, (y.transpose() * &inverse * &y)[0]));

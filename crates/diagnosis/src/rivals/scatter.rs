@@ -4,12 +4,10 @@
 //! A probe's noise may depend on the direction in which it is pushed, in its own frame or in the part's, and on the feed:
 //! that is noise, not something unknown. More scatter on one feature is something about that feature. For unit variance.
 
-use crate::observation::{Observations, Row};
+use crate::observation::{Observations, Pose, Row};
 
 /// Fewest touches that can scatter more than others.
 const FEWEST: usize = 6;
-/// Feeds closer than this are one, m/s.
-const APART: f64 = 1e-6;
 /// Most feeds of which each can have its own noise.
 const MOST_FEEDS: usize = 4;
 
@@ -34,15 +32,12 @@ pub(super) fn of_features(observations: &Observations) -> Vec<Vec<f64>> {
 /// None beside a reference: what the machine errs while it measures stands in the touches alone, and would pass for noise.
 pub(super) fn of_noise(observations: &Observations) -> Vec<Vec<f64>> {
     let rows = &observations.rows;
-    let measured = |row: &Row, value: &dyn Fn(&Row) -> f64| {
-        if row.pose.is_some() { value(row) } else { 0.0 }
-    };
     let mut all: Vec<Vec<f64>> = Vec::new();
     if observations.reference_uncertainty > 0.0 {
         return all;
     }
     let mut add = |value: &dyn Fn(&Row) -> f64| {
-        let own: Vec<f64> = rows.iter().map(|row| measured(row, value)).collect();
+        let own: Vec<f64> = rows.iter().map(value).collect();
         let count = own.iter().filter(|&&own| own > 0.5).count();
         let same = |known: &Vec<f64>| {
             known
@@ -57,27 +52,14 @@ pub(super) fn of_noise(observations: &Observations) -> Vec<Vec<f64>> {
     for axis in 0..3 {
         add(&|row| row.normal[axis].powi(2));
         add(&|row| {
-            let along =
-                |pose: &crate::observation::Pose| pose.sensitivity.mount[axis].dot(&row.normal);
+            let along = |pose: &Pose| pose.sensitivity.mount[axis].dot(&row.normal);
             row.pose.as_ref().map_or(0.0, |pose| along(pose).powi(2))
         });
     }
-    let mut feeds: Vec<f64> = rows
-        .iter()
-        .filter(|row| row.pose.is_some())
-        .map(|row| row.feed)
-        .collect();
-    feeds.sort_by(f64::total_cmp);
-    feeds.dedup_by(|one, other| (*one - *other).abs() < APART);
+    let feeds = observations.feeds();
     if feeds.len() <= MOST_FEEDS {
         for feed in feeds {
-            add(&|row| {
-                if (row.feed - feed).abs() < APART {
-                    1.0
-                } else {
-                    0.0
-                }
-            });
+            add(&|row| f64::from(u8::from(row.is_at(feed))));
         }
     }
     all
