@@ -75,7 +75,8 @@ fn approved() -> (Cell, Vec<Published>) {
     (cell, session.finish())
 }
 
-/// A preview is asked for while the machine measures; nobody approves in time, and somebody does afterwards.
+/// A preview is asked for while the machine measures; nobody approves in time, and somebody does afterwards, by
+/// `compensation` and past it.
 fn unanswered() -> (Cell, Vec<Published>) {
     let cell = turn_mill(|text| {
         text.replace(
@@ -90,6 +91,13 @@ fn unanswered() -> (Cell, Vec<Published>) {
     session.wait_for_report();
     let proposed: Correction = session.last(topics::CORRECTIONS);
     session.answer(&proposed, true);
+    let past = Correction {
+        approval: Correction::APPROVAL_OPERATOR,
+        approved_by: "Ada".to_owned(),
+        ..proposed
+    };
+    session.send(topics::CORRECTIONS, &past);
+    session.run_s(1.0);
     (cell, session.finish())
 }
 

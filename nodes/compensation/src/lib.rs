@@ -3,13 +3,14 @@
 //! | hears | says |
 //! |---|---|
 //! | `feature_results`, `operation_requests` | `verdicts`, `pass_decisions` |
-//! | `tool_offsets`, `approvals` | `corrections`, `approval_replies` |
+//! | `tool_offsets`, `approvals`, `part_reports` | `corrections`, `approval_replies` |
 //! | | `compensation/faults`: `approval_overdue` |
 //!
 //! The decision table is that of the turn-mill system (source systems A.4). Characteristics cut by one tool share its wear
 //! offset: the correction is made for their mean error, and bounded so that no characteristic is cut below size. A
 //! correction is proposed; it is approved by the cell file's policy or by an operator, never by itself. One that nobody
-//! answers in time is withdrawn, with all that was proposed beside it, and the part stops.
+//! answers in time is withdrawn, with all that was proposed beside it, and the part stops; a part that ends otherwise takes
+//! its proposals with it.
 
 mod config;
 mod path;

@@ -1,11 +1,11 @@
 //! The rules of `compensation`.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use graph::{Node, Outbox, Stamp, inputs, outputs, topics};
 use metrology::decision::{self, Action, Invalid, Reading, decide};
 use probecell_msgs::{
-    Correction, Fault, FeatureResult, OperationRequest, OperatorReply, OperatorRequest,
+    Correction, Fault, FeatureResult, OperationRequest, OperatorReply, OperatorRequest, PartReport,
     PassDecision, ToolOffsets, Verdict, std_msgs,
 };
 use serde::{Deserialize, Serialize};
@@ -26,6 +26,8 @@ inputs! {
         Offsets(ToolOffsets) = topics::TOOL_OFFSETS,
         /// An operator approves or rejects.
         Approval(OperatorRequest) = topics::APPROVALS,
+        /// How a part ended: nothing that was proposed for it is to reach the machine.
+        Part(PartReport) = topics::PART_REPORTS,
     }
 }
 
@@ -64,14 +66,16 @@ pub struct State {
     pub counted: Option<(String, u32)>,
     /// Corrections that wait for an operator.
     pub proposed: BTreeMap<String, (Correction, u32)>,
-    /// Corrections of the last measurement that were withdrawn, because nobody answered in time.
-    pub expired: BTreeSet<String>,
+    /// Corrections of the last measurement that were withdrawn, and why.
+    pub withdrawn: BTreeMap<String, String>,
     /// Offsets of the tool paths that were asked for in this session of the driver.
     pub paths: Paths,
 }
 
 /// Timer that looks for proposals nobody has answered.
 const APPROVAL: u32 = 1;
+/// Why what was proposed for a part is void.
+const PART_ENDED: &str = "is void: its part has ended";
 /// Results kept that came before their measurement was asked for.
 const EARLY_LIMIT: usize = 1024;
 
@@ -97,14 +101,14 @@ impl Node for CompensationNode {
         out: &mut Outbox<Output>,
     ) {
         match input {
-            Input::Timer(APPROVAL) => withdraw(config, state, now, out),
+            Input::Timer(APPROVAL) => overdue(config, state, now, out),
             Input::Timer(_) => {}
             Input::Offsets(offsets) => state.offsets = Some(offsets),
             Input::Request(request) => {
                 if request.kind == OperationRequest::MEASURE {
                     state.results.clear();
                     state.proposed.clear();
-                    state.expired.clear();
+                    state.withdrawn.clear();
                     // From a plan that is only measured nothing follows.
                     state.measurement =
                         (!request.only_measure).then_some((request.plan_id, request.pass_number));
@@ -115,6 +119,8 @@ impl Node for CompensationNode {
             }
             Input::Feature(result) => take(config, state, now, result, out),
             Input::Approval(request) => approve(state, now, &request, out),
+            Input::Part(report) if report.verdict == PartReport::MEASURED => {}
+            Input::Part(report) => withdraw(state, Stamp::from(&report.header.stamp), PART_ENDED),
         }
     }
 }
@@ -411,8 +417,19 @@ fn due(config: &Config, proposed: &Correction) -> Stamp {
     Stamp::from(&proposed.header.stamp).after_s(config.approval_limit)
 }
 
+/// Takes back what was proposed up to an instant.
+fn withdraw(state: &mut State, until: Stamp, why: &str) {
+    state.proposed.retain(|id, (correction, _)| {
+        let stays = Stamp::from(&correction.header.stamp) > until;
+        if !stays {
+            state.withdrawn.insert(id.clone(), why.to_owned());
+        }
+        stays
+    });
+}
+
 /// Ends the part whose proposed correction nobody has answered: nothing that was proposed for it is to reach the machine.
-fn withdraw(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Output>) {
+fn overdue(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Output>) {
     let overdue: Vec<&str> = (state.proposed.values())
         .filter(|(correction, _)| due(config, correction) <= now)
         .map(|(correction, _)| correction.correction_id.as_str())
@@ -425,7 +442,6 @@ fn withdraw(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Out
         overdue.join(", "),
         config.approval_limit
     );
-    let proposed = std::mem::take(&mut state.proposed);
     out.send(Output::Fault(Fault {
         header: header(now),
         node: CompensationNode::NAME.to_owned(),
@@ -433,7 +449,7 @@ fn withdraw(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Out
         code: "approval_overdue".to_owned(),
         text: text.clone(),
     }));
-    if let Some((correction, pass)) = proposed.values().next() {
+    if let Some((correction, pass)) = state.proposed.values().next() {
         out.send(Output::Decision(PassDecision {
             header: header(now),
             plan_id: correction.plan_id.clone(),
@@ -443,7 +459,7 @@ fn withdraw(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Out
             ..PassDecision::default()
         }));
     }
-    state.expired.extend(proposed.into_keys());
+    withdraw(state, now, "has expired");
 }
 
 fn approve(state: &mut State, now: Stamp, request: &OperatorRequest, out: &mut Outbox<Output>) {
@@ -453,8 +469,8 @@ fn approve(state: &mut State, now: Stamp, request: &OperatorRequest, out: &mut O
         accepted: false,
         text: format!("no correction {:?} waits for approval", request.subject),
     };
-    if state.expired.contains(&request.subject) {
-        reply.text = format!("correction {:?} has expired", request.subject);
+    if let Some(why) = state.withdrawn.get(&request.subject) {
+        reply.text = format!("correction {:?} {why}", request.subject);
     }
     if request.operator_name.is_empty() {
         "an approval needs the name of the operator".clone_into(&mut reply.text);
@@ -474,7 +490,7 @@ fn approve(state: &mut State, now: Stamp, request: &OperatorRequest, out: &mut O
         let late = request.approve && end.is_some();
         if let Some(text) = end {
             // The part ends with it: nothing else that was proposed for it is to reach the machine.
-            state.proposed.clear();
+            withdraw(state, now, PART_ENDED);
             out.send(Output::Decision(PassDecision {
                 header: header(now),
                 plan_id: correction.plan_id.clone(),

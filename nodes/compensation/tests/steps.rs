@@ -5,8 +5,8 @@ use compensation::{
 };
 use graph::{Node, Outbox, Stamp};
 use probecell_msgs::{
-    Correction, FeatureResult, OperationRequest, OperatorRequest, PassDecision, ToolOffsets,
-    Verdict,
+    Correction, FeatureResult, OperationRequest, OperatorRequest, PartReport, PassDecision,
+    ToolOffsets, Verdict,
 };
 
 /// One outer diameter of 19.8 mm cut by tool 2, within 10 µm; the table's limits.
@@ -110,7 +110,8 @@ fn line(output: &Output) -> String {
             let decision = ["next", "recut", "stop", "scrap"][usize::from(one.decision)];
             format!("{decision} {:?}", one.correction_ids)
         }
-        Output::Reply(one) => format!("accepted {}", one.accepted),
+        Output::Reply(one) if one.accepted => "accepted".to_owned(),
+        Output::Reply(one) => format!("refused: {}", one.text),
         Output::Fault(one) => format!("{}: {}", one.code, one.text),
     }
 }
@@ -214,6 +215,7 @@ fn answer(operator: &str, approve: bool) -> Input {
 fn a_proposed_correction_is_approved_once_by_somebody_with_a_name() {
     let proposed = || vec![offsets(0.0), measure("p/1"), result("p/1", 19.83)];
     let config = config(false, false);
+    let unknown = "refused: no correction \"p/1/T2/4\" waits for approval";
     let proposal = "p/1/T2/4 proposed 0.0 to -30.0 by \"\"";
     check(
         &config,
@@ -225,25 +227,63 @@ fn a_proposed_correction_is_approved_once_by_somebody_with_a_name() {
     check(
         &config,
         with(vec![answer("Ada", true)]),
-        &[approved, "accepted true"],
+        &[approved, "accepted"],
     );
     check(
         &config,
         with(vec![answer("Ada", true), answer("Ada", true)]),
-        &["accepted false"],
+        &[unknown],
     );
-    check(&config, with(vec![answer("", true)]), &["accepted false"]);
+    check(
+        &config,
+        with(vec![answer("", true)]),
+        &["refused: an approval needs the name of the operator"],
+    );
     let rejected = "p/1/T2/4 rejected 0.0 to -30.0 by \"Ada\"";
     check(
         &config,
         with(vec![answer("Ada", false)]),
-        &["stop []", rejected, "accepted true"],
+        &["stop []", rejected, "accepted"],
     );
     check(
         &config,
         with(vec![measure("p/2"), answer("Ada", true)]),
-        &["accepted false"],
+        &[unknown],
     );
+}
+
+fn part(verdict: u8, sec: i32) -> Input {
+    let mut report = PartReport {
+        verdict,
+        ..PartReport::default()
+    };
+    report.header.stamp.sec = sec;
+    Input::Part(report)
+}
+
+/// The proposal is made at 0 s.
+#[test]
+fn what_was_proposed_for_a_part_is_void_when_the_part_has_ended() {
+    let config = config(false, false);
+    let proposed = |more: Vec<Input>| {
+        let proposal = vec![offsets(0.0), measure("p/1"), result("p/1", 19.83)];
+        proposal.into_iter().chain(more).collect()
+    };
+    for verdict in [PartReport::STOPPED, PartReport::SCRAP] {
+        check(
+            &config,
+            proposed(vec![part(verdict, 8), answer("Ada", true)]),
+            &["refused: correction \"p/1/T2/4\" is void: its part has ended"],
+        );
+    }
+    // The report of a part before, and of a run that only measured, take nothing back.
+    for (verdict, sec) in [(PartReport::STOPPED, -4), (PartReport::MEASURED, 8)] {
+        check(
+            &config,
+            proposed(vec![part(verdict, sec), answer("Ada", true)]),
+            &["p/1/T2/4 approved 0.0 to -30.0 by \"Ada\"", "accepted"],
+        );
+    }
 }
 
 /// The node wakes itself when the limit has passed, and not again for what was answered.
@@ -282,7 +322,7 @@ fn a_proposal_that_nobody_answers_stops_the_part_at_the_limit() {
     assert_eq!(said(&mut state, 20.1, Input::Timer(1)), nothing);
     assert_eq!(
         said(&mut state, 21.0, answer("Ada", true)),
-        ["accepted false"]
+        ["refused: correction \"p/1/T2/4\" has expired"]
     );
     for approve in [true, false] {
         let mut state = proposed();

@@ -12,7 +12,8 @@ pub struct RawConfig {
     pub silence_limit_s: f64,
     /// A measurement whose order does not come within this time fails.
     pub order_limit_s: f64,
-    /// A correction that the driver does not answer within this time has failed.
+    /// A correction that the driver does not answer within this time has failed, and so has an operation of which it says
+    /// nothing for so long while the controller is idle.
     pub reply_limit_s: f64,
     /// No wear offset is ever written outside plus or minus this.
     pub wear_limit_mm: f64,
@@ -44,7 +45,8 @@ pub struct Config {
     pub silence_limit: f64,
     /// s; a measurement whose order does not come within this time fails.
     pub order_limit: f64,
-    /// s; a correction that the driver does not answer within this time has failed.
+    /// s; a correction that the driver does not answer within this time has failed, and an operation of which it says
+    /// nothing for so long while the controller is idle.
     pub reply_limit: f64,
     /// m; no wear offset is written outside plus or minus this.
     pub wear_limit: f64,

@@ -144,12 +144,18 @@ fn check_source(state: &State, correction: &Correction) -> Result<(), Refusal> {
             "its measured error is not a finite number",
         );
     }
-    if !state.measured.contains(&correction.plan_id) {
+    let Some(asked) = state.measured.get(&correction.plan_id) else {
         let text = format!(
             "plan {:?} was not measured on this machine in this session",
             correction.plan_id
         );
         return refuse(Ack::REFUSED_NO_SOURCE, text);
+    };
+    if state.ended.is_some_and(|ended| *asked <= ended) {
+        return refuse(
+            Ack::REFUSED_STALE,
+            "the part that it was made for has ended",
+        );
     }
     Ok(())
 }

@@ -8,11 +8,13 @@
 //! |---|---|
 //! | `controller_status`, `controller_replies` | `robot_description`, `joint_states`, `joint_commands`, `machine_state`, `tool_offsets` |
 //! | `operation_requests`, `measurement_order` | `controller_commands`, `operation_reports` |
-//! | `corrections` | `correction_acknowledgements` |
+//! | `corrections`, `part_reports` | `correction_acknowledgements` |
 //! | | `machine_state/faults`: `controller_lost`, `controller_restarted`, `estop`, `controller_alarm`, `unplanned_touch`, `status_not_finite` |
 //!
 //! Invariants: nothing else publishes `controller_commands`; a correction is written at most once; a command names the
-//! session of the driver that runs now. A driver that does not answer a correction in time has failed it.
+//! session of the driver that runs now; nothing is corrected from a part that has ended in another way than qualified. A
+//! driver that does not answer a correction in time has failed it, and so has one that says nothing of an operation while
+//! its controller is idle.
 
 mod config;
 mod gate;

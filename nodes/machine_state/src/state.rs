@@ -19,8 +19,10 @@ pub struct State {
     pub awaited: Option<Awaited>,
     /// The last measuring order: plan and indices of points.
     pub order: Option<(String, Vec<u32>)>,
-    /// Plans that this driver was told to measure.
-    pub measured: BTreeSet<String>,
+    /// Plans that this driver was told to measure to decide from them, and when the cycle asked for each.
+    pub measured: BTreeMap<String, Stamp>,
+    /// When the last part ended that was not qualified: what was measured before must not be corrected from any more.
+    pub ended: Option<Stamp>,
     /// Corrections written to the controller and not yet answered, by command number.
     pub writing: BTreeMap<u64, Writing>,
     /// Approved corrections that wait until the machine stands still and the one before is written, in order of arrival.
@@ -51,6 +53,8 @@ pub struct Operation {
     pub request_id: u64,
     /// Command to the driver.
     pub command_id: u64,
+    /// Since when the controller has been idle without an answer to the command.
+    pub idle: Option<Stamp>,
 }
 
 /// A correction that the driver was told to write.

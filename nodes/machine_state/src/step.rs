@@ -3,8 +3,8 @@
 use graph::{Node, Outbox, START, Stamp, inputs, outputs, topics};
 use probecell_msgs::{
     ControllerCommand, ControllerReply, ControllerStatus, Correction, CorrectionAcknowledgement,
-    Fault, MachineState, MeasurementOrder, OperationReport, OperationRequest, ToolOffsets,
-    sensor_msgs::JointState, std_msgs,
+    Fault, MachineState, MeasurementOrder, OperationReport, OperationRequest, PartReport,
+    ToolOffsets, sensor_msgs::JointState, std_msgs,
 };
 
 use crate::{
@@ -26,6 +26,8 @@ inputs! {
         Order(MeasurementOrder) = topics::MEASUREMENT_ORDER,
         /// A correction, proposed or approved.
         Correction(Correction) = topics::CORRECTIONS,
+        /// How a part ended: what was to be corrected for it is void.
+        Part(PartReport) = topics::PART_REPORTS,
     }
 }
 
@@ -116,6 +118,11 @@ impl Node for MachineStateNode {
                 }
             }
             Input::Correction(correction) => correct(config, state, now, correction, out),
+            Input::Part(report) => {
+                if [PartReport::STOPPED, PartReport::SCRAP].contains(&report.verdict) {
+                    state.ended = state.ended.max(Some(Stamp::from(&report.header.stamp)));
+                }
+            }
         }
     }
 }
@@ -162,6 +169,10 @@ fn sample(
     }
     tell_faults(state, now, &status, out);
     publish(config, state, &status, out);
+    if let Some(operation) = &mut state.operation {
+        let idle = status.execution == MachineState::EXECUTION_IDLE;
+        operation.idle = idle.then(|| operation.idle.unwrap_or(now));
+    }
     state.controller = Some(Controller {
         status,
         at: now,
@@ -266,7 +277,7 @@ fn give_up_writing(config: &Config, state: &mut State, now: Stamp, out: &mut Out
     }
 }
 
-/// Looks for a silent controller and for an order that does not come.
+/// Looks for a silent controller, a command that it has forgotten, and an order that does not come.
 fn watch(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Output>) {
     let silent = state
         .controller
@@ -296,6 +307,14 @@ fn watch(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Output
                 ..MachineState::default()
             }));
         }
+    }
+    let idle = state.operation.as_ref().and_then(|one| one.idle);
+    if idle.is_some_and(|since| now > since.after_s(config.reply_limit)) {
+        let text = format!(
+            "the machine has been idle for {} s, and the driver has not said what came of it",
+            config.reply_limit
+        );
+        fail_operation(state, now, &text, out);
     }
     if state
         .awaited
@@ -359,7 +378,8 @@ fn request_operation(
         }
         // Nothing may be corrected from what was only measured.
         if !request.only_measure {
-            state.measured.insert(request.plan_id.clone());
+            let asked = Stamp::from(&request.header.stamp);
+            state.measured.insert(request.plan_id.clone(), asked);
         }
     }
     let kind = match request.kind {
@@ -378,6 +398,7 @@ fn request_operation(
     state.operation = Some(Operation {
         request_id: request.request_id,
         command_id,
+        idle: None,
     });
 }
 

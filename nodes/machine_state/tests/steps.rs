@@ -5,7 +5,7 @@ use machine_state::{Config, Input, MachineStateNode, Output, RawConfig};
 use probecell_msgs::{
     ControllerCommand, ControllerReply, ControllerStatus, Correction,
     CorrectionAcknowledgement as Ack, MachineState, MeasurementOrder, OperationReport,
-    OperationRequest, builtin_interfaces::Time,
+    OperationRequest, PartReport, builtin_interfaces::Time,
 };
 
 fn config() -> Config {
@@ -364,6 +364,79 @@ fn a_driver_that_does_not_answer_a_correction_has_failed_it_and_the_next_one_is_
     // An answer after that says nothing of the other one.
     let late = vec![Input::Timer(1), reply(1, ControllerReply::DONE, -20e-6)];
     check(with(waiting(299), late), &[]);
+}
+
+fn part(verdict: u8) -> Input {
+    Input::Part(PartReport {
+        verdict,
+        ..PartReport::default()
+    })
+}
+
+/// Whoever approved it, and however long it waited behind another one.
+#[test]
+fn a_correction_of_a_part_that_has_ended_is_refused_until_its_measurement_is_asked_for_again() {
+    let stale = format!(
+        "c outcome {}: the part that it was made for has ended",
+        Ack::REFUSED_STALE
+    );
+    let written = "run 1 1 wear of 2 -20.0 µm";
+    for (verdict, said) in [
+        (PartReport::QUALIFIED, written),
+        (PartReport::MEASURED, written),
+        (PartReport::STOPPED, &stale),
+        (PartReport::SCRAP, &stale),
+    ] {
+        let ended = vec![part(verdict), Input::Correction(correction())];
+        check(with(measured(), ended), &[said]);
+    }
+    let first = Correction {
+        correction_id: "b".to_owned(),
+        ..correction()
+    };
+    let waits = vec![
+        Input::Correction(first),
+        Input::Correction(correction()),
+        part(PartReport::STOPPED),
+        reply(1, ControllerReply::DONE, -20e-6),
+    ];
+    check(with(measured(), waits), &["b outcome 0: ", &stale]);
+
+    let Input::Request(mut later) = request(OperationRequest::MEASURE, 6) else {
+        unreachable!("a request");
+    };
+    later.header.stamp.sec = 1;
+    let again = vec![
+        part(PartReport::STOPPED),
+        order("p/1"),
+        Input::Request(later),
+        reply(1, ControllerReply::DONE, 0.0),
+        Input::Correction(correction()),
+    ];
+    check(with(measured(), again), &["run 1 2 wear of 2 -20.0 µm"]);
+}
+
+/// Inputs are 0.1 s apart and the limit is 30 s.
+#[test]
+fn an_operation_of_which_nothing_is_said_while_the_machine_is_idle_has_failed() {
+    let cutting = |samples: Vec<Input>| {
+        let begun = vec![status(), request(OperationRequest::CUT, 3)];
+        with(begun, with(samples, vec![Input::Timer(1)]))
+    };
+    let idle = |count: usize| -> Vec<Input> { (0..count).map(|_| status()).collect() };
+    let running = || {
+        Input::Status(ControllerStatus {
+            execution: MachineState::EXECUTION_RUNNING,
+            ..sample()
+        })
+    };
+    let failed = "request 3 failed: the machine has been idle for 30 s, and the driver has not said what came of it";
+    check(cutting(idle(300)), &[]);
+    check(cutting(idle(301)), &[failed]);
+    let worked = with(idle(200), with(vec![running()], idle(200)));
+    check(cutting(worked), &[]);
+    let long = (0..1000).map(|_| running()).collect();
+    check(cutting(long), &[]);
 }
 
 #[test]
