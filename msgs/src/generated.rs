@@ -319,13 +319,19 @@ pub struct FeatureResult {
     pub kind: u8,
     /// one of the constants above
     pub decision: u8,
+    /// of the fit, one of the constants above
+    pub criterion: u8,
+    /// features by which the part was placed before the fit; empty: the part frame as programmed
+    pub aligned_to: Vec<String>,
     /// touches used
     pub touches: u32,
     /// the ProbeEvents used
     pub sequences: Vec<u64>,
-    /// m, part frame: fitted centre or point
+    /// ProbeEvents not used, because the others contradict them
+    pub left_out: Vec<u64>,
+    /// m, part frame, as aligned: fitted centre or point
     pub origin: crate::geometry_msgs::Point,
-    /// unit vector, part frame: fitted direction
+    /// unit vector, part frame, as aligned: fitted direction
     pub axis: crate::geometry_msgs::Vector3,
     /// m: diameter; plane: distance from the part origin along its nominal normal
     pub size: f64,
@@ -335,6 +341,16 @@ pub struct FeatureResult {
     pub size_deviation: f64,
     /// m, peak to valley of the residuals
     pub form: f64,
+    /// m, standard
+    pub form_uncertainty: f64,
+    /// m, of origin from its nominal place: of a plane along its normal, of an axis across it
+    pub position: f64,
+    /// m, standard; 0: the touches do not tell the position
+    pub position_uncertainty: f64,
+    /// rad, of axis from its nominal direction
+    pub orientation: f64,
+    /// rad, standard; 0: the touches do not tell the orientation
+    pub orientation_uncertainty: f64,
     /// m, profile or surface: mean deviation at each of its points, in plan order; else empty
     pub deviations: Vec<f64>,
     /// m, of size_deviation
@@ -355,13 +371,18 @@ impl FeatureResult {
     pub const INDETERMINATE: u8 = 2;
     /// could not be measured; text says why
     pub const INVALID: u8 = 3;
+    pub const LEAST_SQUARES: u8 = 0;
+    /// ISO 1101
+    pub const MINIMUM_ZONE: u8 = 1;
+    pub const MINIMUM_CIRCUMSCRIBED: u8 = 2;
+    pub const MAXIMUM_INSCRIBED: u8 = 3;
 }
 
 impl Message for FeatureResult {
     const TYPE: &'static MessageType = &MessageType {
         name: "probecell_msgs/msg/FeatureResult",
         dds_name: "probecell_msgs::msg::dds_::FeatureResult_",
-        type_hash: "RIHS01_441cf90111df7171ddf2568b612194602e5f53eaee8dbcd17bee8370963aded9",
+        type_hash: "RIHS01_7c546fc5441e0af8631203f2611bd9e4ca3b772ef9777ddc6ca0db78528ca56d",
         definition: concat!(
             include_str!("../msg/FeatureResult.msg"),
             "================================================================================\nMSG: std_msgs/Header\n",
@@ -895,6 +916,58 @@ impl Message for OperatorRequest {
         ),
         describe: crate::describe::of::<OperatorRequest>,
         canonical: crate::cdr::canonical::<OperatorRequest>,
+    };
+}
+
+/// Where the part lies, by its datums or by a best fit, against where its plan has it. Published on part_alignment:
+/// reliable, transient local, depth 1.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct PartAlignment {
+    pub header: crate::std_msgs::Header,
+    pub plan_id: String,
+    pub part_id: String,
+    /// one of the constants above
+    pub method: u8,
+    /// datums in order of precedence, or features of the best fit
+    pub feature_ids: Vec<String>,
+    /// the ProbeEvents that it rests on
+    pub sequences: Vec<u64>,
+    /// false: the part could not be placed, and text says why
+    pub valid: bool,
+    /// m, of the part frame's origin
+    pub shift: crate::geometry_msgs::Vector3,
+    /// rad, rotation vector of the part about that origin, in the part frame
+    pub rotation: crate::geometry_msgs::Vector3,
+    /// m or rad, products: 6 x 6 of shift and rotation, row by row; empty where not valid
+    pub covariance: Vec<f64>,
+    /// m, what a best fit leaves of the deviations; 0 with datums
+    pub rms: f64,
+    pub text: String,
+}
+
+impl PartAlignment {
+    /// ISO 5459, in order of precedence
+    pub const DATUMS: u8 = 0;
+    /// least squares of the deviations along the normals
+    pub const BEST_FIT: u8 = 1;
+}
+
+impl Message for PartAlignment {
+    const TYPE: &'static MessageType = &MessageType {
+        name: "probecell_msgs/msg/PartAlignment",
+        dds_name: "probecell_msgs::msg::dds_::PartAlignment_",
+        type_hash: "RIHS01_499b7931a5015291b89cc4549755c244280c38af7d7d9563a8d17c96e66879e2",
+        definition: concat!(
+            include_str!("../msg/PartAlignment.msg"),
+            "================================================================================\nMSG: std_msgs/Header\n",
+            include_str!("../standard/std_msgs/msg/Header.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg"),
+            "================================================================================\nMSG: geometry_msgs/Vector3\n",
+            include_str!("../standard/geometry_msgs/msg/Vector3.msg")
+        ),
+        describe: crate::describe::of::<PartAlignment>,
+        canonical: crate::cdr::canonical::<PartAlignment>,
     };
 }
 
@@ -2335,6 +2408,7 @@ pub(crate) static MESSAGES: &[&MessageType] = &[
     <OperationRequest as Message>::TYPE,
     <OperatorReply as Message>::TYPE,
     <OperatorRequest as Message>::TYPE,
+    <PartAlignment as Message>::TYPE,
     <PartReport as Message>::TYPE,
     <PassDecision as Message>::TYPE,
     <ProbeEvent as Message>::TYPE,

@@ -134,9 +134,12 @@ fn path() -> (Cell, Vec<Published>) {
     (cell, session.finish())
 }
 
-/// A block cut without and with the volumetric table.
+/// A block cut without and with the volumetric table, placed by three of its planes.
 fn five_axis() -> (Cell, Vec<Published>) {
-    let cell = cell("five_axis.toml", str::to_owned);
+    let cell = cell("five_axis.toml", |text| {
+        let placed = "alignment = { datums = [\"P2a_2\", \"P4a_1\", \"P4b_1\"] }";
+        text.replace("[analysis]\n", &format!("[analysis]\n{placed}\n"))
+    });
     let mut session = Session::new(&cell);
     session.make("block");
     (cell, session.finish())

@@ -2,6 +2,8 @@
 
 use std::collections::BTreeSet;
 
+use analysis::feature::Criterion;
+
 use crate::{Cell, Source};
 
 /// s; shortest and longest time after which a recording is flushed.
@@ -105,6 +107,7 @@ fn names(cell: &Cell) -> Result<(), String> {
             }
         }
     }
+    fits(cell)?;
     let composed = cell.analysis.widths.iter().chain(&cell.analysis.steps);
     sizes.extend(composed.map(|width| width.id.as_str()));
     for characteristic in &cell.compensation.characteristics {
@@ -116,6 +119,57 @@ fn names(cell: &Cell) -> Result<(), String> {
         }
     }
     tools(cell)
+}
+
+/// What is fitted in another way, and what places the part, are features of kinds for which that is defined.
+fn fits(cell: &Cell) -> Result<(), String> {
+    let kind = |id: &String| {
+        let features = &cell.part.features;
+        let found = features.iter().find(|feature| feature.id == *id);
+        found.map(|feature| feature.kind.as_str())
+    };
+    for fit in &cell.analysis.fits {
+        let id = &fit.feature;
+        let defined: &[&str] = match fit.criterion {
+            Criterion::LeastSquares => &["plane", "cylinder", "bore", "sphere", "profile"],
+            Criterion::MinimumZone => &["plane", "cylinder", "bore", "sphere"],
+            Criterion::MinimumCircumscribed | Criterion::MaximumInscribed => {
+                &["cylinder", "bore", "sphere"]
+            }
+        };
+        let kind = kind(id)
+            .ok_or_else(|| format!("analysis.fits: {id:?} is not a feature of the part"))?;
+        if !defined.contains(&kind) {
+            return Err(format!(
+                "analysis.fits: {id:?} is a {kind}, for which that criterion is not defined"
+            ));
+        }
+    }
+    let Some(alignment) = &cell.analysis.alignment else {
+        return Ok(());
+    };
+    for (key, features, kinds) in [
+        (
+            "datums",
+            &alignment.datums,
+            &["plane", "cylinder", "bore", "sphere"][..],
+        ),
+        (
+            "best_fit",
+            &alignment.best_fit,
+            &["plane", "cylinder", "bore", "sphere", "profile"],
+        ),
+    ] {
+        for id in features {
+            if !kind(id).is_some_and(|kind| kinds.contains(&kind)) {
+                let list = kinds.join(", ");
+                return Err(format!(
+                    "analysis.alignment.{key}: {id:?} is not a feature of the part of one of these kinds: {list}"
+                ));
+            }
+        }
+    }
+    Ok(())
 }
 
 /// The simulated machine has the tools that are corrected. What a real one has is not known before it runs.

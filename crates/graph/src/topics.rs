@@ -7,8 +7,8 @@ use probecell_msgs::{
     ControllerCommand, ControllerReply, ControllerStatus, Correction, CorrectionAcknowledgement,
     Fault, FeatureResult, GapReport, InspectionPlan, LossReport, MachineState, MeasurementOrder,
     Message, MessageType, OperationReport, OperationRequest, OperatorReply, OperatorRequest,
-    PartReport, PassDecision, ProbeEvent, ProbeTrigger, ReferenceMeasurement, StepJournal,
-    ToolOffsets, TouchDeviation, Verdict, sensor_msgs::JointState, std_msgs,
+    PartAlignment, PartReport, PassDecision, ProbeEvent, ProbeTrigger, ReferenceMeasurement,
+    StepJournal, ToolOffsets, TouchDeviation, Verdict, sensor_msgs::JointState, std_msgs,
 };
 
 /// Quality of service of a topic, in ROS 2 terms.
@@ -105,6 +105,7 @@ topics! {
 
     TOUCH_DEVIATIONS = "analysis", "touch_deviations", TouchDeviation, Qos::KEEP_ALL;
     FEATURE_RESULTS = "analysis", "feature_results", FeatureResult, Qos::latched(64);
+    PART_ALIGNMENT = "analysis", "part_alignment", PartAlignment, Qos::latched(1);
     ANALYSIS_FAULTS = "analysis", "analysis/faults", Fault, Qos::KEEP_ALL;
 
     VERDICTS = "compensation", "verdicts", Verdict, Qos::latched(64);

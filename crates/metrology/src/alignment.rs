@@ -188,9 +188,26 @@ pub struct SmallDisplacement {
 pub fn fit_displacement(
     touches: &[(Vector3<f64>, Vector3<f64>, f64)],
 ) -> Result<SmallDisplacement, AlignmentError> {
+    fit_displacement_along(touches, &[true; 6])
+}
+
+/// The same with only some of the six displacements free: shifts along x, y and z, rotations about the axes through the
+/// origin. The others are 0, and so is what the cofactor says of them.
+///
+/// # Errors
+/// See [`AlignmentError`]: as many normals are needed as displacements are free, and they must oppose each of them.
+pub fn fit_displacement_along(
+    touches: &[(Vector3<f64>, Vector3<f64>, f64)],
+    free: &[bool; 6],
+) -> Result<SmallDisplacement, AlignmentError> {
     let given = touches.len();
-    if given < 6 {
-        return Err(AlignmentError::TooFewPoints { needed: 6, given });
+    let columns: Vec<usize> = (0..6).filter(|column| free[*column]).collect();
+    let needed = columns.len();
+    if given < needed || needed == 0 {
+        return Err(AlignmentError::TooFewPoints {
+            needed: needed.max(1),
+            given,
+        });
     }
     let finite = |v: &Vector3<f64>| v.iter().all(|c| c.is_finite());
     let sound =
@@ -199,29 +216,41 @@ pub fn fit_displacement(
         return Err(AlignmentError::NotFinite(index));
     }
     let count = given as f64;
-    let centre = touches.iter().map(|t| t.0).sum::<Vector3<f64>>() / count;
+    // A free body turns about its middle, which keeps rotations and shifts apart; one that is held turns about the origin.
+    let centre = if needed == 6 {
+        touches.iter().map(|t| t.0).sum::<Vector3<f64>>() / count
+    } else {
+        Vector3::zeros()
+    };
     let squares: f64 = touches.iter().map(|t| (t.0 - centre).norm_squared()).sum();
     let size = (squares / count).sqrt().max(f64::MIN_POSITIVE);
-    let design = DMatrix::from_fn(given, 6, |i, j| {
+    let design = DMatrix::from_fn(given, needed, |i, j| {
         let (p, n, _) = &touches[i];
         let moment = ((p - centre) / size).cross(n);
-        if j < 3 { n[j] } else { moment[j - 3] }
+        let column = columns[j];
+        if column < 3 {
+            n[column]
+        } else {
+            moment[column - 3]
+        }
     });
     let svd = design.clone().svd(true, true);
     let largest = svd.singular_values.max();
     let tolerance = 1e-9 * largest;
-    let free = svd
+    let undetermined = svd
         .singular_values
         .iter()
         .filter(|s| **s <= tolerance)
         .count();
-    let (0, Some(v_t)) = (free, svd.v_t.as_ref()) else {
-        return Err(AlignmentError::Undetermined { free: free.max(1) });
+    let (0, Some(v_t)) = (undetermined, svd.v_t.as_ref()) else {
+        return Err(AlignmentError::Undetermined {
+            free: undetermined.max(1),
+        });
     };
     let right = DVector::from_iterator(given, touches.iter().map(|t| t.2));
     let solution = svd
         .solve(&right, tolerance)
-        .map_err(|_| AlignmentError::Undetermined { free: 6 })?;
+        .map_err(|_| AlignmentError::Undetermined { free: needed })?;
     let residuals = right - &design * &solution;
     let inverse = svd.singular_values.map(|s| 1.0 / (s * s));
     let scaled = v_t.transpose() * DMatrix::from_diagonal(&inverse) * v_t;
@@ -234,12 +263,19 @@ pub fn fit_displacement(
             .copy_from(&centre.cross(&unit));
         back[(3 + axis, 3 + axis)] = 1.0 / size;
     }
-    let moved = back * Vector6::from_column_slice(solution.as_slice());
+    let (mut all, mut cofactor) = (Vector6::zeros(), Matrix6::zeros());
+    for (i, &row) in columns.iter().enumerate() {
+        all[row] = solution[i];
+        for (j, &column) in columns.iter().enumerate() {
+            cofactor[(row, column)] = scaled[(i, j)];
+        }
+    }
+    let moved = back * all;
     Ok(SmallDisplacement {
         shift: moved.fixed_rows::<3>(0).into(),
         rotation: moved.fixed_rows::<3>(3).into(),
         residuals: residuals.iter().copied().collect(),
-        cofactor: back * Matrix6::from_fn(|i, j| scaled[(i, j)]) * back.transpose(),
+        cofactor: back * cofactor * back.transpose(),
     })
 }
 
@@ -345,5 +381,59 @@ mod tests {
         for i in 0..6 {
             assert!((found.cofactor[(i, i)] / expected[(i, i)] - 1.0).abs() < 1e-8);
         }
+    }
+
+    /// A profile in a plane (B.3): two shifts and a turn are free, and found as if only they existed.
+    #[test]
+    fn displacements_that_are_held_stay_and_the_free_ones_are_those_of_the_plane() {
+        let mut rng = Pcg64::seed_from_u64(3);
+        let (dx, dy, dphi) = (2.3e-6, 8.3e-6, -4e-5);
+        let touches: Vec<_> = (0..40)
+            .map(|i| {
+                let angle = f64::from(i) * 0.15;
+                let n = Vector3::new(angle.cos(), angle.sin(), 0.0);
+                let p = Vector3::new(0.05 * angle.cos() + 0.01, 0.03 * angle.sin(), 0.004);
+                let moved = n.x * dx + n.y * dy + (p.x * n.y - p.y * n.x) * dphi;
+                (p, n, moved + rng.random_range(-1e-7..1e-7))
+            })
+            .collect();
+        let free = [true, true, false, false, false, true];
+        let found = fit_displacement_along(&touches, &free).unwrap();
+        let design = DMatrix::from_fn(40, 3, |i, j| {
+            let (p, n, _) = touches[i];
+            [n.x, n.y, p.x * n.y - p.y * n.x][j]
+        });
+        let right = DVector::from_iterator(40, touches.iter().map(|t| t.2));
+        let inverse = (design.transpose() * &design).try_inverse().unwrap();
+        let expected = &inverse * design.transpose() * right;
+        let own = [found.shift.x, found.shift.y, found.rotation.z];
+        for (j, own) in own.into_iter().enumerate() {
+            assert!((own - expected[j]).abs() < 1e-10 * own.abs(), "{j}");
+            let variance = found.cofactor[([0, 1, 5][j], [0, 1, 5][j])];
+            assert!((variance / inverse[(j, j)] - 1.0).abs() < 1e-9);
+        }
+        let held = [found.shift.z, found.rotation.x, found.rotation.y];
+        assert_eq!(held, [0.0; 3]);
+        assert!((own_error(&found, [dx, dy, dphi])) < 1e-6);
+        assert_eq!(
+            fit_displacement(&touches),
+            Err(AlignmentError::Undetermined { free: 3 })
+        );
+        assert_eq!(
+            fit_displacement_along(&touches, &[false; 6]),
+            Err(AlignmentError::TooFewPoints {
+                needed: 1,
+                given: 40
+            })
+        );
+    }
+
+    fn own_error(found: &SmallDisplacement, truth: [f64; 3]) -> f64 {
+        let own = [found.shift.x, found.shift.y, found.rotation.z];
+        let off = own
+            .iter()
+            .zip(truth)
+            .map(|(own, truth)| (own - truth).abs());
+        off.fold(0.0, f64::max)
     }
 }

@@ -13,8 +13,8 @@ use std::collections::BTreeSet;
 use diagnosis::Report;
 use probecell_msgs::{
     Correction, CorrectionAcknowledgement, Fault, FeatureResult, InspectionPlan, LossReport,
-    OperatorReply, OperatorRequest, PartReport, PassDecision, TouchDeviation, Verdict,
-    builtin_interfaces::Time,
+    OperatorReply, OperatorRequest, PartAlignment, PartReport, PassDecision, TouchDeviation,
+    Verdict, builtin_interfaces::Time,
 };
 use report::{Page, PlotError, Table};
 
@@ -35,6 +35,8 @@ pub struct PartSession {
     pub plans: Vec<InspectionPlan>,
     /// Fitted features and composed sizes.
     pub results: Vec<FeatureResult>,
+    /// Where the part lay at each measurement, in cells that place it.
+    pub alignments: Vec<PartAlignment>,
     /// Deviations of the touches.
     pub touches: Vec<TouchDeviation>,
     /// What followed from each size.
@@ -106,6 +108,7 @@ fn told_last(session: &PartSession) -> PartSession {
     let feature = |one: &FeatureResult| (one.plan_id.clone(), one.feature_id.clone());
     let size = |one: &Verdict| (one.plan_id.clone(), one.feature_id.clone());
     keep_last(&mut session.results, feature);
+    keep_last(&mut session.alignments, |one| one.plan_id.clone());
     keep_last(&mut session.verdicts, size);
     keep_last(&mut session.decisions, |one| one.plan_id.clone());
     session
@@ -211,7 +214,12 @@ fn measurement(
         || "Nothing was decided on it.".to_owned(),
         |one| format!("{}: {}.", tables::decision(one.decision), one.text),
     ));
+    let mut placed = session.alignments.iter();
+    if let Some(placed) = placed.find(|one| one.plan_id == plan.plan_id) {
+        page.paragraph(&tables::alignment(placed));
+    }
     page.table(&tables::sizes(session, &plan.plan_id));
+    page.table(&tables::geometry(session, plan));
     let corrections = tables::corrections(session, &plan.plan_id);
     if !corrections.rows.is_empty() {
         page.table(&corrections);

@@ -1,24 +1,71 @@
-//! One fitted feature: its size, form and uncertainty from the ball centres of its touches.
+//! One fitted feature: its size, form, position, orientation and their uncertainties from the ball centres of its touches.
 //!
-//! Metres, part frame. The surface that the ball centres lie on is parallel to the feature's at the ball's radius, so a
-//! cylinder or sphere fitted to the centres has the feature's radius plus (a bore: minus) that of the ball, and a plane
-//! is shifted by it. Fits are least squares (ISO 4351 "Gaussian"). Too few touches for a fit with free position give a
-//! size with the nominal position and direction, and say so.
+//! Metres and radians, part frame. The surface that the ball centres lie on is parallel to the feature's at the ball's
+//! radius, so a cylinder or sphere fitted to the centres has the feature's radius plus (a bore: minus) that of the ball,
+//! and a plane is shifted by it. Fits are least squares (ISO 4351 "Gaussian") unless the cell file asks for another
+//! [`Criterion`]. Too few touches for a fit with free position give a size with the nominal position and direction, and
+//! say so. Touches that the others contradict can be left out; they are always named.
 
-use metrology::fit::{self, FitError};
+mod associated;
+mod uncertain;
+
+use metrology::fit::FitError;
 use nalgebra::{Point3, Vector3};
 use probecell_msgs::{FeatureResult, InspectionFeature, geometry_msgs};
+use serde::Deserialize;
+
+use associated::{Associated, associate};
+pub(crate) use uncertain::disturbed;
 
 /// One usable touch.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample {
     /// Ball centre in the part frame, m.
     pub centre: Point3<f64>,
+    /// Nominal outward normal there, part frame.
+    pub normal: Vector3<f64>,
     /// Deviation along the outward normal, m.
     pub deviation: f64,
 }
 
-/// What a fit says; lengths in m.
+/// What a fitted shape has to be.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Criterion {
+    /// The sum of squared distances is least.
+    #[default]
+    LeastSquares,
+    /// The largest distance is least (ISO 1101).
+    MinimumZone,
+    /// The smallest shape that holds all touches: the mating size of a shaft.
+    MinimumCircumscribed,
+    /// The largest shape within all touches: the mating size of a bore.
+    MaximumInscribed,
+}
+
+impl Criterion {
+    /// As messages say it.
+    pub fn code(self) -> u8 {
+        match self {
+            Self::LeastSquares => FeatureResult::LEAST_SQUARES,
+            Self::MinimumZone => FeatureResult::MINIMUM_ZONE,
+            Self::MinimumCircumscribed => FeatureResult::MINIMUM_CIRCUMSCRIBED,
+            Self::MaximumInscribed => FeatureResult::MAXIMUM_INSCRIBED,
+        }
+    }
+}
+
+/// How a feature is fitted.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Rules {
+    /// What the shape has to be.
+    pub criterion: Criterion,
+    /// Robust deviations from the others beyond which a touch is left out; `None`: every touch counts.
+    pub outlier_limit: Option<f64>,
+}
+
+/// What a fit says; lengths in m, angles in rad. The uncertainties are standard uncertainties from independent errors of
+/// the touches alone.
 #[derive(Clone, Debug)]
 pub struct Fitted {
     /// Diameter; for a plane the distance of the touched middle from the part's origin along the nominal normal.
@@ -31,46 +78,133 @@ pub struct Fitted {
     pub origin: Point3<f64>,
     /// Fitted direction.
     pub axis: Vector3<f64>,
-    /// Standard uncertainty of the size for independent touches of standard uncertainty 1.
-    pub sensitivity: f64,
+    /// Of the size.
+    pub size_uncertainty: f64,
+    /// Of the form.
+    pub form_uncertainty: f64,
+    /// From the nominal place, across what the feature leaves free, and uncertainty along that; `None`: not told.
+    pub position: Option<(Vector3<f64>, f64)>,
+    /// From the nominal direction, and uncertainty along that; `None`: not told.
+    pub orientation: Option<(Vector3<f64>, f64)>,
     /// How much of a shift that all touches share comes through to the size: 2 for a diameter, 1 for a distance.
     pub common: f64,
+    /// Places of the samples that were left out, in the list given.
+    pub left_out: Vec<usize>,
     /// What the reader should know of how it was made.
     pub note: &'static str,
 }
 
-/// Sine of the angle between a fitted axis and the plan's beyond which it is another cylinder through the same touches.
-const LARGEST_TILT: f64 = 0.1;
-
-const CONSTRAINED: &str = "too few touches for a free fit: nominal position and direction taken";
-
-/// Fits one feature.
+/// Fits one feature to touches of standard uncertainty `touch_uncertainty` (m).
+///
+/// # Errors
+/// Touches that do not determine the feature, or a criterion that is not defined for it.
 pub fn fit(
     feature: &InspectionFeature,
     ball_radius: f64,
     samples: &[Sample],
+    rules: &Rules,
+    touch_uncertainty: f64,
 ) -> Result<Fitted, FitError> {
-    match feature.kind {
-        InspectionFeature::CYLINDER | InspectionFeature::BORE => {
-            Ok(axial(feature, ball_radius, samples))
-        }
-        InspectionFeature::SPHERE => sphere(feature, ball_radius, samples),
-        InspectionFeature::PLANE => Ok(plane(feature, ball_radius, samples)),
-        _ => Ok(surface(feature, samples)),
+    let (kept, left_out) = agreeing(feature, samples, rules, touch_uncertainty)?;
+    let found = associate(feature, ball_radius, &kept, rules.criterion)?;
+    let moved = position(feature, &found);
+    let turned = orientation(feature, &found);
+    let doubt = uncertain::doubt(&found, [moved, turned], touch_uncertainty, || {
+        uncertain::simulate(&kept, touch_uncertainty, |disturbed| {
+            let one = associate(feature, ball_radius, disturbed, rules.criterion).ok()?;
+            let along = |way: Vector3<f64>, now: Vector3<f64>| uncertain::unit(&way).dot(&now);
+            Some([
+                one.size,
+                one.form,
+                along(moved, position(feature, &one)),
+                along(turned, orientation(feature, &one)),
+            ])
+        })
+    });
+    let [size_uncertainty, form_uncertainty, along, tilted] = doubt;
+    Ok(Fitted {
+        size: found.size,
+        nominal_size: found.nominal_size,
+        form: found.form,
+        origin: found.origin,
+        axis: found.axis,
+        size_uncertainty,
+        form_uncertainty,
+        position: found.tells_position.then_some((moved, along)),
+        orientation: found.tells_orientation.then_some((turned, tilted)),
+        common: found.common,
+        left_out,
+        note: found.note,
+    })
+}
+
+/// The samples that count, and the places of those that do not: the others contradict them.
+///
+/// # Errors
+/// Touches that do not determine the feature.
+pub(crate) fn agreeing(
+    feature: &InspectionFeature,
+    samples: &[Sample],
+    rules: &Rules,
+    touch_uncertainty: f64,
+) -> Result<(Vec<Sample>, Vec<usize>), FitError> {
+    let left_out = rules.outlier_limit.map_or(Ok(Vec::new()), |limit| {
+        associated::contradicted(feature, samples, limit, touch_uncertainty)
+    })?;
+    let places = (0..samples.len()).filter(|place| !left_out.contains(place));
+    Ok((places.map(|place| samples[place]).collect(), left_out))
+}
+
+/// Centre or point (m) and direction of the fitted shape; an error is a sentence.
+pub(crate) fn located(
+    feature: &InspectionFeature,
+    ball_radius: f64,
+    samples: &[Sample],
+    criterion: Criterion,
+) -> Result<(Point3<f64>, Vector3<f64>), String> {
+    let found = associate(feature, ball_radius, samples, criterion);
+    let found = found.map_err(|error| error.to_string())?;
+    if found.tells_position {
+        Ok((found.origin, found.axis))
+    } else {
+        Err(found.note.to_owned())
     }
 }
 
-/// Fills the measured part of a result.
+/// From the nominal place, across what the feature leaves free, m.
+fn position(feature: &InspectionFeature, found: &Associated) -> Vector3<f64> {
+    let off = found.origin.coords - vector_of(&feature.origin);
+    let axis = direction(feature);
+    let along = axis * axis.dot(&off);
+    match feature.kind {
+        InspectionFeature::PLANE => axis * (found.size - found.nominal_size),
+        InspectionFeature::SPHERE => off,
+        _ => off - along,
+    }
+}
+
+/// From the nominal direction, rad: for small angles the turn about an axis across both.
+fn orientation(feature: &InspectionFeature, found: &Associated) -> Vector3<f64> {
+    let nominal = direction(feature);
+    found.axis - nominal * nominal.dot(&found.axis)
+}
+
+/// What an aligned result owes to the alignment: 6 x 6 covariance of shift (m) and rotation (rad) about the part's origin.
+pub type Placed<'a> = Option<&'a nalgebra::Matrix6<f64>>;
+
+/// Fills the measured part of a result. `common_uncertainty` (m) is what all touches share.
 pub fn describe(
     result: &mut FeatureResult,
+    feature: &InspectionFeature,
     fitted: &Fitted,
-    touch_uncertainty: f64,
     common_uncertainty: f64,
+    placed: Placed<'_>,
 ) {
     result.size = fitted.size;
     result.nominal_size = fitted.nominal_size;
     result.size_deviation = fitted.size - fitted.nominal_size;
     result.form = fitted.form;
+    result.form_uncertainty = fitted.form_uncertainty;
     result.origin = geometry_msgs::Point {
         x: fitted.origin.x,
         y: fitted.origin.y,
@@ -81,154 +215,45 @@ pub fn describe(
         y: fitted.axis.y,
         z: fitted.axis.z,
     };
-    result.standard_uncertainty =
-        (fitted.sensitivity * touch_uncertainty).hypot(fitted.common * common_uncertainty);
+    // A shift of the part moves a distance from its origin, not a diameter.
+    let moves = |way: &Vector3<f64>| uncertain::of_shift(placed, &fitted.origin, way);
+    let turns = |way: &Vector3<f64>| uncertain::of_turn(placed, &fitted.axis, way);
+    let diameter = [
+        InspectionFeature::CYLINDER,
+        InspectionFeature::BORE,
+        InspectionFeature::SPHERE,
+    ];
+    let by_place = if diameter.contains(&feature.kind) {
+        0.0
+    } else {
+        moves(&direction(feature))
+    };
+    result.standard_uncertainty = fitted
+        .size_uncertainty
+        .hypot(fitted.common * common_uncertainty)
+        .hypot(by_place);
+    if let Some((off, uncertainty)) = fitted.position {
+        result.position = off.norm();
+        let shared = if feature.kind == InspectionFeature::PLANE {
+            common_uncertainty
+        } else {
+            0.0
+        };
+        result.position_uncertainty = uncertainty.hypot(shared).hypot(moves(&off));
+    }
+    if let Some((off, uncertainty)) = fitted.orientation {
+        result.orientation = off.norm().min(1.0).asin();
+        result.orientation_uncertainty = uncertainty.hypot(turns(&off));
+    }
     fitted.note.clone_into(&mut result.text);
 }
 
-fn axial(feature: &InspectionFeature, ball_radius: f64, samples: &[Sample]) -> Fitted {
-    let bore = feature.kind == InspectionFeature::BORE;
-    let offset = if bore { -ball_radius } else { ball_radius };
-    let nominal_axis = vector(&feature.axis).normalize();
-    let centres = centres(samples);
-    let nominal_size = 2.0 * feature.radius;
-    // Few or regular touches lie on several cylinders: one that is not the plan's is no answer.
-    if let Ok(fit) = fit::cylinder(&centres)
-        && fit.shape.axis.cross(&nominal_axis).norm() < LARGEST_TILT
-        && let Some(sensitivity) = fit.uncertainty("radius", 2.0)
-    {
-        return Fitted {
-            size: 2.0 * (fit.shape.radius - offset),
-            nominal_size,
-            form: fit.form,
-            origin: Point3::from(fit.shape.point),
-            axis: along(fit.shape.axis, nominal_axis),
-            sensitivity,
-            common: 2.0,
-            note: "",
-        };
-    }
-    // A circle across the nominal axis.
-    let flat: Vec<Vector3<f64>> = centres
-        .iter()
-        .map(|p| p - nominal_axis * nominal_axis.dot(p))
-        .collect();
-    if let Ok(fit) = fit::circle(&flat)
-        && let Some(sensitivity) = fit.uncertainty("radius", 2.0)
-    {
-        let height = nominal_axis * mean(centres.iter().map(|p| nominal_axis.dot(p)));
-        return Fitted {
-            size: 2.0 * (fit.shape.radius - offset),
-            nominal_size,
-            form: fit.form,
-            origin: Point3::from(fit.shape.center + height),
-            axis: nominal_axis,
-            sensitivity,
-            common: 2.0,
-            note: "touches do not determine the direction of the axis: nominal direction taken",
-        };
-    }
-    let sign = if bore { -1.0 } else { 1.0 };
-    Fitted {
-        nominal_size,
-        ..constrained(feature, samples, 2.0 * sign, nominal_size)
-    }
+/// Nominal direction of a feature, unit; of a sphere z.
+pub(crate) fn direction(feature: &InspectionFeature) -> Vector3<f64> {
+    let axis = Vector3::new(feature.axis.x, feature.axis.y, feature.axis.z);
+    axis.try_normalize(0.0).unwrap_or_else(Vector3::z)
 }
 
-fn sphere(
-    feature: &InspectionFeature,
-    ball_radius: f64,
-    samples: &[Sample],
-) -> Result<Fitted, FitError> {
-    let nominal_size = 2.0 * feature.radius;
-    if samples.len() < 4 {
-        return Ok(constrained(feature, samples, 2.0, nominal_size));
-    }
-    let fit = fit::sphere(&centres(samples))?;
-    Ok(Fitted {
-        size: 2.0 * (fit.shape.radius - ball_radius),
-        nominal_size,
-        form: fit.form,
-        origin: Point3::from(fit.shape.center),
-        axis: vector(&feature.axis),
-        sensitivity: fit.uncertainty("radius", 2.0).unwrap_or(f64::INFINITY),
-        common: 2.0,
-        note: "",
-    })
-}
-
-fn plane(feature: &InspectionFeature, ball_radius: f64, samples: &[Sample]) -> Fitted {
-    let normal = vector(&feature.axis).normalize();
-    let origin = vector_of(&feature.origin);
-    let nominal_size = normal.dot(&origin);
-    let Ok(fit) = fit::plane(&centres(samples)) else {
-        return constrained(feature, samples, 1.0, nominal_size);
-    };
-    let shape = fit.shape.facing(&normal);
-    Fitted {
-        // The middle of the touches lies on the fitted plane: its height does not depend on the tilt.
-        size: normal.dot(&shape.point) - ball_radius,
-        nominal_size,
-        form: fit.form,
-        origin: Point3::from(shape.point - shape.normal * ball_radius),
-        axis: shape.normal,
-        sensitivity: (samples.len() as f64).sqrt().recip(),
-        common: 1.0,
-        note: "",
-    }
-}
-
-/// A profile or surface without a closed form: mean and range of the deviations.
-fn surface(feature: &InspectionFeature, samples: &[Sample]) -> Fitted {
-    Fitted {
-        note: "",
-        ..constrained(feature, samples, 1.0, 0.0)
-    }
-}
-
-/// Size from the mean deviation, position and direction as nominal. `factor` is size per deviation.
-fn constrained(
-    feature: &InspectionFeature,
-    samples: &[Sample],
-    factor: f64,
-    nominal_size: f64,
-) -> Fitted {
-    let deviations = || samples.iter().map(|sample| sample.deviation);
-    let highest = deviations().fold(f64::NEG_INFINITY, f64::max);
-    let lowest = deviations().fold(f64::INFINITY, f64::min);
-    Fitted {
-        size: nominal_size + factor * mean(deviations()),
-        nominal_size,
-        form: highest - lowest,
-        origin: Point3::from(vector_of(&feature.origin)),
-        axis: vector(&feature.axis),
-        sensitivity: factor.abs() / (samples.len() as f64).sqrt(),
-        common: factor.abs(),
-        note: CONSTRAINED,
-    }
-}
-
-fn centres(samples: &[Sample]) -> Vec<Vector3<f64>> {
-    samples.iter().map(|sample| sample.centre.coords).collect()
-}
-
-fn mean(values: impl Iterator<Item = f64>) -> f64 {
-    let (sum, count) = values.fold((0.0, 0.0), |(sum, count), value| (sum + value, count + 1.0));
-    sum / count
-}
-
-fn along(direction: Vector3<f64>, nominal: Vector3<f64>) -> Vector3<f64> {
-    if direction.dot(&nominal) < 0.0 {
-        -direction
-    } else {
-        direction
-    }
-}
-
-fn vector(v: &geometry_msgs::Vector3) -> Vector3<f64> {
-    Vector3::new(v.x, v.y, v.z)
-}
-
-fn vector_of(p: &geometry_msgs::Point) -> Vector3<f64> {
+pub(crate) fn vector_of(p: &geometry_msgs::Point) -> Vector3<f64> {
     Vector3::new(p.x, p.y, p.z)
 }

@@ -5,15 +5,16 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use graph::{Node, Outbox, Stamp, inputs, outputs, topics};
 use machine::Nominal;
 use metrology::conformance::{Conformance, Tolerance, conformance};
-use nalgebra::Point3;
+use nalgebra::{Point3, Vector3};
 use probecell_msgs::{
-    Fault, FeatureResult, InspectionFeature, InspectionPlan, MeasurementOrder, ProbeEvent,
-    TouchDeviation, geometry_msgs, std_msgs,
+    Fault, FeatureResult, InspectionFeature, InspectionPlan, MeasurementOrder, PartAlignment,
+    ProbeEvent, TouchDeviation, std_msgs,
 };
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    config::{Config, Width},
+    alignment::{self, Placed},
+    config::{Alignment, Config, Method, Width},
     feature::{self, Sample},
 };
 
@@ -36,6 +37,8 @@ outputs! {
         Deviation(TouchDeviation) = topics::TOUCH_DEVIATIONS,
         /// A fitted feature.
         Feature(FeatureResult) = topics::FEATURE_RESULTS,
+        /// Where the part lies.
+        Alignment(PartAlignment) = topics::PART_ALIGNMENT,
         /// What went wrong.
         Fault(Fault) = topics::ANALYSIS_FAULTS,
     }
@@ -57,6 +60,8 @@ pub struct State {
     pub reported: BTreeMap<String, FeatureResult>,
     /// Points that a further scan of the plan is to touch and has not yet.
     pub open: BTreeSet<u32>,
+    /// Where the part lies, once its datums are touched.
+    pub alignment: Option<PartAlignment>,
 }
 
 /// What came of one probing move.
@@ -96,6 +101,7 @@ impl Node for AnalysisNode {
                 state.touches.clear();
                 state.reported.clear();
                 state.open.clear();
+                state.alignment = None;
             }
             Input::Order(order) => goes_on(config, state, now, &order, out),
             Input::Event(event) => {
@@ -137,15 +143,90 @@ fn goes_on(
         return;
     };
     state.reported.clear();
+    state.alignment = None;
     state.open = order.order.iter().copied().collect();
     let header = std_msgs::Header {
         stamp: now.time(),
         frame_id: "part".to_owned(),
     };
-    for feature in 0..plan.features.len() as u32 {
-        report_when_complete(config, state, &plan, feature, &header, out);
-    }
+    report_all(config, state, &plan, &header, out);
     state.plan = Some(plan);
+}
+
+/// Reports everything whose points have been tried; where the part is to be placed first, once it is.
+fn report_all(
+    config: &Config,
+    state: &mut State,
+    plan: &InspectionPlan,
+    header: &std_msgs::Header,
+    out: &mut Outbox<Output>,
+) {
+    if let Some(alignment) = &config.alignment {
+        let Some(placed) = place(config, alignment, state, plan, header) else {
+            return;
+        };
+        out.send(Output::Alignment(placed.clone()));
+        state.alignment = Some(placed);
+    }
+    for feature in 0..plan.features.len() as u32 {
+        report_when_complete(config, state, plan, feature, header, out);
+    }
+}
+
+/// Where the part lies, once the features that say so have been tried.
+fn place(
+    config: &Config,
+    alignment: &Alignment,
+    state: &State,
+    plan: &InspectionPlan,
+    header: &std_msgs::Header,
+) -> Option<PartAlignment> {
+    let mut message = PartAlignment {
+        header: header.clone(),
+        plan_id: plan.plan_id.clone(),
+        part_id: plan.part_id.clone(),
+        method: match alignment.method {
+            Method::Datums => PartAlignment::DATUMS,
+            Method::BestFit => PartAlignment::BEST_FIT,
+        },
+        feature_ids: alignment.features.clone(),
+        ..PartAlignment::default()
+    };
+    let mut features = Vec::new();
+    for id in &alignment.features {
+        // The cell file's names are those of its part.
+        let index = plan.features.iter().position(|one| one.id == *id)?;
+        let points = complete(state, plan, index as u32)?;
+        let touched = touched(plan, state, &points);
+        message.sequences.extend(touched.iter().map(|one| one.0));
+        features.push((&plan.features[index], touched));
+    }
+    let usable = |(feature, touched): (&InspectionFeature, Touched)| {
+        let missing = touched.iter().filter(|one| one.1.is_none()).count();
+        if missing > 0 {
+            return Err(format!(
+                "{}: {}",
+                feature.id,
+                unusable(missing, touched.len())
+            ));
+        }
+        let samples: Vec<Sample> = touched.into_iter().filter_map(|one| one.1).collect();
+        let rules = config.rules(&feature.id);
+        feature::agreeing(feature, &samples, &rules, config.touch_uncertainty)
+            .map(|(kept, _)| kept)
+            .map_err(|error| format!("{}: {error}", feature.id))
+    };
+    let ball = plan.stylus.ball_radius;
+    let placed = features
+        .into_iter()
+        .map(|(feature, touched)| Ok((feature, usable((feature, touched))?)))
+        .collect::<Result<Vec<_>, String>>()
+        .and_then(|features| Placed::of(config, alignment, ball, &features));
+    match placed {
+        Ok(placed) => placed.describe(&mut message),
+        Err(text) => message.text = text,
+    }
+    Some(message)
 }
 
 fn take(
@@ -191,7 +272,17 @@ fn take(
     }
     touches.push(touch);
     let feature = nominal.feature;
-    report_when_complete(config, state, plan, feature, &event.header, out);
+    let places = |alignment: &Alignment| {
+        let id = plan.features.get(feature as usize).map(|one| &one.id);
+        id.is_some_and(|id| alignment.features.contains(id))
+    };
+    match &config.alignment {
+        Some(alignment) if places(alignment) => {
+            report_all(config, state, plan, &event.header, out);
+        }
+        Some(_) if state.alignment.is_none() => {}
+        _ => report_when_complete(config, state, plan, feature, &event.header, out),
+    }
 }
 
 /// Ball centre in the part frame and deviation d = n·(c − p) − r, by the nominal chain.
@@ -227,32 +318,10 @@ fn report_when_complete(
     let Some(feature) = plan.features.get(index as usize) else {
         return;
     };
-    let points: BTreeSet<u32> = (0..plan.points.len() as u32)
-        .filter(|&point| plan.points[point as usize].feature == index)
-        .collect();
-    let settled = |point| state.touches.contains_key(point) && !state.open.contains(point);
-    if points.is_empty() || !points.iter().all(settled) {
+    let Some(points) = complete(state, plan, index) else {
         return;
-    }
-    let touches: Vec<&Touch> = points
-        .iter()
-        .flat_map(|point| &state.touches[point])
-        .collect();
-    let mut result = result(
-        config,
-        plan,
-        feature,
-        header,
-        &touches,
-        repeat_spread(state, &points),
-    );
-    let free_form = [InspectionFeature::PROFILE, InspectionFeature::SURFACE];
-    if free_form.contains(&feature.kind) && result.decision != FeatureResult::INVALID {
-        result.deviations = points
-            .iter()
-            .map(|point| mean_deviation(&state.touches[point]))
-            .collect();
-    }
+    };
+    let result = result(config, state, plan, feature, header, &points);
     publish(state, result, out);
     for width in &config.widths {
         if width.planes.contains(&feature.id)
@@ -270,14 +339,48 @@ fn report_when_complete(
     }
 }
 
-/// Mean of the usable touches of one point, m.
-fn mean_deviation(touches: &[Touch]) -> f64 {
-    let found = || {
-        touches
-            .iter()
-            .filter_map(|touch| touch.found.map(|(_, deviation)| deviation))
+/// The points of a feature, once all have been tried.
+fn complete(state: &State, plan: &InspectionPlan, index: u32) -> Option<BTreeSet<u32>> {
+    let points: BTreeSet<u32> = (0..plan.points.len() as u32)
+        .filter(|&point| plan.points[point as usize].feature == index)
+        .collect();
+    let settled = |point| state.touches.contains_key(point) && !state.open.contains(point);
+    (!points.is_empty() && points.iter().all(settled)).then_some(points)
+}
+
+/// Number of the event of each touch, and the touch where it is usable.
+type Touched = Vec<(u64, Option<Sample>)>;
+
+/// What came of these points, in the part frame.
+fn touched(plan: &InspectionPlan, state: &State, points: &BTreeSet<u32>) -> Touched {
+    let of_point = |point: &u32| {
+        let normal = &plan.points[*point as usize].normal;
+        let normal = Vector3::new(normal.x, normal.y, normal.z).normalize();
+        state.touches[point].iter().map(move |touch| {
+            let sample = touch.found.map(|(centre, deviation)| Sample {
+                centre: Point3::from(centre),
+                normal,
+                deviation,
+            });
+            (touch.sequence, sample)
+        })
     };
-    found().sum::<f64>() / found().count() as f64
+    points.iter().flat_map(of_point).collect()
+}
+
+fn unusable(missing: usize, of: usize) -> String {
+    format!("{missing} of {of} probing moves gave no usable touch")
+}
+
+/// Mean deviation at each point, m; each has at least one value.
+fn mean_deviations(values: &[(u32, f64)]) -> Vec<f64> {
+    let mut of_point: BTreeMap<u32, (f64, f64)> = BTreeMap::new();
+    for (point, deviation) in values {
+        let (sum, count) = of_point.entry(*point).or_default();
+        *sum += deviation;
+        *count += 1.0;
+    }
+    of_point.values().map(|(sum, count)| sum / count).collect()
 }
 
 fn publish(state: &mut State, result: FeatureResult, out: &mut Outbox<Output>) {
@@ -288,40 +391,26 @@ fn publish(state: &mut State, result: FeatureResult, out: &mut Outbox<Output>) {
 }
 
 /// Largest range of the deviations of one point, m.
-fn repeat_spread(state: &State, points: &BTreeSet<u32>) -> f64 {
-    let spread = |point: &u32| {
-        let found = || {
-            state.touches[point]
-                .iter()
-                .filter_map(|touch| touch.found.map(|(_, deviation)| deviation))
-        };
-        let highest = found().fold(f64::NEG_INFINITY, f64::max);
-        let lowest = found().fold(f64::INFINITY, f64::min);
-        if highest > lowest {
-            highest - lowest
-        } else {
-            0.0
-        }
-    };
-    points.iter().map(spread).fold(0.0, f64::max)
+fn repeat_spread(values: &[(u32, f64)]) -> f64 {
+    let mut ranges: BTreeMap<u32, (f64, f64)> = BTreeMap::new();
+    for &(point, deviation) in values {
+        let range = ranges.entry(point).or_insert((deviation, deviation));
+        *range = (range.0.min(deviation), range.1.max(deviation));
+    }
+    let range = ranges.values().map(|(lowest, highest)| highest - lowest);
+    range.fold(0.0, f64::max)
 }
 
 fn result(
     config: &Config,
+    state: &State,
     plan: &InspectionPlan,
     feature: &InspectionFeature,
     header: &std_msgs::Header,
-    touches: &[&Touch],
-    spread: f64,
+    points: &BTreeSet<u32>,
 ) -> FeatureResult {
-    let samples: Vec<Sample> = touches
-        .iter()
-        .filter_map(|touch| touch.found)
-        .map(|(centre, deviation)| Sample {
-            centre: Point3::from(centre),
-            deviation,
-        })
-        .collect();
+    let touched = touched(plan, state, points);
+    let rules = config.rules(&feature.id);
     let mut result = FeatureResult {
         header: header.clone(),
         plan_id: plan.plan_id.clone(),
@@ -329,36 +418,73 @@ fn result(
         feature_id: feature.id.clone(),
         kind: feature.kind,
         decision: FeatureResult::INVALID,
-        touches: samples.len() as u32,
-        sequences: touches.iter().map(|touch| touch.sequence).collect(),
+        criterion: rules.criterion.code(),
+        sequences: touched.iter().map(|one| one.0).collect(),
         coverage_factor: config.coverage_factor,
-        repeat_spread: spread,
         ..FeatureResult::default()
     };
-    let missing = touches.len() - samples.len();
+    let mut samples: Vec<Sample> = touched.iter().filter_map(|one| one.1).collect();
+    result.touches = samples.len() as u32;
+    let missing = touched.len() - samples.len();
     if missing > 0 {
-        result.text = format!(
-            "{missing} of {} probing moves gave no usable touch",
-            touches.len()
-        );
+        result.text = unusable(missing, touched.len());
         return result;
     }
-    if spread > config.repeat_limit {
-        let (spread, limit) = (spread * 1e6, config.repeat_limit * 1e6);
+    let ball = plan.stylus.ball_radius;
+    let placed = state.alignment.as_ref().map(Placed::from_message);
+    match &placed {
+        None => {}
+        Some(Err(text)) => {
+            result.text = format!("the part could not be placed: {text}");
+            return result;
+        }
+        Some(Ok(placed)) => {
+            for sample in &mut samples {
+                *sample = alignment::aligned(&placed.pose, ball, sample);
+            }
+        }
+    }
+    if let Some(alignment) = &config.alignment {
+        result.aligned_to.clone_from(&alignment.features);
+    }
+    let of_point: Vec<u32> = points
+        .iter()
+        .flat_map(|point| vec![*point; state.touches[point].len()])
+        .collect();
+    let fitted = feature::fit(feature, ball, &samples, &rules, config.touch_uncertainty);
+    let left_out = fitted.as_ref().map_or(&[][..], |fitted| &fitted.left_out);
+    let used: Vec<usize> = (0..samples.len())
+        .filter(|place| !left_out.contains(place))
+        .collect();
+    let values: Vec<(u32, f64)> = used
+        .iter()
+        .map(|&place| (of_point[place], samples[place].deviation))
+        .collect();
+    result.touches = used.len() as u32;
+    result.left_out = left_out.iter().map(|&place| touched[place].0).collect();
+    result.sequences = used.iter().map(|&place| touched[place].0).collect();
+    result.repeat_spread = repeat_spread(&values);
+    if result.repeat_spread > config.repeat_limit {
+        let (spread, limit) = (result.repeat_spread * 1e6, config.repeat_limit * 1e6);
         result.text = format!(
             "repeated touches of one point differ by {spread:.1} µm, more than {limit:.1} µm"
         );
         return result;
     }
-    match feature::fit(feature, plan.stylus.ball_radius, &samples) {
+    match &fitted {
         Err(error) => result.text = error.to_string(),
         Ok(fitted) => {
-            feature::describe(
-                &mut result,
-                &fitted,
-                config.touch_uncertainty,
-                config.common_uncertainty,
-            );
+            let shared = config.common_uncertainty;
+            let placed = placed.as_ref().and_then(|placed| placed.as_ref().ok());
+            let placed = placed.map(|placed| &placed.covariance);
+            feature::describe(&mut result, feature, fitted, shared, placed);
+            if !left_out.is_empty() {
+                tell_left_out(&mut result, left_out, &of_point);
+            }
+            let free_form = [InspectionFeature::PROFILE, InspectionFeature::SURFACE];
+            if free_form.contains(&feature.kind) {
+                result.deviations = mean_deviations(&values);
+            }
             decide(
                 &mut result,
                 feature.lower_tolerance,
@@ -367,6 +493,33 @@ fn result(
         }
     }
     result
+}
+
+/// Says which touches were left out: of a point that was touched each time alike it is the surface, or what lies on it, that
+/// differs; of one that other touches of the same point contradict, that touch (source systems C.5: persistent, transient).
+fn tell_left_out(result: &mut FeatureResult, left_out: &[usize], of_point: &[u32]) {
+    let places: Vec<String> = (left_out.iter().map(|&place| of_point[place]))
+        .collect::<BTreeSet<u32>>()
+        .into_iter()
+        .map(|point| {
+            let of = of_point.iter().filter(|one| **one == point).count();
+            let out = left_out.iter().filter(|&&place| of_point[place] == point);
+            match (out.count(), of) {
+                (1, 1) => format!("point {point}"),
+                (out, of) if out == of => format!("point {point} each of {of} times"),
+                (out, of) => format!("point {point} {out} of {of} times"),
+            }
+        })
+        .collect();
+    let told = format!(
+        "left out, because the other touches contradict them: {}",
+        places.join(", ")
+    );
+    if result.text.is_empty() {
+        result.text = told;
+    } else {
+        result.text = format!("{}; {told}", result.text);
+    }
 }
 
 /// The width over two planes, once both are reported for this plan.
@@ -381,20 +534,14 @@ fn width_result(
     let mut result = FeatureResult {
         header: header.clone(),
         feature_id: width.id.clone(),
-        touches: a.touches + b.touches,
-        sequences: a.sequences.iter().chain(&b.sequences).copied().collect(),
         size: a.size + b.size,
         nominal_size: a.nominal_size + b.nominal_size,
         size_deviation: a.size_deviation + b.size_deviation,
-        form: a.form.max(b.form),
         // Independent touches add in squares; what all touches share adds up.
         standard_uncertainty: own(config, a)
             .hypot(own(config, b))
             .hypot(2.0 * config.common_uncertainty),
-        repeat_spread: a.repeat_spread.max(b.repeat_spread),
-        text: String::new(),
-        origin: geometry_msgs::Point::default(),
-        ..a.clone()
+        ..composed(a, b)
     };
     if !is_invalid(&mut result, [a, b]) {
         decide(
@@ -404,6 +551,28 @@ fn width_result(
         );
     }
     Some(result)
+}
+
+/// What is said of two planes together, without a size. It has no place and no direction of its own.
+fn composed(a: &FeatureResult, b: &FeatureResult) -> FeatureResult {
+    let both = |one: &[u64], other: &[u64]| one.iter().chain(other).copied().collect();
+    FeatureResult {
+        header: a.header.clone(),
+        plan_id: a.plan_id.clone(),
+        part_id: a.part_id.clone(),
+        kind: a.kind,
+        decision: a.decision,
+        criterion: a.criterion,
+        aligned_to: a.aligned_to.clone(),
+        touches: a.touches + b.touches,
+        sequences: both(&a.sequences, &b.sequences),
+        left_out: both(&a.left_out, &b.left_out),
+        axis: a.axis,
+        form: a.form.max(b.form),
+        coverage_factor: a.coverage_factor,
+        repeat_spread: a.repeat_spread.max(b.repeat_spread),
+        ..FeatureResult::default()
+    }
 }
 
 /// True where one of two planes has no size: then what rests on both has none either, and says which.
@@ -435,17 +604,13 @@ fn step_result(
     let mut result = FeatureResult {
         header: header.clone(),
         feature_id: step.id.clone(),
-        touches: a.touches + b.touches,
-        sequences: a.sequences.iter().chain(&b.sequences).copied().collect(),
+        origin: a.origin,
         size: nominal_size + size_deviation,
         nominal_size,
         size_deviation,
-        form: a.form.max(b.form),
         // What both share does not show in their difference.
         standard_uncertainty: own(config, a).hypot(own(config, b)),
-        repeat_spread: a.repeat_spread.max(b.repeat_spread),
-        text: String::new(),
-        ..a.clone()
+        ..composed(a, b)
     };
     if !is_invalid(&mut result, [a, b]) {
         let [lower, upper] = step.tolerance_um;

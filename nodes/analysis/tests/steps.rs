@@ -140,6 +140,7 @@ fn line(output: &Output) -> String {
                 ["conforms", "does not conform", "indeterminate"][usize::from(one.decision)];
             format!("{} {:.4} mm {decision}", one.feature_id, one.size * 1e3)
         }
+        Output::Alignment(one) => format!("placed by {:?} {}", one.feature_ids, one.text),
         Output::Fault(one) => one.code.clone(),
     }
 }

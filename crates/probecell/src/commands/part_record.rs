@@ -97,6 +97,7 @@ fn gather(bag: &Bag, path: &Path) -> anyhow::Result<PartSession> {
         revision: provenance("source_revision"),
         plans,
         results: reader.all(topics::FEATURE_RESULTS)?,
+        alignments: reader.all(topics::PART_ALIGNMENT)?,
         touches: reader.all(topics::TOUCH_DEVIATIONS)?,
         verdicts: reader.all(topics::VERDICTS)?,
         decisions: reader.all(topics::PASS_DECISIONS)?,

@@ -1,7 +1,8 @@
 //! Tables of the page of a session: measurements, sizes, corrections, faults, losses.
 
 use probecell_msgs::{
-    Correction, CorrectionAcknowledgement, Fault, FeatureResult, PassDecision, Verdict,
+    Correction, CorrectionAcknowledgement, Fault, FeatureResult, InspectionPlan, PartAlignment,
+    PassDecision, Verdict,
 };
 use report::Table;
 
@@ -84,7 +85,6 @@ pub(super) fn sizes(session: &PartSession, plan_id: &str) -> Table {
             "measured",
             "deviation",
             "U",
-            "form",
             "decision",
             "tolerance",
             "verdict",
@@ -101,7 +101,6 @@ pub(super) fn sizes(session: &PartSession, plan_id: &str) -> Table {
             mm(result.size),
             um(result.size_deviation),
             format!("{} (k = {})", um_size(expanded), result.coverage_factor),
-            um_size(result.form),
             conformity(result).to_owned(),
             verdict.map_or_else(
                 || "–".to_owned(),
@@ -111,6 +110,108 @@ pub(super) fn sizes(session: &PartSession, plan_id: &str) -> Table {
         ]);
     }
     table
+}
+
+/// Form, position and orientation of every fitted feature of a measurement, each with its expanded uncertainty.
+pub(super) fn geometry(session: &PartSession, plan: &InspectionPlan) -> Table {
+    let mut table = Table::new(
+        "Form, position and orientation",
+        &[
+            "feature",
+            "fit",
+            "touches",
+            "form",
+            "off its place",
+            "off its direction",
+        ],
+    );
+    let fitted = |one: &&FeatureResult| {
+        let of_plan = plan
+            .features
+            .iter()
+            .any(|feature| feature.id == one.feature_id);
+        one.plan_id == plan.plan_id && of_plan && one.decision != FeatureResult::INVALID
+    };
+    for result in session.results.iter().filter(fitted) {
+        let told = |value: String, uncertainty: f64, doubt: fn(f64) -> String| {
+            if uncertainty > 0.0 {
+                format!("{value} ± {}", doubt(result.coverage_factor * uncertainty))
+            } else {
+                "–".to_owned()
+            }
+        };
+        let left_out = result.left_out.len();
+        let touches = if left_out == 0 {
+            result.touches.to_string()
+        } else {
+            format!("{}, {left_out} left out", result.touches)
+        };
+        table.row(vec![
+            result.feature_id.clone(),
+            criterion(result.criterion).to_owned(),
+            touches,
+            told(um_size(result.form), result.form_uncertainty, um_size),
+            told(
+                um_size(result.position),
+                result.position_uncertainty,
+                um_size,
+            ),
+            told(
+                microradians(result.orientation),
+                result.orientation_uncertainty,
+                microradians,
+            ),
+        ]);
+    }
+    table
+}
+
+fn criterion(code: u8) -> &'static str {
+    match code {
+        FeatureResult::MINIMUM_ZONE => "minimum zone",
+        FeatureResult::MINIMUM_CIRCUMSCRIBED => "minimum circumscribed",
+        FeatureResult::MAXIMUM_INSCRIBED => "maximum inscribed",
+        _ => "least squares",
+    }
+}
+
+fn microradians(angle: f64) -> String {
+    fixed(angle * 1e6, 1, "µrad", false)
+}
+
+/// Where the part lay, a sentence.
+pub(super) fn alignment(placed: &PartAlignment) -> String {
+    let by = placed.feature_ids.join(", ");
+    let method = match placed.method {
+        PartAlignment::BEST_FIT => format!("a best fit of {by}"),
+        _ => format!("the datums {by}"),
+    };
+    if !placed.valid {
+        return format!(
+            "The part was to be placed by {method}, which failed: {}.",
+            placed.text
+        );
+    }
+    let [s, r] = [&placed.shift, &placed.rotation];
+    let left = if placed.rms > 0.0 {
+        format!(" The fit leaves {} rms.", um_size(placed.rms))
+    } else {
+        String::new()
+    };
+    format!(
+        "The part is placed by {method}: it lies {}, {}, {} off along x, y, z, and is turned by {}, {}, {} about them. \
+         Everything below is told in the part's own frame.{left}",
+        um(s.x),
+        um(s.y),
+        um(s.z),
+        signed_microradians(r.x),
+        signed_microradians(r.y),
+        signed_microradians(r.z),
+    )
+}
+
+fn signed_microradians(angle: f64) -> String {
+    fixed(angle * 1e6, 1, "µrad", true)
 }
 
 fn conformity(result: &FeatureResult) -> &'static str {

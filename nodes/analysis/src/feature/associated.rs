@@ -1,0 +1,371 @@
+//! The shape that touches of a feature belong to, by each criterion, and what least squares say of its uncertainty.
+//!
+//! m and rad, part frame. Covariances are for touches of variance 1.
+
+use metrology::fit::{
+    self, Cylinder, Fit, FitError, Shape,
+    robust::{Rejection, reject_outliers},
+    zone,
+};
+use nalgebra::{Matrix3, Point3, Vector3};
+use probecell_msgs::InspectionFeature;
+
+use super::{Criterion, Sample, direction, vector_of};
+
+/// Sine of the angle between a fitted axis and the plan's beyond which it is another cylinder through the same touches.
+const LARGEST_TILT: f64 = 0.1;
+
+const CONSTRAINED: &str = "too few touches for a free fit: nominal position and direction taken";
+const DIRECTION: &str =
+    "touches do not determine the direction of the axis: nominal direction taken";
+
+/// A shape, and what it leaves of the touches.
+pub(super) struct Associated {
+    pub(super) size: f64,
+    pub(super) nominal_size: f64,
+    pub(super) form: f64,
+    pub(super) origin: Point3<f64>,
+    pub(super) axis: Vector3<f64>,
+    pub(super) common: f64,
+    pub(super) tells_position: bool,
+    pub(super) tells_orientation: bool,
+    pub(super) note: &'static str,
+    /// Of a least-squares fit; `None`: extreme touches decide, and no closed form says how surely.
+    pub(super) spread: Option<Spread>,
+}
+
+/// What a least-squares fit says of its own uncertainty, for touches of variance 1.
+pub(super) struct Spread {
+    /// Variance of the size.
+    pub(super) size: f64,
+    /// Variance of the form, to first order and with the mean leverage: that of the difference of two residuals.
+    pub(super) form: f64,
+    /// Covariance of the origin.
+    pub(super) position: Matrix3<f64>,
+    /// Covariance of the direction.
+    pub(super) tilt: Matrix3<f64>,
+}
+
+impl Spread {
+    /// `size_of` is how the size follows from the named parameter.
+    fn of<S: Shape>(fit: &Fit<S>, parameter: &str, size_of: f64) -> Self {
+        let names = S::PARAMETERS;
+        let mut turned = [Matrix3::zeros(), Matrix3::zeros()];
+        for (which, letter) in ["c", "a"].into_iter().enumerate() {
+            let column = |name: &str| {
+                let number = name.strip_prefix(letter)?.parse::<usize>().ok()?;
+                Some(fit.frame.column(number - 1).into_owned())
+            };
+            for (row, one) in names.iter().enumerate() {
+                for (place, other) in names.iter().enumerate() {
+                    if let (Some(a), Some(b)) = (column(one), column(other)) {
+                        turned[which] += a * b.transpose() * fit.cofactor[(row, place)];
+                    }
+                }
+            }
+        }
+        let [position, tilt] = turned;
+        let count = fit.residuals.len() as f64;
+        let freedom = (count - names.len() as f64).max(0.0);
+        Self {
+            size: fit
+                .uncertainty(parameter, size_of)
+                .map_or(0.0, |u| u.powi(2)),
+            form: 2.0 * freedom / count,
+            position,
+            tilt,
+        }
+    }
+}
+
+/// Fits the shape of a feature.
+///
+/// # Errors
+/// Touches that do not determine the feature, or a criterion that is not defined for it.
+pub(super) fn associate(
+    feature: &InspectionFeature,
+    ball_radius: f64,
+    samples: &[Sample],
+    criterion: Criterion,
+) -> Result<Associated, FitError> {
+    match feature.kind {
+        InspectionFeature::CYLINDER | InspectionFeature::BORE => {
+            axial(feature, ball_radius, samples, criterion)
+        }
+        InspectionFeature::SPHERE => sphere(feature, ball_radius, samples, criterion),
+        InspectionFeature::PLANE => plane(feature, ball_radius, samples, criterion),
+        _ if criterion == Criterion::LeastSquares => Ok(surface(feature, samples)),
+        _ => Err(undefined("surface")),
+    }
+}
+
+/// Places of the samples that the others contradict: farther from the least-squares shape of those that agree than `limit`
+/// robust deviations, which are taken to be at least the touches' own uncertainty (m). Of a profile or surface, and where
+/// few touches could contradict each other, none.
+pub(super) fn contradicted(
+    feature: &InspectionFeature,
+    samples: &[Sample],
+    limit: f64,
+    touch_uncertainty: f64,
+) -> Result<Vec<usize>, FitError> {
+    let rules = Rejection {
+        limit,
+        resolution: touch_uncertainty,
+        ..Rejection::default()
+    };
+    let points = centres(samples);
+    let places = |rejected: Vec<(usize, f64)>| rejected.into_iter().map(|one| one.0).collect();
+    Ok(match feature.kind {
+        InspectionFeature::PLANE => {
+            reject_outliers(&points, &rules, fit::plane).map(|fit| places(fit.rejected))?
+        }
+        InspectionFeature::SPHERE => {
+            reject_outliers(&points, &rules, fit::sphere).map(|fit| places(fit.rejected))?
+        }
+        InspectionFeature::CYLINDER | InspectionFeature::BORE => {
+            let about = direction(feature);
+            let free = reject_outliers(&points, &rules, fit::cylinder);
+            match free {
+                Ok(free) if is_upright(&free.fit.shape, &about) => places(free.rejected),
+                _ => reject_outliers(&flat(&points, &about), &rules, fit::circle)
+                    .map(|fit| places(fit.rejected))?,
+            }
+        }
+        _ => Vec::new(),
+    })
+}
+
+fn is_upright(cylinder: &Cylinder, about: &Vector3<f64>) -> bool {
+    cylinder.axis.cross(about).norm() < LARGEST_TILT
+}
+
+/// As the library calls it; `None`: least squares.
+fn touching(criterion: Criterion) -> Option<zone::Criterion> {
+    match criterion {
+        Criterion::LeastSquares => None,
+        Criterion::MinimumZone => Some(zone::Criterion::MinimumZone),
+        Criterion::MinimumCircumscribed => Some(zone::Criterion::MinimumCircumscribed),
+        Criterion::MaximumInscribed => Some(zone::Criterion::MaximumInscribed),
+    }
+}
+
+fn undefined(shape: &'static str) -> FitError {
+    FitError::Degenerate {
+        shape,
+        reason: "the criterion of its fit is not defined for it",
+    }
+}
+
+fn axial(
+    feature: &InspectionFeature,
+    ball_radius: f64,
+    samples: &[Sample],
+    criterion: Criterion,
+) -> Result<Associated, FitError> {
+    let bore = feature.kind == InspectionFeature::BORE;
+    let offset = if bore { -ball_radius } else { ball_radius };
+    let about = direction(feature);
+    let points = centres(samples);
+    let found = |radius: f64, form: f64, origin: Vector3<f64>| Associated {
+        size: 2.0 * (radius - offset),
+        nominal_size: 2.0 * feature.radius,
+        form,
+        origin: Point3::from(origin),
+        axis: about,
+        common: 2.0,
+        tells_position: true,
+        tells_orientation: true,
+        note: "",
+        spread: None,
+    };
+    // Few or regular touches lie on several cylinders: one that is not the plan's is no answer.
+    if let Ok(fit) = fit::cylinder(&points)
+        && is_upright(&fit.shape, &about)
+        && fit.uncertainty("radius", 2.0).is_some()
+    {
+        let (shape, form, spread) = match touching(criterion) {
+            None => (fit.shape, fit.form, Some(Spread::of(&fit, "radius", 2.0))),
+            Some(criterion) => {
+                let fit = zone::cylinder(&points, criterion)?;
+                (fit.shape, fit.zone, None)
+            }
+        };
+        return Ok(Associated {
+            axis: along(shape.axis, about),
+            spread,
+            ..found(shape.radius, form, shape.point)
+        });
+    }
+    // A circle across the nominal axis.
+    let across = flat(&points, &about);
+    if let Ok(fit) = fit::circle(&across)
+        && fit.uncertainty("radius", 2.0).is_some()
+    {
+        let height = about * mean(points.iter().map(|p| about.dot(p)));
+        let (shape, form, spread) = match touching(criterion) {
+            None => (fit.shape, fit.form, Some(Spread::of(&fit, "radius", 2.0))),
+            Some(criterion) => {
+                let fit = zone::circle(&across, criterion)?;
+                (fit.shape, fit.zone, None)
+            }
+        };
+        return Ok(Associated {
+            tells_orientation: false,
+            note: DIRECTION,
+            spread,
+            ..found(shape.radius, form, shape.center + height)
+        });
+    }
+    let sign = if bore { -1.0 } else { 1.0 };
+    Ok(constrained(
+        feature,
+        samples,
+        2.0 * sign,
+        2.0 * feature.radius,
+    ))
+}
+
+fn sphere(
+    feature: &InspectionFeature,
+    ball_radius: f64,
+    samples: &[Sample],
+    criterion: Criterion,
+) -> Result<Associated, FitError> {
+    let nominal_size = 2.0 * feature.radius;
+    if samples.len() < 4 {
+        return Ok(constrained(feature, samples, 2.0, nominal_size));
+    }
+    let points = centres(samples);
+    let (shape, form, spread) = match touching(criterion) {
+        None => {
+            let fit = fit::sphere(&points)?;
+            (fit.shape, fit.form, Some(Spread::of(&fit, "radius", 2.0)))
+        }
+        Some(criterion) => {
+            let fit = zone::sphere(&points, criterion)?;
+            (fit.shape, fit.zone, None)
+        }
+    };
+    Ok(Associated {
+        size: 2.0 * (shape.radius - ball_radius),
+        nominal_size,
+        form,
+        origin: Point3::from(shape.center),
+        axis: axis_of(feature),
+        common: 2.0,
+        tells_position: true,
+        tells_orientation: false,
+        note: "",
+        spread,
+    })
+}
+
+fn plane(
+    feature: &InspectionFeature,
+    ball_radius: f64,
+    samples: &[Sample],
+    criterion: Criterion,
+) -> Result<Associated, FitError> {
+    let normal = direction(feature);
+    let nominal_size = normal.dot(&vector_of(&feature.origin));
+    let points = centres(samples);
+    let Ok(fit) = fit::plane(&points) else {
+        return Ok(constrained(feature, samples, 1.0, nominal_size));
+    };
+    let (shape, form, spread) = match touching(criterion) {
+        None => {
+            // The middle of the touches lies on the fitted plane: its height does not depend on the tilt.
+            let spread = Spread {
+                size: (samples.len() as f64).recip(),
+                ..Spread::of(&fit, "c3", 1.0)
+            };
+            (fit.shape, fit.form, Some(spread))
+        }
+        Some(zone::Criterion::MinimumZone) => {
+            let fit = zone::plane(&points)?;
+            (fit.shape, fit.zone, None)
+        }
+        Some(_) => return Err(undefined("plane")),
+    };
+    let shape = shape.facing(&normal);
+    // Where the line through the middle of the touches along the nominal normal meets the plane.
+    let middle = points.iter().sum::<Vector3<f64>>() / points.len() as f64;
+    let height = (shape.point - middle).dot(&shape.normal) / normal.dot(&shape.normal);
+    let middle = middle + normal * height;
+    Ok(Associated {
+        size: normal.dot(&middle) - ball_radius,
+        nominal_size,
+        form,
+        origin: Point3::from(middle - shape.normal * ball_radius),
+        axis: shape.normal,
+        common: 1.0,
+        tells_position: true,
+        tells_orientation: true,
+        note: "",
+        spread,
+    })
+}
+
+/// A profile or surface without a closed form: mean and range of the deviations.
+fn surface(feature: &InspectionFeature, samples: &[Sample]) -> Associated {
+    Associated {
+        note: "",
+        ..constrained(feature, samples, 1.0, 0.0)
+    }
+}
+
+/// Size from the mean deviation, position and direction as nominal. `factor` is size per deviation.
+fn constrained(
+    feature: &InspectionFeature,
+    samples: &[Sample],
+    factor: f64,
+    nominal_size: f64,
+) -> Associated {
+    let deviations = || samples.iter().map(|sample| sample.deviation);
+    let highest = deviations().fold(f64::NEG_INFINITY, f64::max);
+    let lowest = deviations().fold(f64::INFINITY, f64::min);
+    let count = samples.len() as f64;
+    Associated {
+        size: nominal_size + factor * mean(deviations()),
+        nominal_size,
+        form: highest - lowest,
+        origin: Point3::from(vector_of(&feature.origin)),
+        axis: axis_of(feature),
+        common: factor.abs(),
+        tells_position: false,
+        tells_orientation: false,
+        note: CONSTRAINED,
+        spread: Some(Spread {
+            size: factor.powi(2) / count,
+            form: 2.0 * (count - 1.0) / count,
+            position: Matrix3::zeros(),
+            tilt: Matrix3::zeros(),
+        }),
+    }
+}
+
+/// As the plan gives it.
+fn axis_of(feature: &InspectionFeature) -> Vector3<f64> {
+    Vector3::new(feature.axis.x, feature.axis.y, feature.axis.z)
+}
+
+fn centres(samples: &[Sample]) -> Vec<Vector3<f64>> {
+    samples.iter().map(|sample| sample.centre.coords).collect()
+}
+
+fn flat(points: &[Vector3<f64>], about: &Vector3<f64>) -> Vec<Vector3<f64>> {
+    points.iter().map(|p| p - about * about.dot(p)).collect()
+}
+
+fn mean(values: impl Iterator<Item = f64>) -> f64 {
+    let (sum, count) = values.fold((0.0, 0.0), |(sum, count), value| (sum + value, count + 1.0));
+    sum / count
+}
+
+fn along(direction: Vector3<f64>, nominal: Vector3<f64>) -> Vector3<f64> {
+    if direction.dot(&nominal) < 0.0 {
+        -direction
+    } else {
+        direction
+    }
+}
