@@ -31,6 +31,10 @@ pub struct ControllerCommand {
     pub path: Vec<f64>,
     /// the Correction that asks for it; empty for a move
     pub correction_id: String,
+    /// SET_VOLUMETRIC: ISO 230-1 name of each entry of the table
+    pub entries: Vec<String>,
+    /// m or rad, absolute new value of each entry
+    pub values: Vec<f64>,
 }
 
 impl ControllerCommand {
@@ -46,13 +50,15 @@ impl ControllerCommand {
     pub const STOP: u8 = 4;
     /// offset the tool path that cuts feature by path
     pub const SET_TOOL_PATH: u8 = 5;
+    /// write values to the volumetric table, all at once, and go by it from now on
+    pub const SET_VOLUMETRIC: u8 = 6;
 }
 
 impl Message for ControllerCommand {
     const TYPE: &'static MessageType = &MessageType {
         name: "probecell_msgs/msg/ControllerCommand",
         dds_name: "probecell_msgs::msg::dds_::ControllerCommand_",
-        type_hash: "RIHS01_9c2e0b0d5ce71cd97fe275e9dffe92663cf5914b9f220a65b36023b5d4c17395",
+        type_hash: "RIHS01_c9bfb56e96e0fc1ebc4e38fb3223b0f90b19ca47a869cba3a8629987a5b6f863",
         definition: concat!(
             include_str!("../msg/ControllerCommand.msg"),
             "================================================================================\nMSG: std_msgs/Header\n",
@@ -79,6 +85,10 @@ pub struct ControllerReply {
     pub value: f64,
     /// why it was refused or failed
     pub text: String,
+    /// m or rad, entries of the volumetric table read before they were written, in the order of the command
+    pub values_before: Vec<f64>,
+    /// m or rad, the same read back after they were written
+    pub values: Vec<f64>,
 }
 
 impl ControllerReply {
@@ -91,7 +101,7 @@ impl Message for ControllerReply {
     const TYPE: &'static MessageType = &MessageType {
         name: "probecell_msgs/msg/ControllerReply",
         dds_name: "probecell_msgs::msg::dds_::ControllerReply_",
-        type_hash: "RIHS01_d73753299b1629158855f1f7fbab45ba06882a473776541277b0df56014b31eb",
+        type_hash: "RIHS01_8865f5da80564a406cdfb04605c7c9d0336cd0ecd68deec9c1fcd90aca4d85d6",
         definition: concat!(
             include_str!("../msg/ControllerReply.msg"),
             "================================================================================\nMSG: std_msgs/Header\n",
@@ -143,13 +153,17 @@ pub struct ControllerStatus {
     pub tool_numbers: Vec<u32>,
     /// m, wear offset of each tool, as the controller holds it (a diameter or a radius)
     pub tool_wear: Vec<f64>,
+    /// ISO 230-1 names (EX0C) of the entries of the volumetric table; empty: the controller has none
+    pub volumetric_entries: Vec<String>,
+    /// m or rad, value in force of each entry: 0 while the controller does not go by its table
+    pub volumetric_values: Vec<f64>,
 }
 
 impl Message for ControllerStatus {
     const TYPE: &'static MessageType = &MessageType {
         name: "probecell_msgs/msg/ControllerStatus",
         dds_name: "probecell_msgs::msg::dds_::ControllerStatus_",
-        type_hash: "RIHS01_4c1fa76a1402919cab09d8dfc90aaa99a74fd2d942d55ca861ee1555325fd2d5",
+        type_hash: "RIHS01_d6a7cf4945a1d19bcc75983891116575819f5c1c3060caaaae6891c12d44e532",
         definition: concat!(
             include_str!("../msg/ControllerStatus.msg"),
             "================================================================================\nMSG: std_msgs/Header\n",
@@ -171,14 +185,15 @@ pub struct Correction {
     pub session: String,
     /// made from a recording: never for a machine
     pub replayed: bool,
-    /// TOOL_WEAR, WORK_OFFSET or TOOL_PATH
+    /// TOOL_WEAR, WORK_OFFSET, TOOL_PATH or VOLUMETRIC
     pub kind: u8,
     pub tool_number: u32,
     /// joint of a work offset
     pub axis: String,
-    /// m or rad, value that the change was computed from; of a path its largest offset
+    /// m or rad, value that the change was computed from; of a path its largest offset, of a
     pub previous_value: f64,
-    /// m or rad; of a path its largest offset, either sign
+    /// table the largest displacement of the tip (m) that it makes over the poses measured
+    /// m or rad; of a path its largest offset, either sign; of a table as previous_value
     pub new_value: f64,
     /// m, TOOL_PATH: offset along the outward normal at each point of feature_ids[0], in plan order
     pub path: Vec<f64>,
@@ -201,12 +216,24 @@ pub struct Correction {
     pub approved_by: String,
     /// refused after this instant
     pub expires: crate::builtin_interfaces::Time,
+    /// VOLUMETRIC, else empty: ISO 230-1 name of each entry (EX0C, EA0B), all of the controller's
+    pub entries: Vec<String>,
+    /// m or rad, value of each entry that the change was computed from
+    pub previous_values: Vec<f64>,
+    /// m or rad, absolute new value of each entry
+    pub new_values: Vec<f64>,
+    /// m or rad, greatest new_values allowed, either sign
+    pub value_limits: Vec<f64>,
+    /// m or rad, standard uncertainty of each new value; 0 where the entry was not estimated
+    pub value_uncertainties: Vec<f64>,
 }
 
 impl Correction {
     pub const TOOL_WEAR: u8 = 0;
     pub const WORK_OFFSET: u8 = 1;
     pub const TOOL_PATH: u8 = 2;
+    /// the whole volumetric table, whose entries were estimated together
+    pub const VOLUMETRIC: u8 = 3;
     /// proposed only
     pub const APPROVAL_NONE: u8 = 0;
     /// by the policy of the cell file
@@ -219,7 +246,7 @@ impl Message for Correction {
     const TYPE: &'static MessageType = &MessageType {
         name: "probecell_msgs/msg/Correction",
         dds_name: "probecell_msgs::msg::dds_::Correction_",
-        type_hash: "RIHS01_2868ceebf2a9240276cc0ad2e04bf2481d1058d4143b7169cd76ecbcd05b70c6",
+        type_hash: "RIHS01_3050b977f3bea7e8f52f47e30bf8fca43df60e275f766354c9faf4f55abb826d",
         definition: concat!(
             include_str!("../msg/Correction.msg"),
             "================================================================================\nMSG: std_msgs/Header\n",
@@ -239,11 +266,16 @@ pub struct CorrectionAcknowledgement {
     pub correction_id: String,
     /// one of the constants above
     pub outcome: u8,
-    /// m or rad, read from the controller
+    /// m or rad, read from the controller; of a volumetric table what the correction says of it
     pub value_before: f64,
-    /// m or rad, read back from the controller
+    /// m or rad, read back from the controller; of a volumetric table what the correction says of it, NaN unless every
     pub value_after: f64,
+    /// entry was read back as it was asked for
     pub text: String,
+    /// m or rad, entries of a volumetric table read from the controller, in the order of the correction
+    pub values_before: Vec<f64>,
+    /// m or rad, the same read back
+    pub values_after: Vec<f64>,
 }
 
 impl CorrectionAcknowledgement {
@@ -261,7 +293,7 @@ impl Message for CorrectionAcknowledgement {
     const TYPE: &'static MessageType = &MessageType {
         name: "probecell_msgs/msg/CorrectionAcknowledgement",
         dds_name: "probecell_msgs::msg::dds_::CorrectionAcknowledgement_",
-        type_hash: "RIHS01_69881ecaa96e8ccad13a010b1a6371ebe4ff33d6e8e391fcd433a5c29786ef66",
+        type_hash: "RIHS01_f4a80a304d09c08facc63a5a3d88717422a441022db64b5248a7334893d7d1fa",
         definition: concat!(
             include_str!("../msg/CorrectionAcknowledgement.msg"),
             "================================================================================\nMSG: std_msgs/Header\n",
@@ -1029,7 +1061,7 @@ pub struct PassDecision {
 impl PassDecision {
     /// all qualified: go on with the next pass
     pub const NEXT: u8 = 0;
-    /// cut again once the corrections below are acknowledged
+    /// cut again (a pass that cuts nothing: measure again) once the corrections below are acknowledged
     pub const RECUT: u8 = 1;
     /// stop: something must be put right first
     pub const STOP: u8 = 2;
@@ -1274,7 +1306,7 @@ impl Message for Stylus {
     };
 }
 
-/// Wear offsets that the controller holds now. Published on tool_offsets: reliable, transient local, depth 1.
+/// Offsets that the controller holds now: wear of tools, volumetric table. Published on tool_offsets: reliable, transient local, depth 1.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ToolOffsets {
     /// stamp: of the controller's sample that changed them
@@ -1284,13 +1316,17 @@ pub struct ToolOffsets {
     pub tool_numbers: Vec<u32>,
     /// m, wear offset of each tool, as the controller holds it (a diameter or a radius)
     pub wear: Vec<f64>,
+    /// ISO 230-1 names (EX0C) of the entries of the volumetric table; empty: the controller has none
+    pub volumetric_entries: Vec<String>,
+    /// m or rad, value in force of each entry: 0 while the controller does not go by its table
+    pub volumetric_values: Vec<f64>,
 }
 
 impl Message for ToolOffsets {
     const TYPE: &'static MessageType = &MessageType {
         name: "probecell_msgs/msg/ToolOffsets",
         dds_name: "probecell_msgs::msg::dds_::ToolOffsets_",
-        type_hash: "RIHS01_01af8010b8a80f7e565e6f06e0e42b5004e9af7ad71a85848cc1025dbcde1cf5",
+        type_hash: "RIHS01_e4854f1869e1c129d8691d3708c44e3dbacfc63ab317ebba31b62ecfae1efe51",
         definition: concat!(
             include_str!("../msg/ToolOffsets.msg"),
             "================================================================================\nMSG: std_msgs/Header\n",
@@ -1335,12 +1371,14 @@ impl Message for TouchDeviation {
     };
 }
 
-/// What follows from one measured size. First match of the decision table wins.
+/// What follows from one measured size, or from the errors found of the machine itself. First match of the decision table
+/// wins.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Verdict {
     pub header: crate::std_msgs::Header,
     pub plan_id: String,
     pub part_id: String,
+    /// or the name of the volumetric table
     pub feature_id: String,
     /// number of the machining pass, from 0
     pub pass_number: u32,
@@ -1348,8 +1386,9 @@ pub struct Verdict {
     pub verdict: u8,
     /// m, measured
     pub size: f64,
-    /// m, measured less drawing size
+    /// m, measured less drawing size; of the machine the largest displacement of the tip that the
     pub error: f64,
+    /// errors found make over the poses measured
     /// m, half width of the tolerance
     pub tolerance: f64,
     /// m, wear offset that the verdict was made with

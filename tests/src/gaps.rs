@@ -211,6 +211,14 @@ pub const DELIVERED: &[Row] = &[
         plan: "balls/check/1",
         expected: Expected::Group("probe.stylus_offset"),
     },
+    // What the controller's table lacks of the links, before it is corrected; the four others it has to within 4 µrad.
+    Row {
+        scenario: "five_axis_calibrate, as found",
+        file: "five_axis_calibrate.toml",
+        change: &[],
+        plan: "balls/calibrate/1",
+        expected: Expected::Effects(&["link.EA0B", "link.EC0B", "link.EX0C", "link.EB0C"]),
+    },
 ];
 
 /// The same cells without their errors: nothing to find.
@@ -241,6 +249,13 @@ pub const FAULTLESS: &[Row] = &[
         file: "ball_check.toml",
         change: CENTRED,
         plan: "balls/check/1",
+        expected: Expected::NoGap,
+    },
+    Row {
+        scenario: "five_axis_calibrate, with the table found",
+        file: "five_axis_calibrate.toml",
+        change: &[],
+        plan: "balls/calibrate/2",
         expected: Expected::NoGap,
     },
 ];

@@ -210,6 +210,74 @@ fn an_approval_limit_beyond_the_validity_of_a_correction_is_refused() {
 }
 
 /// What the robot description says when `from` stands as `to` in it.
+#[test]
+fn a_volumetric_table_that_cannot_be_found_or_written_is_refused_by_name() {
+    let path = cell_tests::launch_scripts().join("five_axis_calibrate.toml");
+    let original = Cell::read(&path).unwrap_or_else(|error| panic!("{error}"));
+    let told = |from: &str, to: &str| {
+        let text = original.text();
+        assert!(text.cell.contains(from), "{from}");
+        let edited = CellText {
+            cell: text.cell.replacen(from, to, 1),
+            ..text.clone()
+        };
+        let error = Cell::from_text(edited).err().map(|error| error.to_string());
+        error.unwrap_or_else(|| panic!("{to} was taken"))
+    };
+    for (from, to, says) in [
+        (
+            "\"EC0Y\"]",
+            "\"EC0Y\", \"EC0C\"]",
+            "\"EC0C\" is not an entry of simulator.machine.table",
+        ),
+        (
+            "\"EC0Y\"]",
+            "\"EC0W\"]",
+            "`EC0W` names axis `W`, which the robot description lacks",
+        ),
+        ("\"EC0Y\"]", "\"ECY\"]", "`ECY` is no location error"),
+        ("\"EC0Y\"]", "\"EA0B\"]", "\"EA0B\" stands there twice"),
+        (
+            "links = [\"EA0B\", \"EC0B\", \"EX0C\", \"EA0C\", \"EB0C\", \"EB0Z\", \"EA0Y\", \"EC0Y\"]",
+            "links = []",
+            "compensation.volumetric.links is empty",
+        ),
+        (
+            "limit_urad = 200.0",
+            "limit_urad = -1.0",
+            "compensation.volumetric.limit_urad = -1",
+        ),
+        (
+            "tolerance_mm = 0.003",
+            "tolerance_mm = 0.003\nid = \"ball_1_b+0_c0\"",
+            "is the name of a feature",
+        ),
+        (
+            "tolerance_mm = 0.003",
+            "tolerance_mm = 0.003\npasses = [\"cut\"]",
+            "which the cycle does not have",
+        ),
+        (
+            "tolerance_mm = 0.003",
+            "tolerance_mm = 0.003\nbeside = [\"link.EX0C\"]",
+            "unknown variant",
+        ),
+        (
+            "{ name = \"EC0Y\", value_urad = -33.0 }",
+            "{ name = \"EA0Y\", value_urad = -33.0 }",
+            "machine.table: \"EA0Y\" stands there twice",
+        ),
+        (
+            "volumetric_limit_um = 100.0",
+            "volumetric_limit_um = 0.0",
+            "machine_state.volumetric_limit_um = 0",
+        ),
+    ] {
+        let told = told(from, to);
+        assert!(told.contains(says), "{told}");
+    }
+}
+
 fn robot_refused(from: &str, to: &str) -> String {
     let mut text = text();
     assert!(

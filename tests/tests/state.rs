@@ -145,6 +145,14 @@ fn five_axis() -> (Cell, Vec<Published>) {
     (cell, session.finish())
 }
 
+/// A machine finds and writes its own volumetric table.
+fn calibrating() -> (Cell, Vec<Published>) {
+    let cell = cell("five_axis_calibrate.toml", str::to_owned);
+    let mut session = Session::new(&cell);
+    session.make("balls");
+    (cell, session.finish())
+}
+
 /// Further touches of a part that was made, and touches that were measured already.
 fn further() -> (Cell, Vec<Published>) {
     let cell = cell("ball_check.toml", |text| {
@@ -288,6 +296,7 @@ fn sessions() -> Vec<(Cell, Vec<Published>)> {
         springing(),
         path(),
         five_axis(),
+        calibrating(),
         further(),
         too_early(),
         again(),

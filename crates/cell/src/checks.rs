@@ -118,6 +118,14 @@ fn names(cell: &Cell) -> Result<(), String> {
             ));
         }
     }
+    if let Some(table) = &cell.compensation.volumetric
+        && sizes.contains(table.id.as_str())
+    {
+        return Err(format!(
+            "compensation.volumetric.id = {:?} is the name of a feature, width or step",
+            table.id
+        ));
+    }
     tools(cell)
 }
 
@@ -172,7 +180,8 @@ fn fits(cell: &Cell) -> Result<(), String> {
     Ok(())
 }
 
-/// The simulated machine has the tools that are corrected. What a real one has is not known before it runs.
+/// The simulated machine has the tools and the entries of the volumetric table that are corrected. What a real one has is
+/// not known before it runs.
 fn tools(cell: &Cell) -> Result<(), String> {
     let Some(simulator) = cell
         .simulator
@@ -188,6 +197,23 @@ fn tools(cell: &Cell) -> Result<(), String> {
             return Err(format!(
                 "compensation.characteristics: {:?} is corrected by tool {number}, which is not one of simulator.tools",
                 characteristic.id
+            ));
+        }
+    }
+    let links = cell
+        .compensation
+        .volumetric
+        .iter()
+        .flat_map(|own| &own.links);
+    for name in links {
+        if !simulator
+            .machine
+            .table
+            .iter()
+            .any(|entry| entry.name == *name)
+        {
+            return Err(format!(
+                "compensation.volumetric.links: {name:?} is not an entry of simulator.machine.table"
             ));
         }
     }

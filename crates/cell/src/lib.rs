@@ -249,7 +249,7 @@ impl Cell {
             "compensation" => {
                 let passes = self.cycle.passes.iter().map(|pass| pass.name.as_str());
                 let passes: Vec<&str> = passes.collect();
-                let config = self.setting(self.compensation.check(&passes, replayed))?;
+                let config = self.setting(self.compensation.check(&chain, &passes, replayed))?;
                 Box::new(Running::<compensation::CompensationNode>::new(config))
             }
             "cycle" => Box::new(Running::<cycle::CycleNode>::new(

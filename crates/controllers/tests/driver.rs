@@ -496,6 +496,34 @@ fn a_wear_that_is_not_read_back_is_not_called_written() {
 }
 
 #[test]
+fn a_volumetric_table_is_refused_by_a_controller_that_has_none() {
+    let mut cell = Cell::new("table");
+    cell.driver.command(ControllerCommand {
+        session: "run.0".to_owned(),
+        kind: ControllerCommand::SET_VOLUMETRIC,
+        entries: vec!["EX0C".to_owned()],
+        values: vec![5e-6],
+        ..ControllerCommand::default()
+    });
+    let (_, reply, _) = cell.reply();
+    assert_eq!(reply.outcome, ControllerReply::REFUSED);
+    assert_eq!(
+        reply.text,
+        "LinuxCNC has no volumetric table: nothing was written"
+    );
+    assert!(!cell.shell.told().iter().any(|line| line == "set run"));
+    let told = |out: &DriverOutput| match out {
+        DriverOutput::Status(status) => Some(status.volumetric_entries.len()),
+        _ => None,
+    };
+    let statuses: Vec<usize> = (0..50)
+        .flat_map(|_| cell.poll())
+        .filter_map(|out| told(&out))
+        .collect();
+    assert!(!statuses.is_empty() && statuses.iter().all(|&entries| entries == 0));
+}
+
+#[test]
 fn what_cannot_be_measured_is_refused_before_the_first_move() {
     let refusal = |change: fn(&mut Cell, &mut InspectionPlan, &mut MeasurementOrder)| {
         let mut cell = Cell::new("refused");

@@ -4,6 +4,7 @@
 //! ([`mismatch`]: five-axis validation by surface mismatch) and E ([`flank`]: accuracy of flank milling). Chains and
 //! their errors come from `machine`. No cutting forces, no messages, no files; what is random starts from a seed.
 
+pub mod calibration;
 pub mod flank;
 pub mod mismatch;
 

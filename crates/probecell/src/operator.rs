@@ -612,7 +612,7 @@ fn tell_measurement(decision: &PassDecision, verdicts: &[Verdict]) {
     }
     let next = match decision.decision {
         PassDecision::NEXT => "next pass",
-        PassDecision::RECUT => "correct and cut again",
+        PassDecision::RECUT => "correct and repeat the pass",
         PassDecision::SCRAP => "scrap",
         _ => "stop",
     };
@@ -622,7 +622,7 @@ fn tell_measurement(decision: &PassDecision, verdicts: &[Verdict]) {
 fn verdict_word(verdict: u8) -> &'static str {
     match verdict {
         Verdict::QUALIFIED => "qualified",
-        Verdict::COMPENSABLE => "can be recut",
+        Verdict::COMPENSABLE => "can be corrected",
         Verdict::OVERCUT_NOT_COMPENSABLE => "overcut",
         Verdict::TOOL_WORN => "tool worn",
         Verdict::NOT_CONVERGED => "does not converge",
@@ -641,10 +641,20 @@ fn tell_correction(correction: &Correction, file: &str) {
         Correction::APPROVAL_REJECTED => format!("rejected by {}", correction.approved_by),
         _ => format!("approved by {}", correction.approved_by),
     };
+    let what = match correction.kind {
+        Correction::TOOL_PATH => format!("tool path of {}", correction.feature_ids.join(", ")),
+        Correction::VOLUMETRIC => "volumetric table, largest displacement".to_owned(),
+        _ => format!("tool {}", correction.tool_number),
+    };
     report::line(&format!(
-        "  correction of tool {}: {from:+.1} -> {to:+.1} µm, {who}",
-        correction.tool_number
+        "  correction of {what}: {from:+.1} -> {to:+.1} µm, {who}"
     ));
+    for entry in records::table_entries(correction) {
+        let [name, from, to, bound, u] = entry;
+        report::line(&format!(
+            "    {name}: {from} -> {to} (u {u}, bound {bound})"
+        ));
+    }
 }
 
 fn tell_answer(answer: &CorrectionAcknowledgement) {

@@ -13,4 +13,4 @@ mod part_view;
 mod touches;
 
 pub use diagnosed::{add_diagnosis, diagnosis_page};
-pub use part::{PartSession, ShortDiagnosis, part_page};
+pub use part::{PartSession, ShortDiagnosis, part_page, table_entries};

@@ -18,6 +18,8 @@ use probecell_msgs::{
 };
 use report::{Page, PlotError, Table};
 
+pub use tables::table_entries;
+
 use crate::conclusion;
 
 /// What a session's recording holds of its parts.
@@ -220,9 +222,14 @@ fn measurement(
     }
     page.table(&tables::sizes(session, &plan.plan_id));
     page.table(&tables::geometry(session, plan));
+    page.list(&tables::machine(session, &plan.plan_id));
     let corrections = tables::corrections(session, &plan.plan_id);
     if !corrections.rows.is_empty() {
         page.table(&corrections);
+    }
+    let entries = tables::entries(session, &plan.plan_id);
+    if !entries.rows.is_empty() {
+        page.table(&entries);
     }
     let paths = pictures::paths(session, plan);
     page.plots(&paths)?;

@@ -2,16 +2,22 @@
 
 use std::collections::BTreeSet;
 
+use machine::Chain;
 use metrology::decision::{DecisionLimits, Policy, Side};
 use probecell_msgs::Correction;
 use serde::Deserialize;
+
+use crate::volumetric::{RawVolumetric, Volumetric, VolumetricError};
 
 /// As written in the cell file, section `[compensation]`.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RawConfig {
     /// The sizes that decide on the part.
+    #[serde(default)]
     pub characteristics: Vec<RawCharacteristic>,
+    /// The controller's volumetric table, judged and corrected by touches of balls; none: it is left alone.
+    pub volumetric: Option<RawVolumetric>,
     /// A wear offset beyond this means a worn tool.
     pub wear_limit_mm: f64,
     /// Corrections of one pass after which it is called not converging.
@@ -107,6 +113,8 @@ pub struct Characteristic {
 pub struct Config {
     /// The sizes that decide on the part.
     pub characteristics: Vec<Characteristic>,
+    /// The controller's volumetric table, where it is judged.
+    pub volumetric: Option<Volumetric>,
     /// m; the largest wear offset, of either sign.
     pub wear_limit: f64,
     /// m; the largest offset of a point of a tool path, of either sign.
@@ -134,9 +142,12 @@ pub struct Config {
 /// A setting that cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigError {
-    /// No size decides.
+    /// Nothing decides.
     #[error("compensation.characteristics is empty: no size decides on the part")]
     NoCharacteristic,
+    /// The volumetric table cannot be judged so.
+    #[error(transparent)]
+    Volumetric(#[from] VolumetricError),
     /// A pass that the cycle lacks.
     #[error(
         "compensation.characteristics: {id:?} decides in pass {pass:?}, which the cycle does not have"
@@ -176,9 +187,14 @@ pub enum ConfigError {
 }
 
 impl RawConfig {
-    /// Checks the settings against the names of the cycle's passes, in their order.
-    pub fn check(&self, passes: &[&str], replayed: bool) -> Result<Config, ConfigError> {
-        if self.characteristics.is_empty() {
+    /// Checks the settings against the machine and the names of the cycle's passes, in their order.
+    pub fn check(
+        &self,
+        chain: &Chain,
+        passes: &[&str],
+        replayed: bool,
+    ) -> Result<Config, ConfigError> {
+        if self.characteristics.is_empty() && self.volumetric.is_none() {
             return Err(ConfigError::NoCharacteristic);
         }
         let tolerances = self.characteristics.iter();
@@ -196,7 +212,8 @@ impl RawConfig {
             ("approval_limit_s".to_owned(), approval_limit),
             ("wear_per_size".to_owned(), self.wear_per_size),
         ];
-        for (key, value) in own.into_iter().chain(tolerances) {
+        let table = self.volumetric.iter().flat_map(RawVolumetric::numbers);
+        for (key, value) in own.into_iter().chain(tolerances).chain(table) {
             if !(value.is_finite() && value > 0.0) {
                 return Err(ConfigError::Number { key, value });
             }
@@ -209,6 +226,13 @@ impl RawConfig {
         }
         let characteristics = self.characteristics.iter().map(|raw| raw.check(passes));
         let characteristics: Vec<Characteristic> = characteristics.collect::<Result<_, _>>()?;
+        let volumetric = match &self.volumetric {
+            None => None,
+            Some(raw) => {
+                let own = decides_in(&raw.id, &raw.passes, passes)?;
+                Some(raw.check(chain, own)?)
+            }
+        };
         for (pass, name) in (0..).zip(passes) {
             let mut deciding = BTreeSet::new();
             let own = characteristics.iter().filter(|one| one.decides_in(pass));
@@ -221,12 +245,14 @@ impl RawConfig {
                     return Err(decides(format!("{:?} decides twice", one.id)));
                 }
             }
-            if deciding.is_empty() {
+            let table = volumetric.as_ref().filter(|one| one.decides_in(pass));
+            if deciding.is_empty() && table.is_none() {
                 return Err(decides("no size decides".to_owned()));
             }
         }
         Ok(Config {
             characteristics,
+            volumetric,
             wear_limit: self.wear_limit_mm * 1e-3,
             path_limit: self.path_limit_mm * 1e-3,
             path: self.path,
@@ -253,24 +279,39 @@ impl RawCharacteristic {
     }
 
     fn check(&self, passes: &[&str]) -> Result<Characteristic, ConfigError> {
-        let number = |pass: &String| {
-            let found = (0..).zip(passes).find(|(_, name)| *name == pass);
-            found
-                .map(|(number, _)| number)
-                .ok_or_else(|| ConfigError::Pass {
-                    id: self.id.clone(),
-                    pass: pass.clone(),
-                })
-        };
-        let own = self.passes.iter().map(number);
-        let own: BTreeSet<u32> = own.collect::<Result<_, _>>()?;
         Ok(Characteristic {
             id: self.id.clone(),
             tolerance: self.tolerance_mm * 1e-3,
             tool_number: self.tool_number,
             side: if self.inner { Side::Bore } else { Side::Outer },
-            passes: Some(own).filter(|own| !own.is_empty()),
+            passes: decides_in(&self.id, &self.passes, passes)?,
         })
+    }
+}
+
+/// Indices of the passes that are named; `None` where none is.
+fn decides_in(
+    id: &str,
+    own: &[String],
+    passes: &[&str],
+) -> Result<Option<BTreeSet<u32>>, ConfigError> {
+    let number = |pass: &String| {
+        let found = (0..).zip(passes).find(|(_, name)| *name == pass);
+        found
+            .map(|(number, _)| number)
+            .ok_or_else(|| ConfigError::Pass {
+                id: id.to_owned(),
+                pass: pass.clone(),
+            })
+    };
+    let own: BTreeSet<u32> = own.iter().map(number).collect::<Result<_, _>>()?;
+    Ok(Some(own).filter(|own| !own.is_empty()))
+}
+
+impl Volumetric {
+    /// True if it decides in the pass of that index.
+    pub fn decides_in(&self, pass: u32) -> bool {
+        self.passes.as_ref().is_none_or(|own| own.contains(&pass))
     }
 }
 
@@ -287,6 +328,11 @@ impl Config {
         self.characteristics
             .iter()
             .filter(move |one| one.decides_in(pass))
+    }
+
+    /// The volumetric table, where it decides in the pass of that index.
+    pub(crate) fn table(&self, pass: u32) -> Option<&Volumetric> {
+        self.volumetric.as_ref().filter(|one| one.decides_in(pass))
     }
 
     /// What a correction says of its approval as it is made.

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | `feature_results`, `operation_requests` | `verdicts`, `pass_decisions` |
 //! | `tool_offsets`, `approvals`, `part_reports` | `corrections`, `approval_replies` |
+//! | for the volumetric table: `inspection_plan`, `probe_events`, `touch_deviations` | |
 //! | | `compensation/faults`: `approval_overdue` |
 //!
 //! The decision table is that of the turn-mill system (source systems A.4). Characteristics cut by one tool share its wear
@@ -11,13 +12,18 @@
 //! correction is proposed; it is approved by the cell file's policy or by an operator, never by itself. One that nobody
 //! answers in time is withdrawn, with all that was proposed beside it, and the part stops; a part that ends otherwise takes
 //! its proposals with it.
+//!
+//! The machine itself is judged beside the sizes, by touches of balls ([`Volumetric`]). Where its volumetric table can be
+//! corrected nothing else is: sizes measured before and after are those of two machines. The gravest verdict decides.
 
 mod config;
 mod path;
 mod step;
+mod volumetric;
 
 pub use config::{
     Characteristic, Config, ConfigError, PathCorrection, RawCharacteristic, RawConfig,
 };
 pub use path::Paths;
 pub use step::{CompensationNode, Input, Output, State};
+pub use volumetric::{Beside, Memory, RawVolumetric, Volumetric, VolumetricError};

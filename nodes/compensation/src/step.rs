@@ -3,16 +3,18 @@
 use std::collections::BTreeMap;
 
 use graph::{Node, Outbox, Stamp, inputs, outputs, topics};
-use metrology::decision::{self, Action, Invalid, Reading, decide};
+use metrology::decision::{self, Action, Invalid, Policy, Reading, decide};
 use probecell_msgs::{
-    Correction, Fault, FeatureResult, OperationRequest, OperatorReply, OperatorRequest, PartReport,
-    PassDecision, ToolOffsets, Verdict, std_msgs,
+    Correction, Fault, FeatureResult, InspectionPlan, OperationRequest, OperatorReply,
+    OperatorRequest, PartReport, PassDecision, ProbeEvent, ToolOffsets, TouchDeviation, Verdict,
+    std_msgs,
 };
 use serde::{Deserialize, Serialize};
 
 use crate::{
     config::{Characteristic, Config},
     path::{self, Paths},
+    volumetric::{self, Memory, Volumetric},
 };
 
 inputs! {
@@ -28,6 +30,12 @@ inputs! {
         Approval(OperatorRequest) = topics::APPROVALS,
         /// How a part ended: nothing that was proposed for it is to reach the machine.
         Part(PartReport) = topics::PART_REPORTS,
+        /// What is measured.
+        Plan(InspectionPlan) = topics::INSPECTION_PLAN,
+        /// One probing move: where the axes stood.
+        Event(ProbeEvent) = topics::PROBE_EVENTS,
+        /// The deviation of a touch: how well it is known.
+        Deviation(TouchDeviation) = topics::TOUCH_DEVIATIONS,
     }
 }
 
@@ -70,6 +78,8 @@ pub struct State {
     pub withdrawn: BTreeMap<String, String>,
     /// Offsets of the tool paths that were asked for in this session of the driver.
     pub paths: Paths,
+    /// What the volumetric table is judged by.
+    pub volumetric: Memory,
 }
 
 /// Timer that looks for proposals nobody has answered.
@@ -109,6 +119,7 @@ impl Node for CompensationNode {
                     state.results.clear();
                     state.proposed.clear();
                     state.withdrawn.clear();
+                    state.volumetric.keep(&request.plan_id);
                     // From a plan that is only measured nothing follows.
                     state.measurement =
                         (!request.only_measure).then_some((request.plan_id, request.pass_number));
@@ -116,6 +127,21 @@ impl Node for CompensationNode {
                         take(config, state, now, result, out);
                     }
                 }
+            }
+            // What only the table is judged by is not kept where there is none to judge.
+            Input::Plan(_) | Input::Event(_) | Input::Deviation(_)
+                if config.volumetric.is_none() => {}
+            Input::Plan(plan) => {
+                state.volumetric.plan = Some(plan);
+                decide_when_complete(config, state, now, out);
+            }
+            Input::Event(event) => {
+                state.volumetric.events.insert(event.sequence, event);
+                decide_when_complete(config, state, now, out);
+            }
+            Input::Deviation(touch) => {
+                state.volumetric.take(&touch);
+                decide_when_complete(config, state, now, out);
             }
             Input::Feature(result) => take(config, state, now, result, out),
             Input::Approval(request) => approve(state, now, &request, out),
@@ -143,14 +169,24 @@ fn take(
             return;
         }
     };
-    if !config
-        .deciding(pass)
-        .any(|characteristic| characteristic.id == result.feature_id)
-    {
-        return;
+    let decides = (config.deciding(pass)).any(|one| one.id == result.feature_id);
+    if decides || config.table(pass).is_some() {
+        state.results.insert(result.feature_id.clone(), result);
+        decide_when_complete(config, state, now, out);
     }
-    state.results.insert(result.feature_id.clone(), result);
-    if state.results.len() == config.deciding(pass).count() {
+}
+
+/// Decides once all is there that decides in the pass.
+fn decide_when_complete(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Output>) {
+    let Some((plan_id, pass)) = &state.measurement else {
+        return;
+    };
+    let results = &state.results;
+    let mut sizes = config.deciding(*pass);
+    let table = config.table(*pass);
+    if sizes.all(|one| results.contains_key(&one.id))
+        && table.is_none_or(|_| state.volumetric.is_complete(plan_id, results))
+    {
         decide_on_all(config, state, now, out);
     }
 }
@@ -206,25 +242,49 @@ fn decide_on_all(config: &Config, state: &mut State, now: Stamp, out: &mut Outbo
             (characteristic, verdict, action)
         })
         .collect();
-    let worst = decided
-        .iter()
-        .map(|(_, verdict, _)| rank(*verdict))
-        .max()
-        .unwrap_or(0);
-    let spring = config.spring_pass && !state.sprung;
-    let literal = decided.iter().any(|(_, verdict, action)| {
-        *verdict == decision::Verdict::Compensable && *action == Action::Stop
+    let table = config.table(pass).map(|own| {
+        let offsets = state.offsets.as_ref();
+        let memory = &state.volumetric;
+        let judged = volumetric::judge(config, own, memory, &results, offsets, state.corrections);
+        out.send(Output::Verdict(Verdict {
+            header: header(now),
+            plan_id: plan_id.clone(),
+            part_id: part_id.clone(),
+            feature_id: own.id.clone(),
+            pass_number: pass,
+            verdict: code(judged.verdict),
+            size: judged.error,
+            error: judged.error,
+            tolerance: own.tolerance,
+            tool_wear: f64::NAN,
+            text: judged.text.clone(),
+        }));
+        (own, judged)
     });
+    let ranks = decided.iter().map(|(_, verdict, _)| rank(*verdict));
+    let ranks = ranks.chain(table.iter().map(|(_, judged)| rank(judged.verdict)));
+    let worst = ranks.max().unwrap_or(0);
+    let sprung = (decided.iter()).any(|(_, verdict, _)| rank(*verdict) == 1);
+    let spring = config.spring_pass && !state.sprung && sprung;
+    let compensable = |verdict| verdict == decision::Verdict::Compensable;
+    let literal = (decided.iter())
+        .any(|(_, verdict, action)| compensable(*verdict) && *action == Action::Stop)
+        || config.policy == Policy::Literal
+            && (table.iter()).any(|(_, judged)| compensable(judged.verdict));
     let names = |wanted: u32| -> String {
-        let named = decided
-            .iter()
-            .filter(|(_, verdict, _)| rank(*verdict) == wanted);
-        named
-            .map(|(characteristic, _, _)| characteristic.id.as_str())
-            .collect::<Vec<_>>()
-            .join(", ")
+        let named = (decided.iter())
+            .filter(|(_, verdict, _)| rank(*verdict) == wanted)
+            .map(|(characteristic, _, _)| characteristic.id.as_str());
+        let own = (table.iter())
+            .filter(|(_, judged)| rank(judged.verdict) == wanted)
+            .map(|(own, _)| own.id.as_str());
+        named.chain(own).collect::<Vec<_>>().join(", ")
     };
+    // Why the machine itself is the worst, where it is.
+    let told = (table.iter()).find(|(_, judged)| rank(judged.verdict) == worst);
+    let told = told.map_or(String::new(), |(_, judged)| format!(": {}", judged.text));
     let (decision, text) = match worst {
+        0 if decided.is_empty() => (PassDecision::NEXT, format!("{} qualified{told}", names(0))),
         0 => (PassDecision::NEXT, "all sizes qualified".to_owned()),
         1 if literal => (
             PassDecision::STOP,
@@ -239,7 +299,11 @@ fn decide_on_all(config: &Config, state: &mut State, now: Stamp, out: &mut Outbo
         ),
         1 => (
             PassDecision::RECUT,
-            format!("{} can be corrected", names(1)),
+            format!("{} can be corrected{told}", names(1)),
+        ),
+        2 if !told.is_empty() => (
+            PassDecision::STOP,
+            format!("{} cannot be corrected{told}", names(2)),
         ),
         2 => (
             PassDecision::STOP,
@@ -263,7 +327,7 @@ fn decide_on_all(config: &Config, state: &mut State, now: Stamp, out: &mut Outbo
         ),
         _ => (
             PassDecision::STOP,
-            format!("{} could not be measured", names(5)),
+            format!("{} could not be measured{told}", names(5)),
         ),
     };
     let mut correction_ids = Vec::new();
@@ -271,16 +335,8 @@ fn decide_on_all(config: &Config, state: &mut State, now: Stamp, out: &mut Outbo
         state.sprung = true;
     } else if decision == PassDecision::RECUT {
         state.corrections += 1;
-        let mut all = corrections(config, state, now, &plan_id, &results, &decided);
-        if let Some(offsets) = state.offsets.clone() {
-            state.paths.of_session(&offsets.session);
-            for (characteristic, _, action) in &decided {
-                if *action == Action::Recut && characteristic.tool_number.is_none() {
-                    let result = &results[&characteristic.id];
-                    all.push(state.paths.correct(config, now, &plan_id, result));
-                }
-            }
-        }
+        let table = table.and_then(|(own, judged)| Some((own, judged.proposal?)));
+        let all = asked_for(config, state, now, &plan_id, &results, &decided, table);
         for correction in all {
             correction_ids.push(correction.correction_id.clone());
             if correction.approval == Correction::APPROVAL_NONE {
@@ -301,6 +357,34 @@ fn decide_on_all(config: &Config, state: &mut State, now: Stamp, out: &mut Outbo
         correction_ids,
         text,
     }));
+}
+
+/// What a measurement asks to be corrected: the volumetric table alone, or wear and tool paths. Sizes that were measured
+/// with another table wait for the next measurement.
+fn asked_for(
+    config: &Config,
+    state: &mut State,
+    now: Stamp,
+    plan_id: &str,
+    results: &BTreeMap<String, FeatureResult>,
+    decided: &[(&Characteristic, decision::Verdict, Action)],
+    table: Option<(&Volumetric, volumetric::Proposal)>,
+) -> Vec<Correction> {
+    let session = (state.offsets.as_ref()).map_or(String::new(), |known| known.session.clone());
+    if let Some((own, proposal)) = table {
+        return vec![proposal.correction(config, own, now, plan_id, &session)];
+    }
+    let mut all = corrections(config, state, now, plan_id, results, decided);
+    if state.offsets.is_some() {
+        state.paths.of_session(&session);
+        for (characteristic, _, action) in decided {
+            if *action == Action::Recut && characteristic.tool_number.is_none() {
+                let result = &results[&characteristic.id];
+                all.push(state.paths.correct(config, now, plan_id, result));
+            }
+        }
+    }
+    all
 }
 
 fn decide_on_one(
@@ -390,8 +474,6 @@ fn corrections(
             replayed: config.replayed,
             kind: Correction::TOOL_WEAR,
             tool_number: tool,
-            axis: String::new(),
-            path: Vec::new(),
             previous_value: held,
             new_value: rounded(held + change),
             lower_bound: -config.wear_limit,
@@ -407,6 +489,7 @@ fn corrections(
             approval: config.approval(),
             approved_by: config.approved_by(),
             expires: now.after_s(config.validity).time(),
+            ..Correction::default()
         });
     }
     made

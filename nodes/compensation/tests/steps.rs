@@ -4,6 +4,7 @@ use compensation::{
     CompensationNode, Config, Input, Output, PathCorrection, RawCharacteristic, RawConfig,
 };
 use graph::{Node, Outbox, Stamp};
+use machine::Chain;
 use probecell_msgs::{
     Correction, FeatureResult, OperationRequest, OperatorRequest, PartReport, PassDecision,
     ToolOffsets, Verdict,
@@ -20,6 +21,7 @@ fn raw(automatic_approval: bool, inner: bool) -> RawConfig {
     };
     RawConfig {
         characteristics: vec![characteristic],
+        volumetric: None,
         wear_limit_mm: 0.110,
         max_corrections: 5,
         automatic_approval,
@@ -33,9 +35,15 @@ fn raw(automatic_approval: bool, inner: bool) -> RawConfig {
     }
 }
 
+/// No machine matters to sizes.
+fn chain() -> Chain {
+    Chain::from_urdf(machine::models::WCBXFZYST).expect("a chain")
+}
+
 fn config(automatic_approval: bool, inner: bool) -> Config {
     let raw = raw(automatic_approval, inner);
-    raw.check(&["finish"], false).expect("sound settings")
+    raw.check(&chain(), &["finish"], false)
+        .expect("sound settings")
 }
 
 fn offsets(wear_um: f64) -> Input {
@@ -293,7 +301,9 @@ fn a_proposal_that_nobody_answers_stops_the_part_at_the_limit() {
         approval_limit_s: Some(20.0),
         ..raw(false, false)
     };
-    let config = config.check(&["finish"], false).expect("sound settings");
+    let config = config
+        .check(&chain(), &["finish"], false)
+        .expect("sound settings");
     let begin = Stamp(7_000_000_000);
     let proposed = || {
         let mut state = CompensationNode::start(&config);
@@ -347,7 +357,9 @@ fn a_limit_that_is_no_time_or_outlives_the_correction_is_refused() {
             approval_limit_s: Some(limit),
             ..raw(false, false)
         };
-        let error = raw.check(&["finish"], false).expect_err("refused");
+        let error = raw
+            .check(&chain(), &["finish"], false)
+            .expect_err("refused");
         assert!(error.to_string().contains(says), "{error}");
     }
 }
@@ -447,7 +459,9 @@ fn a_size_that_stands_there_for_each_pass_has_a_tolerance_and_a_register_in_each
         of_pass("rough", 0.020, 2),
         of_pass("finish", 0.010, 12),
     ]);
-    let config = both.check(&["rough", "finish"], false).expect("sound");
+    let config = both
+        .check(&chain(), &["rough", "finish"], false)
+        .expect("sound");
     let held = || {
         Input::Offsets(ToolOffsets {
             session: "run 1".to_owned(),
@@ -492,7 +506,7 @@ fn a_size_that_stands_there_for_each_pass_has_a_tolerance_and_a_register_in_each
             "compensation.characteristics: \"D1\" decides twice in pass \"rough\"",
         ),
     ] {
-        let refused = raw(characteristics).check(&["rough", "finish"], false);
+        let refused = raw(characteristics).check(&chain(), &["rough", "finish"], false);
         let told = refused.err().map(|error| error.to_string());
         assert_eq!(told.as_deref(), Some(expected));
     }

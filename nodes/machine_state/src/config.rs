@@ -19,6 +19,10 @@ pub struct RawConfig {
     pub wear_limit_mm: f64,
     /// No point of a tool path is ever offset by more.
     pub path_limit_mm: f64,
+    /// No entry of the volumetric table that is a length is ever written outside plus or minus this.
+    pub volumetric_limit_um: f64,
+    /// No entry of the volumetric table that is an angle is ever written outside plus or minus this.
+    pub volumetric_limit_urad: f64,
 }
 
 impl Default for RawConfig {
@@ -30,6 +34,8 @@ impl Default for RawConfig {
             reply_limit_s: 30.0,
             wear_limit_mm: 0.5,
             path_limit_mm: 0.5,
+            volumetric_limit_um: 200.0,
+            volumetric_limit_urad: 500.0,
         }
     }
 }
@@ -52,6 +58,10 @@ pub struct Config {
     pub wear_limit: f64,
     /// m; no point of a tool path is offset by more.
     pub path_limit: f64,
+    /// m; no entry of the volumetric table that is a length is written outside plus or minus this.
+    pub volumetric_limit_shift: f64,
+    /// rad; no entry that is an angle is written outside plus or minus this.
+    pub volumetric_limit_turn: f64,
     /// This graph runs on a recording: nothing may be told to a machine.
     pub replayed: bool,
 }
@@ -78,6 +88,8 @@ impl RawConfig {
             ("reply_limit_s", self.reply_limit_s),
             ("wear_limit_mm", self.wear_limit_mm),
             ("path_limit_mm", self.path_limit_mm),
+            ("volumetric_limit_um", self.volumetric_limit_um),
+            ("volumetric_limit_urad", self.volumetric_limit_urad),
         ] {
             if !(value.is_finite() && value > 0.0) {
                 return Err(ConfigError { key, value });
@@ -96,6 +108,8 @@ impl RawConfig {
             reply_limit: self.reply_limit_s,
             wear_limit: self.wear_limit_mm * 1e-3,
             path_limit: self.path_limit_mm * 1e-3,
+            volumetric_limit_shift: self.volumetric_limit_um * 1e-6,
+            volumetric_limit_turn: self.volumetric_limit_urad * 1e-6,
             replayed,
         })
     }

@@ -6,6 +6,7 @@ use probecell_msgs::{Correction, CorrectionAcknowledgement as Ack, MachineState}
 use crate::{
     config::Config,
     state::{Controller, State},
+    table,
 };
 
 /// Two readings of one offset that differ by less are the same value: a controller keeps 1e-7 m or coarser.
@@ -17,20 +18,20 @@ pub(crate) struct Refusal {
     pub(crate) text: String,
 }
 
-fn refuse<T>(outcome: u8, text: impl Into<String>) -> Result<T, Refusal> {
+pub(crate) fn refuse<T>(outcome: u8, text: impl Into<String>) -> Result<T, Refusal> {
     Err(Refusal {
         outcome,
         text: text.into(),
     })
 }
 
-/// Checks an approved correction against everything on record. Gives the offset that the controller holds now.
+/// Checks an approved correction against everything on record.
 pub(crate) fn check(
     config: &Config,
     state: &State,
     now: Stamp,
     correction: &Correction,
-) -> Result<f64, Refusal> {
+) -> Result<(), Refusal> {
     if config.replayed || correction.replayed {
         return refuse(Ack::REFUSED_REPLAY, "it was made from a recording");
     }
@@ -66,6 +67,11 @@ pub(crate) fn check(
             check_path(config, correction)?;
             path_of(state, correction)
         }
+        Correction::VOLUMETRIC => {
+            table::check(config, controller, correction)?;
+            // What a table does is told by its entries; the controller knows no displacements.
+            correction.previous_value
+        }
         kind => {
             let text = format!("offsets of kind {kind} are not written by this cell");
             return refuse(Ack::FAILED, text);
@@ -79,8 +85,7 @@ pub(crate) fn check(
         );
         return refuse(Ack::REFUSED_STALE, text);
     }
-    check_bounds(config, correction)?;
-    Ok(held)
+    check_bounds(config, correction)
 }
 
 /// Largest offset of the path of the correction's feature that was written in this session, m.
@@ -165,10 +170,11 @@ fn check_bounds(config: &Config, correction: &Correction) -> Result<(), Refusal>
     if correction.lower_bound.is_nan() || correction.upper_bound.is_nan() {
         return refuse(Ack::REFUSED_OUT_OF_BOUNDS, "its bounds are not numbers");
     }
-    let limit = if correction.kind == Correction::TOOL_PATH {
-        config.path_limit
-    } else {
-        config.wear_limit
+    let limit = match correction.kind {
+        Correction::TOOL_PATH => config.path_limit,
+        // Its entries have bounds of their own, and were checked against them.
+        Correction::VOLUMETRIC => f64::INFINITY,
+        _ => config.wear_limit,
     };
     let lower = correction.lower_bound.max(-limit);
     let upper = correction.upper_bound.min(limit);

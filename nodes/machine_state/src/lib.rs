@@ -14,12 +14,14 @@
 //! Invariants: nothing else publishes `controller_commands`; a correction is written at most once; a command names the
 //! session of the driver that runs now; nothing is corrected from a part that has ended in another way than qualified. A
 //! driver that does not answer a correction in time has failed it, and so has one that says nothing of an operation while
-//! its controller is idle.
+//! its controller is idle. A volumetric table is written whole, and applied
+//! only when every entry is read back.
 
 mod config;
 mod gate;
 mod state;
 mod step;
+mod table;
 
 pub use config::{Config, ConfigError, RawConfig};
 pub use state::State;

@@ -27,12 +27,25 @@ pub struct State {
     pub writing: BTreeMap<u64, Writing>,
     /// Approved corrections that wait until the machine stands still and the one before is written, in order of arrival.
     pub deferred: VecDeque<Correction>,
-    /// Corrections that the controller has, with the values read before and after.
-    pub applied: BTreeMap<String, (f64, f64)>,
+    /// Corrections that the controller has, with what was read before and after.
+    pub applied: BTreeMap<String, ReadBack>,
     /// Largest offset of each feature's tool path that was written in this session, m.
     pub paths: BTreeMap<String, f64>,
     /// Codes of faults that stand now, each told once.
     pub standing: BTreeSet<String>,
+}
+
+/// What the controller held before a correction was written, and what was read back after it.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ReadBack {
+    /// m or rad; of a volumetric table what the correction says of it.
+    pub before: f64,
+    /// The same after it; NaN where it is not known.
+    pub after: f64,
+    /// Entries of a volumetric table, m or rad.
+    pub values_before: Vec<f64>,
+    /// The same after it.
+    pub values_after: Vec<f64>,
 }
 
 /// A driver and what it said last.

@@ -10,7 +10,8 @@ use probecell_msgs::{
 use crate::{
     config::Config,
     gate,
-    state::{Awaited, Controller, Operation, State, Writing},
+    state::{Awaited, Controller, Operation, ReadBack, State, Writing},
+    table,
 };
 
 inputs! {
@@ -248,15 +249,27 @@ fn publish(config: &Config, state: &State, status: &ControllerStatus, out: &mut 
     let held = state
         .controller
         .as_ref()
-        .map(|known| (&known.status.tool_numbers, &known.status.tool_wear));
-    if held != Some((&status.tool_numbers, &status.tool_wear)) {
+        .map(|known| offsets(&known.status));
+    if held != Some(offsets(status)) {
         out.send(Output::ToolOffsets(ToolOffsets {
             header,
             session: status.session.clone(),
             tool_numbers: status.tool_numbers.clone(),
             wear: status.tool_wear.clone(),
+            volumetric_entries: status.volumetric_entries.clone(),
+            volumetric_values: status.volumetric_values.clone(),
         }));
     }
+}
+
+/// What a sample tells of offsets: tools and their wear, entries and values of the volumetric table.
+fn offsets(status: &ControllerStatus) -> (&[u32], &[f64], &[String], &[f64]) {
+    (
+        &status.tool_numbers,
+        &status.tool_wear,
+        &status.volumetric_entries,
+        &status.volumetric_values,
+    )
 }
 
 /// Gives up corrections that the driver does not answer: others wait behind them, and the part waits for both.
@@ -271,7 +284,11 @@ fn give_up_writing(config: &Config, state: &mut State, now: Stamp, out: &mut Out
             "the driver did not answer within {} s: what the controller holds is not known",
             config.reply_limit
         );
-        let values = (correction.previous_value, f64::NAN);
+        let values = ReadBack {
+            before: correction.previous_value,
+            after: f64::NAN,
+            ..ReadBack::default()
+        };
         let failed = CorrectionAcknowledgement::FAILED;
         acknowledge(now, &correction, failed, values, &text, out);
     }
@@ -439,44 +456,55 @@ fn write(
     correction: &Correction,
     out: &mut Outbox<Output>,
 ) {
-    if let Some(&(before, after)) = state.applied.get(&correction.correction_id) {
+    if let Some(read) = state.applied.get(&correction.correction_id).cloned() {
         let outcome = CorrectionAcknowledgement::ALREADY_APPLIED;
         let text = "it was written before";
-        acknowledge(now, correction, outcome, (before, after), text, out);
+        acknowledge(now, correction, outcome, read, text, out);
         return;
     }
-    match gate::check(config, state, now, correction) {
-        Err(refusal) => {
-            let held = correction.previous_value;
-            let values = (held, held);
-            acknowledge(now, correction, refusal.outcome, values, &refusal.text, out);
-        }
-        Ok(_held) => {
-            let correction_id = correction.correction_id.clone();
-            let command = if correction.kind == Correction::TOOL_PATH {
-                ControllerCommand {
-                    kind: ControllerCommand::SET_TOOL_PATH,
-                    feature: correction.feature_ids.first().cloned().unwrap_or_default(),
-                    path: correction.path.clone(),
-                    correction_id,
-                    ..ControllerCommand::default()
-                }
-            } else {
-                ControllerCommand {
-                    kind: ControllerCommand::SET_TOOL_WEAR,
-                    tool_number: correction.tool_number,
-                    value: correction.new_value,
-                    correction_id,
-                    ..ControllerCommand::default()
-                }
-            };
-            let command_id = tell(state, now, command, out);
-            let writing = Writing {
-                correction: correction.clone(),
-                until: now.after_s(config.reply_limit),
-            };
-            state.writing.insert(command_id, writing);
-        }
+    if let Err(refusal) = gate::check(config, state, now, correction) {
+        // Nothing was read: a table is not told, a scalar is as it was asked from.
+        let held = correction.previous_value;
+        let read = ReadBack {
+            before: held,
+            after: held,
+            ..ReadBack::default()
+        };
+        return acknowledge(now, correction, refusal.outcome, read, &refusal.text, out);
+    }
+    let command_id = tell(state, now, command_of(correction), out);
+    let writing = Writing {
+        correction: correction.clone(),
+        until: now.after_s(config.reply_limit),
+    };
+    state.writing.insert(command_id, writing);
+}
+
+/// What writes a correction to the controller.
+fn command_of(correction: &Correction) -> ControllerCommand {
+    let command = ControllerCommand {
+        correction_id: correction.correction_id.clone(),
+        ..ControllerCommand::default()
+    };
+    match correction.kind {
+        Correction::TOOL_PATH => ControllerCommand {
+            kind: ControllerCommand::SET_TOOL_PATH,
+            feature: correction.feature_ids.first().cloned().unwrap_or_default(),
+            path: correction.path.clone(),
+            ..command
+        },
+        Correction::VOLUMETRIC => ControllerCommand {
+            kind: ControllerCommand::SET_VOLUMETRIC,
+            entries: correction.entries.clone(),
+            values: correction.new_values.clone(),
+            ..command
+        },
+        _ => ControllerCommand {
+            kind: ControllerCommand::SET_TOOL_WEAR,
+            tool_number: correction.tool_number,
+            value: correction.new_value,
+            ..command
+        },
     }
 }
 
@@ -517,40 +545,26 @@ fn answer(state: &mut State, now: Stamp, reply: &ControllerReply, out: &mut Outb
         return;
     }
     if let Some(Writing { correction, .. }) = state.writing.remove(&reply.command_id) {
-        let values = (reply.value_before, reply.value);
-        let written = (reply.value - correction.new_value).abs() <= 0.5e-6;
-        if reply.outcome == ControllerReply::DONE && written {
-            state
-                .applied
-                .insert(correction.correction_id.clone(), values);
+        let (read, written) = read_back(&correction, reply);
+        let done = reply.outcome == ControllerReply::DONE && written;
+        let (outcome, text) = if done {
+            (CorrectionAcknowledgement::APPLIED, "")
+        } else if reply.text.is_empty() {
+            let text = "the value read back is another";
+            (CorrectionAcknowledgement::FAILED, text)
+        } else {
+            (CorrectionAcknowledgement::FAILED, reply.text.as_str())
+        };
+        if done {
+            let id = correction.correction_id.clone();
+            state.applied.insert(id, read.clone());
             if let (Correction::TOOL_PATH, Some(feature)) =
                 (correction.kind, correction.feature_ids.first())
             {
                 state.paths.insert(feature.clone(), reply.value);
             }
-            acknowledge(
-                now,
-                &correction,
-                CorrectionAcknowledgement::APPLIED,
-                values,
-                "",
-                out,
-            );
-        } else {
-            let text = if reply.text.is_empty() {
-                "the value read back is another"
-            } else {
-                &reply.text
-            };
-            acknowledge(
-                now,
-                &correction,
-                CorrectionAcknowledgement::FAILED,
-                values,
-                text,
-                out,
-            );
         }
+        acknowledge(now, &correction, outcome, read, text, out);
         return;
     }
     if let Some(operation) = state
@@ -570,6 +584,28 @@ fn answer(state: &mut State, now: Stamp, reply: &ControllerReply, out: &mut Outb
         }
         report(now, operation.request_id, outcome, &reply.text, out);
     }
+}
+
+/// What the driver read before and after writing a correction, and whether that is what was asked for.
+fn read_back(correction: &Correction, reply: &ControllerReply) -> (ReadBack, bool) {
+    let mut read = ReadBack {
+        before: reply.value_before,
+        after: reply.value,
+        values_before: reply.values_before.clone(),
+        values_after: reply.values.clone(),
+    };
+    if correction.kind != Correction::VOLUMETRIC {
+        let written = (reply.value - correction.new_value).abs() <= 0.5e-6;
+        return (read, written);
+    }
+    let written = table::same(&reply.values, &correction.new_values);
+    read.before = correction.previous_value;
+    read.after = if written {
+        correction.new_value
+    } else {
+        f64::NAN
+    };
+    (read, written)
 }
 
 /// The name of a fault that a driver puts before its sentence: `probe_stuck: the probe ...`.
@@ -611,7 +647,7 @@ fn acknowledge(
     now: Stamp,
     correction: &Correction,
     outcome: u8,
-    (value_before, value_after): (f64, f64),
+    read: ReadBack,
     text: &str,
     out: &mut Outbox<Output>,
 ) {
@@ -622,9 +658,11 @@ fn acknowledge(
         },
         correction_id: correction.correction_id.clone(),
         outcome,
-        value_before,
-        value_after,
+        value_before: read.before,
+        value_after: read.after,
         text: text.to_owned(),
+        values_before: read.values_before,
+        values_after: read.values_after,
     }));
 }
 

@@ -117,6 +117,9 @@ fn line(output: &Output) -> Option<String> {
         Output::JointStates(_) | Output::JointCommands(_) => return None,
         Output::RobotDescription(one) => format!("robot {}", one.data),
         Output::State(one) => format!("{} execution {}", one.machine_id, one.execution),
+        Output::ToolOffsets(one) if !one.volumetric_entries.is_empty() => {
+            format!("wear {:?} table {:?}", one.wear, one.volumetric_values)
+        }
         Output::ToolOffsets(one) => format!("wear {:?}", one.wear),
         Output::Command(one) => match one.kind {
             ControllerCommand::RUN_OPERATION => {
@@ -135,6 +138,12 @@ fn line(output: &Output) -> Option<String> {
                     one.command_id,
                     one.tool_number,
                     one.value * 1e6
+                )
+            }
+            ControllerCommand::SET_VOLUMETRIC => {
+                format!(
+                    "{} {} table {:?} {:?}",
+                    one.session, one.command_id, one.entries, one.values
                 )
             }
             _ => format!("{} {} stop", one.session, one.command_id),
@@ -177,6 +186,104 @@ fn wear_offsets_are_told_when_they_change() {
     check(
         vec![status(), Input::Status(worn)],
         &["mill execution 0", "wear [-1e-5]"],
+    );
+}
+
+/// A machine with a table of two entries, and plan p/1 measured on it.
+fn with_table(values: [f64; 2]) -> Input {
+    Input::Status(ControllerStatus {
+        volumetric_entries: vec!["EX0C".to_owned(), "EA0B".to_owned()],
+        volumetric_values: values.to_vec(),
+        ..sample()
+    })
+}
+
+fn table() -> Correction {
+    Correction {
+        kind: Correction::VOLUMETRIC,
+        previous_value: 11e-6,
+        new_value: 30e-6,
+        lower_bound: 0.0,
+        upper_bound: 50e-6,
+        entries: vec!["EX0C".to_owned(), "EA0B".to_owned()],
+        previous_values: vec![1e-6, -2e-6],
+        new_values: vec![9e-6, 40e-6],
+        value_limits: vec![20e-6, 80e-6],
+        value_uncertainties: vec![1e-7, 2e-6],
+        ..correction()
+    }
+}
+
+fn asked(correction: Correction) -> Vec<Input> {
+    let table = with_table([1e-6, -2e-6]);
+    with(measured(), vec![table, Input::Correction(correction)])
+}
+
+fn read_back(values: &[f64]) -> Input {
+    Input::Reply(ControllerReply {
+        session: "run 1".to_owned(),
+        command_id: 1,
+        outcome: ControllerReply::DONE,
+        values_before: vec![1e-6, -2e-6],
+        values: values.to_vec(),
+        ..ControllerReply::default()
+    })
+}
+
+#[test]
+fn a_table_is_told_when_it_changes_and_written_whole() {
+    let [old, new] = [[1e-6, -2e-6], [1e-6, 0.0]];
+    check(
+        vec![with_table(old), with_table(new)],
+        &["mill execution 0", "wear [0.0] table [1e-6, 0.0]"],
+    );
+    check(
+        vec![with_table(old), with_table(old)],
+        &["mill execution 0"],
+    );
+    check(
+        asked(table()),
+        &["run 1 1 table [\"EX0C\", \"EA0B\"] [9e-6, 4e-5]"],
+    );
+}
+
+#[test]
+fn a_table_is_applied_only_when_every_entry_is_read_back() {
+    let after = |values: &[f64]| with(asked(table()), vec![read_back(values)]);
+    check(after(&[9e-6, 40e-6]), &["c outcome 0: "]);
+    // A controller keeps 0.1 µm and 0.1 µrad.
+    check(after(&[9.04e-6, 39.96e-6]), &["c outcome 0: "]);
+    for read in [&[9e-6, 39.8e-6][..], &[9e-6], &[9e-6, f64::NAN], &[]] {
+        check(
+            after(read),
+            &["c outcome 7: the value read back is another"],
+        );
+    }
+}
+
+#[test]
+fn a_controller_without_that_table_or_another_one_is_told_none() {
+    check(
+        with(measured(), vec![Input::Correction(table())]),
+        &["c outcome 7: the controller has no volumetric table"],
+    );
+    let three = Correction {
+        entries: ["EX0C", "EA0B", "EC0B"].map(str::to_owned).to_vec(),
+        ..table()
+    };
+    check(
+        asked(three),
+        &[
+            "c outcome 7: it is a table of [EX0C, EA0B, EC0B], but the controller's has the entries [EX0C, EA0B]",
+        ],
+    );
+    let beyond = Correction {
+        new_values: vec![9e-6, -80.2e-6],
+        ..table()
+    };
+    check(
+        asked(beyond),
+        &["c outcome 4: EA0B = -80.2 µrad lies outside ±80.0 µrad"],
     );
 }
 

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use machine::{Chain, Nominal, Target};
+use machine::{Chain, Nominal, PositionError, Target};
 use nalgebra::{Point3, Vector3};
 use probecell_msgs::InspectionPlan;
 use serde::{Deserialize, Serialize};
@@ -250,12 +250,12 @@ pub struct Config {
     pub radius_error: f64,
     /// Errors of the axes.
     pub truth: Truth,
-    /// What the controller's volumetric table takes them for.
+    /// What the controller's volumetric table takes them for as the controller starts.
     pub table: Truth,
     /// Run-out of the tools that have one, by number.
     pub runout: BTreeMap<u32, Runout>,
-    /// For each feature cut point by point: what each of its points is left at, m, by operation of the cell file.
-    pub left: BTreeMap<(String, String), Vec<f64>>,
+    /// How each feature is cut point by point, by operation of the cell file and feature.
+    pub cuts: BTreeMap<(String, String), Cut>,
     /// m; what the process leaves at each point of a feature, or how an uncut one came.
     pub surfaces: BTreeMap<String, Vec<f64>>,
     /// Where the part's own touches of each feature lie: position (m) and outward normal, part frame.
@@ -345,7 +345,7 @@ impl RawConfig {
         let ball_radius = plan.stylus.ball_radius + self.probe.radius_error_um * 1e-6;
         let (center_error, radius_error) = probe::stored(self, ball_radius);
         let truth = Truth::new(&self.machine.errors, &chain)?;
-        let table = Truth::new(&self.machine.table, &chain)?;
+        let table = Truth::table(&self.machine.table, &chain)?;
         let mut config = Config {
             truth,
             table,
@@ -354,7 +354,7 @@ impl RawConfig {
                 .iter()
                 .filter_map(|tool| Some((tool.number, tool.runout.as_ref()?.check())))
                 .collect(),
-            left: BTreeMap::new(),
+            cuts: BTreeMap::new(),
             surfaces: self.surfaces(plan)?,
             places: places(plan),
             chain,
@@ -365,10 +365,9 @@ impl RawConfig {
         };
         for operation in &self.operations {
             for feature in &operation.features {
-                let left = config.cut_by_machine(operation, feature, plan)?;
-                config
-                    .left
-                    .insert((operation.id.clone(), feature.clone()), left);
+                let cut = config.cut_by_machine(operation, feature, plan)?;
+                let key = (operation.id.clone(), feature.clone());
+                config.cuts.insert(key, cut);
             }
         }
         Ok(config)
@@ -486,16 +485,63 @@ pub(crate) fn points_of<'a>(
     (0..plan.points.len()).filter(move |&point| Some(plan.points[point].feature as usize) == owner)
 }
 
+/// How a feature is cut point by point.
+#[derive(Clone, Debug)]
+pub struct Cut {
+    part: Nominal,
+    /// The controller goes by its volumetric table.
+    volumetric: bool,
+    points: Vec<CutPoint>,
+}
+
+/// One point of it.
+#[derive(Clone, Debug)]
+struct CutPoint {
+    place: Place,
+    /// Programme positions of the axes, m and rad.
+    positions: Vec<f64>,
+    /// m; what the tool's run-out cuts too deep.
+    swells: f64,
+}
+
+impl Cut {
+    /// Points that are cut.
+    pub(crate) fn len(&self) -> usize {
+        self.points.len()
+    }
+}
+
 impl Config {
-    /// How far outside its nominal place (m) the machine leaves each point of a feature: the tool stands where the
-    /// errors lead it in the pose of the operation that cuts the point, and its effective radius is what its run-out
-    /// makes of it.
+    /// The volumetric table with those values of its entries.
+    pub(crate) fn table_of(&self, values: &[f64]) -> Truth {
+        self.table.with_entries(values)
+    }
+
+    /// How far outside its nominal place (m) the machine leaves each point: the tool stands where the errors lead it in
+    /// the pose of the operation that cuts the point, and its effective radius is what its run-out makes of it.
+    pub(crate) fn left(&self, cut: &Cut, table: &Truth) -> Result<Vec<f64>, PositionError> {
+        let (part_pose, ball) = (&cut.part.part_pose, &cut.part.ball);
+        let left = cut.points.iter().map(|point| {
+            let led = if cut.volumetric {
+                table.corrected(&self.chain, &point.positions, part_pose, ball)?
+            } else {
+                point.positions.clone()
+            };
+            let errors = self.truth.at(&self.chain, &led);
+            let tip = self.chain.ball_in_part_with(&led, part_pose, ball, &errors);
+            let (position, normal) = point.place;
+            Ok(normal.dot(&(tip - position)) - point.swells)
+        });
+        left.collect()
+    }
+
+    /// The poses in which an operation cuts the points of a feature.
     fn cut_by_machine(
         &self,
         operation: &RawOperation,
         feature: &str,
         plan: &InspectionPlan,
-    ) -> Result<Vec<f64>, ConfigError> {
+    ) -> Result<Cut, ConfigError> {
         let refused = |point: usize, reason: String| ConfigError::Cut {
             operation: operation.id.clone(),
             feature: feature.to_owned(),
@@ -504,7 +550,7 @@ impl Config {
         };
         let part = Nominal::from_plan(plan).map_err(|error| refused(0, error.to_string()))?;
         let mut start: Vec<f64> = self.home.clone();
-        let mut left = Vec::new();
+        let mut points = Vec::new();
         for point in points_of(plan, feature) {
             let nominal = &plan.points[point];
             let turned = usize::try_from(nominal.operation)
@@ -522,28 +568,28 @@ impl Config {
                 ball: position,
                 orientation: None,
             };
-            let nominal_positions = self
+            let positions = self
                 .chain
                 .reach(&target, &prescribed, &start, &part.part_pose, &part.ball)
                 .map_err(|error| refused(point, error.to_string()))?;
-            let led = if operation.volumetric {
-                self.table
-                    .corrected(&self.chain, &nominal_positions, &part.part_pose, &part.ball)
-                    .map_err(|error| refused(point, error.to_string()))?
-            } else {
-                nominal_positions.clone()
-            };
-            let errors = self.truth.at(&self.chain, &led);
-            let tip = self
-                .chain
-                .ball_in_part_with(&led, &part.part_pose, &part.ball, &errors);
             let swells = self
                 .runout
                 .get(&operation.tool_number)
                 .map_or(0.0, |runout| runout.radius_change(nominal.tool_height));
-            left.push(normal.dot(&(tip - position)) - swells);
-            start = nominal_positions;
+            start.clone_from(&positions);
+            points.push(CutPoint {
+                place: (position, normal.into_inner()),
+                positions,
+                swells,
+            });
         }
-        Ok(left)
+        let cut = Cut {
+            part,
+            volumetric: operation.volumetric,
+            points,
+        };
+        self.left(&cut, &self.table)
+            .map_err(|error| refused(0, error.to_string()))?;
+        Ok(cut)
     }
 }

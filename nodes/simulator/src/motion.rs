@@ -16,6 +16,7 @@ use crate::{
     config::{Config, Injected},
     plant,
     state::{Program, Segment, State, Then},
+    truth::Truth,
 };
 
 /// Speed of an axis without one in its URDF, m/s or rad/s.
@@ -169,7 +170,8 @@ fn touch(
                 noise,
                 shift,
             };
-            let led = |positions: &[f64]| meeting.led(state.volumetric, positions);
+            let table = state.volumetric.then(|| config.table_of(&state.table));
+            let led = |positions: &[f64]| meeting.led(table.as_ref(), positions);
             meeting.contact(&led(&start), &led(&step.axis_positions))
         }),
     };
@@ -220,15 +222,14 @@ struct Meeting<'a> {
 }
 
 impl Meeting<'_> {
-    /// Where the controller really leads the axes that it says stand at `positions`.
-    fn led(&self, volumetric: bool, positions: &[f64]) -> Vec<f64> {
+    /// Where the controller, by its table if it goes by one, really leads the axes that it says stand at `positions`.
+    fn led(&self, table: Option<&Truth>, positions: &[f64]) -> Vec<f64> {
         let (config, part) = (self.config, self.part);
-        let by_table = || {
-            config
-                .table
-                .corrected(&config.chain, positions, &part.part_pose, &part.ball)
+        let by_table = |table: &Truth| {
+            let corrected = table.corrected(&config.chain, positions, &part.part_pose, &part.ball);
+            corrected.ok()
         };
-        let corrected = volumetric.then(by_table).and_then(Result::ok);
+        let corrected = table.and_then(by_table);
         corrected.unwrap_or_else(|| positions.to_vec())
     }
 

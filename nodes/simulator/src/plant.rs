@@ -42,8 +42,10 @@ pub(crate) fn cut(config: &Config, state: &mut State, operation: &str) {
         .get(&operation.tool_number)
         .copied()
         .unwrap_or(0.0);
+    let table = config.table_of(&state.table);
     for id in &operation.features {
-        let Some(left) = config.left.get(&(operation.id.clone(), id.clone())) else {
+        let cut = config.cuts.get(&(operation.id.clone(), id.clone()));
+        let Some(left) = cut.and_then(|cut| config.left(cut, &table).ok()) else {
             continue;
         };
         let process = config.surfaces.get(id);

@@ -26,8 +26,11 @@ pub struct State {
     pub surfaces: BTreeMap<String, Vec<f64>>,
     /// Corrections of the tool path of a feature, along the normal of each of its points, m.
     pub path_offsets: BTreeMap<String, Vec<f64>>,
-    /// The controller goes by its volumetric table since the last cut.
+    /// The controller goes by its volumetric table: from the start, since the last cut, or since the table was written.
     pub volumetric: bool,
+    /// Values of the entries of the volumetric table, in the order of the cell file, m or rad. A new run begins with those
+    /// of the cell file, as with everything that a real controller would have kept.
+    pub table: Vec<f64>,
     /// Axis positions when no program runs, m and rad.
     pub position: Vec<f64>,
     /// What the machine is executing.

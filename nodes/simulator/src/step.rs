@@ -43,6 +43,12 @@ outputs! {
 
 /// Timer of the regular samples.
 const SAMPLE: u32 = 1;
+/// Commands that move the machine, or that change where it goes.
+const MOVES: [u8; 3] = [
+    ControllerCommand::RUN_OPERATION,
+    ControllerCommand::RUN_MEASUREMENT,
+    ControllerCommand::SET_VOLUMETRIC,
+];
 /// s between two regular samples.
 const SAMPLE_PERIOD: f64 = 0.01;
 
@@ -74,7 +80,8 @@ impl Node for SimulatorNode {
             turned: std::collections::BTreeMap::new(),
             surfaces: std::collections::BTreeMap::new(),
             path_offsets: std::collections::BTreeMap::new(),
-            volumetric: false,
+            volumetric: raw.machine.volumetric,
+            table: config.table.entries().map(|(_, value)| value).collect(),
             position: config.home.clone(),
             program: None,
             awaiting: None,
@@ -131,7 +138,7 @@ fn obey(
         Some("it was made for another run of the driver")
     } else if state.estop {
         Some("emergency stop")
-    } else if state.program.is_some() && command.kind <= ControllerCommand::RUN_MEASUREMENT {
+    } else if state.program.is_some() && MOVES.contains(&command.kind) {
         Some("a program is running")
     } else {
         None
@@ -153,6 +160,7 @@ fn obey(
         }
         ControllerCommand::SET_TOOL_WEAR => set_wear(state, now, &command, out),
         ControllerCommand::SET_TOOL_PATH => set_path(config, state, now, &command, out),
+        ControllerCommand::SET_VOLUMETRIC => set_table(config, state, now, &command, out),
         ControllerCommand::STOP => {
             abort(state, now, "stopped", out);
             out.send(Output::Reply(reply(state, now, &command)));
@@ -264,11 +272,9 @@ fn set_path(
     command: &ControllerCommand,
     out: &mut Outbox<Output>,
 ) {
-    let points = config
-        .left
-        .iter()
-        .find(|((_, feature), _)| *feature == command.feature)
-        .map_or(0, |(_, left)| left.len());
+    let mut cuts = config.cuts.iter();
+    let cut = cuts.find(|((_, feature), _)| *feature == command.feature);
+    let points = cut.map_or(0, |(_, cut)| cut.len());
     let usable = points > 0
         && command.path.len() == points
         && command.path.iter().all(|offset| offset.is_finite());
@@ -290,6 +296,50 @@ fn set_path(
                 command.feature,
                 command.path.len()
             ),
+            ..reply(state, now, command)
+        }
+    };
+    out.send(Output::Reply(answer));
+}
+
+/// Values of the volumetric table's entries that are in force, m or rad.
+fn in_force(state: &State) -> Vec<f64> {
+    let shown = |value: &f64| if state.volumetric { *value } else { 0.0 };
+    state.table.iter().map(shown).collect()
+}
+
+/// Takes over a volumetric table, and goes by it from now on.
+fn set_table(
+    config: &Config,
+    state: &mut State,
+    now: Stamp,
+    command: &ControllerCommand,
+    out: &mut Outbox<Output>,
+) {
+    let names: Vec<&str> = config.table.entries().map(|(name, _)| name).collect();
+    let usable = !names.is_empty()
+        && command.entries == names
+        && command.values.len() == names.len()
+        && command.values.iter().all(|value| value.is_finite());
+    let answer = if usable {
+        let values_before = in_force(state);
+        state.table.clone_from(&command.values);
+        state.volumetric = true;
+        ControllerReply {
+            values_before,
+            values: in_force(state),
+            ..reply(state, now, command)
+        }
+    } else {
+        let text = format!(
+            "the volumetric table has the entries [{}], and {} values of [{}] are none of it",
+            names.join(", "),
+            command.values.len(),
+            command.entries.join(", ")
+        );
+        ControllerReply {
+            outcome: ControllerReply::REFUSED,
+            text,
             ..reply(state, now, command)
         }
     };
@@ -446,6 +496,10 @@ fn sample(config: &Config, state: &State, now: Stamp, out: &mut Outbox<Output>) 
         alarms: state.alarms.clone(),
         tool_numbers: state.wear.keys().copied().collect(),
         tool_wear: state.wear.values().copied().collect(),
+        volumetric_entries: (config.table.entries())
+            .map(|(name, _)| name.to_owned())
+            .collect(),
+        volumetric_values: in_force(state),
         ..ControllerStatus::default()
     }));
 }

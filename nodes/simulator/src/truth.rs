@@ -2,7 +2,7 @@
 //!
 //! Errors are named as ISO 230-1 names them: `EX0C` is where axis C lies off in X, `EYZ` how far the motion of Z goes
 //! astray in Y, `EAX` how far it rolls. A location error acts right after the joint's origin, a motion error in the
-//! moved frame. m, rad. The cell knows nothing of this section.
+//! moved frame. m, rad. The cell knows nothing of this section but what the controller tells of its table.
 
 use machine::{Chain, ChainErrors, PositionError, Volumetric};
 use nalgebra::{Isometry3, Point3, Vector3};
@@ -17,8 +17,11 @@ const UNKNOWN_TRAVEL: f64 = 1.0;
 pub struct RawMachine {
     /// Geometric errors of the axes.
     pub errors: Vec<RawError>,
-    /// What the controller's volumetric table takes them for, where an operation uses it.
+    /// What the controller's volumetric table takes them for as the controller starts; its location errors are the
+    /// entries that can be written.
     pub table: Vec<RawError>,
+    /// The controller goes by its table from the start, not only where an operation uses it or once it is written.
+    pub volumetric: bool,
     /// From some touch on the part lies elsewhere.
     pub slip: Option<RawSlip>,
 }
@@ -58,6 +61,7 @@ pub struct RawSlip {
 /// One checked error.
 #[derive(Clone, Debug)]
 struct Term {
+    name: String,
     joint: usize,
     axis: usize,
     component: usize,
@@ -86,6 +90,9 @@ pub enum TruthError {
         "machine.errors: {0:?} is not an error of an axis of this machine (such as \"EX0C\" or \"EYZ\")"
     )]
     Name(String),
+    /// An entry of the table that stands there twice.
+    #[error("machine.table: {0:?} stands there twice")]
+    Twice(String),
     /// A value in the wrong unit, or beyond what the approximation of small errors bears.
     #[error("machine.errors: {name}: {key} {problem}")]
     Value {
@@ -99,12 +106,39 @@ pub enum TruthError {
 }
 
 impl Truth {
+    /// Checks a volumetric table against the machine: each entry stands there once.
+    pub fn table(raw: &[RawError], chain: &Chain) -> Result<Self, TruthError> {
+        for (index, entry) in raw.iter().enumerate() {
+            if raw[..index].iter().any(|known| known.name == entry.name) {
+                return Err(TruthError::Twice(entry.name.clone()));
+            }
+        }
+        Self::new(raw, chain)
+    }
+
     /// Checks errors against the machine.
     pub fn new(raw: &[RawError], chain: &Chain) -> Result<Self, TruthError> {
         let terms = raw.iter().map(|raw| Term::new(raw, chain));
         Ok(Self {
             terms: terms.collect::<Result<_, _>>()?,
         })
+    }
+
+    /// Names and values (m or rad) of its location errors, each told once.
+    pub fn entries(&self) -> impl Iterator<Item = (&str, f64)> {
+        let entries = self.terms.iter().filter(|term| term.location);
+        entries.map(|term| (term.name.as_str(), term.constant))
+    }
+
+    /// The same with other values (m or rad) of its location errors, in their order.
+    #[must_use]
+    pub fn with_entries(&self, values: &[f64]) -> Self {
+        let mut with = self.clone();
+        let entries = with.terms.iter_mut().filter(|term| term.location);
+        for (term, value) in entries.zip(values) {
+            term.constant = *value;
+        }
+        with
     }
 
     /// The errors at axis positions (m, rad, in the order of the chain's axes).
@@ -186,6 +220,7 @@ impl Term {
             .limits
             .unwrap_or((-0.5 * UNKNOWN_TRAVEL, 0.5 * UNKNOWN_TRAVEL));
         Ok(Self {
+            name: raw.name.clone(),
             joint: chain.axes()[axis],
             axis,
             component,

@@ -227,3 +227,92 @@ fn samples_tell_where_the_axes_are_and_that_a_program_runs() {
     );
     assert!((sample.spindle_speed - std::f64::consts::TAU).abs() < 1e-12);
 }
+
+/// The same machine with a volumetric table that it does not go by yet.
+fn with_table() -> Machine {
+    let text = r#"
+        seed = 1
+        home = { Z = { position_mm = 100.0 } }
+        probe = { center_error_um = [0.0, 0.0, 0.0], radius_error_um = 0.0, touch_sd_um = 0.0 }
+        plant = { spring_back = 0.0, cut_sd_um = 0.0 }
+        machine = { table = [{ name = "EZ0Z", value_um = 4.0 }, { name = "EA0Z", value_urad = 7.0 }] }
+        tools = [{ number = 2, error_um = 0.0 }]
+        operations = [{ id = "turn", tool_number = 2, duration_s = 2.0, spindle_rpm = 60.0 }]
+        "#;
+    let raw: RawConfig = toml::from_str(text).unwrap_or_else(|error| panic!("{error}"));
+    let plan = InspectionPlan::default();
+    let config = raw.check(Chain::from_urdf(ROBOT).expect("a chain"), &plan);
+    Machine::new(config.expect("sound settings"))
+}
+
+fn table(names: &[&str], values: &[f64]) -> ControllerCommand {
+    ControllerCommand {
+        entries: names.iter().map(|&name| name.to_owned()).collect(),
+        values: values.to_vec(),
+        ..command(ControllerCommand::SET_VOLUMETRIC)
+    }
+}
+
+/// Entries and values that the machine tells at that second.
+fn told(machine: &mut Machine, seconds: f64) -> (Vec<String>, Vec<f64>) {
+    let said = machine.step(seconds, Input::Timer(1));
+    let status = said.into_iter().find_map(|output| match output {
+        Output::Status(status) => Some((status.volumetric_entries, status.volumetric_values)),
+        _ => None,
+    });
+    status.expect("a sample")
+}
+
+#[test]
+fn a_volumetric_table_is_taken_whole_told_and_gone_by_from_then_on() {
+    let mut machine = with_table();
+    let names = ["EZ0Z", "EA0Z"];
+    // In the cell file it has values, but the controller does not go by it.
+    assert_eq!(
+        told(&mut machine, 1.0),
+        (names.map(str::to_owned).to_vec(), vec![0.0; 2])
+    );
+    for (entries, values) in [
+        (&names[..1], &[1e-6][..]),
+        (&names, &[1e-6]),
+        (&["EA0Z", "EZ0Z"], &[1e-6, 2e-6]),
+        (&names, &[1e-6, f64::NAN]),
+        (&[], &[]),
+    ] {
+        let [(outcome, text)] = &machine.tell(1.1, table(entries, values))[..] else {
+            panic!("one answer");
+        };
+        assert_eq!(*outcome, ControllerReply::REFUSED);
+        assert!(
+            text.starts_with("the volumetric table has the entries [EZ0Z, EA0Z]"),
+            "{text}"
+        );
+    }
+    assert_eq!(told(&mut machine, 1.2).1, [0.0; 2]);
+    let said = machine.step(1.3, Input::Command(table(&names, &[1e-6, -2e-6])));
+    let Some(Output::Reply(reply)) = said.first() else {
+        panic!("{said:?}");
+    };
+    assert_eq!(reply.outcome, ControllerReply::DONE);
+    assert_eq!(
+        (&reply.values_before, &reply.values),
+        (&vec![0.0; 2], &vec![1e-6, -2e-6])
+    );
+    assert_eq!(told(&mut machine, 1.4).1, [1e-6, -2e-6]);
+    // Never while something moves by it.
+    machine.tell(2.0, command(ControllerCommand::RUN_OPERATION));
+    assert_eq!(
+        machine.tell(3.0, table(&names, &[0.0, 0.0])),
+        [(ControllerReply::REFUSED, "a program is running".to_owned())]
+    );
+}
+
+#[test]
+fn a_machine_without_a_table_refuses_one() {
+    let mut machine = Machine::new(config(0.0, 0.0));
+    let [(outcome, text)] = &machine.tell(1.0, table(&[], &[]))[..] else {
+        panic!("one answer");
+    };
+    assert_eq!(*outcome, ControllerReply::REFUSED);
+    assert!(text.contains("has the entries []"), "{text}");
+}

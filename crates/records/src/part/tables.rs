@@ -1,5 +1,7 @@
 //! Tables of the page of a session: measurements, sizes, corrections, faults, losses.
 
+use std::collections::BTreeSet;
+
 use probecell_msgs::{
     Correction, CorrectionAcknowledgement, Fault, FeatureResult, InspectionPlan, PartAlignment,
     PassDecision, Verdict,
@@ -243,7 +245,7 @@ fn judged(verdict: &Verdict) -> String {
 pub(super) fn decision(code: u8) -> &'static str {
     match code {
         PassDecision::NEXT => "Go on",
-        PassDecision::RECUT => "Cut again",
+        PassDecision::RECUT => "Correct and repeat the pass",
         PassDecision::SCRAP => "Scrap",
         _ => "Stop",
     }
@@ -314,11 +316,93 @@ pub(super) fn subject(correction: &Correction) -> String {
     match correction.kind {
         Correction::TOOL_WEAR => format!("wear of tool {}", correction.tool_number),
         Correction::WORK_OFFSET => format!("work offset of {}", correction.axis),
+        Correction::VOLUMETRIC => format!(
+            "volumetric table, {} entries, largest displacement",
+            correction.entries.len()
+        ),
         _ => format!(
             "tool path, {} points, largest offset",
             correction.path.len()
         ),
     }
+}
+
+/// Entries of the volumetric tables that rest on a measurement, each as it was asked for last.
+pub(super) fn entries(session: &PartSession, plan_id: &str) -> Table {
+    let mut table = Table::new(
+        "Volumetric table, entry by entry",
+        &[
+            "correction",
+            "entry",
+            "from",
+            "to",
+            "bound",
+            "u",
+            "read back",
+        ],
+    );
+    let own = (session.corrections.iter())
+        .filter(|one| one.plan_id == plan_id && one.kind == Correction::VOLUMETRIC);
+    let mut known = BTreeSet::new();
+    for one in own.filter(|one| known.insert(one.correction_id.as_str())) {
+        let answer = (session.acknowledgements.iter()).rfind(|answer| {
+            answer.correction_id == one.correction_id && !answer.values_after.is_empty()
+        });
+        for (place, [name, from, to, bound, u]) in table_entries(one).into_iter().enumerate() {
+            let after = answer.and_then(|answer| answer.values_after.get(place));
+            let after = after.map_or_else(|| "–".to_owned(), |value| entry(&name, *value, true));
+            let id = one.correction_id.clone();
+            table.row(vec![id, name, from, to, bound, u, after]);
+        }
+    }
+    table
+}
+
+/// Of each entry of a volumetric table that a correction asks for: name, value before, value after, bound, standard
+/// uncertainty (none where it was not estimated), in µm or µrad; nothing of other corrections.
+pub fn table_entries(correction: &Correction) -> Vec<[String; 5]> {
+    let of = |values: &[f64], place: usize| values.get(place).copied().unwrap_or(f64::NAN);
+    let names = correction.entries.iter().enumerate();
+    names
+        .map(|(place, name)| {
+            let u = of(&correction.value_uncertainties, place);
+            [
+                name.clone(),
+                entry(name, of(&correction.previous_values, place), true),
+                entry(name, of(&correction.new_values, place), true),
+                format!(
+                    "± {}",
+                    entry(name, of(&correction.value_limits, place), false)
+                ),
+                entry(name, if u > 0.0 { u } else { f64::NAN }, false),
+            ]
+        })
+        .collect()
+}
+
+/// A value of an entry: µrad of a rotation (ISO 230-1: EA, EB, EC), else µm.
+fn entry(name: &str, value: f64, signed: bool) -> String {
+    let turns = ["EA", "EB", "EC"].iter().any(|kind| name.starts_with(kind));
+    fixed(value * 1e6, 1, if turns { "µrad" } else { "µm" }, signed)
+}
+
+/// Verdicts that are on no size: what was found of the machine itself.
+pub(super) fn machine(session: &PartSession, plan_id: &str) -> Vec<String> {
+    let of_plan = session.verdicts.iter().filter(|one| one.plan_id == plan_id);
+    let on_no_size = of_plan.filter(|verdict| {
+        let mut results = session.results.iter();
+        !results.any(|one| one.plan_id == plan_id && one.feature_id == verdict.feature_id)
+    });
+    on_no_size
+        .map(|one| {
+            format!(
+                "{}, tolerance {}: {}.",
+                one.feature_id,
+                um_size(one.tolerance),
+                judged(one)
+            )
+        })
+        .collect()
 }
 
 fn approval(correction: &Correction) -> String {

@@ -255,6 +255,7 @@ impl Driver {
             value_before,
             value,
             text: text.to_owned(),
+            ..ControllerReply::default()
         }));
     }
 }

@@ -143,6 +143,9 @@ impl Driver {
             ControllerCommand::RUN_MEASUREMENT => self.prepare_measurement(sample, command),
             ControllerCommand::SET_TOOL_WEAR => self.prepare_tool_wear(command),
             ControllerCommand::SET_WORK_OFFSET => self.prepare_work_offset(command),
+            ControllerCommand::SET_VOLUMETRIC => {
+                Err("LinuxCNC has no volumetric table: nothing was written".to_owned())
+            }
             other => Err(format!("there is no command of kind {other}")),
         }
     }

@@ -67,6 +67,9 @@ impl Driver {
                 .map(|&(number, _)| number)
                 .collect(),
             tool_wear: self.tool_wear.clone(),
+            // LinuxCNC has no volumetric table.
+            volumetric_entries: Vec::new(),
+            volumetric_values: Vec::new(),
         }
     }
 
