@@ -1,7 +1,8 @@
 //! What a cutter leaves on the part: prediction of machined surfaces, and tests that a machine cuts and measures itself.
 //!
 //! Metres and radians, part frame; a deviation is positive where material is left. Source systems D
-//! ([`mismatch`]: five-axis validation by surface mismatch) and E ([`flank`]: accuracy of flank milling). Chains and
+//! ([`mismatch`]: five-axis validation by surface mismatch; [`calibration`]: the link errors themselves, by touches of
+//! balls) and E ([`flank`]: accuracy of flank milling). Chains and
 //! their errors come from `machine`. No cutting forces, no messages, no files; what is random starts from a seed.
 
 pub mod calibration;

@@ -2,6 +2,7 @@
 
 use compensation::{
     CompensationNode, Config, Input, Output, PathCorrection, RawCharacteristic, RawConfig,
+    RawVolumetric,
 };
 use graph::{Node, Outbox, Stamp};
 use machine::Chain;
@@ -509,5 +510,39 @@ fn a_size_that_stands_there_for_each_pass_has_a_tolerance_and_a_register_in_each
         let refused = raw(characteristics).check(&chain(), &["rough", "finish"], false);
         let told = refused.err().map(|error| error.to_string());
         assert_eq!(told.as_deref(), Some(expected));
+    }
+}
+
+#[test]
+fn a_table_of_links_that_the_machine_lacks_or_of_none_is_refused() {
+    for (links, says) in [
+        (vec![], "compensation.volumetric.links is empty"),
+        (
+            vec!["EC0W"],
+            "`EC0W` names axis `W`, which the robot description lacks",
+        ),
+        (vec!["ECY"], "`ECY` is no location error"),
+        (vec!["EC0Y", "EX0C", "EC0Y"], "\"EC0Y\" stands there twice"),
+    ] {
+        let table = RawVolumetric {
+            id: "table".to_owned(),
+            links: links.into_iter().map(str::to_owned).collect(),
+            tolerance_mm: 0.01,
+            limit_um: 50.0,
+            limit_urad: 100.0,
+            uncertainty_um: 2.0,
+            uncertainty_urad: 5.0,
+            displacement_limit_mm: 0.5,
+            beside: Vec::new(),
+            passes: Vec::new(),
+        };
+        let raw = RawConfig {
+            volumetric: Some(table),
+            ..raw(true, false)
+        };
+        let error = raw
+            .check(&chain(), &["finish"], false)
+            .expect_err("refused");
+        assert!(error.to_string().contains(says), "{error}");
     }
 }
