@@ -415,6 +415,7 @@ mod tests {
             value_before: 0.0,
             value_after: -12e-6,
             text: String::new(),
+            ..CorrectionAcknowledgement::default()
         };
         let fault = |after_s: f64, node: &str| Fault {
             header: stamped(after_s),

@@ -483,3 +483,74 @@ pub(super) fn losses(session: &PartSession) -> Table {
     }
     table
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_volumetric_table_is_told_entry_by_entry_with_its_unit_and_what_was_read_back() {
+        let correction = Correction {
+            kind: Correction::VOLUMETRIC,
+            correction_id: "balls/calibrate/1/volumetric".to_owned(),
+            plan_id: "balls/calibrate/1".to_owned(),
+            entries: ["EA0B", "EX0C", "EC0X"].map(str::to_owned).to_vec(),
+            previous_values: vec![12e-6, 6.5e-6, 1e-6],
+            new_values: vec![-68.5e-6, -31.5e-6, 1e-6],
+            value_limits: vec![200e-6, 80e-6, 200e-6],
+            value_uncertainties: vec![2.13e-6, 0.21e-6, 0.0],
+            ..Correction::default()
+        };
+        let answer = CorrectionAcknowledgement {
+            correction_id: correction.correction_id.clone(),
+            values_after: vec![-68.5e-6, -31.5e-6, 1e-6],
+            ..CorrectionAcknowledgement::default()
+        };
+        let mut session = PartSession {
+            // Proposed, then approved: one table.
+            corrections: vec![correction.clone(), correction],
+            ..PartSession::default()
+        };
+        let lines = |session: &PartSession| -> Vec<String> {
+            let rows = entries(session, "balls/calibrate/1").rows;
+            rows.iter().map(|row| row[1..].join(" | ")).collect()
+        };
+        let unanswered = lines(&session);
+        assert_eq!(
+            unanswered,
+            [
+                "EA0B | +12.0 µrad | -68.5 µrad | ± 200.0 µrad | 2.1 µrad | –",
+                "EX0C | +6.5 µm | -31.5 µm | ± 80.0 µm | 0.2 µm | –",
+                "EC0X | +1.0 µrad | +1.0 µrad | ± 200.0 µrad | – | –",
+            ]
+        );
+        session.acknowledgements.push(answer);
+        assert!(lines(&session)[1].ends_with("0.2 µm | -31.5 µm"));
+        assert!(entries(&session, "balls/calibrate/2").rows.is_empty());
+    }
+
+    #[test]
+    fn what_was_found_of_the_machine_stands_beside_the_sizes() {
+        let verdict = |feature_id: &str| Verdict {
+            plan_id: "p".to_owned(),
+            feature_id: feature_id.to_owned(),
+            tolerance: 3e-6,
+            verdict: Verdict::COMPENSABLE,
+            text: "the tip is off".to_owned(),
+            ..Verdict::default()
+        };
+        let session = PartSession {
+            results: vec![FeatureResult {
+                plan_id: "p".to_owned(),
+                feature_id: "D1".to_owned(),
+                ..FeatureResult::default()
+            }],
+            verdicts: vec![verdict("D1"), verdict("volumetric table")],
+            ..PartSession::default()
+        };
+        assert_eq!(
+            machine(&session, "p"),
+            ["volumetric table, tolerance 3.0 µm: can be corrected: the tip is off."]
+        );
+    }
+}
