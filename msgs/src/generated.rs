@@ -157,13 +157,17 @@ pub struct ControllerStatus {
     pub volumetric_entries: Vec<String>,
     /// m or rad, value in force of each entry: 0 while the controller does not go by its table
     pub volumetric_values: Vec<f64>,
+    /// linear joints whose work offset the controller tells; empty: it tells none
+    pub work_offset_axes: Vec<String>,
+    /// m, work offset in force of each: programme position 0 lies there
+    pub work_offsets: Vec<f64>,
 }
 
 impl Message for ControllerStatus {
     const TYPE: &'static MessageType = &MessageType {
         name: "probecell_msgs/msg/ControllerStatus",
         dds_name: "probecell_msgs::msg::dds_::ControllerStatus_",
-        type_hash: "RIHS01_d6a7cf4945a1d19bcc75983891116575819f5c1c3060caaaae6891c12d44e532",
+        type_hash: "RIHS01_dbcb617c9219fea247490ce5f5476608adaa31f211c2c08881447e3475eb3b3b",
         definition: concat!(
             include_str!("../msg/ControllerStatus.msg"),
             "================================================================================\nMSG: std_msgs/Header\n",
@@ -1306,7 +1310,7 @@ impl Message for Stylus {
     };
 }
 
-/// Offsets that the controller holds now: wear of tools, volumetric table. Published on tool_offsets: reliable, transient local, depth 1.
+/// Offsets that the controller holds now: wear of tools, volumetric table, work offsets. Published on tool_offsets: reliable, transient local, depth 1.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ToolOffsets {
     /// stamp: of the controller's sample that changed them
@@ -1320,13 +1324,17 @@ pub struct ToolOffsets {
     pub volumetric_entries: Vec<String>,
     /// m or rad, value in force of each entry: 0 while the controller does not go by its table
     pub volumetric_values: Vec<f64>,
+    /// linear joints whose work offset the controller tells
+    pub work_offset_axes: Vec<String>,
+    /// m, work offset in force of each
+    pub work_offsets: Vec<f64>,
 }
 
 impl Message for ToolOffsets {
     const TYPE: &'static MessageType = &MessageType {
         name: "probecell_msgs/msg/ToolOffsets",
         dds_name: "probecell_msgs::msg::dds_::ToolOffsets_",
-        type_hash: "RIHS01_e4854f1869e1c129d8691d3708c44e3dbacfc63ab317ebba31b62ecfae1efe51",
+        type_hash: "RIHS01_63508265b665f42e115425936f9fe5c76a15e1d6a64d482009e3e549f4b8674a",
         definition: concat!(
             include_str!("../msg/ToolOffsets.msg"),
             "================================================================================\nMSG: std_msgs/Header\n",

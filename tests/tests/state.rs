@@ -161,6 +161,15 @@ fn calibrating() -> (Cell, Vec<Published>) {
     (cell, session.finish())
 }
 
+/// A part that lies off its place, followed by the work offsets; then another one.
+fn clamped() -> (Cell, Vec<Published>) {
+    let cell = cell("clamped_casting.toml", str::to_owned);
+    let mut session = Session::new(&cell);
+    session.make("casting");
+    session.make("second");
+    (cell, session.finish())
+}
+
 /// Further touches of a part that was made, and touches that were measured already.
 fn further() -> (Cell, Vec<Published>) {
     let cell = cell("ball_check.toml", |text| {
@@ -305,6 +314,7 @@ fn sessions() -> Vec<(Cell, Vec<Published>)> {
         path(),
         five_axis(),
         calibrating(),
+        clamped(),
         further(),
         too_early(),
         again(),

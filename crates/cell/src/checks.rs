@@ -126,6 +126,20 @@ fn names(cell: &Cell) -> Result<(), String> {
             table.id
         ));
     }
+    if let Some(place) = &cell.compensation.work_offset {
+        if sizes.contains(place.id.as_str()) {
+            return Err(format!(
+                "compensation.work_offset.id = {:?} is the name of a feature, width or step",
+                place.id
+            ));
+        }
+        if cell.analysis.alignment.is_none() {
+            return Err(
+                "compensation.work_offset needs analysis.alignment, which says where the part lies"
+                    .to_owned(),
+            );
+        }
+    }
     tools(cell)
 }
 
@@ -197,6 +211,18 @@ fn tools(cell: &Cell) -> Result<(), String> {
             return Err(format!(
                 "compensation.characteristics: {:?} is corrected by tool {number}, which is not one of simulator.tools",
                 characteristic.id
+            ));
+        }
+    }
+    for axis in cell
+        .compensation
+        .work_offset
+        .iter()
+        .flat_map(|own| &own.axes)
+    {
+        if !simulator.machine.work_offset_axes.contains(axis) {
+            return Err(format!(
+                "compensation.work_offset.axes: {axis:?} is not one of simulator.machine.work_offset_axes"
             ));
         }
     }

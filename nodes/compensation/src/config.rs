@@ -7,7 +7,10 @@ use metrology::decision::{DecisionLimits, Policy, Side};
 use probecell_msgs::Correction;
 use serde::Deserialize;
 
-use crate::volumetric::{RawVolumetric, Volumetric, VolumetricError};
+use crate::{
+    volumetric::{RawVolumetric, Volumetric, VolumetricError},
+    work_offset::{RawWorkOffset, WorkOffset, WorkOffsetError},
+};
 
 /// As written in the cell file, section `[compensation]`.
 #[derive(Clone, Debug, Deserialize)]
@@ -18,6 +21,8 @@ pub struct RawConfig {
     pub characteristics: Vec<RawCharacteristic>,
     /// The controller's volumetric table, judged and corrected by touches of balls; none: it is left alone.
     pub volumetric: Option<RawVolumetric>,
+    /// Work offsets that follow a part which lies off its place; none: they are left alone.
+    pub work_offset: Option<RawWorkOffset>,
     /// A wear offset beyond this means a worn tool.
     pub wear_limit_mm: f64,
     /// Corrections of one pass after which it is called not converging.
@@ -115,6 +120,8 @@ pub struct Config {
     pub characteristics: Vec<Characteristic>,
     /// The controller's volumetric table, where it is judged.
     pub volumetric: Option<Volumetric>,
+    /// The place of the part, where it is judged.
+    pub work_offset: Option<WorkOffset>,
     /// m; the largest wear offset, of either sign.
     pub wear_limit: f64,
     /// m; the largest offset of a point of a tool path, of either sign.
@@ -148,6 +155,9 @@ pub enum ConfigError {
     /// The volumetric table cannot be judged so.
     #[error(transparent)]
     Volumetric(#[from] VolumetricError),
+    /// Work offsets cannot follow so.
+    #[error(transparent)]
+    WorkOffset(#[from] WorkOffsetError),
     /// A pass that the cycle lacks.
     #[error(
         "compensation.characteristics: {id:?} decides in pass {pass:?}, which the cycle does not have"
@@ -194,7 +204,8 @@ impl RawConfig {
         passes: &[&str],
         replayed: bool,
     ) -> Result<Config, ConfigError> {
-        if self.characteristics.is_empty() && self.volumetric.is_none() {
+        let none = self.volumetric.is_none() && self.work_offset.is_none();
+        if self.characteristics.is_empty() && none {
             return Err(ConfigError::NoCharacteristic);
         }
         let tolerances = self.characteristics.iter();
@@ -213,7 +224,8 @@ impl RawConfig {
             ("wear_per_size".to_owned(), self.wear_per_size),
         ];
         let table = self.volumetric.iter().flat_map(RawVolumetric::numbers);
-        for (key, value) in own.into_iter().chain(tolerances).chain(table) {
+        let place = self.work_offset.iter().flat_map(RawWorkOffset::numbers);
+        for (key, value) in own.into_iter().chain(tolerances).chain(table).chain(place) {
             if !(value.is_finite() && value > 0.0) {
                 return Err(ConfigError::Number { key, value });
             }
@@ -233,6 +245,13 @@ impl RawConfig {
                 Some(raw.check(chain, own)?)
             }
         };
+        let work_offset = match &self.work_offset {
+            None => None,
+            Some(raw) => {
+                let own = decides_in(&raw.id, &raw.passes, passes)?;
+                Some(raw.check(chain, own)?)
+            }
+        };
         for (pass, name) in (0..).zip(passes) {
             let mut deciding = BTreeSet::new();
             let own = characteristics.iter().filter(|one| one.decides_in(pass));
@@ -246,13 +265,15 @@ impl RawConfig {
                 }
             }
             let table = volumetric.as_ref().filter(|one| one.decides_in(pass));
-            if deciding.is_empty() && table.is_none() {
+            let place = work_offset.as_ref().filter(|one| one.decides_in(pass));
+            if deciding.is_empty() && table.is_none() && place.is_none() {
                 return Err(decides("no size decides".to_owned()));
             }
         }
         Ok(Config {
             characteristics,
             volumetric,
+            work_offset,
             wear_limit: self.wear_limit_mm * 1e-3,
             path_limit: self.path_limit_mm * 1e-3,
             path: self.path,
@@ -333,6 +354,16 @@ impl Config {
     /// The volumetric table, where it decides in the pass of that index.
     pub(crate) fn table(&self, pass: u32) -> Option<&Volumetric> {
         self.volumetric.as_ref().filter(|one| one.decides_in(pass))
+    }
+
+    /// Work offsets, where the place of the part decides in the pass of that index.
+    pub(crate) fn work_offset(&self, pass: u32) -> Option<&WorkOffset> {
+        self.work_offset.as_ref().filter(|one| one.decides_in(pass))
+    }
+
+    /// True where something beside sizes is judged by the touches themselves.
+    pub(crate) fn hears_touches(&self) -> bool {
+        self.volumetric.is_some() || self.work_offset.is_some()
     }
 
     /// What a correction says of its approval as it is made.

@@ -6,15 +6,17 @@ use graph::{Node, Outbox, Stamp, inputs, outputs, topics};
 use metrology::decision::{self, Action, Invalid, Policy, Reading, decide};
 use probecell_msgs::{
     Correction, Fault, FeatureResult, InspectionPlan, OperationRequest, OperatorReply,
-    OperatorRequest, PartReport, PassDecision, ProbeEvent, ToolOffsets, TouchDeviation, Verdict,
-    std_msgs,
+    OperatorRequest, PartAlignment, PartReport, PassDecision, ProbeEvent, ToolOffsets,
+    TouchDeviation, Verdict, std_msgs,
 };
 use serde::{Deserialize, Serialize};
 
 use crate::{
     config::{Characteristic, Config},
+    judged::Finding,
     path::{self, Paths},
-    volumetric::{self, Memory, Volumetric},
+    volumetric::{self, Memory},
+    work_offset,
 };
 
 inputs! {
@@ -36,6 +38,8 @@ inputs! {
         Event(ProbeEvent) = topics::PROBE_EVENTS,
         /// The deviation of a touch: how well it is known.
         Deviation(TouchDeviation) = topics::TOUCH_DEVIATIONS,
+        /// Where the part lies.
+        Placed(PartAlignment) = topics::PART_ALIGNMENT,
     }
 }
 
@@ -78,8 +82,10 @@ pub struct State {
     pub withdrawn: BTreeMap<String, String>,
     /// Offsets of the tool paths that were asked for in this session of the driver.
     pub paths: Paths,
-    /// What the volumetric table is judged by.
-    pub volumetric: Memory,
+    /// What the volumetric table and the place of the part are judged by.
+    pub heard: Memory,
+    /// Where the part lies, by the measurement heard last.
+    pub placed: Option<PartAlignment>,
 }
 
 /// Timer that looks for proposals nobody has answered.
@@ -119,7 +125,7 @@ impl Node for CompensationNode {
                     state.results.clear();
                     state.proposed.clear();
                     state.withdrawn.clear();
-                    state.volumetric.keep(&request.plan_id);
+                    state.heard.keep(&request.plan_id);
                     // From a plan that is only measured nothing follows.
                     state.measurement =
                         (!request.only_measure).then_some((request.plan_id, request.pass_number));
@@ -128,19 +134,24 @@ impl Node for CompensationNode {
                     }
                 }
             }
-            // What only the table is judged by is not kept where there is none to judge.
-            Input::Plan(_) | Input::Event(_) | Input::Deviation(_)
-                if config.volumetric.is_none() => {}
+            // What only these are judged by is not kept where there is none to judge.
+            Input::Plan(_) | Input::Event(_) if !config.hears_touches() => {}
+            Input::Deviation(_) if config.volumetric.is_none() => {}
+            Input::Placed(_) if config.work_offset.is_none() => {}
+            Input::Placed(placed) => {
+                state.placed = Some(placed);
+                decide_when_complete(config, state, now, out);
+            }
             Input::Plan(plan) => {
-                state.volumetric.plan = Some(plan);
+                state.heard.plan = Some(plan);
                 decide_when_complete(config, state, now, out);
             }
             Input::Event(event) => {
-                state.volumetric.events.insert(event.sequence, event);
+                state.heard.events.insert(event.sequence, event);
                 decide_when_complete(config, state, now, out);
             }
             Input::Deviation(touch) => {
-                state.volumetric.take(&touch);
+                state.heard.take(&touch);
                 decide_when_complete(config, state, now, out);
             }
             Input::Feature(result) => take(config, state, now, result, out),
@@ -170,7 +181,7 @@ fn take(
         }
     };
     let decides = (config.deciding(pass)).any(|one| one.id == result.feature_id);
-    if decides || config.table(pass).is_some() {
+    if decides || config.table(pass).is_some() || config.work_offset(pass).is_some() {
         state.results.insert(result.feature_id.clone(), result);
         decide_when_complete(config, state, now, out);
     }
@@ -184,8 +195,12 @@ fn decide_when_complete(config: &Config, state: &mut State, now: Stamp, out: &mu
     let results = &state.results;
     let mut sizes = config.deciding(*pass);
     let table = config.table(*pass);
+    let place = config.work_offset(*pass);
     if sizes.all(|one| results.contains_key(&one.id))
-        && table.is_none_or(|_| state.volumetric.is_complete(plan_id, results))
+        && table.is_none_or(|_| state.heard.is_complete(plan_id, results))
+        && place.is_none_or(|_| {
+            work_offset::is_complete(state.placed.as_ref(), plan_id, &state.heard, results)
+        })
     {
         decide_on_all(config, state, now, out);
     }
@@ -242,27 +257,24 @@ fn decide_on_all(config: &Config, state: &mut State, now: Stamp, out: &mut Outbo
             (characteristic, verdict, action)
         })
         .collect();
-    let table = config.table(pass).map(|own| {
-        let offsets = state.offsets.as_ref();
-        let memory = &state.volumetric;
-        let judged = volumetric::judge(config, own, memory, &results, offsets, state.corrections);
+    let own = findings(config, state, now, &plan_id, pass, &results);
+    for finding in &own {
         out.send(Output::Verdict(Verdict {
             header: header(now),
             plan_id: plan_id.clone(),
             part_id: part_id.clone(),
-            feature_id: own.id.clone(),
+            feature_id: finding.id.clone(),
             pass_number: pass,
-            verdict: code(judged.verdict),
-            size: judged.error,
-            error: judged.error,
-            tolerance: own.tolerance,
+            verdict: code(finding.judged.verdict),
+            size: finding.judged.error,
+            error: finding.judged.error,
+            tolerance: finding.tolerance,
             tool_wear: f64::NAN,
-            text: judged.text.clone(),
+            text: finding.judged.text.clone(),
         }));
-        (own, judged)
-    });
+    }
     let ranks = decided.iter().map(|(_, verdict, _)| rank(*verdict));
-    let ranks = ranks.chain(table.iter().map(|(_, judged)| rank(judged.verdict)));
+    let ranks = ranks.chain(own.iter().map(|one| rank(one.judged.verdict)));
     let worst = ranks.max().unwrap_or(0);
     let sprung = (decided.iter()).any(|(_, verdict, _)| rank(*verdict) == 1);
     let spring = config.spring_pass && !state.sprung && sprung;
@@ -270,19 +282,19 @@ fn decide_on_all(config: &Config, state: &mut State, now: Stamp, out: &mut Outbo
     let literal = (decided.iter())
         .any(|(_, verdict, action)| compensable(*verdict) && *action == Action::Stop)
         || config.policy == Policy::Literal
-            && (table.iter()).any(|(_, judged)| compensable(judged.verdict));
+            && own.iter().any(|one| compensable(one.judged.verdict));
     let names = |wanted: u32| -> String {
         let named = (decided.iter())
             .filter(|(_, verdict, _)| rank(*verdict) == wanted)
             .map(|(characteristic, _, _)| characteristic.id.as_str());
-        let own = (table.iter())
-            .filter(|(_, judged)| rank(judged.verdict) == wanted)
-            .map(|(own, _)| own.id.as_str());
+        let own = (own.iter())
+            .filter(|one| rank(one.judged.verdict) == wanted)
+            .map(|one| one.id.as_str());
         named.chain(own).collect::<Vec<_>>().join(", ")
     };
-    // Why the machine itself is the worst, where it is.
-    let told = (table.iter()).find(|(_, judged)| rank(judged.verdict) == worst);
-    let told = told.map_or(String::new(), |(_, judged)| format!(": {}", judged.text));
+    // Why the machine itself, or the place of the part, is the worst, where it is.
+    let told = own.iter().find(|one| rank(one.judged.verdict) == worst);
+    let told = told.map_or(String::new(), |one| format!(": {}", one.judged.text));
     let (decision, text) = match worst {
         0 if decided.is_empty() => (PassDecision::NEXT, format!("{} qualified{told}", names(0))),
         0 => (PassDecision::NEXT, "all sizes qualified".to_owned()),
@@ -335,8 +347,9 @@ fn decide_on_all(config: &Config, state: &mut State, now: Stamp, out: &mut Outbo
         state.sprung = true;
     } else if decision == PassDecision::RECUT {
         state.corrections += 1;
-        let table = table.and_then(|(own, judged)| Some((own, judged.proposal?)));
-        let all = asked_for(config, state, now, &plan_id, &results, &decided, table);
+        let first = own.into_iter().find_map(|one| one.judged.proposal);
+        let all =
+            first.unwrap_or_else(|| asked_for(config, state, now, &plan_id, &results, &decided));
         for correction in all {
             correction_ids.push(correction.correction_id.clone());
             if correction.approval == Correction::APPROVAL_NONE {
@@ -359,8 +372,42 @@ fn decide_on_all(config: &Config, state: &mut State, now: Stamp, out: &mut Outbo
     }));
 }
 
-/// What a measurement asks to be corrected: the volumetric table alone, or wear and tool paths. Sizes that were measured
-/// with another table wait for the next measurement.
+/// What the touches say of the machine itself and of the place of the part, in the order in which it is put right: each
+/// alone, for what was measured with another table, or elsewhere, waits for the next measurement.
+fn findings(
+    config: &Config,
+    state: &State,
+    now: Stamp,
+    plan_id: &str,
+    pass: u32,
+    results: &BTreeMap<String, FeatureResult>,
+) -> Vec<Finding> {
+    let offsets = state.offsets.as_ref();
+    let session = offsets.map_or("", |known| known.session.as_str());
+    let heard = &state.heard;
+    let table = config.table(pass).map(|own| {
+        let judged = volumetric::judge(config, own, heard, results, offsets, state.corrections);
+        Finding {
+            id: own.id.clone(),
+            tolerance: own.tolerance,
+            judged: judged
+                .asking(|proposal| vec![proposal.correction(config, own, now, plan_id, session)]),
+        }
+    });
+    let place = config.work_offset(pass).zip(state.placed.as_ref());
+    let place = place.map(|(own, placed)| {
+        let judged = work_offset::judge(config, own, heard, placed, offsets, state.corrections);
+        Finding {
+            id: own.id.clone(),
+            tolerance: own.tolerance,
+            judged: judged
+                .asking(|proposal| proposal.corrections(config, own, now, plan_id, session)),
+        }
+    });
+    table.into_iter().chain(place).collect()
+}
+
+/// What the sizes of a measurement ask to be corrected: wear and tool paths.
 fn asked_for(
     config: &Config,
     state: &mut State,
@@ -368,12 +415,8 @@ fn asked_for(
     plan_id: &str,
     results: &BTreeMap<String, FeatureResult>,
     decided: &[(&Characteristic, decision::Verdict, Action)],
-    table: Option<(&Volumetric, volumetric::Proposal)>,
 ) -> Vec<Correction> {
     let session = (state.offsets.as_ref()).map_or(String::new(), |known| known.session.clone());
-    if let Some((own, proposal)) = table {
-        return vec![proposal.correction(config, own, now, plan_id, &session)];
-    }
     let mut all = corrections(config, state, now, plan_id, results, decided);
     if state.offsets.is_some() {
         state.paths.of_session(&session);

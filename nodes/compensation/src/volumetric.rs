@@ -22,10 +22,11 @@ use probecell_msgs::{
 };
 use serde::{Deserialize, Serialize};
 
-use crate::config::Config;
+use crate::{
+    config::Config,
+    judged::{COVERAGE, Judged},
+};
 
-/// Expanded over standard uncertainty (about 95 %).
-const COVERAGE: f64 = 2.0;
 /// m or rad; what controllers keep, so that what is read back is what was asked for.
 const RESOLUTION: f64 = 1e-7;
 /// m; features whose centres and radii differ by less are one ball, touched at several indexations.
@@ -243,18 +244,6 @@ fn balls(plan: &InspectionPlan) -> impl Iterator<Item = (usize, &InspectionFeatu
     })
 }
 
-/// What follows from the touches for the table.
-pub(crate) struct Judged {
-    /// As of a size.
-    pub(crate) verdict: Verdict,
-    /// m; largest displacement of the tip by the errors found, NaN where there are none.
-    pub(crate) error: f64,
-    /// What was found, or why nothing was.
-    pub(crate) text: String,
-    /// The table that would put it right.
-    pub(crate) proposal: Option<Proposal>,
-}
-
 /// A whole table.
 pub(crate) struct Proposal {
     entries: Vec<String>,
@@ -278,7 +267,7 @@ pub(crate) fn judge(
     results: &BTreeMap<String, FeatureResult>,
     offsets: Option<&ToolOffsets>,
     corrections: u32,
-) -> Judged {
+) -> Judged<Proposal> {
     match found(own, memory, results, offsets) {
         Err(text) => Judged {
             verdict: Verdict::MeasurementInvalid,
@@ -454,7 +443,12 @@ fn shown(link: &LinkError, value: f64) -> String {
     format!("{:.1} {unit}", value * 1e6)
 }
 
-fn decide(config: &Config, own: &Volumetric, found: &Found<'_>, corrections: u32) -> Judged {
+fn decide(
+    config: &Config,
+    own: &Volumetric,
+    found: &Found<'_>,
+    corrections: u32,
+) -> Judged<Proposal> {
     let (error, uncertainty) = found.displacement;
     let of = |verdict, text, proposal| Judged {
         verdict,

@@ -23,6 +23,7 @@ fn raw(automatic_approval: bool, inner: bool) -> RawConfig {
     RawConfig {
         characteristics: vec![characteristic],
         volumetric: None,
+        work_offset: None,
         wear_limit_mm: 0.110,
         max_corrections: 5,
         automatic_approval,

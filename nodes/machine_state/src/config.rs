@@ -19,6 +19,8 @@ pub struct RawConfig {
     pub wear_limit_mm: f64,
     /// No point of a tool path is ever offset by more.
     pub path_limit_mm: f64,
+    /// No work offset is ever written outside plus or minus this.
+    pub work_offset_limit_mm: f64,
     /// No entry of the volumetric table that is a length is ever written outside plus or minus this.
     pub volumetric_limit_um: f64,
     /// No entry of the volumetric table that is an angle is ever written outside plus or minus this.
@@ -34,6 +36,7 @@ impl Default for RawConfig {
             reply_limit_s: 30.0,
             wear_limit_mm: 0.5,
             path_limit_mm: 0.5,
+            work_offset_limit_mm: 2.0,
             volumetric_limit_um: 200.0,
             volumetric_limit_urad: 500.0,
         }
@@ -58,6 +61,8 @@ pub struct Config {
     pub wear_limit: f64,
     /// m; no point of a tool path is offset by more.
     pub path_limit: f64,
+    /// m; no work offset is written outside plus or minus this.
+    pub work_offset_limit: f64,
     /// m; no entry of the volumetric table that is a length is written outside plus or minus this.
     pub volumetric_limit_shift: f64,
     /// rad; no entry that is an angle is written outside plus or minus this.
@@ -88,6 +93,7 @@ impl RawConfig {
             ("reply_limit_s", self.reply_limit_s),
             ("wear_limit_mm", self.wear_limit_mm),
             ("path_limit_mm", self.path_limit_mm),
+            ("work_offset_limit_mm", self.work_offset_limit_mm),
             ("volumetric_limit_um", self.volumetric_limit_um),
             ("volumetric_limit_urad", self.volumetric_limit_urad),
         ] {
@@ -108,6 +114,7 @@ impl RawConfig {
             reply_limit: self.reply_limit_s,
             wear_limit: self.wear_limit_mm * 1e-3,
             path_limit: self.path_limit_mm * 1e-3,
+            work_offset_limit: self.work_offset_limit_mm * 1e-3,
             volumetric_limit_shift: self.volumetric_limit_um * 1e-6,
             volumetric_limit_turn: self.volumetric_limit_urad * 1e-6,
             replayed,

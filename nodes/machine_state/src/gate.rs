@@ -67,6 +67,16 @@ pub(crate) fn check(
             check_path(config, correction)?;
             path_of(state, correction)
         }
+        Correction::WORK_OFFSET => work_offset_of(controller, &correction.axis).map_or_else(
+            || {
+                let text = format!(
+                    "the controller tells no work offset of axis {:?}",
+                    correction.axis
+                );
+                refuse(Ack::FAILED, text)
+            },
+            Ok,
+        )?,
         Correction::VOLUMETRIC => {
             table::check(config, controller, correction)?;
             // What a table does is told by its entries; the controller knows no displacements.
@@ -172,6 +182,7 @@ fn check_bounds(config: &Config, correction: &Correction) -> Result<(), Refusal>
     }
     let limit = match correction.kind {
         Correction::TOOL_PATH => config.path_limit,
+        Correction::WORK_OFFSET => config.work_offset_limit,
         // Its entries have bounds of their own, and were checked against them.
         Correction::VOLUMETRIC => f64::INFINITY,
         _ => config.wear_limit,
@@ -189,6 +200,13 @@ fn check_bounds(config: &Config, correction: &Correction) -> Result<(), Refusal>
         upper * 1e6
     );
     refuse(Ack::REFUSED_OUT_OF_BOUNDS, text)
+}
+
+/// Work offset of an axis as the controller last told it, m.
+fn work_offset_of(controller: &Controller, axis: &str) -> Option<f64> {
+    let mut axes = controller.status.work_offset_axes.iter();
+    let position = axes.position(|known| known == axis)?;
+    controller.status.work_offsets.get(position).copied()
 }
 
 /// Wear offset of a tool as the controller last told it.

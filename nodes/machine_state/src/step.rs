@@ -258,17 +258,22 @@ fn publish(config: &Config, state: &State, status: &ControllerStatus, out: &mut 
             wear: status.tool_wear.clone(),
             volumetric_entries: status.volumetric_entries.clone(),
             volumetric_values: status.volumetric_values.clone(),
+            work_offset_axes: status.work_offset_axes.clone(),
+            work_offsets: status.work_offsets.clone(),
         }));
     }
 }
 
-/// What a sample tells of offsets: tools and their wear, entries and values of the volumetric table.
-fn offsets(status: &ControllerStatus) -> (&[u32], &[f64], &[String], &[f64]) {
+/// What a sample tells of offsets: tools, entries of the volumetric table and axes, and the values of each.
+fn offsets(status: &ControllerStatus) -> (&[u32], [&[String]; 2], [&[f64]; 3]) {
     (
         &status.tool_numbers,
-        &status.tool_wear,
-        &status.volumetric_entries,
-        &status.volumetric_values,
+        [&status.volumetric_entries, &status.work_offset_axes],
+        [
+            &status.tool_wear,
+            &status.volumetric_values,
+            &status.work_offsets,
+        ],
     )
 }
 
@@ -497,6 +502,12 @@ fn command_of(correction: &Correction) -> ControllerCommand {
             kind: ControllerCommand::SET_VOLUMETRIC,
             entries: correction.entries.clone(),
             values: correction.new_values.clone(),
+            ..command
+        },
+        Correction::WORK_OFFSET => ControllerCommand {
+            kind: ControllerCommand::SET_WORK_OFFSET,
+            axis: correction.axis.clone(),
+            value: correction.new_value,
             ..command
         },
         _ => ControllerCommand {

@@ -140,6 +140,15 @@ fn line(output: &Output) -> Option<String> {
                     one.value * 1e6
                 )
             }
+            ControllerCommand::SET_WORK_OFFSET => {
+                format!(
+                    "{} {} work offset of {} {:.1} µm",
+                    one.session,
+                    one.command_id,
+                    one.axis,
+                    one.value * 1e6
+                )
+            }
             ControllerCommand::SET_VOLUMETRIC => {
                 format!(
                     "{} {} table {:?} {:?}",
@@ -285,6 +294,65 @@ fn a_controller_without_that_table_or_another_one_is_told_none() {
         asked(beyond),
         &["c outcome 4: EA0B = -80.2 µrad lies outside ±80.0 µrad"],
     );
+}
+
+/// The controller holds 40 µm in X; the machine's limit is 2 mm.
+#[test]
+fn a_work_offset_starts_from_what_the_controller_tells_and_stays_within_its_bounds() {
+    let offset = Correction {
+        kind: Correction::WORK_OFFSET,
+        tool_number: 0,
+        axis: "X".to_owned(),
+        previous_value: 40e-6,
+        new_value: 350e-6,
+        lower_bound: -1e-3,
+        upper_bound: 1e-3,
+        ..correction()
+    };
+    let holding = |axes: &[&str], values: &[f64]| {
+        Input::Status(ControllerStatus {
+            work_offset_axes: axes.iter().map(|axis| (*axis).to_owned()).collect(),
+            work_offsets: values.to_vec(),
+            ..sample()
+        })
+    };
+    let asked = |held: Input, offset: Correction| {
+        let correction = Input::Correction(offset);
+        with(measured(), vec![held, correction])
+    };
+    let held = || holding(&["Z", "X"], &[0.0, 40e-6]);
+    let written = asked(held(), offset.clone());
+    check(written.clone(), &["run 1 1 work offset of X 350.0 µm"]);
+    for (value, said) in [
+        (350e-6, "c outcome 0: "),
+        (340e-6, "c outcome 7: the value read back is another"),
+    ] {
+        let answered = vec![reply(1, ControllerReply::DONE, value)];
+        check(with(written.clone(), answered), &[said]);
+    }
+    let stale = "c outcome 3: it starts from 40.0 µm, but the controller holds 45.0 µm";
+    check(asked(holding(&["X"], &[45e-6]), offset.clone()), &[stale]);
+    let unknown = "c outcome 7: the controller tells no work offset of axis \"X\"";
+    check(asked(holding(&["Z"], &[0.0]), offset.clone()), &[unknown]);
+    check(asked(holding(&["X"], &[]), offset.clone()), &[unknown]);
+    for (value, lower, upper) in [
+        (1.1e-3, -1e-3, 1e-3),
+        (2.5e-3, -9e-3, 9e-3),
+        (f64::NAN, -1e-3, 1e-3),
+    ] {
+        let beyond = Correction {
+            new_value: value,
+            lower_bound: lower,
+            upper_bound: upper,
+            ..offset.clone()
+        };
+        let limit = upper.min(2e-3) * 1e6;
+        let said = format!(
+            "c outcome 4: {:.1} µm lies outside -{limit:.1} to {limit:.1} µm",
+            value * 1e6
+        );
+        check(asked(held(), beyond), &[&said]);
+    }
 }
 
 #[test]

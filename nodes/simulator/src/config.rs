@@ -234,6 +234,9 @@ pub enum Injected {
     Silence,
 }
 
+/// m or rad; a part that is clamped farther off is no small displacement.
+const LARGEST_CLAMPING: f64 = 0.01;
+
 /// Position (m) and outward normal of a touch, part frame.
 pub(crate) type Place = (Point3<f64>, Vector3<f64>);
 
@@ -252,6 +255,10 @@ pub struct Config {
     pub truth: Truth,
     /// What the controller's volumetric table takes them for as the controller starts.
     pub table: Truth,
+    /// Displacement of the clamped part in its nominal frame: m along, rad about x, y, z.
+    pub clamping: [f64; 6],
+    /// Indices of the axes (in the chain's axes) whose work offset the controller tells.
+    pub work_offset_axes: Vec<usize>,
     /// Run-out of the tools that have one, by number.
     pub runout: BTreeMap<u32, Runout>,
     /// How each feature is cut point by point, by operation of the cell file and feature.
@@ -275,6 +282,11 @@ pub enum ConfigError {
         "simulator.home.{0}: not an axis of the machine, or mm for a rotary or deg for a linear axis"
     )]
     Home(String),
+    /// An axis whose work offset cannot be.
+    #[error(
+        "simulator.machine.work_offset_axes: {0:?} is not a linear axis of the machine, or it stands there twice"
+    )]
+    WorkOffset(String),
     /// An error of the machine that cannot be.
     #[error("simulator.{0}")]
     Truth(#[from] TruthError),
@@ -346,9 +358,18 @@ impl RawConfig {
         let (center_error, radius_error) = probe::stored(self, ball_radius);
         let truth = Truth::new(&self.machine.errors, &chain)?;
         let table = Truth::table(&self.machine.table, &chain)?;
+        let mut work_offset_axes = Vec::new();
+        for name in &self.machine.work_offset_axes {
+            let axis = chain.axis_index(name);
+            let axis = axis.filter(|&axis| chain.axis(axis).kind == machine::JointKind::Prismatic);
+            let axis = axis.filter(|axis| !work_offset_axes.contains(axis));
+            work_offset_axes.push(axis.ok_or_else(|| ConfigError::WorkOffset(name.clone()))?);
+        }
         let mut config = Config {
             truth,
             table,
+            clamping: self.machine.clamping.displacement(),
+            work_offset_axes,
             runout: self
                 .tools
                 .iter()
@@ -406,6 +427,15 @@ impl RawConfig {
                 self.cmm.as_ref().map_or(0.0, |cmm| cmm.touch_sd_um),
             ),
         ];
+        let clamping = self.machine.clamping.displacement();
+        if let Some(value) = clamping
+            .iter()
+            .find(|value| !(value.abs() <= LARGEST_CLAMPING))
+        {
+            return Err(ConfigError::Number(format!(
+                "machine.clamping: {value} m or rad must lie within ±{LARGEST_CLAMPING}"
+            )));
+        }
         for (key, value) in not_negative {
             if !(value.is_finite() && value >= 0.0) {
                 return Err(ConfigError::Number(format!(
@@ -517,17 +547,42 @@ impl Config {
         self.table.with_entries(values)
     }
 
+    /// Positions of the axes that a programme with these work offsets (m) is led to.
+    pub(crate) fn offset(&self, positions: &[f64], work_offsets: &[f64]) -> Vec<f64> {
+        let mut offset = positions.to_vec();
+        for (&axis, value) in self.work_offset_axes.iter().zip(work_offsets) {
+            offset[axis] += value;
+        }
+        offset
+    }
+
+    /// What is really off at axis positions (m, rad): the axes, and the part as it is clamped.
+    pub(crate) fn errors(&self, positions: &[f64]) -> machine::ChainErrors {
+        let mut errors = self.truth.at(&self.chain, positions);
+        for (error, own) in errors.part.iter_mut().zip(self.clamping) {
+            *error += own;
+        }
+        errors
+    }
+
     /// How far outside its nominal place (m) the machine leaves each point: the tool stands where the errors lead it in
     /// the pose of the operation that cuts the point, and its effective radius is what its run-out makes of it.
-    pub(crate) fn left(&self, cut: &Cut, table: &Truth) -> Result<Vec<f64>, PositionError> {
+    /// The programme runs with these work offsets (m).
+    pub(crate) fn left(
+        &self,
+        cut: &Cut,
+        table: &Truth,
+        work_offsets: &[f64],
+    ) -> Result<Vec<f64>, PositionError> {
         let (part_pose, ball) = (&cut.part.part_pose, &cut.part.ball);
         let left = cut.points.iter().map(|point| {
+            let told = self.offset(&point.positions, work_offsets);
             let led = if cut.volumetric {
-                table.corrected(&self.chain, &point.positions, part_pose, ball)?
+                table.corrected(&self.chain, &told, part_pose, ball)?
             } else {
-                point.positions.clone()
+                told
             };
-            let errors = self.truth.at(&self.chain, &led);
+            let errors = self.errors(&led);
             let tip = self.chain.ball_in_part_with(&led, part_pose, ball, &errors);
             let (position, normal) = point.place;
             Ok(normal.dot(&(tip - position)) - point.swells)
@@ -588,7 +643,7 @@ impl Config {
             volumetric: operation.volumetric,
             points,
         };
-        self.left(&cut, &self.table)
+        self.left(&cut, &self.table, &[])
             .map_err(|error| refused(0, error.to_string()))?;
         Ok(cut)
     }

@@ -169,6 +169,7 @@ fn touch(
                 surface: &surface,
                 noise,
                 shift,
+                work_offsets: &state.work_offsets,
             };
             let table = state.volumetric.then(|| config.table_of(&state.table));
             let led = |positions: &[f64]| meeting.led(table.as_ref(), positions);
@@ -219,18 +220,22 @@ struct Meeting<'a> {
     noise: f64,
     /// m, part frame; how far the part has jumped.
     shift: Vector3<f64>,
+    /// m; by which the programme runs.
+    work_offsets: &'a [f64],
 }
 
 impl Meeting<'_> {
-    /// Where the controller, by its table if it goes by one, really leads the axes that it says stand at `positions`.
+    /// Where the controller, by its work offsets, and by its table if it goes by one, really leads the axes that it says
+    /// stand at `positions`.
     fn led(&self, table: Option<&Truth>, positions: &[f64]) -> Vec<f64> {
         let (config, part) = (self.config, self.part);
+        let positions = config.offset(positions, self.work_offsets);
         let by_table = |table: &Truth| {
-            let corrected = table.corrected(&config.chain, positions, &part.part_pose, &part.ball);
+            let corrected = table.corrected(&config.chain, &positions, &part.part_pose, &part.ball);
             corrected.ok()
         };
         let corrected = table.and_then(by_table);
-        corrected.unwrap_or_else(|| positions.to_vec())
+        corrected.unwrap_or(positions)
     }
 
     /// Share of the move at which the true ball touches the surface; `None` when it does not.
@@ -262,8 +267,10 @@ impl Meeting<'_> {
     fn clearance(&self, positions: &[f64]) -> f64 {
         let (config, part) = (self.config, self.part);
         let ball = part.ball + Vector3::from(config.center_error);
-        let mut errors = config.truth.at(&config.chain, positions);
-        errors.part[..3].copy_from_slice(self.shift.as_slice());
+        let mut errors = config.errors(positions);
+        for (error, jumped) in errors.part.iter_mut().zip(self.shift.as_slice()) {
+            *error += jumped;
+        }
         let centre = config
             .chain
             .ball_in_part_with(positions, &part.part_pose, &ball, &errors);

@@ -45,7 +45,8 @@ pub(crate) fn cut(config: &Config, state: &mut State, operation: &str) {
     let table = config.table_of(&state.table);
     for id in &operation.features {
         let cut = config.cuts.get(&(operation.id.clone(), id.clone()));
-        let Some(left) = cut.and_then(|cut| config.left(cut, &table).ok()) else {
+        let Some(left) = cut.and_then(|cut| config.left(cut, &table, &state.work_offsets).ok())
+        else {
             continue;
         };
         let process = config.surfaces.get(id);

@@ -31,6 +31,8 @@ pub struct State {
     /// Values of the entries of the volumetric table, in the order of the cell file, m or rad. A new run begins with those
     /// of the cell file, as with everything that a real controller would have kept.
     pub table: Vec<f64>,
+    /// Work offset of each axis that has one, in the order of the cell file, m.
+    pub work_offsets: Vec<f64>,
     /// Axis positions when no program runs, m and rad.
     pub position: Vec<f64>,
     /// What the machine is executing.

@@ -82,6 +82,7 @@ impl Node for SimulatorNode {
             path_offsets: std::collections::BTreeMap::new(),
             volumetric: raw.machine.volumetric,
             table: config.table.entries().map(|(_, value)| value).collect(),
+            work_offsets: vec![0.0; config.work_offset_axes.len()],
             position: config.home.clone(),
             program: None,
             awaiting: None,
@@ -161,6 +162,7 @@ fn obey(
         ControllerCommand::SET_TOOL_WEAR => set_wear(state, now, &command, out),
         ControllerCommand::SET_TOOL_PATH => set_path(config, state, now, &command, out),
         ControllerCommand::SET_VOLUMETRIC => set_table(config, state, now, &command, out),
+        ControllerCommand::SET_WORK_OFFSET => set_work_offset(config, state, now, &command, out),
         ControllerCommand::STOP => {
             abort(state, now, "stopped", out);
             out.send(Output::Reply(reply(state, now, &command)));
@@ -300,6 +302,37 @@ fn set_path(
         }
     };
     out.send(Output::Reply(answer));
+}
+
+/// Moves the zero of the programme along an axis.
+fn set_work_offset(
+    config: &Config,
+    state: &mut State,
+    now: Stamp,
+    command: &ControllerCommand,
+    out: &mut Outbox<Output>,
+) {
+    let names = config.raw.machine.work_offset_axes.iter();
+    let mut offsets = names.zip(&mut state.work_offsets);
+    let own = offsets.find(|(name, _)| **name == command.axis);
+    let written = own.filter(|_| command.value.is_finite());
+    let values = written.map(|(_, held)| (std::mem::replace(held, command.value), command.value));
+    let answer = reply(state, now, command);
+    out.send(Output::Reply(match values {
+        Some((value_before, value)) => ControllerReply {
+            value_before,
+            value,
+            ..answer
+        },
+        None => ControllerReply {
+            outcome: ControllerReply::REFUSED,
+            text: format!(
+                "axis {:?} has no work offset that {} could be",
+                command.axis, command.value
+            ),
+            ..answer
+        },
+    }));
 }
 
 /// Values of the volumetric table's entries that are in force, m or rad.
@@ -500,6 +533,8 @@ fn sample(config: &Config, state: &State, now: Stamp, out: &mut Outbox<Output>) 
             .map(|(name, _)| name.to_owned())
             .collect(),
         volumetric_values: in_force(state),
+        work_offset_axes: config.raw.machine.work_offset_axes.clone(),
+        work_offsets: state.work_offsets.clone(),
         ..ControllerStatus::default()
     }));
 }

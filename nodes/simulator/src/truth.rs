@@ -24,6 +24,29 @@ pub struct RawMachine {
     pub volumetric: bool,
     /// From some touch on the part lies elsewhere.
     pub slip: Option<RawSlip>,
+    /// How the part is clamped: it lies elsewhere from the start.
+    pub clamping: RawClamping,
+    /// Linear axes whose work offset the controller tells and lets be written.
+    pub work_offset_axes: Vec<String>,
+}
+
+/// Where the part really lies.
+#[derive(Clone, Copy, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RawClamping {
+    /// Off its nominal place, along the axes of the part frame.
+    pub shift_um: [f64; 3],
+    /// Turned about them.
+    pub turn_urad: [f64; 3],
+}
+
+impl RawClamping {
+    /// Displacement of the part in its nominal frame: m along, rad about.
+    pub(crate) fn displacement(&self) -> [f64; 6] {
+        let [x, y, z] = self.shift_um;
+        let [a, b, c] = self.turn_urad;
+        [x, y, z, a, b, c].map(|value| value * 1e-6)
+    }
 }
 
 /// An error of an axis; for one about an axis (A, B, C) the values are `_urad`, for one along an axis `_um`.

@@ -59,6 +59,10 @@ const ALARMS_KEPT: usize = 16;
 
 /// What the driver says.
 #[derive(Clone, Debug, PartialEq)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "most of what a driver says are samples"
+)]
 pub enum DriverOutput {
     /// A raw sample, for `controller_status`.
     Status(ControllerStatus),

@@ -70,6 +70,9 @@ impl Driver {
             // LinuxCNC has no volumetric table.
             volumetric_entries: Vec::new(),
             volumetric_values: Vec::new(),
+            // Only a program reads work offsets, so they cannot be told with every sample.
+            work_offset_axes: Vec::new(),
+            work_offsets: Vec::new(),
         }
     }
 
