@@ -314,7 +314,6 @@ mod tests {
                 &row[4],
                 result.coverage_factor * result.standard_uncertainty,
             );
-            close(&row[5], result.form);
             let verdict = verdicts
                 .iter()
                 .find(|one| one.plan_id == result.plan_id && one.feature_id == result.feature_id);
@@ -324,7 +323,15 @@ mod tests {
                 Some(Verdict::COMPENSABLE) => "can be corrected",
                 other => panic!("{other:?}"),
             };
-            assert_eq!(row[8], word);
+            assert_eq!(row[7], word);
+        }
+        // Composed sizes have no form of their own.
+        let shown = rows(&page, "Form, position and orientation");
+        assert!(!shown.is_empty());
+        for row in &shown {
+            let form = row[3].split(" ± ").next().expect("a form");
+            let mut own = results.iter().filter(|one| one.feature_id == row[0]);
+            assert!(own.any(|one| form == "–" || (metres(form) - one.form).abs() < 0.051e-6));
         }
         let corrections: Vec<Correction> = messages(&log, topics::CORRECTIONS);
         let shown = rows(&page, "Corrections that rest on it");
