@@ -1090,6 +1090,53 @@ impl Message for PassDecision {
     };
 }
 
+/// How far path planning has come with an order that is asked for.
+/// Published on plan_progress after every stretch of work: reliable, volatile, keep all. Whoever waits for the plan counts
+/// its patience from here.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct PlanProgress {
+    pub header: crate::std_msgs::Header,
+    pub plan_id: String,
+    /// of the order
+    pub touches: u32,
+    /// one of the constants above
+    pub phase: u8,
+    /// of the work of the phase, 0 to 1
+    pub share: f64,
+    /// s, moves between touches in the best order so far; 0 before there is one
+    pub air_time: f64,
+    /// s, the same in the order to beat; 0 before it is known
+    pub given_air_time: f64,
+}
+
+impl PlanProgress {
+    /// finds the clear ways between touches; no order is known yet
+    pub const WAYS: u8 = 0;
+    /// searches a shorter order
+    pub const SEARCHING: u8 = 1;
+    /// the order is made: this is the last message of the search
+    pub const DONE: u8 = 2;
+    /// nothing comes of it any more: this is the last message of the search
+    pub const GIVEN_UP: u8 = 3;
+}
+
+impl Message for PlanProgress {
+    const TYPE: &'static MessageType = &MessageType {
+        name: "probecell_msgs/msg/PlanProgress",
+        dds_name: "probecell_msgs::msg::dds_::PlanProgress_",
+        type_hash: "RIHS01_43bd91ec33574a47cd1396783d4bcf89c79ac30a273653685c643d3b4564edde",
+        definition: concat!(
+            include_str!("../msg/PlanProgress.msg"),
+            "================================================================================\nMSG: std_msgs/Header\n",
+            include_str!("../standard/std_msgs/msg/Header.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg")
+        ),
+        describe: crate::describe::of::<PlanProgress>,
+        canonical: crate::cdr::canonical::<PlanProgress>,
+    };
+}
+
 /// One probing move and what came of it. Published on probe_events: reliable, volatile, keep all.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ProbeEvent {
@@ -2458,6 +2505,7 @@ pub(crate) static MESSAGES: &[&MessageType] = &[
     <PartAlignment as Message>::TYPE,
     <PartReport as Message>::TYPE,
     <PassDecision as Message>::TYPE,
+    <PlanProgress as Message>::TYPE,
     <ProbeEvent as Message>::TYPE,
     <ProbeTrigger as Message>::TYPE,
     <ProbingMove as Message>::TYPE,

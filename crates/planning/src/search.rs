@@ -4,7 +4,8 @@
 //! places there. Everything else is a path with a direction ([`directed`]): Or-opt, 2-opt, and exchange of
 //! neighbouring stretches. Moves are proposed by a short list of near neighbours and driven by a work queue. Kicks are
 //! double bridges confined to a short stretch; a kicked path is accepted like in annealing. Costs are integers, so sums
-//! are exact and comparisons need no tolerance; a free end is a dummy point without costs.
+//! are exact and comparisons need no tolerance; a free end is a dummy point without costs. Between two kicks a search is
+//! a [`Standing`]: whoever takes it up finds what one run would have found.
 
 mod ascent;
 mod beginning;
@@ -19,6 +20,8 @@ mod tour;
 
 use rand_pcg::Pcg32;
 use rand_pcg::rand_core::{RngCore, SeedableRng};
+
+use serde::{Deserialize, Serialize};
 
 use crate::problem::Checked;
 use crate::solve::{Options, Progress};
@@ -46,10 +49,45 @@ const CLEARLY: f64 = 0.01;
 /// Fewer points with alternatives than this are no ring to exchange stretches of.
 const RING: usize = 8;
 
+/// A path between two kicks, in the numbers of the grid.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct Path {
+    /// Points of a ring as they lie in memory, or places of a path with a direction.
+    order: Vec<u32>,
+    /// The place of each point of a ring with alternatives.
+    places: Vec<u32>,
+    /// Where a large ring is kicked next, and how often it was kicked there.
+    window: (usize, usize),
+}
+
+/// A search between two kicks: with the problem, all that going on needs.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Standing {
+    /// The order of places by which the grid numbers them.
+    beginning: Vec<usize>,
+    path: Path,
+    /// Length of that path.
+    here: i64,
+    /// The shortest order so far.
+    pub(crate) order: Vec<usize>,
+    shortest: i64,
+    mean_move: f64,
+    cycle: Cycle,
+    rng: Pcg32,
+    /// Kicks made.
+    pub(crate) kicks: u64,
+    /// Nothing is left to be kicked, or the caller has ended the search.
+    pub(crate) over: bool,
+}
+
 /// A path that can be kicked, improved and brought back.
 trait Kicked {
     /// Writes the places, as a path or a ring.
     fn write(&self, order: &mut Vec<u32>);
+    /// The path between two kicks.
+    fn put_down(&self) -> Path;
+    /// Becomes a path that was put down, of this length.
+    fn take_up(&mut self, path: &Path, length: i64);
     fn length(&self) -> i64;
     fn can_be_kicked(&self) -> bool;
     fn improve_all(&mut self);
@@ -70,31 +108,76 @@ enum Cooling {
     Steady { hot: f64, power: f64 },
 }
 
-/// Searches until the budget ends or the caller stops; returns the best order and the kicks made.
+/// Begins a search, or goes on with one that was put down, until `until` kicks are made or the caller stops it.
 pub(crate) fn run(
     problem: &Checked,
     options: &Options,
+    taken: Option<Standing>,
+    until: u64,
     keep_going: &mut dyn FnMut(&Progress) -> bool,
-) -> (Vec<usize>, u64) {
+) -> Standing {
     let mut reporter = Reporter::new(problem, keep_going);
+    let fresh = taken.is_none();
+    let begun = taken.as_ref().map(|standing| standing.beginning.clone());
+    let nearest = || beginning::by_nearest(problem);
     if problem.costs.is_symmetric() && problem.is_plain() {
         let scale = grid::scale(problem.costs);
         let near = near::select_all(problem.costs, scale);
         let bridges = bridges::between_clusters(problem.costs, scale, &near);
-        let beginning = beginning::by_cheapest(problem, &near);
+        let beginning = begun.unwrap_or_else(|| beginning::by_cheapest(problem, &near));
         let grid = Grid::new(problem, &beginning, Lists::Promising(&near, &bridges));
         let mut tour = Tour::new(Plain::new(&grid));
-        if !bridges.is_empty() {
+        if fresh && !bridges.is_empty() {
             tour = shortest_of_many(problem, &near, &grid, tour, options.seed);
         }
-        iterate(tour, &grid, options, &mut reporter)
+        let standing = standing(&mut tour, &grid, taken, beginning, options.seed);
+        iterate(tour, &grid, standing, until, options, &mut reporter)
     } else if problem.costs.is_symmetric() && problem.is_free() && problem.places_of.len() >= RING {
-        let grid = Grid::new(problem, &beginning::by_nearest(problem), Lists::Points);
-        iterate(Tour::new(Chosen::new(&grid)), &grid, options, &mut reporter)
+        let beginning = begun.unwrap_or_else(nearest);
+        let grid = Grid::new(problem, &beginning, Lists::Points);
+        let mut tour = Tour::new(Chosen::new(&grid));
+        let standing = standing(&mut tour, &grid, taken, beginning, options.seed);
+        iterate(tour, &grid, standing, until, options, &mut reporter)
     } else {
-        let grid = Grid::new(problem, &beginning::by_nearest(problem), Lists::Places);
-        let order = (0..grid.points() as u32).collect();
-        iterate(Directed::new(&grid, order), &grid, options, &mut reporter)
+        let beginning = begun.unwrap_or_else(nearest);
+        let grid = Grid::new(problem, &beginning, Lists::Places);
+        let mut path = Directed::new(&grid, (0..grid.points() as u32).collect());
+        let standing = standing(&mut path, &grid, taken, beginning, options.seed);
+        iterate(path, &grid, standing, until, options, &mut reporter)
+    }
+}
+
+/// Takes up the path of a search that was put down, or improves the one it begins with.
+fn standing(
+    path: &mut impl Kicked,
+    grid: &Grid,
+    taken: Option<Standing>,
+    beginning: Vec<usize>,
+    seed: u64,
+) -> Standing {
+    if let Some(standing) = taken {
+        path.take_up(&standing.path, standing.here);
+        return standing;
+    }
+    path.improve_all();
+    let mut order = Vec::new();
+    path.write(&mut order);
+    let length = path.length();
+    Standing {
+        beginning,
+        path: path.put_down(),
+        here: length,
+        shortest: length,
+        mean_move: length as f64 / order.len() as f64,
+        cycle: Cycle {
+            begun: 0,
+            length: CYCLE * order.len() as u64,
+            cold_first: order.len() > LARGE,
+        },
+        order: grid.strip(&order),
+        rng: Pcg32::seed_from_u64(seed),
+        kicks: 0,
+        over: false,
     }
 }
 
@@ -123,6 +206,7 @@ fn shortest_of_many<'a>(
 
 /// A stretch of the search in which the acceptance cools down. Each is twice as long as the one before, so that a
 /// search stopped at any time has just spent a good part of it cooling.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Cycle {
     begun: u64,
     length: u64,
@@ -167,10 +251,10 @@ impl<'a> Reporter<'a> {
         }
     }
 
-    fn tell(&mut self, grid: &Grid, kicks: u64, best: &[u32], length: i64) -> bool {
-        if length < self.told {
-            self.told = length;
-            let order = grid.strip(best);
+    fn tell(&mut self, standing: &Standing) -> bool {
+        if standing.shortest < self.told {
+            self.told = standing.shortest;
+            let order = standing.order.clone();
             let cost = self.problem.costs.path_cost(&order);
             (self.order, self.cost) = if cost <= self.given_cost {
                 (order, cost)
@@ -179,7 +263,7 @@ impl<'a> Reporter<'a> {
             };
         }
         let progress = Progress {
-            kicks,
+            kicks: standing.kicks,
             order: &self.order,
             cost: self.cost,
             given_cost: self.given_cost,
@@ -192,51 +276,54 @@ impl<'a> Reporter<'a> {
 fn iterate(
     mut path: impl Kicked,
     grid: &Grid,
+    mut standing: Standing,
+    until: u64,
     options: &Options,
     reporter: &mut Reporter,
-) -> (Vec<usize>, u64) {
-    path.improve_all();
-    let mut best = Vec::new();
-    path.write(&mut best);
-    let mut best_length = path.length();
-    let mut here = best_length;
-    let mut rng = Pcg32::seed_from_u64(options.seed);
-    let mean_move = best_length as f64 / best.len() as f64;
+) -> Standing {
+    let size = grid.points();
     let cooling = path.cooling();
-    let mut cycle = Cycle {
-        begun: 0,
-        length: CYCLE * best.len() as u64,
-        cold_first: best.len() > LARGE,
-    };
     let every = options.report_every.max(1);
-    let mut kicks = 0;
+    // The shortest ring or path since the order was told last; empty when there is none.
+    let mut best = Vec::new();
     loop {
-        if kicks % every == 0 && !reporter.tell(grid, kicks, &best, best_length) {
+        if standing.kicks % every == 0 {
+            if !best.is_empty() {
+                standing.order = grid.strip(&best);
+                best.clear();
+            }
+            standing.over |= !reporter.tell(&standing);
+        }
+        standing.over |= !path.can_be_kicked();
+        if standing.kicks >= until || standing.over {
             break;
         }
-        if kicks >= options.kicks || !path.can_be_kicked() {
-            break;
-        }
-        kicks += 1;
-        path.kick(&mut rng);
+        standing.kicks += 1;
+        path.kick(&mut standing.rng);
         let length = path.length();
-        let luck = (f64::from(rng.next_u32()) + 1.0) / 4_294_967_297.0;
+        let luck = (f64::from(standing.rng.next_u32()) + 1.0) / 4_294_967_297.0;
         let warmth = match cooling {
-            Cooling::Cycles { hot, cold } => hot * (cold / hot).powf(cycle.part(kicks)),
+            Cooling::Cycles { hot, cold } => {
+                hot * (cold / hot).powf(standing.cycle.part(standing.kicks))
+            }
             Cooling::Steady { hot, power } => {
-                let cold = if best.len() > LARGE { COLD } else { 1.0 };
-                cold * hot * (1.0 + kicks as f64 / best.len() as f64).powf(-power)
+                let cold = if size > LARGE { COLD } else { 1.0 };
+                cold * hot * (1.0 + standing.kicks as f64 / size as f64).powf(-power)
             }
         };
-        if ((length - here) as f64) <= -luck.ln() * warmth * mean_move {
-            here = length;
-            if length < best_length {
-                best_length = length;
+        if ((length - standing.here) as f64) <= -luck.ln() * warmth * standing.mean_move {
+            standing.here = length;
+            if length < standing.shortest {
+                standing.shortest = length;
                 path.write(&mut best);
             }
         } else {
             path.revert();
         }
     }
-    (grid.strip(&best), kicks)
+    if !best.is_empty() {
+        standing.order = grid.strip(&best);
+    }
+    standing.path = path.put_down();
+    standing
 }

@@ -1,10 +1,10 @@
-//! Decides which search answers a problem, and that its answer is never longer than the order given.
+//! Decides which search answers a problem, and that its answer is never longer than the order given; at once, or in slices.
 
 use serde::{Deserialize, Serialize};
 
 use crate::exact::{EXACT_LIMIT, shortest_path};
 use crate::problem::{Checked, Problem, ProblemError};
-use crate::search;
+use crate::search::{self, Standing};
 
 /// Most places (poses of all points) for which the exact table is kept.
 const EXACT_PLACES: usize = 100;
@@ -72,32 +72,137 @@ pub fn solve(
     keep_going: &mut dyn FnMut(&Progress) -> bool,
 ) -> Result<Solution, ProblemError> {
     let checked = Checked::new(problem)?;
-    let given_cost = problem.costs.path_cost(&checked.given);
-    let small = checked.places_of.len() <= EXACT_LIMIT && checked.point_of.len() <= EXACT_PLACES;
-    let (mut order, kicks) = if small {
-        (shortest_path(&checked), 0)
-    } else {
-        search::run(&checked, options, keep_going)
-    };
-    let mut cost = problem.costs.path_cost(&order);
+    if !is_small(&checked) {
+        let standing = search::run(&checked, options, None, options.kicks, keep_going);
+        return Ok(answer(&checked, &standing.order, standing.kicks));
+    }
+    let solution = exact(&checked);
+    keep_going(&Progress {
+        kicks: 0,
+        order: &solution.order,
+        cost: solution.cost,
+        given_cost: solution.given_cost,
+    });
+    Ok(solution)
+}
+
+/// A search that can be put down between two kicks, written away and taken up again. How it is sliced changes nothing:
+/// it makes the kicks that [`solve`] makes and gives its answer. Each slice begins by making the lists of near neighbours
+/// again, O(n²) for n places.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Search {
+    problem: Problem,
+    options: Options,
+    solution: Solution,
+    /// `None`: the answer is exact.
+    standing: Option<Standing>,
+}
+
+impl Search {
+    /// Makes the path that the search begins with, already improved; the whole answer for few points.
+    ///
+    /// # Errors
+    /// [`ProblemError`] when the problem contradicts itself.
+    pub fn new(problem: Problem, options: &Options) -> Result<Self, ProblemError> {
+        let checked = Checked::new(&problem)?;
+        let (solution, standing) = if is_small(&checked) {
+            (exact(&checked), None)
+        } else {
+            let standing = search::run(&checked, options, None, 0, &mut |_| true);
+            (answer(&checked, &standing.order, 0), Some(standing))
+        };
+        Ok(Self {
+            options: options.clone(),
+            problem,
+            solution,
+            standing,
+        })
+    }
+
+    /// Makes so many more kicks, or what is left of the budget; true when the search is done.
+    ///
+    /// # Errors
+    /// [`ProblemError`] when what was read back holds another problem than was written away.
+    pub fn go_on(&mut self, kicks: u64) -> Result<bool, ProblemError> {
+        if self.is_done() {
+            return Ok(true);
+        }
+        if let Some(standing) = self.standing.take() {
+            let checked = Checked::new(&self.problem)?;
+            let until = standing.kicks.saturating_add(kicks).min(self.options.kicks);
+            let go_on = &mut |_: &Progress| true;
+            let standing = search::run(&checked, &self.options, Some(standing), until, go_on);
+            self.solution = answer(&checked, &standing.order, standing.kicks);
+            self.standing = Some(standing);
+        }
+        Ok(self.is_done())
+    }
+
+    /// True when going on would change nothing.
+    pub fn is_done(&self) -> bool {
+        let done = |standing: &Standing| standing.over || standing.kicks >= self.options.kicks;
+        self.standing.as_ref().is_none_or(done)
+    }
+
+    /// How much of the search is done, from 0 to 1.
+    pub fn share(&self) -> f64 {
+        if self.is_done() {
+            return 1.0;
+        }
+        self.solution.kicks as f64 / self.options.kicks as f64
+    }
+
+    /// The answer so far; never longer than the order given.
+    pub fn solution(&self) -> &Solution {
+        &self.solution
+    }
+}
+
+/// True when the answer can be proven shortest.
+fn is_small(problem: &Checked) -> bool {
+    problem.places_of.len() <= EXACT_LIMIT && problem.point_of.len() <= EXACT_PLACES
+}
+
+fn exact(problem: &Checked) -> Solution {
+    let order = shortest_path(problem);
+    let (cost, given_cost) = (
+        problem.costs.path_cost(&order),
+        problem.costs.path_cost(&problem.given),
+    );
     // Sums of one path read in two directions may differ in the last bit.
-    if cost > given_cost || cost == given_cost && !small {
-        (order, cost) = (checked.given.clone(), given_cost);
-    }
-    if small {
-        keep_going(&Progress {
-            kicks,
-            order: &order,
-            cost,
-            given_cost,
-        });
-    }
-    Ok(Solution {
+    let (order, cost) = if cost > given_cost {
+        (problem.given.clone(), given_cost)
+    } else {
+        (order, cost)
+    };
+    Solution {
         order,
         cost,
-        given: checked.given,
+        given: problem.given.clone(),
         given_cost,
-        optimal: small,
+        optimal: true,
+        kicks: 0,
+    }
+}
+
+/// What was searched, or the order given where that is not longer.
+fn answer(problem: &Checked, order: &[usize], kicks: u64) -> Solution {
+    let (cost, given_cost) = (
+        problem.costs.path_cost(order),
+        problem.costs.path_cost(&problem.given),
+    );
+    let (order, cost) = if cost >= given_cost {
+        (&problem.given[..], given_cost)
+    } else {
+        (order, cost)
+    };
+    Solution {
+        order: order.to_vec(),
+        cost,
+        given: problem.given.clone(),
+        given_cost,
+        optimal: false,
         kicks,
-    })
+    }
 }

@@ -11,7 +11,7 @@ use rand_pcg::Pcg32;
 use rand_pcg::rand_core::RngCore;
 
 use super::grid::Grid;
-use super::{Cooling, Kicked};
+use super::{Cooling, Kicked, Path};
 
 /// Longest stretch that a kick rearranges.
 const KICK_SPAN: usize = 50;
@@ -479,6 +479,22 @@ impl<'a> Directed<'a> {
 impl Kicked for Directed<'_> {
     fn write(&self, order: &mut Vec<u32>) {
         order.clone_from(&self.order);
+    }
+
+    fn put_down(&self) -> Path {
+        Path {
+            order: self.order.clone(),
+            places: Vec::new(),
+            window: (0, 0),
+        }
+    }
+
+    fn take_up(&mut self, path: &Path, length: i64) {
+        self.order.clone_from(&path.order);
+        self.kept.clone_from(&path.order);
+        self.settle(0, self.order.len() - 1);
+        self.touched = (usize::MAX, 0);
+        self.length = length;
     }
 
     fn length(&self) -> i64 {

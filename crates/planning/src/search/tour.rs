@@ -12,7 +12,7 @@ use rand_pcg::rand_core::RngCore;
 use super::choice::Moves;
 use super::exchange::{Exchange, closes};
 use super::ring::{Layout, MOST, Ring};
-use super::{Cooling, Kicked};
+use super::{Cooling, Kicked, Path};
 
 /// Stretches of a double bridge.
 const BRIDGED: usize = 4;
@@ -327,6 +327,31 @@ impl<M: Moves> Kicked for Tour<M> {
                 .iter()
                 .map(|&point| self.moves.place(point)),
         );
+    }
+
+    fn put_down(&self) -> Path {
+        let order = self.ring.order().to_vec();
+        let places = if M::ALTERNATIVES {
+            let points = 0..order.len() as u32;
+            points.map(|point| self.moves.place(point)).collect()
+        } else {
+            Vec::new()
+        };
+        Path {
+            order,
+            places,
+            window: (self.window.begin, self.window.kicks),
+        }
+    }
+
+    fn take_up(&mut self, path: &Path, length: i64) {
+        self.ring = Ring::new(&path.order);
+        for (point, &place) in path.places.iter().enumerate() {
+            self.moves.choose(point as u32, place);
+        }
+        self.moves.keep();
+        (self.window.begin, self.window.kicks) = path.window;
+        self.length = length;
     }
 
     fn length(&self) -> i64 {
