@@ -343,15 +343,17 @@ fn sessions() -> Vec<(Cell, Vec<Published>)> {
     sessions
 }
 
-/// Steps to cut at: those on rare messages, and some of all.
+/// Steps to cut at: those on rare messages and timers, and some of all.
 fn cuts(trace: &Trace) -> Vec<usize> {
-    let mut ports: BTreeMap<usize, usize> = BTreeMap::new();
+    let kind = |cause: &Cause| match cause {
+        Cause::Message(port, _) => (*port, None),
+        Cause::Timer(id) => (usize::MAX, Some(*id)),
+    };
+    let mut kinds: BTreeMap<_, usize> = BTreeMap::new();
     for cause in trace.causes() {
-        if let Cause::Message(port, _) = cause {
-            *ports.entry(*port).or_default() += 1;
-        }
+        *kinds.entry(kind(cause)).or_default() += 1;
     }
-    let rare = |cause: &Cause| matches!(cause, Cause::Message(port, _) if ports[port] < 300);
+    let rare = |cause: &Cause| kinds[&kind(cause)] < 300;
     let steps: Vec<usize> = trace
         .causes()
         .enumerate()

@@ -7,8 +7,9 @@ use probecell_msgs::{
     ControllerCommand, ControllerReply, ControllerStatus, Correction, CorrectionAcknowledgement,
     Fault, FeatureResult, GapReport, InspectionPlan, LossReport, MachineState, MeasurementOrder,
     Message, MessageType, OperationReport, OperationRequest, OperatorReply, OperatorRequest,
-    PartAlignment, PartReport, PassDecision, ProbeEvent, ProbeTrigger, ReferenceMeasurement,
-    StepJournal, ToolOffsets, TouchDeviation, Verdict, sensor_msgs::JointState, std_msgs,
+    PartAlignment, PartReport, PassDecision, PlanProgress, ProbeEvent, ProbeTrigger,
+    ReferenceMeasurement, StepJournal, ToolOffsets, TouchDeviation, Verdict,
+    sensor_msgs::JointState, std_msgs,
 };
 
 /// Quality of service of a topic, in ROS 2 terms.
@@ -100,6 +101,7 @@ topics! {
 
     INSPECTION_PLAN = "path_planning", "inspection_plan", InspectionPlan, Qos::latched(1);
     MEASUREMENT_ORDER = "path_planning", "measurement_order", MeasurementOrder, Qos::latched(1);
+    PLAN_PROGRESS = "path_planning", "plan_progress", PlanProgress, Qos::KEEP_ALL;
     PLAN_REPLIES = "path_planning", "plan_replies", OperatorReply, Qos::KEEP_ALL;
     PATH_PLANNING_FAULTS = "path_planning", "path_planning/faults", Fault, Qos::KEEP_ALL;
 

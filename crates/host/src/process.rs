@@ -27,6 +27,8 @@ use crate::{
 const JOURNAL_STEPS: usize = 256;
 /// s after which a batch goes out even if it is small.
 const JOURNAL_AGE: f64 = 0.1;
+/// Most messages taken between two looks at the timers.
+const BURST: usize = 256;
 /// How long a start waits for the others of the cell.
 const START_PATIENCE: Duration = Duration::from_secs(20);
 /// How long an end may take to write out what was published.
@@ -192,23 +194,30 @@ impl Process {
         self.timer(first, START)?;
         loop {
             self.fire_due()?;
-            match receiver.recv_timeout(self.patience()) {
-                Ok(Event::Message {
-                    port,
-                    sequence,
-                    payload,
-                }) => self.message(port, sequence, &payload)?,
-                Ok(Event::Lost { port, lost }) => {
-                    let topic = self.node.inputs()[port].name;
-                    error!(
-                        "{}: lost {} messages on {topic} from number {}",
-                        self.node.name(),
-                        lost.count,
-                        lost.first
-                    );
+            // A node that wakes itself at once, for its next stretch of long work, hears what came meanwhile before that.
+            let first = match receiver.recv_timeout(self.patience()) {
+                Ok(event) => Some(event),
+                Err(RecvTimeoutError::Timeout) => None,
+                Err(RecvTimeoutError::Disconnected) => return Ok(()),
+            };
+            for event in first.into_iter().chain(receiver.try_iter()).take(BURST) {
+                match event {
+                    Event::Message {
+                        port,
+                        sequence,
+                        payload,
+                    } => self.message(port, sequence, &payload)?,
+                    Event::Lost { port, lost } => {
+                        let topic = self.node.inputs()[port].name;
+                        error!(
+                            "{}: lost {} messages on {topic} from number {}",
+                            self.node.name(),
+                            lost.count,
+                            lost.first
+                        );
+                    }
+                    Event::Stop => return Ok(()),
                 }
-                Ok(Event::Stop) | Err(RecvTimeoutError::Disconnected) => return Ok(()),
-                Err(RecvTimeoutError::Timeout) => {}
             }
             let age = self
                 .journal
@@ -239,11 +248,13 @@ impl Process {
         })
     }
 
+    /// Fires the timers that are due. Those that they ask for wait until messages had their turn.
     fn fire_due(&mut self) -> Result<(), BusError> {
         let instant = self.clock();
-        while let Some((&key, _)) = self.timers.first_key_value()
-            && key.0 <= instant
-        {
+        let due: Vec<(Stamp, u64)> = (self.timers.range(..=(instant, u64::MAX)))
+            .map(|(&key, _)| key)
+            .collect();
+        for key in due {
             if let Some(id) = self.timers.remove(&key) {
                 self.timer(instant, id)?;
             }

@@ -10,7 +10,7 @@ pub struct RawConfig {
     pub machine_id: String,
     /// A controller that is silent for longer is lost.
     pub silence_limit_s: f64,
-    /// A measurement whose order does not come within this time fails.
+    /// A measurement fails when for so long neither its order comes nor any progress of it is heard.
     pub order_limit_s: f64,
     /// A correction that the driver does not answer within this time has failed, and so has an operation of which it says
     /// nothing for so long while the controller is idle.
@@ -52,7 +52,7 @@ pub struct Config {
     pub robot_description: String,
     /// s; a controller that is silent for longer is lost.
     pub silence_limit: f64,
-    /// s; a measurement whose order does not come within this time fails.
+    /// s; a measurement fails when for so long neither its order comes nor any progress of it is heard.
     pub order_limit: f64,
     /// s; a correction that the driver does not answer within this time has failed, and an operation of which it says
     /// nothing for so long while the controller is idle.

@@ -7,7 +7,7 @@
 //! | hears | says |
 //! |---|---|
 //! | `controller_status`, `controller_replies` | `robot_description`, `joint_states`, `joint_commands`, `machine_state`, `tool_offsets` |
-//! | `operation_requests`, `measurement_order` | `controller_commands`, `operation_reports` |
+//! | `operation_requests`, `plan_progress`, `measurement_order` | `controller_commands`, `operation_reports` |
 //! | `corrections`, `part_reports` | `correction_acknowledgements` |
 //! | | `machine_state/faults`: `controller_lost`, `controller_restarted`, `estop`, `controller_alarm`, `unplanned_touch`, `status_not_finite` |
 //!

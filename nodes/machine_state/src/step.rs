@@ -4,7 +4,7 @@ use graph::{Node, Outbox, START, Stamp, inputs, outputs, topics};
 use probecell_msgs::{
     ControllerCommand, ControllerReply, ControllerStatus, Correction, CorrectionAcknowledgement,
     Fault, MachineState, MeasurementOrder, OperationReport, OperationRequest, PartReport,
-    ToolOffsets, sensor_msgs::JointState, std_msgs,
+    PlanProgress, ToolOffsets, sensor_msgs::JointState, std_msgs,
 };
 
 use crate::{
@@ -29,6 +29,8 @@ inputs! {
         Correction(Correction) = topics::CORRECTIONS,
         /// How a part ended: what was to be corrected for it is void.
         Part(PartReport) = topics::PART_REPORTS,
+        /// How far the order of a plan is.
+        Progress(PlanProgress) = topics::PLAN_PROGRESS,
     }
 }
 
@@ -116,6 +118,15 @@ impl Node for MachineStateNode {
                 }
                 if let Some(awaited) = state.awaited.take() {
                     request_operation(config, state, now, awaited.request, out);
+                }
+            }
+            Input::Progress(progress) => {
+                // A long plan is no missing one.
+                let of_plan = |one: &&mut Awaited| one.request.plan_id == progress.plan_id;
+                if progress.phase != PlanProgress::GIVEN_UP
+                    && let Some(awaited) = state.awaited.as_mut().filter(of_plan)
+                {
+                    awaited.until = now.after_s(config.order_limit);
                 }
             }
             Input::Correction(correction) => correct(config, state, now, correction, out),

@@ -5,7 +5,7 @@ use machine_state::{Config, Input, MachineStateNode, Output, RawConfig};
 use probecell_msgs::{
     ControllerCommand, ControllerReply, ControllerStatus, Correction,
     CorrectionAcknowledgement as Ack, MachineState, MeasurementOrder, OperationReport,
-    OperationRequest, PartReport, builtin_interfaces::Time,
+    OperationRequest, PartReport, PlanProgress, builtin_interfaces::Time,
 };
 
 fn config() -> Config {
@@ -381,6 +381,38 @@ fn nothing_is_asked_of_a_machine_that_has_not_been_heard_or_is_busy() {
         ],
         &["run 1 1 stop"],
     );
+}
+
+/// Steps are 0.1 s apart and the limit is 10 s: the order comes 16 s after the request.
+#[test]
+fn a_measurement_waits_on_while_progress_of_its_plan_is_heard() {
+    let progress = |plan_id: &str, phase: u8| {
+        Input::Progress(PlanProgress {
+            plan_id: plan_id.to_owned(),
+            phase,
+            ..PlanProgress::default()
+        })
+    };
+    let waits = |heard: Input| {
+        let mut inputs = vec![status(), request(OperationRequest::MEASURE, 5)];
+        inputs.extend((0..80).map(|_| status()));
+        inputs.push(heard);
+        inputs.extend((0..80).map(|_| status()));
+        inputs.push(Input::Timer(1));
+        inputs
+    };
+    let overdue = "request 5 failed: no measuring order for plan \"p/1\" came in time";
+    check(waits(progress("p/1", PlanProgress::SEARCHING)), &[]);
+    check(waits(progress("p/1", PlanProgress::GIVEN_UP)), &[overdue]);
+    check(waits(progress("p/2", PlanProgress::SEARCHING)), &[overdue]);
+    let mut inputs = waits(progress("p/1", PlanProgress::SEARCHING));
+    inputs.push(order("p/1"));
+    check(inputs.clone(), &["run 1 0 measure p/1 [1, 0]"]);
+    // From the last progress on it is as long as from the request.
+    inputs.pop();
+    inputs.extend((0..30).map(|_| status()));
+    inputs.push(Input::Timer(1));
+    check(inputs, &[overdue]);
 }
 
 #[test]

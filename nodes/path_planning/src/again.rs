@@ -7,10 +7,13 @@
 
 use std::collections::BTreeSet;
 
-use probecell_msgs::{InspectionPlan, InspectionPoint, MeasurementOrder, ProbeEvent};
+use probecell_msgs::{InspectionPlan, InspectionPoint, ProbeEvent};
 use serde::{Deserialize, Serialize};
 
-use crate::route::{Route, RouteError};
+use crate::{
+    route::{Route, RouteError},
+    task::{Task, Wanted},
+};
 
 /// What is not measured again.
 #[derive(Debug, thiserror::Error)]
@@ -87,22 +90,23 @@ impl Measurement {
         Ok(())
     }
 
-    /// The order of what is left, from where the axes stand, where that is known.
+    /// Begins to order what is left, from where the axes stand, where that is known; the poses are those of the plan.
     ///
     /// # Errors
-    /// [`AgainError::NothingLeft`], and those of [`Route::order_from`].
-    pub fn order(
-        &self,
-        route: &Route<'_>,
-        here: Option<&[f64]>,
-    ) -> Result<MeasurementOrder, AgainError> {
+    /// [`AgainError::NothingLeft`], and those of [`Task::new`].
+    pub fn begin(&self, route: &Route<'_>, here: Option<&[f64]>) -> Result<Task, AgainError> {
         if self.left.is_empty() {
             return Err(AgainError::NothingLeft(self.plan.plan_id.clone()));
         }
         let left: Vec<u32> = self.left.iter().copied().collect();
-        Ok(match here {
-            Some(here) => route.order_from(&self.plan, &left, &self.stages, here)?,
-            None => route.order_of(&self.plan, &left, &self.stages, &[])?,
-        })
+        let wanted = Wanted {
+            plan: &self.plan,
+            points: &left,
+            stages: &self.stages,
+            poses: &[],
+            seeds: &[],
+            here,
+        };
+        Ok(Task::new(route, &wanted)?)
     }
 }

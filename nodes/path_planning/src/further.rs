@@ -9,9 +9,13 @@
 use machine::access::{Access, Aim};
 use machine::{DeviationError, Nominal, Surface};
 use nalgebra::{Point3, Unit, Vector3};
-use probecell_msgs::{InspectionPlan, InspectionPoint, MeasurementOrder};
+use probecell_msgs::{InspectionPlan, InspectionPoint};
 
-use crate::route::{Route, RouteError};
+use crate::{
+    route::{Route, RouteError},
+    stations,
+    task::{Task, Wanted},
+};
 
 /// Most further touches of one request.
 const MOST: usize = 1000;
@@ -52,13 +56,13 @@ pub enum FurtherError {
     Route(#[from] RouteError),
 }
 
-/// The plan of further touches and its order. `own` is the part's plan as its surfaces are now, `further` the same with
+/// Checks further touches and begins to order them. `own` is the part's plan as its surfaces are now, `further` the same with
 /// the further touches in place of its own.
-pub(crate) fn plan(
+pub(crate) fn begin(
     route: &Route<'_>,
     own: &InspectionPlan,
     further: &InspectionPlan,
-) -> Result<MeasurementOrder, FurtherError> {
+) -> Result<Task, FurtherError> {
     if further.points.len() > MOST {
         return Err(FurtherError::TooMany(further.points.len()));
     }
@@ -72,7 +76,15 @@ pub(crate) fn plan(
     }
     check_access(route, (own, &known), (further, &nominal))?;
     let all: Vec<u32> = (0..further.points.len() as u32).collect();
-    Ok(route.order_of(further, &all, &[], &[])?)
+    let wanted = Wanted {
+        plan: further,
+        points: &all,
+        stages: &[],
+        poses: &[],
+        seeds: &[],
+        here: None,
+    };
+    Ok(Task::new(route, &wanted)?)
 }
 
 /// The part's own touches of a feature.
@@ -232,12 +244,6 @@ fn check_access(
 }
 
 fn aims(plan: &InspectionPlan, nominal: &Nominal, contacts: Vec<Vec<f64>>) -> Vec<Aim> {
-    let aim = |(index, positions): (usize, Vec<f64>)| Aim {
-        feature: plan.points[index].feature as usize,
-        position: nominal.points[index].0,
-        normal: nominal.points[index].1.into_inner(),
-        surface: nominal.surfaces[index],
-        positions: Some(positions),
-    };
+    let aim = |(point, positions)| stations::aim(plan, nominal, point, positions);
     contacts.into_iter().enumerate().map(aim).collect()
 }

@@ -7,12 +7,16 @@
 //! it must, crosses, and comes back. The cost of a move is the time of its slowest axis at the URDF's top speed (source
 //! systems C.2, for a turn-mill). The order is for the touches; positions are joint targets in m and rad.
 
-use machine::{Chain, DeviationError, Nominal, Target};
-use nalgebra::{Point3, UnitQuaternion};
-use planning::{CostMatrix, Options, Problem, Solution, check_limits, solve};
+use machine::{Chain, DeviationError, Nominal};
+use nalgebra::UnitQuaternion;
+use planning::check_limits;
 use probecell_msgs::{InspectionPlan, MeasurementOrder, ProbingMove};
 
-use crate::ways::{End, NO_WAY, Ways};
+use crate::{
+    stations,
+    task::{Planned, Task, Wanted},
+    ways::{End, Ways},
+};
 
 /// Speed taken for an axis whose URDF gives none (m/s or rad/s): slow, so that it is not preferred.
 const UNKNOWN_SPEED: f64 = 0.05;
@@ -25,6 +29,18 @@ pub enum RouteError {
         /// Index of the point.
         point: usize,
         /// Why.
+        source: machine::ReachError,
+    },
+    /// A point out of reach at every pose.
+    #[error(
+        "point {point} cannot be touched at any of its {poses} rotary positions; at the first: {source}"
+    )]
+    Poses {
+        /// Index of the point.
+        point: usize,
+        /// Poses given.
+        poses: usize,
+        /// Why not at the first.
         source: machine::ReachError,
     },
     /// A rotary axis of the plan is not in the machine.
@@ -101,23 +117,28 @@ pub struct Seed {
     pub attitude: Option<UnitQuaternion<f64>>,
 }
 
-/// Axis positions of the stations of one touch.
-pub(crate) struct Stations {
-    pub(crate) approach: Vec<f64>,
-    pub(crate) touch: Vec<f64>,
-    pub(crate) retract: Vec<f64>,
-    /// Of approach and retract.
-    pub(crate) ball: [Point3<f64>; 2],
-    /// Nominal contact on the surface.
-    pub(crate) contact: Point3<f64>,
-    /// Axes that stand still while the ball goes to and from the touch, and the attitude of the probe there.
-    pub(crate) prescribed: Vec<Option<f64>>,
-    pub(crate) attitude: Option<UnitQuaternion<f64>>,
+impl RouteError {
+    /// The same for a plan of which only these points are touched.
+    pub(crate) fn of_points(mut self, points: &[u32]) -> Self {
+        let index = |at: usize| points.get(at).copied().unwrap_or(at as u32);
+        match &mut self {
+            Self::Reach { point, .. }
+            | Self::Poses { point, .. }
+            | Self::Rotaries { point, .. }
+            | Self::Feature(point) => *point = index(*point) as usize,
+            Self::NoWay { from, to } => (*from, *to) = (index(*from as usize), index(*to as usize)),
+            _ => {}
+        }
+        self
+    }
 }
 
 impl Route<'_> {
     /// The shortest order found and its moves. `seeds` has one entry for each point, or is empty (the axes then start
     /// in the middle of their travel).
+    ///
+    /// # Errors
+    /// [`RouteError`]: what cannot be reached, or passed.
     pub fn order(
         &self,
         plan: &InspectionPlan,
@@ -127,10 +148,11 @@ impl Route<'_> {
         self.order_of(plan, &all, &[], seeds)
     }
 
-    /// The shortest order found of some points of a plan and its moves. `points` are indices into the plan's points in
-    /// the order that is to be beaten. `stages` has one entry for each point of the plan, or is empty: points of a lower
-    /// stage are touched before all of a higher one. `seeds` has one entry for each of `points`, or is empty. Every
-    /// target is within the travel of its axis.
+    /// The shortest order found of some points of a plan and its moves, at the plan's own rotary positions: as
+    /// [`Route::planned`] with these fields of [`Wanted`].
+    ///
+    /// # Errors
+    /// [`RouteError`]: what cannot be reached, or passed.
     pub fn order_of(
         &self,
         plan: &InspectionPlan,
@@ -138,62 +160,39 @@ impl Route<'_> {
         stages: &[u32],
         seeds: &[Seed],
     ) -> Result<MeasurementOrder, RouteError> {
-        self.some(plan, points, stages, seeds, None)
-    }
-
-    /// The same from where the axes stand (m, rad, in the order of the chain's axes), as after a scan that broke off:
-    /// what clears the part first is the clearance axis, from there, and the way to the first touch counts.
-    pub fn order_from(
-        &self,
-        plan: &InspectionPlan,
-        points: &[u32],
-        stages: &[u32],
-        here: &[f64],
-    ) -> Result<MeasurementOrder, RouteError> {
-        self.some(plan, points, stages, &[], Some(here))
-    }
-
-    fn some(
-        &self,
-        plan: &InspectionPlan,
-        points: &[u32],
-        stages: &[u32],
-        seeds: &[Seed],
-        here: Option<&[f64]>,
-    ) -> Result<MeasurementOrder, RouteError> {
-        let mut part = InspectionPlan {
-            points: Vec::new(),
-            ..plan.clone()
+        let wanted = Wanted {
+            plan,
+            points,
+            stages,
+            poses: &[],
+            seeds,
+            here: None,
         };
-        for (place, &index) in points.iter().enumerate() {
-            let point = plan.points.get(index as usize);
-            let new = !points[..place].contains(&index);
-            let point = point.filter(|_| new).ok_or(RouteError::NoPoint(index))?;
-            part.points.push(point.clone());
+        Ok(self.planned(&wanted, &mut |_| {})?.order)
+    }
+
+    /// The shortest order found of what is wanted, its moves, and the plan with the poses chosen; never longer than the
+    /// order given at the first poses, and every target is within the travel of its axis. `heard` is told how far it is,
+    /// now and again.
+    ///
+    /// # Errors
+    /// [`RouteError`]: what cannot be reached, or passed.
+    pub fn planned(
+        &self,
+        wanted: &Wanted<'_>,
+        heard: &mut dyn FnMut(&Task),
+    ) -> Result<Planned, RouteError> {
+        let mut task = Task::new(self, wanted)?;
+        loop {
+            if let Some(planned) = task.go_on(self)? {
+                return Ok(planned);
+            }
+            heard(&task);
         }
-        let stage = |place: usize| stages.get(points[place] as usize).copied().unwrap_or(0);
-        let stages: Vec<u32> = (0..points.len()).map(stage).collect();
-        let mut order =
-            self.shortest(&part, &stages, seeds, here)
-                .map_err(|error| match error {
-                    RouteError::NoWay { from, to } => RouteError::NoWay {
-                        from: points[from as usize],
-                        to: points[to as usize],
-                    },
-                    other => other,
-                })?;
-        for index in &mut order.order {
-            *index = points[*index as usize];
-        }
-        for one in &mut order.moves {
-            one.point_index = points[one.point_index as usize];
-        }
-        self.check_travel(&order)?;
-        Ok(order)
     }
 
     /// Targets within the travels keep every move within, for the joints go straight.
-    fn check_travel(&self, order: &MeasurementOrder) -> Result<(), RouteError> {
+    pub(crate) fn check_travel(&self, order: &MeasurementOrder) -> Result<(), RouteError> {
         let limits: Vec<(f64, f64)> = (0..self.chain.axes().len())
             .map(|index| {
                 let free = (f64::NEG_INFINITY, f64::INFINITY);
@@ -215,172 +214,16 @@ impl Route<'_> {
     }
 
     /// Axis positions (m, rad) of each touch of a plan, at the end of its probing move.
+    ///
+    /// # Errors
+    /// [`RouteError`] for the first point that is out of reach.
     pub fn contacts(&self, plan: &InspectionPlan) -> Result<Vec<Vec<f64>>, RouteError> {
-        let stations = self.stations(plan, &Nominal::from_plan(plan)?, &[])?;
-        Ok(stations.into_iter().map(|one| one.touch).collect())
-    }
-
-    fn shortest(
-        &self,
-        plan: &InspectionPlan,
-        stages: &[u32],
-        seeds: &[Seed],
-        here: Option<&[f64]>,
-    ) -> Result<MeasurementOrder, RouteError> {
-        let nominal = Nominal::from_plan(plan)?;
-        let stations = self.stations(plan, &nominal, seeds)?;
-        let ways = Ways::new(self, plan, &nominal, &stations);
-        let solution = self.solve(&ways, stages, here)?;
-        let length = |order: &[usize]| -> f64 {
-            order
-                .windows(2)
-                .map(|pair| (stations[pair[0]].ball[1] - stations[pair[1]].ball[0]).norm())
-                .sum()
-        };
-        Ok(MeasurementOrder {
-            plan_id: plan.plan_id.clone(),
-            order: solution.order.iter().map(|&index| index as u32).collect(),
-            air_time: solution.cost,
-            given_air_time: solution.given_cost,
-            air_length: length(&solution.order),
-            given_air_length: length(&solution.given),
-            optimal: solution.optimal,
-            axis_names: self.chain.axis_names().map(str::to_owned).collect(),
-            moves: self.moves(&ways, &stations, &solution.order, here)?,
-            ..MeasurementOrder::default()
-        })
-    }
-
-    /// The order of the touches. Where the axes stand is a place before all of them, which the answer leaves out.
-    fn solve(
-        &self,
-        ways: &Ways<'_>,
-        stages: &[u32],
-        here: Option<&[f64]>,
-    ) -> Result<Solution, RouteError> {
-        let before = usize::from(here.is_some());
-        let times = ways.times();
-        let time = |from: usize, to: usize| match (from.checked_sub(before), to.checked_sub(before))
-        {
-            (Some(from), Some(to)) if from != to => times[from][to],
-            (None, Some(to)) => here.map_or(0.0, |here| {
-                self.duration(here, &self.first(Some(here), &ways.approach[to]))
-            }),
-            _ => 0.0,
-        };
-        let refused = |error: &dyn std::fmt::Display| RouteError::Cost(error.to_string());
-        let count = times.len() + before;
-        let table = CostMatrix::from_fn(count, time).map_err(|error| refused(&error))?;
-        let stages: Vec<u32> = [0]
-            .repeat(before)
-            .into_iter()
-            .chain(stages.iter().copied())
-            .collect();
-        let mut given: Vec<usize> = (0..count).collect();
-        given[before..].sort_by_key(|&index| stages[index]);
-        let mut problem = Problem::new(table).given(given).stages(stages);
-        if here.is_some() {
-            problem = problem.starting_at(0);
-        }
-        let options = Options {
-            kicks: self.kicks,
-            ..Options::default()
-        };
-        let mut solution =
-            solve(&problem, &options, &mut |_| true).map_err(|error| refused(&error))?;
-        // A way that was not found in the order given is not counted against it.
-        let given = solution.given.windows(2);
-        let missing = given.filter(|pair| time(pair[0], pair[1]) >= NO_WAY);
-        solution.given_cost -= NO_WAY * missing.count() as f64;
-        for order in [&mut solution.order, &mut solution.given] {
-            *order = order
-                .iter()
-                .filter_map(|place| place.checked_sub(before))
-                .collect();
-        }
-        Ok(solution)
-    }
-
-    fn stations(
-        &self,
-        plan: &InspectionPlan,
-        part: &Nominal,
-        seeds: &[Seed],
-    ) -> Result<Vec<Stations>, RouteError> {
-        let chain = self.chain;
-        let mut rotary = Vec::new();
-        for name in &plan.rotary_names {
-            rotary.push(
-                chain
-                    .axis_index(name)
-                    .ok_or_else(|| RouteError::Rotary(name.clone()))?,
-            );
-        }
-        let radius = part.ball_radius;
-        let middle: Vec<f64> = (0..chain.axes().len())
-            .map(|index| {
-                chain
-                    .axis(index)
-                    .limits
-                    .map_or(0.0, |(lower, upper)| f64::midpoint(lower, upper))
-            })
-            .collect();
-        let mut last = middle;
-        let mut all = Vec::with_capacity(plan.points.len());
-        for (index, nominal) in plan.points.iter().enumerate() {
-            if nominal.feature as usize >= plan.features.len() {
-                return Err(RouteError::Feature(index));
-            }
-            if nominal.rotary_positions.len() != rotary.len() {
-                let given = nominal.rotary_positions.len();
-                return Err(RouteError::Rotaries {
-                    point: index,
-                    given,
-                    axes: rotary.len(),
-                });
-            }
-            let mut prescribed = vec![None; chain.axes().len()];
-            for (&axis, &angle) in rotary.iter().zip(&nominal.rotary_positions) {
-                prescribed[axis] = Some(angle);
-            }
-            let seed = seeds.get(index);
-            let mut start = seed.map_or_else(|| last.clone(), |seed| seed.positions.clone());
-            let attitude = seed.and_then(|seed| seed.attitude);
-            let mut station = |height: f64| {
-                let (position, normal) = part.points[index];
-                let target = Target {
-                    ball: position + normal.into_inner() * height,
-                    orientation: attitude,
-                };
-                let reached =
-                    self.chain
-                        .reach(&target, &prescribed, &start, &part.part_pose, &part.ball);
-                let reached = reached.map_err(|source| RouteError::Reach {
-                    point: index,
-                    source,
-                })?;
-                start.clone_from(&reached);
-                Ok::<_, RouteError>((target.ball, reached))
-            };
-            let (approach_ball, approach) = station(radius + nominal.approach_distance)?;
-            let (_, touch) = station(radius - self.overtravel)?;
-            let (retract_ball, retract) = station(radius + nominal.retract_distance)?;
-            last.clone_from(&approach);
-            all.push(Stations {
-                approach,
-                touch,
-                retract,
-                ball: [approach_ball, retract_ball],
-                contact: part.points[index].0,
-                prescribed,
-                attitude,
-            });
-        }
-        Ok(all)
+        let places = stations::places(self, plan, &Nominal::from_plan(plan)?, &[], &[])?;
+        Ok(places.into_iter().map(|one| one.stations.touch).collect())
     }
 
     /// Joint targets to the first touch: from where the axes stand, where that is known, else from somewhere clear.
-    fn first(&self, here: Option<&[f64]>, approach: &End) -> Vec<Vec<f64>> {
+    pub(crate) fn first(&self, here: Option<&[f64]>, approach: &End) -> Vec<Vec<f64>> {
         let Some((axis, clear)) = self.clearance else {
             return vec![approach.positions.clone()];
         };
@@ -413,51 +256,51 @@ impl Route<'_> {
             .fold(0.0, f64::max)
     }
 
-    fn moves(
+    /// The moves of an order of places, for the points that are walked.
+    pub(crate) fn moves(
         &self,
         ways: &Ways<'_>,
-        stations: &[Stations],
         order: &[usize],
         here: Option<&[f64]>,
     ) -> Result<Vec<ProbingMove>, RouteError> {
         let mut moves = Vec::new();
-        for (place, &index) in order.iter().enumerate() {
+        let point_of = |place: usize| ways.places[place].point as u32;
+        for (at, &place) in order.iter().enumerate() {
             let mut push = |kind: u8, axis_positions: Vec<f64>, feed: f64| {
                 moves.push(ProbingMove {
                     kind,
-                    point_index: index as u32,
+                    point_index: point_of(place),
                     axis_positions,
                     feed,
                 });
             };
-            let mut way = match place.checked_sub(1) {
+            let mut way = match at.checked_sub(1) {
                 Some(before) => ways
-                    .between(order[before], index)
+                    .between(order[before], place)
                     .ok_or(RouteError::NoWay {
-                        from: order[before] as u32,
-                        to: index as u32,
+                        from: point_of(order[before]),
+                        to: point_of(place),
                     })?,
-                None => self.first(here, &ways.approach[index]),
+                None => self.first(here, &ways.ends[place].approach),
             };
             way.pop();
             for target in way {
                 push(ProbingMove::CLEARANCE, target, 0.0);
             }
-            push(ProbingMove::APPROACH, stations[index].approach.clone(), 0.0);
-            push(
-                ProbingMove::TOUCH,
-                stations[index].touch.clone(),
-                ways.plan.points[index].feed,
-            );
-            push(ProbingMove::RETRACT, stations[index].retract.clone(), 0.0);
+            let (point, stations) = (ways.places[place].point, &ways.places[place].stations);
+            let feed = ways.plan.points[point].feed;
+            push(ProbingMove::APPROACH, stations.approach.clone(), 0.0);
+            push(ProbingMove::TOUCH, stations.touch.clone(), feed);
+            push(ProbingMove::RETRACT, stations.retract.clone(), 0.0);
         }
         if let (Some((axis, clear)), Some(&last)) = (self.clearance, order.last()) {
-            let mut out = ways.retract[last].exit().to_vec();
+            let retract = &ways.ends[last].retract;
+            let mut out = retract.exit().to_vec();
             out[axis] = clear;
-            let way = ways.retract[last].exit.clone().into_iter().chain([out]);
+            let way = retract.exit.clone().into_iter().chain([out]);
             moves.extend(way.map(|axis_positions| ProbingMove {
                 kind: ProbingMove::CLEARANCE,
-                point_index: last as u32,
+                point_index: point_of(last),
                 axis_positions,
                 feed: 0.0,
             }));

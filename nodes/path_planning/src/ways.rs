@@ -7,15 +7,15 @@
 //! and it comes back, from the least of some heights at which that is clear. A station that lies in a body (a plan may
 //! touch a face where a boss stands) is left along the stem as if the body were not there. Metres, radians.
 
-use std::cmp::Ordering;
-
 use machine::{Chain, JointKind, Nominal, Target};
 use nalgebra::Unit;
 use probecell_msgs::{InspectionFeature, InspectionPlan};
+use serde::{Deserialize, Serialize};
 
 use crate::{
     clear::Surroundings,
-    route::{Route, Stations},
+    route::Route,
+    stations::{Place, Stations},
 };
 
 /// Heights to which the probe may withdraw: so many from the middle of the part to where everything is clear, and half as
@@ -25,6 +25,7 @@ const HEIGHTS: u32 = 8;
 pub(crate) const NO_WAY: f64 = 1e5;
 
 /// A station between touches, and where the probe goes from there along its stem.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct End {
     pub(crate) positions: Vec<f64>,
     /// Of the stylus from each body, m.
@@ -53,13 +54,22 @@ enum Crossing {
     TurnLast,
 }
 
+/// The ends of a place: where ways to it end, and where ways from it begin.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Ends {
+    pub(crate) approach: End,
+    pub(crate) retract: End,
+}
+
 /// Joint targets between the retract of one touch and the approach of the next.
 pub(crate) struct Ways<'a> {
     route: &'a Route<'a>,
     pub(crate) plan: &'a InspectionPlan,
+    nominal: &'a Nominal,
     around: Surroundings<'a>,
-    pub(crate) approach: Vec<End>,
-    pub(crate) retract: Vec<End>,
+    pub(crate) places: &'a [Place],
+    /// Of the first places, or of all.
+    pub(crate) ends: &'a [Ends],
 }
 
 impl<'a> Ways<'a> {
@@ -67,18 +77,32 @@ impl<'a> Ways<'a> {
         route: &'a Route<'a>,
         plan: &'a InspectionPlan,
         nominal: &'a Nominal,
-        stations: &[Stations],
+        places: &'a [Place],
+        ends: &'a [Ends],
     ) -> Self {
-        let around = Surroundings::new(route.chain, plan, nominal);
-        let end = |station: &Stations, positions: &[f64]| {
+        Self {
+            around: Surroundings::new(route.chain, plan, nominal),
+            route,
+            plan,
+            nominal,
+            places,
+            ends,
+        }
+    }
+
+    /// Where ways to and from a place end.
+    pub(crate) fn ends_of(&self, place: usize) -> Ends {
+        let station = &self.places[place].stations;
+        let end = |positions: &[f64]| {
+            let (chain, around) = (self.route.chain, &self.around);
             let clearances = around.clearances(positions);
             let at = (station, positions, &clearances[..]);
-            let (lifts, exit) = match route.clearance {
+            let (lifts, exit) = match self.route.clearance {
                 Some(clearance) => {
-                    let exit = exit(route.chain, nominal, &around, at, clearance);
+                    let exit = exit(chain, self.nominal, around, at, clearance);
                     (Vec::new(), exit)
                 }
-                None => (lifts(route.chain, nominal, &around, at), None),
+                None => (lifts(chain, self.nominal, around, at), None),
             };
             End {
                 positions: positions.to_vec(),
@@ -87,47 +111,27 @@ impl<'a> Ways<'a> {
                 exit,
             }
         };
-        let approach = stations.iter().map(|one| end(one, &one.approach)).collect();
-        let retract = stations.iter().map(|one| end(one, &one.retract)).collect();
-        Self {
-            route,
-            plan,
-            around,
-            approach,
-            retract,
+        Ends {
+            approach: end(&station.approach),
+            retract: end(&station.retract),
         }
     }
 
-    /// Seconds from the retract of each touch to the approach of each other.
-    pub(crate) fn times(&self) -> Vec<Vec<f64>> {
-        let points = &self.plan.points;
-        let time = |from: usize, to: usize| {
-            let way = self.between(from, to);
-            way.map_or(NO_WAY, |way| {
-                self.route.duration(&self.retract[from].positions, &way)
-            })
-        };
-        // Where approach and retract are the same place, the way back is the same way.
-        let same = (points.iter()).all(|one| one.approach_distance == one.retract_distance);
-        let forth: Vec<Vec<f64>> = (0..points.len())
-            .map(|from| (0..from).map(|to| time(from, to)).collect())
-            .collect();
-        let entry = |from: usize, to: usize| match from.cmp(&to) {
-            Ordering::Equal => 0.0,
-            Ordering::Less if !same => time(from, to),
-            Ordering::Less => forth[to][from],
-            Ordering::Greater => forth[from][to],
-        };
-        let row = |from| (0..points.len()).map(|to| entry(from, to)).collect();
-        (0..points.len()).map(row).collect()
+    /// Seconds from the retract of one place to the approach of another.
+    pub(crate) fn time(&self, from: usize, to: usize) -> f64 {
+        let way = self.between(from, to);
+        way.map_or(NO_WAY, |way| {
+            (self.route).duration(&self.ends[from].retract.positions, &way)
+        })
     }
 
     /// Joint targets from the retract of one touch to the approach of another, the approach last; `None` where no clear
     /// way was found.
     pub(crate) fn between(&self, from: usize, to: usize) -> Option<Vec<Vec<f64>>> {
-        let (start, end) = (&self.retract[from], &self.approach[to]);
+        let (start, end) = (&self.ends[from].retract, &self.ends[to].approach);
         let straight = vec![end.positions.clone()];
-        let direct = self.route.clearance.is_none() || direct(self.plan, from, to);
+        let direct = self.route.clearance.is_none()
+            || direct(self.plan, &self.places[from], &self.places[to]);
         let ends = [&start.clearances[..], &end.clearances[..]];
         if direct && self.around.is_clear(&start.positions, &straight, ends) {
             return Some(straight);
@@ -260,10 +264,10 @@ fn lifts(
 /// The straight way from one touch to the next cannot lead through the feature: points of one plane, or of one bore,
 /// at the same rotary positions. (Between retracts over a plane, and within a convex hole, straight lines stay out of
 /// its material.)
-fn direct(plan: &InspectionPlan, from: usize, to: usize) -> bool {
-    let (a, b) = (&plan.points[from], &plan.points[to]);
+fn direct(plan: &InspectionPlan, from: &Place, to: &Place) -> bool {
+    let (a, b) = (&plan.points[from.point], &plan.points[to.point]);
     a.feature == b.feature
-        && a.rotary_positions == b.rotary_positions
+        && from.pose == to.pose
         && [InspectionFeature::PLANE, InspectionFeature::BORE]
             .contains(&plan.features[a.feature as usize].kind)
 }

@@ -2,7 +2,7 @@
 
 use graph::{Node, Outbox, Stamp};
 use machine::Chain;
-use path_planning::{Config, Input, Output, PathPlanningNode, RawConfig, part::RawPart};
+use path_planning::{Config, Input, Output, PathPlanningNode, RawConfig, State, part::RawPart};
 use probecell_msgs::{OperationReport, OperationRequest, OperatorRequest};
 
 /// A probe that moves freely over a part that turns about Z; its ball's centre is the mount's origin.
@@ -93,12 +93,33 @@ fn part_with_datum(clearance_mm: f64) -> Result<Config, path_planning::ConfigErr
     settings.check(chain, &part, Vec::new())
 }
 
-/// What the input makes the node say, a line each.
+/// One step: what is said, and the timers asked for.
+fn step(config: &Config, state: &mut State, input: Input) -> (Vec<Output>, Vec<u32>) {
+    let mut out = Outbox::default();
+    PathPlanningNode::step(config, state, Stamp(0), input, &mut out);
+    let timers = out.timers().iter().map(|(at, id)| {
+        assert_eq!(*at, Stamp(0), "at once");
+        *id
+    });
+    (out.messages().to_vec(), timers.collect())
+}
+
+/// The step and all that it asks for; what is said, but how far it is.
+fn whole(config: &Config, state: &mut State, input: Input) -> Vec<Output> {
+    let (mut all, mut timers) = step(config, state, input);
+    while let Some(id) = timers.pop() {
+        let (said, asked) = step(config, state, Input::Timer(id));
+        all.extend(said);
+        timers.extend(asked);
+    }
+    all.retain(|output| !matches!(output, Output::Progress(_)));
+    all
+}
+
+/// What the input makes the node say in the end, a line each.
 fn check(config: &Config, input: Input, expected: &[&str]) {
     let mut state = PathPlanningNode::start(config);
-    let mut out = Outbox::default();
-    PathPlanningNode::step(config, &mut state, Stamp(0), input, &mut out);
-    let said: Vec<String> = out.messages().iter().map(line).collect();
+    let said: Vec<String> = whole(config, &mut state, input).iter().map(line).collect();
     assert_eq!(said, expected);
 }
 
@@ -121,6 +142,7 @@ fn line(output: &Output) -> String {
             )
         }
         Output::Reply(one) => format!("{} accepted {}", one.request_id, one.accepted),
+        Output::Progress(one) => format!("{} phase {}", one.plan_id, one.phase),
         Output::Fault(one) => one.code.clone(),
     }
 }
@@ -192,9 +214,8 @@ fn a_preview_is_refused_while_a_measurement_runs() {
     let config = config(10.0);
     let mut state = PathPlanningNode::start(&config);
     let mut said = |input: Input| -> Vec<String> {
-        let mut out = Outbox::default();
-        PathPlanningNode::step(&config, &mut state, Stamp(0), input, &mut out);
-        out.messages().iter().map(line).collect()
+        let said = whole(&config, &mut state, input);
+        said.iter().map(line).collect()
     };
     let preview = || {
         Input::Plan(OperatorRequest {
@@ -238,10 +259,8 @@ fn a_preview_is_refused_while_a_measurement_runs() {
 }
 
 fn said(config: &Config, input: Input) -> Vec<Output> {
-    let mut out = Outbox::default();
     let mut state = PathPlanningNode::start(config);
-    PathPlanningNode::step(config, &mut state, Stamp(0), input, &mut out);
-    out.messages().to_vec()
+    whole(config, &mut state, input)
 }
 
 #[test]
