@@ -15,7 +15,7 @@ use cell_tests::{
     session::{Session, alone, with_fault},
     trace::{Cause, Trace},
 };
-use graph::{Published, topics};
+use graph::{Published, START, topics};
 use probecell_msgs::{
     Correction, InspectionPlan, MachineState, OperatorRequest, ProbeEvent, from_cdr, to_cdr,
 };
@@ -353,7 +353,7 @@ fn cuts(trace: &Trace) -> Vec<usize> {
     for cause in trace.causes() {
         *kinds.entry(kind(cause)).or_default() += 1;
     }
-    let rare = |cause: &Cause| kinds[&kind(cause)] < 300;
+    let rare = |cause: &Cause| *cause != Cause::Timer(START) && kinds[&kind(cause)] < 300;
     let steps: Vec<usize> = trace
         .causes()
         .enumerate()

@@ -22,14 +22,16 @@ use host::{
 };
 use probecell_msgs::{
     Correction, CorrectionAcknowledgement, Fault, InspectionPlan, MachineState, Message,
-    OperatorReply, OperatorRequest, PartReport, PassDecision, Service, Verdict, diagnostic_msgs,
-    from_cdr, srv, std_msgs, to_cdr,
+    OperatorReply, OperatorRequest, PartReport, PassDecision, PlanProgress, Service, Verdict,
+    diagnostic_msgs, from_cdr, srv, std_msgs, to_cdr,
 };
 
 use crate::{FAILED, GOOD, LOSS, launcher, report};
 
 /// How long a node may take to answer an operator.
 const ANSWER_PATIENCE: Duration = Duration::from_secs(10);
+/// How long a plan may take in all: the cell itself answers when nothing is heard of it for [`ANSWER_PATIENCE`].
+const PLAN_PATIENCE: Duration = Duration::from_mins(30);
 /// Between two diagnostics.
 const DIAGNOSTICS_PERIOD: Duration = Duration::from_secs(1);
 
@@ -49,6 +51,8 @@ struct Heard {
     sizes: Vec<usize>,
     part: Option<PartReport>,
     waiting: BTreeMap<(&'static str, u64), Sender<OperatorReply>>,
+    /// When progress of a plan was heard last.
+    planning: Option<Instant>,
     next_request: u64,
     diagnosed: Option<Instant>,
 }
@@ -127,7 +131,20 @@ impl Gate {
         publisher
             .publish(to_cdr(&request), instant.0)
             .map_err(|error| error.to_string())?;
-        let answer = receiver.recv_timeout(ANSWER_PATIENCE);
+        let mut until = Instant::now() + ANSWER_PATIENCE;
+        let answer = loop {
+            let answer = receiver.recv_timeout(until.saturating_duration_since(Instant::now()));
+            // A long plan is no missing answer.
+            let planning = lock(&self.heard)
+                .planning
+                .map(|last| last + ANSWER_PATIENCE);
+            let goes_on =
+                |next: &Instant| reply_topic == topics::PLAN_REPLIES.name && *next > until;
+            match (&answer, planning.filter(goes_on)) {
+                (Err(_), Some(next)) => until = next,
+                _ => break answer,
+            }
+        };
         lock(&self.heard).waiting.remove(&(reply_topic, request_id));
         answer.map_err(|_| format!("no node answered within {} s", ANSWER_PATIENCE.as_secs()))
     }
@@ -206,6 +223,9 @@ impl Operator {
         self.hear(topics::PART_REPORTS, |heard, part: PartReport| {
             tell_part(&part);
             heard.part = Some(part);
+        })?;
+        self.hear(topics::PLAN_PROGRESS, |heard, _: PlanProgress| {
+            heard.planning = Some(Instant::now());
         })?;
         for topic in topics::ALL
             .iter()
@@ -466,7 +486,7 @@ pub(crate) fn measure(file: &Path, again: &[u32]) -> anyhow::Result<u8> {
         plan_id: plan_id.clone(),
         points,
     };
-    let planned = ask::<srv::Plan>(&bus, &cell, "plan", &asked)?;
+    let planned = ask_for_plan(&bus, &cell.namespace(), &asked)?;
     report::line(&format!("{plan_id}: {}", planned.text));
     let mut status = FAILED;
     if planned.accepted {
@@ -479,6 +499,37 @@ pub(crate) fn measure(file: &Path, again: &[u32]) -> anyhow::Result<u8> {
     }
     bus.close(Duration::from_secs(2))?;
     Ok(status)
+}
+
+/// Asks a running cell for a plan; a person at a terminal sees how far it is.
+pub(crate) fn ask_for_plan(
+    bus: &Bus,
+    namespace: &str,
+    asked: &srv::PlanRequest,
+) -> anyhow::Result<srv::PlanResponse> {
+    let topic = topics::PLAN_PROGRESS;
+    let on_sample = |received: Received<'_>| {
+        if let Ok(progress) = from_cdr::<PlanProgress>(&received.payload) {
+            report::progress(&progress);
+        }
+    };
+    let subscription = bus.subscribe(
+        &format!("{namespace}/{}", topic.name),
+        topic.message,
+        bus_qos(topic.qos),
+        Box::new(on_sample),
+        Box::new(|_| {}),
+    )?;
+    let answered = bus.call_patiently(
+        &format!("{namespace}/plan"),
+        srv::Plan::TYPE,
+        &to_cdr(asked),
+        ANSWER_PATIENCE,
+        PLAN_PATIENCE,
+    );
+    drop(subscription);
+    report::end_progress();
+    from_cdr(&answered?).context("the answer is not of the service's type")
 }
 
 /// The plan that a running cell published last.

@@ -2,8 +2,9 @@
 
 #![expect(clippy::print_stderr, reason = "this module is the terminal")]
 
-use std::io::{ErrorKind, Write};
+use std::io::{ErrorKind, IsTerminal, Write};
 
+use probecell_msgs::PlanProgress;
 use serde::Serialize;
 
 /// A line on standard output.
@@ -26,6 +27,42 @@ pub(crate) fn bytes(text: &[u8]) {
 /// A remark on standard error.
 pub(crate) fn remark(text: &str) {
     eprintln!("{text}");
+}
+
+/// How far a plan is, as one line of standard error that the next one takes the place of; nothing where that is no
+/// terminal.
+pub(crate) fn progress(progress: &PlanProgress) {
+    let plan = if progress.plan_id.is_empty() {
+        "planning"
+    } else {
+        &progress.plan_id
+    };
+    let (touches, percent) = (progress.touches, 100.0 * progress.share);
+    let text = match progress.phase {
+        PlanProgress::WAYS => {
+            format!("{plan}: {touches} touches, ways between them: {percent:.0} %")
+        }
+        PlanProgress::SEARCHING => format!(
+            "{plan}: {touches} touches, {:.1} s between them instead of {:.1} s, searched: {percent:.0} %",
+            progress.air_time, progress.given_air_time
+        ),
+        _ => String::new(),
+    };
+    over(&text);
+}
+
+/// Ends the line of [`progress`].
+pub(crate) fn end_progress() {
+    over("");
+}
+
+/// Writes over the last line of a terminal.
+fn over(text: &str) {
+    let mut terminal = std::io::stderr().lock();
+    if terminal.is_terminal() {
+        // A terminal that cannot be written to needs no progress.
+        drop(write!(terminal, "\r\x1b[K{text}").and_then(|()| terminal.flush()));
+    }
 }
 
 /// One JSON object on standard output.

@@ -192,6 +192,19 @@ impl Bus {
         self.client(name, ty)?.call(request, timeout)
     }
 
+    /// The same of a service that may take longer to answer than to be found.
+    pub fn call_patiently(
+        &self,
+        name: &str,
+        ty: impl Into<ServiceId>,
+        request: &[u8],
+        found_within: Duration,
+        answered_within: Duration,
+    ) -> Result<Vec<u8>, BusError> {
+        let client = self.client(name, ty)?;
+        client.call_patiently(request, found_within, answered_within)
+    }
+
     /// What the nodes of this domain announce, this one included.
     pub fn graph(&self) -> Graph {
         match &self.inner {
@@ -299,9 +312,22 @@ impl Client {
     /// # Errors
     /// [`BusError::NoServer`], [`BusError::Timeout`], [`BusError::Refused`] with the server's sentence.
     pub fn call(&self, request: &[u8], timeout: Duration) -> Result<Vec<u8>, BusError> {
+        self.call_patiently(request, timeout, timeout)
+    }
+
+    /// The same of a service that may take longer to answer than to be found.
+    pub fn call_patiently(
+        &self,
+        request: &[u8],
+        found_within: Duration,
+        answered_within: Duration,
+    ) -> Result<Vec<u8>, BusError> {
+        let begun = Instant::now();
+        let found = begun + found_within;
+        let answered = begun + answered_within;
         match &self.inner {
-            ClientInner::Zenoh(client) => client.call(request, timeout),
-            ClientInner::Dds(client) => client.call(request, timeout),
+            ClientInner::Zenoh(client) => client.call(request, found, answered),
+            ClientInner::Dds(client) => client.call(request, found, answered),
         }
     }
 }

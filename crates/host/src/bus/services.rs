@@ -144,9 +144,15 @@ impl ZenohClient {
         Ok(true)
     }
 
-    pub(super) fn call(&self, request: &[u8], timeout: Duration) -> Result<Vec<u8>, BusError> {
-        let deadline = Instant::now() + timeout;
-        let served = self.wait_for_server(deadline)?;
+    /// A server must be found by the instant `found`, and have answered by `deadline`.
+    pub(super) fn call(
+        &self,
+        request: &[u8],
+        found: Instant,
+        deadline: Instant,
+    ) -> Result<Vec<u8>, BusError> {
+        let begun = Instant::now();
+        let served = self.wait_for_server(found)?;
         if !served {
             return Err(BusError::NoServer {
                 name: self.name.clone(),
@@ -188,7 +194,7 @@ impl ZenohClient {
             }
         }
         let name = self.name.clone();
-        let seconds = timeout.as_secs_f64();
+        let seconds = deadline.saturating_duration_since(begun).as_secs_f64();
         Err(match refusal {
             // Zenoh itself answers so when time is up.
             Some(reason) if reason == "Timeout" => BusError::Timeout { name, seconds },

@@ -25,7 +25,7 @@ use probecell_msgs::{
 };
 use serde::Serialize;
 
-use crate::{launcher, report};
+use crate::{launcher, operator, report};
 
 /// How long a cell may take to tell its machine and its last plan, and to answer a call.
 const ANSWER_PATIENCE: Duration = Duration::from_secs(10);
@@ -368,7 +368,11 @@ impl Desk {
             plan_id: plan_id.to_owned(),
             points: plan.points.clone(),
         };
-        let planned: srv::PlanResponse = self.call::<srv::Plan>("plan", &request)?;
+        let planned = operator::ask_for_plan(&self.bus, &self.namespace, &request);
+        let planned = planned.map_err(|error| RefineError::NoCell {
+            cell: self.cell.clone(),
+            reason: error.to_string(),
+        })?;
         self.accepted(planned.accepted, planned.text)?;
         let request = srv::RunRequest {
             part_id: plan.part_id.clone(),

@@ -8,7 +8,10 @@ use bags::{Bag, Session};
 use cell::Cell;
 use graph::{Executor, Running, Stamp, topics};
 use machine::{Chain, Nominal};
-use path_planning::route::{Route, Seed};
+use path_planning::{
+    Planned, Wanted,
+    route::{Route, Seed},
+};
 use probecell_msgs::{
     FeatureResult, InspectionPlan, MeasurementOrder, ProbeEvent, TouchDeviation, from_cdr, to_cdr,
 };
@@ -80,14 +83,29 @@ pub(crate) fn of_cell(
         .filter(|&point| wanted(point))
         .collect();
     let (clearance, overtravel, kicks) = (config.clearance, config.overtravel, config.kicks);
-    let order = Route {
+    let route = Route {
         chain: &config.chain,
         clearance,
         overtravel,
         kicks,
-    }
-    .order_of(&plan, &points, config.part.stages(), &[])?;
+    };
+    let wanted = Wanted {
+        plan: &plan,
+        points: &points,
+        stages: config.part.stages(),
+        poses: &[],
+        seeds: &[],
+        here: None,
+    };
+    let Planned { plan, order } = planned(&route, &wanted)?;
     Ok((plan, order, GOOD))
+}
+
+/// Plans; a person at a terminal sees how far it is.
+fn planned(route: &Route<'_>, wanted: &Wanted<'_>) -> anyhow::Result<Planned> {
+    let planned = route.planned(wanted, &mut |task| report::progress(&task.progress()));
+    report::end_progress();
+    Ok(planned?)
 }
 
 /// Orders the plan of a recording again, against the order in which it was measured; `clearance` as in [`Route`],
@@ -136,8 +154,16 @@ pub(crate) fn of_bag(
         overtravel: OVERTRAVEL,
         kicks: KICKS,
     };
-    let order = route.order_of(recorded, &places, &[], &seeds)?;
-    Ok((recorded.clone(), order, status))
+    let wanted = Wanted {
+        plan: recorded,
+        points: &places,
+        stages: &[],
+        poses: &[],
+        seeds: &seeds,
+        here: None,
+    };
+    let Planned { plan, order } = planned(&route, &wanted)?;
+    Ok((plan, order, status))
 }
 
 /// Runs the analysis on a recording of somebody else: its plan and touches, on virtual time.

@@ -189,13 +189,14 @@ impl DdsClient {
     pub(in super::super) fn call(
         &self,
         request: &[u8],
-        timeout: Duration,
+        found: Instant,
+        deadline: Instant,
     ) -> Result<Vec<u8>, BusError> {
-        let deadline = Instant::now() + timeout;
-        let served = self.discovery.wait_for_writer(self.reader, deadline)
+        let begun = Instant::now();
+        let served = self.discovery.wait_for_writer(self.reader, found)
             && self
                 .discovery
-                .wait_for_readers(self.writer.guid(), 1, deadline);
+                .wait_for_readers(self.writer.guid(), 1, found);
         if !served {
             return Err(BusError::NoServer {
                 name: self.name.clone(),
@@ -208,7 +209,7 @@ impl DdsClient {
             lock(&self.waiting).remove(&id);
             BusError::Timeout {
                 name: self.name.clone(),
-                seconds: timeout.as_secs_f64(),
+                seconds: deadline.saturating_duration_since(begun).as_secs_f64(),
             }
         })
     }
