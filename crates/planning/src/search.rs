@@ -287,7 +287,7 @@ fn iterate(
     // The shortest ring or path since the order was told last; empty when there is none.
     let mut best = Vec::new();
     loop {
-        if standing.kicks % every == 0 {
+        if standing.kicks.is_multiple_of(every) {
             if !best.is_empty() {
                 standing.order = grid.strip(&best);
                 best.clear();
