@@ -6,14 +6,14 @@
 //! plan tells of the part ([`machine::access`]). What the ways between touches need, and whether every target is within
 //! the travel of its axis, is [`crate::route`]'s. Metres, radians, part frame.
 
-use machine::access::{Access, Aim};
+use machine::access::Access;
 use machine::{DeviationError, Nominal, Surface};
 use nalgebra::{Point3, Unit, Vector3};
 use probecell_msgs::{InspectionPlan, InspectionPoint};
 
 use crate::{
     route::{Route, RouteError},
-    stations,
+    stations::{self, Poses},
     task::{Task, Wanted},
 };
 
@@ -56,11 +56,11 @@ pub enum FurtherError {
     Route(#[from] RouteError),
 }
 
-/// Checks further touches and begins to order them. `own` is the part's plan as its surfaces are now, `further` the same with
+/// Checks further touches and begins to order them, at the rotary positions asked for. `own` is the part's plan as its surfaces are now, `further` the same with
 /// the further touches in place of its own.
 pub(crate) fn begin(
     route: &Route<'_>,
-    own: &InspectionPlan,
+    (own, poses): (&InspectionPlan, &[Poses]),
     further: &InspectionPlan,
 ) -> Result<Task, FurtherError> {
     if further.points.len() > MOST {
@@ -74,7 +74,7 @@ pub(crate) fn begin(
     for (index, point) in further.points.iter().enumerate() {
         check_place(own, &known, &nominal, index, point).map_err(at(index))?;
     }
-    check_access(route, (own, &known), (further, &nominal))?;
+    check_access(route, (own, &known), poses, (further, &nominal))?;
     let all: Vec<u32> = (0..further.points.len() as u32).collect();
     let wanted = Wanted {
         plan: further,
@@ -229,11 +229,12 @@ fn spanned(
 fn check_access(
     route: &Route<'_>,
     (own, known): (&InspectionPlan, &Nominal),
+    poses: &[Poses],
     (further, nominal): (&InspectionPlan, &Nominal),
 ) -> Result<(), FurtherError> {
-    let met = aims(own, known, route.contacts(own)?);
+    let met = stations::aims(route, own, known, poses)?;
     let access = Access::new(route.chain, known, own, &met);
-    let wanted = aims(further, nominal, route.contacts(further)?);
+    let wanted = stations::aims(route, further, nominal, &[])?;
     match wanted.iter().position(|aim| !access.allows(aim)) {
         Some(point) => Err(FurtherError::Point {
             point,
@@ -241,9 +242,4 @@ fn check_access(
         }),
         None => Ok(()),
     }
-}
-
-fn aims(plan: &InspectionPlan, nominal: &Nominal, contacts: Vec<Vec<f64>>) -> Vec<Aim> {
-    let aim = |(point, positions)| stations::aim(plan, nominal, point, positions);
-    contacts.into_iter().enumerate().map(aim).collect()
 }

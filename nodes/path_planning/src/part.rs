@@ -3,7 +3,8 @@
 //! Lengths are written in mm and angles in degrees and become m and rad here. Points, normals and axes are in the part
 //! frame. A point is placed exactly on its feature: a cylinder is touched at angles and heights, a plane at the foot of
 //! each point given, a sphere where the ray from its centre through the point given leaves it, a profile at equal
-//! lengths along its cubic spline with the normal to the left of travel.
+//! lengths along its cubic spline with the normal to the left of travel. A point may have several poses: the first is where
+//! the axes stand in the plan as it is written, the others are chosen from with the order.
 
 use machine::Chain;
 use metrology::profile::Spline;
@@ -12,6 +13,8 @@ use probecell_msgs::{
     InspectionFeature, InspectionPlan, InspectionPoint, MachiningOperation, Stylus, geometry_msgs,
 };
 use serde::Deserialize;
+
+use crate::stations::Poses;
 
 /// As written.
 #[derive(Clone, Debug, Deserialize)]
@@ -33,9 +36,15 @@ pub struct RawPart {
     /// Direction in the foundation that points are turned to face.
     #[serde(default)]
     pub facing: [f64; 3],
+    /// Offsets from facing the probe at which each point may be touched as well; none: only facing.
+    #[serde(default)]
+    pub indexing_offsets_deg: Vec<f64>,
     /// Rotary axes whose positions operations and features give themselves, instead of one that faces the probe.
     #[serde(default)]
     pub rotary_axes: Vec<String>,
+    /// Positions of `rotary_axes` at each of which every feature may be probed as well that gives no such list itself.
+    #[serde(default)]
+    pub rotary_alternatives_deg: Vec<Vec<f64>>,
     /// A point of the face at which the part is clamped, part frame.
     #[serde(default)]
     pub clamping_mm: [f64; 3],
@@ -133,6 +142,9 @@ pub struct RawFeature {
     /// Positions of `part.rotary_axes` while probing; none: all 0.
     #[serde(default)]
     pub rotary_deg: Vec<f64>,
+    /// Positions of `part.rotary_axes` at each of which it may be probed as well; none: those of the part.
+    #[serde(default)]
+    pub rotary_alternatives_deg: Vec<Vec<f64>>,
     /// Touched before all features that are no datum.
     #[serde(default)]
     pub datum: bool,
@@ -140,6 +152,9 @@ pub struct RawFeature {
 
 /// Largest length (mm), angle (deg) or feed (mm/min) that is taken: far beyond any machine.
 const LARGEST: f64 = 1e9;
+
+/// Most poses at which one point may be touched.
+const MOST_POSES: usize = 32;
 
 /// Most touches along one profile.
 const MOST_TOUCHES: usize = 10_000;
@@ -152,6 +167,7 @@ type Touch = (Vector3<f64>, Vector3<f64>);
 pub struct Part {
     template: InspectionPlan,
     stages: Vec<u32>,
+    poses: Vec<Poses>,
 }
 
 /// A part that cannot be measured.
@@ -221,6 +237,31 @@ pub enum PartError {
         /// Axes.
         axes: usize,
     },
+    /// An alternative with another number of rotary positions than of rotary axes.
+    #[error(
+        "{place}: number {index} of rotary_alternatives_deg has {given} positions for the {axes} axes of part.rotary_axes"
+    )]
+    Alternative {
+        /// The part or feature.
+        place: String,
+        /// Index in the list.
+        index: usize,
+        /// Positions given.
+        given: usize,
+        /// Axes.
+        axes: usize,
+    },
+    /// Offsets of no axis.
+    #[error("part.indexing_offsets_deg is given, but no part.indexing_axis")]
+    Offsets,
+    /// Too many poses.
+    #[error("{place} has {given} poses beside the first, more than {MOST_POSES}")]
+    Poses {
+        /// The part or feature.
+        place: String,
+        /// Poses given.
+        given: usize,
+    },
     /// A profile that is no curve.
     #[error("feature {feature:?}: {reason}")]
     Profile {
@@ -254,6 +295,7 @@ impl RawPart {
         }
         let indexing = self.indexing(chain)?;
         self.check_rotary(chain)?;
+        self.check_poses()?;
         let mut template = InspectionPlan {
             part_id: self.id.clone(),
             machined_on_this_machine: self.machined_on_this_machine,
@@ -283,20 +325,18 @@ impl RawPart {
                 .collect(),
             ..InspectionPlan::default()
         };
-        let mut stages = Vec::new();
+        let (mut stages, mut poses) = (Vec::new(), Vec::new());
         for (index, raw) in self.features.iter().enumerate() {
             let feature = raw.message()?;
             let operation = self.operation_of(raw)?;
             for (position, normal) in raw.touches(&feature)? {
                 stages.push(u32::from(!raw.datum));
+                let of_point = self.poses_of(raw, indexing.as_ref(), &normal);
                 template.points.push(InspectionPoint {
                     feature: index as u32,
                     position: ros_point(position),
                     normal: ros_vector(normal),
-                    rotary_positions: indexing.as_ref().map_or_else(
-                        || self.turned(&raw.rotary_deg, false),
-                        |turn| vec![turn.facing_angle(&normal)],
-                    ),
+                    rotary_positions: of_point[0].clone(),
                     tool_height: usize::try_from(operation)
                         .map_or(0.0, |index| self.operations[index].height_of(&position)),
                     approach_distance: self.approach_mm * 1e-3,
@@ -306,10 +346,47 @@ impl RawPart {
                     overhang: self.overhang_of(&position),
                     ..InspectionPoint::default()
                 });
+                poses.push(of_point);
             }
             template.features.push(feature);
         }
-        Ok(Part { template, stages })
+        Ok(Part {
+            template,
+            stages,
+            poses,
+        })
+    }
+
+    /// Where the rotary axes may stand (rad) for a touch: as the feature says first, never empty.
+    fn poses_of(
+        &self,
+        feature: &RawFeature,
+        indexing: Option<&Indexing>,
+        normal: &Vector3<f64>,
+    ) -> Poses {
+        let all: Poses = if let Some(turn) = indexing {
+            let facing = turn.facing_angle(normal);
+            let offsets = self.indexing_offsets_deg.iter();
+            let turned = offsets.map(|offset| vec![facing + offset.to_radians()]);
+            std::iter::once(vec![facing]).chain(turned).collect()
+        } else {
+            let own = &feature.rotary_alternatives_deg;
+            let others = if own.is_empty() {
+                &self.rotary_alternatives_deg
+            } else {
+                own
+            };
+            let first = self.turned(&feature.rotary_deg, false);
+            let others = others.iter().map(|one| self.turned(one, false));
+            std::iter::once(first).chain(others).collect()
+        };
+        let mut poses = Poses::new();
+        for pose in all {
+            if !poses.contains(&pose) {
+                poses.push(pose);
+            }
+        }
+        poses
     }
 
     fn indexing(&self, chain: &Chain) -> Result<Option<Indexing>, PartError> {
@@ -355,6 +432,41 @@ impl RawPart {
                     given: positions.len(),
                     axes: self.rotary_axes.len(),
                 });
+            }
+        }
+        Ok(())
+    }
+
+    /// Further poses have a position for each rotary axis, and are not too many.
+    fn check_poses(&self) -> Result<(), PartError> {
+        let few = |place: &str, given: usize| {
+            let place = place.to_owned();
+            let few = given <= MOST_POSES;
+            few.then_some(()).ok_or(PartError::Poses { place, given })
+        };
+        finite("indexing_offsets_deg", &self.indexing_offsets_deg)?;
+        few("part.indexing_offsets_deg", self.indexing_offsets_deg.len())?;
+        if self.indexing_axis.is_empty() && !self.indexing_offsets_deg.is_empty() {
+            return Err(PartError::Offsets);
+        }
+        let features = self.features.iter().map(|raw| {
+            let place = format!("feature {:?}", raw.id);
+            (place, &raw.rotary_alternatives_deg)
+        });
+        let part = ("part".to_owned(), &self.rotary_alternatives_deg);
+        for (place, alternatives) in std::iter::once(part).chain(features) {
+            few(&place, alternatives.len())?;
+            for (index, positions) in alternatives.iter().enumerate() {
+                finite("rotary_alternatives_deg", positions)?;
+                let (given, axes) = (positions.len(), self.rotary_axes.len());
+                if given != axes || axes == 0 {
+                    return Err(PartError::Alternative {
+                        place,
+                        index,
+                        given,
+                        axes,
+                    });
+                }
             }
         }
         Ok(())
@@ -579,6 +691,11 @@ impl Part {
     /// When each point is touched: 0 those of datum features, then 1.
     pub fn stages(&self) -> &[u32] {
         &self.stages
+    }
+
+    /// Where the plan's rotary axes may stand for each point: the plan's own positions first, never empty.
+    pub fn poses(&self) -> &[Poses] {
+        &self.poses
     }
 
     /// The plan of a measurement whose surfaces still carry `allowance` (m, on sizes: half of it on each side).

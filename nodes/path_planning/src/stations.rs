@@ -201,8 +201,21 @@ fn keep_accessible(
     places.retain(|_| kept.next().unwrap_or(true));
 }
 
+/// Every touch of a plan once, at the first of its poses that can be had; `poses` as in [`places`].
+pub(crate) fn aims(
+    route: &Route<'_>,
+    plan: &InspectionPlan,
+    part: &Nominal,
+    poses: &[Poses],
+) -> Result<Vec<Aim>, RouteError> {
+    let mut places = places(route, plan, part, poses, &[])?;
+    places.dedup_by_key(|place| place.point);
+    let aim = |place: Place| aim(plan, part, place.point, place.stations.touch);
+    Ok(places.into_iter().map(aim).collect())
+}
+
 /// A touch of a plan, by the axis positions of its contact.
-pub(crate) fn aim(plan: &InspectionPlan, part: &Nominal, point: usize, positions: Vec<f64>) -> Aim {
+fn aim(plan: &InspectionPlan, part: &Nominal, point: usize, positions: Vec<f64>) -> Aim {
     Aim {
         feature: plan.points[point].feature as usize,
         position: part.points[point].0,

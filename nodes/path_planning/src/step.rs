@@ -399,7 +399,7 @@ fn asked(
         points: request.points.clone(),
         ..own.clone()
     };
-    let task = further::begin(&route(config), &own, &plan)?;
+    let task = further::begin(&route(config), (&own, config.part.poses()), &plan)?;
     begin(state, now, task, Purpose::Further(request.request_id), out);
     Ok(())
 }
@@ -433,7 +433,7 @@ fn whole(config: &Config, now: Stamp, plan_id: &str, allowance: f64) -> Result<T
         plan: &plan,
         points: &all,
         stages: config.part.stages(),
-        poses: &[],
+        poses: config.part.poses(),
         seeds: &[],
         here: None,
     };

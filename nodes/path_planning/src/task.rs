@@ -21,6 +21,11 @@ const ENDS: usize = 50;
 /// Ways that are looked at in one stretch: a row of the table more or less. A clearance axis makes most of them simple.
 const WAYS: usize = 500;
 const WAYS_OVER_CLEARANCE: usize = 50_000;
+/// Where the poses of points make more ways, only the likely ones are looked at: those between first poses, and from and
+/// to each place those with the nearest others, by what the axes need at least.
+const MOST_WAYS: usize = 60_000;
+const MOST_WAYS_OVER_CLEARANCE: usize = 4_000_000;
+const NEAREST: usize = 40;
 /// Kicks of the search in one stretch.
 const KICKS: u64 = 1_000;
 
@@ -210,21 +215,63 @@ impl Task {
             Some(_) => WAYS_OVER_CLEARANCE,
             None => WAYS,
         };
-        let time = |from: usize, to: usize| {
-            if self.places[from].point == self.places[to].point {
-                0.0
-            } else {
-                ways.time(from, to)
-            }
-        };
+        let likely = self.likely(route, ways);
         let mut rows = Vec::new();
         while self.times.len() + rows.len() < count && left > 0 {
             let from = self.times.len() + rows.len();
             let to = if both_ways { from } else { count };
-            left = left.saturating_sub(to);
-            rows.push((0..to).map(|to| time(from, to)).collect());
+            let mut time = |to: usize| {
+                if self.places[from].point == self.places[to].point {
+                    0.0
+                } else if likely(from, to) {
+                    left = left.saturating_sub(1);
+                    ways.time(from, to)
+                } else {
+                    NO_WAY
+                }
+            };
+            rows.push((0..to).map(&mut time).collect());
         }
         rows
+    }
+
+    /// Which ways are looked at; of few places all.
+    fn likely<'a>(
+        &'a self,
+        route: &'a Route<'_>,
+        ways: &'a Ways<'_>,
+    ) -> impl Fn(usize, usize) -> bool + use<'a> {
+        let count = self.places.len();
+        let most = match route.clearance {
+            Some(_) => MOST_WAYS_OVER_CLEARANCE,
+            None => MOST_WAYS,
+        };
+        let few = count * count <= most || count == self.points.len();
+        let least = move |from: usize, to: usize| {
+            let to = std::slice::from_ref(&ways.ends[to].approach.positions);
+            route.duration(&ways.ends[from].retract.positions, to)
+        };
+        let first =
+            |place: usize| place == 0 || self.places[place - 1].point != self.places[place].point;
+        // Seconds within which the nearest places of other points lie.
+        let reach = move |from: usize| {
+            let point = self.places[from].point;
+            let others = (0..count).filter(|&to| self.places[to].point != point);
+            let mut others: Vec<f64> = others.map(|to| least(from, to)).collect();
+            let at = NEAREST.min(others.len()).saturating_sub(1);
+            let found = at < others.len();
+            found.then(|| *others.select_nth_unstable_by(at, f64::total_cmp).1)
+        };
+        let reaches: Vec<f64> = if few {
+            Vec::new()
+        } else {
+            (0..count).map(|from| reach(from).unwrap_or(0.0)).collect()
+        };
+        move |from, to| {
+            few || first(from) && first(to)
+                || least(from, to) <= reaches[from].max(reaches[to])
+                || least(to, from) <= reaches[from].max(reaches[to])
+        }
     }
 
     /// Seconds from one place to another, by the table.

@@ -9,7 +9,6 @@ use diagnosis::Session;
 use diagnosis::identifiability::{
     DIAGNOSIS, Identifiability, Pair, Question, Smallest, identifiability,
 };
-use machine::Chain;
 
 use crate::{GOOD, report};
 
@@ -81,12 +80,10 @@ pub(super) fn is_cell(path: &Path) -> bool {
 pub(super) fn of_cell(file: &Path) -> anyhow::Result<Session> {
     let cell = Cell::read(file)?;
     let robot_description = cell.text().robot_description.clone();
-    let chain = Chain::from_urdf(&robot_description)?;
-    let config = cell.path_planning.check(chain, &cell.part, Vec::new())?;
     Ok(Session {
         name: file.display().to_string(),
         robot_description,
-        plan: Some(config.part.plan(0.0)),
+        plan: Some(super::plan::part_of(&cell, 0.0)?),
         ..Session::default()
     })
 }

@@ -89,16 +89,40 @@ pub(crate) fn of_cell(
         overtravel,
         kicks,
     };
-    let wanted = Wanted {
+    let all: Vec<u32> = (0..plan.points.len() as u32).collect();
+    let mut wanted = Wanted {
         plan: &plan,
-        points: &points,
+        points: &all,
         stages: config.part.stages(),
-        poses: &[],
+        poses: config.part.poses(),
         seeds: &[],
         here: None,
     };
-    let Planned { plan, order } = planned(&route, &wanted)?;
+    // Poses are those of the whole plan, whichever points are left of it.
+    let mut whole = None;
+    if points == all || config.part.poses().iter().any(|poses| poses.len() > 1) {
+        whole = Some(planned(&route, &wanted)?);
+    }
+    let Planned { plan, order } = match &whole {
+        Some(whole) if points == all => whole.clone(),
+        _ => {
+            wanted.plan = whole.as_ref().map_or(&plan, |whole| &whole.plan);
+            wanted.points = &points;
+            wanted.poses = &[];
+            planned(&route, &wanted)?
+        }
+    };
     Ok((plan, order, GOOD))
+}
+
+/// The plan of a cell's part with an allowance (m) left on its sizes, at the poses chosen where there are several.
+pub(crate) fn part_of(cell: &Cell, allowance: f64) -> anyhow::Result<InspectionPlan> {
+    let chain = Chain::from_urdf(&cell.text().robot_description)?;
+    let config = cell.path_planning.check(chain, &cell.part, Vec::new())?;
+    if config.part.poses().iter().all(|poses| poses.len() < 2) {
+        return Ok(config.part.plan(allowance));
+    }
+    Ok(of_cell(cell, allowance, &|_| true)?.0)
 }
 
 /// Plans; a person at a terminal sees how far it is.

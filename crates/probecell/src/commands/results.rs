@@ -473,9 +473,6 @@ fn planned(
     if plan::is_cell(source) {
         let cell = Cell::read(source)?;
         let chain = Chain::from_urdf(&cell.text().robot_description)?;
-        let config = cell
-            .path_planning
-            .check(chain.clone(), &cell.part, Vec::new())?;
         let axes = match cell.linuxcnc.clone() {
             Some(raw) => raw.check()?.axes,
             None => program::axes(&chain, &arguments.axes)?,
@@ -484,7 +481,8 @@ fn planned(
             arguments.allowance_mm.is_finite(),
             "--allowance-mm must be a finite number"
         );
-        return Ok((config.part.plan(arguments.allowance_mm * 1e-3), chain, axes));
+        let plan = super::plan::part_of(&cell, arguments.allowance_mm * 1e-3)?;
+        return Ok((plan, chain, axes));
     }
     let session = Session::read(&Bag::open(source)?)?;
     let chain = Chain::from_urdf(&session.robot_description)?;
