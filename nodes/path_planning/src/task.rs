@@ -361,6 +361,13 @@ impl Task {
         told - NO_WAY * missing.count() as f64
     }
 
+    /// Seconds of ways of an order that were not looked at before: the search took them as none.
+    fn not_looked_at(&self, ways: &Ways<'_>, order: &[usize]) -> f64 {
+        let pairs = order.windows(2);
+        let missing = pairs.filter(|pair| self.time(pair[0], pair[1]) >= NO_WAY);
+        missing.map(|pair| ways.time(pair[0], pair[1])).sum()
+    }
+
     fn answer(
         &self,
         route: &Route<'_>,
@@ -398,7 +405,7 @@ impl Task {
         let order = MeasurementOrder {
             plan_id: plan.plan_id.clone(),
             order: points.map(|point| self.points[point]).collect(),
-            air_time: solution.cost,
+            air_time: self.seconds(&solution.order) + self.not_looked_at(ways, &order),
             given_air_time: self.seconds(&solution.given),
             air_length: length(&order),
             given_air_length: length(&given),
