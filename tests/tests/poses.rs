@@ -24,9 +24,9 @@ fn balls(edit: impl Fn(&str) -> String) -> Cell {
 /// The same with every ball at its own index only.
 fn facing() -> Cell {
     balls(|text| {
-        let (head, rest) = text.split_once("rotary_alternatives_deg").expect("poses");
+        let (head, rest) = text.split_once("\nrotary_alternatives_deg").expect("poses");
         let (_, tail) = rest.split_once("\n]\n").expect("their end");
-        format!("{head}{tail}")
+        format!("{head}\n{tail}")
     })
 }
 
