@@ -176,9 +176,9 @@ fn walk(planned: &Planned, at: &[[f64; 3]], poses: &[Vec<f64>]) -> Vec<(usize, f
         assert!(poses[*point].contains(pose), "{point} at {pose}");
     }
     let own = total(at, &walk);
-    // The machine stops within a fraction of a micrometre.
+    // The inverse ends within 0.1 µm: 1 µs of an axis, in four legs of each way.
     assert!(
-        (own - order.air_time).abs() < 2e-6 * walk.len() as f64,
+        (own - order.air_time).abs() < 4e-6 * walk.len() as f64,
         "{own} {}",
         order.air_time
     );
@@ -214,7 +214,7 @@ fn order_and_poses_are_those_of_the_least_of_all() {
         let walk = walk(&planned, &at, &poses);
         let best = least(&at, &poses, datum, &mut Vec::new());
         let own = total(&at, &walk);
-        assert!(own <= best + 2e-5, "{salt}: {own} against {best}");
+        assert!(own <= best + 4e-5, "{salt}: {own} against {best}");
         // What it is measured by: the first poses, datum features first, as listed.
         let mut listed: Vec<usize> = (0..5).collect();
         listed.sort_by_key(|point| !datum.contains(point));
