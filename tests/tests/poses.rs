@@ -78,8 +78,9 @@ fn poses_are_chosen_with_the_order_and_all_touches_end_right() {
     let results: Vec<FeatureResult> = session.all(topics::FEATURE_RESULTS);
     assert_eq!(results.len(), 4);
     for result in &results {
+        // Five touches of a cap, 0.5 µm each.
         assert!(
-            result.size_deviation.abs() < 2e-6,
+            result.size_deviation.abs() < 5e-6,
             "{}: {}",
             result.feature_id,
             result.size_deviation
