@@ -31,7 +31,7 @@ use crate::{FAILED, GOOD, LOSS, launcher, report};
 /// How long a node may take to answer an operator.
 const ANSWER_PATIENCE: Duration = Duration::from_secs(10);
 /// How long a plan may take in all: the cell itself answers when nothing is heard of it for [`ANSWER_PATIENCE`].
-const PLAN_PATIENCE: Duration = Duration::from_mins(30);
+const PLAN_PATIENCE: Duration = Duration::from_secs(1800);
 /// Between two diagnostics.
 const DIAGNOSTICS_PERIOD: Duration = Duration::from_secs(1);
 
