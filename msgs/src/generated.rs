@@ -1101,7 +1101,7 @@ pub struct PlanProgress {
     pub touches: u32,
     /// one of the constants above
     pub phase: u8,
-    /// of the work of the phase, 0 to 1
+    /// ratio, 0 to 1, of the work of the phase
     pub share: f64,
     /// s, moves between touches in the best order so far; 0 before there is one
     pub air_time: f64,

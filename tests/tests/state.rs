@@ -6,7 +6,10 @@
 
 use std::{
     collections::{BTreeMap, BTreeSet},
-    sync::LazyLock,
+    sync::{
+        LazyLock, Mutex,
+        atomic::{AtomicUsize, Ordering},
+    },
 };
 
 use cell::Cell;
@@ -415,25 +418,43 @@ fn missed(trace: &Trace, wanted: &BTreeSet<String>) -> BTreeSet<String> {
 
 #[test]
 fn losing_any_field_of_any_state_changes_what_is_said() {
-    let mut wanted: BTreeMap<&'static str, BTreeSet<String>> = BTreeMap::new();
-    let mut fields = 0;
-    for (cell, log) in SESSIONS.iter() {
-        for trace in Trace::all(cell, log) {
-            if trace.node == "gap" && !cell.gap.at_end_of_plan {
-                continue;
-            }
-            let fresh = trace.start();
-            let of_node = wanted.entry(trace.node).or_insert_with(|| {
-                let keys = fresh.as_object().expect("a state has fields").keys();
-                fields += keys.len();
-                keys.cloned().collect()
-            });
-            if !trace.is_empty() {
-                let missed = missed(&trace, of_node);
-                of_node.retain(|field| !missed.contains(field));
-            }
+    let wanted: Mutex<BTreeMap<&'static str, BTreeSet<String>>> = Mutex::default();
+    let (fields, next) = (AtomicUsize::new(0), AtomicUsize::new(0));
+    let look = |cell: &Cell, trace: &Trace| {
+        if trace.node == "gap" && !cell.gap.at_end_of_plan {
+            return;
         }
-    }
+        let mut all = wanted.lock().expect("no thread has panicked");
+        let of_node = all.entry(trace.node).or_insert_with(|| {
+            let fresh = trace.start();
+            let keys = fresh.as_object().expect("a state has fields").keys();
+            fields.fetch_add(keys.len(), Ordering::Relaxed);
+            keys.cloned().collect()
+        });
+        let left = of_node.clone();
+        drop(all);
+        if left.is_empty() || trace.is_empty() {
+            return;
+        }
+        let missed = missed(trace, &left);
+        let mut all = wanted.lock().expect("no thread has panicked");
+        if let Some(of_node) = all.get_mut(trace.node) {
+            of_node.retain(|field| !missed.contains(field));
+        }
+    };
+    std::thread::scope(|scope| {
+        for _ in 0..std::thread::available_parallelism().map_or(1, usize::from) {
+            scope.spawn(|| {
+                while let Some((cell, log)) = SESSIONS.get(next.fetch_add(1, Ordering::Relaxed)) {
+                    for trace in Trace::all(cell, log) {
+                        look(cell, &trace);
+                    }
+                }
+            });
+        }
+    });
+    let (wanted, fields) = (wanted.into_inner(), fields.into_inner());
+    let wanted = wanted.expect("no thread has panicked");
     assert!(fields > 30, "{fields} fields of all nodes");
     let never: Vec<String> = wanted
         .iter()
