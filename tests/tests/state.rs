@@ -314,7 +314,6 @@ fn sessions() -> Vec<(Cell, Vec<Published>)> {
         unanswered(),
         not_converging(),
         springing(),
-        path(),
         five_axis(),
         calibrating(),
         clamped(),
@@ -343,6 +342,8 @@ fn sessions() -> Vec<(Cell, Vec<Published>)> {
     sessions.push(gap(&[topics::INSPECTION_PLAN], 20.0));
     sessions.push(gap(&[topics::MACHINE_STATE], 3.0));
     sessions.push(gap(&[topics::JOINT_STATES, topics::REFERENCE], 3.0));
+    // Planned at length each time: last, when little is left to look for.
+    sessions.push(path());
     sessions
 }
 
