@@ -695,6 +695,7 @@ fn tell_correction(correction: &Correction, file: &str) {
     let what = match correction.kind {
         Correction::TOOL_PATH => format!("tool path of {}", correction.feature_ids.join(", ")),
         Correction::VOLUMETRIC => "volumetric table, largest displacement".to_owned(),
+        Correction::WORK_OFFSET => format!("the work offset of {}", correction.axis),
         _ => format!("tool {}", correction.tool_number),
     };
     report::line(&format!(
