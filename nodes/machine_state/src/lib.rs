@@ -22,6 +22,7 @@ mod gate;
 mod state;
 mod step;
 mod table;
+mod writing;
 
 pub use config::{Config, ConfigError, RawConfig};
 pub use state::State;

@@ -9,9 +9,8 @@ use probecell_msgs::{
 
 use crate::{
     config::Config,
-    gate,
-    state::{Awaited, Controller, Operation, ReadBack, State, Writing},
-    table,
+    state::{Awaited, Controller, Operation, State, Writing},
+    writing,
 };
 
 inputs! {
@@ -97,18 +96,18 @@ impl Node for MachineStateNode {
                     out.send(Output::RobotDescription(description));
                 }
                 watch(config, state, now, out);
-                give_up_writing(config, state, now, out);
-                write_deferred(config, state, now, out);
+                writing::give_up(config, state, now, out);
+                writing::write_deferred(config, state, now, out);
                 out.wake_at(now.after_s(WATCH_PERIOD), WATCH);
             }
             Input::Status(status) => {
                 sample(config, state, now, status, out);
                 // An operation may have failed with this sample.
-                write_deferred(config, state, now, out);
+                writing::write_deferred(config, state, now, out);
             }
             Input::Reply(reply) => {
                 answer(state, now, &reply, out);
-                write_deferred(config, state, now, out);
+                writing::write_deferred(config, state, now, out);
             }
             Input::Request(request) => request_operation(config, state, now, request, out),
             Input::Order(order) => {
@@ -129,7 +128,7 @@ impl Node for MachineStateNode {
                     awaited.until = now.after_s(config.order_limit);
                 }
             }
-            Input::Correction(correction) => correct(config, state, now, correction, out),
+            Input::Correction(correction) => writing::correct(config, state, now, correction, out),
             Input::Part(report) => {
                 if [PartReport::STOPPED, PartReport::SCRAP].contains(&report.verdict) {
                     state.ended = state.ended.max(Some(Stamp::from(&report.header.stamp)));
@@ -288,28 +287,6 @@ fn offsets(status: &ControllerStatus) -> (&[u32], [&[String]; 2], [&[f64]; 3]) {
     )
 }
 
-/// Gives up corrections that the driver does not answer: others wait behind them, and the part waits for both.
-fn give_up_writing(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Output>) {
-    let overdue = state.writing.iter().filter(|(_, one)| now > one.until);
-    let overdue: Vec<u64> = overdue.map(|(command_id, _)| *command_id).collect();
-    for command_id in overdue {
-        let Some(Writing { correction, .. }) = state.writing.remove(&command_id) else {
-            continue;
-        };
-        let text = format!(
-            "the driver did not answer within {} s: what the controller holds is not known",
-            config.reply_limit
-        );
-        let values = ReadBack {
-            before: correction.previous_value,
-            after: f64::NAN,
-            ..ReadBack::default()
-        };
-        let failed = CorrectionAcknowledgement::FAILED;
-        acknowledge(now, &correction, failed, values, &text, out);
-    }
-}
-
 /// Looks for a silent controller, a command that it has forgotten, and an order that does not come.
 fn watch(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Output>) {
     let silent = state
@@ -435,103 +412,8 @@ fn request_operation(
     });
 }
 
-/// Takes a correction in: what is not approved asks nothing of the machine, the others are written one after the other
-/// while no program runs.
-fn correct(
-    config: &Config,
-    state: &mut State,
-    now: Stamp,
-    correction: Correction,
-    out: &mut Outbox<Output>,
-) {
-    let silent = [Correction::APPROVAL_NONE, Correction::APPROVAL_REJECTED];
-    let known = |other: &Correction| other.correction_id == correction.correction_id;
-    if silent.contains(&correction.approval)
-        || (state.writing.values()).any(|writing| known(&writing.correction))
-        || state.deferred.iter().any(known)
-    {
-        return;
-    }
-    state.deferred.push_back(correction);
-    write_deferred(config, state, now, out);
-}
-
-fn write_deferred(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Output>) {
-    while state.operation.is_none() && state.writing.is_empty() {
-        let Some(correction) = state.deferred.pop_front() else {
-            return;
-        };
-        write(config, state, now, &correction, out);
-    }
-}
-
-fn write(
-    config: &Config,
-    state: &mut State,
-    now: Stamp,
-    correction: &Correction,
-    out: &mut Outbox<Output>,
-) {
-    if let Some(read) = state.applied.get(&correction.correction_id).cloned() {
-        let outcome = CorrectionAcknowledgement::ALREADY_APPLIED;
-        let text = "it was written before";
-        acknowledge(now, correction, outcome, read, text, out);
-        return;
-    }
-    if let Err(refusal) = gate::check(config, state, now, correction) {
-        // Nothing was read: a table is not told, a scalar is as it was asked from.
-        let held = correction.previous_value;
-        let read = ReadBack {
-            before: held,
-            after: held,
-            ..ReadBack::default()
-        };
-        return acknowledge(now, correction, refusal.outcome, read, &refusal.text, out);
-    }
-    let command_id = tell(state, now, command_of(correction), out);
-    let writing = Writing {
-        correction: correction.clone(),
-        until: now.after_s(config.reply_limit),
-    };
-    state.writing.insert(command_id, writing);
-}
-
-/// What writes a correction to the controller.
-fn command_of(correction: &Correction) -> ControllerCommand {
-    let command = ControllerCommand {
-        correction_id: correction.correction_id.clone(),
-        ..ControllerCommand::default()
-    };
-    match correction.kind {
-        Correction::TOOL_PATH => ControllerCommand {
-            kind: ControllerCommand::SET_TOOL_PATH,
-            feature: correction.feature_ids.first().cloned().unwrap_or_default(),
-            path: correction.path.clone(),
-            ..command
-        },
-        Correction::VOLUMETRIC => ControllerCommand {
-            kind: ControllerCommand::SET_VOLUMETRIC,
-            entries: correction.entries.clone(),
-            values: correction.new_values.clone(),
-            ..command
-        },
-        Correction::WORK_OFFSET => ControllerCommand {
-            kind: ControllerCommand::SET_WORK_OFFSET,
-            axis: correction.axis.clone(),
-            value: correction.new_value,
-            ..command
-        },
-        _ => ControllerCommand {
-            kind: ControllerCommand::SET_TOOL_WEAR,
-            tool_number: correction.tool_number,
-            value: correction.new_value,
-            ..command
-        },
-    }
-}
-
 /// Sends a command to the driver that runs now; gives its number.
-fn tell(
+pub(crate) fn tell(
     state: &mut State,
     now: Stamp,
     command: ControllerCommand,
@@ -567,27 +449,7 @@ fn answer(state: &mut State, now: Stamp, reply: &ControllerReply, out: &mut Outb
         return;
     }
     if let Some(Writing { correction, .. }) = state.writing.remove(&reply.command_id) {
-        let (read, written) = read_back(&correction, reply);
-        let done = reply.outcome == ControllerReply::DONE && written;
-        let (outcome, text) = if done {
-            (CorrectionAcknowledgement::APPLIED, "")
-        } else if reply.text.is_empty() {
-            let text = "the value read back is another";
-            (CorrectionAcknowledgement::FAILED, text)
-        } else {
-            (CorrectionAcknowledgement::FAILED, reply.text.as_str())
-        };
-        if done {
-            let id = correction.correction_id.clone();
-            state.applied.insert(id, read.clone());
-            if let (Correction::TOOL_PATH, Some(feature)) =
-                (correction.kind, correction.feature_ids.first())
-            {
-                state.paths.insert(feature.clone(), reply.value);
-            }
-        }
-        acknowledge(now, &correction, outcome, read, text, out);
-        return;
+        return writing::answered(state, now, &correction, reply, out);
     }
     if let Some(operation) = state
         .operation
@@ -606,28 +468,6 @@ fn answer(state: &mut State, now: Stamp, reply: &ControllerReply, out: &mut Outb
         }
         report(now, operation.request_id, outcome, &reply.text, out);
     }
-}
-
-/// What the driver read before and after writing a correction, and whether that is what was asked for.
-fn read_back(correction: &Correction, reply: &ControllerReply) -> (ReadBack, bool) {
-    let mut read = ReadBack {
-        before: reply.value_before,
-        after: reply.value,
-        values_before: reply.values_before.clone(),
-        values_after: reply.values.clone(),
-    };
-    if correction.kind != Correction::VOLUMETRIC {
-        let written = (reply.value - correction.new_value).abs() <= 0.5e-6;
-        return (read, written);
-    }
-    let written = table::same(&reply.values, &correction.new_values);
-    read.before = correction.previous_value;
-    read.after = if written {
-        correction.new_value
-    } else {
-        f64::NAN
-    };
-    (read, written)
 }
 
 /// The name of a fault that a driver puts before its sentence: `probe_stuck: the probe ...`.
@@ -662,29 +502,6 @@ fn report(now: Stamp, request_id: u64, outcome: u8, text: &str, out: &mut Outbox
         request_id,
         outcome,
         text: text.to_owned(),
-    }));
-}
-
-fn acknowledge(
-    now: Stamp,
-    correction: &Correction,
-    outcome: u8,
-    read: ReadBack,
-    text: &str,
-    out: &mut Outbox<Output>,
-) {
-    out.send(Output::Acknowledgement(CorrectionAcknowledgement {
-        header: std_msgs::Header {
-            stamp: now.time(),
-            frame_id: String::new(),
-        },
-        correction_id: correction.correction_id.clone(),
-        outcome,
-        value_before: read.before,
-        value_after: read.after,
-        text: text.to_owned(),
-        values_before: read.values_before,
-        values_after: read.values_after,
     }));
 }
 
