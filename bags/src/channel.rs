@@ -43,7 +43,7 @@ pub enum Durability {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum History {
-    /// The last so many.
+    /// The last `n`.
     KeepLast(u32),
     /// All of them.
     KeepAll,

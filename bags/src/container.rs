@@ -8,7 +8,6 @@ mod scan;
 mod summary;
 
 use std::collections::BTreeMap;
-use std::fmt::{self, Display, Formatter};
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -16,94 +15,12 @@ use std::sync::Arc;
 
 use bytes::Bytes;
 use mcap::records::{Record, op};
-use serde::{Deserialize, Serialize};
 
+use crate::damage::{Damage, DamageKind};
 use crate::error::Error;
 
 /// Uncompressed size above which a chunk is taken for damage: 1 GiB.
 const CHUNK_LIMIT: u64 = 1 << 30;
-
-/// What is wrong at a place of a file.
-#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum DamageKind {
-    /// The file ends inside a record, or without its footer.
-    Truncated,
-    /// No footer, index or summary that could be used; the file was walked instead.
-    NoSummary(String),
-    /// A chunk cannot be unpacked or fails its CRC: all its messages are lost.
-    Chunk(String),
-    /// A record outside of chunks that cannot be read.
-    Record(String),
-    /// Bytes that are no record; reading went on at the next chunk.
-    Garbage,
-    /// Messages whose channel record is lost.
-    UnknownChannel {
-        /// Their number.
-        messages: u64,
-    },
-    /// A file that `metadata.yaml` names and that is not there.
-    MissingFile,
-}
-
-impl DamageKind {
-    /// Whether messages may be missing because of it.
-    pub fn loses_messages(&self) -> bool {
-        !matches!(self, Self::NoSummary(_))
-    }
-}
-
-/// Damage found in a recording. Everything else of the recording is given all the same.
-#[derive(
-    Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, thiserror::Error,
-)]
-pub struct Damage {
-    /// File concerned.
-    pub file: PathBuf,
-    /// Where it begins, bytes from the start of the file.
-    pub offset: u64,
-    /// Bytes concerned.
-    pub length: u64,
-    /// What is wrong.
-    pub kind: DamageKind,
-}
-
-impl Display for Damage {
-    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        let Self {
-            file,
-            offset,
-            length,
-            kind,
-        } = self;
-        match kind {
-            DamageKind::Truncated => write!(f, "the file is cut off at byte {}", offset + length)?,
-            DamageKind::NoSummary(why) => write!(
-                f,
-                "no usable summary at byte {offset} ({why}), the file was walked"
-            )?,
-            DamageKind::Chunk(why) => write!(
-                f,
-                "the chunk at byte {offset} ({length} bytes) is damaged: {why}"
-            )?,
-            DamageKind::Record(why) => write!(
-                f,
-                "the record at byte {offset} ({length} bytes) is damaged: {why}"
-            )?,
-            DamageKind::Garbage => {
-                write!(f, "{length} bytes from byte {offset} on are no records")?;
-            }
-            DamageKind::UnknownChannel { messages } => {
-                write!(
-                    f,
-                    "{messages} messages in the chunk at byte {offset} belong to a channel whose record is lost"
-                )?;
-            }
-            DamageKind::MissingFile => write!(f, "a file named in metadata.yaml is not there")?,
-        }
-        write!(f, ": {}", file.display())
-    }
-}
 
 /// A stretch of a file that holds messages.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -120,9 +37,9 @@ pub(crate) struct Block {
     pub(crate) chunk: bool,
 }
 
-/// An attachment's place and names.
+/// Location and names of an attachment.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) struct AttachmentPlace {
+pub(crate) struct AttachmentLocation {
     pub(crate) offset: u64,
     pub(crate) length: u64,
     pub(crate) log_time: u64,
@@ -140,7 +57,7 @@ pub(crate) struct Contents {
     pub(crate) library: String,
     pub(crate) channels: BTreeMap<u16, Arc<mcap::Channel<'static>>>,
     pub(crate) blocks: Vec<Block>,
-    pub(crate) attachments: Vec<AttachmentPlace>,
+    pub(crate) attachments: Vec<AttachmentLocation>,
     pub(crate) metadata: Vec<mcap::records::Metadata>,
     /// Messages of each channel.
     pub(crate) counts: BTreeMap<u16, u64>,
@@ -230,15 +147,15 @@ impl Contents {
     }
 
     /// The data of an attachment.
-    pub(crate) fn attachment(&self, place: &AttachmentPlace) -> Result<Bytes, Damage> {
+    pub(crate) fn attachment(&self, location: &AttachmentLocation) -> Result<Bytes, Damage> {
         let damaged = |why: String| Damage {
             file: self.path.clone(),
-            offset: place.offset,
-            length: place.length,
+            offset: location.offset,
+            length: location.length,
             kind: DamageKind::Record(why),
         };
         let raw = self
-            .bytes(place.offset, place.length)
+            .bytes(location.offset, location.length)
             .map_err(|error| damaged(error.to_string()))?;
         match raw.split_first_chunk::<RECORD_HEADER>() {
             Some((header, body))
@@ -399,7 +316,7 @@ fn attachment_head(body: &[u8]) -> Option<usize> {
 
 /// A message inside unpacked records.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct MessagePlace {
+pub(crate) struct MessageLocation {
     pub(crate) channel: u16,
     pub(crate) sequence: u32,
     pub(crate) log_time: u64,
@@ -413,7 +330,7 @@ pub(crate) struct MessagePlace {
 /// its reason.
 pub(crate) fn each_record<'a>(
     records: &'a [u8],
-    mut message: impl FnMut(MessagePlace),
+    mut message: impl FnMut(MessageLocation),
     mut other: impl FnMut(u8, &'a [u8]) -> Result<(), String>,
 ) -> Result<(), String> {
     let mut at = 0;
@@ -458,7 +375,7 @@ pub(crate) fn each_record<'a>(
             ) = body
                 .split_first_chunk::<22>()
                 .ok_or("a message is shorter than its head")?;
-            message(MessagePlace {
+            message(MessageLocation {
                 channel: u16::from_le_bytes([a, b]),
                 sequence: u32::from_le_bytes([s0, s1, s2, s3]),
                 log_time: u64::from_le_bytes([l0, l1, l2, l3, l4, l5, l6, l7]),

@@ -4,7 +4,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// One sentence each; the path stands last. Cheap to clone, so that every pusher can be told of the same failure.
+/// One sentence each, the path last. Cheap to clone, so that every pusher can return the same failure.
 #[derive(Debug, Clone, thiserror::Error)]
 pub enum Error {
     /// The operating system refused; `doing` is the verb phrase of the attempt.

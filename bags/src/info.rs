@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use crate::channel::Qos;
-use crate::container::Damage;
+use crate::damage::Damage;
 use crate::reader::Bag;
 use crate::recorder::{LOSSES_RECORD, Losses, ROSBAG2_RECORD};
 
@@ -111,10 +111,10 @@ impl Bag {
             attachments: files
                 .iter()
                 .flat_map(|file| &file.attachments)
-                .map(|place| AttachmentInfo {
-                    name: place.name.clone(),
-                    media_type: place.media_type.clone(),
-                    bytes: place.size,
+                .map(|location| AttachmentInfo {
+                    name: location.name.clone(),
+                    media_type: location.media_type.clone(),
+                    bytes: location.size,
                 })
                 .collect(),
             metadata: self

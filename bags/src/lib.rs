@@ -27,6 +27,7 @@
 
 mod channel;
 mod container;
+mod damage;
 mod error;
 mod info;
 mod metadata;
@@ -37,7 +38,7 @@ mod session;
 mod split;
 
 pub use channel::{Channel, Durability, History, Qos, Reliability};
-pub use container::{Damage, DamageKind};
+pub use damage::{Damage, DamageKind};
 pub use error::Error;
 pub use info::{AttachmentInfo, FileInfo, Info, TopicInfo};
 pub use reader::{Attachment, Bag, Messages, Recorded, Stamped, Typed};

@@ -14,7 +14,7 @@ use yaml_rust2::YamlLoader;
 use crate::channel::{Channel, quoted};
 use crate::error::Error;
 
-/// Name of the file beside the splits.
+/// Name of the metadata file in the folder of the splits.
 pub(crate) const FILE_NAME: &str = "metadata.yaml";
 
 /// One split.

@@ -15,7 +15,8 @@ use std::sync::Arc;
 use bytes::Bytes;
 
 use crate::channel::Channel;
-use crate::container::{AttachmentPlace, Contents, Damage};
+use crate::container::{AttachmentLocation, Contents};
+use crate::damage::Damage;
 use crate::error::Error;
 use crate::recorder::{LOSSES_RECORD, Losses};
 
@@ -155,7 +156,7 @@ impl Bag {
             .collect()
     }
 
-    /// Reads everything once and tells all damage, that of opening included.
+    /// Reads everything once and returns all damage, including that found on opening.
     pub fn verify(&self) -> Vec<Damage> {
         let mut damage = self.damage();
         damage.extend(self.messages().filter_map(Result::err));
@@ -163,7 +164,7 @@ impl Bag {
             damage.extend(
                 file.attachments
                     .iter()
-                    .filter_map(|place| file.attachment(place).err()),
+                    .filter_map(|location| file.attachment(location).err()),
             );
         }
         damage
@@ -174,7 +175,7 @@ impl Bag {
         Messages::new(self, None)
     }
 
-    /// Messages of some topics; chunks without them are not read where the index tells.
+    /// Messages of some topics; chunks that do not contain them are skipped by the index.
     pub fn messages_on(&self, topics: &[&str]) -> Messages<'_> {
         let wanted = self
             .channels
@@ -186,14 +187,14 @@ impl Bag {
 
     /// Attachments in file order; a damaged one is an error of its own.
     pub fn attachments(&self) -> impl Iterator<Item = Result<Attachment, Damage>> {
-        let read = |file: &Contents, place: &AttachmentPlace| {
-            let data = file.attachment(place)?;
-            let AttachmentPlace {
+        let read = |file: &Contents, location: &AttachmentLocation| {
+            let data = file.attachment(location)?;
+            let AttachmentLocation {
                 name,
                 media_type,
                 log_time,
                 ..
-            } = place.clone();
+            } = location.clone();
             Ok(Attachment {
                 name,
                 media_type,
@@ -201,9 +202,11 @@ impl Bag {
                 data,
             })
         };
-        self.files
-            .iter()
-            .flat_map(move |file| file.attachments.iter().map(move |place| read(file, place)))
+        self.files.iter().flat_map(move |file| {
+            file.attachments
+                .iter()
+                .map(move |location| read(file, location))
+        })
     }
 
     /// Metadata records in file order: name and table.

@@ -1,10 +1,10 @@
 //! Records messages from any thread into a rosbag2 folder, on one writer thread.
 //!
 //! - **Memory is bounded**: the queue is measured in bytes. When it is full the pusher waits or the message is counted
-//!   as lost, topic by topic; losses are written into the recording. Nothing is lost silently.
-//! - **A kill costs at most [`RecorderOptions::sync_interval`]**: the writer closes the chunk, writes and syncs twice in
-//!   that interval, so a message is on disk before the interval after its push is over, as long as disk and processor
-//!   need less than half of it. What is behind the last sync is at most one interval old after a power cut too.
+//!   as lost, per topic, and the losses are written into the recording. Nothing is lost silently.
+//! - **A kill costs at most [`RecorderOptions::sync_interval`]**: the writer closes the chunk, writes and syncs twice per
+//!   interval, so that a message is on disk within one interval of its push, as long as disk and processor need less than
+//!   half of it. The same bound holds for a power failure.
 //! - **Every split stands alone**: the last messages of latched (transient local) topics are repeated at its start,
 //!   with the log time of the split's first message, their own sequence and publish time.
 //! - Schema, channel, attachments, losses and a `metadata.yaml` of version 9 are written as rosbag2 has them.
@@ -36,7 +36,7 @@ pub(crate) use thread::{LOSSES_RECORD, ROSBAG2_RECORD};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Overflow {
-    /// Count it as lost and go on: a control loop must not wait for a disk.
+    /// Count it as lost and continue: a control loop must not wait for a disk.
     #[default]
     Count,
     /// Make the pusher wait: for conversions, where time does not matter.
@@ -353,7 +353,7 @@ impl Recorder {
         self.pusher.clone()
     }
 
-    /// Writes everything queued, closes the files and tells what was written. Pushers on other threads get
+    /// Writes everything queued, closes the files and returns what was written. Pushers on other threads get
     /// [`Error::Stopped`] from now on.
     pub fn stop(mut self) -> Result<Statistics, Error> {
         self.join()

@@ -1,4 +1,4 @@
-//! Makes a whole, indexed recording out of what can be read of a damaged one, and tells what was lost.
+//! Makes a complete, indexed recording from the readable part of a damaged one, and reports what was lost.
 //!
 //! Channels, schemas, attachments and tables are carried over word for word; messages keep their order in the file,
 //! times and numbers. Nothing is written over: the original stays as it is.
@@ -10,7 +10,8 @@ use mcap::records::Metadata;
 use serde::{Deserialize, Serialize};
 
 use crate::channel::Channel;
-use crate::container::{Contents, Damage, DamageKind, each_record};
+use crate::container::{Contents, each_record};
+use crate::damage::{Damage, DamageKind};
 use crate::error::Error;
 use crate::metadata::FolderInformation;
 use crate::reader::Bag;
@@ -107,10 +108,15 @@ fn copy(
     {
         split.metadata(metadata)?;
     }
-    for place in &contents.attachments {
-        match contents.attachment(place) {
+    for location in &contents.attachments {
+        match contents.attachment(location) {
             Ok(data) => {
-                split.attach(place.log_time, &place.name, &place.media_type, &data)?;
+                split.attach(
+                    location.log_time,
+                    &location.name,
+                    &location.media_type,
+                    &data,
+                )?;
                 recovery.attachments += 1;
             }
             Err(damage) => recovery.damage.push(damage),

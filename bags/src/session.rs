@@ -11,7 +11,7 @@ use probecell_msgs::{
     InspectionPlan, MachineState, Message, ProbeEvent, ReferenceMeasurement, std_msgs,
 };
 
-use crate::container::Damage;
+use crate::damage::Damage;
 use crate::error::Error;
 use crate::reader::{Bag, Stamped};
 use checks::{
@@ -57,7 +57,7 @@ pub struct Session {
     pub events: Vec<Stamped<ProbeEvent>>,
     /// Measured axes.
     pub joint_states: Vec<Stamped<JointState>>,
-    /// Commanded axes, where the controller tells them.
+    /// Commanded axes, where the controller reports them.
     pub joint_commands: Vec<Stamped<JointState>>,
     /// Machine state.
     pub machine_states: Vec<Stamped<MachineState>>,

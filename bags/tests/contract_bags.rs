@@ -6,31 +6,13 @@
     reason = "helpers of tests fail as tests do, and say when they skip"
 )]
 
-use std::path::{Path, PathBuf};
-
 use bags::{Bag, Session, SessionError};
-
-/// Bags under the data folder beside the checkout; empty where it is absent.
-fn bags_in(folder: &str) -> Vec<PathBuf> {
-    let root = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared")).join(folder);
-    let Ok(entries) = std::fs::read_dir(&root) else {
-        println!("skipped: no folder {}", root.display());
-        return Vec::new();
-    };
-    let mut paths: Vec<PathBuf> = entries.map(|entry| entry.unwrap().path()).collect();
-    paths.retain(|path| {
-        path.extension()
-            .is_some_and(|extension| extension == "mcap")
-    });
-    paths.sort();
-    paths
-}
 
 #[test]
 fn every_bag_reads_whole_and_every_message_of_a_known_type_decodes() {
-    for path in bags_in("trials/dev")
+    for path in shared_data::bags("trials/dev")
         .into_iter()
-        .chain(bags_in("data/bags"))
+        .chain(shared_data::bags("data/bags"))
     {
         let bag = Bag::open(&path).unwrap();
         assert_eq!(bag.verify(), [], "{}", path.display());
@@ -62,7 +44,7 @@ fn every_bag_reads_whole_and_every_message_of_a_known_type_decodes() {
 
 #[test]
 fn every_bag_is_a_session() {
-    for path in bags_in("trials/dev") {
+    for path in shared_data::bags("trials/dev") {
         let session = Session::read(&Bag::open(&path).unwrap())
             .unwrap_or_else(|error| panic!("{}: {error}", path.display()));
         assert!(
@@ -81,7 +63,7 @@ fn every_bag_is_a_session() {
             path.display()
         );
     }
-    for path in bags_in("data/bags") {
+    for path in shared_data::bags("data/bags") {
         let session = Session::read(&Bag::open(&path).unwrap())
             .unwrap_or_else(|error| panic!("{}: {error}", path.display()));
         let arm = path
@@ -98,7 +80,7 @@ fn every_bag_is_a_session() {
 fn a_cut_off_bag_is_a_session_with_damage_or_says_what_is_missing() {
     let folder = tempfile::tempdir().unwrap();
     let cut = folder.path().join("cut.mcap");
-    for path in bags_in("trials/dev").into_iter().take(3) {
+    for path in shared_data::bags("trials/dev").into_iter().take(3) {
         let bytes = std::fs::read(&path).unwrap();
         let whole = Session::read(&Bag::open(&path).unwrap()).unwrap();
         let mut sessions = 0;

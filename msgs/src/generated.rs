@@ -4,13 +4,13 @@ use serde::{Deserialize, Serialize};
 
 use crate::schema::{Message, MessageType, ServiceType};
 
-/// What the driver is told to do. Only machine_state publishes it, after all its checks.
+/// A command to the driver. Only machine_state publishes it, after all its checks.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ControllerCommand {
     pub header: crate::std_msgs::Header,
-    /// run of the driver that it is made for
+    /// session of the driver that it is addressed to
     pub session: String,
-    /// from the instant at which machine_state was started (ns since 1970), no gaps
+    /// counts from the start of machine_state (ns since 1970), without gaps
     pub command_id: u64,
     /// one of the constants above
     pub kind: u8,
@@ -29,7 +29,7 @@ pub struct ControllerCommand {
     pub feature: String,
     /// m, absolute offset along the outward normal at each point of the feature, in plan order
     pub path: Vec<f64>,
-    /// the Correction that asks for it; empty for a move
+    /// the Correction that it carries out; empty for a motion
     pub correction_id: String,
     /// SET_VOLUMETRIC: ISO 230-1 name of each entry of the table
     pub entries: Vec<String>,
@@ -50,8 +50,28 @@ impl ControllerCommand {
     pub const STOP: u8 = 4;
     /// offset the tool path that cuts feature by path
     pub const SET_TOOL_PATH: u8 = 5;
-    /// write values to the volumetric table, all at once, and go by it from now on
+    /// write values to the volumetric table, all at once, and enable it
     pub const SET_VOLUMETRIC: u8 = 6;
+}
+
+crate::code::codes! {
+    /// Values of `ControllerCommand.kind`.
+    pub enum ControllerCommandKind of "ControllerCommand.kind" {
+        /// cut: run the program of an operation
+        RunOperation = 0,
+        /// probe: run the measuring program of a plan in the order given
+        RunMeasurement = 1,
+        /// write value to the wear offset of tool_number
+        SetToolWear = 2,
+        /// write value to the work offset of axis
+        SetWorkOffset = 3,
+        /// feed hold and abort
+        Stop = 4,
+        /// offset the tool path that cuts feature by path
+        SetToolPath = 5,
+        /// write values to the volumetric table, all at once, and enable it
+        SetVolumetric = 6,
+    }
 }
 
 impl Message for ControllerCommand {
@@ -71,7 +91,7 @@ impl Message for ControllerCommand {
     };
 }
 
-/// What came of a ControllerCommand.
+/// The outcome of a ControllerCommand.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ControllerReply {
     pub header: crate::std_msgs::Header,
@@ -83,9 +103,9 @@ pub struct ControllerReply {
     pub value_before: f64,
     /// m or rad, offset read back after it was written
     pub value: f64,
-    /// why it was refused or failed
+    /// reason for REFUSED or FAILED; of a fault `code: sentence`, with a code of machine_state
     pub text: String,
-    /// m or rad, entries of the volumetric table read before they were written, in the order of the command
+    /// m or rad, entries of the volumetric table read before they were written, in the command's order
     pub values_before: Vec<f64>,
     /// m or rad, the same read back after they were written
     pub values: Vec<f64>,
@@ -95,6 +115,18 @@ impl ControllerReply {
     pub const DONE: u8 = 0;
     pub const REFUSED: u8 = 1;
     pub const FAILED: u8 = 2;
+}
+
+crate::code::codes! {
+    /// Values of `ControllerReply.outcome`.
+    pub enum ControllerReplyOutcome of "ControllerReply.outcome" {
+        /// `DONE`.
+        Done = 0,
+        /// `REFUSED`.
+        Refused = 1,
+        /// `FAILED`.
+        Failed = 2,
+    }
 }
 
 impl Message for ControllerReply {
@@ -114,13 +146,13 @@ impl Message for ControllerReply {
     };
 }
 
-/// One raw sample of a controller, as its driver read it (simulated machine, LinuxCNC). Only machine_state
-/// and probe_events read it; everybody else reads joint_states and machine_state.
+/// One raw sample of a controller, as its driver read it. Only machine_state subscribes to it; all others subscribe to
+/// joint_states and machine_state.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ControllerStatus {
     /// stamp: instant of the sample
     pub header: crate::std_msgs::Header,
-    /// this run of the driver; a command made for another run is refused
+    /// session of the driver, from its start to its end; a command for another session is refused
     pub session: String,
     /// MachineState.MODE_*
     pub mode: u8,
@@ -140,7 +172,7 @@ pub struct ControllerStatus {
     pub axis_names: Vec<String>,
     /// m or rad, readings
     pub axis_positions: Vec<f64>,
-    /// m or rad, commanded positions; empty where the controller does not tell
+    /// m or rad, commanded positions; empty where the controller does not report them
     pub axis_commands: Vec<f64>,
     /// level of the probe input
     pub probe_tripped: bool,
@@ -153,13 +185,13 @@ pub struct ControllerStatus {
     pub tool_numbers: Vec<u32>,
     /// m, wear offset of each tool, as the controller holds it (a diameter or a radius)
     pub tool_wear: Vec<f64>,
-    /// ISO 230-1 names (EX0C) of the entries of the volumetric table; empty: the controller has none
+    /// ISO 230-1 names (EX0C) of the entries of the volumetric table; empty: it has no such table
     pub volumetric_entries: Vec<String>,
-    /// m or rad, value in force of each entry: 0 while the controller does not go by its table
+    /// m or rad, value in force of each entry: 0 while the table is disabled
     pub volumetric_values: Vec<f64>,
-    /// linear joints whose work offset the controller tells; empty: it tells none
+    /// linear joints whose work offset the controller reports
     pub work_offset_axes: Vec<String>,
-    /// m, work offset in force of each: programme position 0 lies there
+    /// m, work offset in force of each: the position of programme zero
     pub work_offsets: Vec<f64>,
 }
 
@@ -180,24 +212,24 @@ impl Message for ControllerStatus {
     };
 }
 
-/// A correction of an offset, with all that entitles it to reach a machine.
+/// A correction of an offset, with everything that the gate of machine_state checks before it reaches the machine.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Correction {
     pub header: crate::std_msgs::Header,
     pub correction_id: String,
-    /// run of the driver whose measurement it rests on
+    /// session of the driver in which its source was measured
     pub session: String,
-    /// made from a recording: never for a machine
+    /// computed from a recording: never written to a machine
     pub replayed: bool,
-    /// TOOL_WEAR, WORK_OFFSET, TOOL_PATH or VOLUMETRIC
+    /// one of TOOL_WEAR to VOLUMETRIC
     pub kind: u8,
     pub tool_number: u32,
     /// joint of a work offset
     pub axis: String,
-    /// m or rad, value that the change was computed from; of a path its largest offset, of a
+    /// m or rad, value from which the change was computed. TOOL_PATH: largest offset of the path,
     pub previous_value: f64,
-    /// table the largest displacement of the tip (m) that it makes over the poses measured
-    /// m or rad; of a path its largest offset, either sign; of a table as previous_value
+    /// m. VOLUMETRIC: largest displacement of the tip over the poses measured, m
+    /// m or rad; TOOL_PATH: largest magnitude of the offsets; VOLUMETRIC: as previous_value
     pub new_value: f64,
     /// m, TOOL_PATH: offset along the outward normal at each point of feature_ids[0], in plan order
     pub path: Vec<f64>,
@@ -209,7 +241,7 @@ pub struct Correction {
     pub plan_id: String,
     /// source measurement
     pub feature_ids: Vec<String>,
-    /// the ProbeEvents that it rests on
+    /// source: sequence of each ProbeEvent
     pub sequences: Vec<u64>,
     /// m
     pub measured_error: f64,
@@ -218,15 +250,15 @@ pub struct Correction {
     /// one of APPROVAL_*
     pub approval: u8,
     pub approved_by: String,
-    /// refused after this instant
+    /// it is refused after this instant
     pub expires: crate::builtin_interfaces::Time,
-    /// VOLUMETRIC, else empty: ISO 230-1 name of each entry (EX0C, EA0B), all of the controller's
+    /// VOLUMETRIC: ISO 230-1 name of each entry (EX0C, EA0B), all that the controller has
     pub entries: Vec<String>,
-    /// m or rad, value of each entry that the change was computed from
+    /// m or rad, value of each entry from which the change was computed
     pub previous_values: Vec<f64>,
     /// m or rad, absolute new value of each entry
     pub new_values: Vec<f64>,
-    /// m or rad, greatest new_values allowed, either sign
+    /// m or rad, greatest magnitude of each new value allowed
     pub value_limits: Vec<f64>,
     /// m or rad, standard uncertainty of each new value; 0 where the entry was not estimated
     pub value_uncertainties: Vec<f64>,
@@ -246,6 +278,34 @@ impl Correction {
     pub const APPROVAL_REJECTED: u8 = 3;
 }
 
+crate::code::codes! {
+    /// Values of `Correction.kind`.
+    pub enum CorrectionKind of "Correction.kind" {
+        /// `TOOL_WEAR`.
+        ToolWear = 0,
+        /// `WORK_OFFSET`.
+        WorkOffset = 1,
+        /// `TOOL_PATH`.
+        ToolPath = 2,
+        /// the whole volumetric table, whose entries were estimated together
+        Volumetric = 3,
+    }
+}
+
+crate::code::codes! {
+    /// Values of `Correction.approval`.
+    pub enum CorrectionApproval of "Correction.approval" {
+        /// proposed only
+        None = 0,
+        /// by the policy of the cell file
+        Policy = 1,
+        /// `APPROVAL_OPERATOR`.
+        Operator = 2,
+        /// `APPROVAL_REJECTED`.
+        Rejected = 3,
+    }
+}
+
 impl Message for Correction {
     const TYPE: &'static MessageType = &MessageType {
         name: "probecell_msgs/msg/Correction",
@@ -263,18 +323,18 @@ impl Message for Correction {
     };
 }
 
-/// What became of a Correction at the machine.
+/// The outcome of a Correction at the machine.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct CorrectionAcknowledgement {
     pub header: crate::std_msgs::Header,
     pub correction_id: String,
     /// one of the constants above
     pub outcome: u8,
-    /// m or rad, read from the controller; of a volumetric table what the correction says of it
+    /// m or rad, read from the controller; VOLUMETRIC: previous_value of the correction
     pub value_before: f64,
-    /// m or rad, read back from the controller; of a volumetric table what the correction says of it, NaN unless every
+    /// m or rad, read back from the controller; VOLUMETRIC: new_value of the correction, NaN unless
     pub value_after: f64,
-    /// entry was read back as it was asked for
+    /// every entry was read back as requested
     pub text: String,
     /// m or rad, entries of a volumetric table read from the controller, in the order of the correction
     pub values_before: Vec<f64>,
@@ -291,6 +351,28 @@ impl CorrectionAcknowledgement {
     pub const REFUSED_REPLAY: u8 = 5;
     pub const REFUSED_NO_SOURCE: u8 = 6;
     pub const FAILED: u8 = 7;
+}
+
+crate::code::codes! {
+    /// Values of `CorrectionAcknowledgement.outcome`.
+    pub enum CorrectionAcknowledgementOutcome of "CorrectionAcknowledgement.outcome" {
+        /// `APPLIED`.
+        Applied = 0,
+        /// `ALREADY_APPLIED`.
+        AlreadyApplied = 1,
+        /// `REFUSED_NOT_APPROVED`.
+        RefusedNotApproved = 2,
+        /// `REFUSED_STALE`.
+        RefusedStale = 3,
+        /// `REFUSED_OUT_OF_BOUNDS`.
+        RefusedOutOfBounds = 4,
+        /// `REFUSED_REPLAY`.
+        RefusedReplay = 5,
+        /// `REFUSED_NO_SOURCE`.
+        RefusedNoSource = 6,
+        /// `FAILED`.
+        Failed = 7,
+    }
 }
 
 impl Message for CorrectionAcknowledgement {
@@ -310,14 +392,14 @@ impl Message for CorrectionAcknowledgement {
     };
 }
 
-/// Something that went wrong, named. Published by each node on its own faults topic.
+/// A fault of a node, named by a code. Each node publishes its faults on NODE/faults.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Fault {
     pub header: crate::std_msgs::Header,
     pub node: String,
-    /// one of the constants above
+    /// one of WARNING to ERROR; an ERROR stops the part
     pub severity: u8,
-    /// for example probe_dead, probe_stuck, unplanned_touch, controller_lost, estop
+    /// closed list of the node, in its crate documentation: probe_dead, estop, ...
     pub code: String,
     pub text: String,
 }
@@ -325,6 +407,20 @@ pub struct Fault {
 impl Fault {
     pub const WARNING: u8 = 0;
     pub const ERROR: u8 = 1;
+    /// a process ended and what it knew is lost; reported by the launcher
+    pub const PROCESS_ENDED: &'static str = "process_ended";
+    /// the driver was restarted; the axes may have another origin
+    pub const CONTROLLER_RESTARTED: &'static str = "controller_restarted";
+}
+
+crate::code::codes! {
+    /// Values of `Fault.severity`.
+    pub enum FaultSeverity of "Fault.severity" {
+        /// `WARNING`.
+        Warning = 0,
+        /// `ERROR`.
+        Error = 1,
+    }
 }
 
 impl Message for Fault {
@@ -353,17 +449,17 @@ pub struct FeatureResult {
     pub feature_id: String,
     /// InspectionFeature kind
     pub kind: u8,
-    /// one of the constants above
+    /// one of CONFORMS to INVALID
     pub decision: u8,
-    /// of the fit, one of the constants above
+    /// one of LEAST_SQUARES to MAXIMUM_INSCRIBED, of the fit
     pub criterion: u8,
-    /// features by which the part was placed before the fit; empty: the part frame as programmed
+    /// datums that define the part frame; empty: the part frame as programmed
     pub aligned_to: Vec<String>,
-    /// touches used
+    /// number of touches used
     pub touches: u32,
-    /// the ProbeEvents used
+    /// sequence of each ProbeEvent used
     pub sequences: Vec<u64>,
-    /// ProbeEvents not used, because the others contradict them
+    /// sequence of each ProbeEvent excluded as an outlier
     pub left_out: Vec<u64>,
     /// m, part frame, as aligned: fitted centre or point
     pub origin: crate::geometry_msgs::Point,
@@ -379,15 +475,15 @@ pub struct FeatureResult {
     pub form: f64,
     /// m, standard
     pub form_uncertainty: f64,
-    /// m, of origin from its nominal place: of a plane along its normal, of an axis across it
+    /// m, of origin from its nominal position: of a plane along its normal, of an axis across it
     pub position: f64,
-    /// m, standard; 0: the touches do not tell the position
+    /// m, standard; 0: the touches do not determine the position
     pub position_uncertainty: f64,
     /// rad, of axis from its nominal direction
     pub orientation: f64,
-    /// rad, standard; 0: the touches do not tell the orientation
+    /// rad, standard; 0: the touches do not determine the orientation
     pub orientation_uncertainty: f64,
-    /// m, profile or surface: mean deviation at each of its points, in plan order; else empty
+    /// m, PROFILE, SURFACE: mean deviation at each point, in plan order; else empty
     pub deviations: Vec<f64>,
     /// m, of size_deviation
     pub standard_uncertainty: f64,
@@ -414,6 +510,34 @@ impl FeatureResult {
     pub const MAXIMUM_INSCRIBED: u8 = 3;
 }
 
+crate::code::codes! {
+    /// Values of `FeatureResult.decision`.
+    pub enum FeatureResultDecision of "FeatureResult.decision" {
+        /// inside the limits by more than the expanded uncertainty (ISO 14253-1)
+        Conforms = 0,
+        /// outside the limits by more than the expanded uncertainty
+        DoesNotConform = 1,
+        /// within the expanded uncertainty of a limit
+        Indeterminate = 2,
+        /// could not be measured; text says why
+        Invalid = 3,
+    }
+}
+
+crate::code::codes! {
+    /// Values of `FeatureResult.criterion`.
+    pub enum FeatureResultCriterion of "FeatureResult.criterion" {
+        /// `LEAST_SQUARES`.
+        LeastSquares = 0,
+        /// ISO 1101
+        MinimumZone = 1,
+        /// `MINIMUM_CIRCUMSCRIBED`.
+        MinimumCircumscribed = 2,
+        /// `MAXIMUM_INSCRIBED`.
+        MaximumInscribed = 3,
+    }
+}
+
 impl Message for FeatureResult {
     const TYPE: &'static MessageType = &MessageType {
         name: "probecell_msgs/msg/FeatureResult",
@@ -435,7 +559,7 @@ impl Message for FeatureResult {
     };
 }
 
-/// An effect that closes part of the gap between a session and its declared model.
+/// An effect that explains part of the difference between a session and its declared model.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct GapEffect {
     /// identifier of the effect vocabulary
@@ -484,7 +608,7 @@ pub struct GapReport {
     pub rms: f64,
     /// m
     pub noise_floor: f64,
-    /// in the order in which they close the gap
+    /// in the order in which they were attributed
     pub effects: Vec<GapEffect>,
     /// the whole report, schema probecell/gap-report/1
     pub json: String,
@@ -495,6 +619,20 @@ impl GapReport {
     pub const EXPLAINED: u8 = 1;
     pub const PARTLY_EXPLAINED: u8 = 2;
     pub const UNEXPLAINED: u8 = 3;
+}
+
+crate::code::codes! {
+    /// Values of `GapReport.verdict`.
+    pub enum GapReportVerdict of "GapReport.verdict" {
+        /// `NO_GAP`.
+        NoGap = 0,
+        /// `EXPLAINED`.
+        Explained = 1,
+        /// `PARTLY_EXPLAINED`.
+        PartlyExplained = 2,
+        /// `UNEXPLAINED`.
+        Unexplained = 3,
+    }
 }
 
 impl Message for GapReport {
@@ -544,6 +682,26 @@ impl InspectionFeature {
     pub const CONE: u8 = 4;
     pub const PROFILE: u8 = 5;
     pub const SURFACE: u8 = 6;
+}
+
+crate::code::codes! {
+    /// Values of `InspectionFeature.kind`.
+    pub enum InspectionFeatureKind of "InspectionFeature.kind" {
+        /// `PLANE`.
+        Plane = 0,
+        /// `CYLINDER`.
+        Cylinder = 1,
+        /// `BORE`.
+        Bore = 2,
+        /// `SPHERE`.
+        Sphere = 3,
+        /// `CONE`.
+        Cone = 4,
+        /// `PROFILE`.
+        Profile = 5,
+        /// `SURFACE`.
+        Surface = 6,
+    }
 }
 
 impl Message for InspectionFeature {
@@ -659,18 +817,18 @@ impl Message for InspectionPoint {
     };
 }
 
-/// Messages that an observer did not get.
+/// Messages that a subscriber did not receive.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct LossReport {
     pub header: crate::std_msgs::Header,
-    /// node that noticed
+    /// node that noticed the loss
     pub observer: String,
     pub topic: String,
-    /// of the publisher, first one missing
+    /// publication number of the first message missing
     pub first_sequence: u64,
-    /// how many in a row
+    /// number of consecutive messages
     pub count: u64,
-    /// fetched late from the publisher
+    /// they were fetched from the publisher's cache afterwards
     pub recovered: bool,
 }
 
@@ -728,6 +886,34 @@ impl MachineState {
     pub const EXECUTION_ESTOP: u8 = 4;
 }
 
+crate::code::codes! {
+    /// Values of `MachineState.mode`.
+    pub enum MachineStateMode of "MachineState.mode" {
+        /// `MODE_MANUAL`.
+        Manual = 0,
+        /// `MODE_MDI`.
+        Mdi = 1,
+        /// `MODE_AUTO`.
+        Auto = 2,
+    }
+}
+
+crate::code::codes! {
+    /// Values of `MachineState.execution`.
+    pub enum MachineStateExecution of "MachineState.execution" {
+        /// `EXECUTION_IDLE`.
+        Idle = 0,
+        /// `EXECUTION_RUNNING`.
+        Running = 1,
+        /// `EXECUTION_HOLD`.
+        Hold = 2,
+        /// `EXECUTION_ALARM`.
+        Alarm = 3,
+        /// `EXECUTION_ESTOP`.
+        Estop = 4,
+    }
+}
+
 impl Message for MachineState {
     const TYPE: &'static MessageType = &MessageType {
         name: "probecell_msgs/msg/MachineState",
@@ -745,7 +931,7 @@ impl Message for MachineState {
     };
 }
 
-/// An operation that cut some of the points.
+/// A machining operation, which cut some of the points.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct MachiningOperation {
     pub id: String,
@@ -754,7 +940,7 @@ pub struct MachiningOperation {
     pub tool_radius: f64,
     /// m/s
     pub feed: f64,
-    /// true: it leaves the final surface
+    /// true: it generates the final surface
     pub finish: bool,
     /// rad, of the plan's rotary_names, while cutting
     pub rotary_positions: Vec<f64>,
@@ -771,7 +957,7 @@ impl Message for MachiningOperation {
     };
 }
 
-/// The order in which a plan's points are touched, and the moves that do it.
+/// The order in which a plan's points are touched, and the moves that lead there.
 /// Published on measurement_order: reliable, transient local, depth 1.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct MeasurementOrder {
@@ -781,13 +967,13 @@ pub struct MeasurementOrder {
     pub order: Vec<u32>,
     /// s, moves between touches in this order: the slowest axis at its top speed
     pub air_time: f64,
-    /// s, the same in the order of the plan
+    /// s, the same in the order in which the plan lists them
     pub given_air_time: f64,
     /// m, path of the ball centre in the part frame between touches in this order
     pub air_length: f64,
-    /// m, the same in the order of the plan
+    /// m, the same in the order in which the plan lists them
     pub given_air_length: f64,
-    /// proved shortest
+    /// proved to be the shortest order
     pub optimal: bool,
     /// joints of the moves below
     pub axis_names: Vec<String>,
@@ -813,14 +999,14 @@ impl Message for MeasurementOrder {
     };
 }
 
-/// What came of an OperationRequest.
+/// The outcome of an OperationRequest.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct OperationReport {
     pub header: crate::std_msgs::Header,
     pub request_id: u64,
     /// one of the constants above
     pub outcome: u8,
-    /// why it was refused or failed
+    /// reason for REFUSED or FAILED
     pub text: String,
 }
 
@@ -828,6 +1014,18 @@ impl OperationReport {
     pub const DONE: u8 = 0;
     pub const REFUSED: u8 = 1;
     pub const FAILED: u8 = 2;
+}
+
+crate::code::codes! {
+    /// Values of `OperationReport.outcome`.
+    pub enum OperationReportOutcome of "OperationReport.outcome" {
+        /// `DONE`.
+        Done = 0,
+        /// `REFUSED`.
+        Refused = 1,
+        /// `FAILED`.
+        Failed = 2,
+    }
 }
 
 impl Message for OperationReport {
@@ -847,11 +1045,11 @@ impl Message for OperationReport {
     };
 }
 
-/// What the cycle wants the machine to do next.
+/// What the machine is to do next.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct OperationRequest {
     pub header: crate::std_msgs::Header,
-    /// from the instant at which the cycle was started (ns since 1970), no gaps
+    /// counts from the start of cycle (ns since 1970), without gaps
     pub request_id: u64,
     /// one of the constants above
     pub kind: u8,
@@ -860,7 +1058,7 @@ pub struct OperationRequest {
     pub plan_id: String,
     /// number of the machining pass, from 0
     pub pass_number: u32,
-    /// MEASURE: beside the part program; nothing is decided or corrected from it
+    /// MEASURE: outside the part program; nothing is decided or corrected from it
     pub only_measure: bool,
 }
 
@@ -868,6 +1066,18 @@ impl OperationRequest {
     pub const CUT: u8 = 0;
     pub const MEASURE: u8 = 1;
     pub const STOP: u8 = 2;
+}
+
+crate::code::codes! {
+    /// Values of `OperationRequest.kind`.
+    pub enum OperationRequestKind of "OperationRequest.kind" {
+        /// `CUT`.
+        Cut = 0,
+        /// `MEASURE`.
+        Measure = 1,
+        /// `STOP`.
+        Stop = 2,
+    }
 }
 
 impl Message for OperationRequest {
@@ -893,7 +1103,7 @@ pub struct OperatorReply {
     pub header: crate::std_msgs::Header,
     pub request_id: u64,
     pub accepted: bool,
-    /// why not, or what was made
+    /// reason for a refusal, or what was done
     pub text: String,
 }
 
@@ -914,7 +1124,7 @@ impl Message for OperatorReply {
     };
 }
 
-/// A service call as it entered the graph, so that a replay can make it again.
+/// A service call as it entered the graph, so that a replay can repeat it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct OperatorRequest {
     pub header: crate::std_msgs::Header,
@@ -922,13 +1132,13 @@ pub struct OperatorRequest {
     pub request_id: u64,
     /// plan: file of features or plan_id; run: part_id; approval: correction_id
     pub subject: String,
-    /// who asks
+    /// who made the call
     pub operator_name: String,
     /// approval: true to approve, false to reject
     pub approve: bool,
-    /// run: not empty: measure this plan only, or go on with what is left of it
+    /// run: measure only this plan, or resume it; empty: make a part
     pub plan_id: String,
-    /// plan: touches instead of the part's own, or to be made again; empty: the part's own
+    /// plan: points to touch in place of the part's, or to touch again; empty: the part's
     pub points: Vec<InspectionPoint>,
 }
 
@@ -955,7 +1165,7 @@ impl Message for OperatorRequest {
     };
 }
 
-/// Where the part lies, by its datums or by a best fit, against where its plan has it. Published on part_alignment:
+/// Displacement of the part from its planned position, by its datums or by a best fit. Published on part_alignment:
 /// reliable, transient local, depth 1.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PartAlignment {
@@ -966,9 +1176,9 @@ pub struct PartAlignment {
     pub method: u8,
     /// datums in order of precedence, or features of the best fit
     pub feature_ids: Vec<String>,
-    /// the ProbeEvents that it rests on
+    /// sequence of each ProbeEvent used
     pub sequences: Vec<u64>,
-    /// false: the part could not be placed, and text says why
+    /// false: the part could not be aligned; text says why
     pub valid: bool,
     /// m, of the part frame's origin
     pub shift: crate::geometry_msgs::Vector3,
@@ -976,7 +1186,7 @@ pub struct PartAlignment {
     pub rotation: crate::geometry_msgs::Vector3,
     /// m or rad, products: 6 x 6 of shift and rotation, row by row; empty where not valid
     pub covariance: Vec<f64>,
-    /// m, what a best fit leaves of the deviations; 0 with datums
+    /// m, residual deviation of a best fit; 0 with datums
     pub rms: f64,
     pub text: String,
 }
@@ -986,6 +1196,16 @@ impl PartAlignment {
     pub const DATUMS: u8 = 0;
     /// least squares of the deviations along the normals
     pub const BEST_FIT: u8 = 1;
+}
+
+crate::code::codes! {
+    /// Values of `PartAlignment.method`.
+    pub enum PartAlignmentMethod of "PartAlignment.method" {
+        /// ISO 5459, in order of precedence
+        Datums = 0,
+        /// least squares of the deviations along the normals
+        BestFit = 1,
+    }
 }
 
 impl Message for PartAlignment {
@@ -1014,10 +1234,10 @@ pub struct PartReport {
     pub part_id: String,
     /// one of the constants above
     pub verdict: u8,
-    /// machining passes made
+    /// number of machining passes, recuts included
     pub passes: u32,
     pub text: String,
-    /// of a run that only measured; empty: a part was made
+    /// MEASURED: the plan; else empty
     pub plan_id: String,
 }
 
@@ -1025,8 +1245,22 @@ impl PartReport {
     pub const QUALIFIED: u8 = 0;
     pub const SCRAP: u8 = 1;
     pub const STOPPED: u8 = 2;
-    /// only measured, as asked: nothing was cut or decided
+    /// only measured, as requested: nothing was cut or decided
     pub const MEASURED: u8 = 3;
+}
+
+crate::code::codes! {
+    /// Values of `PartReport.verdict`.
+    pub enum PartReportVerdict of "PartReport.verdict" {
+        /// `QUALIFIED`.
+        Qualified = 0,
+        /// `SCRAP`.
+        Scrap = 1,
+        /// `STOPPED`.
+        Stopped = 2,
+        /// only measured, as requested: nothing was cut or decided
+        Measured = 3,
+    }
 }
 
 impl Message for PartReport {
@@ -1046,11 +1280,11 @@ impl Message for PartReport {
     };
 }
 
-/// What the verdicts of one measurement together ask for.
+/// What follows from the verdicts of one measurement together.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PassDecision {
     pub header: crate::std_msgs::Header,
-    /// measurement decided on
+    /// the measurement that was decided on
     pub plan_id: String,
     pub part_id: String,
     /// number of the machining pass, from 0
@@ -1063,14 +1297,28 @@ pub struct PassDecision {
 }
 
 impl PassDecision {
-    /// all qualified: go on with the next pass
+    /// all qualified: continue with the next pass
     pub const NEXT: u8 = 0;
-    /// cut again (a pass that cuts nothing: measure again) once the corrections below are acknowledged
+    /// cut again, or measure again in a pass without operations, once correction_ids are acknowledged
     pub const RECUT: u8 = 1;
-    /// stop: something must be put right first
+    /// stop: somebody must intervene
     pub const STOP: u8 = 2;
     /// the part cannot be saved
     pub const SCRAP: u8 = 3;
+}
+
+crate::code::codes! {
+    /// Values of `PassDecision.decision`.
+    pub enum PassDecisionCode of "PassDecision.decision" {
+        /// all qualified: continue with the next pass
+        Next = 0,
+        /// cut again, or measure again in a pass without operations, once correction_ids are acknowledged
+        Recut = 1,
+        /// stop: somebody must intervene
+        Stop = 2,
+        /// the part cannot be saved
+        Scrap = 3,
+    }
 }
 
 impl Message for PassDecision {
@@ -1090,34 +1338,47 @@ impl Message for PassDecision {
     };
 }
 
-/// How far path planning has come with an order that is asked for.
-/// Published on plan_progress after every stretch of work: reliable, volatile, keep all. Whoever waits for the plan counts
-/// its patience from here.
+/// Progress of path planning with the order under way. Published on plan_progress after every step of the computation:
+/// reliable, volatile, keep all. Clients that wait for the plan restart their timeout on every message.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PlanProgress {
     pub header: crate::std_msgs::Header,
     pub plan_id: String,
-    /// of the order
+    /// number of touches of the order
     pub touches: u32,
     /// one of the constants above
     pub phase: u8,
-    /// ratio, 0 to 1, of the work of the phase
+    /// ratio, 0 to 1, of the phase that is complete
     pub share: f64,
     /// s, moves between touches in the best order so far; 0 before there is one
     pub air_time: f64,
-    /// s, the same in the order to beat; 0 before it is known
+    /// s, the same in the order in which the plan lists them; 0 before it is known
     pub given_air_time: f64,
 }
 
 impl PlanProgress {
-    /// finds the clear ways between touches; no order is known yet
+    /// computes collision-free paths between touches; no order is known yet
     pub const WAYS: u8 = 0;
-    /// searches a shorter order
+    /// searches for a shorter order
     pub const SEARCHING: u8 = 1;
-    /// the order is made: this is the last message of the search
+    /// the order is published; last message of this job
     pub const DONE: u8 = 2;
-    /// nothing comes of it any more: this is the last message of the search
+    /// the job was cancelled or failed; last message of this job
     pub const GIVEN_UP: u8 = 3;
+}
+
+crate::code::codes! {
+    /// Values of `PlanProgress.phase`.
+    pub enum PlanProgressPhase of "PlanProgress.phase" {
+        /// computes collision-free paths between touches; no order is known yet
+        Ways = 0,
+        /// searches for a shorter order
+        Searching = 1,
+        /// the order is published; last message of this job
+        Done = 2,
+        /// the job was cancelled or failed; last message of this job
+        GivenUp = 3,
+    }
 }
 
 impl Message for PlanProgress {
@@ -1137,7 +1398,7 @@ impl Message for PlanProgress {
     };
 }
 
-/// One probing move and what came of it. Published on probe_events: reliable, volatile, keep all.
+/// A probing move and its outcome. Published on probe_events: reliable, volatile, keep all.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ProbeEvent {
     /// stamp: instant of the latch; frame_id: the part frame
@@ -1171,6 +1432,18 @@ impl ProbeEvent {
     pub const OUTCOME_EARLY: u8 = 2;
 }
 
+crate::code::codes! {
+    /// Values of `ProbeEvent.outcome`.
+    pub enum ProbeEventOutcome of "ProbeEvent.outcome" {
+        /// the probe triggered where it could
+        Touched = 0,
+        /// the move ended without a trigger
+        NoContact = 1,
+        /// the probe triggered before the approach point
+        Early = 2,
+    }
+}
+
 impl Message for ProbeEvent {
     const TYPE: &'static MessageType = &MessageType {
         name: "probecell_msgs/msg/ProbeEvent",
@@ -1192,12 +1465,12 @@ impl Message for ProbeEvent {
     };
 }
 
-/// The raw end of one probing move, as the driver read it. Only probe_events reads it.
+/// The raw end of a probing move, as the driver read it. Only probe_events subscribes to it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ProbeTrigger {
     /// stamp: instant of the latch, or of the end of the move without one
     pub header: crate::std_msgs::Header,
-    /// run of the driver
+    /// session of the driver
     pub session: String,
     /// plan whose measuring program ran
     pub plan_id: String,
@@ -1245,7 +1518,7 @@ pub struct ProbingMove {
 }
 
 impl ProbingMove {
-    /// rapid, on the safe side of part and fixture
+    /// rapid, clear of part and fixture
     pub const CLEARANCE: u8 = 0;
     /// rapid to the start of the approach
     pub const APPROACH: u8 = 1;
@@ -1253,6 +1526,20 @@ impl ProbingMove {
     pub const TOUCH: u8 = 2;
     /// back along the normal
     pub const RETRACT: u8 = 3;
+}
+
+crate::code::codes! {
+    /// Values of `ProbingMove.kind`.
+    pub enum ProbingMoveKind of "ProbingMove.kind" {
+        /// rapid, clear of part and fixture
+        Clearance = 0,
+        /// rapid to the start of the approach
+        Approach = 1,
+        /// at probing feed until the trigger
+        Touch = 2,
+        /// back along the normal
+        Retract = 3,
+    }
 }
 
 impl Message for ProbingMove {
@@ -1266,7 +1553,7 @@ impl Message for ProbingMove {
     };
 }
 
-/// The same points measured by an outside instrument. Published on reference: reliable, transient local, depth 1.
+/// The points of a plan as measured by an independent instrument. Published on reference: reliable, transient local, depth 1.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ReferenceMeasurement {
     pub header: crate::std_msgs::Header,
@@ -1298,20 +1585,20 @@ impl Message for ReferenceMeasurement {
     };
 }
 
-/// Which inputs a node took, in which order and when: what a replay needs beside the inputs themselves.
+/// The inputs that a node processed, in which order and when: what a replay needs besides the inputs themselves.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct StepJournal {
     pub header: crate::std_msgs::Header,
     pub node: String,
-    /// starts of this node in this session, from 0
+    /// number of earlier starts of this node in this session
     pub incarnation: u32,
     /// number of the first step listed
     pub first_step: u64,
-    /// ns since 1970, the instant each step was made
+    /// ns since 1970, the instant of each step
     pub now: Vec<i64>,
     /// index into the node's inputs; 65535: a timer
     pub port: Vec<u16>,
-    /// publication number of the input on its topic, or the timer's number
+    /// publication number of the input on its topic, or the number of the timer
     pub sequence: Vec<u64>,
 }
 
@@ -1332,7 +1619,7 @@ impl Message for StepJournal {
     };
 }
 
-/// A stylus as declared.
+/// A stylus with its declared (nominal) geometry.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Stylus {
     pub id: String,
@@ -1357,21 +1644,22 @@ impl Message for Stylus {
     };
 }
 
-/// Offsets that the controller holds now: wear of tools, volumetric table, work offsets. Published on tool_offsets: reliable, transient local, depth 1.
+/// Offsets that the controller holds: tool wear, volumetric table, work offsets. Published on tool_offsets: reliable,
+/// transient local, depth 1.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ToolOffsets {
-    /// stamp: of the controller's sample that changed them
+    /// stamp: of the controller sample in which they changed
     pub header: crate::std_msgs::Header,
-    /// run of the driver that read them
+    /// session of the driver that read them
     pub session: String,
     pub tool_numbers: Vec<u32>,
     /// m, wear offset of each tool, as the controller holds it (a diameter or a radius)
     pub wear: Vec<f64>,
-    /// ISO 230-1 names (EX0C) of the entries of the volumetric table; empty: the controller has none
+    /// ISO 230-1 names (EX0C) of the entries of the volumetric table; empty: it has no such table
     pub volumetric_entries: Vec<String>,
-    /// m or rad, value in force of each entry: 0 while the controller does not go by its table
+    /// m or rad, value in force of each entry: 0 while the table is disabled
     pub volumetric_values: Vec<f64>,
-    /// linear joints whose work offset the controller tells
+    /// linear joints whose work offset the controller reports
     pub work_offset_axes: Vec<String>,
     /// m, work offset in force of each
     pub work_offsets: Vec<f64>,
@@ -1426,14 +1714,14 @@ impl Message for TouchDeviation {
     };
 }
 
-/// What follows from one measured size, or from the errors found of the machine itself. First match of the decision table
-/// wins.
+/// The decision on one measured size, on the position of the part, or on the errors of the machine. The first matching row
+/// of the decision table applies.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Verdict {
     pub header: crate::std_msgs::Header,
     pub plan_id: String,
     pub part_id: String,
-    /// or the name of the volumetric table
+    /// or the id of the volumetric table or of the work offset
     pub feature_id: String,
     /// number of the machining pass, from 0
     pub pass_number: u32,
@@ -1441,12 +1729,12 @@ pub struct Verdict {
     pub verdict: u8,
     /// m, measured
     pub size: f64,
-    /// m, measured less drawing size; of the machine the largest displacement of the tip that the
+    /// m, measured minus drawing size; of the volumetric table the largest displacement of the tip
     pub error: f64,
-    /// errors found make over the poses measured
+    /// that the estimated errors cause over the poses measured
     /// m, half width of the tolerance
     pub tolerance: f64,
-    /// m, wear offset that the verdict was made with
+    /// m, wear offset in force
     pub tool_wear: f64,
     pub text: String,
 }
@@ -1458,6 +1746,24 @@ impl Verdict {
     pub const TOOL_WORN: u8 = 3;
     pub const NOT_CONVERGED: u8 = 4;
     pub const MEASUREMENT_INVALID: u8 = 5;
+}
+
+crate::code::codes! {
+    /// Values of `Verdict.verdict`.
+    pub enum VerdictCode of "Verdict.verdict" {
+        /// `QUALIFIED`.
+        Qualified = 0,
+        /// `COMPENSABLE`.
+        Compensable = 1,
+        /// `OVERCUT_NOT_COMPENSABLE`.
+        OvercutNotCompensable = 2,
+        /// `TOOL_WORN`.
+        ToolWorn = 3,
+        /// `NOT_CONVERGED`.
+        NotConverged = 4,
+        /// `MEASUREMENT_INVALID`.
+        MeasurementInvalid = 5,
+    }
 }
 
 impl Message for Verdict {
@@ -2241,7 +2547,7 @@ pub mod srv {
         };
     }
 
-    /// Plan the measuring order of the cell's part, of further touches of the part that it holds, or of what is left of a plan.
+    /// Plan the measuring order of the cell's part, of additional touches of the part in the machine, or of the rest of a plan.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub struct Plan;
 
@@ -2260,9 +2566,9 @@ pub mod srv {
     /// Asks [`Plan`].
     #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
     pub struct PlanRequest {
-        /// empty: the cell's own plan; the plan measured last: what is left of it, until something is cut
+        /// empty: the cell's own plan; the plan measured last: its remaining points, until something is cut
         pub plan_id: String,
-        /// empty: all; else these, in the features of the cell's plan. Of the plan measured last: measured again
+        /// empty: all. Else these, on features of the cell's plan; of the plan measured last: touched again
         pub points: Vec<crate::InspectionPoint>,
     }
 
@@ -2272,7 +2578,7 @@ pub mod srv {
             dds_name: "probecell_msgs::srv::dds_::Plan_Request_",
             type_hash: "RIHS01_dc3b3ca076163b1f46cd0b9aa648275f6d3a9031a677bea24e1ba75d49bc5312",
             definition: concat!(
-                "# Plan the measuring order of the cell's part, of further touches of the part that it holds, or of what is left of a plan.\nstring plan_id               # empty: the cell's own plan; the plan measured last: what is left of it, until something is cut\nprobecell_msgs/InspectionPoint[] points   # empty: all; else these, in the features of the cell's plan. Of the plan measured last: measured again\n",
+                "# Plan the measuring order of the cell's part, of additional touches of the part in the machine, or of the rest of a plan.\nstring plan_id               # empty: the cell's own plan; the plan measured last: its remaining points, until something is cut\nprobecell_msgs/InspectionPoint[] points   # empty: all. Else these, on features of the cell's plan; of the plan measured last: touched again\n",
                 "================================================================================\nMSG: probecell_msgs/InspectionPoint\n",
                 include_str!("../msg/InspectionPoint.msg"),
                 "================================================================================\nMSG: geometry_msgs/Point\n",
@@ -2289,7 +2595,7 @@ pub mod srv {
     #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
     pub struct PlanResponse {
         pub accepted: bool,
-        /// why not, or what was planned
+        /// reason for a refusal, or what was planned
         pub text: String,
     }
 
@@ -2298,13 +2604,13 @@ pub mod srv {
             name: "probecell_msgs/srv/Plan_Response",
             dds_name: "probecell_msgs::srv::dds_::Plan_Response_",
             type_hash: "RIHS01_345e374ce098525a196ea7d4ab2fa69045f1a5f8c5f64dc50874a795e5a27fa5",
-            definition: "bool accepted\nstring text                  # why not, or what was planned\n",
+            definition: "bool accepted\nstring text                  # reason for a refusal, or what was planned\n",
             describe: crate::describe::of::<PlanResponse>,
             canonical: crate::cdr::canonical::<PlanResponse>,
         };
     }
 
-    /// Cut and measure one part; or, with a plan_id, only measure; or go on with the measurement at which the last part ended.
+    /// Make one part; or, with a plan_id, only measure, or resume the measurement with which the last part ended.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub struct Run;
 
@@ -2323,9 +2629,9 @@ pub mod srv {
     /// Asks [`Run`].
     #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
     pub struct RunRequest {
-        /// may be empty to go on
+        /// may be empty when resuming
         pub part_id: String,
-        /// not empty: measure points that the service plan has accepted. The plan measured last: what is left of it, and the part goes on
+        /// empty: make a part. A plan accepted by the service plan: measure it. The plan measured last: resume the part
         pub plan_id: String,
     }
 
@@ -2334,7 +2640,7 @@ pub mod srv {
             name: "probecell_msgs/srv/Run_Request",
             dds_name: "probecell_msgs::srv::dds_::Run_Request_",
             type_hash: "RIHS01_5e4d41af86c3b88c48346eeb8c14864c6c3497212e318d0dbb8b957970711c10",
-            definition: "# Cut and measure one part; or, with a plan_id, only measure; or go on with the measurement at which the last part ended.\nstring part_id               # may be empty to go on\nstring plan_id               # not empty: measure points that the service plan has accepted. The plan measured last: what is left of it, and the part goes on\n",
+            definition: "# Make one part; or, with a plan_id, only measure, or resume the measurement with which the last part ended.\nstring part_id               # may be empty when resuming\nstring plan_id               # empty: make a part. A plan accepted by the service plan: measure it. The plan measured last: resume the part\n",
             describe: crate::describe::of::<RunRequest>,
             canonical: crate::cdr::canonical::<RunRequest>,
         };
@@ -2344,6 +2650,7 @@ pub mod srv {
     #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
     pub struct RunResponse {
         pub accepted: bool,
+        /// reason for a refusal
         pub text: String,
     }
 
@@ -2352,7 +2659,7 @@ pub mod srv {
             name: "probecell_msgs/srv/Run_Response",
             dds_name: "probecell_msgs::srv::dds_::Run_Response_",
             type_hash: "RIHS01_2520c2b2b1143ea7401ccc27775cd90b33c20b9ae2f516e493c564c23ff7c071",
-            definition: "bool accepted\nstring text\n",
+            definition: "bool accepted\nstring text                  # reason for a refusal\n",
             describe: crate::describe::of::<RunResponse>,
             canonical: crate::cdr::canonical::<RunResponse>,
         };

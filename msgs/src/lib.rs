@@ -1,29 +1,54 @@
 //! The messages of the cell: plain structs, their CDR bytes, their schemas and type hashes.
 //!
-//! The `.msg` and `.srv` files beside this crate are the truth; `generated.rs` is made from them, and the same files
-//! build as the ROS 2 interface package `probecell_msgs`. Messages of the package stand at the root, those of services
-//! in [`srv`], standard ones in a module named as their ROS package. Units are SI and stand in the comment of each
-//! field; stamps count from 1970.
+//! ```text
+//!  msg/*.msg, srv/*.srv ──cargo xtask codegen──> generated.rs ──to_cdr──> bytes on the bus and in a recording
+//!        │                                            ^                         │
+//!        └──ament: the ROS 2 package probecell_msgs   └────────from_cdr─────────┘
+//! ```
+//!
+//! The `.msg` and `.srv` files beside this crate are the truth. Messages of the package are at the root, those of services
+//! in [`srv`], standard ones in a module named as their ROS package. Units are SI and stand in the comment of each field;
+//! stamps count from 1970.
+//!
+//! Strings and bytes that carry a grammar have a type beside the message: [`PlanId`] and [`RunId`] for identifiers of
+//! plans, an enumeration such as [`CorrectionKind`] for each `uint8` field with constants. The wire knows neither.
+//!
+//! # Example
+//!
+//! A message to bytes and back; the enumeration of one of its fields:
 //!
 //! ```
-//! use probecell_msgs::{Message, Stylus, from_cdr, geometry_msgs::Point, to_cdr};
+//! use probecell_msgs::{Correction, CorrectionKind, Message, from_cdr, to_cdr};
 //!
-//! let stylus = Stylus { id: "S6".to_owned(), ball_center: Point::from([0.0, 0.0, -0.1]), ball_radius: 3e-3 };
-//! assert_eq!(from_cdr::<Stylus>(&to_cdr(&stylus)), Ok(stylus));
-//! assert_eq!(Stylus::TYPE.name, "probecell_msgs/msg/Stylus");
+//! let correction = Correction {
+//!     kind: CorrectionKind::ToolWear.into(),
+//!     tool_number: 7,
+//!     new_value: -12e-6, // m
+//!     ..Correction::default()
+//! };
+//! let bytes = to_cdr(&correction);
+//! let read: Correction = from_cdr(&bytes).unwrap();
+//! assert_eq!(read, correction);
+//! assert_eq!(CorrectionKind::try_from(read.kind), Ok(CorrectionKind::ToolWear));
+//! assert_eq!(Correction::TYPE.name, "probecell_msgs/msg/Correction");
 //! ```
 
 mod cdr;
+mod code;
 mod convert;
 mod describe;
 #[allow(
     missing_docs,
-    reason = "a field whose name says all carries no comment in its .msg file"
+    reason = "a field with a self-explanatory name has no comment in its .msg file"
 )]
 mod generated;
+pub mod offset;
+mod plan_id;
 mod schema;
 
 pub use cdr::{CdrError, from_cdr, to_cdr};
+pub use code::UnknownCode;
 pub use describe::Value;
 pub use generated::*;
+pub use plan_id::{PlanId, RunId};
 pub use schema::{Message, MessageType, Service, ServiceType, all, by_name, services};

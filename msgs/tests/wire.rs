@@ -280,3 +280,32 @@ fn a_description_names_every_leaf() {
     assert!(leaves.contains(&("axis_names[0]".to_owned(), "\"X\"".to_owned())));
     assert!(leaves.contains(&("axis_positions".to_owned(), "[]".to_owned())));
 }
+
+#[test]
+fn codes_are_read_back_and_unknown_ones_are_named() {
+    use probecell_msgs::{
+        Correction, CorrectionApproval, CorrectionKind, MachineState, MachineStateExecution,
+        UnknownCode,
+    };
+    for kind in CorrectionKind::ALL {
+        assert_eq!(CorrectionKind::try_from(u8::from(*kind)), Ok(*kind));
+    }
+    assert_eq!(
+        u8::from(CorrectionApproval::Rejected),
+        Correction::APPROVAL_REJECTED
+    );
+    assert_eq!(
+        MachineStateExecution::try_from(MachineState::EXECUTION_ESTOP),
+        Ok(MachineStateExecution::Estop)
+    );
+    let unknown = CorrectionKind::try_from(9);
+    assert_eq!(
+        unknown,
+        Err(UnknownCode {
+            field: "Correction.kind",
+            value: 9
+        })
+    );
+    let text = unknown.unwrap_err().to_string();
+    assert_eq!(text, "Correction.kind = 9 is none of its constants");
+}

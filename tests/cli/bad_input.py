@@ -1130,7 +1130,7 @@ def wait_for_port(port):
     raise TimeoutError(f"nobody listens at port {port}")
 
 
-@case("up {} --no-record", 0, warns="this cell joins it", server=router, interrupt_after=6)
+@case("up {} --no-record", 0, warns="this cell uses it", server=router, interrupt_after=6)
 @case("doctor {}", 0, server=router)
 def a_router_is_there_already(folder, port):
     return cell(folder, replaced("127.0.0.1:7447", f"127.0.0.1:{port}"))

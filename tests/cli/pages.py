@@ -3,7 +3,7 @@
 
     pages.py PROBECELL
 
-Every scenario's page is checked where it is made (crates/scenarios); here it is the way through the command line, on
+Every scenario's page is checked where it is made (crates/validation); here it is the way through the command line, on
 scenarios that take no time. Needs nothing but Python.
 """
 

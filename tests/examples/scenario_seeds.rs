@@ -76,15 +76,15 @@ fn median(values: &[f64]) -> String {
 
 fn main() {
     let words: Vec<String> = std::env::args().skip(1).collect();
-    let number = |place: usize, default: u64| {
-        let word = words.get(place).map(|word| word.parse());
+    let number = |index: usize, default: u64| {
+        let word = words.get(index).map(|word| word.parse());
         word.map_or(default, |number| number.expect("a seed is a whole number"))
     };
     let seeds = number(0, 1)..=number(1, 20);
     let word = words.get(2).map_or("", String::as_str);
     println!(
-        "| session | right | by name | by an equal | missed | innocent blamed | no gap / explained / in part / \
-         unexplained | gap, µm | left, µm |\n|---|---|---|---|---|---|---|---|---|"
+        "| session | correct | by name | by class | missed | false | no gap / explained / partly / unexplained \
+         | gap, µm | residual, µm |\n|---|---|---|---|---|---|---|---|---|"
     );
     let mut wrong = Vec::new();
     let rows = ROWS.iter().chain(DELIVERED).chain(FAULTLESS);

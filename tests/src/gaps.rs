@@ -1,5 +1,6 @@
-//! The source systems' gaps in whole cells: what is hidden in the machine, and what the diagnosis of the recording has to
-//! say. The errors are in the cell files and in the changes here; no node and no diagnosis knows them.
+//! The gaps of the source systems (`docs/source_systems.md, F`) in whole cells: what is hidden in the machine, and
+//! what the diagnosis of the recording has to say. The errors are in the cell files and in the changes here; no node
+//! and no diagnosis knows them.
 
 use bags::Measurement;
 use cell::Cell;
@@ -9,15 +10,15 @@ use graph::Published;
 
 use crate::{cell, make_part};
 
-/// What a session has to say.
+/// The expected diagnosis of a session.
 pub enum Expected {
-    /// Nothing acts.
+    /// No effect acts.
     NoGap,
-    /// Something acts that the vocabulary does not know, and nobody is blamed.
+    /// A cause outside the vocabulary: no effect is named.
     Unknown,
-    /// Exactly these, by name or among the equals of a name.
+    /// Exactly these, each named or in the equivalence class of a named effect.
     Effects(&'static [&'static str]),
-    /// Exactly one of several that this session cannot tell apart, this one among them.
+    /// Exactly one of an equivalence class that contains this one.
     Group(&'static str),
 }
 
@@ -31,7 +32,7 @@ pub struct Row {
     pub change: &'static [(&'static str, &'static str)],
     /// The plan whose touches are diagnosed; `PRODUCT/last`: the last one, which the reference instrument measures, too.
     pub plan: &'static str,
-    /// What the diagnosis has to say.
+    /// The expected diagnosis.
     pub expected: Expected,
 }
 
@@ -195,7 +196,7 @@ pub const ROWS: &[Row] = &[
     },
 ];
 
-/// Sessions of cells as they are delivered, beside the register.
+/// Sessions of the example cells as they are, in addition to the register.
 pub const DELIVERED: &[Row] = &[
     Row {
         scenario: "turn_mill, calibrated",
@@ -321,12 +322,12 @@ impl Expected {
     }
 }
 
-/// True if a report names the effect, or one that its session cannot tell from it.
+/// Whether a report names the effect or a member of its equivalence class.
 pub fn stands_for(report: &Report, id: &str) -> bool {
     report.effects.iter().any(|effect| means(effect, id))
 }
 
-/// True if an effect is that one, or cannot be told from it.
+/// Whether an effect is that one or indistinguishable from it.
 pub fn means(effect: &Effect, id: &str) -> bool {
     effect.effect == id
         || effect

@@ -1,7 +1,8 @@
-//! Whole cells without a bus: the harness of the tests beside it.
+//! Test harness: whole cells on virtual time, without a bus.
 
 pub mod bag;
 pub mod gaps;
+pub mod sample;
 pub mod session;
 pub mod trace;
 

@@ -1,4 +1,4 @@
-//! A session on virtual time that a test takes part in: as operator, or as somebody who sends what should not be sent.
+//! A session on virtual time in which a test takes part, as an operator or with invalid messages.
 
 use cell::Cell;
 use graph::{Executor, Published, Stamp, Topic, topics};
@@ -16,12 +16,12 @@ pub struct Session {
 }
 
 impl Session {
-    /// A session of all nodes of the cell; the controller has been heard.
+    /// A session of all nodes of the cell; the controller has reported its state.
     pub fn new(cell: &Cell) -> Self {
         Self::begin(executor(cell))
     }
 
-    /// The same with nodes that are told that they run on a recording.
+    /// The same with nodes started for a recording.
     pub fn replayed(cell: &Cell) -> Self {
         let nodes = cell.nodes(true).unwrap_or_else(|error| panic!("{error}"));
         Self::begin(Executor::new(nodes, BEGIN).unwrap_or_else(|error| panic!("{error}")))
@@ -43,14 +43,14 @@ impl Session {
             .inject(self.executor.now(), topic.name, to_cdr(message));
     }
 
-    /// Lets time pass.
+    /// Advances the virtual time.
     pub fn run_s(&mut self, seconds: f64) {
         let until = self.now().after_s(seconds);
         self.executor.run_until(until);
         self.log.append(&mut self.executor.take_log());
     }
 
-    /// Goes on until something more is published on the topic.
+    /// Runs until the next publication on the topic.
     pub fn run_to(&mut self, topic: Topic) {
         let until = self.now().after_s(LIMIT);
         let published = self.executor.run_until_published(topic.name, until);
@@ -94,7 +94,7 @@ impl Session {
             .collect()
     }
 
-    /// Asks for a part.
+    /// Requests a part.
     pub fn ask_for(&mut self, part: &str) {
         let request = OperatorRequest {
             subject: part.to_owned(),
@@ -142,7 +142,7 @@ impl Session {
     }
 }
 
-/// One node of the cell alone, hearing what it heard in `log`, but the topics in `late` so many seconds later.
+/// One node of the cell alone with its inputs from `log`, those on topics in `late` delayed by `seconds`.
 pub fn alone(
     cell: &Cell,
     node: &str,
@@ -151,12 +151,12 @@ pub fn alone(
     seconds: f64,
 ) -> Vec<Published> {
     let node = instance(cell, node);
-    let heard: Vec<&str> = node.inputs().iter().map(|topic| topic.name).collect();
+    let inputs: Vec<&str> = node.inputs().iter().map(|topic| topic.name).collect();
     let mut executor = Executor::new(vec![node], BEGIN).unwrap_or_else(|error| panic!("{error}"));
     let mut end = BEGIN;
     for published in log
         .iter()
-        .filter(|published| heard.contains(&published.topic.as_str()))
+        .filter(|published| inputs.contains(&published.topic.as_str()))
     {
         let delayed = late.iter().any(|topic| topic.name == published.topic);
         let at = if delayed {
@@ -171,7 +171,7 @@ pub fn alone(
     executor.take_log()
 }
 
-/// A cell file with something that goes wrong after so many touches.
+/// A cell file with a fault after `after_touches` touches.
 pub fn with_fault(text: &str, kind: &str, after_touches: u32) -> String {
     format!("{text}\n[simulator.fault]\nkind = \"{kind}\"\nafter_touches = {after_touches}\n")
 }

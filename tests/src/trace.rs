@@ -122,7 +122,7 @@ impl Trace {
         instance(&self.cell, self.node)
     }
 
-    /// `node` with that state goes on from step `cut` for `count` steps; gives the first one that leaves anything else
+    /// `node` with that state continues from step `cut` for `count` steps; gives the first one that leaves anything else
     /// than it did.
     pub fn first_difference(
         &self,

@@ -57,7 +57,7 @@ fn what_is_adopted_closes_the_next_gap_as_promised_and_comes_back_when_removed()
     let adopted = adopt(&first, &found, &[], false).unwrap_or_else(|error| panic!("{error}"));
     let second = again(&first, &adopted.text, 2);
     let (next, next_log) = measured(&second);
-    // Another seed: the touches differ, what is left of them has the size that was promised.
+    // Another seed: the touches differ, their residual has the promised size.
     assert!(promised.ci95_after[0] < next.gap.rms && next.gap.rms < promised.ci95_after[1]);
     assert!(next.gap.rms < 0.2 * promised.rms_before);
     assert_eq!(next.verdict, Verdict::NoGap, "{next}");
@@ -65,11 +65,11 @@ fn what_is_adopted_closes_the_next_gap_as_promised_and_comes_back_when_removed()
     assert_eq!((next.declared.len(), declared.kept), (1, Some(true)));
     let achieved = declared.achieved.as_ref().expect("one session judges it");
     assert!((achieved.rms_before - promised.rms_before).abs() < 0.1 * promised.rms_before);
-    let told = next.to_string();
+    let text = next.to_string();
     for word in ["promised: ", "achieved: ", "the promise is kept"] {
-        assert!(told.contains(word), "{told}");
+        assert!(text.contains(word), "{text}");
     }
-    // The machine is told what it was told before.
+    // The machine receives the same commands as before.
     assert_eq!(commands(&log), commands(&next_log));
 
     let (text, _) = remove(&second, "process.tool_runout").expect("it is declared");

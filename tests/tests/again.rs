@@ -1,4 +1,4 @@
-//! A scan that broke off goes on, and points are measured once more: every point counts once, and the decision is made
+//! An interrupted scan is resumed, and points are measured again: every point counts once, and the decision is made
 //! on the whole set.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -41,7 +41,7 @@ fn ask(
     session.last(reply)
 }
 
-/// Wants points of a plan measured again, and what is left of it.
+/// Requests points of a plan to be measured again, and its remaining points.
 fn plan(session: &mut Session, plan_id: &str, points: &[InspectionPoint]) -> OperatorReply {
     let asked = OperatorRequest {
         subject: plan_id.to_owned(),
@@ -191,7 +191,7 @@ fn a_scan_stopped_at_the_machine_goes_on_as_often_as_it_is_stopped() {
     );
     assert_newest_touch_of_each_point_counts(&session, ROUGH);
     assert_eq!(session.wait_for_report().verdict, PartReport::QUALIFIED);
-    // The button is no node: what the machine heard and did is replayed as it was recorded.
+    // The button is not a node: inputs and outputs of the machine are replayed as recorded.
     let mut nodes = cell.node_names();
     nodes.retain(|&node| !["simulator", "machine_state"].contains(&node));
     let made = replay(&recording(&session.finish()), &factories(&cell, &nodes));
@@ -230,7 +230,7 @@ fn points_measured_again_replace_what_was_there_and_the_decision_is_made_once_mo
     let made: Vec<PassDecision> = session.all(topics::PASS_DECISIONS);
     assert_eq!(made.len(), decisions + 1);
     assert_eq!(made[decisions].plan_id, own.plan_id);
-    // A width is told anew where one of its planes is, and all others as they were.
+    // A width is published again where one of its planes is measured again; all others are unchanged.
     let widths: Vec<FeatureResult> = session.all(topics::FEATURE_RESULTS);
     for (width, times) in [("L1", 2), ("L2", 2), ("L3", 2)] {
         let of_width = |one: &&FeatureResult| one.feature_id == width && one.plan_id == own.plan_id;
@@ -368,21 +368,21 @@ fn nothing_is_measured_again_across_a_cut_nor_under_another_name() {
     }
     let reply = plan(&mut session, &own.plan_id, &[]);
     assert!(
-        !reply.accepted && reply.text.starts_with("nothing is left"),
+        !reply.accepted && reply.text.starts_with("no point of plan"),
         "{}",
         reply.text
     );
     // The rough surface is not there any more.
     let reply = plan(&mut session, &own.plan_id, &rough.points[..1]);
     assert!(
-        !reply.accepted && reply.text.starts_with("point 0 is no point of plan"),
+        !reply.accepted && reply.text.starts_with("point 0 is not a point of plan"),
         "{}",
         reply.text
     );
     let reply = run(&mut session, "another", &own.plan_id);
     assert_eq!(
         (reply.accepted, reply.text.as_str()),
-        (false, "the plan is of another part")
+        (false, "the plan belongs to another part")
     );
     // What is asked for past the planning is refused by it.
     assert!(!go_on(&mut session, "").accepted);

@@ -33,9 +33,12 @@ fn sentence(text: CellText) -> String {
     let Err(error) = Cell::from_text(text) else {
         panic!("it was accepted")
     };
-    let told = error.to_string();
-    assert!(!told.contains('\n') && told.len() < 300, "{told}");
-    told
+    let sentence = error.to_string();
+    assert!(
+        !sentence.contains('\n') && sentence.len() < 300,
+        "{sentence}"
+    );
+    sentence
 }
 
 /// The line of the cell file in which that stands first.
@@ -81,36 +84,36 @@ fn a_missing_section_or_key_is_named() {
         ("source = \"simulator\"", "", "source"),
         ("radius_mm = 11.75\n", "", "radius"),
     ] {
-        let told = refused(from, to);
+        let sentence = refused(from, to);
         assert!(
-            told.starts_with("turn_mill.toml") && told.contains(missing),
-            "{told}"
+            sentence.starts_with("turn_mill.toml") && sentence.contains(missing),
+            "{sentence}"
         );
     }
 }
 
 #[test]
 fn a_value_of_another_kind_is_told_with_its_line() {
-    let told = refused("max_corrections = 5", "max_corrections = \"five\"");
+    let sentence = refused("max_corrections = 5", "max_corrections = \"five\"");
     assert!(
-        told.starts_with(&format!(
+        sentence.starts_with(&format!(
             "turn_mill.toml line {}: ",
             line_of("max_corrections")
         )),
-        "{told}"
+        "{sentence}"
     );
-    let told = refused("kind = \"cylinder\"", "kind = \"cylindre\"");
+    let sentence = refused("kind = \"cylinder\"", "kind = \"cylindre\"");
     assert!(
-        told.contains("cylindre") && told.contains("turn_mill.toml"),
-        "{told}"
+        sentence.contains("cylindre") && sentence.contains("turn_mill.toml"),
+        "{sentence}"
     );
-    let told = refused("max_corrections = 5", "max_corrections = ");
+    let sentence = refused("max_corrections = 5", "max_corrections = ");
     assert!(
-        told.starts_with(&format!(
+        sentence.starts_with(&format!(
             "turn_mill.toml line {}: ",
             line_of("max_corrections")
         )),
-        "{told}"
+        "{sentence}"
     );
 }
 
@@ -162,10 +165,13 @@ fn a_number_that_is_none_is_refused_wherever_it_stands() {
                     original.cell.lines().nth(line)
                 );
             };
-            let told = error.to_string();
+            let sentence = error.to_string();
             let place = format!("turn_mill.toml line {}: ", line + 1);
             let end = format!(" = {other} is not a finite number");
-            assert!(told.starts_with(&place) && told.ends_with(&end), "{told}");
+            assert!(
+                sentence.starts_with(&place) && sentence.ends_with(&end),
+                "{sentence}"
+            );
         }
     }
 }
@@ -189,23 +195,23 @@ fn a_negative_or_zero_number_is_refused_where_it_means_nothing() {
         "feed_mm_per_min = 300.0",
     ] {
         let name = key.split(' ').next().expect("a key");
-        let told = refused(key, &format!("{name} = -1.0"));
+        let sentence = refused(key, &format!("{name} = -1.0"));
         assert!(
-            told.contains("turn_mill.toml") && told.contains(name),
-            "{key}: {told}"
+            sentence.contains("turn_mill.toml") && sentence.contains(name),
+            "{key}: {sentence}"
         );
     }
 }
 
 #[test]
 fn an_approval_limit_beyond_the_validity_of_a_correction_is_refused() {
-    let told = refused(
+    let sentence = refused(
         "automatic_approval = true",
         "automatic_approval = false\napproval_limit_s = 601",
     );
     assert!(
-        told.contains("approval_limit_s = 601 is longer than validity_s = 600"),
-        "{told}"
+        sentence.contains("approval_limit_s = 601 is longer than validity_s = 600"),
+        "{sentence}"
     );
 }
 
@@ -213,7 +219,7 @@ fn an_approval_limit_beyond_the_validity_of_a_correction_is_refused() {
 fn a_volumetric_table_that_cannot_be_found_or_written_is_refused_by_name() {
     let path = cell_tests::launch_scripts().join("five_axis_calibrate.toml");
     let original = Cell::read(&path).unwrap_or_else(|error| panic!("{error}"));
-    let told = |from: &str, to: &str| {
+    let sentence = |from: &str, to: &str| {
         let text = original.text();
         assert!(text.cell.contains(from), "{from}");
         let edited = CellText {
@@ -234,7 +240,7 @@ fn a_volumetric_table_that_cannot_be_found_or_written_is_refused_by_name() {
             "\"EC0W\"]",
             "\"EC0W\" is not an entry of simulator.machine.table",
         ),
-        ("\"EC0Y\"]", "\"EA0B\"]", "\"EA0B\" stands there twice"),
+        ("\"EC0Y\"]", "\"EA0B\"]", "\"EA0B\" is listed twice"),
         (
             "links = [\"EA0B\", \"EC0B\", \"EX0C\", \"EA0C\", \"EB0C\", \"EB0Z\", \"EA0Y\", \"EC0Y\"]",
             "links = []",
@@ -263,7 +269,7 @@ fn a_volumetric_table_that_cannot_be_found_or_written_is_refused_by_name() {
         (
             "{ name = \"EC0Y\", value_urad = -33.0 }",
             "{ name = \"EC0Y\" }, { name = \"EA0Y\", value_urad = -33.0 }",
-            "machine.table: \"EA0Y\" stands there twice",
+            "machine.table: \"EA0Y\" is listed twice",
         ),
         (
             "volumetric_limit_um = 100.0",
@@ -271,8 +277,8 @@ fn a_volumetric_table_that_cannot_be_found_or_written_is_refused_by_name() {
             "machine_state.volumetric_limit_um = 0",
         ),
     ] {
-        let told = told(from, to);
-        assert!(told.contains(says), "{told}");
+        let sentence = sentence(from, to);
+        assert!(sentence.contains(says), "{sentence}");
     }
 }
 
@@ -301,10 +307,10 @@ fn a_robot_description_that_is_no_machine_is_told_by_what_is_wrong() {
         ("<joint name=\"Y\"", "<joint name=\"X\"", "`X`"),
         ("</robot>", "", "URDF"),
     ] {
-        let told = robot_refused(from, to);
+        let sentence = robot_refused(from, to);
         assert!(
-            told.starts_with("turn_mill.urdf: ") && told.contains(said),
-            "{to:?}: {told}"
+            sentence.starts_with("turn_mill.urdf: ") && sentence.contains(said),
+            "{to:?}: {sentence}"
         );
     }
 }
@@ -320,10 +326,10 @@ fn files_that_are_not_there_are_named() {
             .starts_with("cannot read the cell file no/such.toml: "),
         "{error}"
     );
-    let told = refused("clearance_axis = \"X\"", "clearance_axis = \"U\"");
+    let sentence = refused("clearance_axis = \"X\"", "clearance_axis = \"U\"");
     let line = line_of("clearance_axis = \"X\"");
     assert_eq!(
-        told,
+        sentence,
         format!(
             "turn_mill.toml line {line}: path_planning.clearance_axis = \"U\" is not an axis of the machine"
         )
@@ -442,7 +448,7 @@ fn an_event_or_plan_that_cannot_be_used_is_a_fault_and_no_deviation() {
 }
 
 /// What a session says on the topics that a node hears, to be spoilt.
-fn heard<'a>(node: &dyn Instance, log: &'a [Published]) -> Vec<(usize, Vec<&'a [u8]>)> {
+fn inputs_of<'a>(node: &dyn Instance, log: &'a [Published]) -> Vec<(usize, Vec<&'a [u8]>)> {
     let of = |name: &str| {
         log.iter()
             .filter(|one| one.topic == name)
@@ -465,7 +471,7 @@ fn no_bytes_on_any_topic_make_any_node_panic() {
     for name in cell.node_names() {
         let mut node = instance(&cell, name);
         node.timer(Stamp(0), 0);
-        for (port, payloads) in heard(node.as_ref(), &log) {
+        for (port, payloads) in inputs_of(node.as_ref(), &log) {
             for round in 0..400 {
                 let mut payload: Vec<u8> = match (round % 4, payloads.is_empty()) {
                     (0, _) | (_, true) => (0..random.random_range(0..300))
@@ -527,10 +533,13 @@ fn a_spoilt_message_never_becomes_a_correction() {
                 "{correction:?}"
             );
         }
-        let told: Vec<probecell_msgs::ControllerCommand> = session.all(topics::CONTROLLER_COMMANDS);
+        let commands: Vec<probecell_msgs::ControllerCommand> =
+            session.all(topics::CONTROLLER_COMMANDS);
         assert!(
-            told.iter().all(|command| command.value.abs() <= 0.110e-3),
-            "{told:?}"
+            commands
+                .iter()
+                .all(|command| command.value.abs() <= 0.110e-3),
+            "{commands:?}"
         );
     }
 }

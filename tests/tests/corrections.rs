@@ -1,5 +1,5 @@
 //! No correction reaches the machine without a bound, a source, an approval and the session that runs now; and the
-//! decision table (source systems A.4) and the scenarios A of its section F, through the whole graph.
+//! decision table (`docs/source_systems.md, A.4`) and the scenarios A of its section F, through the whole graph.
 
 use std::collections::BTreeMap;
 
@@ -28,14 +28,17 @@ fn proposed() -> (Session, Vec<Correction>) {
     (session, corrections)
 }
 
-/// Wear commands that the driver was told, and the offsets that it holds.
+/// Number of wear commands sent to the driver, and the offsets that it holds.
 fn wear(session: &Session) -> (usize, Vec<f64>) {
     let commands: Vec<ControllerCommand> = session.all(topics::CONTROLLER_COMMANDS);
-    let told = commands
+    let written = commands
         .iter()
         .filter(|command| command.kind == ControllerCommand::SET_TOOL_WEAR)
         .count();
-    (told, session.last::<ToolOffsets>(topics::TOOL_OFFSETS).wear)
+    (
+        written,
+        session.last::<ToolOffsets>(topics::TOOL_OFFSETS).wear,
+    )
 }
 
 #[test]
@@ -392,9 +395,9 @@ fn a_tool_without_room_for_its_correction_is_worn_and_its_offset_stays() {
             .iter()
             .any(|verdict| verdict.verdict == Verdict::TOOL_WORN)
     );
-    let (told, held) = wear(&session);
+    let (written, held) = wear(&session);
     assert!(
-        told == 0 && held.iter().all(|wear| (wear + 100e-6).abs() < 1e-12),
+        written == 0 && held.iter().all(|wear| (wear + 100e-6).abs() < 1e-12),
         "{held:?}"
     );
 }

@@ -201,7 +201,7 @@ fn an_alarm_that_goes_does_not_bring_the_part_back() {
         .iter()
         .filter(|code| *code == "estop")
         .count();
-    assert_eq!(estops, 1, "a fault that stands is told once");
+    assert_eq!(estops, 1, "a persistent fault is reported once");
 }
 
 #[test]
@@ -216,7 +216,7 @@ fn a_driver_that_is_started_again_ends_the_part() {
     session.send(topics::CONTROLLER_STATUS, &sample);
     let report = session.wait_for_report();
     assert_eq!(report.verdict, PartReport::STOPPED);
-    assert!(report.text.contains("started again"), "{}", report.text);
+    assert!(report.text.contains("restarted"), "{}", report.text);
     assert!(
         session
             .fault_codes()

@@ -1,11 +1,12 @@
-//! Further touches of a part in its clamping: a cell whose first plan cannot tell what is wrong measures what tells it.
+//! Further touches of a part in its clamping: a cell whose first plan is ambiguous makes discriminating touches.
 
 use std::sync::LazyLock;
 
 use bags::Measurement;
 use cell::Cell;
 use cell_tests::{bag, cell, factories, recording, session::Session};
-use diagnosis::{Options, Report, diagnose, joined::join};
+use diagnosis::{Options, Report, diagnose};
+use effects::session::joined::join;
 use graph::{
     Published,
     replay::{Verdict, replay},
@@ -16,7 +17,7 @@ use probecell_msgs::{
     OperatorReply, OperatorRequest, PartReport, ProbeEvent,
 };
 
-/// Two balls at one index; the true ball centre lies beside the spindle axis.
+/// Two balls at one index; the true ball centre is off the spindle axis.
 fn check() -> Cell {
     cell("ball_check.toml", |text| {
         text.replace("at_end_of_plan = false", "at_end_of_plan = true")
@@ -100,7 +101,7 @@ fn measured(refined: &Refined, plan_id: &str) -> diagnosis::Session {
 #[test]
 fn what_the_first_plan_cannot_tell_is_told_by_the_touches_that_it_proposes() {
     let refined = &*REFINED;
-    // The truth is the cell file's: the ball centre is 18 and -11 µm beside the axis; balls put down elsewhere look alike.
+    // The truth is the cell file's: the ball centre is 18 and -11 µm off the axis; displaced balls look alike.
     let effect = &refined.before.effects[0];
     let mut rivals = effect.indistinguishable_from.clone();
     rivals.push(effect.effect.clone());
@@ -151,8 +152,8 @@ fn the_cell_itself_answers_over_both_as_the_recording_does() {
     assert_eq!(&last.plan_id, plan_id);
     let mut both = join(&refined.first, &measured(refined, plan_id)).expect("one session");
     both.name = "live".to_owned();
-    let told = diagnose(&both, &Options::default()).expect("a report");
-    assert_eq!(last.json, serde_json::to_string(&told).expect("JSON"));
+    let joint = diagnose(&both, &Options::default()).expect("a report");
+    assert_eq!(last.json, serde_json::to_string(&joint).expect("JSON"));
 }
 
 #[test]
@@ -329,7 +330,7 @@ fn a_preview_during_a_measurement_is_refused_and_disturbs_nothing() {
     let measured: InspectionPlan = session.last(topics::INSPECTION_PLAN);
     let reply = preview(&mut session);
     let says = format!(
-        "plan {:?} is being measured: a preview would take its place; ask again when that is done",
+        "plan {:?} is being measured: a preview would replace it; ask again when that is done",
         measured.plan_id
     );
     assert_eq!((reply.accepted, reply.text), (false, says));

@@ -34,8 +34,8 @@ fn the_live_answer_is_that_of_the_recording() {
                 .rev()
                 .find(|report| report.plan_id == plan.plan_id);
             let last = last.unwrap_or_else(|| panic!("no report on {}", plan.plan_id));
-            let told = Measurement::Named(plan.plan_id.clone());
-            let mut recorded = bag::diagnosis(&cell, &log, &told);
+            let measurement = Measurement::Named(plan.plan_id.clone());
+            let mut recorded = bag::diagnosis(&cell, &log, &measurement);
             recorded.bag = "live".to_owned();
             let recorded = serde_json::to_string(&recorded).expect("JSON");
             assert_eq!(last.json, recorded, "{file}: {}", plan.plan_id);

@@ -86,10 +86,10 @@ fn poses_are_chosen_with_the_order_and_all_touches_end_right() {
             result.size_deviation
         );
     }
-    let told: Vec<PlanProgress> = session.all(topics::PLAN_PROGRESS);
-    let last = told.last().expect("progress");
+    let progress: Vec<PlanProgress> = session.all(topics::PLAN_PROGRESS);
+    let last = progress.last().expect("progress");
     assert_eq!((last.phase, last.touches), (PlanProgress::DONE, 20));
-    assert!(told.len() > 5 && last.air_time == order.air_time);
+    assert!(progress.len() > 5 && last.air_time == order.air_time);
     let log = session.finish();
     let made = replay(&recording(&log), &factories(&cell, &cell.node_names()));
     let made = made.unwrap_or_else(|error| panic!("{error}"));
@@ -150,7 +150,7 @@ fn what_is_measured_again_or_further_keeps_its_poses() {
     assert_touches_stand_on_the_plan(&session, &further);
 }
 
-/// While the order is made the cell hears what ends it: the part is stopped, and no late plan is measured.
+/// The cell handles requests while an order is computed: the part is stopped, and no late plan is measured.
 #[test]
 fn a_preview_in_the_making_gives_way_to_a_part() {
     let cell = balls(str::to_owned);
@@ -162,7 +162,7 @@ fn a_preview_in_the_making_gives_way_to_a_part() {
     assert_eq!(report.verdict, PartReport::QUALIFIED, "{}", report.text);
     let reply: OperatorReply = session.last(topics::PLAN_REPLIES);
     assert!(
-        !reply.accepted && reply.text.contains("goes on with its part"),
+        !reply.accepted && reply.text.contains("the cell continues with its part"),
         "{}",
         reply.text
     );

@@ -3,13 +3,13 @@
 use std::collections::BTreeMap;
 
 use cell_tests::cell;
+use controller_oracle::control::{End, Event, Position, Probe};
 use controllers::{
     axes::{Axis, Letter},
-    control::{End, Event, Position, Probe},
-    fanuc, results, sinumerik,
+    fanuc, sinumerik,
 };
 use machine::{Chain, Nominal};
-use path_planning::route::Route;
+use path_planning::MotionRules;
 use probecell_msgs::{InspectionPlan, MeasurementOrder};
 
 /// m, by which every surface of the part is too large.
@@ -85,13 +85,13 @@ fn check(cell_file: &str) {
         .check(chain.clone(), &cell.part, Vec::new())
         .expect("sound settings");
     let plan = config.part.plan(0.0);
-    let route = Route {
+    let rules = MotionRules {
         chain: &chain,
         clearance: config.clearance,
         overtravel: config.overtravel,
         kicks: 100,
     };
-    let order = route.order(&plan, &[]).expect("a plan in reach");
+    let order = rules.order(&plan, &[]).expect("a plan in reach");
     let axes: Vec<Axis> = chain
         .axis_names()
         .enumerate()
@@ -152,11 +152,11 @@ fn by_fanuc(
     part: &mut Part,
 ) -> Vec<Touched> {
     let text = fanuc::program::measuring_program(plan, order, axes, 0.05).expect("a program");
-    let mut controller = fanuc::Interpreter::new(letters);
+    let mut controller = controller_oracle::fanuc::Interpreter::new(letters);
     controller.load(&text).expect("readable");
     let (end, events) = controller.run(390, part).expect("runs");
     assert_eq!(end, End::Finished);
-    let printed = results::printed_touches(&printed(&events)).expect("its own lines");
+    let printed = fanuc::results::printed_touches(&printed(&events)).expect("its own lines");
     let touches = printed.touches.into_iter();
     touches
         .filter(|one| one.touched)
@@ -177,13 +177,13 @@ fn by_sinumerik(
     part: &mut Part,
 ) -> Vec<Touched> {
     let text = sinumerik::program::measuring_program(plan, order, axes, 0.05).expect("a program");
-    let mut controller = sinumerik::Interpreter::new(letters);
+    let mut controller = controller_oracle::sinumerik::Interpreter::new(letters);
     controller.load(&text).expect("readable");
     let (end, events) = controller
         .run(sinumerik::program::PROGRAM, part)
         .expect("runs");
     assert_eq!(end, End::Finished);
-    let log = results::sinumerik_log(&printed(&events)).expect("its own lines");
+    let log = sinumerik::results::sinumerik_log(&printed(&events)).expect("its own lines");
     let touches = log.touches.into_iter();
     touches
         .filter(|one| one.touched)

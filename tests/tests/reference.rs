@@ -35,7 +35,8 @@ fn the_constant(report: &Report) -> &diagnosis::report::Effect {
     effect
 }
 
-/// Source systems A.2: a gap of 71.0 µm on sizes, of which each side holds half; A.4: the registers show phantom wear.
+/// `docs/source_systems.md, A.2`: a gap of 71.0 µm on sizes, of which each side holds half; A.4: the registers show
+/// phantom wear.
 #[test]
 fn an_uncalibrated_probe_is_named_and_no_scale_and_no_wear() {
     for seed in 1..=3 {
@@ -57,7 +58,7 @@ fn an_uncalibrated_probe_is_named_and_no_scale_and_no_wear() {
     }
 }
 
-/// Source systems A.2: a gap of 6.2 µm on sizes remains, which the CMM's 3 µm hold.
+/// `docs/source_systems.md, A.2`: a gap of 6.2 µm on sizes remains, which the CMM's 3 µm hold.
 #[test]
 fn a_calibrated_probe_leaves_what_the_reference_cannot_tell() {
     for seed in 1..=3 {

@@ -76,7 +76,7 @@ fn replaying_a_part_computes_every_message_of_every_node_again() {
 fn the_nodes_that_decide_are_replayed_against_a_recorded_machine() {
     let cell = turn_mill();
     let log = &*LOG;
-    assert_all_equal(&replayed(&cell, &NODES, &recording(log)), log);
+    assert_all_equal(&replayed(&cell, NODES, &recording(log)), log);
 }
 
 #[test]
@@ -176,7 +176,7 @@ fn one_changed_byte_of_a_recorded_trigger_is_told_by_topic_and_message() {
             sequence as u64,
             nonzero(&triggers[sequence - 1].axis_positions),
         );
-        let report = replayed(&cell, &NODES, &recording(&changed));
+        let report = replayed(&cell, NODES, &recording(&changed));
         assert_eq!(report.verdict, Verdict::Different);
         let first = report.first_difference.expect("a first difference");
         assert_eq!(
@@ -203,7 +203,7 @@ fn one_changed_byte_of_a_recorded_sample_or_reply_is_told_by_topic_and_message()
         moving as u64 + 1,
         number,
     );
-    let first = replayed(&cell, &NODES, &recording(&changed))
+    let first = replayed(&cell, NODES, &recording(&changed))
         .first_difference
         .expect("a first difference");
     assert_eq!(
@@ -222,7 +222,7 @@ fn one_changed_byte_of_a_recorded_sample_or_reply_is_told_by_topic_and_message()
         written as u64 + 1,
         replies[written].value,
     );
-    let first = replayed(&cell, &NODES, &recording(&changed))
+    let first = replayed(&cell, NODES, &recording(&changed))
         .first_difference
         .expect("a first difference");
     assert_eq!(
@@ -252,7 +252,7 @@ fn a_missing_input_makes_the_replay_incomplete_and_is_named() {
         ("controller_replies", 2, "machine_state"),
         ("run_requests", 1, "cycle"),
     ] {
-        let report = replayed(&cell, &NODES, &recording(&without(log, topic, sequence)));
+        let report = replayed(&cell, NODES, &recording(&without(log, topic, sequence)));
         assert_eq!(report.verdict, Verdict::Incomplete, "{topic}");
         let stopped = report
             .nodes
@@ -273,7 +273,7 @@ fn a_missing_output_or_journal_makes_the_replay_incomplete() {
     let log = &*LOG;
     let report = replayed(
         &cell,
-        &NODES,
+        NODES,
         &recording(&without(log, "feature_results", 3)),
     );
     assert_eq!(report.verdict, Verdict::Incomplete);
@@ -284,11 +284,7 @@ fn a_missing_output_or_journal_makes_the_replay_incomplete() {
         .expect("the topic");
     assert_eq!((topic.not_recorded, topic.different), (1, 0));
 
-    let report = replayed(
-        &cell,
-        &NODES,
-        &recording(&without(log, "analysis/steps", 1)),
-    );
+    let report = replayed(&cell, NODES, &recording(&without(log, "analysis/steps", 1)));
     assert_eq!(report.verdict, Verdict::Incomplete);
 }
 
@@ -300,7 +296,7 @@ fn a_node_that_says_one_thing_more_or_less_than_it_did_is_found() {
         text.replace("repeat_limit_um = 6.0", "repeat_limit_um = 5.0")
     });
     assert_eq!(
-        replayed(&other, &NODES, &recording(log)).verdict,
+        replayed(&other, NODES, &recording(log)).verdict,
         Verdict::Equal,
         "no point is touched twice"
     );
@@ -310,7 +306,7 @@ fn a_node_that_says_one_thing_more_or_less_than_it_did_is_found() {
             "touch_standard_uncertainty_um = 0.7",
         )
     });
-    let report = replayed(&other, &NODES, &recording(log));
+    let report = replayed(&other, NODES, &recording(log));
     let first = report.first_difference.expect("a first difference");
     assert_eq!(
         (report.verdict, first.topic.as_str(), first.sequence),

@@ -103,7 +103,7 @@ fn a_recording_begun_in_mid_session_is_partial_and_does_not_differ() {
     executor.run_until(BEGIN.after_s(20.0));
     executor.take_log();
     executor.run_until_published(topics::PART_REPORTS.name, BEGIN.after_s(PART_LIMIT));
-    let report = replay(&recording(&executor.take_log()), &factories(&cell, &NODES))
+    let report = replay(&recording(&executor.take_log()), &factories(&cell, NODES))
         .unwrap_or_else(|error| panic!("{error}"));
     assert_eq!(report.verdict, Verdict::Incomplete);
     for node in &report.nodes {

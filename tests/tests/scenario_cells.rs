@@ -1,4 +1,4 @@
-//! The cells of the source systems' sections B to E, whole: what is cut, measured, corrected and found at the end.
+//! The cells of `docs/source_systems.md, B to E`, whole: what is cut, measured, corrected and found at the end.
 //!
 //! The figures are those of that document; the machines' errors are in the cell files and known to no node but the
 //! simulated machine.

@@ -1,9 +1,10 @@
-//! The source systems' gaps through whole cells: what is hidden in the machine, and what the diagnosis of the recording says.
+//! The gaps of the source systems (`docs/source_systems.md, F`) through whole cells: what is hidden in the machine,
+//! and what the diagnosis of the recording says.
 //!
-//! One row per scenario of the register that a cell can live through (`cell_tests::gaps`): the cell file with its hidden
-//! error, the plan that was measured, and the effects that have to come out, each by name or among those a session cannot
-//! tell from one that is named, nothing besides. The recording is what a stranger would get: no node and no diagnosis
-//! knows the truth. `docs/scenarios.md` has the same over twenty seeds.
+//! One row per scenario of the register that can occur in a whole cell (`cell_tests::gaps`): the cell file with its hidden
+//! error, the plan that was measured, and the effects to be found, each named or among those that the session cannot
+//! distinguish from a named one, and nothing else. Neither a node nor the diagnosis knows the truth. `docs/scenarios.md`
+//! has the same over twenty seeds.
 
 use std::collections::BTreeMap;
 

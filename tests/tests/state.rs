@@ -35,7 +35,7 @@ fn turn_mill(edit: impl Fn(&str) -> String) -> Cell {
     cell("turn_mill.toml", edit)
 }
 
-/// Two parts, the first seen in a preview; a part that bends; corrections told twice.
+/// Two parts, the first previewed; a part that bends; duplicate corrections.
 fn automatic() -> (Cell, Vec<Published>) {
     let cell = turn_mill(|text| {
         text.replace(
@@ -104,7 +104,7 @@ fn unanswered() -> (Cell, Vec<Published>) {
     (cell, session.finish())
 }
 
-/// A tool that moves less than it is told.
+/// A tool that moves less than commanded.
 fn not_converging() -> (Cell, Vec<Published>) {
     let cell = turn_mill(|text| {
         text.replace("error_um = 20.0", "error_um = 100.0").replace(
@@ -202,7 +202,7 @@ fn further() -> (Cell, Vec<Published>) {
     (cell, session.finish())
 }
 
-/// A scan that the probe breaks off goes on, with a point that was touched already; then another part is made.
+/// A scan interrupted by the probe is resumed, with a point that was touched already; then another part is made.
 fn again() -> (Cell, Vec<Published>) {
     let cell = turn_mill(|text| format!("{}touches = 2\n", with_fault(text, "dead_probe", 20)));
     let mut session = Session::new(&cell);

@@ -1,6 +1,10 @@
 //! What documents claim and nobody would notice to be false.
 
-use std::{collections::BTreeSet, fs, path::Path};
+use std::{
+    collections::BTreeSet,
+    fs,
+    path::{Path, PathBuf},
+};
 
 fn root() -> &'static Path {
     Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))
@@ -12,7 +16,7 @@ fn members() -> BTreeSet<String> {
         .map(str::to_owned)
         .into_iter()
         .collect();
-    for group in ["crates", "nodes"] {
+    for group in ["crates", "dev", "nodes"] {
         for entry in fs::read_dir(root().join(group)).expect("a folder of crates") {
             let path = entry.expect("an entry").path();
             if path.join("Cargo.toml").exists() {
@@ -62,13 +66,100 @@ fn architecture_stays_within_three_hundred_lines() {
     assert!(text.lines().count() <= 300);
 }
 
+/// Files under `folder` that a person writes: no build products, no history.
+fn written_files(folder: &Path, files: &mut Vec<PathBuf>) {
+    for entry in fs::read_dir(folder).expect("a folder") {
+        let path = entry.expect("an entry").path();
+        let name = path
+            .file_name()
+            .unwrap_or_default()
+            .to_string_lossy()
+            .into_owned();
+        if path.is_dir() {
+            if name != "target" && name != ".git" {
+                written_files(&path, files);
+            }
+        } else if ["rs", "md", "toml", "py", "sh"]
+            .iter()
+            .any(|extension| path.extension().is_some_and(|found| found == *extension))
+        {
+            files.push(path);
+        }
+    }
+}
+
+/// Sections that a citation names, given the text behind the document's name: `A.4`, `D.3 and D.4`, `B to E`.
+fn cited_sections(text: &str) -> Vec<String> {
+    let end = text
+        .find(['`', ')', ']', ';', ':', '|'])
+        .unwrap_or(text.len());
+    text[..end]
+        .split([' ', ',', '–'])
+        .map(|word| word.trim_end_matches('.'))
+        .filter(|word| {
+            let (letter, number) = word.split_once('.').unwrap_or((word, "0"));
+            letter.len() == 1
+                && letter.chars().all(|letter| letter.is_ascii_uppercase())
+                && number.chars().all(|digit| digit.is_ascii_digit())
+        })
+        .map(str::to_owned)
+        .collect()
+}
+
+#[test]
+fn every_citation_of_the_source_systems_names_a_section_that_exists() {
+    let document = fs::read_to_string(root().join("docs/source_systems.md")).expect("the document");
+    let headings: BTreeSet<&str> = document
+        .lines()
+        .filter_map(|line| line.strip_prefix("### ").or(line.strip_prefix("## ")))
+        .filter_map(|heading| heading.split(' ').next())
+        .map(|number| number.trim_end_matches('.'))
+        .collect();
+    let mut files = Vec::new();
+    written_files(root(), &mut files);
+    files.retain(|path| !path.ends_with("tests/tests/tidy.rs"));
+    let mut citations = 0;
+    for path in files {
+        let text = fs::read_to_string(&path).expect("a text file");
+        for (number, line) in text.lines().enumerate() {
+            let at = format!("{}:{}", path.display(), number + 1);
+            for (start, mark) in line.match_indices("docs/source_systems.md, ") {
+                let sections = cited_sections(&line[start + mark.len()..]);
+                assert!(!sections.is_empty(), "{at}: a citation without a section");
+                for section in &sections {
+                    assert!(
+                        headings.contains(section.as_str()),
+                        "{at}: no section {section}"
+                    );
+                }
+                citations += sections.len();
+            }
+        }
+    }
+    assert!(citations > 60, "{citations} citations are left");
+}
+
+#[test]
+fn a_citation_names_one_section_or_several() {
+    for (text, expected) in [
+        ("A.4`): and so on", vec!["A.4"]),
+        ("D.3 and D.4`, and", vec!["D.3", "D.4"]),
+        ("B to E`, whole", vec!["B", "E"]),
+        ("C.3, C.4`)", vec!["C.3", "C.4"]),
+        ("B.1–B.4`.", vec!["B.1", "B.4"]),
+        ("D. The controller", vec!["D"]),
+    ] {
+        assert_eq!(cited_sections(text), expected, "{text}");
+    }
+}
+
 #[test]
 fn every_topic_has_a_producer_that_exists_and_says_it() {
     let cell = cell_tests::cell("turn_mill.toml", str::to_owned);
     let nodes = cell.nodes(false).expect("nodes");
     let outside = ["driver", "operator", "instrument", "recorder"];
     for topic in graph::topics::ALL {
-        let speakers: Vec<&str> = nodes
+        let producers: Vec<&str> = nodes
             .iter()
             .filter(|node| {
                 node.outputs()
@@ -79,43 +170,140 @@ fn every_topic_has_a_producer_that_exists_and_says_it() {
             .collect();
         if outside.contains(&topic.producer) {
             assert!(
-                speakers.iter().all(|speaker| *speaker == "simulator"),
-                "{}: {speakers:?}",
+                producers.iter().all(|producer| *producer == "simulator"),
+                "{}: {producers:?}",
                 topic.name
             );
         } else {
-            assert_eq!(speakers, [topic.producer], "{}", topic.name);
+            assert_eq!(producers, [topic.producer], "{}", topic.name);
+        }
+    }
+}
+
+/// The words in backquotes of a cell of a table.
+fn quoted(cell: &str) -> BTreeSet<String> {
+    let words = cell.split('`').skip(1).step_by(2);
+    words.map(str::to_owned).collect()
+}
+
+/// The first table of a crate page: topics subscribed to, topics published, and the faults by their topic.
+fn page_of(node: &str) -> (BTreeSet<String>, BTreeSet<String>, BTreeSet<String>) {
+    let path = root().join("nodes").join(node).join("src/lib.rs");
+    let text = fs::read_to_string(&path).unwrap_or_else(|error| panic!("{node}: {error}"));
+    let rows = text.lines().filter_map(|line| line.strip_prefix("//! | "));
+    let (mut subscribed, mut published, mut codes) =
+        (BTreeSet::new(), BTreeSet::new(), BTreeSet::new());
+    for row in rows {
+        let cells: Vec<&str> = row.split('|').map(str::trim).collect();
+        subscribed.extend(quoted(cells[0]));
+        let right = cells.get(1).copied().unwrap_or_default();
+        let (topics, faults) =
+            right
+                .split_once("/faults`:")
+                .map_or((right, ""), |(name, codes)| {
+                    published.insert(format!("{}/faults", name.trim_start_matches('`')));
+                    ("", codes)
+                });
+        published.extend(quoted(topics));
+        codes.extend(quoted(faults));
+    }
+    (subscribed, published, codes)
+}
+
+#[test]
+fn the_page_of_every_node_lists_its_topics_and_its_faults() {
+    let cell = cell_tests::cell("turn_mill.toml", str::to_owned);
+    for node in cell.nodes(false).expect("nodes") {
+        let names = |topics: &[graph::Topic]| -> BTreeSet<String> {
+            topics.iter().map(|topic| topic.name.to_owned()).collect()
+        };
+        let codes = node.fault_codes().into_iter().map(str::to_owned).collect();
+        let (subscribed, published, faults) = page_of(node.name());
+        assert_eq!(
+            subscribed,
+            names(node.inputs()),
+            "{} subscribes to",
+            node.name()
+        );
+        assert_eq!(
+            published,
+            names(node.outputs()),
+            "{} publishes",
+            node.name()
+        );
+        assert_eq!(faults, codes, "faults of {}", node.name());
+    }
+}
+
+/// Keys of a table whose value holds a number, tables in tables included.
+fn numeric_keys(table: &toml::Table, into: &mut Vec<String>) {
+    fn holds_number(value: &toml::Value) -> bool {
+        match value {
+            toml::Value::Integer(_) | toml::Value::Float(_) => true,
+            toml::Value::Array(values) => values.iter().any(holds_number),
+            _ => false,
+        }
+    }
+    fn tables<'a>(value: &'a toml::Value, found: &mut Vec<&'a toml::Table>) {
+        match value {
+            toml::Value::Table(table) => found.push(table),
+            toml::Value::Array(values) => values.iter().for_each(|value| tables(value, found)),
+            _ => {}
+        }
+    }
+    for (key, value) in table {
+        if holds_number(value) {
+            into.push(key.clone());
+        }
+        let mut nested = Vec::new();
+        tables(value, &mut nested);
+        for table in nested {
+            numeric_keys(table, into);
         }
     }
 }
 
 #[test]
-fn cell_files_give_every_length_angle_and_time_its_unit() {
-    let bare = [
-        "length",
-        "width",
-        "height",
-        "radius",
-        "diameter",
-        "distance",
-        "angle",
-        "feed",
-        "duration",
-        "tolerance",
+fn cell_files_give_every_number_its_unit() {
+    let units = [
+        "_mm", "_um", "_deg", "_urad", "_s", "_rpm", "_min", "_s2", "_s3", "_c", "_n", "_per_m",
     ];
+    // Counts, numbers that identify, directions, ratios.
+    let without_dimension = [
+        "axis",
+        "clamping_axis",
+        "coverage_factor",
+        "facing",
+        "joint",
+        "max_corrections",
+        "number",
+        "seed",
+        "spring_back",
+        "teeth",
+        "tool_axis",
+        "tool_number",
+        "touches",
+    ];
+    let mut seen = BTreeSet::new();
     for entry in fs::read_dir(cell_tests::launch_scripts()).expect("launch-scripts") {
         let path = entry.expect("an entry").path();
         if path.extension().is_none_or(|extension| extension != "toml") {
             continue;
         }
         let text = fs::read_to_string(&path).expect("a cell file");
-        for line in text.lines() {
-            let key = line.split('=').next().unwrap_or_default().trim();
+        let mut keys = Vec::new();
+        numeric_keys(&text.parse().expect("TOML"), &mut keys);
+        for key in keys {
             assert!(
-                !bare.contains(&key),
+                units.iter().any(|unit| key.ends_with(unit))
+                    || without_dimension.contains(&key.as_str()),
                 "{}: {key} has no unit",
                 path.display()
             );
+            seen.insert(key);
         }
+    }
+    for key in without_dimension {
+        assert!(seen.contains(key), "no cell file has the key {key}");
     }
 }

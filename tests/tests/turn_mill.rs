@@ -1,4 +1,4 @@
-//! The turn-mill cell on virtual time against the source's tables (source systems A.2).
+//! The turn-mill cell on virtual time against the source's tables (`docs/source_systems.md, A.2`).
 
 use cell_tests::{cell, make_part, messages};
 use graph::topics;

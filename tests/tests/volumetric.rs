@@ -241,20 +241,20 @@ fn refused(edit: impl Fn(&str) -> String) -> (PartReport, Verdict) {
 }
 
 #[test]
-fn balls_that_cannot_tell_the_links_are_refused_by_name_and_with_what_would() {
+fn links_that_the_balls_do_not_determine_are_named_with_the_indexations_that_would() {
     let (report, verdict) = refused(|text| only(text, "_b+0_"));
     assert_eq!(verdict.verdict, Verdict::MEASUREMENT_INVALID);
     assert!(
         report.text.starts_with(
-            "volumetric table could not be measured: the touches of the balls do not tell "
+            "volumetric table could not be measured: the touches of the balls do not determine "
         ),
         "{}",
         report.text
     );
-    for named in ["EA0B at all", "EC0B at all", "touch them at B "] {
+    for named in ["EA0B (u infinite", "EC0B (u infinite", "touch them at B "] {
         assert!(verdict.text.contains(named), "{named}: {}", verdict.text);
     }
-    // A link that no indexation tells from where the balls stand.
+    // A link that no indexation distinguishes from the positions of the balls.
     let (_, verdict) = refused(|text| {
         text.replace("\"EC0Y\"]", "\"EC0Y\", \"EC0C\"]").replace(
             "table = [\n",
@@ -262,15 +262,15 @@ fn balls_that_cannot_tell_the_links_are_refused_by_name_and_with_what_would() {
         )
     });
     for named in [
-        "do not tell EC0C at all",
+        "do not determine EC0C (u infinite",
         "no few further indexations of these balls would",
     ] {
         assert!(verdict.text.contains(named), "{named}: {}", verdict.text);
     }
-    // A noisy probe: told, but not well enough.
+    // A noisy probe: determined, but not well enough.
     let (_, verdict) = refused(|text| text.replace("touch_sd_um = 0.5", "touch_sd_um = 4.0"));
     assert!(
-        verdict.text.contains("EA0B to u ") && !verdict.text.contains("at all"),
+        verdict.text.contains("EA0B (u ") && !verdict.text.contains("u infinite"),
         "{}",
         verdict.text
     );
@@ -568,9 +568,9 @@ fn a_table_that_somebody_changed_meanwhile_is_not_written_over() {
     session.run_s(0.2);
     let report: PartReport = session.last(topics::PART_REPORTS);
     assert!(
-        report
-            .text
-            .contains("it starts from EA0C = 19.0 µrad, but the controller holds EA0C = 29.0 µrad"),
+        report.text.contains(
+            "it was computed from EA0C = 19.0 µrad, but the controller holds EA0C = 29.0 µrad"
+        ),
         "{}",
         report.text
     );

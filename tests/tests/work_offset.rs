@@ -90,7 +90,7 @@ fn the_work_offsets_follow_the_part_and_the_bore_lies_where_the_datums_want_it()
             "{}",
             last.text
         );
-        // Bored after that, and told against the datums: 1 µm of the cut, 0.5 of each touch, and the turn that is left.
+        // Bored after that, and evaluated against the datums: 1 µm of the cut, 0.5 of each touch, and the remaining rotation.
         let bore = bore(&session);
         assert_eq!(bore.aligned_to, ["A", "B", "C"]);
         assert!(bore.position < 4e-6, "{:.1} µm", bore.position * 1e6);
@@ -157,7 +157,7 @@ fn work_offsets_of_axes_that_cannot_have_them_are_refused_when_the_cell_file_is_
         (
             "work_offset = { axes = [\"X\", \"Y\", \"Z\"]",
             "work_offset = { axes = [\"X\", \"X\"]",
-            "\"X\" is not a linear axis of the machine, or it stands there twice",
+            "\"X\" is not a linear axis of the machine, or is listed twice",
         ),
         (
             "alignment = { datums = [\"A\", \"B\", \"C\"] }",

@@ -2,12 +2,13 @@
 //!
 //! `msgs/msg` and `msgs/srv` are the package's own interfaces, `msgs/standard/<package>/msg` the definitions of the
 //! standard types that they use. All are parsed ([`interface`]), hashed after REP 2016 ([`hash`]) and written as
-//! plain structs ([`rust`]) to `msgs/src/generated.rs`. Nothing here reads an installed ROS.
+//! plain structs ([`rust`]) and enumerations ([`codes`]) to `msgs/src/generated.rs`. Nothing here reads an installed ROS.
 
 use std::{fs, path::Path};
 
 use anyhow::{Context, Result};
 
+pub mod codes;
 pub mod hash;
 pub mod interface;
 pub mod package;

@@ -4,7 +4,14 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 
+pub mod allowed;
+pub mod code;
 pub mod codegen;
+pub mod imports;
+pub mod unused;
+
+/// Why writing into a `String` is not handled.
+const WRITTEN: &str = "a String takes what is written";
 
 /// The folder of the root manifest.
 pub fn workspace_root() -> Result<PathBuf> {

@@ -1,12 +1,114 @@
-//! Tasks of the workspace, run as `cargo run -p xtask -- TASK`.
+//! Tasks of the workspace, run as `cargo run --release -p xtask -- TASK`.
+
+use std::{
+    io::{Write as _, stdout},
+    process::{Command, ExitCode},
+};
 
 use anyhow::{Result, bail};
-use xtask::{codegen, workspace_root};
+use xtask::{allowed::Allowed, code::Code, codegen, imports, unused, workspace_root};
 
-fn main() -> Result<()> {
+const USAGE: &str = "\
+usage: cargo run --release -p xtask -- TASK
+
+  codegen            Writes msgs/src/generated.rs from the message files.
+  bags [NAME...]     Makes the sample recordings of bags/samples again from their recipes: all, or those named.
+  imports [CRATE...] Prints the imports between crates, and between folders and files of each CRATE, with the imported
+                     names. Then prints the circles among files; exit status 1 if there is one that is not in
+                     xtask/allowed.toml. The edge from a module to the modules that it declares is taken out.
+  unused             Prints public items of src that nothing but tests, examples and benches reaches, by following
+                     paths from main of every program; exit status 1 if there is one that is not in
+                     xtask/allowed.toml. Types are not inferred. It misses, so says nothing of: a function of a type
+                     when some reached code uses any member of the same name; trait implementations of a type in use;
+                     fields and variants; code behind conditions that never hold; items of generated.rs.
+";
+
+/// Packages that exist for development only: neither searched from nor reported.
+const DEVELOPMENT: [&str; 3] = ["tests", "dev", "xtask"];
+
+fn main() -> Result<ExitCode> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     match arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
-        ["codegen"] => codegen::write(&workspace_root()?.join("msgs")),
-        _ => bail!("usage: cargo run -p xtask -- codegen"),
+        ["codegen"] => {
+            codegen::write(&workspace_root()?.join("msgs"))?;
+            Ok(ExitCode::SUCCESS)
+        }
+        ["bags", ..] => make_bags(&arguments[1..]),
+        ["imports", ..] => print_imports(&arguments[1..]),
+        ["unused"] => print_unused(),
+        _ => bail!("{USAGE}"),
     }
+}
+
+/// Runs the example of the test crate that makes the samples: this crate imports none of ours.
+fn make_bags(names: &[String]) -> Result<ExitCode> {
+    let cargo = std::env::var("CARGO").unwrap_or_else(|_| "cargo".to_owned());
+    let status = Command::new(cargo)
+        .args([
+            "run",
+            "--release",
+            "-p",
+            "cell_tests",
+            "--example",
+            "sample_bags",
+            "--",
+        ])
+        .args(names)
+        .current_dir(workspace_root()?)
+        .status()?;
+    Ok(if status.success() {
+        ExitCode::SUCCESS
+    } else {
+        ExitCode::FAILURE
+    })
+}
+
+fn print_imports(crates: &[String]) -> Result<ExitCode> {
+    let root = workspace_root()?;
+    let (code, allowed) = (Code::read(&root)?, Allowed::read(&root)?);
+    if let Some(unknown) = crates
+        .iter()
+        .find(|name| !code.packages.iter().any(|package| package.name == **name))
+    {
+        bail!("there is no crate {unknown} in the workspace");
+    }
+    let edges = imports::edges(&code);
+    let mut out = stdout().lock();
+    write!(out, "{}", imports::report(&code, &edges, crates))?;
+    let mut status = ExitCode::SUCCESS;
+    let circles = imports::circles(&edges.keys().cloned().collect());
+    writeln!(
+        out,
+        "{} circles of files (the edge from a module to those that it declares taken out)",
+        circles.len()
+    )?;
+    for circle in circles {
+        let reason = allowed.circle(&circle);
+        let verdict = reason.map_or("not allowed".to_owned(), |reason| {
+            format!("allowed: {reason}")
+        });
+        writeln!(out, "  circle of {} files, {verdict}", circle.len())?;
+        write!(out, "{}", imports::describe(&circle, &edges))?;
+        if reason.is_none() {
+            status = ExitCode::FAILURE;
+        }
+    }
+    Ok(status)
+}
+
+fn print_unused() -> Result<ExitCode> {
+    let root = workspace_root()?;
+    let (code, allowed) = (Code::read(&root)?, Allowed::read(&root)?);
+    let (mut unused, lines) = unused::find(&code, &DEVELOPMENT);
+    let mut out = stdout().lock();
+    unused.retain(|item| match allowed.unused(&item.path) {
+        Some(reason) => writeln!(out, "{}: {} stays: {reason}", item.at, item.path).is_err(),
+        None => true,
+    });
+    write!(out, "{}", unused::report(&unused, lines))?;
+    Ok(if unused.is_empty() {
+        ExitCode::SUCCESS
+    } else {
+        ExitCode::FAILURE
+    })
 }

@@ -8,6 +8,7 @@ use std::{
 
 use xtask::codegen::{
     self, OWN_PACKAGE,
+    codes::codes,
     hash::{message_hash, service_hash},
     interface::{Element, Message, Primitive, Service},
     package::{Interfaces, load},
@@ -189,4 +190,69 @@ fn comments_constants_and_defaults_are_told_apart() {
     );
     assert_eq!(message.fields[0].default.as_deref(), Some("2.0"));
     assert_eq!(message.fields[0].doc, ["above", "ratio"]);
+}
+
+#[test]
+fn the_constants_of_a_field_become_an_enumeration() {
+    let text = "uint8 A=0\nuint8 B=2  # second\nuint8 MODE_OFF=0\nuint8 MODE_ON=1\n\
+                uint8 kind  # one of A to B, as made\nuint8 mode  # one of MODE_*\nuint8 plain  # counts\n";
+    let message = Message::parse("p", "msg", "Thing", text).unwrap();
+    let found = codes(&message).unwrap();
+    let listed: Vec<(&str, Vec<(&str, &str)>)> = found
+        .iter()
+        .map(|code| {
+            let variants = code.variants.iter();
+            let variants = variants.map(|(name, one)| (name.as_str(), one.value.as_str()));
+            (code.name.as_str(), variants.collect())
+        })
+        .collect();
+    assert_eq!(
+        listed,
+        [
+            ("ThingKind", vec![("A", "0"), ("B", "2")]),
+            ("ThingMode", vec![("Off", "0"), ("On", "1")]),
+        ]
+    );
+}
+
+#[test]
+fn a_field_whose_constants_are_missing_or_ambiguous_is_refused() {
+    for (range, why) in [
+        ("the constants above", "A and B are both 0"),
+        ("A to C", "no constant C"),
+        ("B to A", "another order"),
+        ("MODE_*", "no such constant"),
+        ("A", "A to B"),
+    ] {
+        let text = format!("uint8 A=0\nuint8 B=0\nuint8 kind  # one of {range}\n");
+        let message = Message::parse("p", "msg", "Thing", &text).unwrap();
+        let error = format!("{:#}", codes(&message).unwrap_err());
+        assert!(
+            error.contains(why) && error.starts_with("Thing.kind: "),
+            "{range}: {error}"
+        );
+    }
+}
+
+/// Every byte with constants is read by an enumeration, so that none is compared as a bare number.
+#[test]
+fn no_constant_of_the_package_stays_outside_an_enumeration() {
+    for message in load(&msgs()).unwrap().messages.values() {
+        if message.package != OWN_PACKAGE {
+            continue;
+        }
+        let listed: BTreeSet<String> = codes(message)
+            .unwrap()
+            .iter()
+            .flat_map(|code| code.variants.iter().map(|(_, one)| one.name.clone()))
+            .collect();
+        let bytes = message.constants.iter();
+        let bytes = bytes.filter(|one| one.primitive == Primitive::U8);
+        assert_eq!(
+            listed,
+            bytes.map(|one| one.name.clone()).collect(),
+            "{}",
+            message.name
+        );
+    }
 }

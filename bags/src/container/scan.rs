@@ -1,6 +1,6 @@
 //! The slow way into a file: record by record, for files that were cut off, damaged, or written without an index.
 //!
-//! After bytes that are no record the walk goes on at the next chunk, which is known by its opcode, its compression and
+//! After bytes that are not a record the scan continues at the next chunk, which is known by its opcode, its compression and
 //! two lengths that must agree.
 
 use std::collections::BTreeMap;
@@ -11,7 +11,7 @@ use mcap::records::{Record, op};
 
 use super::summary::Unusable;
 use super::{
-    AttachmentPlace, Block, Contents, DamageKind, Names, RECORD_HEADER, chunk_head, each_record,
+    AttachmentLocation, Block, Contents, DamageKind, Names, RECORD_HEADER, chunk_head, each_record,
     parse, record_length,
 };
 
@@ -117,7 +117,7 @@ impl Walk<'_> {
         Ok(Ended::AtLastByte)
     }
 
-    /// Chunks and message indexes tell their length twice; a bit flipped in one of the two would make the walk skip
+    /// Chunks and message indexes hold their length twice; a bit flipped in one of them would make the scan skip
     /// what follows.
     fn length_agrees(&self, opcode: u8, at: u64, length: u64) -> io::Result<bool> {
         let body = at + RECORD_HEADER as u64;
@@ -156,7 +156,7 @@ impl Walk<'_> {
             Record::Header(header) => self.contents.library = header.library,
             Record::Metadata(metadata) => self.contents.metadata.push(metadata),
             Record::Attachment { header, data, .. } => {
-                self.contents.attachments.push(AttachmentPlace {
+                self.contents.attachments.push(AttachmentLocation {
                     offset: at,
                     length: (RECORD_HEADER + body.len()) as u64,
                     log_time: header.log_time,

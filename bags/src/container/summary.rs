@@ -5,7 +5,7 @@ use std::io;
 use mcap::MAGIC;
 use mcap::records::{Record, op};
 
-use super::{AttachmentPlace, Block, Contents, Names, RECORD_HEADER, parse, record_length};
+use super::{AttachmentLocation, Block, Contents, Names, RECORD_HEADER, parse, record_length};
 
 /// Footer record: header, two offsets, CRC.
 const FOOTER: usize = RECORD_HEADER + 20;
@@ -83,7 +83,7 @@ fn take_section(contents: &mut Contents, section: &[u8], start: u64) -> Result<(
                     .then(|| index.message_index_offsets.keys().copied().collect()),
                 chunk: true,
             }),
-            Record::AttachmentIndex(index) => contents.attachments.push(AttachmentPlace {
+            Record::AttachmentIndex(index) => contents.attachments.push(AttachmentLocation {
                 offset: index.offset,
                 length: index.length,
                 log_time: index.log_time,

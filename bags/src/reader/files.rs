@@ -2,13 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::container::{Damage, DamageKind};
+use crate::damage::{Damage, DamageKind};
 use crate::error::Error;
 use crate::metadata;
 
 /// The files of a recording in reading order, and those that `metadata.yaml` names and that are gone.
 ///
-/// `metadata.yaml` tells the order; files beside it that it does not name yet (a recorder that was killed) follow, and
+/// `metadata.yaml` gives the order; other files of the folder (of a recorder that was killed) follow, and
 /// without it all `.mcap` files are taken, ordered by the number at the end of their names.
 pub(super) fn of(path: &Path) -> Result<(Vec<PathBuf>, Vec<Damage>), Error> {
     let failed = |source| Error::io("read the recording", path, source);

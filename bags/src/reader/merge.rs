@@ -6,9 +6,10 @@ use std::collections::{BTreeMap, BTreeSet, BinaryHeap, VecDeque};
 use bytes::Bytes;
 
 use super::{Bag, Recorded};
-use crate::container::{Block, Damage, MessagePlace, each_record};
+use crate::container::{Block, MessageLocation, each_record};
+use crate::damage::Damage;
 
-/// Messages in order of log time. A damaged chunk is one `Err`, then reading goes on behind it.
+/// Messages in order of log time. A damaged chunk is one `Err`; reading continues after it.
 #[derive(Debug)]
 pub struct Messages<'a> {
     bag: &'a Bag,
@@ -30,7 +31,7 @@ type Key = (u64, usize, u64, usize);
 struct OpenBlock {
     records: Bytes,
     /// In order of log time, equal ones as written.
-    messages: Vec<MessagePlace>,
+    messages: Vec<MessageLocation>,
 }
 
 /// Tells latched messages that a recorder wrote again at the start of a split.
@@ -106,8 +107,8 @@ impl<'a> Messages<'a> {
             Err(damage) => return self.damage.push_back(damage),
         };
         let mut messages = Vec::new();
-        let take = |message: MessagePlace| {
-            // Messages of unknown channels are told as damage when the file is walked.
+        let take = |message: MessageLocation| {
+            // Messages of unknown channels are reported as damage by the scan of the file.
             let channel = numbers.get(&message.channel);
             if channel
                 .is_some_and(|channel| self.wanted.as_ref().is_none_or(|wanted| wanted[*channel]))
@@ -116,7 +117,7 @@ impl<'a> Messages<'a> {
             }
         };
         if let Err(why) = each_record(&records, take, |_, _| Ok(())) {
-            let kind = crate::container::DamageKind::Chunk(why);
+            let kind = crate::damage::DamageKind::Chunk(why);
             let file = contents.path.clone();
             self.damage.push_back(Damage {
                 file,
@@ -149,8 +150,8 @@ impl<'a> Messages<'a> {
 
     fn take(&mut self, (_, file, offset, position): Key) -> Option<Recorded> {
         let open = self.open.get(&(file, offset))?;
-        let place = open.messages[position];
-        let payload = open.records.slice(place.start..place.end);
+        let location = open.messages[position];
+        let payload = open.records.slice(location.start..location.end);
         match open.messages.get(position + 1) {
             Some(following) => {
                 self.next
@@ -158,12 +159,12 @@ impl<'a> Messages<'a> {
             }
             None => drop(self.open.remove(&(file, offset))),
         }
-        let number = *self.bag.numbers[file].get(&place.channel)?;
+        let number = *self.bag.numbers[file].get(&location.channel)?;
         let message = Recorded {
             channel: self.bag.channels[number].clone(),
-            sequence: place.sequence,
-            log_time: place.log_time,
-            publish_time: place.publish_time,
+            sequence: location.sequence,
+            log_time: location.log_time,
+            publish_time: location.publish_time,
             payload,
         };
         (!self.repeats.is_repeat(file, number, &message)).then_some(message)

@@ -7,7 +7,7 @@ use probecell_msgs::{Message, from_cdr};
 use super::{Bag, Messages, Recorded};
 use crate::error::Error;
 
-/// A decoded message with its place in the recording.
+/// A decoded message with its position in the recording.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Stamped<T> {
     /// Publication number, low 32 bits.
@@ -20,7 +20,7 @@ pub struct Stamped<T> {
     pub message: T,
 }
 
-/// Decoded messages of one topic, in order of log time. After an `Err` reading goes on.
+/// Decoded messages of one topic, in order of log time. Reading continues after an `Err`.
 #[derive(Debug)]
 pub struct Typed<'a, T> {
     bag: &'a Bag,

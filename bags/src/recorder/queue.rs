@@ -214,7 +214,7 @@ impl Queue {
         }
     }
 
-    /// Losses of every channel, and a number that tells whether they changed.
+    /// Losses of every channel, and a number that changes with them.
     pub(super) fn all_losses(&self) -> (Vec<Losses>, u64) {
         let state = self.lock();
         (state.losses.clone(), state.loss_changes)

@@ -38,7 +38,7 @@ struct Latched {
 struct Topic {
     channel: Channel,
     messages: u64,
-    /// Messages in the files, repeats included: the count that `metadata.yaml` tells.
+    /// Messages in the files, repeats included: the count in `metadata.yaml`.
     recorded: u64,
     bytes: u64,
     latched: VecDeque<Latched>,

@@ -1,7 +1,7 @@
 //! Why a bag is no session, in one sentence each.
 
 use super::Missing;
-use crate::container::Damage;
+use crate::damage::Damage;
 use crate::error::Error;
 
 /// Why a bag is no session.
@@ -103,7 +103,7 @@ pub enum SessionError {
         topic: String,
         /// Message on the topic, from 0.
         index: usize,
-        /// Field concerned, with its place in lists.
+        /// Field concerned, with its index in lists.
         field: String,
     },
     /// A point of an operation that the plan does not have.

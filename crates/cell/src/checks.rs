@@ -1,10 +1,10 @@
-//! What no single node can see of a cell file: names that must fit together, and the sections of no node.
+//! Checks across sections: names that must match, and the sections of no node.
 
 use std::collections::BTreeSet;
 
 use analysis::feature::Criterion;
 
-use crate::{Cell, Source};
+use crate::Cell;
 
 /// s; shortest and longest time after which a recording is flushed.
 const FLUSH_INTERVAL: std::ops::RangeInclusive<f64> = 0.01..=3600.0;
@@ -20,12 +20,6 @@ pub(crate) fn sections(cell: &Cell) -> Result<(), String> {
         return Err(format!(
             "cell.name = {name:?} must be letters, digits and underscores and begin with a letter"
         ));
-    }
-    if cell.driver.source == Source::Linuxcnc {
-        let section = cell.linuxcnc.clone();
-        let section = section
-            .ok_or("driver.source is \"linuxcnc\", but the section [linuxcnc] is missing")?;
-        section.check().map_err(|error| error.to_string())?;
     }
     let bus = &cell.bus;
     if bus.domain_id > LAST_DOMAIN {
@@ -88,10 +82,7 @@ fn names(cell: &Cell) -> Result<(), String> {
     let mut sizes = BTreeSet::new();
     for feature in &cell.part.features {
         if !sizes.insert(feature.id.as_str()) {
-            return Err(format!(
-                "part.features: {:?} stands there twice",
-                feature.id
-            ));
+            return Err(format!("part.features: {:?} is listed twice", feature.id));
         }
     }
     for width in cell.analysis.widths.iter().chain(&cell.analysis.steps) {
@@ -126,21 +117,21 @@ fn names(cell: &Cell) -> Result<(), String> {
             table.id
         ));
     }
-    if let Some(place) = &cell.compensation.work_offset {
-        if sizes.contains(place.id.as_str()) {
+    if let Some(offset) = &cell.compensation.work_offset {
+        if sizes.contains(offset.id.as_str()) {
             return Err(format!(
                 "compensation.work_offset.id = {:?} is the name of a feature, width or step",
-                place.id
+                offset.id
             ));
         }
         if cell.analysis.alignment.is_none() {
             return Err(
-                "compensation.work_offset needs analysis.alignment, which says where the part lies"
+                "compensation.work_offset needs analysis.alignment, which locates the part"
                     .to_owned(),
             );
         }
     }
-    tools(cell)
+    Ok(())
 }
 
 /// What is fitted in another way, and what places the part, are features of kinds for which that is defined.
@@ -189,58 +180,6 @@ fn fits(cell: &Cell) -> Result<(), String> {
                     "analysis.alignment.{key}: {id:?} is not a feature of the part of one of these kinds: {list}"
                 ));
             }
-        }
-    }
-    Ok(())
-}
-
-/// The simulated machine has the tools and the entries of the volumetric table that are corrected. What a real one has is
-/// not known before it runs.
-fn tools(cell: &Cell) -> Result<(), String> {
-    let Some(simulator) = cell
-        .simulator
-        .as_ref()
-        .filter(|_| cell.driver.source == Source::Simulator)
-    else {
-        return Ok(());
-    };
-    for characteristic in &cell.compensation.characteristics {
-        if let Some(number) = characteristic.tool_number
-            && !simulator.tools.iter().any(|tool| tool.number == number)
-        {
-            return Err(format!(
-                "compensation.characteristics: {:?} is corrected by tool {number}, which is not one of simulator.tools",
-                characteristic.id
-            ));
-        }
-    }
-    for axis in cell
-        .compensation
-        .work_offset
-        .iter()
-        .flat_map(|own| &own.axes)
-    {
-        if !simulator.machine.work_offset_axes.contains(axis) {
-            return Err(format!(
-                "compensation.work_offset.axes: {axis:?} is not one of simulator.machine.work_offset_axes"
-            ));
-        }
-    }
-    let links = cell
-        .compensation
-        .volumetric
-        .iter()
-        .flat_map(|own| &own.links);
-    for name in links {
-        if !simulator
-            .machine
-            .table
-            .iter()
-            .any(|entry| entry.name == *name)
-        {
-            return Err(format!(
-                "compensation.volumetric.links: {name:?} is not an entry of simulator.machine.table"
-            ));
         }
     }
     Ok(())

@@ -1,25 +1,59 @@
-//! The cell file: one TOML file that says what a cell is made of, and the nodes that it makes.
+//! What is a cell made of? Reads and checks a cell file, and builds its nodes and its driver.
 //!
-//! Every key carries its unit; an unknown key is refused with the nearest known one. Each section belongs to one node
-//! and is checked by it. A recording carries the file, so that a replay builds the same nodes. This crate knows no
-//! transport: how processes join the bus is only read here, and carried out by `host`.
+//! ```text
+//! cell.toml ----> [cell] [bus] [recorder]            sections of no node, checked here
+//!                 [machine_state] ... [gap]          one section for each node, checked by the node
+//!                 [driver] source = NAME  [NAME]     settings of the driver, by controllers::driver::DRIVERS
+//!                 [[model.effects]]                  effects declared besides the robot description
+//! robot.urdf ---> kinematic chain
+//!                       |
+//!                       v
+//!          Cell --> node instances, role of the driver, sections as written (for the recording)
+//! ```
+//!
+//! Every key carries its unit; an unknown key is refused with the nearest known one, a wrong value with file and line. A
+//! recording embeds the file, so that a replay builds the same nodes. This crate knows no transport: how processes join the
+//! bus is only read here, and carried out by `host`.
+//!
+//! ```
+//! use std::path::Path;
+//!
+//! use cell::Cell;
+//!
+//! # let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../launch-scripts"));
+//! let cell = Cell::read(&folder.join("turn_mill.toml"))?;
+//! assert_eq!(cell.namespace(), "/turn_mill");
+//! assert_eq!(cell.node_names().last(), Some(&"simulator"));
+//!
+//! let mut text = cell.text().clone();
+//! text.cell = text.cell.replace("max_corrections", "max_corections");
+//! let error = Cell::from_text(text).unwrap_err().to_string();
+//! assert!(error.ends_with("unknown key \"max_corections\": did you mean \"max_corrections\"?"));
+//! # Ok::<(), cell::CellError>(())
+//! ```
 
 mod checks;
+mod driver;
 mod model;
+mod nodes;
 mod numbers;
 mod sections;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use graph::{Instance, Running};
+use controllers::driver::{DRIVERS, Driver};
+use graph::{Instance, Topic};
 use machine::Chain;
 use serde::Deserialize;
+use toml::de::DeTable;
 
+use nodes::cell_file;
+
+pub use driver::DriverSection;
 pub use model::{AdoptError, Adopted, ModelSection, adopt, remove};
-pub use sections::{
-    BusSection, CellSection, DriverSection, RecorderSection, Source, TransportName,
-};
+pub use nodes::{NodeEntry, Site};
+pub use sections::{BusSection, CellSection, RecorderSection, TransportName};
 
 /// Text of a cell file and of the robot description that it names.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -32,47 +66,55 @@ pub struct CellText {
     pub robot_description: String,
 }
 
-/// A cell as written.
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Cell {
-    /// Name, robot description, part.
-    pub cell: CellSection,
-    /// How processes join the bus.
-    #[serde(default)]
-    pub bus: BusSection,
-    /// Where and how recordings are made.
-    #[serde(default)]
-    pub recorder: RecorderSection,
-    /// What stands behind the driver's topics.
-    pub driver: DriverSection,
-    /// Settings of `machine_state`.
-    #[serde(default)]
-    pub machine_state: machine_state::RawConfig,
-    /// The part to make and measure.
-    pub part: path_planning::part::RawPart,
-    /// Settings of `path_planning`.
-    #[serde(default)]
-    pub path_planning: path_planning::RawConfig,
-    /// Settings of `analysis`.
-    #[serde(default)]
-    pub analysis: analysis::RawConfig,
-    /// Settings of `compensation`.
-    pub compensation: compensation::RawConfig,
-    /// Settings of `cycle`.
-    pub cycle: cycle::RawConfig,
-    /// What the cell is declared to do beside its robot description.
-    #[serde(default)]
-    pub model: ModelSection,
-    /// Settings of `gap`.
-    #[serde(default)]
-    pub gap: gap::RawConfig,
-    /// The simulated machine, where the driver is one.
-    pub simulator: Option<simulator::RawConfig>,
-    /// The real controller, where the driver is one.
-    pub linuxcnc: Option<controllers::linuxcnc::RawConfig>,
-    #[serde(skip)]
-    text: CellText,
+cell_file! {
+    /// A cell as written.
+    #[derive(Clone, Debug, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    pub struct Cell {
+        nodes {
+            #[serde(default)] machine_state: machine_state::RawConfig => machine_state::MachineStateNode,
+                |raw, site| raw.check(site.robot_description(), site.chain.name(), site.replayed);
+            #[serde(default)] probe_events: probe_events::RawConfig => probe_events::ProbeEventsNode,
+                |raw, site| raw.check(site.chain.clone());
+            #[serde(default)] path_planning: path_planning::RawConfig => path_planning::PathPlanningNode,
+                |raw, site| raw.check(site.chain.clone(), &site.cell.part, site.allowances());
+            #[serde(default)] analysis: analysis::RawConfig => analysis::AnalysisNode,
+                |raw, site| raw.check(site.chain.clone());
+            compensation: compensation::RawConfig => compensation::CompensationNode,
+                |raw, site| {
+                    let config = raw.check(&site.chain, &site.passes(), site.replayed);
+                    config.map(|config| config.with_common(site.common_components()))
+                };
+            cycle: cycle::RawConfig => cycle::CycleNode, |raw, site| raw.check();
+            #[serde(default)] gap: gap::RawConfig => gap::GapNode,
+                |raw, site| raw.check(&effects::vocabulary::identifiers(&site.chain), &site.cell.model.effects);
+        }
+        /// Name, robot description, part.
+        pub cell: CellSection,
+        /// How processes join the bus.
+        #[serde(default)]
+        pub bus: BusSection,
+        /// Where and how recordings are made.
+        #[serde(default)]
+        pub recorder: RecorderSection,
+        /// What stands behind the driver's topics.
+        pub driver: DriverSection,
+        /// The part to make and measure.
+        pub part: path_planning::part::RawPart,
+        /// Acceleration, jerk and dwell of the axes; without them moves are timed by top speeds.
+        #[serde(default)]
+        pub motion: machine::RawMotion,
+        /// What the cell is declared to do beyond its robot description.
+        #[serde(default)]
+        pub model: ModelSection,
+        /// Nodes from outside.
+        #[serde(skip)]
+        added: Vec<NodeEntry>,
+        #[serde(skip)]
+        drivers: driver::Drivers,
+        #[serde(skip)]
+        text: CellText,
+    }
 }
 
 /// Why a cell cannot be made.
@@ -99,7 +141,7 @@ pub enum CellError {
     /// A setting cannot be used.
     #[error("{file}: {message}")]
     Setting {
-        /// The cell file, and the line where it can be told.
+        /// The cell file, with the line where it is known.
         file: String,
         /// What is wrong.
         message: String,
@@ -114,17 +156,6 @@ pub enum CellError {
     },
 }
 
-/// Names of the nodes that decide, in the order of the data flow.
-pub const NODES: [&str; 7] = [
-    "machine_state",
-    "probe_events",
-    "path_planning",
-    "analysis",
-    "compensation",
-    "cycle",
-    "gap",
-];
-
 impl Cell {
     /// Reads a cell file and its robot description, and checks everything.
     pub fn read(path: &Path) -> Result<Self, CellError> {
@@ -137,7 +168,7 @@ impl Cell {
         };
         let name = path.display().to_string();
         let cell = read("the cell file", path)?;
-        let parsed = Self::parse(&cell, &name)?;
+        let parsed = Self::parse(&cell, &name, DRIVERS)?;
         let urdf = path
             .parent()
             .unwrap_or(Path::new(""))
@@ -150,17 +181,32 @@ impl Cell {
         })
     }
 
-    /// The cell of texts that belong together. Every node is built once, so that a wrong setting is told here.
+    /// The cell of texts that belong together. Every node is built once, so that a wrong setting is reported here.
     pub fn from_text(text: CellText) -> Result<Self, CellError> {
-        let mut cell = Self::parse(&text.cell, &text.name)?;
+        Self::from_text_with(text, DRIVERS)
+    }
+
+    /// The same with other drivers than those of [`controllers::driver`].
+    pub fn from_text_with(
+        text: CellText,
+        drivers: &'static [&'static dyn Driver],
+    ) -> Result<Self, CellError> {
+        let mut cell = Self::parse(&text.cell, &text.name, drivers)?;
         cell.text = text;
+        let selected = cell.drivers.select(&cell.driver.source);
+        cell.setting(selected)?;
         cell.setting(checks::sections(&cell))?;
+        cell.setting(cell.check_driver())?;
         cell.setting(cell.model.check(&cell.chain()?))?;
         cell.nodes(false)?;
         Ok(cell)
     }
 
-    fn parse(text: &str, name: &str) -> Result<Self, CellError> {
+    fn parse(
+        text: &str,
+        name: &str,
+        drivers: &'static [&'static dyn Driver],
+    ) -> Result<Self, CellError> {
         let place = |at: usize| format!("{name} line {}", text[..at].matches('\n').count() + 1);
         if let Some(number) = numbers::first_not_finite(text) {
             return Err(CellError::Parse {
@@ -168,12 +214,25 @@ impl Cell {
                 message: format!("{} = {} is not a finite number", number.key, number.value),
             });
         }
-        toml::from_str(text).map_err(|error| CellError::Parse {
-            place: error
-                .span()
-                .map_or_else(|| name.to_owned(), |span| place(span.start)),
-            message: with_nearest(error.message()),
-        })
+        let wrong = |at: Option<usize>, message: &str, sections: &[&str]| CellError::Parse {
+            place: at.map_or_else(|| name.to_owned(), place),
+            message: with_nearest(message, sections),
+        };
+        let start = |error: &toml::de::Error| error.span().map(|span| span.start);
+        let mut file =
+            DeTable::parse(text).map_err(|error| wrong(start(&error), error.message(), &[]))?;
+        let drivers = driver::Drivers::take(drivers, file.get_mut())
+            .map_err(|error| wrong(Some(error.at), &error.message, &[]))?;
+        let sections: Vec<usize> = file.get_ref().keys().map(|key| key.span().start).collect();
+        let mut cell = Self::deserialize(toml::Deserializer::from(file)).map_err(|error| {
+            let at = start(&error);
+            // The name of a driver is the name of a section, too.
+            let names: Vec<_> = drivers.names().collect();
+            let is_section = at.is_some_and(|at| sections.contains(&at));
+            wrong(at, error.message(), if is_section { &names } else { &[] })
+        })?;
+        cell.drivers = drivers;
+        Ok(cell)
     }
 
     /// The texts that it was made from.
@@ -200,13 +259,23 @@ impl Cell {
             .collect()
     }
 
-    /// The nodes that decide or simulate, in the order of the data flow.
+    /// The cell with a further node, which its file does not know. Of two nodes of one name the first counts.
+    #[must_use]
+    pub fn with_node(mut self, node: NodeEntry) -> Self {
+        self.added.push(node);
+        self
+    }
+
+    /// The nodes of this cell that are no driver, in the order of the data flow.
+    fn entries(&self) -> impl Iterator<Item = &NodeEntry> {
+        ENTRIES.iter().chain(&self.added)
+    }
+
+    /// Names of its nodes, in the order of the data flow.
     pub fn node_names(&self) -> Vec<&'static str> {
-        let simulated = self.driver.source == Source::Simulator;
-        NODES
-            .into_iter()
-            .chain(simulated.then_some("simulator"))
-            .collect()
+        let simulated = self.simulated_machine().map(|(name, _)| name);
+        let names = self.entries().map(|node| node.name);
+        names.chain(simulated).collect()
     }
 
     /// All nodes at their start.
@@ -220,71 +289,37 @@ impl Cell {
     /// One node at its start. `replayed`: it runs on a recording, so nothing may reach a machine.
     pub fn instance(&self, name: &str, replayed: bool) -> Result<Box<dyn Instance>, CellError> {
         let chain = self.chain()?;
-        let allowances = || {
-            self.cycle
-                .passes
-                .iter()
-                .map(|pass| pass.allowance_mm * 1e-3)
-                .collect()
-        };
-        Ok(match name {
-            "machine_state" => {
-                let urdf = self.text.robot_description.clone();
-                let config =
-                    self.setting(self.machine_state.check(urdf, chain.name(), replayed))?;
-                Box::new(Running::<machine_state::MachineStateNode>::new(config))
-            }
-            "probe_events" => Box::new(Running::<probe_events::ProbeEventsNode>::new(
-                probe_events::Config { chain },
-            )),
-            "path_planning" => {
-                let config =
-                    self.setting(self.path_planning.check(chain, &self.part, allowances()))?;
-                Box::new(Running::<path_planning::PathPlanningNode>::new(config))
-            }
-            "analysis" => {
-                let config = self.setting(self.analysis.check(chain))?;
-                Box::new(Running::<analysis::AnalysisNode>::new(config))
-            }
-            "compensation" => {
-                let passes = self.cycle.passes.iter().map(|pass| pass.name.as_str());
-                let passes: Vec<&str> = passes.collect();
-                let config = self.setting(self.compensation.check(&chain, &passes, replayed))?;
-                Box::new(Running::<compensation::CompensationNode>::new(config))
-            }
-            "cycle" => Box::new(Running::<cycle::CycleNode>::new(
-                self.setting(self.cycle.check())?,
-            )),
-            "gap" => {
-                let vocabulary = diagnosis::vocabulary::of(&chain);
-                let config = self.setting(self.gap.check(&vocabulary, &self.model.effects))?;
-                Box::new(Running::<gap::GapNode>::new(config))
-            }
-            "simulator" => {
-                let raw = self.setting(
-                    self.simulator
-                        .as_ref()
-                        .ok_or("the section [simulator] is missing"),
-                )?;
-                let plan = self.setting(self.part.check(&chain))?.plan(0.0);
-                let config = self.setting(raw.check(chain, &plan))?;
-                Box::new(Running::<simulator::SimulatorNode>::new(config))
-            }
-            _ => {
-                return Err(CellError::NoNode {
-                    name: name.to_owned(),
-                    known: self.node_names().join(", "),
-                });
-            }
-        })
+        if let Some(node) = self.entries().find(|node| node.name == name) {
+            let site = Site {
+                cell: self,
+                chain,
+                replayed,
+            };
+            return self.setting((node.make)(&site));
+        }
+        let simulated = self.simulated_machine().filter(|(known, _)| *known == name);
+        let (_, machine) = simulated.ok_or_else(|| CellError::NoNode {
+            name: name.to_owned(),
+            known: self.node_names().join(", "),
+        })?;
+        let plan = self.setting(self.part.check(&chain))?.plan(0.0);
+        self.setting(machine.instance(chain, &plan))
     }
 
-    /// The chain of its robot description.
+    /// Every topic of the cell: those of the table, and those that only one of its nodes declares.
+    pub fn topics(&self) -> Result<Vec<Topic>, CellError> {
+        Ok(graph::topics::of(&self.nodes(false)?))
+    }
+
+    /// The chain of its robot description, with the limits of `[motion]`.
     pub fn chain(&self) -> Result<Chain, CellError> {
-        Chain::from_urdf(&self.text.robot_description).map_err(|error| CellError::Setting {
+        let chain = Chain::from_urdf(&self.text.robot_description);
+        let chain = chain.map_err(|error| CellError::Setting {
             file: self.cell.robot_description.display().to_string(),
             message: error.to_string(),
-        })
+        })?;
+        let motion = self.setting(self.motion.check(&chain))?;
+        Ok(chain.with_motion(motion))
     }
 
     fn setting<T, E: std::fmt::Display>(&self, checked: Result<T, E>) -> Result<T, CellError> {
@@ -321,13 +356,13 @@ fn line_of_setting(text: &str, message: &str) -> Option<usize> {
     let span = span?;
     let quoted = message.split('"').nth(1).map(|name| format!("{name:?}"));
     let inside = quoted.and_then(|name| text.get(span.clone())?.find(&name));
-    // A key of one of several tables: which of them is told by the name alone.
+    // A key of one of several tables: only the quoted name identifies the table.
     let at = span.start + inside.or(whole.then_some(0))?;
     Some(text.get(..at)?.matches('\n').count() + 1)
 }
 
-/// Replaces serde's list of all known keys by the nearest one.
-fn with_nearest(message: &str) -> String {
+/// Replaces serde's list of all known keys by the nearest one; `others` are known keys that serde does not list.
+fn with_nearest(message: &str, others: &[&str]) -> String {
     let quoted: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
     if !message.starts_with("unknown field") || quoted.len() < 2 {
         return message.to_owned();
@@ -336,6 +371,7 @@ fn with_nearest(message: &str) -> String {
     let likeness = |known: &&&str| strsim::jaro_winkler(unknown, known);
     let nearest = quoted[1..]
         .iter()
+        .chain(others)
         .max_by(|a, b| likeness(a).total_cmp(&likeness(b)));
     nearest.map_or_else(
         || message.to_owned(),

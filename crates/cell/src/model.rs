@@ -255,7 +255,7 @@ fn chosen(report: &Report, picks: &[String]) -> Result<Vec<DeclaredEffect>, Adop
     let mut chosen = Vec::new();
     for effect in &report.effects {
         if effect.indistinguishable_from.is_empty() {
-            chosen.push(DeclaredEffect::of(effect, report));
+            chosen.push(report.declare(effect));
             continue;
         }
         let own = offers(effect);
@@ -267,7 +267,11 @@ fn chosen(report: &Report, picks: &[String]) -> Result<Vec<DeclaredEffect>, Adop
         if let Some(other) = of_it.find(|other| *other != pick) {
             return Err(AdoptError::TwoPicks(pick.clone(), other.clone()));
         }
-        chosen.push(DeclaredEffect::chosen(effect, pick, report).ok_or_else(|| no_such(pick))?);
+        chosen.push(
+            report
+                .declare_as(effect, pick)
+                .ok_or_else(|| no_such(pick))?,
+        );
     }
     Ok(chosen)
 }

@@ -90,23 +90,3 @@ impl Default for RecorderSection {
         }
     }
 }
-
-/// Section `[driver]`.
-#[derive(Clone, Copy, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct DriverSection {
-    /// What stands behind the driver's topics.
-    pub source: Source,
-}
-
-/// What can stand behind the driver's topics.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Source {
-    /// The simulated turn-mill.
-    Simulator,
-    /// LinuxCNC over its remote shell.
-    Linuxcnc,
-    /// Nothing is started: a bag is played onto the driver's topics, and nothing can be told to a machine.
-    Bag,
-}

@@ -201,11 +201,11 @@ fn what_does_not_belong_to_the_model_stays_out() {
             "did you mean",
         ),
         ("axis.Z.scale", parameter("k", 1e-5, "m"), "not in `m/m`"),
-        ("axis.Z.scale", parameter("kk", 1e-5, "m/m"), "it takes (k)"),
+        ("axis.Z.scale", parameter("kk", 1e-5, "m/m"), "expected (k)"),
         (
             "axis.Z.cyclic",
             parameter("a", 1e-5, "m"),
-            "it takes (a, phase, period)",
+            "expected (a, phase, period)",
         ),
         (
             "data.outliers",
@@ -268,7 +268,7 @@ fn a_cell_file_with_an_impossible_effect_is_refused_with_the_reason() {
             "effect = \"axis.Z.scales\"\nparameters = []",
             "did you mean `axis.Z.scale`",
         ),
-        ("effect = \"axis.Z.scale\"\nparameters = []", "it takes (k)"),
+        ("effect = \"axis.Z.scale\"\nparameters = []", "expected (k)"),
         (
             "effect = \"axis.Z.scale\"\nparameters = [{ name = \"k\", value = nan, unit = \"m/m\" }]",
             "not a finite number",

@@ -78,11 +78,11 @@ pub fn contour_program(
         millimetres(contour.depth),
         feed(contour.feed)
     ));
-    for place in path.iter().chain([&leave]) {
+    for point in path.iter().chain([&leave]) {
         line(format_args!(
             "G1 X{} Y{}",
-            millimetres(place[0]),
-            millimetres(place[1])
+            millimetres(point[0]),
+            millimetres(point[1])
         ));
     }
     line(format_args!("G0 Z{}", millimetres(contour.clearance)));
@@ -121,7 +121,7 @@ fn check(path: &[[f64; 2]], contour: &Contour) -> Result<(), ContourError> {
     }
 }
 
-/// The place before `from` on the straight line from `towards`.
+/// The point before `from` on the straight line from `towards`.
 fn beyond(from: [f64; 2], towards: [f64; 2], length: f64) -> Option<[f64; 2]> {
     let (dx, dy) = (from[0] - towards[0], from[1] - towards[1]);
     let norm = dx.hypot(dy);

@@ -1,26 +1,58 @@
-//! Speaks with real controllers: programs out, results in, and the role of a cell's driver.
+//! What stands behind a cell's driver topics, and how are other controllers programmed and read?
 //!
-//! | module | what it holds |
+//! ```text
+//!             driver::DRIVERS                                dialect::DIALECTS
+//!    simulator   linuxcnc   bag                 linuxcnc   fanuc   sinumerik   inspection
+//!        |          |        |                  programs: plan + order -> text
+//!      node      process   playback             results:  text -> touches, sizes
+//!        +----------+--------+                       ^                    |
+//!                   |                                |                    v
+//!   controller_status, probe_triggers,       probecell program     probecell results
+//!   controller_replies, controller_commands
+//! ```
+//!
+//! A driver and a dialect is each one file or folder, and one line in its registry; commands, checks and help texts follow
+//! from the registries.
+//!
+//! | module | content |
 //! |---|---|
-//! | [`linuxcnc`] | LinuxCNC as the machine of a cell: its driver, and measuring programs in G-code |
-//! | [`fanuc`] | measuring and deciding programs in custom macro, and an interpreter that proves what they do |
-//! | [`sinumerik`] | the same in SINUMERIK's language |
-//! | [`contour`] | milling programs |
-//! | [`results`] | what controllers print and write |
-//! | [`axes`], [`measuring`], [`control`], [`arithmetic`] | what writers and interpreters share |
-//! | [`text`] | what every reader of lines is built on: each mistake is told once, with line and column |
+//! | [`driver`] | trait [`driver::Driver`] and its registry |
+//! | [`dialect`] | trait [`dialect::Dialect`] and its registry |
+//! | [`linuxcnc`] | LinuxCNC: driver over its remote shell, and G-code |
+//! | [`simulator`], [`bag`] | drivers: the simulated machine; a recording that is played |
+//! | [`fanuc`], [`sinumerik`] | dialects: measuring and decision programs, results |
+//! | [`inspection`] | dialect without programs: results of measuring cycles and inspection software |
+//! | [`results`] | content of a result file, whatever its format |
+//! | [`contour`] | milling programs of profiles |
+//! | [`axes`], [`measuring`] | axis letters and units; a plan taken apart into checked moves |
+//! | [`text`] | lines and words, and errors with line and column |
+//!
+//! ```
+//! use controllers::dialect::{DIALECTS, recognise};
+//!
+//! // Printed by a FANUC: one touch, and one probing move without contact.
+//! let text = "AXES X Y Z\nTOUCH 1 4 10. 0. -5.\nMISS 2 7 12. 0. -5.\n";
+//! let format = recognise(DIALECTS, text)?;
+//! assert_eq!(format.name(), "dprnt");
+//! let touches = format.read(text)?.touches;
+//! assert_eq!(touches[0].point_index, 4);
+//! assert_eq!(touches[0].position, [10e-3, 0.0, -5e-3]); // m
+//! # Ok::<(), controllers::results::ResultsError>(())
+//! ```
 //!
 //! Outside of this crate everything is SI (m, rad, s, m/s); inside the texts of a controller lengths are mm, angles
 //! are degrees and feeds are mm/min.
 
-pub mod arithmetic;
 pub mod axes;
+pub mod bag;
 pub mod contour;
-pub mod control;
+pub mod dialect;
+pub mod driver;
 pub mod fanuc;
+pub mod inspection;
 pub mod linuxcnc;
 pub mod measuring;
-mod reader;
 pub mod results;
+pub mod simulator;
 pub mod sinumerik;
 pub mod text;

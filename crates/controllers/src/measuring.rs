@@ -1,4 +1,4 @@
-//! Takes plan and order apart into the moves of a measuring program, checked, in the controller's units.
+//! Turns a plan and its order into the checked moves of a measuring program, in the controller's units.
 //!
 //! What the writers for all controllers share: plan and order belong together, every target lies within the limits of its
 //! axis, and the moves touch the points that the order names. Targets are positions of the joints in the machine's
@@ -11,18 +11,18 @@ use crate::axes::{Axis, Letter};
 /// Joint targets of one touch may differ in a rotary axis by no more than this, rad.
 const SAME_ANGLE: f64 = 1e-9;
 
-/// Why there is no program.
+/// Why a program cannot be written.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ProgramError {
     /// Plan and order do not belong together.
-    #[error("the order is of plan {order:?}, not of plan {plan:?}")]
+    #[error("the order belongs to plan {order:?}, not to plan {plan:?}")]
     OtherPlan {
         /// Plan to measure.
         plan: String,
         /// Plan of the order.
         order: String,
     },
-    /// The order speaks of an axis that the controller does not have.
+    /// The order moves an axis that the controller does not have.
     #[error("the order moves axis {0:?}, which the controller does not have")]
     UnknownAxis(String),
     /// A move cannot be made.
@@ -46,6 +46,22 @@ pub enum ProgramError {
     /// A path or a word would end a comment of the program.
     #[error("{0:?} cannot stand in a comment of a program")]
     Comment(String),
+    /// A job is beyond the limits of the dialect.
+    #[error("the program would need {count} {what}; its controller takes at most {limit}")]
+    TooMany {
+        /// What there is too much of.
+        what: &'static str,
+        /// As asked for.
+        count: usize,
+        /// As permitted.
+        limit: usize,
+    },
+    /// The cell's settings of the controller's driver cannot be used.
+    #[error("{0}")]
+    Driver(String),
+    /// The dialect has no programs that decide.
+    #[error("there are no decision programs for this controller: the cell itself corrects it")]
+    NoDecisionProgram,
     /// A setting is not usable.
     #[error("{name} = {value} is not a positive finite number")]
     Setting {
@@ -167,7 +183,7 @@ fn touch_feed(
     }
 }
 
-/// Checks that plan and order belong together; gives, for each axis, its place in the order's moves.
+/// Checks that plan and order belong together; gives, for each axis, its index in the order's moves.
 pub(crate) fn check_order(
     plan: &InspectionPlan,
     order: &MeasurementOrder,

@@ -1,4 +1,4 @@
-//! Reads lines of text word by word and tells where a line is wrong.
+//! Reads lines of text word by word; errors have line and column.
 //!
 //! Lines and columns count from 1; a column counts characters, not bytes. Nothing here panics, whatever the bytes are.
 

@@ -12,7 +12,10 @@ use std::{
     thread::JoinHandle,
 };
 
-use controllers::linuxcnc::{Driver, DriverOutput, RawConfig};
+use controllers::{
+    driver::{Connection, DriverOutput},
+    linuxcnc::{LinuxCncConnection, RawConfig},
+};
 use probecell_msgs::{
     ControllerCommand, ControllerReply, ControllerStatus, InspectionPlan, InspectionPoint,
     MachineState, MeasurementOrder, ProbeTrigger, ProbingMove,
@@ -142,7 +145,7 @@ fn serve(stream: &TcpStream, desk: &Mutex<Desk>) {
 ///
 /// The driver is dropped first: the shell waits for its connection to end.
 struct Cell {
-    driver: Driver,
+    driver: LinuxCncConnection,
     shell: Shell,
     folder: PathBuf,
     now: i64,
@@ -168,7 +171,7 @@ impl Cell {
             .expect("settings")
             .check()
             .expect("good settings");
-        let driver = Driver::connect(config, "run").expect("the shell answers");
+        let driver = LinuxCncConnection::connect(config, "run").expect("the shell answers");
         Self {
             shell,
             driver,
@@ -398,7 +401,7 @@ fn a_controller_that_goes_in_mid_program_is_named_and_ends_the_session() {
     assert!(
         reply
             .text
-            .starts_with("controller_lost: the controller is gone in mid-program"),
+            .starts_with("controller_lost: the connection was lost during a program"),
         "{}",
         reply.text
     );
@@ -562,7 +565,7 @@ fn what_cannot_be_measured_is_refused_before_the_first_move() {
         "move 4 to point 1: axis Z at -300 mm is outside its limits",
         "move 4 to point 1: axis X at NaN mm is outside its limits",
         "move 1 to point 0: it is 0.100 mm long, LinuxCNC needs 0.254 mm",
-        "the command's order of points is not that of the moves that have come",
+        "the order of points of the command differs from that of the moves received",
         "the moves touch points [1, 0, 2], the order says [0, 1, 2]",
         "move 7 to point 2: the plan has no such point",
         "the order moves axis \"U\", which the controller does not have",

@@ -2,7 +2,10 @@
 
 use controllers::{
     axes::Letter,
-    results::{Frame, inspection_printout, printed_touches, sinumerik_log, surface_results},
+    fanuc::results::printed_touches,
+    inspection::{printout::inspection_printout, surface::surface_results},
+    results::Frame,
+    sinumerik::results::sinumerik_log,
 };
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;

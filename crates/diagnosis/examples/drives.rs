@@ -20,7 +20,15 @@ fn main() -> anyhow::Result<()> {
     let fit = read(&arguments[..split])?;
     let withheld = read(arguments.get(split + 1..).unwrap_or_default())?;
     let begun = std::time::Instant::now();
-    println!("{}", diagnosis::diagnose_drives(&fit, &withheld)?);
+    println!(
+        "{}",
+        diagnosis::diagnose_together_with_residuals(
+            &fit,
+            &withheld,
+            &diagnosis::Options::default()
+        )?
+        .0
+    );
     println!("{:.0} ms", begun.elapsed().as_secs_f64() * 1e3);
     Ok(())
 }

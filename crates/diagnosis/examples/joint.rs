@@ -22,7 +22,12 @@ fn main() -> anyhow::Result<()> {
     let begun = std::time::Instant::now();
     println!(
         "{}",
-        diagnosis::diagnose_joint(&fit, &withheld, &diagnosis::Options::default())?
+        diagnosis::diagnose_together_with_residuals(
+            &fit,
+            &withheld,
+            &diagnosis::Options::default()
+        )?
+        .0
     );
     println!("{:.0} ms", begun.elapsed().as_secs_f64() * 1e3);
     Ok(())

@@ -1,27 +1,27 @@
-//! The diagnosis of drives: motion and effort of axes over time, from messages to report.
+//! The diagnosis of drives: motion and effort of axes over time.
 //!
 //! Samples of a drive are many and their errors correlated: evidence counts only the independent ones, and an effect is
-//! named only when it also shrinks the difference on pieces of time that were not used to fit, keeps its size in both
-//! halves of the record and is worth a tenth of what remains. Independent axes with a declared inertia are judged by
+//! named only when it also reduces the held-out residuals of other pieces of time, has the same size in both halves of the
+//! record and removes a tenth of the remaining rms. Independent axes with a declared inertia are judged by
 //! their effort; the coupled axes of an arm, whose nominal effort needs the whole dynamics, and axes without inertia by
 //! their motion. A constant offset of a run's positions is an encoder's zero and ignored.
 
-mod effects;
-mod fit;
-mod judge;
-mod signals;
+mod cross_validation;
+mod regression;
 
-use effects::{Channel, DriveEffect, difference, library};
-use fit::Fit;
-use judge::{HeldOut, better, interval};
+use cross_validation::{HeldOut, better, interval};
+use effects::drive::{
+    Channel, DriveEffect, Signals, difference, library, nominal_inertia, signals,
+};
+use effects::session::{DiagnoseError, Session};
 use machine::{Chain, JointKind, Side};
-use signals::{Signals, signals};
+use metrology::statistics::{coverage_factor, rms};
+use regression::UncertainFit;
 
+use crate::report::residuals::{DriveResiduals, Residuals, axis_of};
 use crate::report::{
     Effect, Gap, ParameterEstimate, Place, Rejected, Report, SCHEMA, Unexplained, Verdict,
 };
-use crate::residuals::{DriveResiduals, Residuals, axis_of};
-use crate::session::{DiagnoseError, Session};
 
 /// An effect must shrink the held-out rms at least by this share.
 const WORTH: f64 = 0.1;
@@ -29,9 +29,9 @@ const WORTH: f64 = 0.1;
 const SHARE: f64 = 0.005;
 /// The same of a motion, where a gear's many small errors follow every load.
 const SHARE_OF_MOTION: f64 = 0.03;
-/// Rivals whose held-out rms is this close are not told apart.
+/// Effects whose held-out rms differs by less than this share are indistinguishable.
 const CLOSE: f64 = 0.02;
-/// A rival this much (natural log) less probable is not excluded.
+/// An effect whose log evidence is lower by less than this is not excluded.
 const NOT_EXCLUDED: f64 = 4.6;
 /// An effect enters only when the model with it is this many times as probable (natural log).
 const REFUTED: f64 = 2.303;
@@ -39,12 +39,16 @@ const REFUTED: f64 = 2.303;
 const UNEXPLAINED: f64 = 0.6;
 /// And this many times the noise.
 const FAR: f64 = 4.0;
-/// Effects with more shapes than this are not part of the whole library that tells the independent samples.
+/// Effects with more shapes than this are not part of the library whose residuals give the independent samples.
 const FEW_SHAPES: usize = 16;
 /// A gap below this many times the noise is none.
 const QUIET: f64 = 1.4;
 /// Most effects named.
 const MOST: usize = 5;
+/// Least number of independent samples of an axis.
+const LEAST_INDEPENDENT: f64 = 4.0;
+/// Mass of every link of a robot description that states efforts per unit of inertia, kg: such efforts have no SI unit.
+const UNIT_MASS: f64 = 1.0;
 /// Fewest samples of an axis.
 const FEWEST: usize = 50;
 
@@ -64,11 +68,6 @@ struct Axis {
 ///
 /// # Errors
 /// [`DiagnoseError`] names what makes a session unusable.
-pub fn diagnose_drives(fit: &[Session], withheld: &[Session]) -> Result<Report, DiagnoseError> {
-    diagnose_drives_with_residuals(fit, withheld).map(|(report, _)| report)
-}
-
-/// The same, with what every judging sample misses the model by.
 pub(crate) fn diagnose_drives_with_residuals(
     fit: &[Session],
     withheld: &[Session],
@@ -91,7 +90,7 @@ pub(crate) fn diagnose_drives_with_residuals(
     };
     let mut fitted = of(channel);
     if channel == Channel::Motion && fitted.iter().all(Vec::is_empty) {
-        // Commands that only repeat the motion say nothing: what is left to compare is the effort.
+        // Commands that only repeat the motion carry no information: the effort is compared instead.
         channel = Channel::Effort;
         fitted = of(channel);
     }
@@ -109,8 +108,9 @@ pub(crate) fn diagnose_drives_with_residuals(
         names: (names(fit), names(withheld)),
         unit: unit(&chain, channel),
     };
-    let (report, chosen) = drives.report(first);
-    Ok((report, Residuals::Drives(drives.residuals(&chain, &chosen))))
+    let (report, chosen) = drives.report(first)?;
+    let residuals = drives.residuals(&chain, &chosen)?;
+    Ok((report, Residuals::Drives(residuals)))
 }
 
 fn names(sessions: &[Session]) -> Vec<String> {
@@ -120,18 +120,18 @@ fn names(sessions: &[Session]) -> Vec<String> {
         .collect()
 }
 
-/// Unit of the differences. Axes of both kinds, or inertias that all stand for one unit of something else, leave it open.
+/// Unit of the differences. It stays open for axes of both kinds and, for efforts, where every link has [`UNIT_MASS`].
 fn unit(chain: &Chain, channel: Channel) -> String {
     let kinds: Vec<JointKind> = (0..chain.axes().len())
         .map(|axis| chain.axis(axis).kind)
         .collect();
     let all = |kind: JointKind| kinds.iter().all(|own| *own == kind);
-    let placeholder = (0..chain.axes().len()).all(|axis| chain.axis(axis).mass == 1.0);
+    let normalised = (0..chain.axes().len()).all(|axis| chain.axis(axis).mass == UNIT_MASS);
     match channel {
         Channel::Motion if all(JointKind::Revolute) => "rad",
         Channel::Motion if all(JointKind::Prismatic) => "m",
         Channel::Motion => "m or rad",
-        Channel::Effort if placeholder => "effort",
+        Channel::Effort if normalised => "effort",
         Channel::Effort if all(JointKind::Revolute) => "N m",
         Channel::Effort if all(JointKind::Prismatic) => "N",
         Channel::Effort => "N or N m",
@@ -151,7 +151,7 @@ fn channel(chain: &Chain, session: &Session) -> Channel {
         .any(|state| !state.effort.is_empty());
     let heavy = chain
         .axis_names()
-        .any(|axis| effects::nominal_inertia(chain, axis) > 0.0);
+        .any(|axis| nominal_inertia(chain, axis) > 0.0);
     if ((coupled || !heavy) && !session.joint_commands.is_empty()) || !effort {
         Channel::Motion
     } else {
@@ -161,7 +161,7 @@ fn channel(chain: &Chain, session: &Session) -> Channel {
 
 fn axes(chain: &Chain, session: &Session, channel: Channel) -> Vec<Axis> {
     let inertia = |axis: &str| match channel {
-        Channel::Effort => effects::nominal_inertia(chain, axis),
+        Channel::Effort => nominal_inertia(chain, axis),
         Channel::Motion => 0.0,
     };
     signals(session, &inertia)
@@ -204,7 +204,7 @@ fn noise(chain: &Chain, signals: &Signals, channel: Channel) -> f64 {
     if channel == Channel::Motion {
         return signals.position_noise * std::f64::consts::SQRT_2;
     }
-    let inertia = effects::nominal_inertia(chain, &signals.axis);
+    let inertia = nominal_inertia(chain, &signals.axis);
     let coarse: Vec<f64> = (signals.acceleration.windows(3))
         .map(|a| 0.25 * (a[0] - 2.0 * a[1] + a[2]))
         .collect();
@@ -212,8 +212,21 @@ fn noise(chain: &Chain, signals: &Signals, channel: Channel) -> f64 {
     signals.effort_noise.hypot(inertia * of_acceleration)
 }
 
-/// Effects in the model: place in the library, and the shape.
+/// Effects in the model: index in the library, and index of the shape.
 type Chosen = Vec<(usize, usize)>;
+
+/// A set with one effect more.
+fn with(chosen: &Chosen, choice: (usize, usize)) -> Chosen {
+    let mut more = chosen.clone();
+    more.push(choice);
+    more
+}
+
+/// An effect at its best shape, and the log evidence that it would add.
+struct Trial {
+    gain: f64,
+    choice: (usize, usize),
+}
 
 struct Drives {
     fitted: Vec<Vec<Axis>>,
@@ -226,27 +239,20 @@ struct Drives {
 
 impl Drives {
     /// The report, and the effects in it.
-    fn report(&self, session: &Session) -> (Report, Chosen) {
-        let library = &self.fitted[0][0].effects;
+    fn report(&self, session: &Session) -> Result<(Report, Chosen), DiagnoseError> {
         let mut chosen: Chosen = Vec::new();
         let mut effects: Vec<Effect> = Vec::new();
-        let mut current = self.held_out(&chosen, false);
+        let mut current = self.held_out(&chosen, false)?;
         let first = current.relative.powi(2);
-        // At the noise nothing is left to name, and errors of the acceleration pass for all kinds of causes.
+        // At the noise nothing remains to be named, and errors of the acceleration imitate all kinds of causes.
         let quiet = QUIET * self.floor();
         while chosen.len() < MOST && current.rms > quiet {
-            let mut trials = self.trials(&chosen, &self.independent(&chosen));
-            let with = |choice: (usize, usize)| {
-                let mut more = chosen.clone();
-                more.push(choice);
-                more
-            };
-            trials.retain(|trial| trial.0 > REFUTED && self.steady(&with(trial.1)));
-            let Some(&(most, choice)) = trials.first() else {
+            let trials = self.steady_trials(&chosen)?;
+            let Some(best) = trials.first() else {
                 break;
             };
-            let more = with(choice);
-            let after = self.held_out(&more, false);
+            let more = with(&chosen, best.choice);
+            let after = self.held_out(&more, false)?;
             let share = (current.relative.powi(2) - after.relative.powi(2)) / first;
             let least = match self.channel {
                 Channel::Effort => SHARE,
@@ -258,122 +264,159 @@ impl Drives {
             {
                 break;
             }
-            // What blocks of time cannot part from the best is its equal.
-            let equal = |trial: &&(f64, (usize, usize))| {
-                let other = self.held_out(&with(trial.1), false);
-                trial.0 > most - NOT_EXCLUDED || other.relative < (1.0 + CLOSE) * after.relative
-            };
-            let mut equals: Vec<String> = (trials[1..].iter().filter(equal))
-                .map(|(_, (place, _))| library[*place].effect.to_owned())
-                .collect();
-            for axis in &self.fitted[0] {
-                equals.extend(axis.effects[choice.0].same_as.iter().cloned());
-            }
+            let equivalent = self.equivalent(&chosen, &trials, &after)?;
             let (before_judged, after_judged) =
-                (self.held_out(&chosen, true), self.held_out(&more, true));
+                (self.held_out(&chosen, true)?, self.held_out(&more, true)?);
+            effects.push(self.effect(best, &before_judged, &after_judged, equivalent));
             chosen = more;
-            effects.push(self.effect(choice, &before_judged, &after_judged, equals, most));
             current = after;
         }
         for (effect, &choice) in effects.iter_mut().zip(&chosen) {
-            effect.parameters = self.parameters(&chosen, choice);
+            effect.parameters = self.parameters(&chosen, choice)?;
         }
-        (self.finish(session, &chosen, effects), chosen)
+        Ok((self.finish(session, &chosen, effects)?, chosen))
     }
 
-    /// What each further effect would add to the log evidence at its best shape, best first.
-    fn trials(&self, chosen: &Chosen, independent: &[f64]) -> Vec<(f64, (usize, usize))> {
+    /// Effects that could enter: probable enough and constants of the machine, best first.
+    fn steady_trials(&self, chosen: &Chosen) -> Result<Vec<Trial>, DiagnoseError> {
+        let mut steady = Vec::new();
+        for trial in self.trials(chosen, &self.independent(chosen)?)? {
+            if trial.gain > REFUTED && self.steady(&with(chosen, trial.choice))? {
+                steady.push(trial);
+            }
+        }
+        Ok(steady)
+    }
+
+    /// Effects that neither evidence nor held-out blocks of time distinguish from the first of the trials.
+    fn equivalent(
+        &self,
+        chosen: &Chosen,
+        trials: &[Trial],
+        after: &HeldOut,
+    ) -> Result<Vec<String>, DiagnoseError> {
+        let mut equivalent = Vec::new();
+        for trial in &trials[1..] {
+            let close = || -> Result<bool, DiagnoseError> {
+                let other = self.held_out(&with(chosen, trial.choice), false)?;
+                Ok(other.relative < (1.0 + CLOSE) * after.relative)
+            };
+            if trial.gain > trials[0].gain - NOT_EXCLUDED || close()? {
+                let effect = &self.fitted[0][0].effects[trial.choice.0];
+                equivalent.push(effect.effect.to_owned());
+            }
+        }
+        for axis in &self.fitted[0] {
+            let effect = &axis.effects[trials[0].choice.0];
+            equivalent.extend(effect.same_as.iter().cloned());
+        }
+        Ok(equivalent)
+    }
+
+    /// Log evidence that each further effect would add at its best shape (Schwarz 1978), best first.
+    fn trials(&self, chosen: &Chosen, independent: &[f64]) -> Result<Vec<Trial>, DiagnoseError> {
         let library = &self.fitted[0][0].effects;
-        let before = self.log_sizes(chosen, independent);
-        let mut trials: Vec<(f64, (usize, usize))> = Vec::new();
-        for (place, effect) in library.iter().enumerate() {
-            if chosen.iter().any(|&(known, _)| known == place) {
+        let before = self.log_likelihood_loss(chosen, independent)?;
+        let mut trials: Vec<Trial> = Vec::new();
+        for (index, effect) in library.iter().enumerate() {
+            if chosen.iter().any(|&(known, _)| known == index) {
                 continue;
             }
-            let best = (0..effect.shapes.len())
-                .map(|shape| {
-                    let mut more = chosen.clone();
-                    more.push((place, shape));
-                    (before - self.log_sizes(&more, independent), shape)
-                })
-                .max_by(|one, other| one.0.total_cmp(&other.0));
+            let mut best: Option<(f64, usize)> = None;
+            for shape in 0..effect.shapes.len() {
+                let loss = self.log_likelihood_loss(&with(chosen, (index, shape)), independent)?;
+                if best.is_none_or(|(gain, _)| before - loss >= gain) {
+                    best = Some((before - loss, shape));
+                }
+            }
             let Some((gain, shape)) = best else { continue };
             let terms = effect.shapes[shape].len() as f64;
-            let learned: f64 = independent.iter().map(|n| 0.5 * terms * n.ln()).sum();
+            let penalty: f64 = independent.iter().map(|n| 0.5 * terms * n.ln()).sum();
             let choices = (library.len() as f64 * effect.shapes.len() as f64).ln();
-            trials.push((gain - learned - choices, (place, shape)));
+            trials.push(Trial {
+                gain: gain - penalty - choices,
+                choice: (index, shape),
+            });
         }
-        trials.sort_by(|one, other| other.0.total_cmp(&one.0).then(one.1.cmp(&other.1)));
-        trials
+        trials.sort_by(|a, b| b.gain.total_cmp(&a.gain).then(a.choice.cmp(&b.choice)));
+        Ok(trials)
     }
 
-    /// Half the log of the residual power, each axis counted by its independent samples.
-    fn log_sizes(&self, chosen: &Chosen, independent: &[f64]) -> f64 {
+    /// Negative log likelihood of a set, up to a constant, each axis counted by its independent samples.
+    fn log_likelihood_loss(
+        &self,
+        chosen: &Chosen,
+        independent: &[f64],
+    ) -> Result<f64, DiagnoseError> {
         let mut sum = 0.0;
         for (index, samples) in independent.iter().enumerate() {
-            let power = self.fit(index, chosen, None, false).power;
-            sum += samples * 0.5 * power.max(f64::MIN_POSITIVE).ln();
+            let mean_square = self.fit(index, chosen, None)?.mean_square;
+            sum += samples * 0.5 * mean_square.max(f64::MIN_POSITIVE).ln();
         }
-        sum
+        Ok(sum)
     }
 
-    /// Independent samples of each axis: what the whole library leaves, by its own correlation.
-    fn independent(&self, chosen: &Chosen) -> Vec<f64> {
+    /// Independent samples of each axis, by the autocorrelation of the residuals of the whole library.
+    fn independent(&self, chosen: &Chosen) -> Result<Vec<f64>, DiagnoseError> {
         let mut every = chosen.clone();
-        for (place, effect) in self.fitted[0][0].effects.iter().enumerate() {
-            if effect.shapes.len() <= FEW_SHAPES && chosen.iter().all(|known| known.0 != place) {
-                every.push((place, effect.shapes.len() / 2));
+        for (index, effect) in self.fitted[0][0].effects.iter().enumerate() {
+            if effect.shapes.len() <= FEW_SHAPES && chosen.iter().all(|known| known.0 != index) {
+                every.push((index, effect.shapes.len() / 2));
             }
         }
         (0..self.fitted[0].len())
-            .map(|index| {
-                let fit = self.fit(index, &every, None, true);
-                (fit.samples * fit.share).max(4.0)
+            .map(|axis| {
+                let fit = self.fit_with_uncertainties(axis, &every, None)?;
+                Ok(fit.independent.max(LEAST_INDEPENDENT))
             })
             .collect()
     }
 
     /// Parameters of one effect of a set, axis by axis.
-    fn parameters(&self, chosen: &Chosen, choice: (usize, usize)) -> Vec<ParameterEstimate> {
+    fn parameters(
+        &self,
+        chosen: &Chosen,
+        choice: (usize, usize),
+    ) -> Result<Vec<ParameterEstimate>, DiagnoseError> {
         let mut parameters = Vec::new();
         for index in 0..self.fitted[0].len() {
-            let Fit {
+            let axis = &self.fitted[0][index];
+            let UncertainFit {
                 coefficients,
-                spread,
-                ..
-            } = self.fit(index, chosen, None, true);
-            let mut start = 0;
-            for &(place, shape) in chosen {
-                let terms = &self.fitted[0][index].effects[place].shapes[shape];
-                if (place, shape) == choice {
-                    for (offset, term) in terms.iter().enumerate() {
-                        let value = coefficients[start + offset];
-                        let half = 1.96 * spread[start + offset];
-                        parameters.push(ParameterEstimate {
-                            name: format!("{}.{}", self.fitted[0][index].signals.axis, term.name),
-                            value,
-                            unit: term.unit.clone(),
-                            ci95: [value - half, value + half],
-                        });
-                    }
-                }
-                start += terms.len();
+                uncertainties,
+                independent,
+            } = self.fit_with_uncertainties(index, chosen, None)?;
+            let freedom = (independent - coefficients.len() as f64).max(1.0);
+            let coverage = coverage_factor(0.95, freedom);
+            let terms = |&(effect, shape): &(usize, usize)| &axis.effects[effect].shapes[shape];
+            let first: usize = (chosen.iter())
+                .take_while(|&&other| other != choice)
+                .map(|other| terms(other).len())
+                .sum();
+            for (term, column) in terms(&choice).iter().zip(first..) {
+                let value = coefficients[column];
+                let half = coverage * uncertainties[column];
+                parameters.push(ParameterEstimate {
+                    name: format!("{}.{}", axis.signals.axis, term.name),
+                    value,
+                    unit: term.unit.clone(),
+                    ci95: [value - half, value + half],
+                });
             }
         }
-        parameters
+        Ok(parameters)
     }
 
     fn effect(
         &self,
-        choice: (usize, usize),
+        trial: &Trial,
         before: &HeldOut,
         after: &HeldOut,
         indistinguishable_from: Vec<String>,
-        gain: f64,
     ) -> Effect {
         Effect {
-            effect: self.fitted[0][0].effects[choice.0].effect.to_owned(),
-            probability: 1.0 / (1.0 + (-gain).exp()),
+            effect: self.fitted[0][0].effects[trial.choice.0].effect.to_owned(),
+            probability: 1.0 / (1.0 + (-trial.gain).exp()),
             parameters: Vec::new(),
             rms_before: before.rms,
             rms_after: after.rms,
@@ -387,7 +430,11 @@ impl Drives {
     }
 
     /// Held-out residuals of the judging samples without any effect and with the chosen ones.
-    fn residuals(&self, chain: &Chain, chosen: &Chosen) -> Vec<DriveResiduals> {
+    fn residuals(
+        &self,
+        chain: &Chain,
+        chosen: &Chosen,
+    ) -> Result<Vec<DriveResiduals>, DiagnoseError> {
         let mut all: Vec<DriveResiduals> = Vec::new();
         self.held_out_parts(&Vec::new(), true, |axis, bag, before| {
             let known = all
@@ -410,12 +457,12 @@ impl Drives {
                 speed: signals.speed.clone(),
                 measured: match self.channel {
                     Channel::Effort => signals.effort.clone(),
-                    Channel::Motion => pairs.map(|(read, told)| read - told).collect(),
+                    Channel::Motion => pairs.map(|(read, commanded)| read - commanded).collect(),
                 },
                 before: before.to_vec(),
                 after: Vec::new(),
             });
-        });
+        })?;
         self.held_out_parts(chosen, true, |axis, bag, after| {
             let known = all
                 .iter_mut()
@@ -423,13 +470,18 @@ impl Drives {
             if let Some(known) = known {
                 known.after.extend(after);
             }
-        });
-        all
+        })?;
+        Ok(all)
     }
 
-    fn finish(&self, session: &Session, chosen: &Chosen, effects: Vec<Effect>) -> Report {
-        let nothing = self.held_out(&Vec::new(), true);
-        let last = self.held_out(chosen, true);
+    fn finish(
+        &self,
+        session: &Session,
+        chosen: &Chosen,
+        effects: Vec<Effect>,
+    ) -> Result<Report, DiagnoseError> {
+        let nothing = self.held_out(&Vec::new(), true)?;
+        let last = self.held_out(chosen, true)?;
         let floor = self.floor();
         let unexplained = (last.rms * last.rms - floor * floor).max(0.0).sqrt();
         let large = effects.is_empty() || unexplained > UNEXPLAINED * nothing.rms;
@@ -464,7 +516,7 @@ impl Drives {
                 probability: 0.0,
             })
             .collect();
-        Report {
+        Ok(Report {
             schema: SCHEMA.to_owned(),
             bag: session.name.clone(),
             fitted: self.names.0.clone(),
@@ -506,7 +558,7 @@ impl Drives {
                 Channel::Motion => "judged by motion".to_owned(),
                 Channel::Effort => "judged by effort".to_owned(),
             }],
-        }
+        })
     }
 
     /// Noise of the samples, from what the low-pass leaves of it and how coarse the derivatives are; mean over the axes.
@@ -515,8 +567,4 @@ impl Drives {
         let sum: f64 = axes.iter().map(|axis| axis.noise * axis.noise).sum();
         (sum / axes.len().max(1) as f64).sqrt()
     }
-}
-
-fn rms(values: &[f64]) -> f64 {
-    (values.iter().map(|value| value * value).sum::<f64>() / values.len().max(1) as f64).sqrt()
 }

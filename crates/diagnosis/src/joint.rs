@@ -1,4 +1,4 @@
-//! The joint diagnosis of several sessions of touches on one machine: one set of causes, each session its own pose.
+//! The joint diagnosis of several sessions of touches on one machine: common causes, a pose for each session.
 //!
 //! The part's pose is fitted anew in every session and is never a cause here; on an arm so is where the probe sits on
 //! the flange, since tool and workpiece are registered together. Effects are those of the library that act alike in
@@ -6,53 +6,42 @@
 //! given, blocks of touches of every session elsewhere. Slips and drifts, which belong to one session, and the second
 //! order on curved surfaces are left to the diagnosis of one session.
 
-mod gram;
-mod grow;
-mod judge;
-mod linear;
-mod pool;
+mod blocks;
+mod cross_validation;
 pub mod rows;
+mod selection;
 
-use crate::declared;
+use effects::discrepancy::discrepancies;
+use effects::session::{DiagnoseError, Session};
+use inference::discrepancy::{Discrepancy, Kind};
+use inference::gram::{BlockSet, Gram, Solution, active_columns, active_values, combination};
+use metrology::statistics::{MAD_FACTOR, coverage_factor, rms};
+
 use crate::diagnose::Options;
 use crate::drives::diagnose_drives_with_residuals;
-use crate::places;
+use crate::report::residuals::{self, Residuals, TouchResiduals};
 use crate::report::{
     Effect, Gap, Machine, ParameterEstimate, Rejected, Report, SCHEMA, Unexplained, Verdict,
+    declared, localisation,
 };
-use crate::residuals::{self, Residuals, TouchResiduals};
-use crate::rivals::{Kind, Rival, rivals};
-use crate::session::{DiagnoseError, Session};
-use gram::{Set, rms};
-use grow::{Grown, Rows, price, taken, without};
-use judge::{Judge, Judged};
-use pool::Pool;
+use blocks::BlockPool;
+use cross_validation::{Judge, Judged};
 use rows::Joined;
+use selection::{Rows, Selection, contains_effect, price};
 
-/// Touches that miss by more than this many robust standard deviations are set aside.
-const STRAY: f64 = 6.0;
-/// Rounds of setting aside.
+/// Touches whose residual exceeds this many robust standard deviations are rejected as outliers.
+const OUTLIER: f64 = 6.0;
+/// Rounds of rejection.
 const ROUNDS: usize = 3;
 /// Log odds against something unknown, before the data.
 const UNKNOWN: f64 = 4.6;
-/// A replacement this much (natural log) less probable is not excluded.
+/// A substitute whose log evidence is lower by less than this is not excluded.
 const NOT_EXCLUDED: f64 = 4.6;
 /// Harmonics of a smooth function that are reported at most.
 const HARMONICS: usize = 5;
 
-/// Explains several sessions together, touches or drives; fits on `fit`, judges on `withheld` where given.
-///
-/// # Errors
-/// [`DiagnoseError`] names what makes a session unusable.
-pub fn diagnose_together(
-    fit: &[Session],
-    withheld: &[Session],
-    options: &Options,
-) -> Result<Report, DiagnoseError> {
-    diagnose_together_with_residuals(fit, withheld, options).map(|(report, _)| report)
-}
-
-/// The same, with what every judging touch or sample misses the model by.
+/// Explains several sessions together, touches or drives; fits on `fit`, judges on `withheld` where given; gives the report, and the residual of every
+/// judging touch or sample.
 ///
 /// # Errors
 /// [`DiagnoseError`] names what makes a session unusable.
@@ -67,18 +56,6 @@ pub fn diagnose_together_with_residuals(
     }
     let (report, touches) = joint_with_residuals(fit, withheld, options)?;
     Ok((report, Residuals::Touches(vec![touches])))
-}
-
-/// Explains several sessions of touches together; fits on `fit`, judges on `withheld` where given.
-///
-/// # Errors
-/// [`DiagnoseError`] names what makes a session unusable.
-pub fn diagnose_joint(
-    fit: &[Session],
-    withheld: &[Session],
-    options: &Options,
-) -> Result<Report, DiagnoseError> {
-    joint_with_residuals(fit, withheld, options).map(|(report, _)| report)
 }
 
 fn joint_with_residuals(
@@ -100,8 +77,8 @@ fn joint_with_residuals(
         .chain(joined.registered.iter().map(|&effect| effect.to_owned()))
         .collect();
     let mut active: Vec<bool> = joined.session.iter().map(|&of| of < fit.len()).collect();
-    let mut pool = Pool::new(observations, &excluded);
-    let mut last: Option<(Grown, Vec<bool>)> = None;
+    let mut pool = BlockPool::new(observations, &excluded);
+    let mut last: Option<(Selection, Vec<bool>)> = None;
     for _ in 0..ROUNDS {
         let rows = Rows {
             observations,
@@ -111,21 +88,25 @@ fn joint_with_residuals(
         };
         let start = last
             .as_ref()
-            .map_or_else(Set::default, |(grown, _)| grown.set.clone());
-        let Some(grown) = rows.grow(&mut pool, &start) else {
+            .map_or_else(BlockSet::default, |(selection, _)| selection.set.clone());
+        let Some(selection) = rows.select(&mut pool, &start) else {
             break;
         };
-        let left = rows.left(&pool, &grown.solved.columns, grown.solved.mean.as_slice());
-        let stray = stray(&left, &active);
-        last = Some((grown, active.clone()));
-        if stray.is_empty() {
+        let residuals = rows.residuals(
+            &pool,
+            &selection.solution.columns,
+            selection.solution.mean.as_slice(),
+        );
+        let outliers = outliers(&residuals, &active);
+        last = Some((selection, active.clone()));
+        if outliers.is_empty() {
             break;
         }
-        for row in stray {
+        for row in outliers {
             active[row] = false;
         }
     }
-    let (grown, active) = last.ok_or(DiagnoseError::TooFew(0, 1))?;
+    let (selection, active) = last.ok_or(DiagnoseError::TooFew(0, 1))?;
     let rows = Rows {
         observations,
         free: &free,
@@ -144,19 +125,22 @@ fn joint_with_residuals(
         judge: &judge,
         withheld_judge: withheld_judge.as_ref(),
     }
-    .report(grown))
+    .report(selection))
 }
 
-/// Rows in use that miss by more than [`STRAY`] robust standard deviations.
-fn stray(left: &[f64], active: &[bool]) -> Vec<usize> {
-    let mut sizes: Vec<f64> = gram::pick(left, active).iter().map(|v| v.abs()).collect();
+/// Rows in use whose residual exceeds [`OUTLIER`] robust standard deviations.
+fn outliers(residuals: &[f64], active: &[bool]) -> Vec<usize> {
+    let mut sizes: Vec<f64> = active_values(residuals, active)
+        .iter()
+        .map(|v| v.abs())
+        .collect();
     sizes.sort_by(f64::total_cmp);
     let Some(&middle) = sizes.get(sizes.len() / 2) else {
         return Vec::new();
     };
-    let bound = STRAY * 1.4826 * middle.max(1e-9);
-    (0..left.len())
-        .filter(|&row| active[row] && left[row].abs() > bound)
+    let bound = OUTLIER * MAD_FACTOR * middle.max(1e-9);
+    (0..residuals.len())
+        .filter(|&row| active[row] && residuals[row].abs() > bound)
         .collect()
 }
 
@@ -165,45 +149,45 @@ struct Reporter<'a> {
     withheld: &'a [Session],
     joined: &'a Joined,
     rows: &'a Rows<'a>,
-    pool: &'a Pool,
+    pool: &'a BlockPool,
     /// Decides what is named: never the withheld sessions.
     judge: &'a Judge<'a>,
     withheld_judge: Option<&'a Judge<'a>>,
 }
 
 impl Reporter<'_> {
-    fn report(&self, grown: Grown) -> (Report, TouchResiduals) {
-        let Grown {
+    fn report(&self, selection: Selection) -> (Report, TouchResiduals) {
+        let Selection {
             mut set,
             gram,
-            mut solved,
-        } = grown;
+            mut solution,
+        } = selection;
         let mut judged = self.judge.prefixes(self.pool, &gram, &set);
-        // What does not shrink the gap on touches that were not fitted is no cause.
-        while let Some(place) = (0..set.members.len()).find(|&p| !judged[p + 1].better(&judged[p]))
+        // An effect that does not reduce the residuals of held-out touches is no cause.
+        while let Some(index) = (0..set.members.len()).find(|&p| !judged[p + 1].better(&judged[p]))
         {
-            set = without(&set, place);
-            let Some(again) = gram.resize(&mut set, 1) else {
+            set = set.without(index);
+            let Some(again) = gram.maximise(&mut set, 1) else {
                 break;
             };
-            solved = again;
+            solution = again;
             judged = self.judge.prefixes(self.pool, &gram, &set);
         }
         if let Some(judge) = self.withheld_judge {
             judged = judge.prefixes(self.pool, &gram, &set);
         }
-        let variance = solved.variance(gram.rows());
+        let variance = solution.variance();
         let floor = variance.sqrt();
-        let (unexplained, unknown) = self.unknown(&gram, &solved);
+        let (unexplained, unknown) = self.unknown(&gram, &solution);
         let verdict = match (unknown, set.members.is_empty()) {
             (true, true) => Verdict::Unexplained,
             (true, false) => Verdict::PartlyExplained,
             (false, true) => Verdict::NoGap,
             (false, false) => Verdict::Explained,
         };
-        let effects = self.effects(&gram, &set, &solved, &judged, variance);
+        let effects = self.effects(&gram, &set, &solution, &judged, variance);
         let all = &self.joined.observations.deviations;
-        let used: Vec<f64> = gram::pick(all, self.rows.active);
+        let used: Vec<f64> = active_values(all, self.rows.active);
         let size = rms(&used);
         let touches = self.residuals(&gram, &set);
         let report = Report {
@@ -225,11 +209,11 @@ impl Reporter<'_> {
                 ratio: if floor > 0.0 { size / floor } else { 0.0 },
             },
             noise: Vec::new(),
-            place: places::shares(&self.joined.observations, all, self.rows.active),
-            rejected: self.rejected(&gram, &set, &solved),
+            place: localisation::shares(&self.joined.observations, all, self.rows.active),
+            rejected: self.rejected(&gram, &set, &solution),
             declared: (self.fit.iter().take(1))
                 .flat_map(|session| &session.declared)
-                .map(|effect| declared::tell(effect, None))
+                .map(|effect| declared::report_entry(effect, None))
                 .collect(),
             effects,
             unexplained,
@@ -240,9 +224,9 @@ impl Reporter<'_> {
     }
 
     /// Held-out residuals of the judging touches without any effect and with the named ones.
-    fn residuals(&self, gram: &gram::Gram, set: &Set) -> TouchResiduals {
+    fn residuals(&self, gram: &Gram, set: &BlockSet) -> TouchResiduals {
         let judge = self.withheld_judge.unwrap_or(self.judge);
-        let left = judge.left(self.pool, gram, set);
+        let residuals = judge.residuals(self.pool, gram, set);
         let observations = &self.joined.observations;
         let weight = |row: usize| observations.rows[row].weight;
         let first = self.withheld_judge.map_or(0, |_| self.fit.len());
@@ -254,8 +238,17 @@ impl Reporter<'_> {
                 let judges = judge.judges(row);
                 judges.then(|| self.joined.session[row] - first)
             },
-            |row| left.first().map_or(f64::NAN, |left| left[row]) / weight(row),
-            |row| left.last().map(|left| left[row] / weight(row)),
+            |row| {
+                residuals
+                    .first()
+                    .map_or(f64::NAN, |residuals| residuals[row])
+                    / weight(row)
+            },
+            |row| {
+                residuals
+                    .last()
+                    .map(|residuals| residuals[row] / weight(row))
+            },
         )
     }
 
@@ -266,46 +259,48 @@ impl Reporter<'_> {
             .collect();
         if !self.joined.registered.is_empty() {
             warnings.push(format!(
-                "fitted anew in every session: {}",
+                "fitted separately in each session: {}",
                 self.joined.registered.join(", ")
             ));
         }
         let of_fit = |row: &usize| self.joined.session[*row] < self.fit.len();
-        let stray = (0..self.rows.active.len())
+        let outliers = (0..self.rows.active.len())
             .filter(of_fit)
             .filter(|&row| !self.rows.active[row])
             .count();
-        if stray > 0 {
-            warnings.push(format!("{stray} touches set aside as stray"));
+        if outliers > 0 {
+            warnings.push(format!("{outliers} touches rejected as outliers"));
         }
         warnings
     }
 
     fn effects(
         &self,
-        gram: &gram::Gram,
-        set: &Set,
-        solved: &gram::Solved,
+        gram: &Gram,
+        set: &BlockSet,
+        solution: &Solution,
         judged: &[Judged],
         variance: f64,
     ) -> Vec<Effect> {
-        let covariance = solved.covariance();
+        let covariance = solution.covariance();
+        let freedom = (gram.rows() - solution.columns.len() as f64).max(1.0);
+        let coverage = coverage_factor(0.95, freedom);
         let mut next = self.rows.free.len();
         let mut effects = Vec::new();
-        for (place, &member) in set.members.iter().enumerate() {
+        for (index, &member) in set.members.iter().enumerate() {
             let block = &self.pool.blocks[member];
             let span = next..next + block.columns.len();
             next = span.end;
-            let own = solved.mean.rows(span.start, span.len()).into_owned();
+            let coefficients = solution.mean.rows(span.start, span.len()).into_owned();
             let spread = covariance.view((span.start, span.start), (span.len(), span.len()));
-            let values = &block.back * own;
-            let doubt = &block.back * spread * block.back.transpose() * variance;
-            let (before, after) = (&judged[place], &judged[place + 1]);
-            let (equals, probability) = self.equals(gram, set, place);
+            let values = &block.back * coefficients;
+            let uncertainty = &block.back * spread * block.back.transpose() * variance;
+            let (before, after) = (&judged[index], &judged[index + 1]);
+            let (equals, probability) = self.equivalence_class(gram, set, index);
             effects.push(Effect {
                 effect: block.effect.clone(),
                 probability,
-                parameters: estimates(block, values.as_slice(), &doubt),
+                parameters: estimates(block, values.as_slice(), &uncertainty, coverage),
                 rms_before: before.all.rms,
                 rms_after: after.all.rms,
                 ci95_after: after.all.ci95,
@@ -328,24 +323,24 @@ impl Reporter<'_> {
         names(judged)
     }
 
-    /// Effects that could stand in a member's place, and the probability that it or one of them acts.
-    fn equals(&self, gram: &gram::Gram, set: &Set, place: usize) -> (Vec<String>, f64) {
-        let rest = without(set, place);
-        let Some(solved) = gram.solve(&rest) else {
+    /// Effects that are indistinguishable from a member, and the probability that it or one of them acts.
+    fn equivalence_class(&self, gram: &Gram, set: &BlockSet, index: usize) -> (Vec<String>, f64) {
+        let rest = set.without(index);
+        let Some(solution) = gram.solve(&rest) else {
             return (Vec::new(), 0.0);
         };
-        let own = set.members[place];
-        let with = gram.gain(&solved, own).0 - price(self.pool, own);
-        let name = &self.pool.blocks[own].effect;
+        let member = set.members[index];
+        let with = gram.gain(&solution, member).0 - price(self.pool, member);
+        let name = &self.pool.blocks[member].effect;
         let mut equals: Vec<String> = Vec::new();
         for (other, block) in self.pool.blocks.iter().enumerate() {
             if block.effect == *name
-                || taken(self.pool, set, other)
+                || contains_effect(self.pool, set, other)
                 || equals.contains(&block.effect)
             {
                 continue;
             }
-            if gram.gain(&solved, other).0 - price(self.pool, other) > with - NOT_EXCLUDED {
+            if gram.gain(&solution, other).0 - price(self.pool, other) > with - NOT_EXCLUDED {
                 equals.push(block.effect.clone());
             }
         }
@@ -353,13 +348,13 @@ impl Reporter<'_> {
     }
 
     /// Effects that were considered, with the probability that they act beside the set.
-    fn rejected(&self, gram: &gram::Gram, set: &Set, solved: &gram::Solved) -> Vec<Rejected> {
+    fn rejected(&self, gram: &Gram, set: &BlockSet, solution: &Solution) -> Vec<Rejected> {
         let mut rejected: Vec<Rejected> = Vec::new();
         for (other, block) in self.pool.blocks.iter().enumerate() {
-            if taken(self.pool, set, other) {
+            if contains_effect(self.pool, set, other) {
                 continue;
             }
-            let odds = gram.gain(solved, other).0 - price(self.pool, other);
+            let odds = gram.gain(solution, other).0 - price(self.pool, other);
             let probability = 1.0 / (1.0 + (-odds).exp());
             match rejected.iter_mut().find(|r| r.effect == block.effect) {
                 Some(known) => known.probability = known.probability.max(probability),
@@ -369,13 +364,13 @@ impl Reporter<'_> {
                 }),
             }
         }
-        rejected.sort_by(|one, other| other.probability.total_cmp(&one.probability));
+        rejected.sort_by(|a, b| b.probability.total_cmp(&a.probability));
         rejected.truncate(12);
         rejected
     }
 
     /// Smooth discrepancies beside the set: whether one of them acts, how large it is and on what it depends.
-    fn unknown(&self, gram: &gram::Gram, solved: &gram::Solved) -> (Unexplained, bool) {
+    fn unknown(&self, gram: &Gram, solution: &Solution) -> (Unexplained, bool) {
         let observations = &self.joined.observations;
         let active = self.rows.active;
         let all = self.rows.columns(self.pool);
@@ -394,48 +389,54 @@ impl Reporter<'_> {
                 .map(Option::unwrap_or_default)
                 .collect()
         };
-        let (known, groups): (Vec<Rival>, Vec<Vec<Vec<f64>>>) = rivals(observations, active)
-            .into_iter()
-            .filter_map(|rival| {
-                let columns = rival.columns()?;
-                Some((rival, columns.iter().map(|column| spread(column)).collect()))
-            })
-            .unzip();
+        let (known, groups): (Vec<Discrepancy>, Vec<Vec<Vec<f64>>>) =
+            discrepancies(observations, active)
+                .into_iter()
+                .filter_map(|discrepancy| {
+                    let columns = discrepancy.columns()?;
+                    Some((
+                        discrepancy,
+                        columns.iter().map(|column| spread(column)).collect(),
+                    ))
+                })
+                .unzip();
         let kinds = known.len().max(1) as f64;
         let slices: Vec<&[Vec<f64>]> = groups.iter().map(Vec::as_slice).collect();
-        let gains = gram.foreign(solved, &all, &slices, self.rows.y, active);
-        // Times of different sessions have nothing in common; what depends on a covariate is here left to the effects.
+        let gains = gram.gains_of(solution, &all, &slices, self.rows.y, active);
+        // Times of different sessions have nothing in common; what depends on a covariate is left to the effects here.
         let best = (gains.into_iter().enumerate())
-            .filter(|(place, _)| !matches!(known[*place].kind, Kind::Time | Kind::Covariate(_)))
-            .max_by(|one, other| one.1.0.total_cmp(&other.1.0));
+            .filter(|(index, _)| !matches!(known[*index].kind, Kind::Time | Kind::Covariate(_)))
+            .max_by(|a, b| a.1.0.total_cmp(&b.1.0));
         let nothing = Unexplained {
             rms: 0.0,
             place: Vec::new(),
         };
-        let Some((place, (gain, size))) = best else {
+        let Some((index, (gain, size))) = best else {
             return (nothing, false);
         };
-        let columns = &groups[place];
-        if gain < (kinds.ln() + UNKNOWN).max(grow::least(gram)) {
+        let columns = &groups[index];
+        if gain < (kinds.ln() + UNKNOWN).max(selection::least(gram)) {
             return (nothing, false);
         }
-        let left = self
+        let residuals = self
             .rows
-            .left(self.pool, &solved.columns, solved.mean.as_slice());
+            .residuals(self.pool, &solution.columns, solution.mean.as_slice());
         let chosen: Vec<&Vec<f64>> = columns.iter().collect();
-        let matrix = gram::picked(&chosen, active);
+        let matrix = active_columns(&chosen, active);
         let mut normal = matrix.tr_mul(&matrix);
         for diagonal in 0..columns.len() {
             normal[(diagonal, diagonal)] += 1.0 / size;
         }
-        let right = matrix.tr_mul(&nalgebra::DVector::from_vec(gram::pick(&left, active)));
+        let right = matrix.tr_mul(&nalgebra::DVector::from_vec(active_values(
+            &residuals, active,
+        )));
         let Some(factor) = nalgebra::Cholesky::new(normal) else {
             return (nothing, false);
         };
-        let part = gram::predict(&chosen, factor.solve(&right).as_slice());
+        let part = combination(&chosen, factor.solve(&right).as_slice());
         let unexplained = Unexplained {
-            rms: rms(&gram::pick(&part, active)),
-            place: places::of_rival(observations, &known[place].kind, &part, 1.0),
+            rms: rms(&active_values(&part, active)),
+            place: localisation::of_discrepancy(observations, &known[index].kind, &part, 1.0),
         };
         (unexplained, true)
     }
@@ -448,13 +449,14 @@ fn names(sessions: &[Session]) -> Vec<String> {
         .collect()
 }
 
-/// Parameters with their intervals; of many harmonics the largest, as amplitudes.
+/// Parameters with their intervals at a coverage factor; of many harmonics the largest, as amplitudes.
 fn estimates(
-    block: &pool::Block,
+    block: &blocks::Block,
     values: &[f64],
     covariance: &nalgebra::DMatrix<f64>,
+    coverage: f64,
 ) -> Vec<ParameterEstimate> {
-    let one = |name: &str, value: f64, unit: &str, half: f64| ParameterEstimate {
+    let estimate = |name: &str, value: f64, unit: &str, half: f64| ParameterEstimate {
         name: name.to_owned(),
         value,
         unit: unit.to_owned(),
@@ -469,11 +471,11 @@ fn estimates(
                     covariance[(2 * wave, 2 * wave)] + covariance[(2 * wave + 1, 2 * wave + 1)];
                 let about = &block.parameters[2 * wave];
                 let name = about.name.replace("sin", "a");
-                one(
+                estimate(
                     &name,
                     sine.hypot(cosine),
                     about.unit,
-                    1.96 * (0.5 * spread).max(0.0).sqrt(),
+                    coverage * (0.5 * spread).max(0.0).sqrt(),
                 )
             })
             .collect();
@@ -481,12 +483,12 @@ fn estimates(
         waves.truncate(HARMONICS);
         return waves;
     }
-    for (place, (value, about)) in values.iter().zip(&block.parameters).enumerate() {
-        let half = 1.96 * covariance[(place, place)].max(0.0).sqrt();
-        result.push(one(&about.name, *value, about.unit, half));
+    for (index, (value, about)) in values.iter().zip(&block.parameters).enumerate() {
+        let half = coverage * covariance[(index, index)].max(0.0).sqrt();
+        result.push(estimate(&about.name, *value, about.unit, half));
     }
     if let Some((name, value, unit)) = block.shape {
-        result.push(one(name, value, unit, 0.0));
+        result.push(estimate(name, value, unit, 0.0));
     }
     result
 }

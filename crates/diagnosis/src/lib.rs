@@ -1,53 +1,53 @@
-//! Why a session differs from the declared model of its cell.
+//! Why a session differs from the declared model of its cell: `bag -> answer`.
 //!
-//! [`diagnose`] compares what was measured with what the chain predicts and names the effects of the vocabulary that
-//! explain the difference, or says that something unknown remains and where. Metres, radians, seconds. Pure and
-//! deterministic: no files, no clock, no randomness.
+//! ```text
+//!   bag -- Session ------------------------------------------------------------------------ Report -->
+//!             |                                                                               ^
+//!        effects::observe      rows: deviation of each touch from the chain                   |
+//!             |                                                                               |
+//!        attribution           candidates, scans of shapes, beam search, discrepancies:       |
+//!             |                a posterior over sets of effects (inference)                   |
+//!        diagnose              outliers, second order of curved surfaces                      |
+//!             |                                                                               |
+//!        diagnose::reporter    named effects, equivalence classes, parameters, cross-validation, next touches
+//!
+//!   several sessions of touches:  joint   (blocks, forward selection, cross-validation)  -> Report
+//!   sessions of drives:           drives  (regression over time, cross-validation)       -> Report
+//!   part measured by a reference: referenced  (reading less reference, reference less plan, each diagnosed)
+//! ```
+//!
+//! [`diagnose`] names the effects of the vocabulary that explain the difference with their parameters and 95 % intervals
+//! (GUM, JCGM 100:2008), the effects that cannot be distinguished from them, and whether an unknown cause remains and where.
+//! Metres, radians, seconds. Pure and deterministic: no files, no clock, no randomness.
+//!
+//! A session that cannot be diagnosed is refused with a sentence that names what is missing:
+//!
+//! ```
+//! use diagnosis::{Options, Session, diagnose};
+//!
+//! let refusal = diagnose(&Session::default(), &Options::default()).unwrap_err();
+//! assert_eq!(refusal.to_string(), "the session has no robot_description");
+//! ```
+//!
+//! A report is plain data; its text is for people:
+//!
+//! ```
+//! assert_eq!(
+//!     diagnosis::in_shop_units("dx", 3.5e-6, "m", Some([3.4e-6, 3.6e-6])),
+//!     "dx = 3.5000 ± 0.1000 µm"
+//! );
+//! ```
 
-mod alternatives;
 pub mod attribution;
-mod beside;
-pub mod blind;
-pub mod candidate;
-mod checks;
-mod columns;
-pub mod declared;
-mod design;
 pub mod diagnose;
 pub mod drives;
-pub mod effects;
-pub mod evidence;
-pub mod groups;
-mod growth;
-pub mod identifiability;
-pub mod joined;
 pub mod joint;
-pub mod next;
-mod noise;
-pub mod observation;
-pub mod outliers;
-pub mod parameters;
-pub mod places;
-mod pool;
 mod referenced;
 pub mod report;
-pub mod residuals;
-pub mod rivals;
-mod scan;
-pub mod search;
-pub mod session;
-pub mod shrinkage;
-mod summary;
-mod support;
-pub mod timing;
-pub mod vocabulary;
-pub mod words;
 
-pub use declared::{DeclaredEffect, DeclaredError};
 pub use diagnose::{Options, diagnose, diagnose_with_residuals};
-pub use drives::diagnose_drives;
-pub use joint::{diagnose_joint, diagnose_together, diagnose_together_with_residuals};
+pub use effects::{DeclaredEffect, DeclaredError, DiagnoseError, Session};
+pub use joint::diagnose_together_with_residuals;
+pub use report::residuals::{self, Residuals};
+pub use report::summary::in_shop_units;
 pub use report::{Report, Verdict};
-pub use residuals::Residuals;
-pub use session::{DiagnoseError, Session};
-pub use summary::in_shop_units;

@@ -2,17 +2,22 @@
 //! its plan.
 //!
 //! A controller that corrects itself drives its reading to the plan: the error of its probe and the material that it
-//! cut away for it cancel in what it reads, and the worn tool of its registers is a phantom (source systems A.4).
-//! Reading − reference holds what probe and machine do while they measure; cutting is judged by the reference, or, where
-//! the loop has followed the reading, by the reading that it followed. Discrepancies below the reference's standard
-//! uncertainty, which may be common to all points of a feature, are not told from its own errors. Metres.
+//! cut away for it cancel in what it reads, and the worn tool of its registers is a phantom
+//! (`docs/source_systems.md, A.4`). Reading − reference holds what probe and machine do while they measure; cutting
+//! is judged by the reference, or, where the loop has followed the reading, by the reading that it followed.
+//! Discrepancies below the reference's standard uncertainty, which may be common to all points of a feature, are not
+//! distinguished from its own errors. Metres.
 
 use std::collections::BTreeMap;
 
-use crate::effects::{Variant, library};
-use crate::observation::Observations;
+use crate::report::residuals::TouchResiduals;
 use crate::report::{Effect, Report, Verdict};
-use crate::session::Session;
+use effects::effect::Subject;
+use effects::observation::Observations;
+use effects::registry::acts_on;
+use effects::session::Session;
+use effects::{Variant, library};
+use metrology::statistics::rms;
 
 /// Share of the touched points that the reference must know.
 const MOST: f64 = 0.9;
@@ -20,16 +25,13 @@ const MOST: f64 = 0.9;
 const CANCELS: f64 = 3.0;
 
 /// What is compared in the two parts of a session.
-pub(crate) const COMPARED: [&str; 2] = [
-    "reading less the reference",
-    "what cutting has left against the plan",
-];
+pub(crate) const COMPARED: [&str; 2] = ["reading minus reference", "machined surface minus plan"];
 
 /// A session parted in two.
 pub(crate) struct Parted {
     /// Touches with reading − reference.
     pub(crate) reading: Observations,
-    /// Touches with what cutting has left.
+    /// Touches with the deviation of the machined surface.
     pub(crate) part: Observations,
     /// Mean of the reference on the points of each tool, m; `None`: of no tool.
     tools: Vec<(Option<u32>, f64)>,
@@ -119,30 +121,31 @@ pub(crate) fn is_better(parted: &Parted, joint: &Report) -> bool {
         )
 }
 
-/// The report of a parted session. `explain` reports rows with the effects that it is given.
+/// The report of a parted session and the residuals of both parts. `explain` reports rows with the effects that it is given.
 pub(crate) fn report(
     session: &Session,
     parted: &Parted,
     without: &[String],
-    explain: impl Fn(&Session, &Observations, Vec<Variant>) -> Report,
-) -> Report {
+    explain: impl Fn(&Session, &Observations, &[Variant]) -> (Report, TouchResiduals),
+) -> (Report, Vec<TouchResiduals>) {
     let uncertainty = parted.reading.reference_uncertainty;
     let offered = |observations: &Observations, wanted: &dyn Fn(&str) -> bool| {
         let mut variants = library(observations);
         variants.retain(|variant| wanted(&variant.effect) && !without.contains(&variant.effect));
         variants
     };
-    // A slip is an event of a measurement, not of the part.
-    let of_cutting = |effect: &str| effect.starts_with("process.") && effect != "process.slip";
+    let of_cutting =
+        |effect: &str| acts_on(effect).is_some_and(|acts| acts.subject == Subject::Cutting);
     let reading = offered(&parted.reading, &|effect| !of_cutting(effect));
-    let mut report = explain(session, &parted.reading, reading);
-    // Records (clocks, grids) are the reading's, and have been told.
+    let (mut report, reading_touches) = explain(session, &parted.reading, &reading);
+    // Records (clocks, grids) belong to the reading and are reported there.
     let quiet = Session {
         events: Vec::new(),
         joint_states: Vec::new(),
         ..session.clone()
     };
-    let part = explain(&quiet, &parted.part, offered(&parted.part, &of_cutting));
+    let cutting = offered(&parted.part, &of_cutting);
+    let (part, part_touches) = explain(&quiet, &parted.part, &cutting);
     for (own, of_part) in report.declared.iter_mut().zip(&part.declared) {
         if of_cutting(&own.effect) {
             own.clone_from(of_part);
@@ -176,11 +179,16 @@ pub(crate) fn report(
     report.warnings.extend(remarks(session, parted));
     if of_the_part {
         report.warnings.push(format!(
-            "what stays unexplained is {}, and no part of the gap",
+            "the unexplained part is {}, which is no part of the gap",
             COMPARED[1]
         ));
     }
-    report
+    let touches = [reading_touches, part_touches].into_iter().zip(COMPARED);
+    let named = touches.map(|(touches, compared)| TouchResiduals {
+        compared,
+        ..touches
+    });
+    (report, named.collect())
 }
 
 fn remarks(session: &Session, parted: &Parted) -> Vec<String> {
@@ -190,7 +198,7 @@ fn remarks(session: &Session, parted: &Parted) -> Vec<String> {
         .map_or("the reference", |one| one.instrument.as_str());
     let um = 1e6;
     let mut remarks = vec![format!(
-        "the gap is the reading less that of {instrument}, whose standard uncertainty is {:.2} µm",
+        "the gap is the reading minus that of {instrument} (standard uncertainty {:.2} µm)",
         parted.reading.reference_uncertainty * um
     )];
     if parted.cancels {
@@ -203,14 +211,10 @@ fn remarks(session: &Session, parted: &Parted) -> Vec<String> {
             })
             .collect();
         remarks.push(format!(
-            "corrections have followed the reading: the part is off its plan by {}; the tools' offsets hold the error of \
+            "corrections followed the reading: the part deviates from its plan by {}; the tool offsets contain the error of \
              the reading, not wear",
             tools.join(" and ")
         ));
     }
     remarks
-}
-
-fn rms(values: &[f64]) -> f64 {
-    (values.iter().map(|value| value * value).sum::<f64>() / values.len().max(1) as f64).sqrt()
 }

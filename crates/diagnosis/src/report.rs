@@ -1,8 +1,15 @@
-//! The gap report: what is told to a person, a program and the bus. Field names are the interface contract's.
+//! The gap report, as published to people, programs and the bus. Field names are those of the interface contract.
 //!
-//! SI units throughout, as the contract fixes; text for people is made in `summary`.
+//! SI units throughout; `summary` renders it as text.
 
-use probecell_msgs::InspectionPlan;
+pub(crate) mod declared;
+pub(crate) mod localisation;
+pub mod noise;
+pub mod residuals;
+pub(crate) mod summary;
+
+pub use effects::{ParameterEstimate, Promise};
+pub use experiment::proposal::{Explanation, NextMeasurement, NextPoint};
 use serde::{Deserialize, Serialize};
 use twox_hash::XxHash3_128;
 
@@ -17,9 +24,9 @@ pub enum Verdict {
     NoGap,
     /// The named effects explain all of it.
     Explained,
-    /// Named effects explain part of it; something unknown acts besides.
+    /// The named effects explain part of it; an unknown cause acts as well.
     PartlyExplained,
-    /// Something acts that the vocabulary does not know.
+    /// A cause outside the vocabulary acts.
     Unexplained,
 }
 
@@ -44,32 +51,32 @@ pub struct Report {
     pub machine: Option<Machine>,
     /// Number of touches (or samples) used.
     pub samples: usize,
-    /// The answer in a word.
+    /// The verdict.
     pub verdict: Verdict,
     /// Size of the gap.
     pub gap: Gap,
-    /// The noise of a touch with its interval: of all, and by feed and by direction where the touches tell.
+    /// The noise of a touch with its interval: of all, and by feed and by direction where there are enough touches.
     #[serde(skip_serializing_if = "Vec::is_empty", default)]
     pub noise: Vec<Noise>,
-    /// Where the gap's energy lies.
+    /// Localisation of the energy of the gap.
     #[serde(rename = "where")]
     pub place: Vec<Place>,
-    /// Effects that the model held already; the gap is what they leave.
+    /// Effects that the model declares; the gap is relative to the model with them.
     #[serde(skip_serializing_if = "Vec::is_empty", default)]
     pub declared: Vec<Declared>,
     /// Effects added to the model, in the order in which they close the gap.
     pub effects: Vec<Effect>,
-    /// What remains.
+    /// The unexplained part of the gap.
     pub unexplained: Unexplained,
-    /// Effects that were considered and are improbable, most probable first.
+    /// Effects that were considered and rejected, most probable first.
     pub rejected: Vec<Rejected>,
-    /// What to measure to part the rivals.
+    /// Measurements that would discriminate the remaining explanations.
     pub next_measurement: Vec<NextMeasurement>,
-    /// Remarks on the input: skipped events, set-aside touches, approximations.
+    /// Remarks on the input: skipped events, rejected outliers, approximations.
     pub warnings: Vec<String>,
 }
 
-/// Which machine it was.
+/// The machine that was measured.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Machine {
     /// Name in its robot description.
@@ -89,7 +96,7 @@ impl Machine {
     }
 }
 
-/// An effect of the declared model, and what became of its promise.
+/// An effect of the declared model with its promised and its achieved reduction of the gap.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Declared {
     /// Identifier of the vocabulary.
@@ -99,26 +106,26 @@ pub struct Declared {
     /// Effects among which a person chose it.
     #[serde(skip_serializing_if = "Vec::is_empty", default)]
     pub chosen_from: Vec<String>,
-    /// The session that had shown it.
+    /// The session in which it was found.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub source: Option<String>,
     /// When that session was measured, RFC 3339.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub measured: Option<String>,
-    /// How far it closed the gap there, on touches that were not fitted.
+    /// Reduction of the gap there, on touches that were not fitted.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub promised: Option<Sizes>,
-    /// How far it closes the gap here, where nothing was fitted; absent in a joint diagnosis.
+    /// Reduction of the gap here, where nothing was fitted; absent in a joint diagnosis.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub achieved: Option<Sizes>,
-    /// True where the 95 % intervals of what remains reach each other, or less remains than promised; judged with all
-    /// effects that the same session showed, since they were fitted together.
+    /// True where the 95 % intervals of the remaining gap overlap, or less remains than promised; evaluated with all effects
+    /// of the same source, since they were fitted together.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub kept: Option<bool>,
 }
 
 impl Declared {
-    /// True for two effects that one session showed.
+    /// True for two effects that were found in the same session.
     pub fn found_with(&self, other: &Self) -> bool {
         self.source.is_some() && self.source == other.source && self.measured == other.measured
     }
@@ -133,18 +140,6 @@ pub struct Sizes {
     pub rms_after: f64,
     /// 95 % interval of `rms_after`.
     pub ci95_after: [f64; 2],
-}
-
-/// The promise of an adopted effect, as a cell file holds it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Promise {
-    /// Held-out rms without the effect, m.
-    pub rms_before_m: f64,
-    /// Held-out rms with it, m.
-    pub rms_after_m: f64,
-    /// 95 % interval of the latter, m.
-    pub ci95_after_m: [f64; 2],
 }
 
 /// Size of the gap.
@@ -180,7 +175,7 @@ fn metres() -> String {
     "m".to_owned()
 }
 
-/// A place and its share of an energy.
+/// A feature, direction or interval of a coordinate, with its share of an energy.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Place {
     /// `component`, `axis`, `feature`, `direction`, `time` or `region`.
@@ -202,7 +197,7 @@ pub struct Place {
 pub struct Effect {
     /// Identifier of the vocabulary.
     pub effect: String,
-    /// Probability that it acts, it or one it cannot be told from.
+    /// Probability that it or one of its equivalence class acts.
     pub probability: f64,
     /// Its parameters.
     pub parameters: Vec<ParameterEstimate>,
@@ -214,29 +209,29 @@ pub struct Effect {
     pub ci95_after: [f64; 2],
     /// True: judged on touches that were not used to fit.
     pub held_out: bool,
-    /// Effects this session cannot tell from it.
+    /// Its equivalence class: effects that are indistinguishable from it in this session.
     pub indistinguishable_from: Vec<String>,
-    /// The same with each of those in its place, where it can be fitted so.
+    /// Parameters of each of those in its place, where they can be fitted.
     #[serde(skip_serializing_if = "Vec::is_empty", default)]
     pub alternatives: Vec<Alternative>,
-    /// Held-out rms when a wrong effect with as many parameters stands in its place, m.
+    /// Held-out rms with another effect of as many parameters in its place, m.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub placebo_rms_after: Option<f64>,
-    /// The same for each session that judges, where several do.
+    /// The same for each session of the cross-validation, where there are several.
     #[serde(skip_serializing_if = "Vec::is_empty", default)]
     pub sessions: Vec<OfSession>,
 }
 
-/// An effect that could stand in another's place.
+/// An effect that could substitute another.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Alternative {
     /// Identifier of the vocabulary.
     pub effect: String,
-    /// Its parameters there.
+    /// Its parameters in that place.
     pub parameters: Vec<ParameterEstimate>,
 }
 
-/// What an effect does to the gap of one session (and one axis of it) that judges.
+/// Reduction of the held-out gap of one session, and of one axis of it for drives.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct OfSession {
     /// Name of the session.
@@ -252,25 +247,12 @@ pub struct OfSession {
     pub ci95_after: [f64; 2],
 }
 
-/// A parameter with its uncertainty.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct ParameterEstimate {
-    /// Name.
-    pub name: String,
-    /// Best value.
-    pub value: f64,
-    /// Unit.
-    pub unit: String,
-    /// 95 % interval.
-    pub ci95: [f64; 2],
-}
-
-/// What no named effect explains.
+/// The part of the gap that no named effect explains.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Unexplained {
     /// Its root mean square beyond the noise, m.
     pub rms: f64,
-    /// Where it lies.
+    /// Its localisation.
     #[serde(rename = "where")]
     pub place: Vec<Place>,
 }
@@ -282,56 +264,4 @@ pub struct Rejected {
     pub effect: String,
     /// Probability that it acts.
     pub probability: f64,
-}
-
-/// Touches that part explanations which are still possible.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct NextMeasurement {
-    /// What the touches part: effects, and `unknown` for what the vocabulary lacks.
-    pub separates: Vec<String>,
-    /// The touches, most telling first.
-    pub points: Vec<NextPoint>,
-    /// The same touches as a plan that a cell can run; its points in the order of `points`.
-    #[serde(skip_serializing_if = "Option::is_none", default)]
-    pub plan: Option<InspectionPlan>,
-    /// The most probable explanations now, most probable first.
-    #[serde(default)]
-    pub explanations: Vec<Explanation>,
-    /// Predicted chance that after the touches one explanation is more probable than 0.95.
-    #[serde(default)]
-    pub chance: f64,
-    /// Pairs of effects that are possible here and that no touch within reach parts: they count as one.
-    #[serde(skip_serializing_if = "Vec::is_empty", default)]
-    pub inseparable: Vec<Vec<String>>,
-}
-
-/// One explanation that is still possible.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Explanation {
-    /// Its effects; none for no gap, `unknown` among them where something outside the vocabulary acts.
-    pub effects: Vec<String>,
-    /// Its probability.
-    pub probability: f64,
-}
-
-/// A touch worth taking.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct NextPoint {
-    /// Point of the plan whose place (or the place nearest to the new one) and direction are used.
-    pub point_index: usize,
-    /// Prescribed axis positions, in the order of the plan's rotary_names, rad.
-    pub rotary_positions: Vec<f64>,
-    /// Speed of approach, m/s.
-    pub feed: f64,
-    /// How far apart the two most probable explanations predict the deviation, m.
-    pub difference: f64,
-    /// Id of the feature.
-    #[serde(default)]
-    pub feature: String,
-    /// Nominal point in the part frame, m.
-    #[serde(default)]
-    pub position: [f64; 3],
-    /// What the touch does that the plan did not.
-    #[serde(default)]
-    pub why: String,
 }

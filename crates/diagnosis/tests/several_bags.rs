@@ -1,22 +1,13 @@
 //! One arm in three series against a laser tracker: the causes must hold over all of them, and on one withheld.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use bags::Bag;
-use diagnosis::{Options, Session, diagnose_joint};
+use diagnosis::{Options, Session, diagnose_together_with_residuals};
 
 fn series(name: &str) -> Option<Session> {
-    let path: PathBuf = [
-        env!("CARGO_MANIFEST_DIR"),
-        "..",
-        "..",
-        "..",
-        "shared/data/bags",
-        name,
-    ]
-    .iter()
-    .collect();
-    path.exists().then(|| read(&path))
+    let path = shared_data::path(&format!("data/bags/{name}"))?;
+    Some(read(&path))
 }
 
 fn read(path: &Path) -> Session {
@@ -38,10 +29,11 @@ fn read(path: &Path) -> Session {
 fn an_arm_over_three_series_is_explained_by_links_transmission_and_sag_but_not_by_joint_zeros() {
     let names = ["ur10_c.mcap", "ur10_b.mcap", "ur10_d.mcap"];
     let Some(series) = names.into_iter().map(series).collect::<Option<Vec<_>>>() else {
-        println!("skipped: ../shared/data/bags is absent");
         return;
     };
-    let report = diagnose_joint(&series, &[], &Options::default()).expect("it can be diagnosed");
+    let report = diagnose_together_with_residuals(&series, &[], &Options::default())
+        .expect("it can be diagnosed")
+        .0;
     let named: Vec<&str> = report.effects.iter().map(|e| e.effect.as_str()).collect();
     for effect in [
         "drive.compliance",
@@ -71,12 +63,12 @@ fn an_arm_over_three_series_is_explained_by_links_transmission_and_sag_but_not_b
 fn a_withheld_series_shrinks_though_it_was_never_fitted() {
     let names = ["ur10_c.mcap", "ur10_b.mcap", "ur10_d.mcap"];
     let Some(mut series) = names.into_iter().map(series).collect::<Option<Vec<_>>>() else {
-        println!("skipped: ../shared/data/bags is absent");
         return;
     };
     let withheld = series.split_off(2);
-    let report =
-        diagnose_joint(&series, &withheld, &Options::default()).expect("it can be diagnosed");
+    let report = diagnose_together_with_residuals(&series, &withheld, &Options::default())
+        .expect("it can be diagnosed")
+        .0;
     let last = report.effects.last().expect("effects are named");
     assert_eq!(report.withheld, ["ur10_d.mcap"]);
     assert!(

@@ -35,26 +35,26 @@ pub enum WiringError {
     TwoProducers {
         /// The topic.
         topic: &'static str,
-        /// The node that had it.
+        /// The first producer.
         first: &'static str,
-        /// The node that wants it too.
+        /// The second producer.
         second: &'static str,
     },
-    /// A node hears a topic as another type than its producer's.
-    #[error("{node} hears {topic} as {heard}, but it is {spoken}")]
+    /// A node subscribes to a topic with another type than its producer's.
+    #[error("{node} subscribes to {topic} as {expected}, but {published} is published on it")]
     TypeMismatch {
         /// The topic.
         topic: &'static str,
-        /// The node that hears it.
+        /// The subscriber.
         node: &'static str,
-        /// The type it hears.
-        heard: &'static str,
-        /// The type that is spoken.
-        spoken: &'static str,
+        /// The type it expects.
+        expected: &'static str,
+        /// The type that is published.
+        published: &'static str,
     },
 }
 
-/// Who hears what, found from the nodes' ports.
+/// The subscribers and the producer of every topic, from the ports of the nodes.
 #[derive(Debug, Default)]
 pub struct Wiring {
     /// Topic name to (node index, input port), in the order of the nodes.
@@ -83,14 +83,14 @@ impl Wiring {
         }
         for (index, node) in nodes.iter().enumerate() {
             for (port, topic) in node.inputs().iter().enumerate() {
-                let spoken = *types.entry(topic.name).or_insert(topic.message.name);
-                if spoken != topic.message.name {
-                    let (topic, heard) = (topic.name, topic.message.name);
+                let published = *types.entry(topic.name).or_insert(topic.message.name);
+                if published != topic.message.name {
+                    let (topic, expected) = (topic.name, topic.message.name);
                     return Err(WiringError::TypeMismatch {
                         topic,
                         node: node.name(),
-                        heard,
-                        spoken,
+                        expected,
+                        published,
                     });
                 }
                 wiring
@@ -108,7 +108,7 @@ impl Wiring {
         self.producers.get(topic).copied()
     }
 
-    /// (node index, input port) of everyone who hears the topic.
+    /// Node index and input port of every subscriber of the topic.
     pub fn subscribers(&self, topic: &str) -> &[(usize, usize)] {
         self.subscribers.get(topic).map_or(&[], Vec::as_slice)
     }
@@ -125,12 +125,12 @@ pub struct Executor {
     wiring: Wiring,
     journals: Vec<Journal>,
     queue: BTreeMap<(Stamp, u64), Event>,
-    caused: u64,
+    next_cause: u64,
     counts: BTreeMap<String, u64>,
     now: Stamp,
     log: Vec<Published>,
-    /// Length of the log when each node was started last.
-    born: Vec<usize>,
+    /// Length of the log at the last start of each node.
+    started_at: Vec<usize>,
 }
 
 impl Executor {
@@ -142,12 +142,12 @@ impl Executor {
             .map(|node| Journal::new(node.name(), 0))
             .collect();
         let mut executor = Self {
-            born: vec![0; nodes.len()],
+            started_at: vec![0; nodes.len()],
             nodes,
             wiring,
             journals,
             queue: BTreeMap::new(),
-            caused: 0,
+            next_cause: 0,
             counts: BTreeMap::new(),
             now: start,
             log: Vec::new(),
@@ -182,9 +182,8 @@ impl Executor {
         Ok(())
     }
 
-    /// Starts a node again, as a launcher does whose process of that name has ended: what the old one knew is lost, its
-    /// timers and what it latched are gone, and the new one counts from 1. It hears the last latched messages that are in
-    /// the log.
+    /// Restarts a node, as the launcher does when its process has ended: its state, its timers and its latched messages
+    /// are lost, and its publications are numbered from 1 again. It receives the latched messages that are in the log.
     pub fn restart(&mut self, fresh: Box<dyn Instance>) {
         let Some(node) = self
             .nodes
@@ -193,7 +192,7 @@ impl Executor {
         else {
             return;
         };
-        // What the old process said is out before the new one speaks.
+        // The publications of the old process are delivered before the new one makes a step.
         self.run_until(self.now);
         self.now = Stamp(self.now.0 + 1);
         let journal = topics::journal_name(fresh.name());
@@ -208,7 +207,7 @@ impl Executor {
         self.queue.retain(
             |_, event| !matches!(event, Event::Timer { node: owner, .. } if *owner == node),
         );
-        self.born[node] = self.log.len();
+        self.started_at[node] = self.log.len();
         self.nodes[node] = fresh;
         self.run_timer(node, START);
         for port in 0..self.nodes[node].inputs().len() {
@@ -220,15 +219,15 @@ impl Executor {
 
     /// The messages that a latched topic gives a late subscriber.
     fn latched(&self, topic: Topic) -> Vec<(u64, Vec<u8>)> {
-        let born = self
+        let started_at = self
             .wiring
             .producer(topic.name)
-            .map_or(0, |node| self.born[node]);
+            .map_or(0, |node| self.started_at[node]);
         let depth = topic.qos.depth.filter(|_| topic.qos.transient_local);
         let mut last: Vec<_> = self
             .log
             .iter()
-            .skip(born)
+            .skip(started_at)
             .rev()
             .filter(|published| published.topic == topic.name)
             .take(depth.unwrap_or(0) as usize)
@@ -249,7 +248,7 @@ impl Executor {
         );
     }
 
-    /// Runs events in order until one later than `until`, or until nothing is left. True when events are left.
+    /// Runs events in order until the next one is later than `until`, or none remains. True when events remain.
     pub fn run_until(&mut self, until: Stamp) -> bool {
         while let Some((&(at, order), _)) = self.queue.first_key_value() {
             if at > until {
@@ -260,7 +259,7 @@ impl Executor {
         false
     }
 
-    /// Runs until a message appears on `topic`, the queue is empty or `until` has passed. True when it appeared.
+    /// Runs until a message is published on `topic`, the queue is empty or `until` has passed. True when it was published.
     pub fn run_until_published(&mut self, topic: &str, until: Stamp) -> bool {
         let before = self.counts.get(topic).copied().unwrap_or(0);
         while let Some((&(at, order), _)) = self.queue.first_key_value() {
@@ -283,13 +282,13 @@ impl Executor {
                 self.record(&topic, to_cdr(&message));
             }
         }
-        self.born.fill(0);
+        self.started_at.fill(0);
         std::mem::take(&mut self.log)
     }
 
     fn schedule(&mut self, at: Stamp, event: Event) {
-        self.queue.insert((at, self.caused), event);
-        self.caused += 1;
+        self.queue.insert((at, self.next_cause), event);
+        self.next_cause += 1;
     }
 
     fn run_event(&mut self, key: (Stamp, u64)) {
@@ -362,7 +361,7 @@ impl Executor {
         }
     }
 
-    /// Topics that are heard but that no node of the graph publishes.
+    /// Topics with subscribers but without a producer among the nodes of the graph.
     pub fn external_topics(&self) -> BTreeSet<&'static str> {
         self.wiring
             .subscribers

@@ -2,18 +2,18 @@
 
 use probecell_msgs::CdrError;
 
-use crate::{Inputs, Node, Outbox, Outputs, Stamp, Topic};
+use crate::{FaultCode, Inputs, Node, Outbox, Outputs, Stamp, Topic};
 
-/// What one step left: publications as (output port, CDR) in order, and timers asked for.
+/// The outputs of one step: publications in order, and timers requested.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Emitted {
     /// Output port and CDR payload, in the order published.
     pub messages: Vec<(usize, Vec<u8>)>,
-    /// Instant and number of each timer asked for.
+    /// Instant and number of each timer requested.
     pub timers: Vec<(Stamp, u32)>,
 }
 
-/// A message that a node could not take.
+/// A message that a node could not decode.
 #[derive(Debug, thiserror::Error)]
 #[error("a message on {topic} is not a {message}")]
 pub struct DeliverError {
@@ -36,10 +36,12 @@ pub struct RestoreError {
 pub trait Instance: Send {
     /// The node's name.
     fn name(&self) -> &'static str;
-    /// Topics heard, in the order of the port numbers.
+    /// Topics it subscribes to, in the order of the port numbers.
     fn inputs(&self) -> &'static [Topic];
-    /// Topics spoken, in the order of the port numbers.
+    /// Topics it publishes, in the order of the port numbers.
     fn outputs(&self) -> &'static [Topic];
+    /// Codes of the faults that it can report.
+    fn fault_codes(&self) -> Vec<&'static str>;
     /// One step on a message of input port `port`.
     fn deliver(&mut self, now: Stamp, port: usize, cdr: &[u8]) -> Result<Emitted, DeliverError>;
     /// One step on timer `id`.
@@ -50,7 +52,7 @@ pub trait Instance: Send {
     fn restore(&mut self, snapshot: serde_json::Value) -> Result<(), RestoreError>;
 }
 
-/// A node with its settings and its memory.
+/// A node with its settings and its state.
 pub struct Running<N: Node> {
     config: N::Config,
     state: N::State,
@@ -63,7 +65,7 @@ impl<N: Node> Running<N> {
         Self { config, state }
     }
 
-    /// What it remembers now.
+    /// Its current state.
     pub fn state(&self) -> &N::State {
         &self.state
     }
@@ -89,6 +91,10 @@ impl<N: Node> Instance for Running<N> {
 
     fn outputs(&self) -> &'static [Topic] {
         N::Output::topics()
+    }
+
+    fn fault_codes(&self) -> Vec<&'static str> {
+        N::Fault::ALL.iter().map(|fault| fault.code()).collect()
     }
 
     fn deliver(&mut self, now: Stamp, port: usize, cdr: &[u8]) -> Result<Emitted, DeliverError> {

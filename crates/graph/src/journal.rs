@@ -1,6 +1,6 @@
 //! Which inputs a process took, in which order and when.
 //!
-//! Messages on different topics reach a process in an order that no stamp can tell afterwards. The process that drives a
+//! The order in which messages on different topics reach a process cannot be reconstructed from their stamps. The process that drives a
 //! node therefore writes a line for each step: the port, the publication number of the message on its topic (or the
 //! timer's number) and the instant it gave as `now`. Lines are published in batches on `<node>/steps`.
 

@@ -1,16 +1,16 @@
-//! What a node is.
+//! The shape of a node, and the macros that declare its ports.
 
 use std::fmt::Debug;
 
-use probecell_msgs::CdrError;
+use probecell_msgs::{CdrError, Fault};
 use serde::{Serialize, de::DeserializeOwned};
 
-use crate::{Stamp, Topic};
+use crate::{FaultCode, Stamp, Topic};
 
-/// Number of the timer that every node gets once, first of all its inputs.
+/// Number of the timer that every node gets once, as its first input.
 pub const START: u32 = 0;
 
-/// A participant of the cell: a memory, and one rule for each thing that can happen.
+/// A participant of the cell: a state, and a rule for each input.
 ///
 /// Nothing here may depend on anything but the arguments: the same steps on the same inputs give the same bytes.
 pub trait Node: 'static {
@@ -18,17 +18,19 @@ pub trait Node: 'static {
     const NAME: &'static str;
     /// Checked settings, fixed for a run.
     type Config: Send;
-    /// Everything it remembers; snapshotted whole.
+    /// Its whole state; snapshots hold all of it.
     type State: Clone + Debug + PartialEq + Serialize + DeserializeOwned + Send;
-    /// A closed list of what it hears.
+    /// A closed list of what it subscribes to.
     type Input: Inputs;
-    /// A closed list of what it says.
+    /// A closed list of what it publishes.
     type Output: Outputs;
+    /// A closed list of what it can find wrong.
+    type Fault: FaultCode;
 
-    /// The memory before the first input.
+    /// The state before the first input.
     fn start(config: &Self::Config) -> Self::State;
 
-    /// Takes one input at the instant `now`. It cannot fail: what the world sends wrong becomes a `Fault` output.
+    /// Processes one input at the instant `now`. It cannot fail: wrong input from outside becomes a fault.
     fn step(
         config: &Self::Config,
         state: &mut Self::State,
@@ -38,9 +40,9 @@ pub trait Node: 'static {
     );
 }
 
-/// The inputs of a node: one message type for each topic it hears, and timers. Made by [`crate::inputs!`].
+/// The inputs of a node: one message type for each topic, and timers. Made by [`crate::inputs!`].
 pub trait Inputs: Sized {
-    /// Topics heard, in the order of the port numbers.
+    /// Topics subscribed to, in the order of the port numbers.
     fn topics() -> &'static [Topic];
     /// Reads a message of the topic `port`.
     fn read(port: usize, cdr: &[u8]) -> Result<Self, CdrError>;
@@ -50,13 +52,13 @@ pub trait Inputs: Sized {
 
 /// The outputs of a node. Made by [`crate::outputs!`].
 pub trait Outputs: Sized {
-    /// Topics spoken, in the order of the port numbers.
+    /// Topics published, in the order of the port numbers.
     fn topics() -> &'static [Topic];
     /// Port number and CDR bytes of this output.
     fn write(&self) -> (usize, Vec<u8>);
 }
 
-/// Where a step leaves what it says and the timers it wants.
+/// Collects the messages that a step publishes and the timers that it requests.
 #[derive(Debug)]
 pub struct Outbox<O> {
     pub(crate) messages: Vec<O>,
@@ -78,17 +80,25 @@ impl<O> Outbox<O> {
         self.messages.push(message.into());
     }
 
-    /// Asks for the input `Timer(id)` at `at`, or at once when that is past.
+    /// Reports a fault on the node's faults topic.
+    pub fn fault(&mut self, now: Stamp, fault: impl FaultCode, text: impl Into<String>)
+    where
+        O: From<Fault>,
+    {
+        self.messages.push(fault.report(now, text).into());
+    }
+
+    /// Requests the input `Timer(id)` at `at`, or at once when that is past.
     pub fn wake_at(&mut self, at: Stamp, id: u32) {
         self.timers.push((at, id));
     }
 
-    /// What was published, in order; for tests of a single step.
+    /// Messages published, in order; for tests of a single step.
     pub fn messages(&self) -> &[O] {
         &self.messages
     }
 
-    /// Timers asked for, in order; for tests of a single step.
+    /// Timers requested, in order; for tests of a single step.
     pub fn timers(&self) -> &[(Stamp, u32)] {
         &self.timers
     }
@@ -102,7 +112,7 @@ macro_rules! inputs {
         #[derive(Clone, Debug)]
         pub enum $name {
             $($(#[$vmeta])* $variant($message),)*
-            /// A timer that the node asked for; number 0 comes once, at the start.
+            /// A timer that the node requested; number 0 comes once, at the start.
             Timer(u32),
         }
 
@@ -128,9 +138,18 @@ macro_rules! inputs {
     };
 }
 
-/// Declares the outputs of a node: `Variant(Message) = topics::TOPIC`. Messages of distinct types convert by `into`.
+/// Declares the outputs of a node: `Variant(Message) = topics::TOPIC`. A variant `Fault(Fault)` takes what
+/// [`Outbox::fault`] reports.
 #[macro_export]
 macro_rules! outputs {
+    (@from $name:ident Fault) => {
+        impl From<probecell_msgs::Fault> for $name {
+            fn from(fault: probecell_msgs::Fault) -> Self {
+                Self::Fault(fault)
+            }
+        }
+    };
+    (@from $name:ident $other:ident) => {};
     ($(#[$meta:meta])* pub enum $name:ident { $($(#[$vmeta:meta])* $variant:ident($message:ty) = $topic:expr,)* }) => {
         $(#[$meta])*
         #[derive(Clone, Debug, PartialEq)]
@@ -152,5 +171,7 @@ macro_rules! outputs {
                 }
             }
         }
+
+        $($crate::outputs!(@from $name $variant);)*
     };
 }

@@ -1,180 +1,29 @@
-//! Recomputes every node of a recorded session and compares what comes out with what was recorded.
+//! Recomputes every node of a recorded session and compares what it publishes with what was recorded.
 //!
-//! Each node is fed exactly the inputs that its journal names, with the instants its process gave it. An input whose
-//! topic another replayed node publishes is taken from what that node says *now*; only inputs from outside come from
-//! the recording. So nothing that a node said in the recording can make up for what it fails to say in the replay, except
-//! what a killed process said in its last tenth of a second, whose steps were never published: that is taken as recorded,
-//! and the replay is called incomplete.
+//! Each node gets exactly the inputs that its journal lists, at the instants that its process passed as `now`. An input
+//! on a topic of another replayed node is what that node publishes *now*; only inputs from outside come from the
+//! recording. So nothing in the recording can stand in for a message that a node fails to publish in the replay. The one
+//! exception is what a killed process published in its last tenth of a second, whose steps are in no journal: that is
+//! taken as recorded, and the replay is called incomplete.
+
+mod recording;
+mod report;
 
 use std::collections::BTreeMap;
 
-use probecell_msgs::{StepJournal, from_cdr};
-use serde::Serialize;
-
 use crate::{
     Emitted, Instance, START, Stamp, Topic, Wiring, WiringError,
-    journal::{self, Step, TIMER_PORT},
-    topics,
+    journal::{Step, TIMER_PORT},
 };
 
-/// Number of a publication on its topic, made unique over restarts of the publisher: (restart, number).
-type Key = (u32, u64);
-
-/// What a recording holds, sorted by topic.
-#[derive(Debug, Default)]
-pub struct Recording {
-    topics: BTreeMap<String, Vec<Publication>>,
-    journals: BTreeMap<String, NodeJournal>,
-    unreadable_journals: u64,
-}
-
-#[derive(Debug)]
-struct Publication {
-    sequence: u64,
-    at: Stamp,
-    payload: Vec<u8>,
-}
-
-/// The steps of one node that can be made again: from the start of each of its processes without a gap.
-#[derive(Debug, Default)]
-struct NodeJournal {
-    steps: Vec<(u32, Step)>,
-    /// Process and number of the step that comes next.
-    next: (u32, u64),
-    /// Instant of the first step listed of each process, in order.
-    starts: Vec<Stamp>,
-    /// Instant of its last step listed.
-    ends: Vec<Stamp>,
-    /// Steps behind a gap: what the node knew by then cannot be told.
-    beyond: u64,
-    /// Where the first gap lies.
-    gap: Option<String>,
-}
-
-impl NodeJournal {
-    fn push(&mut self, message: &StepJournal) {
-        let (process, next) = self.next;
-        let listed = journal::steps(message);
-        let (Some(&first), Some(&last)) = (message.now.first(), message.now.last()) else {
-            return;
-        };
-        if message.incarnation > process || self.starts.is_empty() {
-            self.starts.push(Stamp(first));
-            self.ends.push(Stamp(last));
-        } else if let Some(end) = self.ends.last_mut() {
-            *end = Stamp(last);
-        }
-        let whole = (message.incarnation, message.first_step) == (process, next)
-            || (message.incarnation > process && message.first_step == 0);
-        if whole {
-            let count = self.steps.len();
-            self.steps
-                .extend(listed.map(|step| (message.incarnation, step)));
-            let added = (self.steps.len() - count) as u64;
-            self.next = (message.incarnation, message.first_step + added);
-        } else {
-            self.beyond += listed.count() as u64;
-            let missing = if message.incarnation > process {
-                0
-            } else {
-                next
-            };
-            self.gap.get_or_insert_with(|| {
-                format!("its journal, which lacks what comes from step {missing} on")
-            });
-        }
-    }
-
-    /// The process that ran at this instant, counted over those that left a journal.
-    fn process_at(&self, instant: Stamp) -> u32 {
-        self.starts
-            .partition_point(|&start| start <= instant)
-            .saturating_sub(1) as u32
-    }
-
-    /// Said by a process that was killed before it had published its last steps: nobody can compute it again.
-    fn is_behind(&self, process: u32, instant: Stamp) -> bool {
-        self.ends
-            .get(process as usize)
-            .is_some_and(|&end| instant > end)
-    }
-}
-
-impl Recording {
-    /// Adds a message in the order recorded. `topic` is the name below the cell's namespace, `sequence` the number that
-    /// its publisher gave it, `at` the instant of its publication.
-    pub fn push(&mut self, topic: &str, sequence: u64, at: Stamp, payload: &[u8]) {
-        if let Some(node) = topic.strip_suffix("/steps") {
-            match from_cdr::<StepJournal>(payload) {
-                Ok(message) => self
-                    .journals
-                    .entry(node.to_owned())
-                    .or_default()
-                    .push(&message),
-                Err(_) => self.unreadable_journals += 1,
-            }
-            return;
-        }
-        self.topics
-            .entry(topic.to_owned())
-            .or_default()
-            .push(Publication {
-                sequence,
-                at,
-                payload: payload.to_vec(),
-            });
-    }
-
-    /// Nodes that left a journal.
-    pub fn journaled(&self) -> impl Iterator<Item = &str> {
-        self.journals.keys().map(String::as_str)
-    }
-
-    /// The journal of the node that publishes a topic: one that is replayed, or the one that the table of topics names.
-    fn producer(&self, topic: &str, replayed: &Speakers) -> Option<&NodeJournal> {
-        let name = match replayed.get(topic) {
-            Some(name) => name,
-            None => topics::by_name(topic)?.producer,
-        };
-        self.journals.get(name)
-    }
-
-    /// Every message by topic and number. A publisher with a journal tells its restarts by their instants; another one by
-    /// counting from the beginning again, which a latched message that was recorded twice does not.
-    fn keyed(&self, replayed: &Speakers) -> Keyed<'_> {
-        self.topics
-            .iter()
-            .map(|(topic, publications)| {
-                let journal = self.producer(topic, replayed);
-                let (mut restart, mut first) = (0, None);
-                let by_key = publications.iter().map(|one| {
-                    restart = match journal {
-                        Some(journal) => journal.process_at(one.at),
-                        None if one.sequence == 1 && first.is_some_and(|at| at != one.at) => {
-                            restart + 1
-                        }
-                        None => restart,
-                    };
-                    if one.sequence == 1 {
-                        first = Some(one.at);
-                    }
-                    ((restart, one.sequence), one)
-                });
-                (topic.as_str(), by_key.collect())
-            })
-            .collect()
-    }
-}
-
-/// The node that publishes each topic of the replayed ones.
-type Speakers = BTreeMap<&'static str, &'static str>;
-
-type Keyed<'a> = BTreeMap<&'a str, BTreeMap<Key, &'a Publication>>;
+pub use recording::Recording;
+use recording::{Key, Keyed, NodeJournal, Producers};
+pub use report::{Difference, NodeReport, Report, TopicReport, Verdict};
 
 /// A recording, and its messages by number.
 struct Session<'a> {
     recording: &'a Recording,
-    replayed: Speakers,
+    replayed: Producers,
     keyed: Keyed<'a>,
 }
 
@@ -200,7 +49,7 @@ impl<'a> Session<'a> {
         Some(&self.keyed.get(topic)?.get(&key)?.payload)
     }
 
-    /// What a replayed node said after the last step of its journal, so that those who heard it can go on.
+    /// What a replayed node published after the last step of its journal, so that its subscribers can continue.
     fn unjournaled(&self, topic: &str, key: Key) -> Option<&'a [u8]> {
         let publication = self.keyed.get(topic)?.get(&key)?;
         self.producer(topic)?
@@ -209,85 +58,7 @@ impl<'a> Session<'a> {
     }
 }
 
-/// How a replay ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Verdict {
-    /// All that was recorded was recomputed, and equal.
-    Equal,
-    /// Something recomputed differs from what was recorded.
-    Different,
-    /// Nothing differs, but part could not be compared: it was not recorded, or an input of it was not.
-    Incomplete,
-}
-
-/// One node in a replay.
-#[derive(Clone, Debug, Serialize)]
-pub struct NodeReport {
-    /// The node.
-    pub node: String,
-    /// Steps recomputed.
-    pub steps: u64,
-    /// Steps that the journal lists but that could not be made.
-    pub steps_left: u64,
-    /// Timers in the journal that the recomputed node had not asked for.
-    pub timers_not_asked_for: u64,
-    /// The input that stopped it, when steps are left.
-    pub waits_for: Option<String>,
-}
-
-/// One topic of a replayed node.
-#[derive(Clone, Debug, Serialize)]
-pub struct TopicReport {
-    /// The topic.
-    pub topic: String,
-    /// The node that publishes it.
-    pub node: String,
-    /// Messages recorded.
-    pub recorded: u64,
-    /// Messages equal byte for byte.
-    pub equal: u64,
-    /// Messages that differ.
-    pub different: u64,
-    /// Recorded, but not recomputed.
-    pub not_recomputed: u64,
-    /// Recomputed, but not recorded.
-    pub not_recorded: u64,
-}
-
-/// The first message that differs, by order of recomputation.
-#[derive(Clone, Debug, Serialize)]
-pub struct Difference {
-    /// The topic.
-    pub topic: String,
-    /// The publication's number on it.
-    pub sequence: u64,
-    /// Instant of the step that published it.
-    pub at: Stamp,
-    /// CDR bytes recorded.
-    #[serde(skip)]
-    pub recorded: Vec<u8>,
-    /// CDR bytes recomputed.
-    #[serde(skip)]
-    pub recomputed: Vec<u8>,
-}
-
-/// What a replay found.
-#[derive(Clone, Debug, Serialize)]
-pub struct Report {
-    /// The whole in a word.
-    pub verdict: Verdict,
-    /// Each node.
-    pub nodes: Vec<NodeReport>,
-    /// Each topic of a replayed node.
-    pub topics: Vec<TopicReport>,
-    /// The first difference.
-    pub first_difference: Option<Difference>,
-    /// Instant of the first and of the last step.
-    pub span: Option<(Stamp, Stamp)>,
-}
-
-/// Makes a node at its start, as often as it was started in the session.
+/// Creates a node at its start; called once for each start in the session.
 pub type Factory = Box<dyn Fn() -> Box<dyn Instance>>;
 
 struct Player<'a> {
@@ -296,8 +67,8 @@ struct Player<'a> {
     steps: &'a [(u32, Step)],
     next: usize,
     pending: BTreeMap<u32, Vec<Stamp>>,
-    heard: BTreeMap<u16, Key>,
-    said: BTreeMap<&'static str, Key>,
+    received: BTreeMap<u16, Key>,
+    published: BTreeMap<&'static str, Key>,
     timers_not_asked_for: u64,
     waits_for: Option<String>,
 }
@@ -307,20 +78,21 @@ impl Player<'_> {
         self.node = node;
         self.incarnation = incarnation;
         self.pending.clear();
-        // A new process hears latched messages again. Whom it hears is told by the journals, or else as it was.
+        // A new process receives latched messages again. Their publisher's process is known from its journal; without one
+        // it stays the same.
         let inputs = self.node.inputs();
-        self.heard.retain(|&port, key| {
+        self.received.retain(|&port, key| {
             key.1 = 0;
             session.producer(inputs[usize::from(port)].name).is_none()
         });
-        for key in self.said.values_mut() {
+        for key in self.published.values_mut() {
             *key = (key.0 + 1, 0);
         }
     }
 
-    /// The key of a heard number: within one process numbers grow, and one that begins again is another process.
+    /// The key of a number received: within one process numbers increase, and one that begins again is another process.
     fn key(&self, step: Step, topic: &str, session: &Session<'_>) -> Key {
-        match self.heard.get(&step.port) {
+        match self.received.get(&step.port) {
             Some(&(restart, last)) if step.sequence <= last && step.sequence == 1 => {
                 (restart + 1, 1)
             }
@@ -360,8 +132,8 @@ pub fn replay(recording: &Recording, factories: &[Factory]) -> Result<Report, Wi
             incarnation: 0,
             next: 0,
             pending: BTreeMap::new(),
-            heard: BTreeMap::new(),
-            said: node
+            received: BTreeMap::new(),
+            published: node
                 .outputs()
                 .iter()
                 .map(|topic| (topic.name, (0, 0)))
@@ -372,7 +144,7 @@ pub fn replay(recording: &Recording, factories: &[Factory]) -> Result<Report, Wi
         })
         .collect();
     let mut comparison = Comparison::new(&session);
-    let mut said: BTreeMap<(&'static str, Key), Vec<u8>> = BTreeMap::new();
+    let mut published: BTreeMap<(&'static str, Key), Vec<u8>> = BTreeMap::new();
     let mut progress = true;
     while progress {
         progress = false;
@@ -382,7 +154,7 @@ pub fn replay(recording: &Recording, factories: &[Factory]) -> Result<Report, Wi
                 &factories[index],
                 &session,
                 &wiring,
-                &said,
+                &published,
             ) {
                 progress = true;
                 let now = players[index].steps[players[index].next - 1].1.now;
@@ -391,7 +163,7 @@ pub fn replay(recording: &Recording, factories: &[Factory]) -> Result<Report, Wi
                     emitted,
                     now,
                     &mut comparison,
-                    &mut said,
+                    &mut published,
                 );
             }
         }
@@ -405,7 +177,7 @@ fn advance(
     factory: &Factory,
     session: &Session<'_>,
     wiring: &Wiring,
-    said: &BTreeMap<(&'static str, Key), Vec<u8>>,
+    published: &BTreeMap<(&'static str, Key), Vec<u8>>,
 ) -> Option<Emitted> {
     let &(incarnation, step) = player.steps.get(player.next)?;
     if incarnation != player.incarnation {
@@ -419,7 +191,8 @@ fn advance(
         let topic = player.node.inputs().get(usize::from(step.port))?;
         let key = player.key(step, topic.name, session);
         let payload = if wiring.producer(topic.name).is_some() {
-            said.get(&(topic.name, key))
+            published
+                .get(&(topic.name, key))
                 .map(Vec::as_slice)
                 .or_else(|| session.unjournaled(topic.name, key))
         } else {
@@ -429,7 +202,7 @@ fn advance(
             player.waits_for = Some(format!("message {} on {}", step.sequence, topic.name));
             return None;
         };
-        player.heard.insert(step.port, key);
+        player.received.insert(step.port, key);
         // A message that a process could not read made no step, and so stands in no journal; one that cannot be read
         // now differs from what was recorded, and what should have come of it will be missing.
         player
@@ -447,7 +220,7 @@ fn settle(
     emitted: Emitted,
     now: Stamp,
     comparison: &mut Comparison<'_>,
-    said: &mut BTreeMap<(&'static str, Key), Vec<u8>>,
+    published: &mut BTreeMap<(&'static str, Key), Vec<u8>>,
 ) {
     for (at, id) in emitted.timers {
         player.pending.entry(id).or_default().push(at.max(now));
@@ -455,10 +228,10 @@ fn settle(
     for (port, payload) in emitted.messages {
         let described = &player.node.outputs()[port];
         let topic = described.name;
-        let key = player.said.entry(topic).or_insert((0, 0));
+        let key = player.published.entry(topic).or_insert((0, 0));
         key.1 += 1;
         comparison.compare(described, *key, now, &payload);
-        said.insert((topic, *key), payload);
+        published.insert((topic, *key), payload);
     }
 }
 

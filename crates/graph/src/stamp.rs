@@ -1,6 +1,6 @@
 //! An instant of a session.
 
-use probecell_msgs::builtin_interfaces::Time;
+use probecell_msgs::{builtin_interfaces::Time, std_msgs::Header};
 use serde::{Deserialize, Serialize};
 
 /// Nanoseconds since 1970-01-01 UTC, as ROS stamps count them.
@@ -18,6 +18,14 @@ impl Stamp {
     /// Seconds from `earlier` to this instant.
     pub fn since_s(self, earlier: Self) -> f64 {
         self.0.saturating_sub(earlier.0) as f64 * 1e-9
+    }
+
+    /// The header of a message that is made at this instant; `frame_id` is empty where no field refers to a frame.
+    pub fn header(self, frame_id: &str) -> Header {
+        Header {
+            stamp: self.time(),
+            frame_id: frame_id.to_owned(),
+        }
     }
 
     /// As the message field. Instants before 1970 or after 2106 saturate, since the field's seconds are 32 bits.

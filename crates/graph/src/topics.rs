@@ -1,8 +1,10 @@
-//! The table of topics: name, message, quality of service and the one producer of each.
+//! The table of topics that nodes share: name, message, quality of service and the one producer of each.
 //!
-//! Names are relative to the cell's namespace. Consumers are found from the nodes' inputs (`Wiring`). Contract topics keep
-//! the contract's names and QoS.
+//! Names are relative to the cell's namespace. Subscribers are found from the inputs of the nodes ([`crate::Wiring`]). A
+//! topic that no other node subscribes to can be declared by its node instead ([`crate::declare_topics!`]); [`of`] lists
+//! both kinds. Contract topics keep the contract's names and QoS.
 
+use crate::Instance;
 use probecell_msgs::{
     ControllerCommand, ControllerReply, ControllerStatus, Correction, CorrectionAcknowledgement,
     Fault, FeatureResult, GapReport, InspectionPlan, LossReport, MachineState, MeasurementOrder,
@@ -63,19 +65,26 @@ pub struct Topic {
     pub producer: &'static str,
 }
 
-macro_rules! topics {
+/// Declares topics: `CONSTANT = "producer", "name", Message, quality of service;`. The table of this module is made of
+/// it; a node outside the workspace declares its own topics in the same way.
+#[macro_export]
+macro_rules! declare_topics {
     ($($constant:ident = $producer:literal, $name:literal, $message:ty, $qos:expr;)*) => {
         $(
             #[doc = concat!("`", $name, "`, published by `", $producer, "`.")]
-            pub const $constant: Topic =
-                Topic { name: $name, message: <$message as Message>::TYPE, qos: $qos, producer: $producer };
+            pub const $constant: $crate::Topic = $crate::Topic {
+                name: $name,
+                message: <$message as probecell_msgs::Message>::TYPE,
+                qos: $qos,
+                producer: $producer,
+            };
         )*
-        /// Every topic of the cell.
-        pub const ALL: &[Topic] = &[$($constant),*];
+        /// Every topic declared here.
+        pub const ALL: &[$crate::Topic] = &[$($constant),*];
     };
 }
 
-topics! {
+declare_topics! {
     CONTROLLER_STATUS = "driver", "controller_status", ControllerStatus, Qos::reliable(100);
     PROBE_TRIGGERS = "driver", "probe_triggers", ProbeTrigger, Qos::KEEP_ALL;
     CONTROLLER_REPLIES = "driver", "controller_replies", ControllerReply, Qos::KEEP_ALL;
@@ -128,6 +137,18 @@ topics! {
 /// The topic of that name, if the cell has it.
 pub fn by_name(name: &str) -> Option<Topic> {
     ALL.iter().copied().find(|topic| topic.name == name)
+}
+
+/// Every topic of a cell of these nodes: those of the table, then those that only a node declares.
+pub fn of(nodes: &[Box<dyn Instance>]) -> Vec<Topic> {
+    let declared = nodes.iter().flat_map(|node| node.outputs());
+    let mut topics = ALL.to_vec();
+    for topic in declared {
+        if !topics.iter().any(|known| known.name == topic.name) {
+            topics.push(*topic);
+        }
+    }
+    topics
 }
 
 /// Name of the topic on which the process of `node` publishes its step journal.

@@ -1,14 +1,14 @@
-//! Drives a real controller: its driver polls the controller, and this process carries what it says and hears.
+//! Runs the driver of a real controller: polls its connection and carries its messages to and from the bus.
 //!
-//! The driver speaks and hears exactly the topics that the simulated machine does. It is no node: it does I/O, makes no
-//! decision and keeps no journal; a replay takes what it said as external input.
+//! The process publishes and subscribes to exactly the topics of the simulated machine. It is not a node: it does I/O, makes
+//! no decision and keeps no journal; a replay takes what it published as external input.
 
 use std::{
     sync::mpsc::{RecvTimeoutError, Sender, channel},
     time::{Duration, Instant},
 };
 
-use controllers::linuxcnc::{Driver, DriverOutput};
+use controllers::driver::{Connection, DriverOutput};
 use graph::{Topic, topics};
 use probecell_msgs::{
     ControllerCommand, InspectionPlan, MeasurementOrder, Message, from_cdr, to_cdr,
@@ -20,21 +20,28 @@ use crate::{
     topology::{bus_qos, now},
 };
 
-/// Between two looks at the controller: 100 Hz, twice what the contract asks for.
+/// Polling period: 100 Hz, twice what the contract asks for.
 const POLL: Duration = Duration::from_millis(10);
-/// How long an end may take to write out what was published.
-const CLOSE_PATIENCE: Duration = Duration::from_secs(5);
+/// Timeout of the end, in which what was published is written out.
+const CLOSE_TIMEOUT: Duration = Duration::from_secs(5);
 
-enum Heard {
+/// Topics that a driver subscribes to.
+pub const SUBSCRIBED: [Topic; 3] = [
+    topics::CONTROLLER_COMMANDS,
+    topics::INSPECTION_PLAN,
+    topics::MEASUREMENT_ORDER,
+];
+
+enum Incoming {
     Command(Box<ControllerCommand>),
     Plan(Box<InspectionPlan>),
     Order(Box<MeasurementOrder>),
 }
 
-/// Runs `driver` on `bus` until `stopped` says so.
+/// Runs a connection to a controller on `bus` until `stopped` returns true.
 pub fn run_driver(
     bus: Bus,
-    mut driver: Driver,
+    mut driver: Box<dyn Connection>,
     namespace: &str,
     stopped: &dyn Fn() -> bool,
 ) -> Result<(), BusError> {
@@ -45,28 +52,17 @@ pub fn run_driver(
     let triggers = publisher(topics::PROBE_TRIGGERS)?;
     let replies = publisher(topics::CONTROLLER_REPLIES)?;
     let (sender, receiver) = channel();
+    let [commands, plans, orders] = SUBSCRIBED;
     let subscriptions = [
-        hear(
-            &bus,
-            namespace,
-            topics::CONTROLLER_COMMANDS,
-            &sender,
-            |message| Heard::Command(Box::new(message)),
-        )?,
-        hear(
-            &bus,
-            namespace,
-            topics::INSPECTION_PLAN,
-            &sender,
-            |message| Heard::Plan(Box::new(message)),
-        )?,
-        hear(
-            &bus,
-            namespace,
-            topics::MEASUREMENT_ORDER,
-            &sender,
-            |message| Heard::Order(Box::new(message)),
-        )?,
+        subscribe(&bus, namespace, commands, &sender, |message| {
+            Incoming::Command(Box::new(message))
+        })?,
+        subscribe(&bus, namespace, plans, &sender, |message| {
+            Incoming::Plan(Box::new(message))
+        })?,
+        subscribe(&bus, namespace, orders, &sender, |message| {
+            Incoming::Order(Box::new(message))
+        })?,
     ];
     let mut next = Instant::now();
     while !stopped() {
@@ -81,36 +77,33 @@ pub fn run_driver(
         next = (next + POLL).max(Instant::now());
         loop {
             match receiver.recv_timeout(next.saturating_duration_since(Instant::now())) {
-                Ok(Heard::Command(command)) => driver.command(*command),
-                Ok(Heard::Plan(plan)) => driver.plan(*plan),
-                Ok(Heard::Order(order)) => driver.order(*order),
+                Ok(Incoming::Command(command)) => driver.command(*command),
+                Ok(Incoming::Plan(plan)) => driver.plan(*plan),
+                Ok(Incoming::Order(order)) => driver.order(*order),
                 Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => break,
             }
         }
     }
     drop(subscriptions);
-    bus.close(CLOSE_PATIENCE)
+    bus.close(CLOSE_TIMEOUT)
 }
 
 fn publish(publisher: &Publisher, message: &impl Message, instant: i64) -> Result<(), BusError> {
     publisher.publish(to_cdr(message), instant).map(drop)
 }
 
-fn hear<M: Message>(
+fn subscribe<M: Message>(
     bus: &Bus,
     namespace: &str,
     topic: Topic,
-    sender: &Sender<Heard>,
-    wrap: impl Fn(M) -> Heard + Send + Sync + 'static,
+    sender: &Sender<Incoming>,
+    wrap: impl Fn(M) -> Incoming + Send + Sync + 'static,
 ) -> Result<Subscription, BusError> {
     let sender = sender.clone();
     let on_sample = move |received: Received<'_>| match from_cdr::<M>(&received.payload) {
-        // The queue outlives the subscription only at the end, when nobody needs the message any more.
+        // The queue is gone only at the end, when the message is no longer needed.
         Ok(message) => drop(sender.send(wrap(message))),
-        Err(refused) => error!(
-            "a message on {} is not usable: {refused}: passed over",
-            topic.name
-        ),
+        Err(refused) => error!("ignored an invalid message on {}: {refused}", topic.name),
     };
     let on_lost =
         move |lost: crate::bus::Lost| error!("lost {} messages on {}", lost.count, topic.name);

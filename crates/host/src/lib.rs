@@ -1,7 +1,53 @@
-//! The only live shell of the cell: bus, clock and processes.
+//! How does a node run live? The only crate that knows a transport, the clock and processes of a running cell.
 //!
-//! [`bus`] speaks Zenoh or DDS. [`process`] drives one node from the bus and the clock and writes its step journal;
-//! [`recording`] is the recorder. Nothing else of the project knows a transport or asks for the time.
+//! ```text
+//!        topics, services, graph of nodes (rmw_zenoh's wire format, or DDS)
+//!   ----------+-----------------+------------------+---------------- bus
+//!             |                 |                  |
+//!        run_node          run_driver        RecorderProcess
+//!      one graph::Node   one controllers::     every topic
+//!      + step journal    driver::Connection    into a bag
+//! ```
+//!
+//! | module | content |
+//! |---|---|
+//! | [`bus`] | publish, subscribe, services over Zenoh or DDS; recovery of lost samples |
+//! | [`process`] | drives one node by messages and timers, and publishes its step journal |
+//! | [`driver`] | polls the connection to a controller |
+//! | [`recording`] | the recorder |
+//!
+//! ```
+//! use std::{sync::mpsc::channel, time::{Duration, Instant}};
+//!
+//! use host::bus::{Bus, BusConfig, Qos, Router, RouterConfig};
+//! use probecell_msgs::{Message, from_cdr, std_msgs, to_cdr};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! # let free = std::net::TcpListener::bind("127.0.0.1:0")?.local_addr()?;
+//! let endpoint = format!("tcp/{free}");
+//! let router = Router::start(&RouterConfig { listen: vec![endpoint.clone()], ..Default::default() })?;
+//! let config = BusConfig { endpoints: vec![endpoint], ..Default::default() };
+//! let bus = Bus::open(&config, "talker", "/cell")?;
+//! let (sender, received) = channel();
+//! let subscription = bus.subscribe(
+//!     "/cell/chatter",
+//!     std_msgs::String::TYPE,
+//!     Qos::events(),
+//!     Box::new(move |sample| drop(sender.send(sample.payload.into_owned()))),
+//!     Box::new(|lost| eprintln!("lost {}", lost.count)),
+//! )?;
+//! let publisher = bus.publisher("/cell/chatter", std_msgs::String::TYPE, Qos::events())?;
+//! let timeout = Duration::from_secs(10);
+//! assert!(bus.wait_for_subscribers(&publisher, 1, Instant::now() + timeout));
+//! publisher.publish(to_cdr(&std_msgs::String { data: "hello".to_owned() }), 0)?;
+//! let text: std_msgs::String = from_cdr(&received.recv_timeout(timeout)?)?;
+//! assert_eq!(text.data, "hello");
+//! drop(subscription);
+//! bus.close(timeout)?;
+//! router.close()?;
+//! # Ok(())
+//! # }
+//! ```
 
 pub mod bus;
 pub mod driver;
@@ -9,7 +55,7 @@ pub mod process;
 pub mod recording;
 mod topology;
 
-pub use driver::run_driver;
+pub use driver::{SUBSCRIBED, run_driver};
 pub use process::{NodeProcess, ProcessError, Stop, run_node};
 pub use recording::{RecorderProcess, RecordingSettings};
-pub use topology::{bus_qos, endpoint_answers, now, wait_until_heard};
+pub use topology::{bus_qos, endpoint_answers, now, wait_for_subscriptions};

@@ -20,19 +20,19 @@ use tracing::{error, warn};
 
 use crate::{
     bus::{Bus, BusError, Lost, Publisher, Received, Subscription, TypeId},
-    topology::{bus_qos, now, wait_until_heard},
+    topology::{bus_qos, now, wait_for_subscriptions},
 };
 
 /// Steps after which a batch of the journal goes out.
 const JOURNAL_STEPS: usize = 256;
 /// s after which a batch goes out even if it is small.
 const JOURNAL_AGE: f64 = 0.1;
-/// Most messages taken between two looks at the timers.
+/// Most messages taken before timers are checked again.
 const BURST: usize = 256;
-/// How long a start waits for the others of the cell.
-const START_PATIENCE: Duration = Duration::from_secs(20);
-/// How long an end may take to write out what was published.
-const CLOSE_PATIENCE: Duration = Duration::from_secs(5);
+/// Timeout of the start, in which the other processes of the cell subscribe.
+const START_TIMEOUT: Duration = Duration::from_secs(20);
+/// Timeout of the end, in which what was published is written out.
+const CLOSE_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Asks a process to end; clones ask the same one.
 #[derive(Clone)]
@@ -46,7 +46,7 @@ impl Stop {
     }
 }
 
-/// What a process is told at its start.
+/// Settings of a process.
 #[derive(Clone, Debug)]
 pub struct NodeProcess {
     /// Namespace of the cell, with its slash.
@@ -88,16 +88,16 @@ pub fn run_node(
     let (sender, receiver) = channel();
     hand_over(Stop(sender.clone()));
     let mut process = Process::join(&bus, node, settings, &sender)?;
-    if let Some(topic) = wait_until_heard(&bus, &process.awaited(settings), START_PATIENCE) {
+    if let Some(topic) = wait_for_subscriptions(&bus, &process.awaited(settings), START_TIMEOUT) {
         warn!(
-            "{} starts although not everybody hears {topic}",
+            "{} starts, although subscriptions to {topic} are missing",
             process.node.name()
         );
     }
     process.run(&receiver)?;
     process.publish_journal()?;
     process.leave();
-    bus.close(CLOSE_PATIENCE)?;
+    bus.close(CLOSE_TIMEOUT)?;
     Ok(())
 }
 
@@ -109,7 +109,7 @@ struct Process {
     subscriptions: Vec<Subscription>,
     journal: Journal,
     timers: BTreeMap<(Stamp, u64), u32>,
-    asked: u64,
+    timers_set: u64,
     last: Stamp,
 }
 
@@ -135,7 +135,7 @@ impl Process {
         let mut subscriptions = Vec::new();
         for (port, topic) in node.inputs().iter().enumerate() {
             let (samples, losses) = (sender.clone(), sender.clone());
-            // The queue outlives the subscription only at the end, when nobody needs the message any more.
+            // The queue is gone only at the end, when the message is no longer needed.
             let on_sample = move |received: Received<'_>| {
                 let sequence = received.sequence;
                 drop(samples.send(Event::Message {
@@ -164,7 +164,7 @@ impl Process {
             subscriptions,
             journal,
             timers,
-            asked: 0,
+            timers_set: 0,
             last,
         })
     }
@@ -172,12 +172,13 @@ impl Process {
     /// Absolute topic, type and number of subscriptions to wait for.
     fn awaited(&self, settings: &NodeProcess) -> Vec<(String, TypeId, usize)> {
         let journal = topics::journal_name(self.node.name());
-        let own = self
+        let outputs = self
             .node
             .outputs()
             .iter()
             .map(|topic| (topic.name, topic.message));
-        own.chain([(journal.as_str(), topics::JOURNAL.0)])
+        outputs
+            .chain([(journal.as_str(), topics::JOURNAL.0)])
             .filter_map(|(name, message)| {
                 let count = *settings.awaited.get(name)?;
                 Some((
@@ -194,8 +195,8 @@ impl Process {
         self.timer(first, START)?;
         loop {
             self.fire_due()?;
-            // A node that wakes itself at once, for its next stretch of long work, hears what came meanwhile before that.
-            let first = match receiver.recv_timeout(self.patience()) {
+            // A node that sets a timer at once, for the next slice of long work, gets the messages that arrived meanwhile first.
+            let first = match receiver.recv_timeout(self.time_to_next()) {
                 Ok(event) => Some(event),
                 Err(RecvTimeoutError::Timeout) => None,
                 Err(RecvTimeoutError::Disconnected) => return Ok(()),
@@ -236,7 +237,7 @@ impl Process {
     }
 
     /// Until the next timer, or until the journal is due.
-    fn patience(&self) -> Duration {
+    fn time_to_next(&self) -> Duration {
         let next = self.timers.keys().next().map(|&(at, _)| at);
         let journal = self
             .journal
@@ -286,7 +287,10 @@ impl Process {
                 emitted,
             ),
             Err(refused) => {
-                error!("{}: {refused}: passed over", self.node.name());
+                error!(
+                    "{}: ignored an invalid message: {refused}",
+                    self.node.name()
+                );
                 Ok(())
             }
         }
@@ -297,8 +301,8 @@ impl Process {
             self.publishers[port].publish(payload, step.now.0)?;
         }
         for (at, id) in emitted.timers {
-            self.timers.insert((at, self.asked), id);
-            self.asked += 1;
+            self.timers.insert((at, self.timers_set), id);
+            self.timers_set += 1;
         }
         self.journal.push(step);
         Ok(())

@@ -6,7 +6,7 @@
 use std::{collections::BTreeMap, path::PathBuf, sync::Arc, time::Duration};
 
 use bags::{Channel, Recorder, RecorderOptions, SplitAt, Statistics};
-use graph::{Stamp, topics};
+use graph::{Stamp, Topic, topics};
 use probecell_msgs::{LossReport, MessageType, std_msgs, to_cdr};
 use tracing::error;
 
@@ -15,16 +15,18 @@ use crate::{
     topology::{bus_qos, now},
 };
 
-/// What a recording is told at its start.
+/// Settings of a recording.
 #[derive(Clone, Debug)]
 pub struct RecordingSettings {
     /// Folder to write, which must not exist.
     pub folder: PathBuf,
     /// Namespace of the cell, with its slash.
     pub namespace: String,
+    /// Topics to record.
+    pub topics: Vec<Topic>,
     /// Nodes whose step journals are recorded.
     pub nodes: Vec<String>,
-    /// What a kill may cost.
+    /// Longest time of messages that a kill may lose.
     pub sync_interval: Duration,
     /// When a new file is begun.
     pub split: SplitAt,
@@ -51,7 +53,7 @@ pub struct RecorderProcess {
     subscriptions: Vec<Subscription>,
 }
 
-/// Tells losses on the bus.
+/// Publishes losses on the bus.
 struct Losses {
     publisher: Publisher,
     namespace: String,
@@ -79,7 +81,7 @@ impl RecorderProcess {
             recorder,
             subscriptions: Vec::new(),
         };
-        for topic in topics::ALL {
+        for topic in &settings.topics {
             process.subscribe(
                 bus,
                 &settings.namespace,
@@ -125,13 +127,13 @@ impl RecorderProcess {
                 source,
                 received.payload.into_owned(),
             );
-            // A full queue is counted by the bag itself; a stopped or failed one is told by `finish`.
+            // A full queue is counted by the bag itself; a stopped or failed one is reported by `finish`.
             drop(pushed);
         };
         let (losses, topic) = (Arc::clone(losses), name.to_owned());
         let on_lost = move |lost: crate::bus::Lost| {
             for_losses.report_bus_loss(channel, lost.count, false);
-            losses.tell(&topic, lost);
+            losses.publish(&topic, lost);
         };
         let subscription = bus.subscribe(
             &absolute,
@@ -149,7 +151,7 @@ impl RecorderProcess {
         self.recorder.failure()
     }
 
-    /// Writes what is queued, closes the files and tells what was written.
+    /// Writes what is queued, closes the files and returns what was written.
     pub fn finish(mut self) -> Result<Statistics, RecordingError> {
         self.subscriptions.clear();
         Ok(self.recorder.stop()?)
@@ -157,7 +159,7 @@ impl RecorderProcess {
 }
 
 impl Losses {
-    fn tell(&self, topic: &str, lost: crate::bus::Lost) {
+    fn publish(&self, topic: &str, lost: crate::bus::Lost) {
         let instant: Stamp = now();
         error!(
             "lost {} messages on {}/{topic} from number {}",
@@ -175,7 +177,7 @@ impl Losses {
             recovered: false,
         };
         if let Err(error) = self.publisher.publish(to_cdr(&report), instant.0) {
-            error!("a loss could not be told on the bus: {error}");
+            error!("a loss could not be published: {error}");
         }
     }
 }
@@ -198,10 +200,11 @@ fn bag_qos(qos: graph::Qos) -> bags::Qos {
     }
 }
 
-/// Subscriptions that the recorder adds to each topic: one, for each topic of the cell and each journal.
-pub fn heard_by_recorder(nodes: &[&str]) -> BTreeMap<String, usize> {
-    let own = topics::ALL.iter().map(|topic| topic.name.to_owned());
-    own.chain(nodes.iter().map(|node| topics::journal_name(node)))
+/// Subscriptions that the recorder adds: one to each topic of the cell and one to each journal.
+pub fn subscriptions_of_recorder(topics: &[Topic], nodes: &[&str]) -> BTreeMap<String, usize> {
+    let names = topics.iter().map(|topic| topic.name.to_owned());
+    names
+        .chain(nodes.iter().map(|node| topics::journal_name(node)))
         .map(|name| (name, 1))
         .collect()
 }

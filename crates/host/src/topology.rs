@@ -1,4 +1,4 @@
-//! What processes of one cell need to know of one another: quality of service on the wire, and who must be there.
+//! What processes of one cell share: quality of service on the wire, the clock, and waiting for one another.
 
 use std::{
     net::{TcpStream, ToSocketAddrs},
@@ -9,8 +9,8 @@ use graph::Stamp;
 
 use crate::bus::{Bus, Durability, History, Qos, Reliability, TypeId};
 
-/// Between two looks at the graph.
-const LOOK: Duration = Duration::from_millis(20);
+/// Polling period of the graph.
+const PERIOD: Duration = Duration::from_millis(20);
 
 /// Quality of service of the table of topics, as the bus takes it.
 pub fn bus_qos(qos: graph::Qos) -> Qos {
@@ -39,14 +39,14 @@ pub fn now() -> Stamp {
     Stamp(i64::try_from(since.as_nanos()).unwrap_or(i64::MAX))
 }
 
-/// Waits until each of `wanted` (absolute topic, type, number) has that many subscriptions. The first topic that has
-/// not when `within` is over comes back.
-pub fn wait_until_heard<'a>(
+/// Waits until each of `wanted` (absolute topic, type, number) has that many subscriptions; returns the first topic that lacks
+/// one when `timeout` is over.
+pub fn wait_for_subscriptions<'a>(
     bus: &Bus,
     wanted: &'a [(String, TypeId, usize)],
-    within: Duration,
+    timeout: Duration,
 ) -> Option<&'a str> {
-    let deadline = Instant::now() + within;
+    let deadline = Instant::now() + timeout;
     loop {
         let graph = bus.graph();
         let missing = wanted
@@ -56,7 +56,7 @@ pub fn wait_until_heard<'a>(
             None => return None,
             Some((topic, ..)) if Instant::now() >= deadline => return Some(topic),
             // A change of the graph has no event of its own here; this wait is bounded and happens at the start only.
-            Some(_) => std::thread::sleep(LOOK),
+            Some(_) => std::thread::sleep(PERIOD),
         }
     }
 }

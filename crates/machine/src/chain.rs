@@ -2,12 +2,15 @@
 //!
 //! Metres and radians. Frames as in the interface contract: the part branch ends in link `workpiece`, the tool branch
 //! in link `probe_mount`; each may be empty or share a beginning with the other. A joint is nominal origin, then
-//! location error, then motion, then motion error (ISO 230-1 names for the errors). The chain knows no limits of
-//! speed, no collisions and no dynamics; masses are carried along for those who need them.
+//! location error, then motion, then motion error (ISO 230-1 names for the errors). Limits of position and of motion
+//! ([`crate::motion`]) belong to the axes; the chain knows no collisions and no dynamics, and carries masses along for
+//! those who need them.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{Isometry3, Matrix3, Translation3, Unit, UnitQuaternion, Vector3};
+
+use crate::motion::Motion;
 
 /// Root link of every machine.
 pub const FOUNDATION: &str = "foundation";
@@ -156,8 +159,9 @@ pub struct Chain {
     part_branch: Vec<usize>,
     tool_branch: Vec<usize>,
     axes: Vec<usize>,
-    /// For each joint its place in `axes`.
+    /// For each joint its index in `axes`.
     axis_of: Vec<Option<usize>>,
+    motion: Motion,
 }
 
 impl Chain {
@@ -208,7 +212,9 @@ impl Chain {
         let axis_of = (0..joints.len())
             .map(|index| axes.binary_search(&index).ok())
             .collect();
+        let motion = Motion::at_speeds(axes.iter().map(|&index| joints[index].speed));
         Ok(Self {
+            motion,
             name: robot.name,
             joints,
             part_branch,
@@ -216,6 +222,16 @@ impl Chain {
             axes,
             axis_of,
         })
+    }
+
+    /// The same machine with other limits of its motion than the top speeds of its description.
+    pub fn with_motion(self, motion: Motion) -> Self {
+        Self { motion, ..self }
+    }
+
+    /// How its axes move together, in the order of a position vector.
+    pub fn motion(&self) -> &Motion {
+        &self.motion
     }
 
     /// Name of the machine in its description.
@@ -241,7 +257,7 @@ impl Chain {
         &self.axes
     }
 
-    /// Place of a joint in a position vector; `None` for one that does not move.
+    /// Index of a joint in a position vector; `None` for one that does not move.
     pub(crate) fn axis_of(&self, joint: usize) -> Option<usize> {
         self.axis_of[joint]
     }
@@ -253,12 +269,12 @@ impl Chain {
             .map(|&index| self.joints[index].name.as_str())
     }
 
-    /// Place of an axis in a position vector.
+    /// Index of an axis in a position vector.
     pub fn axis_index(&self, name: &str) -> Option<usize> {
         self.axis_names().position(|known| known == name)
     }
 
-    /// The moving joint at a place of the position vector.
+    /// The moving joint at an index of a position vector.
     pub fn axis(&self, index: usize) -> &Joint {
         &self.joints[self.axes[index]]
     }

@@ -1,8 +1,8 @@
 //! Closed-form inverse of a swivel-head machine XFYZBA: tool tip and tool axis to axis positions.
 //!
-//! Metres and radians, part frame = frame of the table. Source systems E.4: I = Ry(B) Rx(A) k, pivot Q = P + L I,
-//! x = −Q_x, y = Q_y, z = Q_z. [`Chain::reach`](crate::Chain::reach) prescribes all of the orientation or none of it; here the turn
-//! about the tool axis is left free. Travels are not checked.
+//! Metres and radians, part frame = frame of the table. `docs/source_systems.md, E.4`: I = Ry(B) Rx(A) k, pivot
+//! Q = P + L I, x = −Q_x, y = Q_y, z = Q_z. [`Chain::reach`](crate::Chain::reach) prescribes all of the orientation or none
+//! of it; here the turn about the tool axis is left free. Travels are not checked.
 
 use nalgebra::{Point3, Unit, Vector3};
 

@@ -1,4 +1,4 @@
-//! The chain against section D of the domain specification: closed-form Jacobian (D.2) and sensitivity table (D.3).
+//! The chain against `docs/source_systems.md, D`: closed-form Jacobian (D.2) and sensitivity table (D.3).
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 

@@ -1,32 +1,21 @@
 //! Deviations of all touches of the development sessions against an independent NumPy implementation.
 
-use std::path::Path;
 use std::process::Command;
 
 use machine::{Chain, deviation};
 
 #[test]
 fn deviations_agree_with_numpy_to_a_nanometre() {
-    let folder = Path::new(concat!(
-        env!("CARGO_MANIFEST_DIR"),
-        "/../../../shared/trials/dev"
-    ));
-    let Ok(entries) = std::fs::read_dir(folder) else {
-        println!("skipped: no {}", folder.display());
+    let bags = shared_data::bags("trials/dev");
+    if bags.is_empty() {
         return;
-    };
-    let mut bags: Vec<_> = entries.map(|entry| entry.unwrap().path()).collect();
-    bags.retain(|path| {
-        path.extension()
-            .is_some_and(|extension| extension == "mcap")
-    });
-    bags.sort();
+    }
     let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/nominal_deviation.py");
     let imports = Command::new("python3")
         .args(["-c", "import numpy, mcap_ros2"])
         .output();
     if !imports.is_ok_and(|run| run.status.success()) {
-        println!("skipped: python3 with numpy and mcap-ros2-support is not installed");
+        shared_data::note_missing("python3 with numpy and mcap-ros2-support is not installed");
         return;
     }
     let run = Command::new("python3")

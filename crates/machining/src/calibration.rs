@@ -1,14 +1,15 @@
 //! Location errors of a machine's axes from touches of balls that it has not cut.
 //!
-//! Metres and radians, part frame. A ball stands still in the part while the rotary axes turn both: that its centre
-//! seems to be elsewhere at each indexation tells how the links err. With c the centre of the stylus ball by the nominal
-//! chain at the latched positions, J the chain's exact derivatives by the links there (source systems D.2), M those by
-//! the stylus, each touch obeys |c + J x + M s − b| = R + r + ρ: x the links, b the place of the ball, s and ρ what the
-//! probe is out by where it is asked for. x, b, s, ρ by Gauss-Newton, so that a ball may have been put down anywhere;
-//! touches that do not fit go one by one by their externally studentised residual (Cook and Weisberg 1982), with
-//! Bonferroni's bound. The uncertainty has the residuals' own scale, widened for few of them (GUM supplement 1, 6.4.9.4).
-//! All links are kept, significant or not: they were estimated together, and leaving some out would bias the others.
-//! It knows no errors that vary along an axis, no temperature, no table and no limits of corrections.
+//! Metres and radians, part frame. A ball stands still in the part while the rotary axes turn both: the apparent
+//! displacement of its centre at each indexation shows the errors of the links. With c the centre of the stylus ball by the nominal
+//! chain at the latched positions, J the chain's exact derivatives by the links there
+//! (`docs/source_systems.md, D.2`), M those by the stylus, each touch obeys |c + J x + M s − b| = R + r + ρ: x the
+//! links, b the centre of the ball, s and ρ the errors of the probe where they are estimated. x, b, s, ρ by
+//! Gauss-Newton, so that a ball may have been put down anywhere; touches that do not fit go one by one by their
+//! externally studentised residual (Cook and Weisberg 1982), with Bonferroni's bound. The uncertainty has the
+//! residuals' own scale, widened for few of them (GUM supplement 1, 6.4.9.4). All links are kept, significant or not:
+//! they were estimated together, and leaving some out would bias the others. It knows no errors that vary along an
+//! axis, no temperature, no table and no limits of corrections.
 
 mod further;
 mod solution;
@@ -16,17 +17,17 @@ mod solution;
 pub use further::Indexation;
 
 use machine::{Chain, LinkError};
-use metrology::statistics::student_quantile;
+use metrology::statistics::coverage_factor;
 use nalgebra::{DMatrix, Isometry3, Point3, Vector3};
 
 use solution::{Unknowns, solve};
 
-/// Chance of calling any good touch of a measurement stray.
-const STRAY_CHANCE: f64 = 0.01;
-/// At most one touch of so many is left out; beyond that the measurement is not to be trusted.
-const TOUCHES_PER_STRAY: usize = 10;
-/// Degrees of freedom below which the residuals tell no scale.
-const LEAST_FREEDOM: usize = 3;
+/// Probability of rejecting any good touch of a measurement.
+const FALSE_REJECTION: f64 = 0.01;
+/// At most one touch of this many is left out; with more outliers the measurement is refused.
+const TOUCHES_PER_OUTLIER: usize = 10;
+/// Fewest degrees of freedom from which the residuals give a scale: Student's t has no variance below.
+const LEAST_DEGREES_OF_FREEDOM: usize = 3;
 
 /// A ball as the plan has it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -48,7 +49,7 @@ pub struct BallTouch {
     pub uncertainty: f64,
 }
 
-/// What the probe itself may be out by, estimated beside the links.
+/// Errors of the probe that are estimated together with the links.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Probe {
     /// The ball's centre across the mount's z.
@@ -59,7 +60,7 @@ pub struct Probe {
     pub ball_radius: bool,
 }
 
-/// Largest standard uncertainty with which an entry counts as known.
+/// Largest standard uncertainty with which a link counts as determined.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
     /// m, of components X, Y, Z.
@@ -69,7 +70,7 @@ pub struct Limits {
 }
 
 impl Limits {
-    /// The one of a link, m or rad.
+    /// The limit of a link, m or rad.
     pub fn of(&self, link: &LinkError) -> f64 {
         if link.turns() { self.turn } else { self.shift }
     }
@@ -84,17 +85,17 @@ pub enum CalibrationError {
     /// Too few touches.
     #[error(
         "{touches} touches are too few for {unknowns} unknowns: at least {least} more than unknowns are needed",
-        least = LEAST_FREEDOM
+        least = LEAST_DEGREES_OF_FREEDOM
     )]
     TooFew {
         /// Usable touches.
         touches: usize,
-        /// Links, places of balls, probe.
+        /// Links, centres of balls, probe.
         unknowns: usize,
     },
-    /// More touches than one in ten do not fit.
-    #[error("more than {left_out} of {touches} touches do not fit the others")]
-    Stray {
+    /// More outliers than one touch in ten.
+    #[error("more than {left_out} of {touches} touches are outliers")]
+    Outliers {
         /// Left out so far.
         left_out: usize,
         /// All of them.
@@ -118,25 +119,25 @@ pub struct BallCalibration {
     pub stylus_radius: f64,
     /// The balls.
     pub balls: Vec<Ball>,
-    /// The links that are asked for; their values mean nothing.
+    /// The links to estimate; their values are not used.
     pub links: Vec<LinkError>,
-    /// What of the probe is estimated beside them.
+    /// Effects of the probe that are estimated together with them.
     pub probe: Probe,
 }
 
-/// What the touches say of the links.
+/// The estimated links.
 #[derive(Clone, Debug)]
 pub struct Estimate {
     /// The links with their errors, m or rad.
     pub links: Vec<LinkError>,
-    /// Their covariance; infinite in the diagonal of those that nothing tells.
+    /// Their covariance; infinite on the diagonal of those that are not determined.
     pub covariance: DMatrix<f64>,
     /// Scatter of the touches against their uncertainties.
     pub scale: f64,
-    /// m; rms of what is left of the touches that were used.
+    /// m; root mean square residual of the touches used.
     pub residual: f64,
-    /// Touches left out, by index.
-    pub stray: Vec<usize>,
+    /// Outliers left out, by index of the touch.
+    pub outliers: Vec<usize>,
 }
 
 impl Estimate {
@@ -147,12 +148,12 @@ impl Estimate {
             .collect()
     }
 
-    /// Indices of the links that these touches do not tell to within the limits.
-    pub fn untold(&self, limits: &Limits) -> Vec<usize> {
+    /// Indices of the links that these touches do not determine to within the limits.
+    pub fn undetermined(&self, limits: &Limits) -> Vec<usize> {
         let known = self.links.iter().zip(self.uncertainties());
         known
             .enumerate()
-            // Written so that what is not a number is not told.
+            // Written so that NaN is not determined.
             .filter(|(_, (link, u))| !(*u <= limits.of(link)))
             .map(|(index, _)| index)
             .collect()
@@ -175,11 +176,11 @@ impl BallCalibration {
             return Err(CalibrationError::Touch(touch));
         }
         let unknowns = Unknowns::of(self, touches);
-        let most = (touches.len() / TOUCHES_PER_STRAY).max(1);
+        let most = (touches.len() / TOUCHES_PER_OUTLIER).max(1);
         let mut used: Vec<usize> = (0..touches.len()).collect();
-        let mut stray = Vec::new();
+        let mut outliers = Vec::new();
         loop {
-            if used.len() < unknowns.count + LEAST_FREEDOM {
+            if used.len() < unknowns.count + LEAST_DEGREES_OF_FREEDOM {
                 return Err(CalibrationError::TooFew {
                     touches: used.len(),
                     unknowns: unknowns.count,
@@ -188,23 +189,23 @@ impl BallCalibration {
             let chosen: Vec<&BallTouch> = used.iter().map(|&index| &touches[index]).collect();
             let solution = solve(self, &unknowns, &chosen).ok_or(CalibrationError::NotBalls)?;
             let (worst, size) = solution.worst();
-            let freedom = (used.len() - unknowns.count) as f64;
-            let chance = STRAY_CHANCE / used.len() as f64;
-            // Of the residuals' own scale without the touch that is asked about.
-            let others = freedom - 1.0;
-            let left = (freedom - size * size).max(f64::MIN_POSITIVE);
-            if size * (others / left).sqrt() > student_quantile(1.0 - 0.5 * chance, others) {
-                if stray.len() == most {
-                    return Err(CalibrationError::Stray {
+            let degrees_of_freedom = (used.len() - unknowns.count) as f64;
+            let chance = FALSE_REJECTION / used.len() as f64;
+            // Externally studentised: by the scale of the residuals without the touch itself.
+            let others = degrees_of_freedom - 1.0;
+            let remaining = (degrees_of_freedom - size * size).max(f64::MIN_POSITIVE);
+            if size * (others / remaining).sqrt() > coverage_factor(1.0 - chance, others) {
+                if outliers.len() == most {
+                    return Err(CalibrationError::Outliers {
                         left_out: most,
                         touches: touches.len(),
                     });
                 }
-                stray.push(used.remove(worst));
+                outliers.push(used.remove(worst));
                 continue;
             }
-            stray.sort_unstable();
-            return Ok(solution.estimate(self, freedom, stray));
+            outliers.sort_unstable();
+            return Ok(solution.estimate(self, degrees_of_freedom, outliers));
         }
     }
 

@@ -1,10 +1,10 @@
 //! Five-axis validation by surface mismatch: what two rotary positions leave between two halves of one surface.
 //!
-//! Metres and radians, part frame. Source systems D: each pattern (a slot, or a corner step) is cut half at index 1,
-//! half at index 2; the step between the halves is m = e_w(2) − e_w(1), e_w the tip's error against the part. Link
-//! errors of the axes show in it, the datum of the part does not. A slot, whose halves have the same tool axis in the
-//! part, cannot see a turn of the part about that axis ([`MismatchTest::sensitivity`] has lower rank). Cutting forces, tool
-//! shape and the reading of the step are one normal noise here.
+//! Metres and radians, part frame. `docs/source_systems.md, D`: each pattern (a slot, or a corner step) is cut half
+//! at index 1, half at index 2; the step between the halves is m = e_w(2) − e_w(1), e_w the tip's error against the
+//! part. Link errors of the axes show in it, the datum of the part does not. A slot, whose halves have the same tool
+//! axis in the part, cannot see a turn of the part about that axis ([`MismatchTest::sensitivity`] has lower rank).
+//! Cutting forces, tool shape and the reading of the step are one normal noise here.
 
 mod patterns;
 mod protocol;
@@ -80,7 +80,7 @@ impl MismatchTest {
         rotary: &[&str],
         patterns: Vec<Pattern>,
     ) -> Result<Self, MismatchError> {
-        let places = rotary
+        let axes = rotary
             .iter()
             .map(|name| {
                 chain
@@ -89,18 +89,18 @@ impl MismatchTest {
             })
             .collect::<Result<Vec<_>, _>>()?;
         let pose = |pattern: &Pattern, index: &[f64]| -> Result<Vec<f64>, MismatchError> {
-            if index.len() != places.len() {
+            if index.len() != axes.len() {
                 return Err(MismatchError::Index {
                     pattern: pattern.id.clone(),
                     given: index.len(),
-                    axes: places.len(),
+                    axes: axes.len(),
                 });
             }
             let mut prescribed: Vec<Option<f64>> = (0..chain.axes().len())
                 .map(|axis| (chain.axis(axis).kind == JointKind::Revolute).then_some(0.0))
                 .collect();
-            for (&place, &position) in places.iter().zip(index) {
-                prescribed[place] = Some(position);
+            for (&axis, &position) in axes.iter().zip(index) {
+                prescribed[axis] = Some(position);
             }
             let target = Target {
                 ball: pattern.point,

@@ -184,7 +184,7 @@ fn links_are_found_within_their_uncertainty_wherever_the_balls_stand() {
         let touches = touches(&calibration, &hidden, &INDEXES, &mut random);
         let found = calibration.estimate(&touches).expect("good touches");
         assert!(
-            found.untold(&LIMITS).is_empty(),
+            found.undetermined(&LIMITS).is_empty(),
             "{:?}",
             found.uncertainties()
         );
@@ -252,18 +252,18 @@ fn a_probe_that_is_out_is_not_taken_for_links_when_it_is_asked_for() {
 }
 
 #[test]
-fn one_stray_touch_is_left_out_and_many_are_refused() {
+fn one_outlier_is_left_out_and_many_are_refused() {
     let calibration = calibration(Probe::default());
     let mut random = Pcg64::seed_from_u64(7);
     let hidden = hidden(&calibration, &mut random);
     let clean = touches(&calibration, &hidden, &INDEXES, &mut random);
     let reference = calibration.estimate(&clean).expect("good touches");
-    assert!(reference.stray.is_empty());
+    assert!(reference.outliers.is_empty());
     let mut one = clean.clone();
     // The machine stopped 15 µm early: a chip.
     one[31].positions[3] += 15e-6;
-    let found = calibration.estimate(&one).expect("one stray touch");
-    assert_eq!(found.stray, [31]);
+    let found = calibration.estimate(&one).expect("one outlier");
+    assert_eq!(found.outliers, [31]);
     let pairs = found.links.iter().zip(&reference.links);
     for ((found, clean), u) in pairs.zip(reference.uncertainties()) {
         assert!((found.value - clean.value).abs() < u);
@@ -273,9 +273,9 @@ fn one_stray_touch_is_left_out_and_many_are_refused() {
         many[touch].positions[3] += 60e-6 * (1.0 + touch as f64).sqrt();
     }
     match calibration.estimate(&many) {
-        Err(CalibrationError::Stray { .. }) => {}
+        Err(CalibrationError::Outliers { .. }) => {}
         // Where so many wreck the scale that none stands out, the uncertainty says it.
-        Ok(found) => assert!(!found.untold(&LIMITS).is_empty(), "{found:?}"),
+        Ok(found) => assert!(!found.undetermined(&LIMITS).is_empty(), "{found:?}"),
         Err(error) => panic!("{error}"),
     }
 }
@@ -289,7 +289,7 @@ fn what_the_indexations_do_not_tell_is_named_and_further_ones_are_those_that_tel
     let flat = [[0.0, 0.0], [0.0, 90.0], [0.0, 180.0], [0.0, 270.0]];
     let made = touches(&calibration, &hidden, &flat, &mut random);
     let found = calibration.estimate(&made).expect("good touches");
-    let names: Vec<&str> = (found.untold(&LIMITS).into_iter())
+    let names: Vec<&str> = (found.undetermined(&LIMITS).into_iter())
         .map(|link| LINKS[link])
         .collect();
     assert!(
@@ -308,7 +308,7 @@ fn what_the_indexations_do_not_tell_is_named_and_further_ones_are_those_that_tel
     let made = touches(&calibration, &hidden, &both, &mut random);
     let found = calibration.estimate(&made).expect("good touches");
     assert!(
-        found.untold(&LIMITS).is_empty(),
+        found.undetermined(&LIMITS).is_empty(),
         "{more:?}: {:?}",
         found.uncertainties()
     );
@@ -325,7 +325,7 @@ fn a_link_that_no_indexation_tells_from_the_balls_is_never_promised() {
     let hidden = hidden(&calibration, &mut random);
     let made = touches(&calibration, &hidden, &INDEXES, &mut random);
     let found = calibration.estimate(&made).expect("good touches");
-    assert!(found.untold(&LIMITS).contains(&8));
+    assert!(found.undetermined(&LIMITS).contains(&8));
     assert!(found.uncertainties()[8] > 1e-3);
     assert!(
         calibration

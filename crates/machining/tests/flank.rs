@@ -1,4 +1,4 @@
-//! Flank milling against the figures of source systems E, and the equations against the true envelope.
+//! Flank milling against the figures of `docs/source_systems.md, E`, and the equations against the true envelope.
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -11,7 +11,7 @@ use machining::flank::{
     SPiece, contact_point, envelope_error, envelope_normal, material_left, normal_error,
     path_normal,
 };
-use machining::rms;
+use metrology::statistics::rms;
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
 

@@ -1,4 +1,4 @@
-//! Surface mismatch against the figures of source systems D.3 and D.4, and against rank theory.
+//! Surface mismatch against the figures of `docs/source_systems.md, D.3 and D.4`, and against rank theory.
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -8,7 +8,7 @@ use machining::mismatch::{
     LINKS, MismatchTest, PatternKind, ROTARY, calibrated, condition, identify, rank,
     standard_patterns,
 };
-use machining::rms;
+use metrology::statistics::rms;
 use nalgebra::{DMatrix, Isometry3, Point3};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;

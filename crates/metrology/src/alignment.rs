@@ -1,39 +1,15 @@
-//! Places a part: rigid best fit of points, and of deviations along normals.
+//! Places a part: best fit of small displacements to deviations along normals.
 //!
-//! Lengths in m, angles in rad. Point pairs by the closed solution of Arun, Huang and Blostein (1987) with Umeyama's
-//! (1991) guard against reflection; deviations along normals (B.3 of the source systems in space) by linear least
-//! squares, since set-up errors are small. Points count equally.
+//! Lengths in m, angles in rad. Equation of `docs/source_systems.md, B.3` in space: linear least squares,
+//! since set-up errors are small. Points count equally. For a datum system see [`crate::datum`].
 
-use nalgebra::{
-    DMatrix, DVector, Isometry2, Isometry3, Matrix2, Matrix3, Matrix6, Rotation2, Rotation3,
-    SMatrix, SVector, Translation2, Translation3, UnitComplex, UnitQuaternion, Vector2, Vector3,
-    Vector6,
-};
+use nalgebra::{DMatrix, DVector, Matrix6, Vector3, Vector6};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
-
-/// A placement and what it leaves.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Placement<T> {
-    /// Takes the points of `from` as close as possible to those of `to`.
-    pub to_from: T,
-    /// Distance of each pair after it, m.
-    pub residuals: Vec<f64>,
-    /// Root mean square of these, m.
-    pub rms: f64,
-}
 
 /// Points that cannot be placed.
 #[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
 pub enum AlignmentError {
-    /// The two sets differ in number.
-    #[error("{from} points cannot be paired with {to}")]
-    Unequal {
-        /// Points given to move.
-        from: usize,
-        /// Points given as goal.
-        to: usize,
-    },
     /// Too few points.
     #[error("an alignment needs at least {needed} points, {given} given")]
     TooFewPoints {
@@ -53,121 +29,6 @@ pub enum AlignmentError {
     },
 }
 
-/// Centroids of both sets, and a rotation.
-type Turned<const D: usize> = (SVector<f64, D>, SVector<f64, D>, SMatrix<f64, D, D>);
-
-/// Centroids, and the rotation that turns `from` into `to` about them.
-fn rotation<const D: usize>(
-    from: &[SVector<f64, D>],
-    to: &[SVector<f64, D>],
-) -> Result<Turned<D>, AlignmentError> {
-    if from.len() != to.len() {
-        return Err(AlignmentError::Unequal {
-            from: from.len(),
-            to: to.len(),
-        });
-    }
-    if from.len() < D {
-        return Err(AlignmentError::TooFewPoints {
-            needed: D,
-            given: from.len(),
-        });
-    }
-    let finite = |v: &SVector<f64, D>| v.iter().all(|c| c.is_finite());
-    if let Some(index) = (0..from.len()).find(|&i| !(finite(&from[i]) && finite(&to[i]))) {
-        return Err(AlignmentError::NotFinite(index));
-    }
-    let n = from.len() as f64;
-    let (a, b) = (
-        from.iter().sum::<SVector<f64, D>>() / n,
-        to.iter().sum::<SVector<f64, D>>() / n,
-    );
-    let covariance: DMatrix<f64> = DMatrix::from_fn(D, D, |i, j| {
-        let pairs = from.iter().zip(to);
-        pairs.map(|(p, q)| (q[i] - b[i]) * (p[j] - a[j])).sum()
-    });
-    let svd = covariance.svd(true, true);
-    let values = &svd.singular_values;
-    // A rotation is determined by all but one direction.
-    let free = (0..D - 1)
-        .filter(|i| values[*i].is_nan() || values[*i] <= 1e-12 * values[0].max(f64::MIN_POSITIVE))
-        .count();
-    let (Some(u), Some(v_t), 0) = (svd.u, svd.v_t, free) else {
-        return Err(AlignmentError::Undetermined { free: free.max(1) });
-    };
-    let mut signs = DVector::from_element(D, 1.0);
-    signs[D - 1] = (u.determinant() * v_t.determinant()).signum();
-    let turned = u * DMatrix::from_diagonal(&signs) * v_t;
-    Ok((a, b, SMatrix::from_fn(|i, j| turned[(i, j)])))
-}
-
-fn placement<T, const D: usize>(
-    to_from: T,
-    residuals: impl Iterator<Item = SVector<f64, D>>,
-) -> Placement<T> {
-    let residuals: Vec<f64> = residuals.map(|r| r.norm()).collect();
-    let squares: f64 = residuals.iter().map(|r| r * r).sum();
-    Placement {
-        to_from,
-        rms: (squares / residuals.len() as f64).sqrt(),
-        residuals,
-    }
-}
-
-/// Rigid motion of the plane that brings `from` closest to `to` (m, in pairs).
-///
-/// # Errors
-/// See [`AlignmentError`].
-pub fn align_plane(
-    from: &[Vector2<f64>],
-    to: &[Vector2<f64>],
-) -> Result<Placement<Isometry2<f64>>, AlignmentError> {
-    let (a, b, matrix): (_, _, Matrix2<f64>) = rotation(from, to)?;
-    let mut turn = UnitComplex::from_rotation_matrix(&Rotation2::from_matrix_unchecked(matrix));
-    // What rounding the singular vectors carry, in closed form.
-    let (mut sine, mut cosine) = (0.0, 0.0);
-    for (p, q) in from.iter().zip(to) {
-        let turned = turn * (p - a);
-        sine += turned.perp(&(q - b));
-        cosine += turned.dot(&(q - b));
-    }
-    turn = UnitComplex::new(sine.atan2(cosine)) * turn;
-    let to_from = Isometry2::from_parts(Translation2::from(b - turn * a), turn);
-    let left = from.iter().zip(to);
-    Ok(placement(
-        to_from,
-        left.map(|(p, q)| q - (turn * p + to_from.translation.vector)),
-    ))
-}
-
-/// Rigid motion of space that brings `from` closest to `to` (m, in pairs).
-///
-/// # Errors
-/// See [`AlignmentError`].
-pub fn align_space(
-    from: &[Vector3<f64>],
-    to: &[Vector3<f64>],
-) -> Result<Placement<Isometry3<f64>>, AlignmentError> {
-    let (a, b, matrix): (_, _, Matrix3<f64>) = rotation(from, to)?;
-    let mut turn = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(matrix));
-    // The singular vectors carry some rounding; one Gauss–Newton step on the rotation removes it.
-    let (mut normal, mut gradient) = (Matrix3::zeros(), Vector3::zeros());
-    for (p, q) in from.iter().zip(to) {
-        let turned = turn * (p - a);
-        normal += Matrix3::identity() * turned.norm_squared() - turned * turned.transpose();
-        gradient += turned.cross(&(q - b));
-    }
-    if let Some(factor) = normal.cholesky() {
-        turn = UnitQuaternion::from_scaled_axis(factor.solve(&gradient)) * turn;
-    }
-    let to_from = Isometry3::from_parts(Translation3::from(b - turn * a), turn);
-    let left = from.iter().zip(to);
-    Ok(placement(
-        to_from,
-        left.map(|(p, q)| q - (turn * p + to_from.translation.vector)),
-    ))
-}
-
 /// Small displacement of a part that explains its deviations along the normals.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SmallDisplacement {
@@ -181,22 +42,14 @@ pub struct SmallDisplacement {
     pub cofactor: Matrix6<f64>,
 }
 
-/// Least squares of d_i = n_i·(shift + rotation × p_i) for `(point in m, unit normal, deviation in m)`.
+/// Least squares of d_i = n_i·(shift + rotation × p_i) for `(point in m, unit normal, deviation in m)`, with only some of
+/// the six displacements free: shifts along x, y and z, rotations about the axes through the origin. The others are 0, and
+/// so are their rows and columns of the cofactor matrix.
 ///
 /// # Errors
-/// See [`AlignmentError`]: six normals that oppose six displacements are needed; a cylinder alone has too few.
+/// See [`AlignmentError`]: as many normals are needed as displacements are free, and they must oppose each of them; a
+/// cylinder alone leaves two of six undetermined.
 pub fn fit_displacement(
-    touches: &[(Vector3<f64>, Vector3<f64>, f64)],
-) -> Result<SmallDisplacement, AlignmentError> {
-    fit_displacement_along(touches, &[true; 6])
-}
-
-/// The same with only some of the six displacements free: shifts along x, y and z, rotations about the axes through the
-/// origin. The others are 0, and so is what the cofactor says of them.
-///
-/// # Errors
-/// See [`AlignmentError`]: as many normals are needed as displacements are free, and they must oppose each of them.
-pub fn fit_displacement_along(
     touches: &[(Vector3<f64>, Vector3<f64>, f64)],
     free: &[bool; 6],
 ) -> Result<SmallDisplacement, AlignmentError> {
@@ -286,63 +139,7 @@ mod tests {
     use rand_pcg::Pcg64;
 
     #[test]
-    fn any_rigid_motion_is_recovered() {
-        let mut rng = Pcg64::seed_from_u64(1);
-        for n in [3, 4, 10].into_iter().cycle().take(300) {
-            let mut random = || Vector3::from_fn(|_, _| rng.random_range(-1.0..1.0));
-            let motion = Isometry3::new(random(), random() * 1.8);
-            let from: Vec<_> = (0..n).map(|_| random()).collect();
-            let to: Vec<_> = from
-                .iter()
-                .map(|p| motion.rotation * p + motion.translation.vector)
-                .collect();
-            let found = align_space(&from, &to).unwrap();
-            assert!(found.rms < 1e-14, "{n}: {:e}", found.rms);
-            assert!(found.to_from.rotation.angle_to(&motion.rotation) < 1e-7);
-            let flat = |points: &[Vector3<f64>]| points.iter().map(Vector3::xy).collect::<Vec<_>>();
-            let from = flat(&from);
-            let turn = UnitComplex::new(2.5);
-            let to: Vec<_> = from
-                .iter()
-                .map(|p| turn * p + Vector2::new(0.3, -0.1))
-                .collect();
-            let found = align_plane(&from, &to).unwrap();
-            assert!(found.rms < 1e-14 && found.to_from.rotation.angle_to(&turn).abs() < 1e-12);
-        }
-    }
-
-    #[test]
-    fn mirrored_points_are_turned_and_never_mirrored() {
-        let from = [
-            Vector3::new(1.0, 0.0, 0.0),
-            Vector3::new(0.0, 1.0, 0.0),
-            Vector3::new(0.0, 0.0, 1.0),
-            Vector3::new(1.0, 1.0, 1.0),
-        ];
-        let to = from.map(|p| Vector3::new(-p.x, p.y, p.z));
-        let found = align_space(&from, &to).unwrap();
-        let determinant = found
-            .to_from
-            .rotation
-            .to_rotation_matrix()
-            .matrix()
-            .determinant();
-        assert!((determinant - 1.0).abs() < 1e-12 && found.rms > 0.1);
-    }
-
-    #[test]
-    fn undetermined_and_unequal_points_are_refused() {
-        let line: Vec<Vector3<f64>> = (0..5)
-            .map(|i| Vector3::new(f64::from(i), 0.0, 0.0))
-            .collect();
-        assert_eq!(
-            align_space(&line, &line),
-            Err(AlignmentError::Undetermined { free: 1 })
-        );
-        assert!(matches!(
-            align_space(&line, &line[1..]),
-            Err(AlignmentError::Unequal { .. })
-        ));
+    fn a_cylinder_leaves_two_displacements_undetermined() {
         let cylinder: Vec<_> = (0..20)
             .map(|i| {
                 let n = Vector3::new(f64::from(i).cos(), f64::from(i).sin(), 0.0);
@@ -350,7 +147,7 @@ mod tests {
             })
             .collect();
         assert_eq!(
-            fit_displacement(&cylinder),
+            fit_displacement(&cylinder, &[true; 6]),
             Err(AlignmentError::Undetermined { free: 2 })
         );
     }
@@ -370,7 +167,7 @@ mod tests {
                 (p, n, n.dot(&(shift + rotation.cross(&p))))
             })
             .collect();
-        let found = fit_displacement(&touches).unwrap();
+        let found = fit_displacement(&touches, &[true; 6]).unwrap();
         assert!((found.shift - shift).norm() < 1e-17 && (found.rotation - rotation).norm() < 1e-16);
         // The covariance against the definition.
         let design = DMatrix::from_fn(24, 6, |i, j| {
@@ -398,7 +195,7 @@ mod tests {
             })
             .collect();
         let free = [true, true, false, false, false, true];
-        let found = fit_displacement_along(&touches, &free).unwrap();
+        let found = fit_displacement(&touches, &free).unwrap();
         let design = DMatrix::from_fn(40, 3, |i, j| {
             let (p, n, _) = touches[i];
             [n.x, n.y, p.x * n.y - p.y * n.x][j]
@@ -416,11 +213,11 @@ mod tests {
         assert_eq!(held, [0.0; 3]);
         assert!((own_error(&found, [dx, dy, dphi])) < 1e-6);
         assert_eq!(
-            fit_displacement(&touches),
+            fit_displacement(&touches, &[true; 6]),
             Err(AlignmentError::Undetermined { free: 3 })
         );
         assert_eq!(
-            fit_displacement_along(&touches, &[false; 6]),
+            fit_displacement(&touches, &[false; 6]),
             Err(AlignmentError::TooFewPoints {
                 needed: 1,
                 given: 40

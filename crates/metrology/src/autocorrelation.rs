@@ -1,8 +1,8 @@
 //! Decides whether deviations along a profile are random: Moran's I with neighbours as weights.
 //!
-//! Values in any unit, at equal spacing along the profile. Source systems B.4 (after Poniatowska and Werner): W_ij = 1
-//! for |i − j| = 1. For raw data the moments under randomisation-free normality; for residuals of a regression those of
-//! Cliff and Ord (1981), which account for what the regression has already taken out.
+//! Values in any unit, at equal spacing along the profile. `docs/source_systems.md, B.4` (after Poniatowska and
+//! Werner): W_ij = 1 for |i − j| = 1. For raw data the moments under randomisation-free normality; for residuals of a
+//! regression those of Cliff and Ord (1981), which account for what the regression has already taken out.
 
 use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};

@@ -1,9 +1,9 @@
 //! Decides which step of the probe calibration comes next, and computes what is stored.
 //!
-//! Lengths in m, angles in rad. Source systems A.5: find the spindle axis, bring the probe there, turn an indicator
-//! with the spindle round the ball until it stands still, store the X and Y offsets, and only then measure the ball
-//! radius and the length. The order matters: a radius measured before the offsets are stored absorbs δx on one side
-//! (A.3), and every later size carries the difference.
+//! Lengths in m, angles in rad. `docs/source_systems.md, A.5`: find the spindle axis, bring the probe there, turn an
+//! indicator with the spindle round the ball until it stands still, store the X and Y offsets, and only then measure
+//! the ball radius and the length. The order matters: a radius measured before the offsets are stored absorbs δx on
+//! one side (A.3), and every later size carries the difference.
 //!
 //! The machine is a value; the caller performs each step and reports it. It moves nothing itself.
 

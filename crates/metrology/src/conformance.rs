@@ -7,8 +7,6 @@
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::decision::Side;
-
 /// Limits of a characteristic in m, absolute or as deviations, in the same sense as the value judged by them.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Tolerance {
@@ -25,19 +23,6 @@ pub enum Conformance {
     Conforms,
     /// Inside the rejection zone.
     DoesNotConform,
-    /// Within U of a limit.
-    Indeterminate,
-}
-
-/// What to do with the part: the three-way verdict of a cell that can still cut.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Disposition {
-    /// Proved to conform.
-    Pass,
-    /// Proved not to conform, with material left to cut.
-    Recut,
-    /// Proved not to conform, with too much cut.
-    Scrap,
     /// Within U of a limit.
     Indeterminate,
 }
@@ -89,26 +74,6 @@ pub fn conformance(
     })
 }
 
-/// The three-way verdict: as [`conformance`], non-conforming parts told apart by the side on which the metal lies.
-///
-/// # Errors
-/// See [`ConformanceError`].
-pub fn disposition(
-    value: f64,
-    expanded: f64,
-    tolerance: &Tolerance,
-    side: Side,
-) -> Result<Disposition, ConformanceError> {
-    Ok(match conformance(value, expanded, tolerance)? {
-        Conformance::Conforms => Disposition::Pass,
-        Conformance::Indeterminate => Disposition::Indeterminate,
-        Conformance::DoesNotConform => match (side, value > tolerance.upper) {
-            (Side::Outer, true) | (Side::Bore, false) => Disposition::Recut,
-            (Side::Outer, false) | (Side::Bore, true) => Disposition::Scrap,
-        },
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -145,20 +110,6 @@ mod tests {
             conformance(0.0, 10.1e-6, &SIZE),
             Ok(Conformance::Indeterminate)
         );
-    }
-
-    #[test]
-    fn a_part_with_metal_left_is_recut_and_one_without_is_scrap() {
-        for (value, side, expected) in [
-            (15e-6, Side::Outer, Disposition::Recut),
-            (-15e-6, Side::Outer, Disposition::Scrap),
-            (15e-6, Side::Bore, Disposition::Scrap),
-            (-15e-6, Side::Bore, Disposition::Recut),
-            (11e-6, Side::Bore, Disposition::Indeterminate),
-            (1e-6, Side::Bore, Disposition::Pass),
-        ] {
-            assert_eq!(disposition(value, 2e-6, &SIZE, side), Ok(expected));
-        }
     }
 
     #[test]

@@ -1,7 +1,8 @@
 //! Models the size a cut leaves: tool error, spring-back, and deflection along the part.
 //!
-//! Lengths in m, sizes diametral. Source systems A.4 (plant) and A.6 (error along the length); these are assumptions
-//! by which a simulator runs, no cutting-force model. Scatter is added by the caller, who owns the random numbers.
+//! Lengths in m, sizes diametral. `docs/source_systems.md, A.4` (plant) and A.6 (error along the length); these are
+//! assumptions by which a simulator runs, no cutting-force model. Scatter is added by the caller, who owns the random
+//! numbers.
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;

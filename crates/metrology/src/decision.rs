@@ -1,12 +1,23 @@
 //! Decides what follows the measurement of a size: qualified, recut with a corrected tool, or stop.
 //!
-//! Lengths in m; sizes and wear are diametral. Source systems A.4: the decision table of the turn-mill's macro, first
-//! match wins, with e = measured − drawing size rounded to 1e-6 mm, s = +1 for an outer feature and −1 for a bore, and
-//! the X-wear register W of the cutting tool. All comparisons are made in whole nanometres, so a size exactly on a
-//! limit is inside it.
+//! Lengths in m; sizes and wear are diametral. `docs/source_systems.md, A.4`: the decision table of the turn-mill's
+//! macro, first match wins, with e = measured − drawing size rounded to 1e-6 mm, s = +1 for an outer feature and −1
+//! for a bore, and the X-wear register W of the cutting tool. All comparisons are made in whole nanometres, so a size
+//! exactly on a limit is inside it.
 //!
-//! The table trusts its reading: a probe error passes through it into the part (see [`crate::probe`]), and a verdict
-//! about the true size needs a reference and an uncertainty (see [`crate::conformance`]).
+//! The table takes the reading as true: a probe error passes through it into the part (see [`crate::probe`]), and a
+//! verdict about the true size needs a reference and an uncertainty (see [`crate::conformance`]).
+//!
+//! ```
+//! use metrology::decision::{Case, DecisionLimits, Policy, Side, Verdict, decide};
+//!
+//! // A shaft of 19.800 mm that came out 11 µm too large, by a tool whose wear offset is still 0.
+//! let case = Case { size: Some(19.811e-3), nominal: 19.8e-3, side: Side::Outer, wear: 0.0, corrections: 0 };
+//! let decision = decide(&case, &DecisionLimits::default(), Policy::Compensate)?;
+//! assert_eq!(decision.verdict, Verdict::Compensable);
+//! assert_eq!(decision.new_wear, -11e-6);
+//! # Ok::<(), metrology::decision::DecisionError>(())
+//! ```
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -62,70 +73,42 @@ impl Default for DecisionLimits {
     }
 }
 
-/// Why there is no size to judge.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Invalid {
-    /// The probe met nothing.
-    NoTrigger,
-    /// The axis reached the end of the permitted search.
-    OverTravel,
-    /// The probe has no valid calibration.
-    NotCalibrated,
-    /// Repeated readings differ by more than permitted.
-    SpreadTooLarge,
-    /// The reading is not a number.
-    NotFinite,
-}
-
-/// What the probe says of a size.
+/// A measured size, and what is known of the feature and of the tool that cut it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub enum Reading {
-    /// #600: the measured size in m.
-    Size(f64),
-    /// No usable size.
-    Invalid(Invalid),
+pub struct Case {
+    /// m; the measured size (#600 of the macro). `None`, or a size that is not finite: the measurement is invalid.
+    pub size: Option<f64>,
+    /// m; drawing size.
+    pub nominal: f64,
+    /// On which side of the surface the material lies.
+    pub side: Side,
+    /// m; W, wear value of the cutting tool that is in force.
+    pub wear: f64,
+    /// Corrections already made to this feature.
+    pub corrections: u32,
 }
 
-impl Reading {
-    /// Mean of repeated sizes (m) if their range stays within `max_spread` (m).
-    pub fn from_repeats(sizes: &[f64], max_spread: f64) -> Self {
-        if sizes.is_empty() {
-            return Self::Invalid(Invalid::NoTrigger);
-        }
-        if sizes.iter().any(|size| !size.is_finite()) {
-            return Self::Invalid(Invalid::NotFinite);
-        }
-        let low = sizes.iter().copied().fold(f64::INFINITY, f64::min);
-        let high = sizes.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        // The limit itself is allowed.
-        if nanometres(high - low) > nanometres(max_spread) {
-            return Self::Invalid(Invalid::SpreadTooLarge);
-        }
-        Self::Size(sizes.iter().sum::<f64>() / sizes.len() as f64)
-    }
-}
-
-/// The rows of the decision table.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+/// The rows of the decision table, in order of gravity: the gravest verdict of a measurement decides on the part.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Verdict {
-    /// Row 0.
-    MeasurementInvalid,
     /// Row 1: |e| ≤ t.
     Qualified,
-    /// Row 2: too much was cut.
-    OvercutNotCompensable,
-    /// Row 3: the correction would pass the wear limit.
-    ToolWorn,
-    /// Row 4: the permitted corrections are spent.
-    NotConverged,
     /// Row 5: a corrected recut reaches the size.
     Compensable,
+    /// Row 4: the permitted corrections are spent.
+    NotConverged,
+    /// Row 3: the correction would pass the wear limit.
+    ToolWorn,
+    /// Row 2: too much was cut.
+    OvercutNotCompensable,
+    /// Row 0.
+    MeasurementInvalid,
 }
 
 /// What the cell does next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Action {
-    /// Go on with the normal sequence of passes.
+    /// Continue with the next pass.
     NextPass,
     /// Stop and leave everything as it is.
     Stop,
@@ -169,20 +152,23 @@ fn nanometres(metres: f64) -> f64 {
     (metres * 1e9).round()
 }
 
-/// Applies the decision table A.4 to one reading of a feature with drawing size `nominal` (m), tool wear `wear` (m)
-/// and `corrections` already made to this feature.
+/// Applies the decision table A.4: the first row that matches gives the verdict.
 ///
 /// # Errors
-/// Arguments that are not finite or limits of the wrong sign; a reading that is not finite is row 0, not an error.
+/// A drawing size, wear value or limit that is not finite, or a limit of the wrong sign; a size that is not finite is
+/// row 0, not an error.
 pub fn decide(
-    reading: Reading,
-    nominal: f64,
-    side: Side,
-    wear: f64,
-    corrections: u32,
+    case: &Case,
     limits: &DecisionLimits,
     policy: Policy,
 ) -> Result<Decision, DecisionError> {
+    let Case {
+        nominal,
+        side,
+        wear,
+        corrections,
+        ..
+    } = *case;
     for (name, value) in [
         ("the drawing size", nominal),
         ("the wear value", wear),
@@ -199,25 +185,22 @@ pub fn decide(
     if limits.wear_limit > 0.0 {
         return Err(DecisionError::PositiveWearLimit(limits.wear_limit));
     }
-    let size = match reading {
-        Reading::Size(size) if size.is_finite() => size,
-        _ => {
-            return Ok(Decision {
-                verdict: Verdict::MeasurementInvalid,
-                action: Action::Stop,
-                error: None,
-                new_wear: wear,
-            });
-        }
+    let Some(size) = case.size.filter(|size| size.is_finite()) else {
+        return Ok(Decision {
+            verdict: Verdict::MeasurementInvalid,
+            action: Action::Stop,
+            error: None,
+            new_wear: wear,
+        });
     };
     let error = nanometres(size - nominal);
-    let left = side.sign() * error;
+    let excess = side.sign() * error;
     let tolerance = nanometres(limits.tolerance);
     // Counted in the outer feature's direction; a bore's register and limit are its mirror image.
     let corrected = nanometres(side.sign() * wear) - error.abs();
     let (verdict, action) = if error.abs() <= tolerance {
         (Verdict::Qualified, Action::NextPass)
-    } else if left < -tolerance {
+    } else if excess < -tolerance {
         (Verdict::OvercutNotCompensable, Action::Reject)
     } else if corrected < nanometres(limits.wear_limit) {
         (Verdict::ToolWorn, Action::ChangeInsert)
@@ -245,17 +228,19 @@ pub fn decide(
 mod tests {
     use super::*;
 
-    fn outer(size_mm: f64, wear_mm: f64, corrections: u32) -> Decision {
-        decide(
-            Reading::Size(size_mm * 1e-3),
-            19.8e-3,
-            Side::Outer,
-            wear_mm * 1e-3,
+    fn case(side: Side, size_mm: f64, wear_mm: f64, corrections: u32) -> Case {
+        Case {
+            size: Some(size_mm * 1e-3),
+            nominal: 19.8e-3,
+            side,
+            wear: wear_mm * 1e-3,
             corrections,
-            &DecisionLimits::default(),
-            Policy::Compensate,
-        )
-        .unwrap()
+        }
+    }
+
+    fn outer(size_mm: f64, wear_mm: f64, corrections: u32) -> Decision {
+        let case = case(Side::Outer, size_mm, wear_mm, corrections);
+        decide(&case, &DecisionLimits::default(), Policy::Compensate).unwrap()
     }
 
     #[test]
@@ -294,16 +279,8 @@ mod tests {
     #[test]
     fn a_bore_mirrors_error_wear_and_limit() {
         let bore = |size: f64, wear: f64| {
-            decide(
-                Reading::Size(size * 1e-3),
-                19.8e-3,
-                Side::Bore,
-                wear * 1e-3,
-                0,
-                &DecisionLimits::default(),
-                Policy::Compensate,
-            )
-            .unwrap()
+            let case = case(Side::Bore, size, wear, 0);
+            decide(&case, &DecisionLimits::default(), Policy::Compensate).unwrap()
         };
         for (size, wear) in [
             (19.810, 0.0),
@@ -331,16 +308,8 @@ mod tests {
 
     #[test]
     fn the_literal_policy_stops_and_leaves_the_register() {
-        let decision = decide(
-            Reading::Size(19.811e-3),
-            19.8e-3,
-            Side::Outer,
-            -7e-6,
-            0,
-            &DecisionLimits::default(),
-            Policy::Literal,
-        )
-        .unwrap();
+        let case = case(Side::Outer, 19.811, -7e-3, 0);
+        let decision = decide(&case, &DecisionLimits::default(), Policy::Literal).unwrap();
         assert_eq!(decision.verdict, Verdict::Compensable);
         assert_eq!(decision.action, Action::Stop);
         assert_eq!(decision.new_wear, -7e-6);
@@ -348,32 +317,32 @@ mod tests {
 
     #[test]
     fn an_invalid_measurement_never_touches_the_register() {
-        for reading in [
-            Reading::Invalid(Invalid::NoTrigger),
-            Reading::Invalid(Invalid::NotCalibrated),
-            Reading::Size(f64::NAN),
-            Reading::from_repeats(&[19.8e-3, 19.8031e-3], 3e-6),
-            Reading::from_repeats(&[19.8e-3, f64::INFINITY], 3e-6),
-            Reading::from_repeats(&[], 3e-6),
-        ] {
-            let limits = DecisionLimits::default();
-            let decision = decide(
-                reading,
-                19.8e-3,
-                Side::Outer,
-                -5e-6,
-                0,
-                &limits,
-                Policy::Compensate,
-            )
-            .unwrap();
+        for size in [None, Some(f64::NAN), Some(f64::INFINITY)] {
+            let case = Case {
+                size,
+                ..case(Side::Outer, 19.8, -5e-3, 0)
+            };
+            let decision = decide(&case, &DecisionLimits::default(), Policy::Compensate).unwrap();
             assert_eq!(decision.verdict, Verdict::MeasurementInvalid);
             assert_eq!((decision.action, decision.new_wear), (Action::Stop, -5e-6));
         }
-        assert_eq!(
-            Reading::from_repeats(&[19.8e-3, 19.803e-3], 3e-6),
-            Reading::Size(19.8015e-3)
-        );
+    }
+
+    #[test]
+    fn verdicts_are_ordered_by_gravity() {
+        use Verdict::{
+            Compensable, MeasurementInvalid, NotConverged, OvercutNotCompensable, Qualified,
+            ToolWorn,
+        };
+        let verdicts = [
+            Qualified,
+            Compensable,
+            NotConverged,
+            ToolWorn,
+            OvercutNotCompensable,
+            MeasurementInvalid,
+        ];
+        assert!(verdicts.is_sorted());
     }
 
     #[test]
@@ -383,11 +352,7 @@ mod tests {
             ..DecisionLimits::default()
         };
         let outcome = decide(
-            Reading::Size(0.02),
-            0.02,
-            Side::Outer,
-            0.0,
-            0,
+            &case(Side::Outer, 20.0, 0.0, 0),
             &limits,
             Policy::Compensate,
         );

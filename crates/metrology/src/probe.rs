@@ -1,8 +1,8 @@
 //! Models what a touch probe on a turn-mill reads of turned diameters and of flats, and the loop closed on it.
 //!
-//! Lengths in m; X is read as diameter. Source systems A.3: ball radius r against the stored r_c, error δx of the
-//! ball centre's stored X position, offset δy of the ball centre from the spindle axis. Both kinds of feature carry the
-//! same error 2e, e = (r − r_c) − δx; only round ones see δy. No pretravel, lobing or form of the part.
+//! Lengths in m; X is read as diameter. `docs/source_systems.md, A.3`: ball radius r against the stored r_c, error δx
+//! of the ball centre's stored X position, offset δy of the ball centre from the spindle axis. Both kinds of feature
+//! carry the same error 2e, e = (r − r_c) − δx; only round ones see δy. No pretravel, lobing or form of the part.
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -20,7 +20,7 @@ pub struct Probe {
     pub offset_y: f64,
 }
 
-/// The ball passes beside the part.
+/// The ball misses the part.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 #[error(
     "a ball {offset} m off the axis does not touch a part of radius plus ball radius {reach} m"
@@ -41,7 +41,7 @@ impl Probe {
     /// x_touch in m: machine X (as radius) at which the ball touches the turned diameter `diameter` from +X.
     ///
     /// # Errors
-    /// The ball passes beside the part.
+    /// The ball misses the part.
     pub fn touch_x(&self, diameter: f64) -> Result<f64, ProbeMiss> {
         let reach = diameter / 2.0 + self.radius;
         let square = reach * reach - self.offset_y * self.offset_y;
@@ -58,7 +58,7 @@ impl Probe {
     /// D_read = 2(x_touch − r_c) in m of a turned diameter.
     ///
     /// # Errors
-    /// The ball passes beside the part.
+    /// The ball misses the part.
     pub fn read_diameter(&self, diameter: f64) -> Result<f64, ProbeMiss> {
         Ok(2.0 * (self.touch_x(diameter)? - self.stored_radius))
     }

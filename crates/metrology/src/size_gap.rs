@@ -1,8 +1,8 @@
 //! Decides whether readings differ from a reference by a constant or in proportion to the size.
 //!
-//! Lengths in m. Source systems A.3: the pairs (size, gap), gap = reading − reference, are compared with a constant
-//! (a probe error 2e) and with a line through zero (a scale or temperature error); the slope of the free line, with its
-//! standard uncertainty, tells whether the sizes suffice to separate the two.
+//! Lengths in m. `docs/source_systems.md, A.3`: the pairs (size, gap), gap = reading − reference, are compared with a
+//! constant (a probe error 2e) and with a line through zero (a scale or temperature error); the slope of the free
+//! line, with its standard uncertainty, shows whether the sizes suffice to separate the two.
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -55,7 +55,7 @@ pub enum SizeGapError {
     #[error("pair {0} has a value that is not a number")]
     NotFinite(usize),
     /// All sizes are equal.
-    #[error("all sizes are equal, so a constant and a proportion cannot be told apart")]
+    #[error("all sizes are equal, so a constant and a proportion cannot be distinguished")]
     EqualSizes,
 }
 

@@ -1,15 +1,15 @@
 //! Decides which of repeatedly measured positions are falsified by slip, for once or for good.
 //!
-//! Lengths in m. Source systems C.5. A *transient* slip is a reading more than six scales from the median of its
-//! position, in a minority of the repeats; a *persistent* displacement is a position whose median differs from the
-//! median of its four neighbours by more than a limit. Flagged positions are to be left out of straightness and reported
-//! as events of the machine. The scale is the largest of the position's own 1.4826·MAD, that of all positions pooled
-//! and the resolution: the own scale of five repeats alone would flag good readings by chance.
+//! Lengths in m. `docs/source_systems.md, C.5`. A *transient* slip is a reading more than six scales from the median
+//! of its position, in a minority of the repeats; a *persistent* displacement is a position whose median differs from
+//! the median of its four neighbours by more than a limit. Flagged positions are to be left out of straightness and
+//! reported as events of the machine. The scale is the largest of the position's own 1.4826·MAD, that of all
+//! positions pooled and the resolution: the own scale of five repeats alone would flag good readings by chance.
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::statistics::{median, robust_deviation};
+use crate::statistics::{MAD_FACTOR, median, robust_deviation};
 
 /// Rules of the detection.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -126,7 +126,7 @@ fn pooled_deviation(repeats: &[Vec<f64>]) -> f64 {
     if differences.is_empty() {
         return 0.0;
     }
-    1.4826 * median(&differences) / 2.0_f64.sqrt()
+    MAD_FACTOR * median(&differences) / 2.0_f64.sqrt()
 }
 
 /// Positions whose value differs by more than `limit` from the median of the four nearest others.

@@ -1,7 +1,5 @@
 //! NIST's thirty least-squares circles.
 
-mod common;
-
 use metrology::fit::{Point, circle};
 
 fn numbers(text: &str) -> Vec<f64> {
@@ -13,7 +11,7 @@ fn numbers(text: &str) -> Vec<f64> {
 /// The references hold for the points as printed; what remains is the rounding of 64-bit numbers of size 1e3.
 #[test]
 fn every_reference_circle_is_met_to_its_last_digits() {
-    let Some(folder) = common::shared("data/nist_ls_circles/nist") else {
+    let Some(folder) = shared_data::path("data/nist_ls_circles/nist") else {
         return;
     };
     let mut worst = [0.0_f64; 3];

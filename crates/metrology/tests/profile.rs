@@ -1,4 +1,4 @@
-//! Free-form profile correction against the tables and figures of source systems B.
+//! Free-form profile correction against the tables and figures of `docs/source_systems.md, B`.
 
 use metrology::profile::simulated::{POINTS, Systematic, nominal};
 use metrology::profile::{

@@ -1,8 +1,8 @@
-//! Two-pass separation against the properties and Monte-Carlo figures of source systems C.3 and C.4.
+//! Two-pass separation against the properties and Monte-Carlo figures of `docs/source_systems.md, C.3 and C.4`.
 
 use metrology::separation::{
-    DEFAULT_SHIFTS, Pass, SeparationError, SetUp, least_squares, polynomial, polynomial_automatic,
-    recursion, reversal, shift_sensitivity, tilt_bow, undetermined, without_line,
+    DEFAULT_SHIFTS, Pass, SeparationError, SetUp, least_squares, polynomial, recursion, reversal,
+    tilt_bow, undetermined, without_line,
 };
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
@@ -221,7 +221,7 @@ fn order_two_is_the_sources_straight_line() {
     assert!((found.coefficients[0] / a1 - 1.0).abs() < 1e-12);
 }
 
-/// C.4, 6: a polynomial too stiff for the part is biased, and says so; the automatic order does better.
+/// C.4, 6: a polynomial too stiff for the part is biased, and says so; a higher order does better.
 #[test]
 fn a_stiff_polynomial_warns_of_its_bias() {
     let (first, shifted) = (exact(0).readings, exact(1).readings);
@@ -236,15 +236,13 @@ fn a_stiff_polynomial_warns_of_its_bias() {
         .collect();
     let two = polynomial(&first, &shifted, SPACING, SPACING, 2).unwrap();
     assert!(two.bias_suspected);
-    let automatic = polynomial_automatic(&first, &shifted, SPACING, SPACING, 8).unwrap();
-    assert!(automatic.coefficients.len() > 2);
-    assert!(error(&automatic.guideway) < 0.2 * error(&two.guideway));
+    let stiff = error(&two.guideway);
+    let five = polynomial(&first, &shifted, SPACING, SPACING, 5).unwrap();
+    assert!(error(&five.guideway) < 0.2 * stiff);
 }
 
 #[test]
 fn waves_of_the_shifts_period_are_invisible() {
-    assert!(shift_sensitivity(20e-3, 20e-3) < 1e-15);
-    assert!((shift_sensitivity(20e-3, 40e-3) - 2.0).abs() < 1e-15);
     let wave = |z: f64| 5e-6 * (std::f64::consts::TAU * z / SPACING).cos();
     let first: Vec<f64> = (0..N).map(|i| wave(i as f64 * SPACING)).collect();
     let found = recursion(&first, &first).unwrap();

@@ -1,7 +1,7 @@
-//! The turn-mill's recorded tables (source systems A.2) through probe, plant and decision together.
+//! The turn-mill's recorded tables (`docs/source_systems.md, A.2`) through probe, plant and decision together.
 
 use metrology::cut::Plant;
-use metrology::decision::{Action, DecisionLimits, Policy, Reading, Side, Verdict, decide};
+use metrology::decision::{Action, Case, DecisionLimits, Policy, Side, Verdict, decide};
 use metrology::probe::{Probe, true_size};
 use metrology::size_gap::{GapLaw, size_gap};
 
@@ -54,16 +54,15 @@ fn run(table: &Table, feature: usize, plant: &Plant) -> (Verdict, f64, f64, f64)
             probe.read_flats(size)
         };
         let reading = clean + table.scatter[feature] * 1e-6;
-        let decision = decide(
-            Reading::Size(reading),
+        let case = Case {
+            size: Some(reading),
             nominal,
-            Side::Outer,
+            side: Side::Outer,
             wear,
             corrections,
-            &DecisionLimits::default(),
-            Policy::Compensate,
-        )
-        .expect("sound limits");
+        };
+        let decision =
+            decide(&case, &DecisionLimits::default(), Policy::Compensate).expect("sound limits");
         if decision.action != Action::Recut {
             return (decision.verdict, reading, size, wear);
         }
@@ -128,16 +127,15 @@ fn the_overcut_is_seen_by_the_reference_and_not_by_the_machine() {
             let (_, reading, size, _) = run(&BEFORE, i, &Plant::default());
             assert!((reading - NOMINAL[i]).abs() <= 10e-6);
             assert!(size - NOMINAL[i] < -50e-6);
-            let by_reference = decide(
-                Reading::Size(size),
-                NOMINAL[i],
-                Side::Outer,
-                0.0,
-                0,
-                &DecisionLimits::default(),
-                Policy::Compensate,
-            )
-            .unwrap();
+            let case = Case {
+                size: Some(size),
+                nominal: NOMINAL[i],
+                side: Side::Outer,
+                wear: 0.0,
+                corrections: 0,
+            };
+            let by_reference =
+                decide(&case, &DecisionLimits::default(), Policy::Compensate).unwrap();
             assert_eq!(by_reference.verdict, Verdict::OvercutNotCompensable);
             (NOMINAL[i], reading - size)
         })

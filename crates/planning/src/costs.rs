@@ -122,7 +122,7 @@ impl CostMatrix {
         Self::new(points, entries)
     }
 
-    /// Straight distances between positions, m (length of the air path, source-systems C.2 equation 2).
+    /// Straight distances between positions, m (length of the air path, `docs/source_systems.md, C.2`, equation 2).
     ///
     /// # Errors
     /// [`CostError::Coordinate`] for the first coordinate from which a distance is not finite.

@@ -5,7 +5,7 @@
 //! neighbouring stretches. Moves are proposed by a short list of near neighbours and driven by a work queue. Kicks are
 //! double bridges confined to a short stretch; a kicked path is accepted like in annealing. Costs are integers, so sums
 //! are exact and comparisons need no tolerance; a free end is a dummy point without costs. Between two kicks a search is
-//! a [`Standing`]: whoever takes it up finds what one run would have found.
+//! a [`Checkpoint`], from which it can be resumed with the result of one run.
 
 mod ascent;
 mod beginning;
@@ -60,9 +60,9 @@ struct Path {
     window: (usize, usize),
 }
 
-/// A search between two kicks: with the problem, all that going on needs.
+/// A search between two kicks: with the problem, all that is needed to resume it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Standing {
+pub(crate) struct Checkpoint {
     /// The order of places by which the grid numbers them.
     beginning: Vec<usize>,
     path: Path,
@@ -112,13 +112,15 @@ enum Cooling {
 pub(crate) fn run(
     problem: &Checked,
     options: &Options,
-    taken: Option<Standing>,
+    taken: Option<Checkpoint>,
     until: u64,
     keep_going: &mut dyn FnMut(&Progress) -> bool,
-) -> Standing {
+) -> Checkpoint {
     let mut reporter = Reporter::new(problem, keep_going);
     let fresh = taken.is_none();
-    let begun = taken.as_ref().map(|standing| standing.beginning.clone());
+    let begun = taken
+        .as_ref()
+        .map(|checkpoint| checkpoint.beginning.clone());
     let nearest = || beginning::by_nearest(problem);
     if problem.costs.is_symmetric() && problem.is_plain() {
         let scale = grid::scale(problem.costs);
@@ -130,40 +132,40 @@ pub(crate) fn run(
         if fresh && !bridges.is_empty() {
             tour = shortest_of_many(problem, &near, &grid, tour, options.seed);
         }
-        let standing = standing(&mut tour, &grid, taken, beginning, options.seed);
-        iterate(tour, &grid, standing, until, options, &mut reporter)
+        let checkpoint = checkpoint(&mut tour, &grid, taken, beginning, options.seed);
+        iterate(tour, &grid, checkpoint, until, options, &mut reporter)
     } else if problem.costs.is_symmetric() && problem.is_free() && problem.places_of.len() >= RING {
         let beginning = begun.unwrap_or_else(nearest);
         let grid = Grid::new(problem, &beginning, Lists::Points);
         let mut tour = Tour::new(Chosen::new(&grid));
-        let standing = standing(&mut tour, &grid, taken, beginning, options.seed);
-        iterate(tour, &grid, standing, until, options, &mut reporter)
+        let checkpoint = checkpoint(&mut tour, &grid, taken, beginning, options.seed);
+        iterate(tour, &grid, checkpoint, until, options, &mut reporter)
     } else {
         let beginning = begun.unwrap_or_else(nearest);
         let grid = Grid::new(problem, &beginning, Lists::Places);
         let mut path = Directed::new(&grid, (0..grid.points() as u32).collect());
-        let standing = standing(&mut path, &grid, taken, beginning, options.seed);
-        iterate(path, &grid, standing, until, options, &mut reporter)
+        let checkpoint = checkpoint(&mut path, &grid, taken, beginning, options.seed);
+        iterate(path, &grid, checkpoint, until, options, &mut reporter)
     }
 }
 
 /// Takes up the path of a search that was put down, or improves the one it begins with.
-fn standing(
+fn checkpoint(
     path: &mut impl Kicked,
     grid: &Grid,
-    taken: Option<Standing>,
+    taken: Option<Checkpoint>,
     beginning: Vec<usize>,
     seed: u64,
-) -> Standing {
-    if let Some(standing) = taken {
-        path.take_up(&standing.path, standing.here);
-        return standing;
+) -> Checkpoint {
+    if let Some(checkpoint) = taken {
+        path.take_up(&checkpoint.path, checkpoint.here);
+        return checkpoint;
     }
     path.improve_all();
     let mut order = Vec::new();
     path.write(&mut order);
     let length = path.length();
-    Standing {
+    Checkpoint {
         beginning,
         path: path.put_down(),
         here: length,
@@ -228,7 +230,7 @@ impl Cycle {
     }
 }
 
-/// Tells the caller the best path so far, in his own unit.
+/// Reports the best path so far to the caller, in the caller's unit.
 struct Reporter<'a> {
     problem: &'a Checked<'a>,
     given_cost: f64,
@@ -251,10 +253,10 @@ impl<'a> Reporter<'a> {
         }
     }
 
-    fn tell(&mut self, standing: &Standing) -> bool {
-        if standing.shortest < self.told {
-            self.told = standing.shortest;
-            let order = standing.order.clone();
+    fn tell(&mut self, checkpoint: &Checkpoint) -> bool {
+        if checkpoint.shortest < self.told {
+            self.told = checkpoint.shortest;
+            let order = checkpoint.order.clone();
             let cost = self.problem.costs.path_cost(&order);
             (self.order, self.cost) = if cost <= self.given_cost {
                 (order, cost)
@@ -263,7 +265,7 @@ impl<'a> Reporter<'a> {
             };
         }
         let progress = Progress {
-            kicks: standing.kicks,
+            kicks: checkpoint.kicks,
             order: &self.order,
             cost: self.cost,
             given_cost: self.given_cost,
@@ -276,45 +278,45 @@ impl<'a> Reporter<'a> {
 fn iterate(
     mut path: impl Kicked,
     grid: &Grid,
-    mut standing: Standing,
+    mut checkpoint: Checkpoint,
     until: u64,
     options: &Options,
     reporter: &mut Reporter,
-) -> Standing {
+) -> Checkpoint {
     let size = grid.points();
     let cooling = path.cooling();
     let every = options.report_every.max(1);
     // The shortest ring or path since the order was told last; empty when there is none.
     let mut best = Vec::new();
     loop {
-        if standing.kicks.is_multiple_of(every) {
+        if checkpoint.kicks.is_multiple_of(every) {
             if !best.is_empty() {
-                standing.order = grid.strip(&best);
+                checkpoint.order = grid.strip(&best);
                 best.clear();
             }
-            standing.over |= !reporter.tell(&standing);
+            checkpoint.over |= !reporter.tell(&checkpoint);
         }
-        standing.over |= !path.can_be_kicked();
-        if standing.kicks >= until || standing.over {
+        checkpoint.over |= !path.can_be_kicked();
+        if checkpoint.kicks >= until || checkpoint.over {
             break;
         }
-        standing.kicks += 1;
-        path.kick(&mut standing.rng);
+        checkpoint.kicks += 1;
+        path.kick(&mut checkpoint.rng);
         let length = path.length();
-        let luck = (f64::from(standing.rng.next_u32()) + 1.0) / 4_294_967_297.0;
+        let luck = (f64::from(checkpoint.rng.next_u32()) + 1.0) / 4_294_967_297.0;
         let warmth = match cooling {
             Cooling::Cycles { hot, cold } => {
-                hot * (cold / hot).powf(standing.cycle.part(standing.kicks))
+                hot * (cold / hot).powf(checkpoint.cycle.part(checkpoint.kicks))
             }
             Cooling::Steady { hot, power } => {
                 let cold = if size > LARGE { COLD } else { 1.0 };
-                cold * hot * (1.0 + standing.kicks as f64 / size as f64).powf(-power)
+                cold * hot * (1.0 + checkpoint.kicks as f64 / size as f64).powf(-power)
             }
         };
-        if ((length - standing.here) as f64) <= -luck.ln() * warmth * standing.mean_move {
-            standing.here = length;
-            if length < standing.shortest {
-                standing.shortest = length;
+        if ((length - checkpoint.here) as f64) <= -luck.ln() * warmth * checkpoint.mean_move {
+            checkpoint.here = length;
+            if length < checkpoint.shortest {
+                checkpoint.shortest = length;
                 path.write(&mut best);
             }
         } else {
@@ -322,8 +324,8 @@ fn iterate(
         }
     }
     if !best.is_empty() {
-        standing.order = grid.strip(&best);
+        checkpoint.order = grid.strip(&best);
     }
-    standing.path = path.put_down();
-    standing
+    checkpoint.path = path.put_down();
+    checkpoint
 }

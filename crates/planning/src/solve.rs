@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::exact::{EXACT_LIMIT, shortest_path};
 use crate::problem::{Checked, Problem, ProblemError};
-use crate::search::{self, Standing};
+use crate::search::{self, Checkpoint};
 
 /// Most places (poses of all points) for which the exact table is kept.
 const EXACT_PLACES: usize = 100;
@@ -31,7 +31,7 @@ impl Default for Options {
     }
 }
 
-/// The best path so far, told to the progress closure. Its order is complete and keeps every constraint.
+/// The best path so far, as passed to the progress closure. Its order is complete and keeps every constraint.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Progress<'a> {
     /// Kicks made.
@@ -73,8 +73,8 @@ pub fn solve(
 ) -> Result<Solution, ProblemError> {
     let checked = Checked::new(problem)?;
     if !is_small(&checked) {
-        let standing = search::run(&checked, options, None, options.kicks, keep_going);
-        return Ok(answer(&checked, &standing.order, standing.kicks));
+        let checkpoint = search::run(&checked, options, None, options.kicks, keep_going);
+        return Ok(answer(&checked, &checkpoint.order, checkpoint.kicks));
     }
     let solution = exact(&checked);
     keep_going(&Progress {
@@ -86,9 +86,8 @@ pub fn solve(
     Ok(solution)
 }
 
-/// A search that can be put down between two kicks, written away and taken up again. How it is sliced changes nothing:
-/// it makes the kicks that [`solve`] makes and gives its answer. Each slice begins by making the lists of near neighbours
-/// again, O(n²) for n places.
+/// A search that can be suspended between two kicks, serialised and resumed. Slicing changes nothing: it makes the kicks
+/// that [`solve`] makes and gives its answer. Each slice begins by computing the neighbour lists again, O(n²) for n places.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Search {
@@ -96,7 +95,7 @@ pub struct Search {
     options: Options,
     solution: Solution,
     /// `None`: the answer is exact.
-    standing: Option<Standing>,
+    checkpoint: Option<Checkpoint>,
 }
 
 impl Search {
@@ -106,43 +105,48 @@ impl Search {
     /// [`ProblemError`] when the problem contradicts itself.
     pub fn new(problem: Problem, options: &Options) -> Result<Self, ProblemError> {
         let checked = Checked::new(&problem)?;
-        let (solution, standing) = if is_small(&checked) {
+        let (solution, checkpoint) = if is_small(&checked) {
             (exact(&checked), None)
         } else {
-            let standing = search::run(&checked, options, None, 0, &mut |_| true);
-            (answer(&checked, &standing.order, 0), Some(standing))
+            let checkpoint = search::run(&checked, options, None, 0, &mut |_| true);
+            (answer(&checked, &checkpoint.order, 0), Some(checkpoint))
         };
         Ok(Self {
             options: options.clone(),
             problem,
             solution,
-            standing,
+            checkpoint,
         })
     }
 
-    /// Makes so many more kicks, or what is left of the budget; true when the search is done.
+    /// Makes `kicks` more kicks, or the rest of the budget; true when the search is done.
     ///
     /// # Errors
     /// [`ProblemError`] when what was read back holds another problem than was written away.
-    pub fn go_on(&mut self, kicks: u64) -> Result<bool, ProblemError> {
+    pub fn advance(&mut self, kicks: u64) -> Result<bool, ProblemError> {
         if self.is_done() {
             return Ok(true);
         }
-        if let Some(standing) = self.standing.take() {
+        if let Some(checkpoint) = self.checkpoint.take() {
             let checked = Checked::new(&self.problem)?;
-            let until = standing.kicks.saturating_add(kicks).min(self.options.kicks);
-            let go_on = &mut |_: &Progress| true;
-            let standing = search::run(&checked, &self.options, Some(standing), until, go_on);
-            self.solution = answer(&checked, &standing.order, standing.kicks);
-            self.standing = Some(standing);
+            let until = checkpoint
+                .kicks
+                .saturating_add(kicks)
+                .min(self.options.kicks);
+            let keep_going = &mut |_: &Progress| true;
+            let checkpoint =
+                search::run(&checked, &self.options, Some(checkpoint), until, keep_going);
+            self.solution = answer(&checked, &checkpoint.order, checkpoint.kicks);
+            self.checkpoint = Some(checkpoint);
         }
         Ok(self.is_done())
     }
 
-    /// True when going on would change nothing.
+    /// True when more kicks would change nothing.
     pub fn is_done(&self) -> bool {
-        let done = |standing: &Standing| standing.over || standing.kicks >= self.options.kicks;
-        self.standing.as_ref().is_none_or(done)
+        let done =
+            |checkpoint: &Checkpoint| checkpoint.over || checkpoint.kicks >= self.options.kicks;
+        self.checkpoint.as_ref().is_none_or(done)
     }
 
     /// How much of the search is done, from 0 to 1.

@@ -128,7 +128,7 @@ fn equal_paths_give_the_lowest_indices() {
     assert_eq!(solution.order, [0, 1, 2, 3, 4, 5]);
 }
 
-/// Source-systems C.2: s = n (s_a + s_c) + d with s_a = s_c = 5 mm.
+/// `docs/source_systems.md, C.2`: s = n (s_a + s_c) + d with s_a = s_c = 5 mm.
 #[test]
 fn shaft_and_bore_are_swept_monotonically() {
     for (points, spacing, d, s) in [(12_usize, 0.020, 0.220, 0.340), (11, 0.100, 1.000, 1.110)] {

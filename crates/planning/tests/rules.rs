@@ -1,11 +1,7 @@
-//! Stages, precedence, alternative poses and axis times against brute force and hand calculation.
+//! Stages, precedence and alternative poses against brute force.
 #![allow(clippy::unwrap_used, reason = "a test stops at what should not happen")]
 
-use std::f64::consts::PI;
-
-use planning::{
-    Axes, Axis, CostMatrix, Options, Problem, ProblemError, Solution, cheapest_revisit, solve,
-};
+use planning::{CostMatrix, Options, Problem, ProblemError, Solution, solve};
 use rand_pcg::Pcg32;
 use rand_pcg::rand_core::{RngCore, SeedableRng};
 
@@ -340,85 +336,4 @@ fn contradictions_are_named() {
             .check(),
         Err(ProblemError::GivenForbidden(1))
     );
-}
-
-#[test]
-fn axis_times_follow_the_trapezoid() {
-    let slide = Axis {
-        velocity: 0.5,
-        acceleration: 2.0,
-        endless: false,
-        clamping: 0.0,
-    };
-    // 0.125 m is where 0.5 m/s is just reached: both formulas give 0.5 s.
-    assert!((slide.time(0.125) - 0.5).abs() < 1e-12);
-    assert!((slide.time(-0.03125) - 0.25).abs() < 1e-12);
-    assert!((slide.time(1.0) - 2.25).abs() < 1e-12);
-    let table = Axis {
-        velocity: PI,
-        acceleration: 2.0 * PI,
-        endless: true,
-        clamping: 0.4,
-    };
-    assert_eq!(table.time(0.0), 0.0);
-    // A quarter turn back is shorter than three quarters on: 2 s·sqrt(1/4).
-    assert!((table.time(1.5 * PI) - 1.4).abs() < 1e-12);
-    let axes = Axes::new(vec![slide, table]).unwrap();
-    assert!((axes.time(&[0.0, 0.0], &[1.0, 1.5 * PI]) - 2.25).abs() < 1e-12);
-    let along = axes.time_along(&[vec![0.0, 0.0], vec![1.0, 0.0], vec![1.0, 1.5 * PI]]);
-    assert!((along - 3.65).abs() < 1e-12);
-
-    let stations = vec![vec![0.0, 0.0], vec![0.125, 0.0], vec![1.0, 0.0]];
-    let times = axes.times(&stations, &stations).unwrap();
-    assert!(times.is_symmetric() && (times.cost(0, 1) - 0.5).abs() < 1e-12);
-    assert!(axes.times(&stations, &stations[1..]).is_err());
-    assert!(
-        axes.times(&[vec![f64::NAN, 0.0]], &[vec![0.0, 0.0]])
-            .is_err()
-    );
-    assert!(
-        Axes::new(vec![Axis {
-            velocity: 0.0,
-            ..slide
-        }])
-        .is_err()
-    );
-    assert!(
-        Axes::new(vec![Axis {
-            clamping: -1.0,
-            ..slide
-        }])
-        .is_err()
-    );
-}
-
-#[test]
-fn a_broken_scan_goes_on_from_where_it_stands() {
-    let rules = rules(11, 2, 6);
-    let problem = rules.problem(table(22, 6));
-    let plan = shortest(&problem, 0);
-    for done in 0..=11 {
-        let remainder = problem.resume(&plan.order, done).unwrap();
-        let rest = shortest(&remainder.problem, 0);
-        // The plan was optimal, so what is left of it is optimal too.
-        let left = &plan.order[done.max(1)..];
-        assert_eq!(remainder.translate(&rest.order), left, "after {done}");
-        // Also when the break comes in another order: all rules hold over both parts.
-        let mut whole = plan.given[..done.max(1)].to_vec();
-        let other = problem.resume(&plan.given, done).unwrap();
-        whole.extend(other.translate(&shortest(&other.problem, 0).order));
-        assert!(rules.allow(&whole), "{whole:?}");
-    }
-    assert!(problem.resume(&[0, 1], 1).is_err());
-}
-
-#[test]
-fn one_point_is_measured_again_where_it_costs_least() {
-    let line = CostMatrix::from_fn(6, |i, j| (i as f64 - j as f64).abs()).unwrap();
-    let order = [0, 1, 2, 3, 4, 5];
-    assert_eq!(cheapest_revisit(&line, &order, 0, 3, false), Some(3));
-    assert_eq!(cheapest_revisit(&line, &order, 5, 3, false), Some(5));
-    assert_eq!(cheapest_revisit(&line, &order, 5, 3, true), Some(5));
-    assert_eq!(cheapest_revisit(&line, &order, 7, 3, false), None);
-    assert_eq!(cheapest_revisit(&line, &order, 0, 6, false), None);
 }

@@ -50,10 +50,10 @@ fn in_slices(problem: &Problem, options: &Options, slice: u64) -> Solution {
         let read: Search = serde_json::from_str(&text).unwrap();
         assert!(read == search, "what is read back is another search");
         search = read;
-        search.go_on(slice).unwrap();
+        search.advance(slice).unwrap();
     }
     assert_eq!(search.share(), 1.0);
-    assert!(search.go_on(slice).unwrap(), "nothing is left to do");
+    assert!(search.advance(slice).unwrap(), "nothing is left to do");
     search.solution().clone()
 }
 
@@ -94,7 +94,7 @@ fn a_search_stopped_in_the_middle_has_an_answer_no_longer_than_the_order_given()
         Problem::new(table(200, false, 0.1)).stages((0..200).map(|at| at / 100).collect());
     let mut search = Search::new(problem.clone(), &options(100_000)).unwrap();
     for _ in 0..3 {
-        assert!(!search.go_on(100).unwrap());
+        assert!(!search.advance(100).unwrap());
         let solution = search.solution();
         assert!(solution.cost <= solution.given_cost && !solution.optimal);
         assert_eq!(solution.cost, problem.costs().path_cost(&solution.order));

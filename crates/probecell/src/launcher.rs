@@ -1,8 +1,8 @@
-//! Starts a cell, watches its processes, and ends it.
+//! Starts a cell, supervises its processes, and stops it.
 //!
-//! The launcher carries the Zenoh router inside itself, so that nothing else has to be installed or started. Each node
-//! is a process of its own; one that dies is started again, after a pause that grows. At the end the nodes leave first
-//! and the recorder last, so that everything that was said is in the bag.
+//! The launcher embeds the Zenoh router, so that nothing else has to be installed or started. Each node is a process of its
+//! own; one that dies is restarted after a delay that doubles each time. At the end the nodes are stopped first and the
+//! recorder last, so that every message is in the bag.
 
 use std::{
     path::{Path, PathBuf},
@@ -12,73 +12,30 @@ use std::{
 };
 
 use anyhow::Context;
-use cell::{Cell, Source, TransportName};
-use host::bus::{Bus, BusConfig, Router, RouterConfig, Transport};
+use cell::{Cell, TransportName};
+use host::bus::{Bus, Router};
 use rustix::process::{Pid, Signal, kill_process};
 
-use crate::{FAILED, GOOD, LOSS, operator::Operator, report, signals};
+use crate::{
+    FAILED, GOOD, LOSS,
+    cell_bus::{CellFailure, bus_config, new_recording, router_config},
+    operator::{Operator, ProcessState},
+    output, signals,
+};
 
-/// Name of the process that drives LinuxCNC.
-pub(crate) const LINUXCNC: &str = "linuxcnc";
 /// Name of the process that records.
 const RECORDER: &str = "recorder";
-/// Between two looks at the processes.
-const LOOK: Duration = Duration::from_millis(20);
-/// First pause before a dead process is started again; it doubles each time, up to the last.
-const FIRST_PAUSE: Duration = Duration::from_millis(200);
-const LAST_PAUSE: Duration = Duration::from_secs(10);
+/// Supervision period.
+const PERIOD: Duration = Duration::from_millis(20);
+/// Delay before a dead process is restarted; it doubles each time, up to the longest.
+const FIRST_DELAY: Duration = Duration::from_millis(200);
+const LONGEST_DELAY: Duration = Duration::from_secs(10);
 /// A process that does not end within this time is killed.
-const END_PATIENCE: Duration = Duration::from_secs(10);
-/// How long a cell may take to be ready for its first part.
-const READY_PATIENCE: Duration = Duration::from_secs(30);
+const END_TIMEOUT: Duration = Duration::from_secs(10);
+/// Timeout of a cell to become ready for its first part.
+const READY_TIMEOUT: Duration = Duration::from_secs(30);
 
-/// Something of the running cell failed, as against a wrong input.
-#[derive(Debug, thiserror::Error)]
-#[error("{0}")]
-pub(crate) struct Failed(pub(crate) String);
-
-/// How a process of the cell joins the bus.
-pub(crate) fn bus_config(cell: &Cell) -> anyhow::Result<BusConfig> {
-    Ok(BusConfig {
-        transport: match cell.bus.transport {
-            TransportName::Zenoh => Transport::Zenoh,
-            TransportName::Dds => Transport::Dds,
-        },
-        domain_id: cell.bus.domain_id,
-        endpoints: vec![cell.bus.router_endpoint.clone()],
-        listen: cell.bus.listen.clone(),
-        zenoh: session_settings(cell)?,
-        ..BusConfig::default()
-    })
-}
-
-/// What the cell file says of every session. Where the router controls access, nothing goes past it: sessions are clients
-/// then, which link to nobody but the router.
-fn session_settings(cell: &Cell) -> anyhow::Result<serde_json::Value> {
-    let mut settings = zenoh_settings(cell.bus.zenoh.as_ref())?;
-    let router = zenoh_settings(cell.bus.router_zenoh.as_ref())?;
-    if router.get("access_control").is_some() && settings.get("mode").is_none() {
-        settings["mode"] = "client".into();
-    }
-    Ok(settings)
-}
-
-fn zenoh_settings(table: Option<&impl serde::Serialize>) -> anyhow::Result<serde_json::Value> {
-    Ok(table
-        .map(serde_json::to_value)
-        .transpose()?
-        .unwrap_or_else(|| serde_json::json!({})))
-}
-
-/// The folder of the next recording: the cell's name and the time, in the cell's folder of recordings.
-pub(crate) fn new_recording(cell: &Cell) -> PathBuf {
-    let stamp = host::now().0 / 1_000_000;
-    cell.recorder
-        .folder
-        .join(format!("{}_{stamp}", cell.cell.name))
-}
-
-/// Runs a cell until it is told to end, or until one part is made.
+/// Runs a cell until SIGINT or SIGTERM, or until one part is made.
 pub(crate) fn up(file: &Path, once: bool, recorded: bool) -> anyhow::Result<u8> {
     let cell = Cell::read(file)?;
     let end = signals::end_flag()?;
@@ -86,8 +43,8 @@ pub(crate) fn up(file: &Path, once: bool, recorded: bool) -> anyhow::Result<u8> 
     let bus = Bus::open(&bus_config(&cell)?, "operator", &cell.namespace())?;
     if router.is_none() && cell.bus.transport == TransportName::Zenoh {
         let endpoint = &cell.bus.router_endpoint;
-        report::remark(&format!(
-            "a router answers at {endpoint}: this cell joins it"
+        output::remark(&format!(
+            "a router answers at {endpoint}: this cell uses it"
         ));
     }
     let recording = recorded.then(|| new_recording(&cell));
@@ -95,7 +52,7 @@ pub(crate) fn up(file: &Path, once: bool, recorded: bool) -> anyhow::Result<u8> 
     if let Some(folder) = &recording {
         processes.start_recorder(folder)?;
     }
-    for name in process_names(&cell) {
+    for name in cell.node_names().into_iter().chain(cell.driver_process()) {
         processes.start(name)?;
     }
     let operator = Operator::join(bus, &cell)?;
@@ -106,18 +63,9 @@ pub(crate) fn up(file: &Path, once: bool, recorded: bool) -> anyhow::Result<u8> 
         router.close()?;
     }
     if let Some(folder) = &recording {
-        report::line(&format!("recorded in {}", folder.display()));
+        output::line(&format!("recorded in {}", folder.display()));
     }
     outcome.map(|status| if lost && status == GOOD { LOSS } else { status })
-}
-
-/// The router that a cell carries inside itself.
-pub(crate) fn router_config(cell: &Cell) -> anyhow::Result<RouterConfig> {
-    Ok(RouterConfig {
-        listen: vec![cell.bus.router_endpoint.clone()],
-        connect: cell.bus.join.clone(),
-        zenoh: zenoh_settings(cell.bus.router_zenoh.as_ref())?,
-    })
 }
 
 fn start_router(cell: &Cell) -> anyhow::Result<Option<Router>> {
@@ -125,19 +73,11 @@ fn start_router(cell: &Cell) -> anyhow::Result<Option<Router>> {
         return Ok(None);
     }
     let config = router_config(cell)?;
-    // Somebody may route there already: zenohd, rmw_zenoh's router, another cell, or a router on another machine.
+    // A router may run there already: zenohd, rmw_zenoh's router, that of another cell, or one on another machine.
     if host::endpoint_answers(&cell.bus.router_endpoint) {
         return Ok(None);
     }
     Ok(Some(Router::start(&config)?))
-}
-
-fn process_names(cell: &Cell) -> Vec<&'static str> {
-    let mut names = cell.node_names();
-    if cell.driver.source == Source::Linuxcnc {
-        names.push(LINUXCNC);
-    }
-    names
 }
 
 fn watch(
@@ -147,63 +87,60 @@ fn watch(
     once: bool,
     end: &Arc<AtomicBool>,
 ) -> anyhow::Result<u8> {
-    let mut asked = false;
-    let deadline = Instant::now() + READY_PATIENCE;
+    let mut requested = false;
+    let deadline = Instant::now() + READY_TIMEOUT;
     while !end.load(Ordering::SeqCst) {
-        for (name, text) in processes.look()? {
-            operator.tell_ended(&name, &text);
+        for (name, text) in processes.supervise()? {
+            operator.report_ended(&name, &text);
         }
         let states = processes.states();
-        operator.tell_processes(&states);
-        if once && asked {
+        operator.publish_diagnostics(&states);
+        if once && requested {
             check_cycle(&states)?;
         }
         if let Some(verdict) = operator.part_ended().filter(|_| once) {
             return Ok(if verdict.qualified { GOOD } else { FAILED });
         }
-        if !asked && operator.ready() {
+        if !requested && operator.ready() {
             if once {
-                operator.ask_for_part(&cell.cell.part)?;
+                operator.request_part(&cell.cell.part)?;
             } else {
-                report::line(&format!(
+                output::line(&format!(
                     "{} is ready: probecell run PART --cell {}",
                     cell.cell.name,
                     cell.text().name
                 ));
             }
-            asked = true;
-        } else if once && !asked && Instant::now() > deadline {
+            requested = true;
+        } else if once && !requested && Instant::now() > deadline {
             let text = format!(
                 "the cell was not ready within {} s: {}",
-                READY_PATIENCE.as_secs(),
+                READY_TIMEOUT.as_secs(),
                 operator.not_ready()
             );
-            return Err(Failed(text).into());
+            return Err(CellFailure(text).into());
         }
-        std::thread::sleep(LOOK);
+        std::thread::sleep(PERIOD);
     }
     Ok(if once { FAILED } else { GOOD })
 }
 
-/// With this node the part under way is lost, and nobody is left who would report its end.
-fn check_cycle(states: &[(String, bool, u32)]) -> anyhow::Result<()> {
-    match states
-        .iter()
-        .find(|(name, runs, starts)| name == "cycle" && (!runs || *starts > 1))
-    {
-        Some((name, ..)) => Err(Failed(format!(
-            "{name} ended while the part was made, and the part with it"
-        ))
-        .into()),
-        None => Ok(()),
+/// Without this node the part under way is lost, and its end is never reported.
+fn check_cycle(states: &[ProcessState]) -> anyhow::Result<()> {
+    let mut states = states.iter();
+    let cycle = states.find(|state| state.name == "cycle");
+    if cycle.is_some_and(|cycle| !cycle.running || cycle.starts > 1) {
+        let text = "cycle ended while the part was made; the part is lost".to_owned();
+        return Err(CellFailure(text).into());
     }
+    Ok(())
 }
 
 struct Supervised {
     name: String,
     child: Child,
     starts: u32,
-    pause: Duration,
+    delay: Duration,
     restart_at: Option<Instant>,
 }
 
@@ -232,7 +169,7 @@ impl Processes {
             name,
             child,
             starts: 1,
-            pause: FIRST_PAUSE,
+            delay: FIRST_DELAY,
             restart_at: None,
         });
         Ok(())
@@ -271,32 +208,34 @@ impl Processes {
             name,
             child,
             starts: 1,
-            pause: FIRST_PAUSE,
+            delay: FIRST_DELAY,
             restart_at: None,
         });
         Ok(())
     }
 
-    /// Finds processes that have died, and starts nodes again when their pause is over. Gives the name of each that has
-    /// died since the last look, and what is to be said of it.
-    fn look(&mut self) -> anyhow::Result<Vec<(String, String)>> {
+    /// Finds processes that have died, and restarts nodes when their delay is over. Gives the name of each that has died since
+    /// the last call, with a sentence.
+    fn supervise(&mut self) -> anyhow::Result<Vec<(String, String)>> {
         let mut ended = Vec::new();
         for index in 0..self.nodes.len() {
             let node = &mut self.nodes[index];
             match node.restart_at {
                 None => {
                     if let Some(status) = node.child.try_wait()? {
-                        // A wrong setting does not get better by trying again.
+                        // A wrong setting stays wrong at the next attempt.
                         if status.code() == Some(i32::from(crate::BAD_INPUT)) {
-                            return Err(
-                                Failed(format!("{} cannot run: see above", node.name)).into()
-                            );
+                            return Err(CellFailure(format!(
+                                "{} cannot run: see the error above",
+                                node.name
+                            ))
+                            .into());
                         }
-                        let text = format!("{} ended ({status}); it is started again", node.name);
-                        report::remark(&text);
+                        let text = format!("{} ended ({status}); restarting it", node.name);
+                        output::remark(&text);
                         ended.push((node.name.clone(), text));
-                        node.restart_at = Some(Instant::now() + node.pause);
-                        node.pause = (node.pause * 2).min(LAST_PAUSE);
+                        node.restart_at = Some(Instant::now() + node.delay);
+                        node.delay = (node.delay * 2).min(LONGEST_DELAY);
                     }
                 }
                 Some(at) if Instant::now() >= at => {
@@ -313,25 +252,29 @@ impl Processes {
         if let Some(recorder) = &mut self.recorder
             && let Some(status) = recorder.child.try_wait()?
         {
-            return Err(Failed(format!(
-                "the recorder ended ({status}): a cell does not run unrecorded"
+            return Err(CellFailure(format!(
+                "the recorder ended ({status}): the cell is stopped, for it must not run unrecorded"
             ))
             .into());
         }
         Ok(ended)
     }
 
-    /// Name, whether it runs, and starts, of each process.
-    fn states(&self) -> Vec<(String, bool, u32)> {
+    /// The state of each process.
+    fn states(&self) -> Vec<ProcessState> {
         let all = self.nodes.iter().chain(&self.recorder);
-        all.map(|one| (one.name.clone(), one.restart_at.is_none(), one.starts))
-            .collect()
+        all.map(|process| ProcessState {
+            name: process.name.clone(),
+            running: process.restart_at.is_none(),
+            starts: process.starts,
+        })
+        .collect()
     }
 
-    /// Ends the nodes, then the recorder. True when the recorder lost something.
+    /// Stops the nodes, then the recorder. True when the recorder lost something.
     fn end_all(&mut self) -> anyhow::Result<bool> {
         for node in &mut self.nodes {
-            ask_to_end(&mut node.child);
+            terminate(&mut node.child);
         }
         for node in &mut self.nodes {
             wait_for_end(&mut node.child)?;
@@ -339,7 +282,7 @@ impl Processes {
         let Some(recorder) = &mut self.recorder else {
             return Ok(false);
         };
-        ask_to_end(&mut recorder.child);
+        terminate(&mut recorder.child);
         let code = wait_for_end(&mut recorder.child)?;
         Ok(code != Some(0))
     }
@@ -347,27 +290,27 @@ impl Processes {
 
 impl Drop for Processes {
     fn drop(&mut self) {
-        for one in self.nodes.iter_mut().chain(&mut self.recorder) {
-            if matches!(one.child.try_wait(), Ok(None)) {
+        for process in self.nodes.iter_mut().chain(&mut self.recorder) {
+            if matches!(process.child.try_wait(), Ok(None)) {
                 // Already gone, or not ours any more: nothing is left to do in either case.
-                drop(one.child.kill());
-                drop(one.child.wait());
+                drop(process.child.kill());
+                drop(process.child.wait());
             }
         }
     }
 }
 
-fn ask_to_end(child: &mut Child) {
+fn terminate(child: &mut Child) {
     if matches!(child.try_wait(), Ok(None))
         && let Some(pid) = i32::try_from(child.id()).ok().and_then(Pid::from_raw)
     {
-        // It may have ended between the two lines; then there is nobody to ask.
+        // It may have ended between the two lines; then there is nothing to signal.
         kill_process(pid, Signal::TERM).unwrap_or_default();
     }
 }
 
 fn wait_for_end(child: &mut Child) -> anyhow::Result<Option<i32>> {
-    let deadline = Instant::now() + END_PATIENCE;
+    let deadline = Instant::now() + END_TIMEOUT;
     loop {
         if let Some(status) = child.try_wait()? {
             return Ok(status.code());
@@ -377,6 +320,6 @@ fn wait_for_end(child: &mut Child) -> anyhow::Result<Option<i32>> {
             child.wait()?;
             return Ok(None);
         }
-        std::thread::sleep(LOOK);
+        std::thread::sleep(PERIOD);
     }
 }

@@ -1,12 +1,28 @@
-//! The command line of the cell.
+//! The command line: start a cell, operate it, plan, replay, diagnose, report.
 //!
-//! Exit status: 0 good, 1 something failed or differs, 2 the input or the usage is wrong, 3 finished, but with loss.
+//! ```text
+//! main     --> commands/NAME.rs   one module for each command, named as it is typed
+//!   up     --> launcher           embedded router, processes, restart
+//!                operator         services, console, diagnostics of a running cell
+//!   run, measure, approve, recording --> cell_client   calls the services of a running cell
+//!   cell_bus                      how processes join the bus of a cell
+//!   output                        standard output and standard error
+//! ```
+//!
+//! ```text
+//! probecell up launch-scripts/turn_mill.toml --once     makes, measures and corrects one part
+//! probecell diagnose recordings/turn_mill_*             why the session differs from the declared model
+//! ```
+//!
+//! Exit status: 0 success, 1 failure or difference, 2 wrong input or usage, 3 finished with loss of data.
 //! An error is one sentence on standard error.
 
+mod cell_bus;
+mod cell_client;
 mod commands;
 mod launcher;
 mod operator;
-mod report;
+mod output;
 mod signals;
 
 use std::{io::IsTerminal, path::PathBuf, process::ExitCode};
@@ -14,16 +30,16 @@ use std::{io::IsTerminal, path::PathBuf, process::ExitCode};
 use clap::{CommandFactory, Parser, Subcommand};
 use tracing_subscriber::EnvFilter;
 
-/// Finished as it should.
+/// Success.
 const GOOD: u8 = 0;
-/// Something failed or differs.
+/// Failure or difference.
 const FAILED: u8 = 1;
-/// The input or the usage is wrong.
+/// Wrong input or usage.
 const BAD_INPUT: u8 = 2;
-/// Finished, but something was lost.
+/// Finished with loss of data.
 const LOSS: u8 = 3;
 
-/// Cell file that is taken when none is named.
+/// Default cell file.
 const DEFAULT_CELL: &str = "launch-scripts/turn_mill.toml";
 
 #[derive(Parser)]
@@ -35,12 +51,12 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Start a cell: router, nodes, driver and recorder, watched and restarted.
+    /// Start a cell: router, nodes, driver and recorder; supervise and restart its processes.
     Up {
         /// Cell file.
         #[arg(default_value = DEFAULT_CELL)]
         cell: PathBuf,
-        /// Make one part, then end.
+        /// Make one part, then exit.
         #[arg(long)]
         once: bool,
         /// Do not record.
@@ -49,27 +65,27 @@ enum Command {
     },
     /// Run one node of a cell in this process.
     Node {
-        /// Its name.
+        /// Name of the node.
         name: String,
         /// Cell file.
         #[arg(long, default_value = DEFAULT_CELL)]
         cell: PathBuf,
-        /// Starts of this node in this session before this one.
+        /// Number of earlier starts of this node in this session.
         #[arg(long, default_value_t = 0)]
         incarnation: u32,
         /// Do not wait for a recorder.
         #[arg(long)]
         no_record: bool,
-        /// End when the process that started this one ends.
+        /// Exit when the parent process exits.
         #[arg(long, hide = true)]
         supervised: bool,
     },
     /// Run a Zenoh router, for a cell that spans machines.
     Router {
-        /// Where it listens; with an address of this machine's network it can be reached from others.
+        /// Endpoint to listen on; use a network address of this machine to accept connections from others.
         #[arg(long, default_value = host::bus::ROUTER_ENDPOINT)]
         listen: Vec<String>,
-        /// Routers of other machines to join.
+        /// Endpoint of another machine's router to connect to; may be repeated.
         #[arg(long)]
         join: Vec<String>,
     },
@@ -78,17 +94,17 @@ enum Command {
         /// Cell file.
         #[arg(long, default_value = DEFAULT_CELL)]
         cell: PathBuf,
-        /// Folder to write; it must not exist.
+        /// Output folder; must not exist.
         #[arg(long)]
         folder: Option<PathBuf>,
-        /// End when the process that started this one ends.
+        /// Exit when the parent process exits.
         #[arg(long, hide = true)]
         supervised: bool,
     },
-    /// End the recording of a running cell, or begin another one.
+    /// Start or stop the recording of a running cell.
     #[command(subcommand)]
-    Recording(Recording),
-    /// Ask a running cell for a part.
+    Recording(commands::recording::Command),
+    /// Request a part from a running cell.
     Run {
         /// Name of the part.
         part: String,
@@ -96,13 +112,13 @@ enum Command {
         #[arg(long, default_value = DEFAULT_CELL)]
         cell: PathBuf,
     },
-    /// Go on with a running cell's measurement that broke off, or measure points of it again; the part goes on with it.
+    /// Resume an interrupted measurement of a running cell, or repeat points of it; the part then continues.
     #[command(group(clap::ArgGroup::new("what").required(true)))]
     Measure {
-        /// Measure what is left of it.
+        /// Measure the remaining points.
         #[arg(long, group = "what")]
         resume: bool,
-        /// Measure these points once more, and what is left: numbers of points of the plan, from 0.
+        /// Repeat these points and measure the remaining ones: indices into the plan, from 0.
         #[arg(long, group = "what", value_name = "POINT", num_args = 1..)]
         again: Vec<u32>,
         /// Cell file.
@@ -111,21 +127,21 @@ enum Command {
     },
     /// Approve or reject a correction that a running cell proposes.
     Approve {
-        /// The correction.
+        /// Identifier of the correction.
         correction: String,
-        /// Who decides.
+        /// Name of the operator who decides.
         #[arg(long)]
         operator: String,
-        /// Reject it.
+        /// Reject instead of approving.
         #[arg(long)]
         reject: bool,
         /// Cell file.
         #[arg(long, default_value = DEFAULT_CELL)]
         cell: PathBuf,
     },
-    /// Publish a recording again, under another namespace. Commands to a machine are never published.
+    /// Play back a recording under another namespace. Commands, requests and approvals are never published.
     Play(commands::play::Arguments),
-    /// Recompute every node of a recording and compare with what was recorded.
+    /// Recompute every node of a recording and compare the output with the recorded one, byte for byte.
     Replay {
         /// Bag: a folder or an .mcap file.
         bag: PathBuf,
@@ -133,73 +149,73 @@ enum Command {
         #[arg(long)]
         json: bool,
     },
-    /// Say what a recording holds.
+    /// Print the contents of a recording.
     Info {
         /// Bag: a folder or an .mcap file.
         bag: PathBuf,
-        /// Read everything, to find all damage.
+        /// Read the whole recording to find all damage.
         #[arg(long)]
         verify: bool,
         /// Print JSON.
         #[arg(long)]
         json: bool,
     },
-    /// Write what can be read of a damaged recording as a whole one.
+    /// Recover the readable part of a damaged recording.
     Recover {
         /// Bag: a folder or an .mcap file.
         bag: PathBuf,
-        /// Folder to write; it must not exist.
+        /// Output folder; must not exist.
         to: PathBuf,
     },
     /// Plan the measuring order of a cell's part, or of the plan in a recording.
     Plan {
-        /// Cell file, or a bag whose plan is ordered again.
+        /// Cell file, or a bag whose plan is reordered.
         #[arg(default_value = DEFAULT_CELL)]
         source: PathBuf,
         /// Print JSON.
         #[arg(long)]
         json: bool,
     },
-    /// Write the measuring program of a plan for a controller: LinuxCNC, FANUC or SINUMERIK.
+    /// Write the measuring program of a plan for a controller.
     Program(commands::program::Arguments),
-    /// Read what a controller printed or wrote, and compute sizes from it.
+    /// Read the result files of a controller and compute sizes from their touches.
     Results(commands::results::Arguments),
-    /// Say why a recorded session differs from the declared model of its cell.
+    /// Explain why a recorded session differs from the declared model of its cell.
     Diagnose(commands::diagnose::Arguments),
-    /// Write the record of the parts that a recorded session made, as one page to be filed.
-    Report(commands::part_record::Arguments),
-    /// Make what a gap report has found part of the cell's declared model, or take it out again.
+    /// Write the inspection record of the parts made in a recorded session.
+    Report(commands::report::Arguments),
+    /// Add the effects found by a gap report to the cell's declared model, or remove them.
     Adopt(commands::adopt::Arguments),
-    /// Say what a plan can tell before anything is measured: smallest effects, and effects that it cannot part.
+    /// Analyse the identifiability of a plan: detection limits and confounded effects.
     Identifiability(commands::identifiability::Arguments),
-    /// Check the diagnosis on sealed sessions, and print the score card.
+    /// Validate the diagnosis on sessions with hidden effects, and print the score card.
     Blind {
-        /// Sessions, shared out over the kinds of content.
+        /// Number of sessions, distributed evenly over the kinds of hidden content.
         #[arg(long, default_value_t = 120, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
         trials: u64,
-        /// Instead judge eight further touches, chosen, random and repeated, on this many sessions that are not right
-        /// and sure at first.
+        /// Instead compare eight additional touches (chosen, random, repeated) on this many sessions whose first diagnosis is
+        /// wrong or uncertain.
         #[arg(long, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
         refine: Option<u64>,
         /// Seed of the sessions.
         #[arg(long, default_value_t = 1)]
         seed: u64,
-        /// A cell file or a bag: sessions on its machine and plan instead of made-up ones.
+        /// Cell file or bag whose machine and plan are used instead of generated ones.
         #[arg(long, value_name = "CELL_OR_BAG", conflicts_with = "refine")]
         on: Option<PathBuf>,
-        /// Write every session as a recording, and what was hidden in it, into this folder.
+        /// Write every session and its hidden content as a recording below this folder.
         #[arg(long, value_name = "DIR", conflicts_with = "refine")]
         keep: Option<PathBuf>,
         /// Print JSON.
         #[arg(long)]
         json: bool,
     },
-    /// Say how the next part of a free-form profile is cut, and write its program.
+    /// Compute the tool-path correction of the next part of a free-form profile, and write its program.
     Correct(commands::correct::Arguments),
-    /// Run the register of known gaps between a cell and its model.
+    /// Run the register of known gaps between a cell and its model, and judge each against its source.
     #[command(subcommand)]
     Scenario(commands::scenario::Command),
-    /// Say what is wrong with this set-up.
+    /// Check the installation and the cell file.
     Doctor {
         /// Cell file.
         #[arg(default_value = DEFAULT_CELL)]
@@ -208,29 +224,15 @@ enum Command {
         #[arg(long)]
         json: bool,
     },
-    /// Print completions for a shell.
+    /// Print shell completions.
     Completions {
-        /// The shell.
+        /// Shell.
         shell: clap_complete::Shell,
     },
-}
-
-#[derive(Subcommand)]
-enum Recording {
-    /// Begin a recording.
-    Start {
-        /// Name of its folder inside the cell's folder of recordings; the recorder chooses when none is given.
-        #[arg(default_value = "")]
-        name: String,
-        /// Cell file.
-        #[arg(long, default_value = DEFAULT_CELL)]
-        cell: PathBuf,
-    },
-    /// End the recording and close its files.
-    Stop {
-        /// Cell file.
-        #[arg(long, default_value = DEFAULT_CELL)]
-        cell: PathBuf,
+    /// Write man pages.
+    Man {
+        /// Output folder; created if it does not exist.
+        folder: PathBuf,
     },
 }
 
@@ -246,13 +248,13 @@ fn main() -> ExitCode {
         Ok(status) => ExitCode::from(status),
         Err(error) => {
             tracing::debug!("{error:?}");
-            report::error(&error);
+            output::error(&error);
             let failed = error.chain().any(|cause| {
                 cause
                     .downcast_ref::<host::bus::BusError>()
                     .is_some_and(|error| !error.is_of_input())
                     || cause.is::<host::ProcessError>()
-                    || cause.is::<launcher::Failed>()
+                    || cause.is::<cell_bus::CellFailure>()
             });
             ExitCode::from(if failed { FAILED } else { BAD_INPUT })
         }
@@ -279,18 +281,15 @@ fn run(command: Command) -> anyhow::Result<u8> {
             folder,
             supervised,
         } => commands::record::run(&cell, folder, supervised),
-        Command::Recording(Recording::Start { name, cell }) => {
-            operator::start_recording(&cell, &name)
-        }
-        Command::Recording(Recording::Stop { cell }) => operator::stop_recording(&cell),
-        Command::Run { part, cell } => operator::ask_for_part(&cell, &part),
-        Command::Measure { again, cell, .. } => operator::measure(&cell, &again),
+        Command::Recording(command) => commands::recording::run(&command),
+        Command::Run { part, cell } => commands::run::run(&cell, &part),
+        Command::Measure { again, cell, .. } => commands::measure::run(&cell, &again),
         Command::Approve {
             correction,
             operator,
             reject,
             cell,
-        } => operator::approve(&cell, &correction, &operator, !reject),
+        } => commands::approve::run(&cell, &correction, &operator, !reject),
         Command::Play(arguments) => commands::play::run(&arguments),
         Command::Replay { bag, json } => commands::replay::run(&bag, json),
         Command::Info { bag, verify, json } => commands::info::run(&bag, verify, json),
@@ -299,14 +298,14 @@ fn run(command: Command) -> anyhow::Result<u8> {
         Command::Program(arguments) => commands::program::run(&arguments),
         Command::Results(arguments) => commands::results::run(&arguments),
         Command::Diagnose(arguments) => commands::diagnose::run(&arguments),
-        Command::Report(arguments) => commands::part_record::run(&arguments),
+        Command::Report(arguments) => commands::report::run(&arguments),
         Command::Adopt(arguments) => commands::adopt::run(&arguments),
         Command::Blind {
             refine: Some(wanted),
             seed,
             json,
             ..
-        } => commands::refine::run(wanted, seed, json),
+        } => commands::blind_refine::run(wanted, seed, json),
         Command::Blind {
             trials,
             seed,
@@ -319,10 +318,11 @@ fn run(command: Command) -> anyhow::Result<u8> {
         Command::Correct(arguments) => commands::correct::run(&arguments),
         Command::Scenario(command) => commands::scenario::run(&command),
         Command::Doctor { cell, json } => commands::doctor::run(&cell, json),
+        Command::Man { folder } => commands::man::run(Arguments::command(), &folder),
         Command::Completions { shell } => {
             let mut script = Vec::new();
             clap_complete::generate(shell, &mut Arguments::command(), "probecell", &mut script);
-            report::bytes(&script);
+            output::bytes(&script);
             Ok(GOOD)
         }
     }

@@ -1,8 +1,17 @@
-//! A report that a person reads: headings, paragraphs, tables and plots on one HTML page that needs nothing else.
+//! What does an engineer file? Reports on one HTML page that needs nothing else, or as plain text.
 //!
-//! Data go in as in the rest of the project, in SI units; a [`Unit`] says what people read instead (mm, µm, °, µrad).
-//! Plots are inline SVG, nothing is loaded from elsewhere, nothing runs in the reader's browser, and the page can be
-//! printed. The same data give the same bytes. This crate knows nothing of machines, and writes no files.
+//! ```text
+//!  diagnosis::Report, Residuals ──► pages::diagnosis_page ──┐
+//!  messages of a session        ──► pages::part_page      ──┼──► kit::Page ──► .html(), .text()
+//!  anything else                ──► Page, Table, Plot     ──┘
+//! ```
+//!
+//! - [`kit`]: the building blocks. Data go in as in the rest of the project, in SI units; a [`Unit`] says what people read
+//!   instead (mm, µm, °, µrad). Plots are inline SVG; nothing is loaded from elsewhere, nothing runs in the browser, and the
+//!   page can be printed on A4.
+//! - [`pages`]: the page of a diagnosis, and the record of the parts that a session made.
+//!
+//! The same data give the same bytes. Texts from outside are escaped. This crate writes no files.
 //!
 //! ```
 //! use report::{Axis, Page, Plot, Series, Unit};
@@ -18,17 +27,13 @@
 //! # Ok::<(), report::PlotError>(())
 //! ```
 
-mod bars;
-mod colours;
-mod draw;
-mod page;
-mod plot;
-mod strips;
-mod unit;
+pub mod kit;
+pub mod pages;
 
-pub use bars::{Bar, Bars};
-pub use draw::PlotError;
-pub use page::{Page, Table};
-pub use plot::{Arrow, Axis, Heat, Name, Plot, Series, Side};
-pub use strips::{Strip, Strips};
-pub use unit::Unit;
+pub use kit::{
+    Arrow, Axis, Bar, Bars, Heat, Name, Page, Plot, PlotError, Series, Side, Strip, Strips, Table,
+    Unit,
+};
+pub use pages::{
+    PartSession, ShortDiagnosis, add_diagnosis, diagnosis_page, part_page, table_entries,
+};

@@ -3,9 +3,11 @@
 use std::collections::BTreeMap;
 
 use machine::Chain;
+use metrology::uncertainty::{Budget, Coverage, Input, Uncertainty, UncertaintyError};
+use probecell_msgs::InspectionPlan;
 use serde::Deserialize;
 
-use crate::feature::{Criterion, Rules};
+use crate::feature::{Criterion, Rules, common_sensitivity};
 
 /// As written in the cell file, section `[analysis]`.
 #[derive(Clone, Debug, Deserialize)]
@@ -13,11 +15,15 @@ use crate::feature::{Criterion, Rules};
 pub struct RawConfig {
     /// Standard uncertainty of the deviation of one touch.
     pub touch_standard_uncertainty_um: f64,
-    /// Standard uncertainty that all touches share (calibration of the stylus, temperature), per radius or distance.
+    /// Degrees of freedom of that: the touches of a repeatability test (ISO 230-10) less one. None: known exactly.
+    pub touch_degrees_of_freedom: Option<f64>,
+    /// Standard uncertainty that all touches share, per radius or distance, known exactly; in addition to `common`.
     pub common_standard_uncertainty_um: f64,
-    /// Expanded uncertainty = this factor times the standard uncertainty.
+    /// Budget of what all touches share (calibration of the stylus, temperature), per radius or distance.
+    pub common: Vec<RawContribution>,
+    /// Coverage factor for infinitely many degrees of freedom; with fewer it is Student's t for the same probability.
     pub coverage_factor: f64,
-    /// Repeated touches of one point that differ by more make the feature invalid.
+    /// Largest range of repeated touches of one point; beyond it the feature is invalid.
     pub repeat_limit_um: f64,
     /// Sizes over several planes.
     pub widths: Vec<Width>,
@@ -25,8 +31,40 @@ pub struct RawConfig {
     pub steps: Vec<Width>,
     /// Features that are fitted in another way than by least squares of all touches.
     pub fits: Vec<RawFit>,
-    /// By which features the part is placed before anything is said of it; none: it lies where the plan has it.
+    /// Features by which the part is aligned before anything is reported; none: the part frame is as programmed.
     pub alignment: Option<RawAlignment>,
+}
+
+/// One line of the budget of what all touches share, as written: a standard uncertainty, readings, or limits.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RawContribution {
+    /// What it comes from.
+    pub name: String,
+    /// A standard uncertainty known from elsewhere, such as a certificate.
+    pub standard_uncertainty_um: Option<f64>,
+    /// Its degrees of freedom; none: known exactly.
+    pub degrees_of_freedom: Option<f64>,
+    /// Experimental standard deviation of one reading, with `readings`.
+    pub deviation_um: Option<f64>,
+    /// Number of readings that were averaged, at least 2.
+    pub readings: Option<u32>,
+    /// Limits ±, with `distribution`.
+    pub half_width_um: Option<f64>,
+    /// How values are distributed within the limits; none: `rectangular`.
+    pub distribution: Option<Distribution>,
+}
+
+/// Distribution within limits (GUM 4.3.7, 4.3.9, JCGM 101 6.4.6).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Distribution {
+    /// All values are equally probable.
+    Rectangular,
+    /// Values near the middle are more probable.
+    Triangular,
+    /// A sinusoidal variation, such as a controlled temperature.
+    Arcsine,
 }
 
 /// As written.
@@ -38,7 +76,7 @@ pub struct RawFit {
     /// What the fitted shape has to be.
     #[serde(default)]
     pub criterion: Criterion,
-    /// Touches farther from the others than so many robust standard deviations are left out; none: all touches count.
+    /// Touches farther from the fit than this many robust standard deviations are left out as outliers; none: all count.
     pub outlier_limit: Option<f64>,
 }
 
@@ -49,22 +87,22 @@ pub struct RawAlignment {
     /// Datum features in order of precedence (ISO 5459).
     #[serde(default)]
     pub datums: Vec<String>,
-    /// Instead: features whose touches together say where the part lies.
+    /// Instead: features whose touches are best-fitted together.
     #[serde(default)]
     pub best_fit: Vec<String>,
-    /// What a best fit may move: shifts along `x`, `y`, `z`, turns `a`, `b`, `c` about them.
+    /// Degrees of freedom of a best fit: shifts along `x`, `y`, `z`, rotations `a`, `b`, `c` about them.
     #[serde(default = "all_free")]
     pub free: Vec<String>,
 }
 
-/// Shifts along the axes of the part frame and turns about them.
+/// Shifts along the axes of the part frame and rotations about them.
 const DISPLACEMENTS: [&str; 6] = ["x", "y", "z", "a", "b", "c"];
 
 fn all_free() -> Vec<String> {
     DISPLACEMENTS.map(str::to_owned).to_vec()
 }
 
-/// How the part is placed.
+/// How the part is aligned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Method {
     /// By datums in order of precedence.
@@ -78,9 +116,9 @@ pub enum Method {
 pub struct Alignment {
     /// How.
     pub method: Method,
-    /// By which features, in order of precedence.
+    /// Features, in order of precedence.
     pub features: Vec<String>,
-    /// Shifts along and turns about x, y and z that a best fit may find.
+    /// Shifts along and rotations about x, y and z that a best fit has free.
     pub free: [bool; 6],
 }
 
@@ -88,7 +126,9 @@ impl Default for RawConfig {
     fn default() -> Self {
         Self {
             touch_standard_uncertainty_um: 1.0,
+            touch_degrees_of_freedom: None,
             common_standard_uncertainty_um: 0.0,
+            common: Vec::new(),
             coverage_factor: 2.0,
             repeat_limit_um: 10.0,
             widths: Vec::new(),
@@ -116,11 +156,15 @@ pub struct Width {
 pub struct Config {
     /// The machine, from its URDF.
     pub chain: Chain,
-    /// m; of one touch.
+    /// m; standard uncertainty of the deviation of one touch.
     pub touch_uncertainty: f64,
-    /// m; shared by all touches, per radius or distance.
+    /// Degrees of freedom of that; infinite where it is known exactly.
+    pub touch_degrees_of_freedom: f64,
+    /// Budget of what all touches share, m per radius or distance.
+    pub common: Budget,
+    /// m; combined standard uncertainty of that.
     pub common_uncertainty: f64,
-    /// Expanded over standard uncertainty.
+    /// Coverage factor for infinitely many degrees of freedom.
     pub coverage_factor: f64,
     /// m; largest range of repeated touches of one point.
     pub repeat_limit: f64,
@@ -130,7 +174,7 @@ pub struct Config {
     pub steps: Vec<Width>,
     /// How features are fitted, where not by least squares of all touches.
     pub fits: BTreeMap<String, Rules>,
-    /// How the part is placed, if it is.
+    /// How the part is aligned, if it is.
     pub alignment: Option<Alignment>,
 }
 
@@ -138,6 +182,46 @@ impl Config {
     /// How a feature is fitted.
     pub fn rules(&self, feature: &str) -> Rules {
         self.fits.get(feature).copied().unwrap_or_default()
+    }
+
+    /// The uncertainty of a size: `by_touches` is its standard uncertainty (m) by the touches alone, `sensitivity` its
+    /// change per change of all deviations alike ([`common_sensitivity`]).
+    ///
+    /// # Errors
+    /// An uncertainty that is not finite.
+    pub(crate) fn stated(
+        &self,
+        by_touches: f64,
+        sensitivity: f64,
+    ) -> Result<Uncertainty, UncertaintyError> {
+        let touches = Input::Normal {
+            standard: by_touches,
+            degrees_of_freedom: self.touch_degrees_of_freedom,
+        };
+        let mut budget = Budget::default().with("touches", touches, 1.0);
+        for line in &self.common.contributions {
+            budget = budget.with(
+                line.name.as_str(),
+                line.input,
+                line.sensitivity * sensitivity,
+            );
+        }
+        budget.combine(Coverage::NormalFactor(self.coverage_factor))
+    }
+
+    /// Change of each size of a plan by one standard uncertainty of what all touches share, m with its sign: of features,
+    /// widths and steps, by name.
+    pub fn common_components(&self, plan: &InspectionPlan) -> BTreeMap<String, f64> {
+        let features = plan.features.iter();
+        let features =
+            features.map(|feature| (feature.id.clone(), common_sensitivity(feature.kind)));
+        let widths = self.widths.iter().map(|width| (width.id.clone(), 2.0));
+        let steps = self.steps.iter().map(|step| (step.id.clone(), 0.0));
+        features
+            .chain(widths)
+            .chain(steps)
+            .map(|(id, sensitivity)| (id, sensitivity * self.common_uncertainty))
+            .collect()
     }
 }
 
@@ -154,17 +238,27 @@ pub enum ConfigError {
         /// What else it must be.
         more: &'static str,
     },
+    /// A line of the budget that is none.
+    #[error(
+        "analysis.common: {0:?} needs one of standard_uncertainty_um, deviation_um with readings, half_width_um with distribution"
+    )]
+    Contribution(String),
+    /// A line of the budget with a number that cannot be used.
+    #[error("analysis.common: {0}")]
+    Uncertainty(#[from] UncertaintyError),
     /// Two fits of one feature.
-    #[error("analysis.fits: feature {0:?} stands there twice")]
+    #[error("analysis.fits: feature {0:?} is listed twice")]
     FitTwice(String),
-    /// No way, or two, to place the part.
+    /// No method, or two.
     #[error("analysis.alignment needs either datums or best_fit")]
     Method,
     /// An unknown displacement.
     #[error("analysis.alignment.free = {0:?} is none of x, y, z, a, b, c")]
     Displacement(String),
     /// A datum system is rigid.
-    #[error("analysis.alignment.free belongs to best_fit: a datum system places the part whole")]
+    #[error(
+        "analysis.alignment.free belongs to best_fit: a datum system aligns all six degrees of freedom"
+    )]
     FreeDatums,
 }
 
@@ -195,6 +289,21 @@ impl RawConfig {
                 more: "that is not negative",
             });
         }
+        let touch_degrees_of_freedom = self.touch_degrees_of_freedom.unwrap_or(f64::INFINITY);
+        if !(touch_degrees_of_freedom > 0.0) {
+            return Err(ConfigError::Number {
+                key: "touch_degrees_of_freedom".to_owned(),
+                value: touch_degrees_of_freedom,
+                more: "above 0",
+            });
+        }
+        let mut common = Budget::default().with("common", Input::exact(value * 1e-6), 1.0);
+        for raw in &self.common {
+            common = common.with(raw.name.as_str(), raw.check()?, 1.0);
+        }
+        let common_uncertainty = common
+            .combine(Coverage::NormalFactor(self.coverage_factor))?
+            .standard;
         let mut fits = BTreeMap::new();
         for raw in &self.fits {
             if fits.insert(raw.feature.clone(), raw.check()?).is_some() {
@@ -205,7 +314,9 @@ impl RawConfig {
         Ok(Config {
             chain,
             touch_uncertainty: self.touch_standard_uncertainty_um * 1e-6,
-            common_uncertainty: value * 1e-6,
+            touch_degrees_of_freedom,
+            common,
+            common_uncertainty,
             coverage_factor: self.coverage_factor,
             repeat_limit: self.repeat_limit_um * 1e-6,
             widths: self.widths.clone(),
@@ -213,6 +324,48 @@ impl RawConfig {
             fits,
             alignment: alignment.transpose()?,
         })
+    }
+}
+
+impl RawContribution {
+    fn check(&self) -> Result<Input, ConfigError> {
+        let Self {
+            standard_uncertainty_um: standard,
+            degrees_of_freedom,
+            deviation_um: deviation,
+            readings,
+            half_width_um: half_width,
+            distribution,
+            ..
+        } = *self;
+        let input = match (standard, deviation.zip(readings), half_width) {
+            (Some(standard), None, None) => Input::Normal {
+                standard: standard * 1e-6,
+                degrees_of_freedom: degrees_of_freedom.unwrap_or(f64::INFINITY),
+            },
+            (None, Some((deviation, count)), None) => Input::Readings {
+                deviation: deviation * 1e-6,
+                count,
+            },
+            (None, None, Some(half_width)) => {
+                let half_width = half_width * 1e-6;
+                match distribution.unwrap_or(Distribution::Rectangular) {
+                    Distribution::Rectangular => Input::Rectangular { half_width },
+                    Distribution::Triangular => Input::Triangular { half_width },
+                    Distribution::Arcsine => Input::Arcsine { half_width },
+                }
+            }
+            _ => return Err(ConfigError::Contribution(self.name.clone())),
+        };
+        // What belongs to another kind of line would have no effect.
+        let superfluous = standard.is_none() && degrees_of_freedom.is_some()
+            || half_width.is_none() && distribution.is_some()
+            || deviation.is_some() != readings.is_some();
+        if superfluous {
+            return Err(ConfigError::Contribution(self.name.clone()));
+        }
+        input.check(&self.name)?;
+        Ok(input)
     }
 }
 
@@ -246,8 +399,8 @@ impl RawAlignment {
         };
         let mut free = [false; 6];
         for name in &self.free {
-            let place = DISPLACEMENTS.iter().position(|known| known == name);
-            free[place.ok_or_else(|| ConfigError::Displacement(name.clone()))?] = true;
+            let index = DISPLACEMENTS.iter().position(|known| known == name);
+            free[index.ok_or_else(|| ConfigError::Displacement(name.clone()))?] = true;
         }
         if method == Method::Datums && free != [true; 6] {
             return Err(ConfigError::FreeDatums);

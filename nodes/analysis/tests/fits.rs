@@ -6,6 +6,7 @@ use analysis::{
 };
 use graph::{Node, Outbox, Stamp};
 use machine::Chain;
+use metrology::statistics::{rms, standard_deviation};
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 use probecell_msgs::{
     FeatureResult, InspectionFeature, InspectionPlan, InspectionPoint, PartAlignment, ProbeEvent,
@@ -240,7 +241,7 @@ fn stated_uncertainties_are_the_scatter_of_repeated_measurements() {
     );
     let mut random = Pcg64::seed_from_u64(5);
     for criterion in [Criterion::LeastSquares, Criterion::MinimumZone] {
-        // Each zone is itself simulated hundreds of times, so the quickest feature stands for all.
+        // Each zone is itself simulated a thousand times, so the quickest feature stands for all.
         let zone = criterion == Criterion::MinimumZone;
         let (plan, runs) = if zone {
             (plan(&features[1..2]), 100)
@@ -266,15 +267,7 @@ fn stated_uncertainties_are_the_scatter_of_repeated_measurements() {
         let allowed = 3.0 / (2.0 * f64::from(runs)).sqrt() + 0.05;
         for own in &found {
             let check = |what: &str, value: fn(&FeatureResult) -> (f64, f64)| {
-                let count = own.len() as f64;
-                let mean = own.iter().map(|one| value(one).0).sum::<f64>() / count;
-                let squares = own
-                    .iter()
-                    .map(|one| (value(one).0 - mean).powi(2))
-                    .sum::<f64>();
-                let scatter = (squares / (count - 1.0)).sqrt();
-                let stated = own.iter().map(|one| value(one).1.powi(2)).sum::<f64>() / count;
-                let ratio = scatter / stated.sqrt();
+                let ratio = scatter_over_stated(own, value);
                 let id = &own[0].feature_id;
                 assert!(
                     (ratio - 1.0).abs() < allowed,
@@ -288,11 +281,23 @@ fn stated_uncertainties_are_the_scatter_of_repeated_measurements() {
                     (one.orientation, one.orientation_uncertainty)
                 });
             }
+            // The form found holds the noise already, and disturbed touches add it once more: the uncertainty stated for a
+            // form of nothing but noise is up to a third too large, never too small.
+            let form: fn(&FeatureResult) -> (f64, f64) = |one| (one.form, one.form_uncertainty);
             if zone {
-                check("form", |one| (one.form, one.form_uncertainty));
+                check("form", form);
+            } else {
+                let ratio = scatter_over_stated(own, form);
+                assert!((0.70..1.0 + allowed).contains(&ratio), "form: {ratio:.3}");
             }
         }
     }
+}
+
+/// Standard deviation of repeated values over the root mean square of their stated uncertainties.
+fn scatter_over_stated(results: &[FeatureResult], value: fn(&FeatureResult) -> (f64, f64)) -> f64 {
+    let (values, stated): (Vec<f64>, Vec<f64>) = results.iter().map(value).unzip();
+    standard_deviation(&values) / rms(&stated)
 }
 
 /// How far the surface of a part that lies at `part` stands out at a planned point, where it is flat: to first order.
@@ -328,7 +333,7 @@ fn a_touch_that_the_others_contradict_is_left_out_and_named() {
     assert_eq!((result.touches, result.sequences.len()), (20, 20));
     assert_eq!(
         result.text,
-        "left out, because the other touches contradict them: point 3, point 7 1 of 3 times"
+        "outliers left out: point 3, point 7 1 of 3 times"
     );
     assert!((result.size - 20e-3).abs() < 2e-6, "{}", result.size);
     assert!(result.repeat_spread < 1e-9);
@@ -339,7 +344,7 @@ fn a_touch_that_the_others_contradict_is_left_out_and_named() {
     let zone =
         config(|raw| raw.fits = vec![fitted("bore", Criterion::MaximumInscribed, Some(6.0))]);
     let result = &results(&measured(&zone, &plan, 0..20, chip))[0];
-    assert_eq!(result.left_out, [3]);
+    assert_eq!(result.left_out, [3], "{}", result.text);
     assert!((result.size - 20e-3).abs() < 4e-6, "{}", result.size);
 }
 
@@ -415,8 +420,11 @@ fn the_uncertainty_of_an_alignment_is_its_scatter_and_goes_on_into_what_is_align
         unit * standard
     };
     for (datums, best_fit) in [(vec!["A", "B", "C"], vec![]), (vec![], vec!["A", "B", "C"])] {
-        let mut config = config(aligned_by(&datums, &best_fit));
-        config.common_uncertainty = 2e-6;
+        let alignment = aligned_by(&datums, &best_fit);
+        let config = config(|raw| {
+            alignment(raw);
+            raw.common_standard_uncertainty_um = 2.0;
+        });
         let (mut values, mut stated) = (vec![Vec::new(); 7], vec![Vec::new(); 7]);
         for _ in 0..200 {
             let shared = draw(config.common_uncertainty);
@@ -471,7 +479,7 @@ fn a_part_that_cannot_be_placed_has_no_sizes_and_says_why() {
         );
         for result in results(&said) {
             assert_eq!(result.decision, FeatureResult::INVALID);
-            let told = format!("the part could not be placed: {}", placed.text);
+            let told = format!("the part could not be aligned: {}", placed.text);
             assert_eq!(result.text, told);
         }
     }
@@ -502,7 +510,7 @@ fn settings_that_mean_nothing_are_refused() {
     refused(&|raw| raw.fits = vec![fit(f64::NAN)], "outlier_limit = NaN");
     refused(
         &|raw| raw.fits = vec![fit(6.0), fit(6.0)],
-        "\"D\" stands there twice",
+        "\"D\" is listed twice",
     );
     let alignment = |datums: &[&str], best_fit: &[&str], free: &[&str]| {
         let own = |ids: &[&str]| ids.iter().map(|id| (*id).to_owned()).collect();

@@ -1,6 +1,8 @@
 //! Step by step: from touches to deviations and sizes.
 
-use analysis::{AnalysisNode, Config, Input, Output, RawConfig, Width};
+use analysis::{
+    AnalysisNode, Config, Distribution, Input, Output, RawConfig, RawContribution, Width,
+};
 use graph::{Node, Outbox, Stamp};
 use machine::Chain;
 use probecell_msgs::{
@@ -173,6 +175,121 @@ fn a_feature_is_reported_when_its_last_point_has_been_tried() {
             "bore 19.9920 mm indeterminate",
         ],
     );
+}
+
+/// A bore, a width and a step from touches of ten repeats, and a stylus calibrated with four degrees of freedom in a room
+/// that varies by ±1 µm.
+#[test]
+fn few_degrees_of_freedom_widen_the_coverage_factor() {
+    let with = |edit: &dyn Fn(&mut RawConfig)| {
+        let planes = ["right".to_owned(), "left".to_owned()];
+        let size = |id: &str| Width {
+            id: id.to_owned(),
+            planes: planes.clone(),
+            tolerance_um: [-10.0, 10.0],
+        };
+        let mut raw = RawConfig {
+            widths: vec![size("L")],
+            steps: vec![size("S")],
+            ..RawConfig::default()
+        };
+        edit(&mut raw);
+        let config = raw.check(Chain::from_urdf(ROBOT).expect("a chain"));
+        let config = config.expect("sound settings");
+        let mut state = AnalysisNode::start(&config);
+        let mut out = Outbox::default();
+        for input in std::iter::once(Input::Plan(plan())).chain((0..6).map(|i| event(i, 0.0))) {
+            AnalysisNode::step(&config, &mut state, Stamp(0), input, &mut out);
+        }
+        let results = out.messages().iter().filter_map(|message| match message {
+            Output::Feature(result) => {
+                let (u, k) = (result.standard_uncertainty * 1e6, result.coverage_factor);
+                Some((result.feature_id.clone(), format!("u {u:.3} k {k:.3}")))
+            }
+            _ => None,
+        });
+        let common = config.common_components(&plan());
+        (
+            results.collect::<std::collections::BTreeMap<_, _>>(),
+            common,
+        )
+    };
+    let (exact, common) = with(&|raw| raw.common_standard_uncertainty_um = 1.0);
+    // A bore from four touches: u 2/√4; twice the common part. In the step it cancels.
+    assert_eq!(exact["bore"], "u 2.236 k 2.000");
+    assert_eq!(exact["right"], "u 1.414 k 2.000");
+    assert_eq!(exact["L"], "u 2.449 k 2.000");
+    assert_eq!(exact["S"], "u 1.414 k 2.000");
+    let common = common
+        .into_iter()
+        .map(|(id, value)| format!("{id} {:+.1}", value * 1e6));
+    let common: Vec<String> = common.collect();
+    assert_eq!(
+        common,
+        ["L +2.0", "S +0.0", "bore -2.0", "left +1.0", "right +1.0"]
+    );
+    let (few, _) = with(&|raw| {
+        raw.touch_degrees_of_freedom = Some(9.0);
+        raw.common = vec![
+            RawContribution {
+                name: "stylus".to_owned(),
+                standard_uncertainty_um: Some(0.8),
+                degrees_of_freedom: Some(4.0),
+                ..RawContribution::default()
+            },
+            RawContribution {
+                name: "temperature".to_owned(),
+                half_width_um: Some(1.0),
+                distribution: Some(Distribution::Arcsine),
+                ..RawContribution::default()
+            },
+        ];
+    });
+    // The step has the touches' nine degrees of freedom: t(95.45 %, 9) = 2.32.
+    assert_eq!(few["S"], "u 1.414 k 2.320");
+    // ν_eff of the bore is u⁴/(1⁴/9 + 1.6⁴/4) = 5.56²/1.7495 = 17.67; table G.2 of the GUM has 2.16 for 17 and 2.15 for 18.
+    assert_eq!(few["bore"], "u 2.358 k 2.152");
+}
+
+#[test]
+fn a_budget_line_that_is_none_is_refused() {
+    let refused = |line: RawContribution, says: &str| {
+        let raw = RawConfig {
+            common: vec![RawContribution {
+                name: "stylus".to_owned(),
+                ..line
+            }],
+            ..RawConfig::default()
+        };
+        let chain = Chain::from_urdf(ROBOT).expect("a chain");
+        let error = raw.check(chain).expect_err("refused").to_string();
+        assert!(error.contains(says), "{error}");
+    };
+    let none = RawContribution::default;
+    refused(none(), "\"stylus\" needs one of");
+    let two = RawContribution {
+        standard_uncertainty_um: Some(1.0),
+        half_width_um: Some(1.0),
+        ..none()
+    };
+    refused(two, "\"stylus\" needs one of");
+    let alone = RawContribution {
+        half_width_um: Some(1.0),
+        degrees_of_freedom: Some(4.0),
+        ..none()
+    };
+    refused(alone, "\"stylus\" needs one of");
+    let single = RawContribution {
+        deviation_um: Some(1.0),
+        readings: Some(1),
+        ..none()
+    };
+    refused(single, "the degrees of freedom of stylus are 0");
+    let negative = RawContribution {
+        standard_uncertainty_um: Some(-1.0),
+        ..none()
+    };
+    refused(negative, "the standard uncertainty of stylus is");
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Settings of `compensation`.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use machine::Chain;
 use metrology::decision::{DecisionLimits, Policy, Side};
@@ -8,6 +8,7 @@ use probecell_msgs::Correction;
 use serde::Deserialize;
 
 use crate::{
+    passes::{Passes, UnknownPass},
     volumetric::{RawVolumetric, Volumetric, VolumetricError},
     work_offset::{RawWorkOffset, WorkOffset, WorkOffsetError},
 };
@@ -48,7 +49,7 @@ pub struct RawConfig {
     #[serde(default)]
     pub literal_macro: bool,
     /// Cut a pass again with unchanged offsets before its first correction: what has sprung back is gone then, and only
-    /// what repeats is corrected (source systems A.4).
+    /// what repeats is corrected (`docs/source_systems.md, A.4`).
     #[serde(default)]
     pub spring_pass: bool,
 }
@@ -109,8 +110,8 @@ pub struct Characteristic {
     pub tool_number: Option<u32>,
     /// Outer or inner.
     pub side: Side,
-    /// Indices of the passes in which it decides; `None`: all.
-    pub passes: Option<BTreeSet<u32>>,
+    /// Passes in which it decides.
+    pub passes: Passes,
 }
 
 /// As checked.
@@ -120,7 +121,7 @@ pub struct Config {
     pub characteristics: Vec<Characteristic>,
     /// The controller's volumetric table, where it is judged.
     pub volumetric: Option<Volumetric>,
-    /// The place of the part, where it is judged.
+    /// The position of the part, where it is judged.
     pub work_offset: Option<WorkOffset>,
     /// m; the largest wear offset, of either sign.
     pub wear_limit: f64,
@@ -142,6 +143,9 @@ pub struct Config {
     pub policy: Policy,
     /// Cut a pass again with unchanged offsets before its first correction.
     pub spring_pass: bool,
+    /// Change of a size by one standard uncertainty of what all touches share, m with its sign, by feature, width or step;
+    /// one that is not named shares nothing.
+    pub common_components: BTreeMap<String, f64>,
     /// This graph runs on a recording.
     pub replayed: bool,
 }
@@ -159,15 +163,8 @@ pub enum ConfigError {
     #[error(transparent)]
     WorkOffset(#[from] WorkOffsetError),
     /// A pass that the cycle lacks.
-    #[error(
-        "compensation.characteristics: {id:?} decides in pass {pass:?}, which the cycle does not have"
-    )]
-    Pass {
-        /// The characteristic.
-        id: String,
-        /// As written.
-        pass: String,
-    },
+    #[error(transparent)]
+    Pass(#[from] UnknownPass),
     /// A pass in which no size, or one size twice, decides.
     #[error("compensation.characteristics: {what} in pass {pass:?}")]
     Decides {
@@ -204,72 +201,30 @@ impl RawConfig {
         passes: &[&str],
         replayed: bool,
     ) -> Result<Config, ConfigError> {
-        let none = self.volumetric.is_none() && self.work_offset.is_none();
-        if self.characteristics.is_empty() && none {
+        let nothing_else = self.volumetric.is_none() && self.work_offset.is_none();
+        if self.characteristics.is_empty() && nothing_else {
             return Err(ConfigError::NoCharacteristic);
         }
-        let tolerances = self.characteristics.iter();
-        let tolerances = tolerances.map(|raw| {
-            (
-                format!("characteristics.{}.tolerance_mm", raw.id),
-                raw.tolerance_mm,
-            )
-        });
         let approval_limit = self.approval_limit_s.unwrap_or(self.validity_s);
-        let own = [
-            ("wear_limit_mm".to_owned(), self.wear_limit_mm),
-            ("path_limit_mm".to_owned(), self.path_limit_mm),
-            ("validity_s".to_owned(), self.validity_s),
-            ("approval_limit_s".to_owned(), approval_limit),
-            ("wear_per_size".to_owned(), self.wear_per_size),
-        ];
-        let table = self.volumetric.iter().flat_map(RawVolumetric::numbers);
-        let place = self.work_offset.iter().flat_map(RawWorkOffset::numbers);
-        for (key, value) in own.into_iter().chain(tolerances).chain(table).chain(place) {
-            if !(value.is_finite() && value > 0.0) {
-                return Err(ConfigError::Number { key, value });
-            }
-        }
-        if approval_limit > self.validity_s {
-            return Err(ConfigError::ApprovalLimit {
-                limit: approval_limit,
-                validity: self.validity_s,
-            });
-        }
+        self.check_numbers(approval_limit)?;
         let characteristics = self.characteristics.iter().map(|raw| raw.check(passes));
         let characteristics: Vec<Characteristic> = characteristics.collect::<Result<_, _>>()?;
-        let volumetric = match &self.volumetric {
-            None => None,
-            Some(raw) => {
-                let own = decides_in(&raw.id, &raw.passes, passes)?;
-                Some(raw.check(chain, own)?)
-            }
-        };
-        let work_offset = match &self.work_offset {
-            None => None,
-            Some(raw) => {
-                let own = decides_in(&raw.id, &raw.passes, passes)?;
-                Some(raw.check(chain, own)?)
-            }
-        };
-        for (pass, name) in (0..).zip(passes) {
-            let mut deciding = BTreeSet::new();
-            let own = characteristics.iter().filter(|one| one.decides_in(pass));
-            let decides = |what| ConfigError::Decides {
-                what,
-                pass: (*name).to_owned(),
-            };
-            for one in own {
-                if !deciding.insert(&one.id) {
-                    return Err(decides(format!("{:?} decides twice", one.id)));
-                }
-            }
-            let table = volumetric.as_ref().filter(|one| one.decides_in(pass));
-            let place = work_offset.as_ref().filter(|one| one.decides_in(pass));
-            if deciding.is_empty() && table.is_none() && place.is_none() {
-                return Err(decides("no size decides".to_owned()));
-            }
-        }
+        let volumetric = (self.volumetric.as_ref())
+            .map(|raw| {
+                let passes = Passes::named(&raw.id, &raw.passes, passes)?;
+                Ok::<_, ConfigError>(raw.check(chain, passes)?)
+            })
+            .transpose()?;
+        let work_offset = (self.work_offset.as_ref())
+            .map(|raw| {
+                let passes = Passes::named(&raw.id, &raw.passes, passes)?;
+                Ok::<_, ConfigError>(raw.check(chain, passes)?)
+            })
+            .transpose()?;
+        let table = volumetric.as_ref().map(|table| &table.passes);
+        let position = work_offset.as_ref().map(|position| &position.passes);
+        let machine: Vec<&Passes> = table.into_iter().chain(position).collect();
+        check_passes(passes, &characteristics, &machine)?;
         Ok(Config {
             characteristics,
             volumetric,
@@ -288,15 +243,74 @@ impl RawConfig {
             } else {
                 Policy::Compensate
             },
+            common_components: BTreeMap::new(),
             replayed,
         })
     }
+
+    /// Refuses numbers that are not above 0.
+    fn check_numbers(&self, approval_limit: f64) -> Result<(), ConfigError> {
+        let tolerances = self.characteristics.iter();
+        let tolerances = tolerances.map(|raw| {
+            (
+                format!("characteristics.{}.tolerance_mm", raw.id),
+                raw.tolerance_mm,
+            )
+        });
+        let limits = [
+            ("wear_limit_mm".to_owned(), self.wear_limit_mm),
+            ("path_limit_mm".to_owned(), self.path_limit_mm),
+            ("validity_s".to_owned(), self.validity_s),
+            ("approval_limit_s".to_owned(), approval_limit),
+            ("wear_per_size".to_owned(), self.wear_per_size),
+        ];
+        let table = self.volumetric.iter().flat_map(RawVolumetric::numbers);
+        let position = self.work_offset.iter().flat_map(RawWorkOffset::numbers);
+        let numbers = limits.into_iter().chain(tolerances).chain(table);
+        for (key, value) in numbers.chain(position) {
+            if !(value.is_finite() && value > 0.0) {
+                return Err(ConfigError::Number { key, value });
+            }
+        }
+        if approval_limit > self.validity_s {
+            return Err(ConfigError::ApprovalLimit {
+                limit: approval_limit,
+                validity: self.validity_s,
+            });
+        }
+        Ok(())
+    }
+}
+
+/// Refuses a pass in which nothing decides, or one size twice; `machine` are the passes in which the volumetric table and the
+/// position of the part decide.
+fn check_passes(
+    names: &[&str],
+    characteristics: &[Characteristic],
+    machine: &[&Passes],
+) -> Result<(), ConfigError> {
+    for (pass, name) in (0..).zip(names) {
+        let refused = |what| {
+            let pass = (*name).to_owned();
+            Err(ConfigError::Decides { what, pass })
+        };
+        let mut deciding = BTreeSet::new();
+        for size in characteristics {
+            if size.passes.include(pass) && !deciding.insert(&size.id) {
+                return refused(format!("{:?} decides twice", size.id));
+            }
+        }
+        if deciding.is_empty() && !machine.iter().any(|passes| passes.include(pass)) {
+            return refused("no size decides".to_owned());
+        }
+    }
+    Ok(())
 }
 
 impl RawCharacteristic {
     /// True if it decides in the pass of that name.
     pub fn decides_in(&self, pass: &str) -> bool {
-        self.passes.is_empty() || self.passes.iter().any(|own| own == pass)
+        self.passes.is_empty() || self.passes.iter().any(|name| name == pass)
     }
 
     fn check(&self, passes: &[&str]) -> Result<Characteristic, ConfigError> {
@@ -305,64 +319,44 @@ impl RawCharacteristic {
             tolerance: self.tolerance_mm * 1e-3,
             tool_number: self.tool_number,
             side: if self.inner { Side::Bore } else { Side::Outer },
-            passes: decides_in(&self.id, &self.passes, passes)?,
+            passes: Passes::named(&self.id, &self.passes, passes)?,
         })
     }
 }
 
-/// Indices of the passes that are named; `None` where none is.
-fn decides_in(
-    id: &str,
-    own: &[String],
-    passes: &[&str],
-) -> Result<Option<BTreeSet<u32>>, ConfigError> {
-    let number = |pass: &String| {
-        let found = (0..).zip(passes).find(|(_, name)| *name == pass);
-        found
-            .map(|(number, _)| number)
-            .ok_or_else(|| ConfigError::Pass {
-                id: id.to_owned(),
-                pass: pass.clone(),
-            })
-    };
-    let own: BTreeSet<u32> = own.iter().map(number).collect::<Result<_, _>>()?;
-    Ok(Some(own).filter(|own| !own.is_empty()))
-}
-
-impl Volumetric {
-    /// True if it decides in the pass of that index.
-    pub fn decides_in(&self, pass: u32) -> bool {
-        self.passes.as_ref().is_none_or(|own| own.contains(&pass))
-    }
-}
-
-impl Characteristic {
-    /// True if it decides in the pass of that index.
-    pub fn decides_in(&self, pass: u32) -> bool {
-        self.passes.as_ref().is_none_or(|own| own.contains(&pass))
-    }
-}
-
 impl Config {
+    /// With the part of their uncertainty that sizes share, by name ([`Self::common_components`]).
+    #[must_use]
+    pub fn with_common(self, common_components: BTreeMap<String, f64>) -> Self {
+        Self {
+            common_components,
+            ..self
+        }
+    }
+
     /// The sizes that decide in the pass of that index.
     pub fn deciding(&self, pass: u32) -> impl Iterator<Item = &Characteristic> {
         self.characteristics
             .iter()
-            .filter(move |one| one.decides_in(pass))
+            .filter(move |size| size.passes.include(pass))
     }
 
     /// The volumetric table, where it decides in the pass of that index.
     pub(crate) fn table(&self, pass: u32) -> Option<&Volumetric> {
-        self.volumetric.as_ref().filter(|one| one.decides_in(pass))
+        self.volumetric
+            .as_ref()
+            .filter(|judged| judged.passes.include(pass))
     }
 
-    /// Work offsets, where the place of the part decides in the pass of that index.
+    /// Work offsets, where the position of the part decides in the pass of that index.
     pub(crate) fn work_offset(&self, pass: u32) -> Option<&WorkOffset> {
-        self.work_offset.as_ref().filter(|one| one.decides_in(pass))
+        self.work_offset
+            .as_ref()
+            .filter(|judged| judged.passes.include(pass))
     }
 
-    /// True where something beside sizes is judged by the touches themselves.
-    pub(crate) fn hears_touches(&self) -> bool {
+    /// True where the volumetric table or the position of the part is judged.
+    pub(crate) fn uses_touches(&self) -> bool {
         self.volumetric.is_some() || self.work_offset.is_some()
     }
 

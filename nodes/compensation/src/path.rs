@@ -1,22 +1,24 @@
-//! What a profile's deviations ask of the tool path that cut it.
+//! Correction of the tool path that cut a profile.
 //!
-//! The path is offset along the outward normal at each measured point (source systems B.1: x_kor = x_nom − T n_x). By
-//! default only the deterministic part of T is taken off (B.4): what is random in it would be imprinted on the next
-//! part. Offsets are absolute and add up over the corrections of one session of the driver. m.
+//! The path is offset along the outward normal at each measured point (`docs/source_systems.md, B.1`: x_kor = x_nom −
+//! T n_x). By default only the deterministic part of T is taken off (B.4): what is random in it would be imprinted on
+//! the next part. Offsets are absolute and add up over the corrections of one session of the driver. m.
 
 use std::collections::BTreeMap;
 
-use graph::Stamp;
 use metrology::{
     decision::{Action, Verdict},
     profile,
 };
-use probecell_msgs::{Correction, FeatureResult, std_msgs};
+use probecell_msgs::FeatureResult;
 use serde::{Deserialize, Serialize};
 
-use crate::config::{Characteristic, Config, PathCorrection};
+use crate::{
+    config::{Characteristic, Config, PathCorrection},
+    correction::{Change, Evidence, Proposal, largest},
+};
 
-/// Offsets asked for so far.
+/// Offsets proposed so far.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Paths {
     /// The session of the driver that they hold in.
@@ -25,13 +27,13 @@ pub struct Paths {
     pub offsets: BTreeMap<String, Vec<f64>>,
 }
 
-/// What a result is off by, m: of a profile its largest deviation, with its sign; else size less nominal size.
+/// Error of a result, m: of a profile its largest deviation, with its sign; else size less nominal size.
 pub(crate) fn error(result: &FeatureResult) -> f64 {
     let largest = result
         .deviations
         .iter()
         .copied()
-        .max_by(|one, other| one.abs().total_cmp(&other.abs()));
+        .max_by(|a, b| a.abs().total_cmp(&b.abs()));
     largest.unwrap_or(result.size - result.nominal_size)
 }
 
@@ -57,7 +59,7 @@ pub(crate) fn decide(
     }
 }
 
-/// The part of the deviations that is taken off; `None` where nothing but randomness is left.
+/// The part of the deviations that is taken off; `None` where they are random.
 fn part_to_correct(config: &Config, result: &FeatureResult) -> Option<Vec<f64>> {
     match config.path {
         PathCorrection::Raw => Some(result.deviations.clone()),
@@ -70,57 +72,39 @@ fn part_to_correct(config: &Config, result: &FeatureResult) -> Option<Vec<f64>> 
 }
 
 impl Paths {
-    /// Forgets what another session of the driver was asked: its paths are gone with it.
-    pub(crate) fn of_session(&mut self, session: &str) {
+    /// Drops the offsets of another session of the driver: its paths are gone with it.
+    pub(crate) fn begin_session(&mut self, session: &str) {
         if self.session != session {
             session.clone_into(&mut self.session);
             self.offsets.clear();
         }
     }
 
-    /// The correction that a profile asks for; the new offsets are remembered.
-    pub(crate) fn correct(
-        &mut self,
-        config: &Config,
-        now: Stamp,
-        plan_id: &str,
-        result: &FeatureResult,
-    ) -> Correction {
+    /// The correction of a profile's path; the new offsets are kept.
+    pub(crate) fn correct(&mut self, config: &Config, result: &FeatureResult) -> Proposal {
         let part = part_to_correct(config, result).unwrap_or_default();
         let held = self.offsets.get(&result.feature_id);
         let before = |point: usize| held.and_then(|held| held.get(point)).copied();
-        let path: Vec<f64> = part
+        let offsets: Vec<f64> = part
             .iter()
             .enumerate()
             .map(|(point, deviation)| before(point).unwrap_or(0.0) - deviation)
             .collect();
-        let largest = |path: &[f64]| path.iter().fold(0.0, |most: f64, o| most.max(o.abs()));
-        let previous_value = held.map_or(0.0, |held| largest(held));
-        let new_value = largest(&path);
-        self.offsets.insert(result.feature_id.clone(), path.clone());
-        Correction {
-            header: std_msgs::Header {
-                stamp: now.time(),
-                frame_id: String::new(),
+        let change = Change::ToolPath {
+            feature: result.feature_id.clone(),
+            held: held.map_or(0.0, |held| largest(held)),
+            offsets: offsets.clone(),
+            limit: config.path_limit,
+        };
+        self.offsets.insert(result.feature_id.clone(), offsets);
+        Proposal {
+            change,
+            evidence: Evidence {
+                feature_ids: vec![result.feature_id.clone()],
+                sequences: result.sequences.clone(),
+                error: error(result),
+                uncertainty: result.standard_uncertainty,
             },
-            correction_id: format!("{plan_id}/path/{}", result.feature_id),
-            session: self.session.clone(),
-            replayed: config.replayed,
-            kind: Correction::TOOL_PATH,
-            path,
-            previous_value,
-            new_value,
-            lower_bound: -config.path_limit,
-            upper_bound: config.path_limit,
-            plan_id: plan_id.to_owned(),
-            feature_ids: vec![result.feature_id.clone()],
-            sequences: result.sequences.clone(),
-            measured_error: error(result),
-            standard_uncertainty: result.standard_uncertainty,
-            approval: config.approval(),
-            approved_by: config.approved_by(),
-            expires: now.after_s(config.validity).time(),
-            ..Correction::default()
         }
     }
 }

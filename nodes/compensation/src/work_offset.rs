@@ -1,32 +1,31 @@
-//! What a part that lies off its place asks of the controller's work offsets.
+//! The position of the part, judged by its alignment and followed by the controller's work offsets.
 //!
-//! m and rad, part frame. Where the part lies is told by `analysis` from its datums or a best fit ([`PartAlignment`]). A
-//! point p of it is displaced by u = shift + rotation × p; the programme follows by work offsets Δ of linear axes with
-//! J Δ = u, J being the derivatives of the ball's place by these axes at the touches, in least squares over all of them.
-//! Linear axes turn nothing: what they leave of u is told, and where it is more than the tolerance the part has to be clamped
-//! again. The offsets are absolute; they start from those that the controller tells.
+//! m and rad, part frame. `analysis` aligns the part by its datums or a best fit ([`PartAlignment`]). A point p of it is
+//! displaced by u = shift + rotation × p; the programme follows by changes Δ of the work offsets of linear axes with
+//! J Δ = u, J being the derivatives of the ball's position by these axes at the touches, in least squares over all of them.
+//! Linear axes rotate nothing: what remains of u is reported, and where it exceeds the tolerance the part has to be clamped
+//! again. The offsets are absolute; they start from those that the controller reports.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
-use graph::Stamp;
 use machine::{Chain, JointKind, Nominal};
 use metrology::decision::Verdict;
 use nalgebra::{DMatrix, DVector, Matrix3x6, Matrix6, Vector3};
 use probecell_msgs::{
-    Correction, FeatureResult, InspectionPlan, PartAlignment, ToolOffsets, geometry_msgs, std_msgs,
+    FeatureResult, InspectionPlan, PartAlignment, ToolOffsets, geometry_msgs, offset::to_resolution,
 };
 use serde::Deserialize;
 
 use crate::{
     config::Config,
-    judged::{COVERAGE, Judged},
-    volumetric::Memory,
+    correction::{Change, Evidence, Proposal},
+    judgement::{COVERAGE, Judgement},
+    passes::Passes,
+    touches::Touches,
 };
 
-/// Directions that the axes move the ball less than this (m per m) are none they can follow.
+/// Directions in which the axes move the ball by less than this (m per m) are none that they can follow.
 const RANK: f64 = 1e-6;
-/// m; to which controllers keep offsets.
-const RESOLUTION: f64 = 1e-7;
 
 /// As written in the cell file, section `[compensation.work_offset]`.
 #[derive(Clone, Debug, Deserialize)]
@@ -35,9 +34,9 @@ pub struct RawWorkOffset {
     /// Its name in verdicts and corrections.
     #[serde(default = "default_id")]
     pub id: String,
-    /// Linear axes whose work offset follows the part.
+    /// Linear axes whose work offsets follow the part.
     pub axes: Vec<String>,
-    /// A part of which no touched point lies farther off qualifies.
+    /// Largest displacement of a touched point that qualifies.
     pub tolerance_mm: f64,
     /// No work offset beyond this, either sign, is proposed.
     pub limit_mm: f64,
@@ -63,8 +62,8 @@ pub struct WorkOffset {
     pub tolerance: f64,
     /// m; largest offset proposed, either sign.
     pub limit: f64,
-    /// Indices of the passes in which it decides; `None`: all.
-    pub passes: Option<BTreeSet<u32>>,
+    /// Passes in which it decides.
+    pub passes: Passes,
 }
 
 /// A setting that cannot be used.
@@ -73,9 +72,9 @@ pub enum WorkOffsetError {
     /// Nothing to write.
     #[error("compensation.work_offset.axes is empty: no axis follows the part")]
     NoAxes,
-    /// An axis that has no such offset.
+    /// An axis that has no work offset.
     #[error(
-        "compensation.work_offset.axes: {0:?} is not a linear axis of the machine, or it stands there twice"
+        "compensation.work_offset.axes: {0:?} is not a linear axis of the machine, or is listed twice"
     )]
     Axis(String),
 }
@@ -93,7 +92,7 @@ impl RawWorkOffset {
     pub(crate) fn check(
         &self,
         chain: &Chain,
-        passes: Option<BTreeSet<u32>>,
+        passes: Passes,
     ) -> Result<WorkOffset, WorkOffsetError> {
         if self.axes.is_empty() {
             return Err(WorkOffsetError::NoAxes);
@@ -117,120 +116,112 @@ impl RawWorkOffset {
     }
 }
 
-impl WorkOffset {
-    /// True if it decides in the pass of that index.
-    pub fn decides_in(&self, pass: u32) -> bool {
-        self.passes.as_ref().is_none_or(|own| own.contains(&pass))
-    }
-}
-
-/// New offsets of all axes.
-pub(crate) struct Proposal {
-    /// m; held and wanted, by axis.
-    values: Vec<(f64, f64)>,
-    /// m; displacement found, and its standard uncertainty.
-    error: (f64, f64),
-    feature_ids: Vec<String>,
-    sequences: Vec<u64>,
-}
-
-/// What the touches tell of the part's place.
-struct Found {
+/// The displacement of the part, and how work offsets follow it.
+struct Displacement {
     /// m; largest displacement of a touched point, and its standard uncertainty.
-    displacement: (f64, f64),
-    /// m; what each axis has to follow.
+    largest: (f64, f64),
+    /// m; change of the work offset of each axis.
     follow: Vec<f64>,
-    /// m; largest displacement that is left then.
-    left: f64,
-    /// rad; by how much the part is turned.
-    turn: f64,
+    /// m; largest displacement that remains then.
+    remaining: f64,
+    /// rad; rotation of the part.
+    rotation: f64,
 }
 
-/// True once all that the place of the part is judged by is there. What places it is told with the features that do, so a
-/// message of an earlier scan of the same plan is known by its stamp.
+/// True once everything has arrived that the position of the part is judged by. An alignment is published with the features
+/// that align the part, so one of an earlier measurement of the same plan is known by its stamp.
 pub(crate) fn is_complete(
-    placed: Option<&PartAlignment>,
+    alignment: Option<&PartAlignment>,
     plan_id: &str,
-    heard: &Memory,
+    touches: &Touches,
     results: &BTreeMap<String, FeatureResult>,
 ) -> bool {
-    let of_plan = |plan: &InspectionPlan| plan.plan_id == plan_id;
-    let Some(placed) = placed.filter(|placed| placed.plan_id == plan_id) else {
+    let is_measured = |plan: &InspectionPlan| plan.plan_id == plan_id;
+    let Some(alignment) = alignment.filter(|alignment| alignment.plan_id == plan_id) else {
         return false;
     };
-    let told = |id: &String| {
+    let is_of_alignment = |id: &String| {
         let result = results.get(id);
-        result.is_some_and(|result| result.header.stamp == placed.header.stamp)
+        result.is_some_and(|result| result.header.stamp == alignment.header.stamp)
     };
-    heard.plan.as_ref().is_some_and(of_plan)
-        && placed.feature_ids.iter().all(told)
-        && (placed.sequences.iter()).all(|one| heard.events.contains_key(one))
+    touches.plan.as_ref().is_some_and(is_measured)
+        && alignment.feature_ids.iter().all(is_of_alignment)
+        && (alignment.sequences.iter()).all(|sequence| touches.events.contains_key(sequence))
 }
 
-/// Judges the place of the part by what `analysis` says of it.
+/// Judges the position of the part by its alignment.
 pub(crate) fn judge(
     config: &Config,
-    own: &WorkOffset,
-    heard: &Memory,
-    placed: &PartAlignment,
+    rules: &WorkOffset,
+    touches: &Touches,
+    alignment: &PartAlignment,
     offsets: Option<&ToolOffsets>,
     corrections: u32,
-) -> Judged<Proposal> {
-    let judged = held(own, offsets).and_then(|held| Ok((held, found(own, heard, placed)?)));
-    match judged {
-        Err(text) => Judged {
+) -> Judgement {
+    let found = offsets_held(rules, offsets)
+        .and_then(|held| Ok((held, displacement(rules, touches, alignment)?)));
+    match found {
+        Err(text) => Judgement {
+            id: rules.id.clone(),
+            tolerance: rules.tolerance,
             verdict: Verdict::MeasurementInvalid,
             error: f64::NAN,
             text,
-            proposal: None,
+            proposals: None,
         },
-        Ok((held, found)) => decide(config, own, &held, &found, placed, corrections),
+        Ok((held, found)) => decide(config, rules, &held, &found, alignment, corrections),
     }
 }
 
-/// m; the offset of each axis that the controller tells.
-fn held(own: &WorkOffset, offsets: Option<&ToolOffsets>) -> Result<Vec<f64>, String> {
-    let offsets = offsets.ok_or("the controller has told no offsets")?;
-    let of = |name: &String| {
-        let place = offsets
+/// m; work offset of each axis in force.
+fn offsets_held(rules: &WorkOffset, offsets: Option<&ToolOffsets>) -> Result<Vec<f64>, String> {
+    let offsets = offsets.ok_or("the controller has reported no offsets")?;
+    let held = |name: &String| {
+        let index = offsets
             .work_offset_axes
             .iter()
             .position(|axis| axis == name);
-        let value = place
-            .and_then(|place| offsets.work_offsets.get(place))
+        let value = index
+            .and_then(|index| offsets.work_offsets.get(index))
             .copied();
         value
             .filter(|value| value.is_finite())
-            .ok_or_else(|| format!("the controller tells no work offset of axis {name}"))
+            .ok_or_else(|| format!("the controller reports no work offset of axis {name}"))
     };
-    own.axes.iter().map(of).collect()
+    rules.axes.iter().map(held).collect()
 }
 
-fn found(own: &WorkOffset, heard: &Memory, placed: &PartAlignment) -> Result<Found, String> {
-    if !placed.valid {
-        return Err(placed.text.clone());
+/// Displacement of the touched points by the alignment, and the least-squares change of the work offsets that follows it.
+fn displacement(
+    rules: &WorkOffset,
+    touches: &Touches,
+    alignment: &PartAlignment,
+) -> Result<Displacement, String> {
+    if !alignment.valid {
+        return Err(alignment.text.clone());
     }
-    let plan = heard.plan.as_ref().ok_or("no plan has come")?;
+    let plan = touches.plan.as_ref().ok_or("no plan has arrived")?;
     let vector = |v: &geometry_msgs::Vector3| Vector3::new(v.x, v.y, v.z);
-    let (shift, rotation) = (vector(&placed.shift), vector(&placed.rotation));
-    let covariance = placed.covariance.iter().copied();
+    let (shift, rotation) = (vector(&alignment.shift), vector(&alignment.rotation));
+    let covariance = alignment.covariance.iter().copied();
     let covariance = Matrix6::from_iterator(covariance.chain(std::iter::repeat(0.0)).take(36));
     let nominal = Nominal::from_plan(plan).map_err(|error| error.to_string())?;
-    let axes: Vec<usize> = own
+    let axes: Vec<usize> = rules
         .axes
         .iter()
-        .filter_map(|name| own.chain.axis_index(name))
+        .filter_map(|name| rules.chain.axis_index(name))
         .collect();
-    let (mut rows, mut right, mut points) = (Vec::new(), Vec::new(), Vec::new());
-    for event in (placed.sequences.iter()).filter_map(|one| heard.events.get(one)) {
+    let (mut rows, mut displaced, mut points) = (Vec::new(), Vec::new(), Vec::new());
+    let events = alignment.sequences.iter();
+    for event in events.filter_map(|sequence| touches.events.get(sequence)) {
         let Some((point, _)) = nominal.points.get(event.point_index as usize) else {
             continue;
         };
-        let positions = own
+        let positions = rules
             .chain
             .positions(&event.axis_names, &event.axis_positions)
             .map_err(|error| format!("touch {}: {error}", event.sequence))?;
-        let sensitivity = own
+        let sensitivity = rules
             .chain
             .sensitivity(&positions, &nominal.part_pose, &nominal.ball);
         rows.push(
@@ -238,142 +229,130 @@ fn found(own: &WorkOffset, heard: &Memory, placed: &PartAlignment) -> Result<Fou
                 .map(|&axis| sensitivity.axes[axis])
                 .collect::<Vec<_>>(),
         );
-        right.push(shift + rotation.cross(&point.coords));
+        displaced.push(shift + rotation.cross(&point.coords));
         points.push(point.coords);
     }
-    let worst =
-        (0..points.len()).max_by(|&one, &other| right[one].norm().total_cmp(&right[other].norm()));
-    let worst = worst.ok_or("none of the touches that place the part was heard")?;
+    let worst = (0..points.len())
+        .max_by(|&a, &b| displaced[a].norm().total_cmp(&displaced[b].norm()))
+        .ok_or("no touch of the features that align the part has arrived")?;
     let jacobian = DMatrix::from_fn(3 * rows.len(), axes.len(), |row, axis| {
         rows[row / 3][axis][row % 3]
     });
-    let wanted = DVector::from_fn(3 * rows.len(), |row, _| right[row / 3][row % 3]);
+    let wanted = DVector::from_fn(3 * rows.len(), |row, _| displaced[row / 3][row % 3]);
     let follow = jacobian
         .clone()
         .svd(true, true)
         .solve(&wanted, RANK)
         .map_err(ToOwned::to_owned)?;
-    let left = wanted - jacobian * &follow;
-    let left = (0..rows.len()).map(|place| left.fixed_rows::<3>(3 * place).norm());
-    // u of the displacement along itself.
-    let way = right[worst].try_normalize(0.0).unwrap_or_else(Vector3::z);
-    let mut through = Matrix3x6::zeros();
-    through.fixed_view_mut::<3, 3>(0, 0).fill_with_identity();
+    let remaining = wanted - jacobian * &follow;
+    let remaining = (0..rows.len()).map(|row| remaining.fixed_rows::<3>(3 * row).norm());
+    // Uncertainty of the largest displacement along itself: the sensitivities to shift and rotation are I and −[p]×.
+    let along = displaced[worst]
+        .try_normalize(0.0)
+        .unwrap_or_else(Vector3::z);
+    let mut sensitivity = Matrix3x6::zeros();
+    sensitivity
+        .fixed_view_mut::<3, 3>(0, 0)
+        .fill_with_identity();
     let lever = -points[worst].cross_matrix();
-    through.fixed_view_mut::<3, 3>(0, 3).copy_from(&lever);
-    let variance = (through * covariance * through.transpose() * way).dot(&way);
-    Ok(Found {
-        displacement: (right[worst].norm(), variance.max(0.0).sqrt()),
+    sensitivity.fixed_view_mut::<3, 3>(0, 3).copy_from(&lever);
+    let variance = (sensitivity * covariance * sensitivity.transpose() * along).dot(&along);
+    Ok(Displacement {
+        largest: (displaced[worst].norm(), variance.max(0.0).sqrt()),
         follow: follow.iter().copied().collect(),
-        left: left.fold(0.0, f64::max),
-        turn: rotation.norm(),
+        remaining: remaining.fold(0.0, f64::max),
+        rotation: rotation.norm(),
     })
 }
 
+/// The verdict, with the offsets that follow the part where they can.
 fn decide(
     config: &Config,
-    own: &WorkOffset,
+    rules: &WorkOffset,
     held: &[f64],
-    found: &Found,
-    placed: &PartAlignment,
+    found: &Displacement,
+    alignment: &PartAlignment,
     corrections: u32,
-) -> Judged<Proposal> {
-    let (error, uncertainty) = found.displacement;
-    let of = |verdict, text, proposal| Judged {
+) -> Judgement {
+    let (error, uncertainty) = found.largest;
+    let judgement = |verdict, text, proposals| Judgement {
+        id: rules.id.clone(),
+        tolerance: rules.tolerance,
         verdict,
         error,
         text,
-        proposal,
+        proposals,
     };
     let um = |metres: f64| metres * 1e6;
     let expanded = COVERAGE * uncertainty;
-    if !(expanded <= own.tolerance) {
-        let (expanded, tolerance) = (um(expanded), um(own.tolerance));
+    if !(expanded <= rules.tolerance) {
+        let (expanded, tolerance) = (um(expanded), um(rules.tolerance));
         let text = format!(
-            "the place of the part is known to ±{expanded:.1} µm only, its tolerance is {tolerance:.1} µm"
+            "the position of the part is known only to ±{expanded:.1} µm; its tolerance is {tolerance:.1} µm"
         );
-        return of(Verdict::MeasurementInvalid, text, None);
+        return judgement(Verdict::MeasurementInvalid, text, None);
     }
     let text = format!(
-        "by {} the part lies at most {:.1} µm (u {:.1}) off",
-        placed.feature_ids.join(", "),
+        "aligned by {} the part is displaced by at most {:.1} µm (u {:.1})",
+        alignment.feature_ids.join(", "),
         um(error),
         um(uncertainty)
     );
-    if error <= own.tolerance {
-        return of(Verdict::Qualified, text, None);
+    if error <= rules.tolerance {
+        return judgement(Verdict::Qualified, text, None);
     }
     if corrections >= config.max_corrections {
         let text = format!("{text}; still out of tolerance after {corrections} corrections");
-        return of(Verdict::NotConverged, text, None);
+        return judgement(Verdict::NotConverged, text, None);
     }
-    if found.left > own.tolerance {
+    if found.remaining > rules.tolerance {
         let text = format!(
-            "{text}; work offsets of {} would leave {:.1} µm, for it is turned by {:.0} µrad: clamp it again",
-            own.axes.join(", "),
-            um(found.left),
-            found.turn * 1e6
+            "{text}; {:.1} µm would remain with work offsets of {}, because it is rotated by {:.0} µrad: clamp it again",
+            um(found.remaining),
+            rules.axes.join(", "),
+            found.rotation * 1e6
         );
-        return of(Verdict::NotConverged, text, None);
+        return judgement(Verdict::NotConverged, text, None);
     }
-    let mut values = Vec::new();
-    for ((name, held), follow) in own.axes.iter().zip(held).zip(&found.follow) {
-        let wanted = ((held + follow) / RESOLUTION).round() * RESOLUTION;
-        if !(wanted.abs() <= own.limit) {
-            let (wanted, limit) = (um(wanted), um(own.limit));
-            let text = format!(
-                "{text}; the work offset of {name} would be {wanted:.1} µm, beyond ±{limit:.1} µm"
-            );
-            return of(Verdict::NotConverged, text, None);
-        }
-        values.push((*held, wanted));
-    }
-    let proposal = Proposal {
-        values,
-        error: found.displacement,
-        feature_ids: placed.feature_ids.clone(),
-        sequences: placed.sequences.clone(),
+    let evidence = Evidence {
+        feature_ids: alignment.feature_ids.clone(),
+        sequences: alignment.sequences.clone(),
+        error,
+        uncertainty,
     };
-    of(Verdict::Compensable, text, Some(proposal))
+    match proposals(rules, held, &found.follow, &evidence) {
+        Ok(proposals) => judgement(Verdict::Compensable, text, Some(proposals)),
+        Err(beyond) => judgement(Verdict::NotConverged, format!("{text}; {beyond}"), None),
+    }
 }
 
-impl Proposal {
-    /// The corrections that ask for it, one for each axis whose offset changes.
-    pub(crate) fn corrections(
-        self,
-        config: &Config,
-        own: &WorkOffset,
-        now: Stamp,
-        plan_id: &str,
-        session: &str,
-    ) -> Vec<Correction> {
-        let changed = own.axes.iter().zip(&self.values);
-        let changed = changed.filter(|(_, (held, wanted))| held != wanted);
-        changed
-            .map(|(axis, &(held, wanted))| Correction {
-                header: std_msgs::Header {
-                    stamp: now.time(),
-                    frame_id: String::new(),
-                },
-                correction_id: format!("{plan_id}/work_offset/{axis}"),
-                session: session.to_owned(),
-                replayed: config.replayed,
-                kind: Correction::WORK_OFFSET,
+/// One proposal for each axis whose offset changes; the error names the first that would break its bound.
+fn proposals(
+    rules: &WorkOffset,
+    held: &[f64],
+    follow: &[f64],
+    evidence: &Evidence,
+) -> Result<Vec<Proposal>, String> {
+    let mut proposals = Vec::new();
+    for ((axis, &held), follow) in rules.axes.iter().zip(held).zip(follow) {
+        let wanted = to_resolution(held + follow);
+        if !(wanted.abs() <= rules.limit) {
+            return Err(format!(
+                "the work offset of {axis} would be {:.1} µm, beyond ±{:.1} µm",
+                wanted * 1e6,
+                rules.limit * 1e6
+            ));
+        }
+        if held != wanted {
+            let change = Change::WorkOffset {
                 axis: axis.clone(),
-                previous_value: held,
-                new_value: wanted,
-                lower_bound: -own.limit,
-                upper_bound: own.limit,
-                plan_id: plan_id.to_owned(),
-                feature_ids: self.feature_ids.clone(),
-                sequences: self.sequences.clone(),
-                measured_error: self.error.0,
-                standard_uncertainty: self.error.1,
-                approval: config.approval(),
-                approved_by: config.approved_by(),
-                expires: now.after_s(config.validity).time(),
-                ..Correction::default()
-            })
-            .collect()
+                held,
+                wanted,
+                limit: rules.limit,
+            };
+            let evidence = evidence.clone();
+            proposals.push(Proposal { change, evidence });
+        }
     }
+    Ok(proposals)
 }

@@ -1,4 +1,4 @@
-//! Step by step: from sizes to verdicts, corrections and a decision (source systems A.4).
+//! Step by step: from sizes to verdicts, corrections and a decision (`docs/source_systems.md, A.4`).
 
 use compensation::{
     CompensationNode, Config, Input, Output, PathCorrection, RawCharacteristic, RawConfig,
@@ -169,6 +169,58 @@ fn a_bore_is_corrected_the_other_way() {
     );
     let inputs = vec![offsets(0.0), measure("p/1"), result("p/1", 19.811)];
     check(&config(true, true), inputs, &["D1 overcut", "scrap []"]);
+}
+
+/// GUM 5.2.2: two sizes of one tool, each 0.2 µm by its own touches and 1.0 µm by the stylus that measured both. Taking them
+/// as independent would state 0.72 µm.
+#[test]
+fn the_uncertainty_of_a_mean_of_sizes_keeps_what_they_share() {
+    let uncertainty = |common: [f64; 2], inner: bool| {
+        let mut raw = raw(true, inner);
+        let mut second = raw.characteristics[0].clone();
+        second.id = "D2".to_owned();
+        raw.characteristics.push(second);
+        let config = raw
+            .check(&chain(), &["finish"], false)
+            .expect("sound settings");
+        let names = ["D1".to_owned(), "D2".to_owned()];
+        let config = config.with_common(names.into_iter().zip(common).collect());
+        let mut state = CompensationNode::start(&config);
+        let mut out = Outbox::default();
+        let size = |id: &str| {
+            let size_mm = if inner { 19.78 } else { 19.82 };
+            let Input::Feature(result) = result("p/1", size_mm) else {
+                unreachable!("a feature")
+            };
+            Input::Feature(FeatureResult {
+                feature_id: id.to_owned(),
+                standard_uncertainty: 0.2e-6_f64.hypot(1.0e-6),
+                ..result
+            })
+        };
+        for input in [offsets(0.0), measure("p/1"), size("D1"), size("D2")] {
+            CompensationNode::step(&config, &mut state, Stamp(0), input, &mut out);
+        }
+        let corrections = out.messages().iter().filter_map(|message| match message {
+            Output::Correction(correction) => Some(correction.standard_uncertainty * 1e6),
+            _ => None,
+        });
+        corrections.collect::<Vec<f64>>()
+    };
+    let expected = |value: f64, found: &[f64]| {
+        assert_eq!(found.len(), 1, "{found:?}");
+        assert!((found[0] - value).abs() < 5e-7, "{found:?}");
+    };
+    let shared = (0.2_f64.powi(2) / 2.0 + 1.0).sqrt();
+    assert_eq!(format!("{shared:.2}"), "1.01");
+    expected(shared, &uncertainty([1e-6, 1e-6], false));
+    expected(shared, &uncertainty([-1e-6, -1e-6], true));
+    expected(
+        1.04_f64.sqrt() / 2.0_f64.sqrt(),
+        &uncertainty([0.0, 0.0], false),
+    );
+    // Of two sizes that the stylus changes in opposite directions the mean does not depend on it.
+    expected(0.2 / 2.0_f64.sqrt(), &uncertainty([1e-6, -1e-6], false));
 }
 
 #[test]
@@ -411,7 +463,8 @@ fn a_correction_names_what_entitles_it() {
     assert!(decided);
 }
 
-/// Source systems A.4, hazard 2: only what repeats after a cut with unchanged offsets is corrected, once in a pass.
+/// `docs/source_systems.md, A.4`, hazard 2: only what repeats after a cut with unchanged offsets is corrected, once
+/// in a pass.
 #[test]
 fn a_spring_pass_comes_before_the_first_correction_of_a_pass() {
     let config = Config {
@@ -523,7 +576,7 @@ fn a_table_of_links_that_the_machine_lacks_or_of_none_is_refused() {
             "`EC0W` names axis `W`, which the robot description lacks",
         ),
         (vec!["ECY"], "`ECY` is no location error"),
-        (vec!["EC0Y", "EX0C", "EC0Y"], "\"EC0Y\" stands there twice"),
+        (vec!["EC0Y", "EX0C", "EC0Y"], "\"EC0Y\" is listed twice"),
     ] {
         let table = RawVolumetric {
             id: "table".to_owned(),
@@ -534,7 +587,7 @@ fn a_table_of_links_that_the_machine_lacks_or_of_none_is_refused() {
             uncertainty_um: 2.0,
             uncertainty_urad: 5.0,
             displacement_limit_mm: 0.5,
-            beside: Vec::new(),
+            probe_effects: Vec::new(),
             passes: Vec::new(),
         };
         let raw = RawConfig {

@@ -1,5 +1,6 @@
 //! Settings of `cycle`: the passes of the part program.
 
+use probecell_msgs::{PlanId, RunId};
 use serde::Deserialize;
 
 /// As written in the cell file, section `[cycle]`.
@@ -8,7 +9,7 @@ use serde::Deserialize;
 pub struct RawConfig {
     /// The machining passes, in order.
     pub passes: Vec<Pass>,
-    /// A measurement whose decision does not come within this time stops the part.
+    /// A measurement without a decision within this time stops the part.
     #[serde(default = "default_decision_limit")]
     pub decision_limit_s: f64,
 }
@@ -26,10 +27,10 @@ pub struct Pass {
     /// Operations that are cut, in order; none: the part is only measured.
     #[serde(default)]
     pub operations: Vec<String>,
-    /// Allowance left on the sizes by this pass; the sizes aimed at are the drawing's plus this.
+    /// Allowance that this pass leaves: its target sizes are those of the drawing plus this.
     #[serde(default)]
     pub allowance_mm: f64,
-    /// Measured for the record: the next pass follows whatever is found, and nothing is corrected.
+    /// Measured for the record only: the next pass follows in any case, and nothing is corrected.
     #[serde(default)]
     pub for_record: bool,
 }
@@ -39,7 +40,7 @@ pub struct Pass {
 pub struct Config {
     /// At least one pass.
     pub passes: Vec<Pass>,
-    /// s; how long a decision may take.
+    /// s; a measurement without a decision within this time stops the part.
     pub decision_limit: f64,
 }
 
@@ -49,10 +50,13 @@ pub enum ConfigError {
     /// No pass.
     #[error("cycle.passes is empty: a part needs at least one pass")]
     NoPass,
-    /// A number that is not a time.
+    /// A name that would make the identifier of a measurement that of a supplement.
+    #[error("cycle.passes: name = {0:?} is reserved for supplements of a plan")]
+    Reserved(String),
+    /// A time that is not positive and finite.
     #[error("cycle.decision_limit_s = {0} must be a positive finite number")]
     DecisionLimit(f64),
-    /// An allowance that is not a length.
+    /// An allowance that is negative or not finite.
     #[error(
         "cycle.passes: allowance_mm = {value} of pass {pass:?} must be a finite number that is not negative"
     )]
@@ -74,6 +78,10 @@ impl RawConfig {
             return Err(ConfigError::DecisionLimit(self.decision_limit_s));
         }
         for pass in &self.passes {
+            let first = PlanId::measurement(RunId::new("part", &pass.name), 2);
+            if PlanId::from(first.to_string()) != first {
+                return Err(ConfigError::Reserved(pass.name.clone()));
+            }
             if !(pass.allowance_mm.is_finite() && pass.allowance_mm >= 0.0) {
                 return Err(ConfigError::Allowance {
                     pass: pass.name.clone(),

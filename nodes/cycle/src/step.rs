@@ -1,126 +1,16 @@
 //! The rules of `cycle`.
 
-use std::collections::{BTreeMap, BTreeSet};
-
-use graph::{Node, Outbox, START, Stamp, inputs, outputs, topics};
+use graph::{NoFaults, Node, Outbox, START, Stamp};
 use probecell_msgs::{
     CorrectionAcknowledgement, Fault, OperationReport, OperationRequest, OperatorReply,
-    OperatorRequest, PartReport, PassDecision, std_msgs,
+    OperatorRequest, PartReport, PassDecision, PassDecisionCode, PlanId, RunId,
 };
-use serde::{Deserialize, Serialize};
 
-use crate::config::Config;
-
-inputs! {
-    /// What `cycle` hears.
-    pub enum Input {
-        /// An operator wants a part.
-        Run(OperatorRequest) = topics::RUN_REQUESTS,
-        /// What came of an operation.
-        Report(OperationReport) = topics::OPERATION_REPORTS,
-        /// What follows from a measurement.
-        Decision(PassDecision) = topics::PASS_DECISIONS,
-        /// What became of a correction.
-        Acknowledgement(CorrectionAcknowledgement) = topics::CORRECTION_ACKNOWLEDGEMENTS,
-        /// Faults of `machine_state`.
-        MachineFault(Fault) = topics::MACHINE_STATE_FAULTS,
-        /// Faults of `probe_events`.
-        ProbeFault(Fault) = topics::PROBE_EVENTS_FAULTS,
-        /// Faults of `path_planning`.
-        PlanningFault(Fault) = topics::PATH_PLANNING_FAULTS,
-        /// Faults of `analysis`.
-        AnalysisFault(Fault) = topics::ANALYSIS_FAULTS,
-        /// Faults of the processes, told by who started them.
-        LauncherFault(Fault) = topics::LAUNCHER_FAULTS,
-    }
-}
-
-outputs! {
-    /// What `cycle` says.
-    pub enum Output {
-        /// What the machine shall do next.
-        Request(OperationRequest) = topics::OPERATION_REQUESTS,
-        /// How a part ended.
-        Part(PartReport) = topics::PART_REPORTS,
-        /// The answer to an operator.
-        Reply(OperatorReply) = topics::RUN_REPLIES,
-    }
-}
-
-/// The memory of `cycle`.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct State {
-    /// The part that is being made.
-    pub run: Option<Run>,
-    /// The part that ended last, where it ended with a measurement that can go on: nothing was cut or corrected since.
-    pub last: Option<Run>,
-    /// Number of the next operation request.
-    pub next_request: u64,
-    /// Outcome of each correction of this part that the machine has answered.
-    pub answered: BTreeMap<String, (u8, String)>,
-}
-
-/// A part that is being made.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Run {
-    /// The part.
-    pub part_id: String,
-    /// Index of the pass.
-    pub pass: u32,
-    /// Measurements of this pass so far.
-    pub attempt: u32,
-    /// Machining passes made, recuts counted.
-    pub cuts: u32,
-    /// What is under way.
-    pub stage: Stage,
-}
-
-/// What is under way.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub enum Stage {
-    /// The machine cuts operation `index` of the pass.
-    Cutting {
-        /// Index of the operation.
-        index: usize,
-        /// The request that it answers.
-        request_id: u64,
-    },
-    /// The machine measures.
-    Measuring {
-        /// The plan.
-        plan_id: String,
-        /// The request that it answers.
-        request_id: u64,
-        /// The machine has finished; only the decision is awaited.
-        done: bool,
-        /// The decision, when it comes before the machine has finished: it waits until the probe is out of the way.
-        decision: Option<PassDecision>,
-    },
-    /// The machine measures, and nothing follows from it.
-    OnlyMeasuring {
-        /// The plan.
-        plan_id: String,
-        /// The request that it answers.
-        request_id: u64,
-    },
-    /// Corrections are awaited before the pass is cut again.
-    Correcting {
-        /// The plan that asks for them.
-        plan_id: String,
-        /// Corrections not answered yet.
-        awaited: BTreeSet<String>,
-    },
-}
-
-impl Stage {
-    /// The plan that is measured.
-    fn plan_id(&self) -> Option<&str> {
-        match self {
-            Self::Measuring { plan_id, .. } | Self::OnlyMeasuring { plan_id, .. } => Some(plan_id),
-            Self::Cutting { .. } | Self::Correcting { .. } => None,
-        }
-    }
-}
+use crate::{
+    config::Config,
+    ports::{Input, Output},
+    state::{Run, Stage, State},
+};
 
 /// The node.
 pub struct CycleNode;
@@ -131,6 +21,7 @@ impl Node for CycleNode {
     type State = State;
     type Input = Input;
     type Output = Output;
+    type Fault = NoFaults;
 
     fn start(_config: &Config) -> State {
         State::default()
@@ -144,19 +35,21 @@ impl Node for CycleNode {
         out: &mut Outbox<Output>,
     ) {
         match input {
-            // A process that follows another one must not take the answers to that one's requests for its own.
+            // A restarted process must not take reports on the requests of its predecessor for its own.
             Input::Timer(START) => state.next_request = now.0.unsigned_abs(),
-            Input::Timer(id) => overdue(state, now, id, out),
-            Input::Run(request) => run(config, state, now, &request, out),
-            Input::Report(report) => reported(config, state, now, &report, out),
-            Input::Decision(decision) => decided(config, state, now, &decision, out),
-            Input::Acknowledgement(answer) => acknowledged(config, state, now, answer, out),
+            Input::Timer(id) => handle_timeout(state, now, id, out),
+            Input::Run(request) => handle_run_request(config, state, now, &request, out),
+            Input::Report(report) => handle_report(config, state, now, &report, out),
+            Input::Decision(decision) => handle_decision(config, state, now, &decision, out),
+            Input::Acknowledgement(answer) => {
+                handle_acknowledgement(config, state, now, answer, out);
+            }
             Input::MachineFault(fault)
             | Input::ProbeFault(fault)
             | Input::PlanningFault(fault)
             | Input::AnalysisFault(fault)
             | Input::LauncherFault(fault) => {
-                let forgets = forgets(&fault);
+                let invalidates = invalidates_measurements(&fault);
                 if fault.severity == Fault::ERROR && state.run.is_some() {
                     request(
                         state,
@@ -170,7 +63,7 @@ impl Node for CycleNode {
                     let text = format!("{}: {}: {}", fault.node, fault.code, fault.text);
                     end(state, now, PartReport::STOPPED, &text, out);
                 }
-                if forgets {
+                if invalidates {
                     state.last = None;
                 }
             }
@@ -178,21 +71,22 @@ impl Node for CycleNode {
     }
 }
 
-/// After some faults what was measured before cannot be relied on together with what is measured next: a process has
-/// lost its memory, or the axes may have another origin.
-fn forgets(fault: &Fault) -> bool {
-    let codes = ["process_ended", "controller_restarted"];
+/// After some faults earlier touches cannot be evaluated together with later ones: a process has lost its state, or the
+/// origin of the axes may have changed.
+fn invalidates_measurements(fault: &Fault) -> bool {
+    let codes = [Fault::PROCESS_ENDED, Fault::CONTROLLER_RESTARTED];
     fault.severity == Fault::ERROR && codes.contains(&fault.code.as_str())
 }
 
-fn run(
+fn handle_run_request(
     config: &Config,
     state: &mut State,
     now: Stamp,
     asked: &OperatorRequest,
     out: &mut Outbox<Output>,
 ) {
-    let measured = |run: &&Run| run.stage.plan_id() == Some(asked.plan_id.as_str());
+    let asked_plan = PlanId::from(&asked.plan_id);
+    let measured = |run: &&Run| run.stage.plan_id() == Some(&asked_plan);
     let last = state.last.as_ref().filter(measured).cloned();
     let refusal = match &state.run {
         Some(run) if matches!(run.stage, Stage::OnlyMeasuring { .. }) => {
@@ -201,13 +95,13 @@ fn run(
         Some(_) => Some("a part is being made"),
         None => match &last {
             Some(run) if asked.subject.is_empty() || asked.subject == run.part_id => None,
-            Some(_) => Some("the plan is of another part"),
-            None if asked.subject.is_empty() => Some("the part has no name"),
+            Some(_) => Some("the plan belongs to another part"),
+            None if asked.subject.is_empty() => Some("the request names no part"),
             None => None,
         },
     };
     out.send(Output::Reply(OperatorReply {
-        header: header(now),
+        header: now.header(""),
         request_id: asked.request_id,
         accepted: refusal.is_none(),
         text: refusal.unwrap_or_default().to_owned(),
@@ -215,17 +109,16 @@ fn run(
     if refusal.is_some() {
         return;
     }
-    state.answered.clear();
+    state.acknowledged.clear();
     state.last = None;
     if let Some(run) = last {
-        return go_on(state, now, run, out);
+        return resume(state, now, run, out);
     }
     let only = !asked.plan_id.is_empty();
     let stage = if only {
-        let plan_id = asked.plan_id.clone();
-        let request_id = measure(state, now, plan_id.clone(), 0, only, out);
+        let request_id = measure(state, now, &asked_plan, 0, only, out);
         Stage::OnlyMeasuring {
-            plan_id,
+            plan_id: asked_plan,
             request_id,
         }
     } else {
@@ -246,8 +139,8 @@ fn run(
     }
 }
 
-/// Goes on with the measurement at which a part ended.
-fn go_on(state: &mut State, now: Stamp, mut run: Run, out: &mut Outbox<Output>) {
+/// Resumes the measurement with which a part ended.
+fn resume(state: &mut State, now: Stamp, mut run: Run, out: &mut Outbox<Output>) {
     match &mut run.stage {
         Stage::Measuring {
             plan_id,
@@ -255,31 +148,31 @@ fn go_on(state: &mut State, now: Stamp, mut run: Run, out: &mut Outbox<Output>) 
             done,
             decision,
         } => {
-            *request_id = measure(state, now, plan_id.clone(), run.pass, false, out);
+            *request_id = measure(state, now, plan_id, run.pass, false, out);
             *done = false;
             *decision = None;
         }
         Stage::OnlyMeasuring {
             plan_id,
             request_id,
-        } => *request_id = measure(state, now, plan_id.clone(), run.pass, true, out),
+        } => *request_id = measure(state, now, plan_id, run.pass, true, out),
         Stage::Cutting { .. } | Stage::Correcting { .. } => return,
     }
     state.run = Some(run);
 }
 
-/// Asks for a measurement; gives the number of the request.
+/// Requests a measurement and returns the number of the request.
 fn measure(
     state: &mut State,
     now: Stamp,
-    plan_id: String,
+    plan_id: &PlanId,
     pass_number: u32,
     only_measure: bool,
     out: &mut Outbox<Output>,
 ) -> u64 {
     let asked = OperationRequest {
         kind: OperationRequest::MEASURE,
-        plan_id,
+        plan_id: plan_id.to_string(),
         pass_number,
         only_measure,
         ..OperationRequest::default()
@@ -306,8 +199,8 @@ fn cut(config: &Config, state: &mut State, now: Stamp, index: usize, out: &mut O
     } else {
         run.cuts += u32::from(!pass.operations.is_empty());
         run.attempt += 1;
-        let plan_id = format!("{}/{}/{}", run.part_id, pass.name, run.attempt);
-        let request_id = measure(state, now, plan_id.clone(), run.pass, false, out);
+        let plan_id = PlanId::measurement(RunId::new(&run.part_id, &pass.name), run.attempt);
+        let request_id = measure(state, now, &plan_id, run.pass, false, out);
         run.stage = Stage::Measuring {
             plan_id,
             request_id,
@@ -318,7 +211,7 @@ fn cut(config: &Config, state: &mut State, now: Stamp, index: usize, out: &mut O
     state.run = Some(run);
 }
 
-fn reported(
+fn handle_report(
     config: &Config,
     state: &mut State,
     now: Stamp,
@@ -348,10 +241,7 @@ fn reported(
         _ => return,
     };
     if report.outcome != OperationReport::DONE {
-        let text = format!(
-            "the machine did not carry out what it was asked: {}",
-            report.text
-        );
+        let text = format!("the machine did not complete an operation: {}", report.text);
         end(state, now, PartReport::STOPPED, &text, out);
         return;
     }
@@ -361,8 +251,8 @@ fn reported(
             end(state, now, PartReport::MEASURED, text, out);
         }
         (Some(index), _) => cut(config, state, now, index, out),
-        (None, Some(decision)) => decided(config, state, now, &decision, out),
-        // Numbered by the request, so that a timer of an earlier measurement says nothing about this one.
+        (None, Some(decision)) => handle_decision(config, state, now, &decision, out),
+        // Numbered by the request, so that the timer of an earlier measurement does not end this one.
         (None, None) => out.wake_at(
             now.after_s(config.decision_limit),
             timer_of(report.request_id),
@@ -375,7 +265,7 @@ fn timer_of(request_id: u64) -> u32 {
     (request_id & 0x7fff_ffff) as u32 + 1
 }
 
-fn overdue(state: &mut State, now: Stamp, timer: u32, out: &mut Outbox<Output>) {
+fn handle_timeout(state: &mut State, now: Stamp, timer: u32, out: &mut Outbox<Output>) {
     let Some(Run {
         stage:
             Stage::Measuring {
@@ -390,12 +280,12 @@ fn overdue(state: &mut State, now: Stamp, timer: u32, out: &mut Outbox<Output>) 
         return;
     };
     if timer_of(*request_id) == timer {
-        let text = format!("no decision on {plan_id} came in time");
+        let text = format!("no decision on {plan_id} arrived in time");
         end(state, now, PartReport::STOPPED, &text, out);
     }
 }
 
-fn decided(
+fn handle_decision(
     config: &Config,
     state: &mut State,
     now: Stamp,
@@ -405,7 +295,7 @@ fn decided(
     let Some(run) = &mut state.run else { return };
     let current = match &run.stage {
         Stage::Measuring { plan_id, .. } | Stage::Correcting { plan_id, .. } => {
-            *plan_id == decision.plan_id
+            *plan_id == PlanId::from(&decision.plan_id)
         }
         Stage::Cutting { .. } | Stage::OnlyMeasuring { .. } => false,
     };
@@ -421,33 +311,35 @@ fn decided(
         *early = Some(decision.clone());
         return;
     }
-    let for_record = config.passes[run.pass as usize].for_record;
-    match decision.decision {
-        _ if for_record && (run.pass as usize) + 1 < config.passes.len() => {
-            run.pass += 1;
-            run.attempt = 0;
-            cut(config, state, now, 0, out);
-        }
-        PassDecision::NEXT if (run.pass as usize) + 1 < config.passes.len() => {
-            run.pass += 1;
-            run.attempt = 0;
-            cut(config, state, now, 0, out);
-        }
-        PassDecision::NEXT => end(state, now, PartReport::QUALIFIED, &decision.text, out),
-        PassDecision::RECUT => {
+    let pass = &config.passes[run.pass as usize];
+    let is_last = run.pass as usize + 1 >= config.passes.len();
+    let code = PassDecisionCode::try_from(decision.decision);
+    match code.unwrap_or(PassDecisionCode::Stop) {
+        _ if pass.for_record && !is_last => next_pass(config, state, now, out),
+        PassDecisionCode::Next if !is_last => next_pass(config, state, now, out),
+        PassDecisionCode::Next => end(state, now, PartReport::QUALIFIED, &decision.text, out),
+        PassDecisionCode::Recut => {
             let awaited = decision.correction_ids.iter().cloned().collect();
             run.stage = Stage::Correcting {
-                plan_id: decision.plan_id.clone(),
+                plan_id: PlanId::from(&decision.plan_id),
                 awaited,
             };
             recut_when_corrected(config, state, now, out);
         }
-        PassDecision::SCRAP => end(state, now, PartReport::SCRAP, &decision.text, out),
-        _ => end(state, now, PartReport::STOPPED, &decision.text, out),
+        PassDecisionCode::Scrap => end(state, now, PartReport::SCRAP, &decision.text, out),
+        PassDecisionCode::Stop => end(state, now, PartReport::STOPPED, &decision.text, out),
     }
 }
 
-fn acknowledged(
+fn next_pass(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Output>) {
+    if let Some(run) = &mut state.run {
+        run.pass += 1;
+        run.attempt = 0;
+    }
+    cut(config, state, now, 0, out);
+}
+
+fn handle_acknowledgement(
     config: &Config,
     state: &mut State,
     now: Stamp,
@@ -456,7 +348,7 @@ fn acknowledged(
 ) {
     if state.run.is_some() {
         state
-            .answered
+            .acknowledged
             .insert(answer.correction_id, (answer.outcome, answer.text));
         recut_when_corrected(config, state, now, out);
     }
@@ -469,14 +361,14 @@ fn recut_when_corrected(config: &Config, state: &mut State, now: Stamp, out: &mu
                 stage: Stage::Correcting { awaited, .. },
                 ..
             }),
-        answered,
+        acknowledged,
         ..
     } = state
     else {
         return;
     };
     let mut refused = None;
-    awaited.retain(|id| match answered.get(id) {
+    awaited.retain(|id| match acknowledged.get(id) {
         None => true,
         Some((
             CorrectionAcknowledgement::APPLIED | CorrectionAcknowledgement::ALREADY_APPLIED,
@@ -504,7 +396,7 @@ fn request(
     let request_id = state.next_request;
     state.next_request += 1;
     out.send(Output::Request(OperationRequest {
-        header: header(now),
+        header: now.header(""),
         request_id,
         ..asked
     }));
@@ -514,11 +406,11 @@ fn request(
 fn end(state: &mut State, now: Stamp, verdict: u8, text: &str, out: &mut Outbox<Output>) {
     if let Some(run) = state.run.take() {
         let plan_id = match &run.stage {
-            Stage::OnlyMeasuring { plan_id, .. } => plan_id.clone(),
+            Stage::OnlyMeasuring { plan_id, .. } => plan_id.to_string(),
             _ => String::new(),
         };
         out.send(Output::Part(PartReport {
-            header: header(now),
+            header: now.header(""),
             part_id: run.part_id.clone(),
             verdict,
             passes: run.cuts,
@@ -528,12 +420,5 @@ fn end(state: &mut State, now: Stamp, verdict: u8, text: &str, out: &mut Outbox<
         // A decision that asked for corrections is carried out or void.
         state.last = run.stage.plan_id().is_some().then_some(run);
     }
-    state.answered.clear();
-}
-
-fn header(now: Stamp) -> std_msgs::Header {
-    std_msgs::Header {
-        stamp: now.time(),
-        frame_id: String::new(),
-    }
+    state.acknowledged.clear();
 }

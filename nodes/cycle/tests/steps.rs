@@ -121,7 +121,10 @@ fn a_run_begins_with_the_first_operation_of_the_first_pass() {
 
 #[test]
 fn a_part_without_a_name_and_a_second_part_are_refused() {
-    check(vec![run("")], &["accepted false: the part has no name"]);
+    check(
+        vec![run("")],
+        &["accepted false: the request names no part"],
+    );
     check(
         vec![run("p"), run("q")],
         &["accepted false: a part is being made"],
@@ -255,7 +258,7 @@ fn a_fault_stops_machine_and_part_and_a_warning_does_not() {
 
 #[test]
 fn a_decision_that_does_not_come_stops_the_part_but_only_for_its_own_measurement() {
-    let overdue = "p stopped after 1 passes: no decision on p/rough/1 came in time";
+    let overdue = "p stopped after 1 passes: no decision on p/rough/1 arrived in time";
     check(with(measured(), vec![done(2), Input::Timer(3)]), &[overdue]);
     check(with(measured(), vec![Input::Timer(3)]), &[]);
     check(with(measured(), vec![done(2), Input::Timer(2)]), &[]);
@@ -272,6 +275,6 @@ fn an_operation_that_fails_stops_the_part() {
     };
     check(
         vec![run("p"), Input::Report(failed)],
-        &["p stopped after 0 passes: the machine did not carry out what it was asked: no tool"],
+        &["p stopped after 0 passes: the machine did not complete an operation: no tool"],
     );
 }

@@ -7,11 +7,11 @@ use serde::Deserialize;
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct RawConfig {
-    /// Diagnose when every point of a plan has been tried, and when its reference comes.
+    /// Diagnose when every point of a plan has been tried, and when its reference measurement arrives.
     pub at_end_of_plan: bool,
-    /// Diagnose each time so many touches have come, before the plan's end.
+    /// Diagnose every so many touches, before the plan's end.
     pub every_touches: Option<u32>,
-    /// Effects that are not to be considered.
+    /// Effects to exclude.
     pub without: Vec<String>,
 }
 
@@ -30,9 +30,9 @@ impl Default for RawConfig {
 pub struct Config {
     /// Diagnose at the end of a plan.
     pub at_end_of_plan: bool,
-    /// Diagnose each time so many touches have come.
+    /// Diagnose every so many touches.
     pub every_touches: Option<u32>,
-    /// What the diagnosis is told.
+    /// Options of the diagnosis.
     pub options: Options,
     /// Effects of the cell's declared model.
     pub declared: Vec<DeclaredEffect>,
@@ -41,10 +41,10 @@ pub struct Config {
 /// A setting that cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigError {
-    /// Too often.
+    /// Fewer touches than a diagnosis needs.
     #[error("gap.every_touches = {0} must be at least 8")]
     Often(u32),
-    /// No such effect.
+    /// An unknown effect.
     #[error("gap.without: there is no effect {name:?} on this machine: did you mean {nearest:?}?")]
     Effect {
         /// As written.
@@ -65,7 +65,7 @@ impl RawConfig {
             return Err(ConfigError::Often(touches));
         }
         if let Some(name) = self.without.iter().find(|name| !vocabulary.contains(name)) {
-            let nearest = diagnosis::vocabulary::nearest(name, vocabulary).unwrap_or_default();
+            let nearest = effects::vocabulary::nearest(name, vocabulary).unwrap_or_default();
             return Err(ConfigError::Effect {
                 name: name.clone(),
                 nearest: nearest.to_owned(),

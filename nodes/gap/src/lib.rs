@@ -1,14 +1,20 @@
-//! Decides, while the cell runs, why a measurement differs from the declared model: the diagnosis of the bag, live.
+//! Decides, while the cell runs, why a measurement differs from the declared model: the diagnosis of a bag, live.
 //!
-//! | hears | says |
+//! ```text
+//!  robot_description  inspection_plan ──> what was to be measured ─┐
+//!  probe_events  measurement_order  reference ──> what came of it ─┼─> diagnosis::diagnose ──> gap_report
+//!  joint_states  machine_state ──> samples next to the touches ────┘
+//! ```
+//!
+//! | subscribes to | publishes |
 //! |---|---|
-//! | `robot_description`, `inspection_plan`, `probe_events`, `joint_states`, `machine_state`, `reference` | `gap_report` |
-//! | | `gap/faults`: `session_not_usable` |
+//! | `robot_description`, `inspection_plan`, `measurement_order`, `probe_events`, `reference` | `gap_report` |
+//! | `joint_states`, `machine_state` | `gap/faults`: `session_not_usable` |
 //!
-//! It diagnoses when every point of the plan has been tried, again when a reference comes for that plan, and between
-//! every so many touches where the cell file asks for it. What it keeps is what the diagnosis looks at: the touches of
-//! the plan, and of the streams the samples next to them. So the answer is that of `probecell diagnose` on a recording
-//! of the same session. It commands nothing.
+//! It diagnoses when every point of the plan has been tried, again when a reference measurement of that plan arrives, and
+//! every N touches where the cell file asks for it. It keeps what the diagnosis reads: the touches of the plan, and of
+//! the streams the samples next to them ([`Window`]). So its answer equals that of `probecell diagnose` on a recording of
+//! the same session. A supplement of a plan is diagnosed together with that plan. It commands nothing.
 
 mod config;
 mod message;
@@ -16,5 +22,5 @@ mod step;
 mod window;
 
 pub use config::{Config, ConfigError, RawConfig};
-pub use step::{GapNode, Input, Output, State};
+pub use step::{GapFault, GapNode, Input, Output, State};
 pub use window::Window;

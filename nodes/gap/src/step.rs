@@ -2,72 +2,78 @@
 
 use std::collections::{BTreeSet, VecDeque};
 
-use diagnosis::{
-    DiagnoseError, Session,
-    joined::{added_to, join},
-};
-use graph::{Node, Outbox, Stamp, inputs, outputs, topics};
+use diagnosis::{DiagnoseError, Session};
+use effects::session::joined::join;
+use graph::{Node, Outbox, Stamp, faults, inputs, outputs, topics};
 use probecell_msgs::{
-    Fault, GapReport, InspectionPlan, MachineState, MeasurementOrder, ProbeEvent,
+    Fault, GapReport, InspectionPlan, MachineState, MeasurementOrder, PlanId, ProbeEvent,
     ReferenceMeasurement, builtin_interfaces::Time, sensor_msgs::JointState, std_msgs,
 };
 use serde::{Deserialize, Serialize};
 
-use crate::{config::Config, message, window::Window};
+use crate::{config::Config, message::report_message, window::Window};
 
 inputs! {
-    /// What `gap` hears.
+    /// What `gap` subscribes to.
     pub enum Input {
-        /// The machine.
+        /// The robot description, URDF.
         Machine(std_msgs::String) = topics::ROBOT_DESCRIPTION,
         /// What is measured.
         Plan(InspectionPlan) = topics::INSPECTION_PLAN,
-        /// Which points of it are touched now, perhaps once more.
+        /// The points of the plan that are touched now, for the first time or again.
         Order(MeasurementOrder) = topics::MEASUREMENT_ORDER,
-        /// One probing move and what came of it.
+        /// A probing move and its outcome.
         Event(ProbeEvent) = topics::PROBE_EVENTS,
         /// Where the axes are.
         Joints(JointState) = topics::JOINT_STATES,
         /// Temperatures.
         State(MachineState) = topics::MACHINE_STATE,
-        /// What an outside instrument says of the same points.
+        /// The same points as measured by an independent instrument.
         Reference(ReferenceMeasurement) = topics::REFERENCE,
     }
 }
 
 outputs! {
-    /// What `gap` says.
+    /// What `gap` publishes.
     pub enum Output {
         /// Why the session differs from its model.
         Report(GapReport) = topics::GAP_REPORT,
-        /// What went wrong.
+        /// A fault.
         Fault(Fault) = topics::GAP_FAULTS,
     }
 }
 
-/// Events kept for a plan that has not come yet.
+faults! {
+    /// What `gap` can find wrong.
+    pub enum GapFault of "gap" {
+        /// A measurement that cannot be diagnosed.
+        SessionNotUsable = WARNING "session_not_usable",
+    }
+}
+
+/// Events kept while their plan has not arrived.
 const WAITING_LIMIT: usize = 65_536;
 /// Name of the session in reports.
 const LIVE: &str = "live";
 
-/// The memory of `gap`.
+/// The state of `gap`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct State {
     /// URDF.
     pub robot_description: String,
-    /// The plan heard last.
+    /// The last plan received.
     pub plan: Option<InspectionPlan>,
-    /// What was measured before of the same part, where the plan is one of further touches.
+    /// The session that the plan supplements.
     pub earlier: Option<Session>,
-    /// Touches of the plan, in the order of their numbers as they came.
+    /// Touches of the plan, in the order of arrival.
     pub events: Vec<ProbeEvent>,
-    /// Events whose plan has not come yet.
+    /// Events whose plan has not arrived yet.
     pub waiting: VecDeque<ProbeEvent>,
-    /// Points of the plan that have not been tried, or are to be tried once more.
+    /// Points of the plan that have not been tried yet, or are to be touched again.
     pub open: BTreeSet<u32>,
-    /// Measurements of the plan by others.
+    /// Reference measurements of the plan.
     pub references: Vec<ReferenceMeasurement>,
-    /// Axes next to the touches.
+    /// Axis positions next to the touches.
     pub joints: Window<JointState>,
     /// Machine states next to the touches.
     pub states: Window<MachineState>,
@@ -84,6 +90,7 @@ impl Node for GapNode {
     type State = State;
     type Input = Input;
     type Output = Output;
+    type Fault = GapFault;
 
     fn start(_config: &Config) -> State {
         State::default()
@@ -110,7 +117,8 @@ impl Node for GapNode {
                 state.waiting.push_back(event);
                 if state.waiting.len() > WAITING_LIMIT {
                     state.waiting.pop_front();
-                    fault(now, "an event waited too long for its plan", out);
+                    let text = "an event was dropped because its plan did not arrive";
+                    out.fault(now, GapFault::SessionNotUsable, text);
                 }
             }
             Input::Joints(joints) => {
@@ -142,15 +150,20 @@ impl Node for GapNode {
     }
 }
 
-/// Another plan; the same one again changes nothing.
+/// Begins a plan, unless it is the current one.
 fn begin(config: &Config, state: &mut State, plan: InspectionPlan) {
     if state.plan.as_ref() == Some(&plan) {
         return;
     }
-    let known = state.plan.as_ref().map(|known| known.plan_id.as_str());
-    let first = known.map(|known| added_to(known).unwrap_or(known));
-    let goes_on = first.is_some() && added_to(&plan.plan_id) == first;
-    state.earlier = (goes_on.then(|| session(config, state)).flatten()).and_then(Result::ok);
+    let supplements = |known: &InspectionPlan| {
+        let known = PlanId::from(&known.plan_id);
+        let first = known
+            .supplemented()
+            .map_or_else(|| known.to_string(), str::to_owned);
+        PlanId::from(&plan.plan_id).supplemented() == Some(&first)
+    };
+    let supplements = state.plan.as_ref().is_some_and(supplements);
+    state.earlier = (supplements.then(|| session(config, state)).flatten()).and_then(Result::ok);
     state.open = (0..plan.points.len() as u32).collect();
     state.events.clear();
     state.references.clear();
@@ -190,9 +203,9 @@ fn last_touch(state: &State) -> Option<i64> {
     stamps.map(nanoseconds).max()
 }
 
-/// What was measured of the plan, with what was measured before where it adds to that; `None` without a plan.
+/// The session of the plan, joined with the one that it supplements; `None` without a plan.
 fn session(config: &Config, state: &State) -> Option<Result<Session, DiagnoseError>> {
-    let own = Session {
+    let session = Session {
         name: LIVE.to_owned(),
         robot_description: state.robot_description.clone(),
         plan: Some(state.plan.clone()?),
@@ -204,43 +217,30 @@ fn session(config: &Config, state: &State) -> Option<Result<Session, DiagnoseErr
         declared: config.declared.clone(),
     };
     let Some(earlier) = &state.earlier else {
-        return Some(Ok(own));
+        return Some(Ok(session));
     };
-    Some(join(earlier, &own))
+    Some(join(earlier, &session))
 }
 
 fn diagnose(config: &Config, state: &State, now: Stamp, out: &mut Outbox<Output>) {
     let (Some(plan), Some(session)) = (&state.plan, session(config, state)) else {
         return;
     };
-    let header = std_msgs::Header {
-        stamp: now.time(),
-        frame_id: String::new(),
-    };
+    let header = now.header("");
     let report = session.and_then(|session| diagnosis::diagnose(&session, &config.options));
     match report {
         Ok(report) => {
-            if let Some(message) = message::of(&report, &plan.plan_id, header) {
+            if let Some(message) = report_message(&report, &plan.plan_id, header) {
                 out.send(Output::Report(message));
             }
         }
-        Err(error) => fault(now, &format!("plan {:?}: {error}", plan.plan_id), out),
+        Err(error) => {
+            let text = format!("plan {:?}: {error}", plan.plan_id);
+            out.fault(now, GapFault::SessionNotUsable, text);
+        }
     }
 }
 
 fn nanoseconds(stamp: Time) -> i64 {
     i64::from(stamp.sec) * 1_000_000_000 + i64::from(stamp.nanosec)
-}
-
-fn fault(now: Stamp, text: &str, out: &mut Outbox<Output>) {
-    out.send(Output::Fault(Fault {
-        header: std_msgs::Header {
-            stamp: now.time(),
-            frame_id: String::new(),
-        },
-        node: GapNode::NAME.to_owned(),
-        severity: Fault::WARNING,
-        code: "session_not_usable".to_owned(),
-        text: text.to_owned(),
-    }));
 }

@@ -1,22 +1,22 @@
-//! Of a stream of stamped samples, those next to the instants that matter: the diagnosis looks at no others.
+//! The samples of a stream next to given instants: the diagnosis reads no others.
 //!
-//! Times in ns since 1970. Samples come in the order of their stamps, instants at any time within five seconds of theirs.
+//! Times in ns since 1970. Samples arrive in the order of their stamps, an instant at most five seconds after its samples.
 
 use std::collections::{BTreeSet, VecDeque};
 
 use serde::{Deserialize, Serialize};
 
-/// How long a sample waits for an instant that makes it matter, ns.
+/// How long a sample is kept for an instant that may still arrive, ns.
 const KEPT: i64 = 5_000_000_000;
 
-/// The first sample, those on both sides of each instant, and the latest stretch.
+/// The first sample, those on both sides of each instant, and those of the last five seconds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Window<T> {
     first: Option<(i64, T)>,
     kept: Vec<(i64, T)>,
     recent: VecDeque<(i64, T)>,
-    /// Stamp of the sample that left `recent` last.
-    left: Option<i64>,
+    /// Stamp of the sample that was removed from `recent` last.
+    removed: Option<i64>,
     instants: BTreeSet<i64>,
 }
 
@@ -26,14 +26,14 @@ impl<T> Default for Window<T> {
             first: None,
             kept: Vec::new(),
             recent: VecDeque::new(),
-            left: None,
+            removed: None,
             instants: BTreeSet::new(),
         }
     }
 }
 
 impl<T: Clone> Window<T> {
-    /// Takes a sample.
+    /// Adds a sample.
     pub fn push(&mut self, at: i64, sample: T) {
         if self.first.is_none() {
             self.first = Some((at, sample.clone()));
@@ -44,7 +44,7 @@ impl<T: Clone> Window<T> {
             let Some((stamp, sample)) = self.recent.pop_front() else {
                 break;
             };
-            let before = self.left.replace(stamp).unwrap_or(i64::MIN);
+            let before = self.removed.replace(stamp).unwrap_or(i64::MIN);
             // An instant between the samples before and after this one has this one as its neighbour.
             if before <= next && self.instants.range(before..=next).next().is_some() {
                 self.kept.push((stamp, sample));
@@ -57,18 +57,18 @@ impl<T: Clone> Window<T> {
         self.instants.insert(at);
     }
 
-    /// Forgets the instants: something else begins. The first sample stays first.
+    /// Discards the instants and their samples when another plan begins; the first sample is kept.
     pub fn begin(&mut self) {
         self.kept.clear();
         self.instants.clear();
     }
 
-    /// True when a sample behind that instant has come, or none has come ever.
+    /// True when a sample after that instant has arrived, or none at all.
     pub fn is_past(&self, at: i64) -> bool {
         self.recent.back().is_none_or(|(stamp, _)| *stamp > at)
     }
 
-    /// What was kept, in order.
+    /// The samples kept, in order.
     pub fn samples(&self) -> Vec<T> {
         let oldest = self.kept.first().or(self.recent.front());
         let first = self
@@ -87,7 +87,7 @@ impl<T: Clone> Window<T> {
 mod tests {
     use super::*;
 
-    /// Samples every 10 ms for a minute, instants now and then, told late; against all samples of the stream.
+    /// Samples every 10 ms for a minute, instants now and then, marked late; against all samples of the stream.
     #[test]
     fn the_neighbours_of_every_instant_are_kept_and_little_else() {
         let period = 10_000_000;

@@ -1,5 +1,6 @@
 //! Settings, as written and as checked.
 
+use quantity::{Angle, Length};
 use serde::Deserialize;
 
 /// As written in the cell file, section `[machine_state]`.
@@ -8,12 +9,12 @@ use serde::Deserialize;
 pub struct RawConfig {
     /// Name of the machine in `machine_state`; empty: the name of the robot in the URDF.
     pub machine_id: String,
-    /// A controller that is silent for longer is lost.
+    /// A controller that sends no sample for longer is lost.
     pub silence_limit_s: f64,
-    /// A measurement fails when for so long neither its order comes nor any progress of it is heard.
+    /// A measurement fails when neither its order nor any progress of planning arrives for longer.
     pub order_limit_s: f64,
-    /// A correction that the driver does not answer within this time has failed, and so has an operation of which it says
-    /// nothing for so long while the controller is idle.
+    /// A correction that the driver does not answer within this time has failed, and so has an operation whose outcome it
+    /// does not report for so long while the controller is idle.
     pub reply_limit_s: f64,
     /// No wear offset is ever written outside plus or minus this.
     pub wear_limit_mm: f64,
@@ -50,24 +51,24 @@ pub struct Config {
     pub machine_id: String,
     /// URDF text published on `robot_description`.
     pub robot_description: String,
-    /// s; a controller that is silent for longer is lost.
+    /// s; a controller that sends no sample for longer is lost.
     pub silence_limit: f64,
-    /// s; a measurement fails when for so long neither its order comes nor any progress of it is heard.
+    /// s; a measurement fails when neither its order nor any progress of planning arrives for longer.
     pub order_limit: f64,
-    /// s; a correction that the driver does not answer within this time has failed, and an operation of which it says
-    /// nothing for so long while the controller is idle.
+    /// s; a correction that the driver does not answer within this time has failed, and so has an operation whose outcome
+    /// it does not report for so long while the controller is idle.
     pub reply_limit: f64,
-    /// m; no wear offset is written outside plus or minus this.
-    pub wear_limit: f64,
-    /// m; no point of a tool path is offset by more.
-    pub path_limit: f64,
-    /// m; no work offset is written outside plus or minus this.
-    pub work_offset_limit: f64,
-    /// m; no entry of the volumetric table that is a length is written outside plus or minus this.
-    pub volumetric_limit_shift: f64,
-    /// rad; no entry that is an angle is written outside plus or minus this.
-    pub volumetric_limit_turn: f64,
-    /// This graph runs on a recording: nothing may be told to a machine.
+    /// No wear offset is written outside plus or minus this.
+    pub wear_limit: Length,
+    /// No point of a tool path is offset by more.
+    pub path_limit: Length,
+    /// No work offset is written outside plus or minus this.
+    pub work_offset_limit: Length,
+    /// No entry of the volumetric table that is a length is written outside plus or minus this.
+    pub volumetric_length_limit: Length,
+    /// No entry that is an angle is written outside plus or minus this.
+    pub volumetric_angle_limit: Angle,
+    /// This graph runs on a recording: no command may reach a machine.
     pub replayed: bool,
 }
 
@@ -112,11 +113,11 @@ impl RawConfig {
             silence_limit: self.silence_limit_s,
             order_limit: self.order_limit_s,
             reply_limit: self.reply_limit_s,
-            wear_limit: self.wear_limit_mm * 1e-3,
-            path_limit: self.path_limit_mm * 1e-3,
-            work_offset_limit: self.work_offset_limit_mm * 1e-3,
-            volumetric_limit_shift: self.volumetric_limit_um * 1e-6,
-            volumetric_limit_turn: self.volumetric_limit_urad * 1e-6,
+            wear_limit: Length::from_mm(self.wear_limit_mm),
+            path_limit: Length::from_mm(self.path_limit_mm),
+            work_offset_limit: Length::from_mm(self.work_offset_limit_mm),
+            volumetric_length_limit: Length::from_um(self.volumetric_limit_um),
+            volumetric_angle_limit: Angle::from_urad(self.volumetric_limit_urad),
             replayed,
         })
     }

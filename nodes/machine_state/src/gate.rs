@@ -1,37 +1,25 @@
 //! Decides whether a correction may reach the machine.
 
 use graph::Stamp;
-use probecell_msgs::{Correction, CorrectionAcknowledgement as Ack, MachineState};
+use probecell_msgs::{
+    Correction, CorrectionAcknowledgement as Ack, CorrectionKind, MachineState, offset,
+};
+use quantity::Length;
 
 use crate::{
     config::Config,
+    refusal::{Refusal, refusal, refuse},
     state::{Controller, State},
     table,
 };
 
-/// Two readings of one offset that differ by less are the same value: a controller keeps 1e-7 m or coarser.
-const SAME_OFFSET: f64 = 0.5e-7;
-
-/// Why a correction may not pass: outcome of the acknowledgement and one sentence.
-pub(crate) struct Refusal {
-    pub(crate) outcome: u8,
-    pub(crate) text: String,
-}
-
-pub(crate) fn refuse<T>(outcome: u8, text: impl Into<String>) -> Result<T, Refusal> {
-    Err(Refusal {
-        outcome,
-        text: text.into(),
-    })
-}
-
-/// Checks an approved correction against everything on record.
+/// Checks a correction against everything on record, in the order in which it could do harm; gives its kind.
 pub(crate) fn check(
     config: &Config,
     state: &State,
     now: Stamp,
     correction: &Correction,
-) -> Result<(), Refusal> {
+) -> Result<CorrectionKind, Refusal> {
     if config.replayed || correction.replayed {
         return refuse(Ack::REFUSED_REPLAY, "it was made from a recording");
     }
@@ -39,63 +27,53 @@ pub(crate) fn check(
         || ![Correction::APPROVAL_POLICY, Correction::APPROVAL_OPERATOR]
             .contains(&correction.approval)
     {
-        return refuse(
-            Ack::REFUSED_NOT_APPROVED,
-            "nobody is on record as having approved it",
-        );
+        return refuse(Ack::REFUSED_NOT_APPROVED, "no approval is on record");
     }
     let controller = ready(state)?;
     if correction.session != controller.status.session {
         return refuse(
             Ack::REFUSED_STALE,
-            "it rests on a measurement of another run of the driver",
+            "its source was measured in another session of the driver",
         );
     }
     if now > Stamp::from(&correction.expires) {
         return refuse(Ack::REFUSED_STALE, "it has expired");
     }
     check_source(state, correction)?;
-    let held = match correction.kind {
-        Correction::TOOL_WEAR => wear_of(controller, correction.tool_number).map_or_else(
-            || {
-                let text = format!("the controller has no tool {}", correction.tool_number);
-                refuse(Ack::FAILED, text)
-            },
-            Ok,
-        )?,
-        Correction::TOOL_PATH => {
+    let kind = CorrectionKind::try_from(correction.kind);
+    let kind = kind.or_else(|unknown| refuse(Ack::FAILED, unknown.to_string()))?;
+    let held = match kind {
+        CorrectionKind::ToolWear => {
+            wear_of(controller, correction.tool_number).ok_or_else(|| {
+                let tool = correction.tool_number;
+                refusal(Ack::FAILED, format!("the controller has no tool {tool}"))
+            })?
+        }
+        CorrectionKind::ToolPath => {
             check_path(config, correction)?;
             path_of(state, correction)
         }
-        Correction::WORK_OFFSET => work_offset_of(controller, &correction.axis).map_or_else(
-            || {
-                let text = format!(
-                    "the controller tells no work offset of axis {:?}",
-                    correction.axis
-                );
-                refuse(Ack::FAILED, text)
-            },
-            Ok,
-        )?,
-        Correction::VOLUMETRIC => {
+        CorrectionKind::WorkOffset => {
+            work_offset_of(controller, &correction.axis).ok_or_else(|| {
+                let axis = &correction.axis;
+                let text = format!("the controller reports no work offset of axis {axis:?}");
+                refusal(Ack::FAILED, text)
+            })?
+        }
+        CorrectionKind::Volumetric => {
             table::check(config, controller, correction)?;
-            // What a table does is told by its entries; the controller knows no displacements.
+            // The controller holds entries, which were compared above; it knows no displacement of the tip.
             correction.previous_value
         }
-        kind => {
-            let text = format!("offsets of kind {kind} are not written by this cell");
-            return refuse(Ack::FAILED, text);
-        }
     };
-    if !((held - correction.previous_value).abs() <= SAME_OFFSET) {
-        let text = format!(
-            "it starts from {:.1} µm, but the controller holds {:.1} µm",
-            correction.previous_value * 1e6,
-            held * 1e6
-        );
+    if !offset::is_same(held, correction.previous_value) {
+        let from = Length::from_m(correction.previous_value);
+        let held = Length::from_m(held);
+        let text = format!("it was computed from {from}, but the controller holds {held}");
         return refuse(Ack::REFUSED_STALE, text);
     }
-    check_bounds(config, correction)
+    check_bounds(config, kind, correction)?;
+    Ok(kind)
 }
 
 /// Largest offset of the path of the correction's feature that was written in this session, m.
@@ -107,26 +85,16 @@ fn path_of(state: &State, correction: &Correction) -> f64 {
         .unwrap_or(0.0)
 }
 
-/// Every offset of a path lies within its bounds, and the greatest is the one declared.
+/// Every offset of a path lies within its bounds, and the largest is the one declared.
 fn check_path(config: &Config, correction: &Correction) -> Result<(), Refusal> {
-    let limit = config.path_limit.min(correction.upper_bound);
-    let beyond = correction
-        .path
-        .iter()
-        .position(|offset| !(offset.abs() <= limit));
-    if let Some(index) = beyond {
-        let text = format!(
-            "offset {index} of the path, {:.1} µm, is beyond {:.1} µm",
-            correction.path[index] * 1e6,
-            limit * 1e6
-        );
+    let limit = (config.path_limit).min(Length::from_m(correction.upper_bound));
+    let offsets = correction.path.iter().map(|&offset| Length::from_m(offset));
+    if let Some((index, offset)) = offsets.clone().enumerate().find(|(_, o)| !o.within(limit)) {
+        let text = format!("offset {index} of the path, {offset}, is beyond {limit}");
         return refuse(Ack::REFUSED_OUT_OF_BOUNDS, text);
     }
-    let largest = correction
-        .path
-        .iter()
-        .fold(0.0, |most: f64, offset| most.max(offset.abs()));
-    if correction.path.is_empty() || largest != correction.new_value {
+    let largest = offsets.map(Length::abs).reduce(Length::max);
+    if largest != Some(Length::from_m(correction.new_value)) {
         return refuse(
             Ack::REFUSED_OUT_OF_BOUNDS,
             "its path is empty or its largest offset is not the one declared",
@@ -137,8 +105,10 @@ fn check_path(config: &Config, correction: &Correction) -> Result<(), Refusal> {
 
 fn ready(state: &State) -> Result<&Controller, Refusal> {
     match &state.controller {
-        None => refuse(Ack::FAILED, "no controller has been heard"),
-        Some(controller) if controller.lost => refuse(Ack::FAILED, "the controller is silent"),
+        None => refuse(Ack::FAILED, "no sample of the controller has been received"),
+        Some(controller) if controller.lost => {
+            refuse(Ack::FAILED, "the controller sends no samples")
+        }
         Some(controller) if controller.status.execution == MachineState::EXECUTION_ESTOP => {
             refuse(Ack::FAILED, "the machine is in emergency stop")
         }
@@ -150,7 +120,7 @@ fn check_source(state: &State, correction: &Correction) -> Result<(), Refusal> {
     if correction.feature_ids.is_empty() || correction.sequences.is_empty() {
         return refuse(
             Ack::REFUSED_NO_SOURCE,
-            "it names no feature or no touch that it rests on",
+            "it names no source feature or no source touch",
         );
     }
     if !(correction.measured_error.is_finite() && correction.standard_uncertainty.is_finite()) {
@@ -175,41 +145,42 @@ fn check_source(state: &State, correction: &Correction) -> Result<(), Refusal> {
     Ok(())
 }
 
-fn check_bounds(config: &Config, correction: &Correction) -> Result<(), Refusal> {
+fn check_bounds(
+    config: &Config,
+    kind: CorrectionKind,
+    correction: &Correction,
+) -> Result<(), Refusal> {
     // A bound that is not a number is none: `max` and `min` would drop it.
     if correction.lower_bound.is_nan() || correction.upper_bound.is_nan() {
         return refuse(Ack::REFUSED_OUT_OF_BOUNDS, "its bounds are not numbers");
     }
-    let limit = match correction.kind {
-        Correction::TOOL_PATH => config.path_limit,
-        Correction::WORK_OFFSET => config.work_offset_limit,
+    let limit = match kind {
+        CorrectionKind::ToolPath => config.path_limit,
+        CorrectionKind::WorkOffset => config.work_offset_limit,
         // Its entries have bounds of their own, and were checked against them.
-        Correction::VOLUMETRIC => f64::INFINITY,
-        _ => config.wear_limit,
+        CorrectionKind::Volumetric => Length::from_m(f64::INFINITY),
+        CorrectionKind::ToolWear => config.wear_limit,
     };
-    let lower = correction.lower_bound.max(-limit);
-    let upper = correction.upper_bound.min(limit);
+    let value = Length::from_m(correction.new_value);
+    let lower = Length::from_m(correction.lower_bound).max(-limit);
+    let upper = Length::from_m(correction.upper_bound).min(limit);
     // Written so that a value that is not a number is out of bounds.
-    if correction.new_value >= lower && correction.new_value <= upper {
+    if value >= lower && value <= upper {
         return Ok(());
     }
-    let text = format!(
-        "{:.1} µm lies outside {:.1} to {:.1} µm",
-        correction.new_value * 1e6,
-        lower * 1e6,
-        upper * 1e6
-    );
+    let (lower, upper) = (lower.um(), upper.um());
+    let text = format!("{value} lies outside {lower:.1} to {upper:.1} µm");
     refuse(Ack::REFUSED_OUT_OF_BOUNDS, text)
 }
 
-/// Work offset of an axis as the controller last told it, m.
+/// Work offset of an axis as the controller last reported it, m.
 fn work_offset_of(controller: &Controller, axis: &str) -> Option<f64> {
     let mut axes = controller.status.work_offset_axes.iter();
     let position = axes.position(|known| known == axis)?;
     controller.status.work_offsets.get(position).copied()
 }
 
-/// Wear offset of a tool as the controller last told it.
+/// Wear offset of a tool as the controller last reported it, m.
 fn wear_of(controller: &Controller, tool: u32) -> Option<f64> {
     let position = controller
         .status

@@ -1,4 +1,4 @@
-//! Everything the node remembers.
+//! The state of `machine_state`.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
@@ -6,39 +6,39 @@ use graph::Stamp;
 use probecell_msgs::{ControllerStatus, Correction, OperationRequest};
 use serde::{Deserialize, Serialize};
 
-/// The memory of `machine_state`.
+/// The state of `machine_state`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct State {
     /// The driver that runs now, and its last sample.
     pub controller: Option<Controller>,
     /// Number of the next command to this driver.
     pub next_command: u64,
-    /// The operation that the machine works on.
+    /// The operation under way.
     pub operation: Option<Operation>,
     /// A measurement that waits for its order.
     pub awaited: Option<Awaited>,
     /// The last measuring order: plan and indices of points.
     pub order: Option<(String, Vec<u32>)>,
-    /// Plans that this driver was told to measure to decide from them, and when the cycle asked for each.
+    /// Plans that were measured for a decision in this session, and when the cycle requested each.
     pub measured: BTreeMap<String, Stamp>,
-    /// When the last part ended that was not qualified: what was measured before must not be corrected from any more.
+    /// End of the last part that was not qualified: measurements before it entitle to no correction.
     pub ended: Option<Stamp>,
     /// Corrections written to the controller and not yet answered, by command number.
     pub writing: BTreeMap<u64, Writing>,
-    /// Approved corrections that wait until the machine stands still and the one before is written, in order of arrival.
+    /// Approved corrections that wait until no program runs and the previous one is written, in order of arrival.
     pub deferred: VecDeque<Correction>,
-    /// Corrections that the controller has, with what was read before and after.
+    /// Corrections applied, with the values read before and after.
     pub applied: BTreeMap<String, ReadBack>,
     /// Largest offset of each feature's tool path that was written in this session, m.
     pub paths: BTreeMap<String, f64>,
-    /// Codes of faults that stand now, each told once.
+    /// Codes of the faults that stand: each has been reported once.
     pub standing: BTreeSet<String>,
 }
 
-/// What the controller held before a correction was written, and what was read back after it.
+/// Values that the controller held before a correction was written, and those read back after it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ReadBack {
-    /// m or rad; of a volumetric table what the correction says of it.
+    /// m or rad; of a volumetric table `previous_value` of the correction.
     pub before: f64,
     /// The same after it; NaN where it is not known.
     pub after: f64,
@@ -48,14 +48,14 @@ pub struct ReadBack {
     pub values_after: Vec<f64>,
 }
 
-/// A driver and what it said last.
+/// The driver that runs, by its last sample.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Controller {
     /// Its last sample.
     pub status: ControllerStatus,
-    /// When that came.
+    /// When it arrived.
     pub at: Stamp,
-    /// It has been silent for too long.
+    /// No sample has arrived for too long.
     pub lost: bool,
 }
 
@@ -66,16 +66,16 @@ pub struct Operation {
     pub request_id: u64,
     /// Command to the driver.
     pub command_id: u64,
-    /// Since when the controller has been idle without an answer to the command.
+    /// Since when the controller has been idle without a reply to the command.
     pub idle: Option<Stamp>,
 }
 
-/// A correction that the driver was told to write.
+/// A correction whose command has been sent.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Writing {
     /// The correction.
     pub correction: Correction,
-    /// When it is given up.
+    /// When it fails for want of an answer.
     pub until: Stamp,
 }
 
@@ -84,6 +84,6 @@ pub struct Writing {
 pub struct Awaited {
     /// The request.
     pub request: OperationRequest,
-    /// When it is given up.
+    /// When it fails for want of an answer.
     pub until: Stamp,
 }

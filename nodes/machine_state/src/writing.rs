@@ -5,19 +5,20 @@
 
 use graph::{Outbox, Stamp};
 use probecell_msgs::{
-    ControllerCommand, ControllerReply, Correction, CorrectionAcknowledgement, std_msgs,
+    ControllerCommand, ControllerReply, Correction, CorrectionAcknowledgement, CorrectionKind,
+    offset,
 };
 
 use crate::{
+    command,
     config::Config,
     gate,
+    ports::Output,
     state::{ReadBack, State, Writing},
-    step::{Output, tell},
     table,
 };
 
-/// Takes a correction in: what is not approved asks nothing of the machine, the others are written one after the other
-/// while no program runs.
+/// Queues an approved correction; one that is only proposed, or rejected, is ignored.
 pub(crate) fn correct(
     config: &Config,
     state: &mut State,
@@ -25,9 +26,9 @@ pub(crate) fn correct(
     correction: Correction,
     out: &mut Outbox<Output>,
 ) {
-    let silent = [Correction::APPROVAL_NONE, Correction::APPROVAL_REJECTED];
+    let inert = [Correction::APPROVAL_NONE, Correction::APPROVAL_REJECTED];
     let known = |other: &Correction| other.correction_id == correction.correction_id;
-    if silent.contains(&correction.approval)
+    if inert.contains(&correction.approval)
         || (state.writing.values()).any(|writing| known(&writing.correction))
         || state.deferred.iter().any(known)
     {
@@ -60,21 +61,24 @@ fn write(
 ) {
     if let Some(read) = state.applied.get(&correction.correction_id).cloned() {
         let outcome = CorrectionAcknowledgement::ALREADY_APPLIED;
-        let text = "it was written before";
+        let text = "it has been applied already";
         acknowledge(now, correction, outcome, read, text, out);
         return;
     }
-    if let Err(refusal) = gate::check(config, state, now, correction) {
-        // Nothing was read: a table is not told, a scalar is as it was asked from.
-        let held = correction.previous_value;
-        let read = ReadBack {
-            before: held,
-            after: held,
-            ..ReadBack::default()
-        };
-        return acknowledge(now, correction, refusal.outcome, read, &refusal.text, out);
-    }
-    let command_id = tell(state, now, command_of(correction), out);
+    let kind = match gate::check(config, state, now, correction) {
+        Ok(kind) => kind,
+        Err(refusal) => {
+            // Nothing was read: the entries of a table stay unknown, a scalar is what the correction was computed from.
+            let held = correction.previous_value;
+            let read = ReadBack {
+                before: held,
+                after: held,
+                ..ReadBack::default()
+            };
+            return acknowledge(now, correction, refusal.outcome, read, &refusal.text, out);
+        }
+    };
+    let command_id = command::send(state, now, command_of(kind, correction), out);
     let writing = Writing {
         correction: correction.clone(),
         until: now.after_s(config.reply_limit),
@@ -82,32 +86,32 @@ fn write(
     state.writing.insert(command_id, writing);
 }
 
-/// What writes a correction to the controller.
-fn command_of(correction: &Correction) -> ControllerCommand {
+/// The command that writes a correction to the controller.
+fn command_of(kind: CorrectionKind, correction: &Correction) -> ControllerCommand {
     let command = ControllerCommand {
         correction_id: correction.correction_id.clone(),
         ..ControllerCommand::default()
     };
-    match correction.kind {
-        Correction::TOOL_PATH => ControllerCommand {
+    match kind {
+        CorrectionKind::ToolPath => ControllerCommand {
             kind: ControllerCommand::SET_TOOL_PATH,
             feature: correction.feature_ids.first().cloned().unwrap_or_default(),
             path: correction.path.clone(),
             ..command
         },
-        Correction::VOLUMETRIC => ControllerCommand {
+        CorrectionKind::Volumetric => ControllerCommand {
             kind: ControllerCommand::SET_VOLUMETRIC,
             entries: correction.entries.clone(),
             values: correction.new_values.clone(),
             ..command
         },
-        Correction::WORK_OFFSET => ControllerCommand {
+        CorrectionKind::WorkOffset => ControllerCommand {
             kind: ControllerCommand::SET_WORK_OFFSET,
             axis: correction.axis.clone(),
             value: correction.new_value,
             ..command
         },
-        _ => ControllerCommand {
+        CorrectionKind::ToolWear => ControllerCommand {
             kind: ControllerCommand::SET_TOOL_WEAR,
             tool_number: correction.tool_number,
             value: correction.new_value,
@@ -116,8 +120,8 @@ fn command_of(correction: &Correction) -> ControllerCommand {
     }
 }
 
-/// What the driver says of a correction that it was told to write.
-pub(crate) fn answered(
+/// Acknowledges a correction by the driver's reply to its command.
+pub(crate) fn reply(
     state: &mut State,
     now: Stamp,
     correction: &Correction,
@@ -129,7 +133,7 @@ pub(crate) fn answered(
     let (outcome, text) = if done {
         (CorrectionAcknowledgement::APPLIED, "")
     } else if reply.text.is_empty() {
-        let text = "the value read back is another";
+        let text = "the value read back differs from the value written";
         (CorrectionAcknowledgement::FAILED, text)
     } else {
         (CorrectionAcknowledgement::FAILED, reply.text.as_str())
@@ -146,7 +150,7 @@ pub(crate) fn answered(
     acknowledge(now, correction, outcome, read, text, out);
 }
 
-/// What the driver read before and after writing a correction, and whether that is what was asked for.
+/// What the driver read before and after writing a correction, and whether the correction is in force.
 fn read_back(correction: &Correction, reply: &ControllerReply) -> (ReadBack, bool) {
     let mut read = ReadBack {
         before: reply.value_before,
@@ -155,7 +159,7 @@ fn read_back(correction: &Correction, reply: &ControllerReply) -> (ReadBack, boo
         values_after: reply.values.clone(),
     };
     if correction.kind != Correction::VOLUMETRIC {
-        let written = (reply.value - correction.new_value).abs() <= 0.5e-6;
+        let written = offset::is_same(reply.value, correction.new_value);
         return (read, written);
     }
     let written = table::same(&reply.values, &correction.new_values);
@@ -168,9 +172,12 @@ fn read_back(correction: &Correction, reply: &ControllerReply) -> (ReadBack, boo
     (read, written)
 }
 
-/// Gives up corrections that the driver does not answer: others wait behind them, and the part waits for both.
-pub(crate) fn give_up(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Output>) {
-    let overdue = state.writing.iter().filter(|(_, one)| now > one.until);
+/// Fails corrections whose command the driver has not answered in time: the next ones and the part wait for them.
+pub(crate) fn expire(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Output>) {
+    let overdue = state
+        .writing
+        .iter()
+        .filter(|(_, writing)| now > writing.until);
     let overdue: Vec<u64> = overdue.map(|(command_id, _)| *command_id).collect();
     for command_id in overdue {
         let Some(Writing { correction, .. }) = state.writing.remove(&command_id) else {
@@ -199,10 +206,7 @@ fn acknowledge(
     out: &mut Outbox<Output>,
 ) {
     out.send(Output::Acknowledgement(CorrectionAcknowledgement {
-        header: std_msgs::Header {
-            stamp: now.time(),
-            frame_id: String::new(),
-        },
+        header: now.header(""),
         correction_id: correction.correction_id.clone(),
         outcome,
         value_before: read.before,

@@ -265,7 +265,7 @@ fn a_table_is_applied_only_when_every_entry_is_read_back() {
     for read in [&[9e-6, 39.8e-6][..], &[9e-6], &[9e-6, f64::NAN], &[]] {
         check(
             after(read),
-            &["c outcome 7: the value read back is another"],
+            &["c outcome 7: the value read back differs from the value written"],
         );
     }
 }
@@ -283,7 +283,7 @@ fn a_controller_without_that_table_or_another_one_is_told_none() {
     check(
         asked(three),
         &[
-            "c outcome 7: it is a table of [EX0C, EA0B, EC0B], but the controller's has the entries [EX0C, EA0B]",
+            "c outcome 7: it has the entries [EX0C, EA0B, EC0B], but the controller's table has [EX0C, EA0B]",
         ],
     );
     let beyond = Correction {
@@ -325,14 +325,17 @@ fn a_work_offset_starts_from_what_the_controller_tells_and_stays_within_its_boun
     check(written.clone(), &["run 1 1 work offset of X 350.0 µm"]);
     for (value, said) in [
         (350e-6, "c outcome 0: "),
-        (340e-6, "c outcome 7: the value read back is another"),
+        (
+            340e-6,
+            "c outcome 7: the value read back differs from the value written",
+        ),
     ] {
         let answered = vec![reply(1, ControllerReply::DONE, value)];
         check(with(written.clone(), answered), &[said]);
     }
-    let stale = "c outcome 3: it starts from 40.0 µm, but the controller holds 45.0 µm";
+    let stale = "c outcome 3: it was computed from 40.0 µm, but the controller holds 45.0 µm";
     check(asked(holding(&["X"], &[45e-6]), offset.clone()), &[stale]);
-    let unknown = "c outcome 7: the controller tells no work offset of axis \"X\"";
+    let unknown = "c outcome 7: the controller reports no work offset of axis \"X\"";
     check(asked(holding(&["Z"], &[0.0]), offset.clone()), &[unknown]);
     check(asked(holding(&["X"], &[]), offset.clone()), &[unknown]);
     for (value, lower, upper) in [
@@ -359,7 +362,7 @@ fn a_work_offset_starts_from_what_the_controller_tells_and_stays_within_its_boun
 fn nothing_is_asked_of_a_machine_that_has_not_been_heard_or_is_busy() {
     check(
         vec![request(OperationRequest::CUT, 3)],
-        &["request 3 refused: no controller has been heard"],
+        &["request 3 refused: no sample of the controller has been received"],
     );
     check(
         vec![status(), request(OperationRequest::CUT, 3)],
@@ -401,7 +404,7 @@ fn a_measurement_waits_on_while_progress_of_its_plan_is_heard() {
         inputs.push(Input::Timer(1));
         inputs
     };
-    let overdue = "request 5 failed: no measuring order for plan \"p/1\" came in time";
+    let overdue = "request 5 failed: no measuring order for plan \"p/1\" arrived in time";
     check(waits(progress("p/1", PlanProgress::SEARCHING)), &[]);
     check(waits(progress("p/1", PlanProgress::GIVEN_UP)), &[overdue]);
     check(waits(progress("p/2", PlanProgress::SEARCHING)), &[overdue]);
@@ -464,7 +467,7 @@ fn a_silent_controller_is_lost_after_the_limit_and_found_again_by_its_next_sampl
     check(silent(12), &[]);
     check(
         with(silent(11), vec![request(OperationRequest::CUT, 3)]),
-        &["request 3 refused: the controller is silent"],
+        &["request 3 refused: the controller sends no samples"],
     );
     check(
         with(
@@ -525,11 +528,11 @@ fn a_correction_is_written_when_nothing_speaks_against_it_and_acknowledged_by_wh
     );
     check(
         with(written(), vec![reply(1, ControllerReply::DONE, -19e-6)]),
-        &["c outcome 7: the value read back is another"],
+        &["c outcome 7: the value read back differs from the value written"],
     );
     check(
         with(written(), vec![reply(1, ControllerReply::REFUSED, -20e-6)]),
-        &["c outcome 7: the value read back is another"],
+        &["c outcome 7: the value read back differs from the value written"],
     );
     check(with(written(), vec![Input::Correction(correction())]), &[]);
     check(
@@ -540,7 +543,7 @@ fn a_correction_is_written_when_nothing_speaks_against_it_and_acknowledged_by_wh
                 Input::Correction(correction()),
             ],
         ),
-        &["c outcome 1: it was written before"],
+        &["c outcome 1: it has been applied already"],
     );
 }
 
@@ -637,7 +640,7 @@ fn an_operation_of_which_nothing_is_said_while_the_machine_is_idle_has_failed() 
             ..sample()
         })
     };
-    let failed = "request 3 failed: the machine has been idle for 30 s, and the driver has not said what came of it";
+    let failed = "request 3 failed: the machine has been idle for 30 s, but the driver has not reported an outcome";
     check(cutting(idle(300)), &[]);
     check(cutting(idle(301)), &[failed]);
     let worked = with(idle(200), with(vec![running()], idle(200)));
@@ -666,14 +669,14 @@ fn a_new_run_of_the_driver_voids_what_was_measured_and_what_was_under_way() {
     check(
         vec![status(), request(OperationRequest::CUT, 3), restarted()],
         &[
-            "request 3 failed: the driver was started again",
+            "request 3 failed: the driver was restarted",
             "controller_restarted",
             "mill execution 0",
             "wear [0.0]",
         ],
     );
     let stale = format!(
-        "c outcome {}: it rests on a measurement of another run of the driver",
+        "c outcome {}: its source was measured in another session of the driver",
         Ack::REFUSED_STALE
     );
     check(

@@ -3,7 +3,10 @@
 use machine::Chain;
 use serde::Deserialize;
 
-use crate::part::{Part, PartError, RawPart};
+use crate::{
+    part::{Part, PartError, RawPart},
+    rules::MotionRules,
+};
 
 /// As written in the cell file, section `[path_planning]`.
 #[derive(Clone, Debug, Deserialize)]
@@ -15,7 +18,7 @@ pub struct RawConfig {
     pub clearance_mm: f64,
     /// Search effort: kicks of the local search.
     pub kicks: u64,
-    /// How far a probing move goes on behind the nominal contact before it gives up.
+    /// How far a probing move continues behind the nominal contact before it gives up.
     pub overtravel_mm: f64,
 }
 
@@ -43,8 +46,20 @@ pub struct Config {
     pub clearance: Option<(usize, f64)>,
     /// Kicks of the local search.
     pub kicks: u64,
-    /// m; how far a probing move goes on behind the nominal contact.
+    /// m; how far a probing move continues behind the nominal contact.
     pub overtravel: f64,
+}
+
+impl Config {
+    /// What orders are made by.
+    pub fn rules(&self) -> MotionRules<'_> {
+        MotionRules {
+            chain: &self.chain,
+            clearance: self.clearance,
+            overtravel: self.overtravel,
+            kicks: self.kicks,
+        }
+    }
 }
 
 /// A setting that cannot be used.

@@ -1,10 +1,10 @@
-//! Further touches that an operator asks for: whether they are touches of the cell's part that its machine can make.
+//! Further touches that an operator requests: whether they are touches of the cell's part that its machine can make.
 //!
-//! A further touch lies on a feature of the part's plan, with the normal that the feature has there, and within what the
-//! part's own touches of that feature span: nothing is known of the part beyond them. Distances and feeds keep to those
-//! of the part's own touches, the feed within a factor of two; the stylus gets there and away without hitting what the
-//! plan tells of the part ([`machine::access`]). What the ways between touches need, and whether every target is within
-//! the travel of its axis, is [`crate::route`]'s. Metres, radians, part frame.
+//! A further touch lies on a feature of the part's plan, with the normal that the feature has there, and within the
+//! region that the part's own touches of that feature span: nothing is known of the part beyond it. Distances and feeds
+//! are those of the part's own touches, the feed within a factor of two; the stylus gets there and away without hitting
+//! what the plan tells of the part ([`machine::access`]). Transits and travels are checked with the order. Metres, radians,
+//! part frame.
 
 use machine::access::Access;
 use machine::{DeviationError, Nominal, Surface};
@@ -12,26 +12,27 @@ use nalgebra::{Point3, Unit, Vector3};
 use probecell_msgs::{InspectionPlan, InspectionPoint};
 
 use crate::{
-    route::{Route, RouteError},
-    stations::{self, Poses},
-    task::{Task, Wanted},
+    candidates::{self, Poses},
+    error::PlanningError,
+    rules::MotionRules,
+    task::{OrderRequest, Task},
 };
 
 /// Most further touches of one request.
 const MOST: usize = 1000;
-/// Two places within this distance are the same, m.
-const SAME_PLACE: f64 = 1e-6;
+/// Two points within this distance are the same, m.
+const SAME_POINT: f64 = 1e-6;
 /// Two directions within this angle are the same, rad.
 const SAME_DIRECTION: f64 = 1e-6;
 /// Two distances or feeds whose ratio is within this of 1 are the same.
 const SAME_SIZE: f64 = 1e-9;
-/// A further touch may be so many times as fast as the fastest of the part's own, or as much slower than the slowest.
-const FEEDS: f64 = 2.0;
+/// Largest ratio of a further touch's feed to the fastest of the part's own, and of the slowest of these to it.
+const FEED_RATIO: f64 = 2.0;
 
 /// Nominal point (m) and outward normal, part frame.
-type Place = (Point3<f64>, Unit<Vector3<f64>>);
+type Touched = (Point3<f64>, Unit<Vector3<f64>>);
 
-/// Further touches that are not made.
+/// Why further touches are refused.
 #[derive(Debug, thiserror::Error)]
 pub enum FurtherError {
     /// A plan without a name.
@@ -40,7 +41,7 @@ pub enum FurtherError {
     /// Too many.
     #[error("{0} further touches are more than {MOST}")]
     TooMany(usize),
-    /// A point that is no touch of the part.
+    /// A point that is not a possible touch of the part.
     #[error("point {point} {reason}")]
     Point {
         /// Index of the point.
@@ -51,15 +52,15 @@ pub enum FurtherError {
     /// A number that cannot be used.
     #[error(transparent)]
     Plan(#[from] DeviationError),
-    /// A way that the machine cannot go.
+    /// The touches cannot be ordered.
     #[error(transparent)]
-    Route(#[from] RouteError),
+    Planning(#[from] PlanningError),
 }
 
-/// Checks further touches and begins to order them, at the rotary positions asked for. `own` is the part's plan as its surfaces are now, `further` the same with
-/// the further touches in place of its own.
-pub(crate) fn begin(
-    route: &Route<'_>,
+/// Checks further touches and starts to order them, at the rotary positions requested. `own` is the part's plan as its
+/// surfaces are now, `further` the same with the further touches in place of its own.
+pub(crate) fn start_order(
+    rules: &MotionRules<'_>,
     (own, poses): (&InspectionPlan, &[Poses]),
     further: &InspectionPlan,
 ) -> Result<Task, FurtherError> {
@@ -72,11 +73,11 @@ pub(crate) fn begin(
     }
     let (nominal, known) = (Nominal::from_plan(further)?, Nominal::from_plan(own)?);
     for (index, point) in further.points.iter().enumerate() {
-        check_place(own, &known, &nominal, index, point).map_err(at(index))?;
+        check_point(own, &known, &nominal, index, point).map_err(at(index))?;
     }
-    check_access(route, (own, &known), poses, (further, &nominal))?;
+    check_access(rules, (own, &known), poses, (further, &nominal))?;
     let all: Vec<u32> = (0..further.points.len() as u32).collect();
-    let wanted = Wanted {
+    let request = OrderRequest {
         plan: further,
         points: &all,
         stages: &[],
@@ -84,7 +85,7 @@ pub(crate) fn begin(
         seeds: &[],
         here: None,
     };
-    Ok(Task::new(route, &wanted)?)
+    Ok(Task::new(rules, &request)?)
 }
 
 /// The part's own touches of a feature.
@@ -135,11 +136,11 @@ fn check_numbers(own: &InspectionPlan, point: &InspectionPoint) -> Result<(), St
         1.0,
     )?;
     within("a retract", "m", retract, |own| own.retract_distance, 1.0)?;
-    within("a feed", "m/s", point.feed, |own| own.feed, FEEDS)
+    within("a feed", "m/s", point.feed, |own| own.feed, FEED_RATIO)
 }
 
 /// A further touch lies on its feature, and not beyond what the part's own touches of it span.
-fn check_place(
+fn check_point(
     own: &InspectionPlan,
     known: &Nominal,
     nominal: &Nominal,
@@ -148,11 +149,11 @@ fn check_place(
 ) -> Result<(), String> {
     let feature = &own.features[point.feature as usize];
     let (position, normal) = nominal.points[index];
-    let alike: Vec<&Place> = of_feature(own, point.feature)
+    let alike: Vec<&Touched> = of_feature(own, point.feature)
         .map(|(place, _)| &known.points[place])
         .collect();
-    let again = |(at, outward): &Place| {
-        (at - position).norm() <= SAME_PLACE && outward.angle(&normal) <= SAME_DIRECTION
+    let again = |(at, outward): &Touched| {
+        (at - position).norm() <= SAME_POINT && outward.angle(&normal) <= SAME_DIRECTION
     };
     if alike.iter().any(|own| again(own)) {
         return Ok(());
@@ -172,7 +173,7 @@ fn check_place(
     };
     let surface = &known.surfaces[first];
     let off = surface.distance(&position);
-    if off.abs() > SAME_PLACE {
+    if off.abs() > SAME_POINT {
         let side = if off < 0.0 { "inside" } else { "outside" };
         let off = off.abs() * 1e3;
         return Err(format!("lies {off:.3} mm {side} {:?}", feature.id));
@@ -199,7 +200,7 @@ fn spanned(
     surface: &Surface,
     position: &Point3<f64>,
     normal: &Unit<Vector3<f64>>,
-    alike: &[&Place],
+    alike: &[&Touched],
 ) -> bool {
     let between = |of: &dyn Fn(&Point3<f64>) -> f64| {
         let all = || alike.iter().map(|(known, _)| of(known));
@@ -207,7 +208,7 @@ fn spanned(
             all().fold(f64::INFINITY, f64::min),
             all().fold(f64::NEG_INFINITY, f64::max),
         );
-        (least - SAME_PLACE..=most + SAME_PLACE).contains(&of(position))
+        (least - SAME_POINT..=most + SAME_POINT).contains(&of(position))
     };
     match surface {
         Surface::Cylinder(origin, axis, _) | Surface::Bore(origin, axis, _) => {
@@ -227,15 +228,15 @@ fn spanned(
 }
 
 fn check_access(
-    route: &Route<'_>,
+    rules: &MotionRules<'_>,
     (own, known): (&InspectionPlan, &Nominal),
     poses: &[Poses],
     (further, nominal): (&InspectionPlan, &Nominal),
 ) -> Result<(), FurtherError> {
-    let met = stations::aims(route, own, known, poses)?;
-    let access = Access::new(route.chain, known, own, &met);
-    let wanted = stations::aims(route, further, nominal, &[])?;
-    match wanted.iter().position(|aim| !access.allows(aim)) {
+    let possible = candidates::first_touches(rules, own, known, poses)?;
+    let access = Access::new(rules.chain, known, own, &possible);
+    let requested = candidates::first_touches(rules, further, nominal, &[])?;
+    match requested.iter().position(|touch| !access.allows(touch)) {
         Some(point) => Err(FurtherError::Point {
             point,
             reason: "cannot be reached: the stylus or the probe would hit the part".to_owned(),

@@ -1,7 +1,7 @@
 //! Points that may be touched at several poses: against every order at every choice of poses, timed by the formula here.
 
 use machine::Chain;
-use path_planning::{Config, Planned, RawConfig, Wanted, part::RawPart, route::Route};
+use path_planning::{Config, OrderRequest, Planned, PlanningError, RawConfig, part::RawPart};
 
 /// A table that turns the part about Z, and a probe on three axes whose ball's centre is the mount's origin.
 const ROBOT: &str = r#"<robot name="xyzc"><link name="foundation"/><link name="workpiece"/><link name="probe_mount"/>
@@ -73,16 +73,11 @@ fn spheres(at: &[[f64; 3]], first: &[f64], others: &[f64], datum: &[usize]) -> C
     checked(&text, ROBOT, &settings).unwrap_or_else(|error| panic!("{error}"))
 }
 
-fn planned(config: &Config) -> Result<Planned, path_planning::route::RouteError> {
+fn planned(config: &Config) -> Result<Planned, PlanningError> {
     let plan = config.part.plan(0.0);
     let all: Vec<u32> = (0..plan.points.len() as u32).collect();
-    let route = Route {
-        chain: &config.chain,
-        clearance: config.clearance,
-        overtravel: config.overtravel,
-        kicks: config.kicks,
-    };
-    let wanted = Wanted {
+    let rules = config.rules();
+    let request = OrderRequest {
         plan: &plan,
         points: &all,
         stages: config.part.stages(),
@@ -90,7 +85,7 @@ fn planned(config: &Config) -> Result<Planned, path_planning::route::RouteError>
         seeds: &[],
         here: None,
     };
-    route.planned(&wanted, &mut |_| {})
+    rules.plan(&request, &mut |_| {})
 }
 
 /// Where the ball is at a distance (m) of the contact on top of a sphere (mm), the part turned (rad).

@@ -297,21 +297,16 @@ fn a_move_beyond_the_travel_of_an_axis_is_told_before_the_first_move() {
 fn what_is_left_of_a_broken_scan_is_planned_in_its_own_shortest_order() {
     let config = config(10.0);
     let plan = config.part.plan(0.0);
-    let route = path_planning::route::Route {
-        chain: &config.chain,
-        clearance: config.clearance,
-        overtravel: config.overtravel,
-        kicks: config.kicks,
-    };
+    let rules = config.rules();
     // Heights 40, 0 and 30 mm are left.
-    let order = route
+    let order = rules
         .order_of(&plan, &[0, 1, 2], &[], &[])
         .expect("in reach");
     assert!(
         order.order == [0, 2, 1] || order.order == [1, 2, 0],
         "{order:?}"
     );
-    let whole = route.order(&plan, &[]).expect("in reach");
+    let whole = rules.order(&plan, &[]).expect("in reach");
     for one in &order.moves {
         let same = |other: &&probecell_msgs::ProbingMove| {
             other.kind == one.kind && other.point_index == one.point_index
@@ -321,9 +316,9 @@ fn what_is_left_of_a_broken_scan_is_planned_in_its_own_shortest_order() {
         let off = one.axis_positions.iter().zip(&known.axis_positions);
         assert!(off.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max) < 1e-9);
     }
-    let again = route.order_of(&plan, &[2], &[], &[]).expect("in reach");
+    let again = rules.order_of(&plan, &[2], &[], &[]).expect("in reach");
     assert_eq!(again.order, [2]);
     for wrong in [&[9][..], &[1, 1]] {
-        assert!(route.order_of(&plan, wrong, &[], &[]).is_err(), "{wrong:?}");
+        assert!(rules.order_of(&plan, wrong, &[], &[]).is_err(), "{wrong:?}");
     }
 }

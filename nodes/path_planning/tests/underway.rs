@@ -199,13 +199,13 @@ fn every_stretch_tells_how_far_it_is_and_the_answer_is_that_of_one_run() {
     assert_eq!(words(&said), ["plan p/1", "order p/1"]);
     // What a command makes of the same plan in one go.
     let config = config();
-    let route = path_planning::route::Route {
+    let rules = path_planning::MotionRules {
         chain: &config.chain,
         clearance: None,
         overtravel: config.overtravel,
         kicks: KICKS,
     };
-    let at_once = route.order(&config.part.plan(0.0), &[]).expect("an order");
+    let at_once = rules.order(&config.part.plan(0.0), &[]).expect("an order");
     assert_eq!(at_once.order, order.order);
     assert_eq!(at_once.moves, order.moves);
     assert_eq!(at_once.air_time.to_bits(), order.air_time.to_bits());
@@ -218,7 +218,7 @@ fn in_the_middle(first: Input) -> Running {
     for _ in 0..4 {
         node.fire();
     }
-    assert!(node.state.underway.is_some());
+    assert!(node.state.job.is_some());
     node
 }
 
@@ -284,7 +284,7 @@ fn an_operator_is_refused_while_an_order_is_made_and_told_when_his_own_is_given_
     assert!(node.take(request(OperationRequest::CUT, 6, "")).is_empty());
     assert!(node.take(request(OperationRequest::STOP, 7, "")).is_empty());
     let said = node.take(measure());
-    let given_up = "false: plan \"preview\" is not made: the cell goes on with its part";
+    let given_up = "false: planning of \"preview\" was cancelled: the cell continues with its part";
     assert_eq!(words(&said), [given_up]);
     assert_eq!(words(&node.finish()), ["plan p/1", "order p/1"]);
 }
@@ -294,7 +294,8 @@ fn a_cut_ends_the_work_on_further_touches() {
     let points = config().part.plan(0.0).points;
     let mut node = in_the_middle(wish("p/1/next", &points));
     let said = node.take(request(OperationRequest::CUT, 6, ""));
-    let given_up = "false: plan \"p/1/next\" is not made: the cell goes on with its part";
+    let given_up =
+        "false: planning of \"p/1/next\" was cancelled: the cell continues with its part";
     assert_eq!(words(&said), [given_up]);
     assert!(node.finish().is_empty() && node.state.further.is_none());
     // Without a cut they are kept.
@@ -314,15 +315,15 @@ fn what_is_left_of_a_measurement_is_planned_in_stretches_too() {
     let mut one = plan.points.clone();
     one.truncate(30);
     if let Some(measurement) = &mut node.state.measurement {
-        measurement.left.clear();
+        measurement.remaining.clear();
     }
     node.take(wish("p/1", &one));
     node.fire();
     let said = node.take(measure());
-    assert!(words(&said)[0].starts_with("false: plan \"p/1\" is not made"));
+    assert!(words(&said)[0].starts_with("false: planning of \"p/1\" was cancelled"));
     assert_eq!(
         words(&said)[1..],
-        ["plan_unknown: nothing is left of plan \"p/1\": every point of it was touched"]
+        ["plan_unknown: no point of plan \"p/1\" remains: all were touched"]
     );
     node.take(wish("p/1", &one));
     assert!(words(&node.finish())[0].starts_with("true: 30 touches"));

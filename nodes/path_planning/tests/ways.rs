@@ -1,7 +1,7 @@
 //! Ways between touches that keep clear of what the plan tells of the part.
 
-use machine::{Chain, Nominal};
-use path_planning::route::Route;
+use machine::{AxisLimits, Chain, Motion, Nominal};
+use path_planning::MotionRules;
 use probecell_msgs::{
     InspectionFeature, InspectionPlan, InspectionPoint, ProbingMove, geometry_msgs,
 };
@@ -70,7 +70,7 @@ fn plan(boss: bool) -> InspectionPlan {
 fn heights_between(boss: bool, clearance: Option<(usize, f64)>) -> Vec<f64> {
     let chain = Chain::from_urdf(MACHINE).expect("a chain");
     let plan = plan(boss);
-    let route = Route {
+    let rules = MotionRules {
         chain: &chain,
         clearance,
         overtravel: 1e-3,
@@ -79,7 +79,7 @@ fn heights_between(boss: bool, clearance: Option<(usize, f64)>) -> Vec<f64> {
     // The boss comes first, so that the touches of the plane follow each other.
     let stages = [1, 1, 0, 0];
     let all: Vec<u32> = (0..plan.points.len() as u32).collect();
-    let order = route
+    let order = rules
         .order_of(&plan, &all, &stages[..all.len()], &[])
         .expect("a way");
     let part = Nominal::from_plan(&plan).expect("a usable plan");
@@ -124,4 +124,62 @@ fn where_a_boss_stands_in_between_it_goes_over_it() {
         panic!("{heights:?}");
     };
     assert!((out - 150.0).abs() < 1e-6 && (over - 150.0).abs() < 1e-6);
+}
+
+/// Six points in two rows; the axis across is fast but slow to start, so many short steps across cost more than few.
+#[test]
+fn orders_are_shortest_in_the_time_that_the_declared_motion_takes() {
+    let mut plan = plan(false);
+    plan.points.clear();
+    for (x, y) in [
+        (-1.0, 0.0),
+        (0.0, 0.0),
+        (1.0, 0.0),
+        (-1.0, 1.0),
+        (0.0, 1.0),
+        (1.0, 1.0),
+    ] {
+        let mut point = self::plan(false).points[0].clone();
+        (point.position.x, point.position.y) = (x * 0.02, y * 0.02);
+        plan.points.push(point);
+    }
+    let plain = Chain::from_urdf(MACHINE).expect("a chain");
+    let uniform = *plain.motion().axes().first().expect("axes");
+    let slow_start = AxisLimits {
+        acceleration: Some(0.5),
+        jerk: Some(5.0),
+        ..uniform
+    };
+    let declared = Motion::new(vec![uniform, slow_start, uniform], 0.05);
+    let mut steps_across = Vec::new();
+    for (motion, dwell) in [(plain.motion().clone(), 0.0), (declared, 0.05)] {
+        let chain = plain.clone().with_motion(motion);
+        let rules = MotionRules {
+            chain: &chain,
+            clearance: None,
+            overtravel: 1e-3,
+            kicks: 100,
+        };
+        let order = rules.order(&plan, &[]).expect("an order");
+        assert!(order.optimal);
+        // What is promised is what its moves between touches take, by the motion model.
+        let mut air = 0.0;
+        let mut retract: Option<&Vec<f64>> = None;
+        for step in &order.moves {
+            match (step.kind, retract) {
+                (ProbingMove::RETRACT, _) => retract = Some(&step.axis_positions),
+                (ProbingMove::APPROACH, Some(from)) => {
+                    air += chain.motion().time(from, &step.axis_positions);
+                }
+                _ => {}
+            }
+        }
+        assert!((air - order.air_time).abs() < 1e-9, "{air} {order:?}");
+        assert!(order.air_time >= 5.0 * (0.2 + dwell) - 1e-9);
+        let rows: Vec<bool> = order.order.iter().map(|&point| point < 3).collect();
+        steps_across.push(rows.windows(2).filter(|pair| pair[0] != pair[1]).count());
+    }
+    // At top speed alone every step of 20 mm is worth the same, and the lowest indices win; with a slow start the row is
+    // changed once.
+    assert_eq!(steps_across[1], 1, "{steps_across:?}");
 }

@@ -1,16 +1,26 @@
 //! Decides which raw triggers are touches, and numbers them.
 //!
-//! | hears | says |
+//! ```text
+//!  driver         probe_triggers ──┐  ┌─────────────────────────────┐
+//!                                  ├─>│ pair a trigger with its plan│──> probe_events         (numbered from 0, no gaps)
+//!  path_planning  inspection_plan ─┘  │ ball centre by the chain    │──> probe_events/faults
+//!                                     └─────────────────────────────┘
+//! ```
+//!
+//! | subscribes to | publishes |
 //! |---|---|
 //! | `probe_triggers`, `inspection_plan` | `probe_events` |
 //! | | `probe_events/faults`: `no_contact`, `probe_dead`, `probe_stuck`, `trigger_not_usable` |
 //!
 //! Every trigger of a known plan becomes exactly one event; events are numbered from 0 without gaps. A move that ended
 //! without a trigger, or that began with the probe already tripped, is an event too, but never one that a size can be
-//! made of. Triggers may come before their plan does: they wait for it.
+//! made of. Triggers may arrive before their plan does: they wait for it.
+//!
+//! Positions are the controller's readings at the latch (m, rad); `tip` is the ball centre that they give in the part
+//! frame by the nominal kinematic chain, without any correction of pre-travel or ball radius.
 
 mod config;
 mod step;
 
-pub use config::Config;
-pub use step::{Input, Output, ProbeEventsNode, State};
+pub use config::{Config, RawConfig};
+pub use step::{Input, Output, ProbeEventsFault, ProbeEventsNode, State};

@@ -2,17 +2,17 @@
 
 use std::collections::VecDeque;
 
-use graph::{Node, Outbox, Stamp, inputs, outputs, topics};
+use graph::{Node, Outbox, Stamp, faults, inputs, outputs, topics};
 use machine::Nominal;
 use probecell_msgs::{
-    Fault, InspectionPlan, InspectionPoint, ProbeEvent, ProbeTrigger, geometry_msgs, std_msgs,
+    Fault, InspectionPlan, InspectionPoint, ProbeEvent, ProbeTrigger, geometry_msgs,
 };
 use serde::{Deserialize, Serialize};
 
 use crate::config::Config;
 
 inputs! {
-    /// What `probe_events` hears.
+    /// What `probe_events` subscribes to.
     pub enum Input {
         /// The raw end of a probing move.
         Trigger(ProbeTrigger) = topics::PROBE_TRIGGERS,
@@ -22,30 +22,44 @@ inputs! {
 }
 
 outputs! {
-    /// What `probe_events` says.
+    /// What `probe_events` publishes.
     pub enum Output {
-        /// One probing move and what came of it.
+        /// A probing move and its outcome.
         Event(ProbeEvent) = topics::PROBE_EVENTS,
-        /// What went wrong.
+        /// A fault.
         Fault(Fault) = topics::PROBE_EVENTS_FAULTS,
     }
 }
 
-/// Triggers kept for a plan that has not come yet.
+faults! {
+    /// What `probe_events` can find wrong.
+    pub enum ProbeEventsFault of "probe_events" {
+        /// A probing move ended without contact.
+        NoContact = WARNING "no_contact",
+        /// Several consecutive moves ended without contact.
+        ProbeDead = ERROR "probe_dead",
+        /// The probe was tripped before the move began.
+        ProbeStuck = ERROR "probe_stuck",
+        /// A trigger from which no event can be made.
+        TriggerNotUsable = ERROR "trigger_not_usable",
+    }
+}
+
+/// Triggers kept while their plan has not arrived.
 const WAITING_LIMIT: usize = 4096;
-/// Moves in a row without contact after which the probe is called dead: one may be missing material.
+/// Consecutive moves without contact after which the probe is considered dead: a single one may be missing material.
 const DEAD_AFTER: u32 = 2;
 
-/// The memory of `probe_events`.
+/// The state of `probe_events`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct State {
     /// Number of the next event.
     pub next_sequence: u64,
-    /// The plan heard last.
+    /// The last plan received.
     pub plan: Option<InspectionPlan>,
-    /// Triggers whose plan has not come yet.
+    /// Triggers whose plan has not arrived yet.
     pub waiting: VecDeque<ProbeTrigger>,
-    /// Moves in a row that ended without contact.
+    /// Consecutive moves that ended without contact.
     pub misses: u32,
 }
 
@@ -58,6 +72,7 @@ impl Node for ProbeEventsNode {
     type State = State;
     type Input = Input;
     type Output = Output;
+    type Fault = ProbeEventsFault;
 
     fn start(_config: &Config) -> State {
         State::default()
@@ -76,13 +91,8 @@ impl Node for ProbeEventsNode {
                 state.waiting.push_back(trigger);
                 if state.waiting.len() > WAITING_LIMIT {
                     state.waiting.pop_front();
-                    fault(
-                        now,
-                        Fault::ERROR,
-                        "trigger_not_usable",
-                        "a trigger waited too long for its plan",
-                        out,
-                    );
+                    let text = "a trigger was dropped because its plan did not arrive";
+                    out.fault(now, ProbeEventsFault::TriggerNotUsable, text);
                 }
                 take_waiting(config, state, now, out);
             }
@@ -116,7 +126,7 @@ fn take(
     out: &mut Outbox<Output>,
 ) {
     let unusable = |text: String, out: &mut Outbox<Output>| {
-        fault(now, Fault::ERROR, "trigger_not_usable", &text, out);
+        out.fault(now, ProbeEventsFault::TriggerNotUsable, text);
     };
     let Some(nominal) = plan.points.get(trigger.point_index as usize) else {
         let text = format!(
@@ -146,10 +156,7 @@ fn take(
         .chain
         .ball_in_part(&positions, &part.part_pose, &part.ball);
     out.send(Output::Event(ProbeEvent {
-        header: std_msgs::Header {
-            stamp: trigger.header.stamp,
-            frame_id: "part".to_owned(),
-        },
+        header: Stamp::from(&trigger.header.stamp).header("part"),
         sequence: state.next_sequence,
         plan_id: plan.plan_id.clone(),
         point_index: trigger.point_index,
@@ -167,7 +174,7 @@ fn take(
     state.next_sequence += 1;
 }
 
-/// The approach is against the outward normal: that is how measuring programs are made.
+/// The approach opposes the outward normal, as in every measuring program.
 fn approach(nominal: &InspectionPoint) -> geometry_msgs::Vector3 {
     let normal = &nominal.normal;
     geometry_msgs::Vector3 {
@@ -183,7 +190,7 @@ fn outcome(state: &mut State, now: Stamp, trigger: &ProbeTrigger, out: &mut Outb
             "the probe was tripped before the move to point {} began",
             trigger.point_index
         );
-        fault(now, Fault::ERROR, "probe_stuck", &text, out);
+        out.fault(now, ProbeEventsFault::ProbeStuck, text);
         return ProbeEvent::OUTCOME_EARLY;
     }
     if trigger.tripped {
@@ -195,25 +202,12 @@ fn outcome(state: &mut State, now: Stamp, trigger: &ProbeTrigger, out: &mut Outb
         "the move to point {} ended without contact",
         trigger.point_index
     );
-    fault(now, Fault::WARNING, "no_contact", &text, out);
+    out.fault(now, ProbeEventsFault::NoContact, text);
     if state.misses == DEAD_AFTER {
         let text = format!(
-            "{DEAD_AFTER} moves in a row ended without contact: the probe does not trigger"
+            "{DEAD_AFTER} consecutive moves ended without contact: the probe does not trigger"
         );
-        fault(now, Fault::ERROR, "probe_dead", &text, out);
+        out.fault(now, ProbeEventsFault::ProbeDead, text);
     }
     ProbeEvent::OUTCOME_NO_CONTACT
-}
-
-fn fault(now: Stamp, severity: u8, code: &str, text: &str, out: &mut Outbox<Output>) {
-    out.send(Output::Fault(Fault {
-        header: std_msgs::Header {
-            stamp: now.time(),
-            frame_id: String::new(),
-        },
-        node: ProbeEventsNode::NAME.to_owned(),
-        severity,
-        code: code.to_owned(),
-        text: text.to_owned(),
-    }));
 }

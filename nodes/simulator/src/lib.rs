@@ -1,28 +1,44 @@
-//! A machine, its probe and its part behind the driver's topics: the source that needs no machine.
+//! A simulated machine with its probe and its part behind the topics of a driver: the source that needs no hardware.
 //!
-//! | hears | says |
+//! ```text
+//!  controller_commands ──> controller: program, offsets, volumetric table ──> controller_status, controller_replies
+//!                              │ motion
+//!  inspection_plan ───────> plant: true axes, true probe, true part ────────> probe_triggers
+//!  measurement_order           │ the finished part on the CMM ──────────────> reference
+//! ```
+//!
+//! | subscribes to | publishes |
 //! |---|---|
 //! | `controller_commands` | `controller_status`, `controller_replies` |
 //! | `inspection_plan`, `measurement_order` | `probe_triggers`, `reference` |
 //!
-//! What it knows and the cell does not: the true stylus, the true sizes, how a tool really cuts (source systems A.3, A.4
-//! and A.6), how its axes err, what a feature is like point by point. Contact is found by solving for the point of the move at which the true ball touches the true surface,
-//! along the real kinematic chain, wherever a plan touches it: between the points at which a surface is known it is interpolated.
-//! Its controller holds wear offsets and a volumetric table, tells them, and takes new ones; by the table it leads the axes,
-//! while the positions that it tells are those of the programme. A new run begins with those of the cell file.
-//! All randomness comes from a seed; time is what `step` is given.
+//! It knows what the cell must find out: the true stylus, the true sizes, how a tool really cuts
+//! (`docs/source_systems.md`, A.3, A.4 and A.6), the errors of the axes (ISO 230-1), and features whose surface is given
+//! point by point. Contact is the point of the move at which the true ball touches the true surface along the true
+//! kinematic chain; between the given points of a surface it is interpolated. The controller holds wear offsets, work
+//! offsets and a volumetric table, reports them and accepts new ones; with the table it corrects the axes, while it reports
+//! positions of the programme. Every run begins with the offsets of the cell file. All randomness comes from a seed, and
+//! time is an argument of `step`.
 
 mod config;
+mod controller;
+mod cutting;
 mod motion;
 mod plant;
+mod points;
+mod ports;
 mod probe;
+mod raw;
 mod state;
 mod step;
 mod tool;
 mod truth;
 
-pub use config::{Config, ConfigError, Injected, RawConfig};
+pub use config::{Config, ConfigError};
+pub use points::Cut;
+pub use ports::{Input, Output};
+pub use raw::{Injected, RawConfig};
 pub use state::State;
-pub use step::{Input, Output, SimulatorNode};
+pub use step::SimulatorNode;
 pub use tool::{RawRunout, Runout};
 pub use truth::{RawError, RawMachine, RawSlip, Truth, TruthError};

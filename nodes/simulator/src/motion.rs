@@ -1,38 +1,28 @@
 //! The moves of a measuring program in time, and where each probing move ends.
 //!
-//! Moves are straight in the axes and take as long as the slowest axis needs at the URDF's top speed; probing moves take
-//! the distance of the ball over the feed. A probing move ends where the true ball touches the true surface: the
+//! Positioning moves are straight in the axes and follow the motion model of the machine ([`machine::motion`]): the
+//! slowest axis sets the pace, and the others keep in step. Probing moves take the distance of the ball over the feed. A probing move ends where the true ball touches the true surface: the
 //! distance d(s) of ball and surface along the move is solved for d(s) = r by bisection, s the share of the move.
 
 use graph::Stamp;
-use machine::{Nominal, Surface};
+use machine::{Motion, Nominal, Surface};
 use nalgebra::Vector3;
 use probecell_msgs::{
-    ControllerCommand, ControllerReply, InspectionPlan, MeasurementOrder, ProbeTrigger,
-    ProbingMove, std_msgs,
+    ControllerCommand, ControllerReply, InspectionPlan, MeasurementOrder, ProbeTrigger, ProbingMove,
 };
 
 use crate::{
-    config::{Config, Injected},
+    config::Config,
     plant,
+    raw::Injected,
     state::{Program, Segment, State, Then},
     truth::Truth,
 };
 
-/// Speed of an axis without one in its URDF, m/s or rad/s.
-const UNKNOWN_SPEED: f64 = 0.05;
 /// The machine stands still for this long after a trigger, s.
 const DWELL: f64 = 0.02;
 /// Halvings of the move in the search for the contact: 20 mm / 2^40 is far below any resolution.
 const HALVINGS: u32 = 40;
-
-/// Seconds of a move of the axes at top speed.
-pub(crate) fn travel_time(config: &Config, from: &[f64], to: &[f64]) -> f64 {
-    let speed = |index: usize| config.chain.axis(index).speed.unwrap_or(UNKNOWN_SPEED);
-    (0..from.len())
-        .map(|index| (to[index] - from[index]).abs() / speed(index))
-        .fold(0.0, f64::max)
-}
 
 /// Builds a program, one segment after the other.
 pub(crate) struct Builder {
@@ -50,6 +40,16 @@ impl Builder {
         }
     }
 
+    /// A positioning move, with the standstill at its target.
+    fn position(&mut self, motion: &Motion, to: &[f64]) {
+        let profile = motion.leading(&self.position, to);
+        let seconds = motion.time(&self.position, to);
+        self.push(to.to_vec(), seconds, Then::Go);
+        if let Some(segment) = self.segments.back_mut() {
+            segment.profile = profile;
+        }
+    }
+
     pub(crate) fn push(&mut self, to: Vec<f64>, seconds: f64, then: Then) -> Stamp {
         let end = self.at.after_s(seconds);
         let from = std::mem::replace(&mut self.position, to.clone());
@@ -58,6 +58,7 @@ impl Builder {
             end,
             from,
             to,
+            profile: None,
             then,
         });
         self.at = end;
@@ -111,16 +112,12 @@ pub(crate) fn measuring_program(
         if step.kind == ProbingMove::TOUCH {
             touch(config, state, plan, &part, step, &mut builder);
         } else {
-            let seconds = travel_time(config, &builder.position, &step.axis_positions);
-            builder.push(step.axis_positions.clone(), seconds, Then::Go);
+            builder.position(config.chain.motion(), &step.axis_positions);
         }
     }
     let end = builder.at;
     let reply = ControllerReply {
-        header: std_msgs::Header {
-            stamp: end.time(),
-            frame_id: String::new(),
-        },
+        header: end.header(""),
         session: state.session.clone(),
         command_id: command.command_id,
         outcome: ControllerReply::DONE,
@@ -172,7 +169,7 @@ fn touch(
                 work_offsets: &state.work_offsets,
             };
             let table = state.volumetric.then(|| config.table_of(&state.table));
-            let led = |positions: &[f64]| meeting.led(table.as_ref(), positions);
+            let led = |positions: &[f64]| meeting.true_positions(table.as_ref(), positions);
             meeting.contact(&led(&start), &led(&step.axis_positions))
         }),
     };
@@ -184,10 +181,7 @@ fn touch(
         .collect();
     let stamp = builder.at.after_s(seconds * share);
     let trigger = ProbeTrigger {
-        header: std_msgs::Header {
-            stamp: stamp.time(),
-            frame_id: "foundation".to_owned(),
-        },
+        header: stamp.header("foundation"),
         session: state.session.clone(),
         plan_id: plan.plan_id.clone(),
         point_index: step.point_index,
@@ -218,16 +212,16 @@ struct Meeting<'a> {
     surface: &'a Surface,
     /// m; the probe triggers that much early.
     noise: f64,
-    /// m, part frame; how far the part has jumped.
+    /// m, part frame; slip of the part.
     shift: Vector3<f64>,
-    /// m; by which the programme runs.
+    /// m; work offsets in force.
     work_offsets: &'a [f64],
 }
 
 impl Meeting<'_> {
-    /// Where the controller, by its work offsets, and by its table if it goes by one, really leads the axes that it says
-    /// stand at `positions`.
-    fn led(&self, table: Option<&Truth>, positions: &[f64]) -> Vec<f64> {
+    /// True axis positions (m, rad) for programme positions, with the work offsets and, where it is enabled, the volumetric
+    /// table.
+    fn true_positions(&self, table: Option<&Truth>, positions: &[f64]) -> Vec<f64> {
         let (config, part) = (self.config, self.part);
         let positions = config.offset(positions, self.work_offsets);
         let by_table = |table: &Truth| {
@@ -268,8 +262,8 @@ impl Meeting<'_> {
         let (config, part) = (self.config, self.part);
         let ball = part.ball + Vector3::from(config.center_error);
         let mut errors = config.errors(positions);
-        for (error, jumped) in errors.part.iter_mut().zip(self.shift.as_slice()) {
-            *error += jumped;
+        for (error, slip) in errors.part.iter_mut().zip(self.shift.as_slice()) {
+            *error += slip;
         }
         let centre = config
             .chain

@@ -1,8 +1,9 @@
-//! How the part really is: what tools cut, where the surfaces are, what a reference instrument finds.
+//! The true part: what tools cut, where the surfaces are, and what a reference instrument measures.
 //!
-//! Cutting (source systems A.4): D_new = cmd + w + κ (D_old − cmd − w) if D_old > cmd + w, with cmd the size commanded
-//! (drawing + allowance + wear offset), w the tool's own error and κ the share that springs back. Along the length, a
-//! part held at one end bends away from a turning tool (A.6): err(z) = e0 + (e1 − e0)(z/L)³ on the diameter.
+//! Cutting (`docs/source_systems.md, A.4`): D_new = cmd + w + κ (D_old − cmd − w) if D_old > cmd + w, with cmd the
+//! size commanded (drawing + allowance + wear offset), w the tool's own error and κ the share that springs back.
+//! Along the length, a part held at one end bends away from a turning tool (A.6): err(z) = e0 + (e1 − e0)(z/L)³ on
+//! the diameter.
 
 use machine::Surface;
 use nalgebra::{Point3, Unit, Vector3};
@@ -12,13 +13,10 @@ use probecell_msgs::{
 use rand::Rng;
 use rand_distr::StandardNormal;
 
-use crate::{
-    config::{Config, Place, RawSize},
-    state::State,
-};
+use crate::{config::Config, points::Place, raw::RawSize, state::State};
 
-/// Two touches within this distance of each other, across the normal, meet the same place, m.
-const SAME_PLACE: f64 = 1e-6;
+/// Touches within this distance of each other, across the normal, are of the same point, m.
+const SAME_POINT: f64 = 1e-6;
 
 /// One draw of a normal distribution of that standard deviation.
 pub(crate) fn normal(random: &mut impl Rng, standard_deviation: f64) -> f64 {
@@ -45,28 +43,31 @@ pub(crate) fn cut(config: &Config, state: &mut State, operation: &str) {
     let table = config.table_of(&state.table);
     for id in &operation.features {
         let cut = config.cuts.get(&(operation.id.clone(), id.clone()));
-        let Some(left) = cut.and_then(|cut| config.left(cut, &table, &state.work_offsets).ok())
-        else {
+        let Some(deviations) = cut.and_then(|cut| {
+            config
+                .machined_deviations(cut, &table, &state.work_offsets)
+                .ok()
+        }) else {
             continue;
         };
         let process = config.surfaces.get(id);
         let path = state.path_offsets.get(id).cloned();
-        let surface = (0..left.len()).map(|number| {
+        let surface = (0..deviations.len()).map(|number| {
             let of = |values: Option<&Vec<f64>>| {
                 values
                     .and_then(|values| values.get(number))
                     .copied()
                     .unwrap_or(0.0)
             };
-            // The tool's own error counts on the size: half of it on each side.
-            left[number]
+            // The error of the tool is one of the size: half of it on each side.
+            deviations[number]
                 + of(process)
                 + of(path.as_ref())
                 + 0.5 * (wear + tool_error)
                 + normal(&mut state.random, config.raw.plant.cut_sd_um * 1e-6)
         });
         let mut surface: Vec<f64> = surface.collect();
-        // What is gone does not come back, unless the cut is made in a new blank.
+        // Material that was removed is missing in later cuts, unless they begin with a new blank.
         if let Some(before) = state.surfaces.get(id).filter(|_| !operation.new_blank) {
             for (new, before) in surface.iter_mut().zip(before) {
                 *new = new.min(*before);
@@ -104,7 +105,7 @@ fn size_of<'a>(config: &'a Config, feature: &InspectionFeature) -> Option<&'a Ra
         .find(|size| size.features.contains(&feature.id))
 }
 
-/// How far the true surface lies outside the plan's at a point of it, m.
+/// Deviation of the true surface from the nominal one at a point of the plan, along the outward normal, m.
 pub(crate) fn excess(config: &Config, state: &State, plan: &InspectionPlan, point: usize) -> f64 {
     let Some(nominal) = plan.points.get(point) else {
         return 0.0;
@@ -113,16 +114,16 @@ pub(crate) fn excess(config: &Config, state: &State, plan: &InspectionPlan, poin
         return 0.0;
     };
     let known = state.surfaces.get(&feature.id);
-    let own = known.or_else(|| config.surfaces.get(&feature.id));
-    let own = own
+    let given = known.or_else(|| config.surfaces.get(&feature.id));
+    let deviation = given
         .zip(config.places.get(&feature.id))
         .map_or(0.0, |(values, places)| at_place(places, values, nominal));
-    own + by_size(config, state, feature, nominal.position.z)
+    deviation + by_size(config, state, feature, nominal.position.z)
 }
 
-/// Of values at the part's own touches of a feature the one at a point of any plan: at such a touch its own, elsewhere
-/// their mean weighted by the inverse square of the distance (Shepard 1968). Distances are across the normal, for a
-/// pass leaves an allowance along it; touches that face away say nothing.
+/// Interpolates values that are given at the points of the part's plan: at such a point its value, elsewhere their mean
+/// weighted by the inverse square of the distance (Shepard 1968). Distances are across the normal, since a pass leaves an
+/// allowance along it; points that face away do not count.
 fn at_place(places: &[Place], values: &[f64], point: &InspectionPoint) -> f64 {
     let at = Point3::new(point.position.x, point.position.y, point.position.z);
     let normal = Vector3::new(point.normal.x, point.normal.y, point.normal.z);
@@ -133,7 +134,7 @@ fn at_place(places: &[Place], values: &[f64], point: &InspectionPoint) -> f64 {
         }
         let arm = at - place;
         let off = (arm - normal * normal.dot(&arm)).norm();
-        if off < SAME_PLACE {
+        if off < SAME_POINT {
             return *value;
         }
         sum += value / (off * off);

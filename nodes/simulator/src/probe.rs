@@ -1,14 +1,15 @@
 //! The true probe against what the controller has stored of it, before and after the calibration cycle.
 //!
-//! The cycle is that of source systems A.5, run on the simulated machine: the indicator sees the ball centre's offset
-//! through its scale division, X and Y are adjusted until the needle is still, and the ball radius is computed from a
-//! touch on a gauge whose diameter is known with an error. What is left is the true less the stored value.
+//! The cycle is that of `docs/source_systems.md, A.5`, run on the simulated machine: the indicator sees the ball
+//! centre's offset through its scale division, X and Y are adjusted until the needle is still, and the ball radius is
+//! computed from a touch on a gauge whose diameter is known with an error. What is left is the true less the stored
+//! value.
 
 use metrology::calibration::{self, Calibration, Done, Step};
 
-use crate::config::RawConfig;
+use crate::raw::RawProbe;
 
-/// Scale division of the indicator, m (source systems A.1).
+/// Scale division of the indicator, m (`docs/source_systems.md, A.1`).
 const DIVISION: f64 = 2e-6;
 /// Spindle angles at which the indicator is read.
 const ANGLES: u32 = 36;
@@ -17,9 +18,8 @@ const GAUGE_RADIUS: f64 = 10e-3;
 /// Rounds of reading and adjusting after which the machine gives the adjustment up.
 const ROUNDS: u32 = 10;
 
-/// True less stored: ball centre in `probe_mount` (m) and ball radius (m).
-pub(crate) fn stored(raw: &RawConfig, ball_radius: f64) -> ([f64; 3], f64) {
-    let probe = &raw.probe;
+/// True minus stored: ball centre in `probe_mount` (m) and ball radius (m).
+pub(crate) fn stored(probe: &RawProbe, ball_radius: f64) -> ([f64; 3], f64) {
     let center = probe.center_error_um.map(|error| error * 1e-6);
     let radius_error = probe.radius_error_um * 1e-6;
     if !probe.calibrated {

@@ -1,15 +1,16 @@
-//! Everything the simulated machine remembers.
+//! The state of the simulated machine.
 
 use std::collections::{BTreeMap, VecDeque};
 
 use graph::Stamp;
+use machine::motion::Profile;
 use probecell_msgs::{
     ControllerCommand, ControllerReply, InspectionPlan, MeasurementOrder, ProbeTrigger,
 };
 use rand_pcg::Pcg32;
 use serde::{Deserialize, Serialize};
 
-/// The memory of the simulator.
+/// The state of the simulator.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct State {
     /// Name of this run, from the instant of its start.
@@ -22,11 +23,11 @@ pub struct State {
     pub sizes: BTreeMap<String, f64>,
     /// Sizes whose last cut was turning, and whether it was a finishing cut.
     pub turned: BTreeMap<String, bool>,
-    /// Features cut point by point: how far outside its nominal place each of their points lies, m.
+    /// Features cut point by point: deviation of each of their points along the outward normal, m.
     pub surfaces: BTreeMap<String, Vec<f64>>,
     /// Corrections of the tool path of a feature, along the normal of each of its points, m.
     pub path_offsets: BTreeMap<String, Vec<f64>>,
-    /// The controller goes by its volumetric table: from the start, since the last cut, or since the table was written.
+    /// The volumetric table is enabled: from the start, since the last cut, or since it was written.
     pub volumetric: bool,
     /// Values of the entries of the volumetric table, in the order of the cell file, m or rad. A new run begins with those
     /// of the cell file, as with everything that a real controller would have kept.
@@ -39,9 +40,9 @@ pub struct State {
     pub program: Option<Program>,
     /// A measurement that waits for its plan or its order.
     pub awaiting: Option<ControllerCommand>,
-    /// The plan heard last.
+    /// The last plan received.
     pub plan: Option<InspectionPlan>,
-    /// The order heard last.
+    /// The last order received.
     pub order: Option<MeasurementOrder>,
     /// Tool in the spindle.
     pub tool: u32,
@@ -49,7 +50,7 @@ pub struct State {
     pub alarms: Vec<String>,
     /// The emergency stop is pressed.
     pub estop: bool,
-    /// The controller says nothing more.
+    /// The controller sends nothing any more.
     pub silent: bool,
     /// Touches of this run.
     pub touches: u32,
@@ -79,6 +80,9 @@ pub struct Segment {
     pub from: Vec<f64>,
     /// Axis positions at the end, m and rad.
     pub to: Vec<f64>,
+    /// Motion of the slowest axis; `None`: constant speed.
+    #[serde(default)]
+    pub profile: Option<Profile>,
     /// What happens at the end.
     pub then: Then,
 }
@@ -100,10 +104,11 @@ impl Segment {
     /// Axis positions at an instant, m and rad; held before the start and after the end.
     pub fn at(&self, now: Stamp) -> Vec<f64> {
         let duration = self.end.since_s(self.start);
-        let part = if duration > 0.0 {
-            (now.since_s(self.start) / duration).clamp(0.0, 1.0)
-        } else {
-            1.0
+        let elapsed = now.since_s(self.start);
+        let part = match &self.profile {
+            Some(profile) => profile.share_at(elapsed),
+            None if duration > 0.0 => (elapsed / duration).clamp(0.0, 1.0),
+            None => 1.0,
         };
         self.from
             .iter()

@@ -1,7 +1,7 @@
 //! How a milling tool runs out: its effective radius along its axis.
 //!
-//! Source systems E.2: ΔR(Z) = b0 + max_k [ρ cos(θ_k − λ) + τ (h0 − Z) cos(θ_k − ψ)], θ_k = 2πk/N − Z tanβ / R, with Z
-//! the height above the tip. m, rad.
+//! `docs/source_systems.md, E.2`: ΔR(Z) = b0 + max_k [ρ cos(θ_k − λ) + τ (h0 − Z) cos(θ_k − ψ)], θ_k = 2πk/N − Z tanβ
+//! / R, with Z the height above the tip. m, rad.
 
 use serde::Deserialize;
 

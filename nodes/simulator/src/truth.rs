@@ -1,8 +1,9 @@
-//! How the machine really is beside its robot description: geometric errors of its axes, a jump, a volumetric table.
+//! The true errors of the machine: geometric errors of its axes, a slip of the part, and its volumetric table.
 //!
-//! Errors are named as ISO 230-1 names them: `EX0C` is where axis C lies off in X, `EYZ` how far the motion of Z goes
-//! astray in Y, `EAX` how far it rolls. A location error acts right after the joint's origin, a motion error in the
-//! moved frame. m, rad. The cell knows nothing of this section but what the controller tells of its table.
+//! Errors are named as ISO 230-1 names them: `EX0C` is the location error of axis C in X, `EYZ` the straightness error of Z in
+//! Y, `EAX` the roll of X. A location error acts right after the joint's origin, a motion error in the
+//! moved frame. m, rad. The cell knows nothing of this section but the entries of the table that the controller
+//! reports.
 
 use machine::{Chain, ChainErrors, PositionError, Volumetric};
 use nalgebra::{Isometry3, Point3, Vector3};
@@ -17,26 +18,26 @@ const UNKNOWN_TRAVEL: f64 = 1.0;
 pub struct RawMachine {
     /// Geometric errors of the axes.
     pub errors: Vec<RawError>,
-    /// What the controller's volumetric table takes them for as the controller starts; its location errors are the
-    /// entries that can be written.
+    /// The same errors as the volumetric table of the controller has them at the start; its location errors are the entries
+    /// that can be written.
     pub table: Vec<RawError>,
-    /// The controller goes by its table from the start, not only where an operation uses it or once it is written.
+    /// The table is enabled from the start, not only in operations that use it or once it is written.
     pub volumetric: bool,
-    /// From some touch on the part lies elsewhere.
+    /// The part slips after some touches.
     pub slip: Option<RawSlip>,
-    /// How the part is clamped: it lies elsewhere from the start.
+    /// Error of the clamping, present from the start.
     pub clamping: RawClamping,
-    /// Linear axes whose work offset the controller tells and lets be written.
+    /// Linear axes whose work offset the controller reports and accepts.
     pub work_offset_axes: Vec<String>,
 }
 
-/// Where the part really lies.
+/// The true position of the clamped part.
 #[derive(Clone, Copy, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct RawClamping {
-    /// Off its nominal place, along the axes of the part frame.
+    /// Translation from its nominal position, along the axes of the part frame.
     pub shift_um: [f64; 3],
-    /// Turned about them.
+    /// Rotation about them.
     pub turn_urad: [f64; 3],
 }
 
@@ -71,7 +72,7 @@ pub struct RawError {
     pub slope_um_per_m: f64,
 }
 
-/// A jump of the part.
+/// A slip of the part.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RawSlip {
@@ -105,16 +106,16 @@ pub struct Truth {
     terms: Vec<Term>,
 }
 
-/// An error that cannot be.
+/// An error that cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum TruthError {
-    /// A name that is none.
+    /// A name that is not that of an error.
     #[error(
         "machine.errors: {0:?} is not an error of an axis of this machine (such as \"EX0C\" or \"EYZ\")"
     )]
     Name(String),
-    /// An entry of the table that stands there twice.
-    #[error("machine.table: {0:?} stands there twice")]
+    /// An entry that the table lists twice.
+    #[error("machine.table: {0:?} is listed twice")]
     Twice(String),
     /// A value in the wrong unit, or beyond what the approximation of small errors bears.
     #[error("machine.errors: {name}: {key} {problem}")]
@@ -147,7 +148,7 @@ impl Truth {
         })
     }
 
-    /// Names and values (m or rad) of its location errors, each told once.
+    /// Names and values (m or rad) of its location errors, each once.
     pub fn entries(&self) -> impl Iterator<Item = (&str, f64)> {
         let entries = self.terms.iter().filter(|term| term.location);
         entries.map(|term| (term.name.as_str(), term.constant))
@@ -178,7 +179,7 @@ impl Truth {
         errors
     }
 
-    /// Axis positions that a controller with these errors in its volumetric table goes to instead of `positions`.
+    /// Axis positions to which a controller with these errors in its volumetric table corrects `positions`.
     pub fn corrected(
         &self,
         chain: &Chain,
@@ -273,7 +274,7 @@ impl Term {
 }
 
 impl RawSlip {
-    /// How far the part has jumped after some touches, m in the part frame.
+    /// Displacement of the part after some touches, m, part frame.
     pub fn shift(&self, touches: u32) -> Vector3<f64> {
         if touches > self.after_touches {
             Vector3::from(self.shift_um) * 1e-6

@@ -1,8 +1,11 @@
-//! Step by step: what the simulated machine does with what it is told (source systems A.4).
+//! Step by step: what the simulated machine does with what it is told (`docs/source_systems.md, A.4`).
 
 use graph::{Node, Outbox, START, Stamp};
-use machine::Chain;
-use probecell_msgs::{ControllerCommand, ControllerReply, InspectionPlan, MachineState, Stylus};
+use machine::{AxisLimits, Chain, Motion};
+use probecell_msgs::{
+    ControllerCommand, ControllerReply, InspectionPlan, MachineState, MeasurementOrder,
+    ProbingMove, Stylus,
+};
 use simulator::{Config, Input, Output, RawConfig, SimulatorNode, State};
 
 const ROBOT: &str = r#"<robot name="one_axis"><link name="foundation"/><link name="workpiece"/><link name="probe_mount"/>
@@ -164,7 +167,7 @@ fn a_command_for_another_run_for_a_busy_machine_or_for_nothing_there_is_refused(
     };
     assert_eq!(
         machine.tell(1.0, other),
-        refused("it was made for another run of the driver")
+        refused("it is addressed to another session of the driver")
     );
     let unknown = ControllerCommand {
         operation: "saw".to_owned(),
@@ -180,7 +183,7 @@ fn a_command_for_another_run_for_a_busy_machine_or_for_nothing_there_is_refused(
     };
     assert_eq!(
         machine.tell(1.0, nothing),
-        refused("tool 2 has no offset that NaN could be")
+        refused("tool 2 is unknown, or NaN is no wear offset")
     );
     machine.tell(1.0, command(ControllerCommand::RUN_OPERATION));
     assert_eq!(
@@ -226,6 +229,78 @@ fn samples_tell_where_the_axes_are_and_that_a_program_runs() {
         (MachineState::EXECUTION_RUNNING, 2)
     );
     assert!((sample.spindle_speed - std::f64::consts::TAU).abs() < 1e-12);
+}
+
+/// A measuring program of two positioning moves from 100 mm, on a machine with these limits and this dwell (s).
+fn positioning(limits: AxisLimits, dwell: f64) -> (Machine, Motion) {
+    let motion = Motion::new(vec![limits], dwell);
+    let mut config = config(0.0, 0.0);
+    config.chain = config.chain.with_motion(motion.clone());
+    let mut machine = Machine::new(config);
+    let mut plan = InspectionPlan {
+        plan_id: "p/1".to_owned(),
+        ..InspectionPlan::default()
+    };
+    plan.part_pose.orientation.w = 1.0;
+    let moves = [0.4, 0.35].map(|position| ProbingMove {
+        kind: ProbingMove::CLEARANCE,
+        axis_positions: vec![position],
+        ..ProbingMove::default()
+    });
+    let order = MeasurementOrder {
+        plan_id: plan.plan_id.clone(),
+        axis_names: vec!["Z".to_owned()],
+        moves: moves.to_vec(),
+        ..MeasurementOrder::default()
+    };
+    machine.step(0.5, Input::Plan(plan));
+    machine.step(0.5, Input::Order(order));
+    let measure = ControllerCommand {
+        plan_id: "p/1".to_owned(),
+        ..command(ControllerCommand::RUN_MEASUREMENT)
+    };
+    assert!(machine.tell(1.0, measure).is_empty());
+    (machine, motion)
+}
+
+/// Position of the axis that is sampled at that second, m.
+fn sampled(machine: &mut Machine, seconds: f64) -> f64 {
+    let outputs = machine.step(seconds, Input::Timer(1));
+    let sample = outputs.iter().rev().find_map(|output| match output {
+        Output::Status(sample) => Some(sample.axis_positions[0]),
+        _ => None,
+    });
+    sample.expect("a sample")
+}
+
+#[test]
+fn positioning_moves_follow_the_motion_model_of_the_machine() {
+    let at_speed = AxisLimits::at_speed(0.5);
+    let smooth = AxisLimits {
+        acceleration: Some(2.0),
+        jerk: Some(20.0),
+        ..at_speed
+    };
+    for (limits, dwell) in [(at_speed, 0.0), (smooth, 0.1), (at_speed, 0.1)] {
+        let (mut machine, motion) = positioning(limits, dwell);
+        let first = limits.profile(0.3);
+        let until = motion.time(&[0.1], &[0.4]);
+        assert!((until - first.duration() - dwell).abs() < 1e-12);
+        for share in [0.1, 0.3, 0.5, 0.8, 1.0] {
+            let elapsed = share * until;
+            let expected = 0.1 + first.distance_at(elapsed);
+            let found = sampled(&mut machine, 1.0 + elapsed);
+            assert!((found - expected).abs() < 1e-8, "{found} for {expected}");
+        }
+        // It ends as promised, after the standstill with which every program ends.
+        let end = 1.0 + motion.time_along(&[0.1], &[vec![0.4], vec![0.35]]);
+        assert!((sampled(&mut machine, end) - 0.35).abs() < 1e-8);
+        assert!(machine.at(end + 0.019).is_empty());
+        assert_eq!(
+            machine.at(end + 0.021),
+            [(ControllerReply::DONE, String::new())]
+        );
+    }
 }
 
 /// The same machine with a volumetric table that it does not go by yet.
@@ -284,7 +359,7 @@ fn a_volumetric_table_is_taken_whole_told_and_gone_by_from_then_on() {
         };
         assert_eq!(*outcome, ControllerReply::REFUSED);
         assert!(
-            text.starts_with("the volumetric table has the entries [EZ0Z, EA0Z]"),
+            text.starts_with("the volumetric table takes a finite value for each of [EZ0Z, EA0Z]"),
             "{text}"
         );
     }
@@ -314,5 +389,5 @@ fn a_machine_without_a_table_refuses_one() {
         panic!("one answer");
     };
     assert_eq!(*outcome, ControllerReply::REFUSED);
-    assert!(text.contains("has the entries []"), "{text}");
+    assert!(text.contains("a finite value for each of []"), "{text}");
 }

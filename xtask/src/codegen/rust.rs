@@ -11,7 +11,7 @@ use std::{
 use anyhow::{Context, Result, ensure};
 
 use super::{
-    OWN_PACKAGE, hash,
+    OWN_PACKAGE, codes, hash,
     interface::{Element, Field, Message, Primitive, Service, Shape},
     package::Interfaces,
 };
@@ -117,6 +117,11 @@ fn structure(interfaces: &Interfaces, message: &Message) -> Result<String> {
             )?;
         }
         code += "}\n\n";
+    }
+    if message.package == OWN_PACKAGE {
+        for enumeration in codes::codes(message)? {
+            code += &codes::code(&enumeration)?;
+        }
     }
     writeln!(
         code,
@@ -274,7 +279,7 @@ fn rust_primitive(primitive: Primitive) -> &'static str {
     }
 }
 
-fn rust_name(message: &Message) -> String {
+pub(super) fn rust_name(message: &Message) -> String {
     message.name.replace('_', "")
 }
 
@@ -289,7 +294,7 @@ fn rust_field(name: &str) -> String {
     }
 }
 
-fn doc(lines: &[String]) -> String {
+pub(super) fn doc(lines: &[String]) -> String {
     lines
         .iter()
         .fold(String::new(), |code, line| code + "/// " + line + "\n")

@@ -9,7 +9,7 @@ use std::{
 };
 
 use anyhow::{Context, ensure};
-use controllers::linuxcnc::DriverOutput;
+use controllers::driver::DriverOutput;
 use probecell_msgs::{ControllerCommand, ControllerReply, MachineState, ProbeTrigger};
 
 use crate::{

@@ -7,7 +7,10 @@ use std::{
 };
 
 use anyhow::{Context, bail, ensure};
-use controllers::linuxcnc::{Driver, DriverOutput, RawConfig};
+use controllers::{
+    driver::{Connection, DriverOutput},
+    linuxcnc::{LinuxCncConnection, RawConfig},
+};
 use probecell_msgs::{
     ControllerCommand, ControllerReply, ControllerStatus, InspectionPlan, MeasurementOrder,
     ProbeTrigger,
@@ -18,7 +21,7 @@ const PERIOD: Duration = Duration::from_millis(10);
 
 /// The driver and its clock.
 pub(crate) struct Rig {
-    pub(crate) driver: Driver,
+    pub(crate) driver: LinuxCncConnection,
     next_command: u64,
     next_poll: Instant,
 }
@@ -78,7 +81,7 @@ impl Rig {
         );
         let config = toml::from_str::<RawConfig>(&text)?.check()?;
         let run = now().to_string();
-        let driver = Driver::connect(config, &run)?;
+        let driver = LinuxCncConnection::connect(config, &run)?;
         let mut rig = Self {
             driver,
             next_command: 0,
@@ -97,7 +100,7 @@ impl Rig {
         &mut self,
         limit: Duration,
         what: &str,
-        mut done: impl FnMut(&mut Driver, &[DriverOutput]) -> bool,
+        mut done: impl FnMut(&mut LinuxCncConnection, &[DriverOutput]) -> bool,
     ) -> anyhow::Result<()> {
         let deadline = Instant::now() + limit;
         while Instant::now() < deadline {
@@ -119,7 +122,7 @@ impl Rig {
     pub(crate) fn run_watched(
         &mut self,
         command: ControllerCommand,
-        mut watch: impl FnMut(&mut Driver, &DriverOutput),
+        mut watch: impl FnMut(&mut LinuxCncConnection, &DriverOutput),
     ) -> anyhow::Result<Outcome> {
         let id = self.next_command;
         self.next_command += 1;

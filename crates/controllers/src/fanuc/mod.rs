@@ -1,20 +1,60 @@
-//! FANUC custom macro: measuring programs out, and an interpreter that proves what they do.
+//! FANUC custom macro B: measuring and decision programs out, `DPRNT` lines in.
 //!
-//! | module | what it holds |
+//! | module | content |
 //! |---|---|
-//! | [`expression`] | numbers, variables, functions, comparisons |
-//! | [`interpreter`] | programs, calls, loops, moves, skip signals, prints |
-//! | [`program`] | a measuring program from an inspection plan |
-//! | [`decision`] | the macros that decide after a measured size |
+//! | [`program`] | measuring program of an inspection plan |
+//! | [`decision`] | macros that decide after a measured size |
+//! | [`results`] | lines that the measuring program prints |
 //!
-//! Lengths are mm in the programs, as everywhere in a controller's text.
+//! Lengths are mm in the programs. `dev/controller_oracle` executes them in tests.
 
-mod block;
 pub mod decision;
-pub mod expression;
-pub mod interpreter;
-mod print;
 pub mod program;
-mod words;
+pub mod results;
 
-pub use interpreter::Interpreter;
+use crate::{
+    dialect::{Characteristic, Dialect, Job, Limits, ProgramWriter},
+    measuring::ProgramError,
+    results::ResultsFormat,
+};
+
+/// FANUC custom macro B.
+#[derive(Clone, Copy, Debug)]
+pub struct Fanuc;
+
+impl Dialect for Fanuc {
+    fn name(&self) -> &'static str {
+        "fanuc"
+    }
+
+    fn description(&self) -> &'static str {
+        "FANUC custom macro B; results by DPRNT"
+    }
+
+    fn writer(&self) -> Option<&dyn ProgramWriter> {
+        Some(self)
+    }
+
+    fn formats(&self) -> &'static [&'static dyn ResultsFormat] {
+        &[&results::Dprnt]
+    }
+}
+
+impl ProgramWriter for Fanuc {
+    /// Sequence numbers go to 99999, and each touch takes two; axes have numbers of one digit in the variables used.
+    fn limits(&self) -> Limits {
+        Limits {
+            touches: 49_999,
+            axes: 6,
+        }
+    }
+
+    fn measuring_program(&self, job: &Job<'_>) -> Result<String, ProgramError> {
+        self.limits().check(job)?;
+        program::measuring_program(job.plan, job.order, job.axes, job.travel_feed)
+    }
+
+    fn decision_program(&self, characteristic: &Characteristic) -> Result<String, ProgramError> {
+        decision::main_program(characteristic)
+    }
+}

@@ -75,8 +75,8 @@ impl Writer<'_> {
 
     /// Number of an axis, from 1.
     fn number_of(&self, letter: Letter) -> usize {
-        let place = self.axes.iter().position(|axis| axis.letter == letter);
-        place.unwrap_or(0) + 1
+        let index = self.axes.iter().position(|axis| axis.letter == letter);
+        index.unwrap_or(0) + 1
     }
 
     fn head(&mut self) {
@@ -111,17 +111,22 @@ impl Writer<'_> {
         for axis in 1..=self.axes.len() {
             self.line(format_args!("#12{axis}=#506{axis}+#11{axis}"));
         }
-        // Ended where it was sent: no trip.
-        let left = |&(letter, position): &(Letter, f64)| {
+        // It ended at its target: no trip.
+        let remaining = |&(letter, position): &(Letter, f64)| {
             format!("ABS[#12{}-[{}]]", self.number_of(letter), number(position))
         };
-        let left = leg.target.iter().map(left).collect::<Vec<_>>().join("+");
+        let remaining = leg
+            .target
+            .iter()
+            .map(remaining)
+            .collect::<Vec<_>>()
+            .join("+");
         let values: Vec<_> = (1..=self.axes.len())
             .map(|axis| format!("*#12{axis}[54]"))
             .collect();
         let values = values.concat();
         let (missed, on) = (2 * touch, 2 * touch + 1);
-        self.line(format_args!("IF[{left}LT0.0001]GOTO{missed}"));
+        self.line(format_args!("IF[{remaining}LT0.0001]GOTO{missed}"));
         self.line(format_args!("DPRNT[TOUCH*{touch}*{point}{values}]"));
         self.line(format_args!("GOTO{on}"));
         self.line(format_args!("N{missed}DPRNT[MISS*{touch}*{point}{values}]"));

@@ -1,6 +1,6 @@
 //! One connection to `linuxcncrsh`: opens a session, asks, tells, and names every way in which that fails.
 //!
-//! The server keeps state that is shared by all its connections (who has control, when a `set` is answered, a tokeniser
+//! The server keeps state that is shared by all its connections (which connection has control, when a `set` is answered, a tokeniser
 //! that is not safe between threads), so a controller should have one client only. After a failed exchange the replies
 //! may be out of step with the requests; the connection must then be dropped.
 
@@ -53,7 +53,7 @@ pub enum ClientError {
         /// The longest wait, s.
         seconds: f64,
     },
-    /// The controller said no.
+    /// The controller refused.
     #[error("the controller refused {request:?}")]
     Refused {
         /// The request.
@@ -73,7 +73,7 @@ pub enum ClientError {
 }
 
 impl ClientError {
-    /// The controller said no, but the connection is as good as before.
+    /// The controller refused, but the connection is intact.
     pub fn is_refusal(&self) -> bool {
         matches!(self, Self::Refused { .. } | Self::Request(_))
     }
@@ -247,7 +247,7 @@ impl Client {
         self.get(Get::Error, |words| Ok(protocol::text(words)))
     }
 
-    /// Asks, and waits for the answer. Lines that are no answer are passed over: an error text may have several lines.
+    /// Sends a request and waits for its reply. Lines that are no reply are ignored: an error text may have several lines.
     fn get<T>(
         &mut self,
         get: Get,

@@ -12,11 +12,20 @@
 
 pub mod client;
 pub mod config;
+mod dialect;
 pub mod driver;
 pub mod log;
 pub mod program;
 pub mod protocol;
+mod settings;
 pub mod tool_table;
 
+/// Identifier of the driver and of the dialect.
+pub const NAME: &str = "linuxcnc";
+
+/// LinuxCNC: a driver and a dialect.
+#[derive(Clone, Copy, Debug)]
+pub struct LinuxCnc;
+
 pub use config::{Config, ConfigError, RawConfig};
-pub use driver::{Driver, DriverError, DriverOutput};
+pub use driver::{LinuxCncConnection, LinuxCncError};

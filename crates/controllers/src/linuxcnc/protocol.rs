@@ -76,7 +76,7 @@ impl Get {
     }
 }
 
-/// What can be told.
+/// What can be set.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Set {
     /// Repeat each request before its answer.
@@ -179,7 +179,7 @@ impl Set {
     }
 }
 
-/// The request that opens a session: password, and who asks.
+/// The request that opens a session: password, and name of the client.
 pub fn hello(password: &str, client: &str) -> Result<String, RequestError> {
     check(format!("hello {password} {client} 1.0"))
 }

@@ -1,4 +1,4 @@
-//! Reads LinuxCNC's tool table file: the only place that tells the offsets of tools that are not in the spindle.
+//! Reads LinuxCNC's tool table file: the only source of the offsets of tools that are not in the spindle.
 //!
 //! The controller writes the file anew whenever a program sets a tool's offset. `get tool_offset` of the remote shell
 //! prints an integer made of other bits.

@@ -4,12 +4,12 @@
 //! corrections made, R15 side (+1 outer, −1 bore), R16 row that matched, R17 measured size, R18 1 after a valid
 //! measurement, R20 tool. Wear is that of the tool's length 1 (`$TC_DP12`), which counts on the radius: the table's wear
 //! is twice that. Everything is compared in whole nanometres, so a size on a limit is inside it. As the measuring cycles
-//! do, the set size, actual size, difference and correction are left in `_OVR[0]`, `[4]`, `[16]` and `[20]`. Source
-//! systems, section A.4.
+//! do, the set size, actual size, difference and correction are left in `_OVR[0]`, `[4]`, `[16]` and `[20]`. The
+//! table is in `docs/source_systems.md, A.4`.
 
 use std::fmt::Write as _;
 
-use crate::fanuc::decision::Feature;
+use crate::{dialect::Characteristic, measuring::ProgramError};
 
 /// Alarm of row 0; that of row r is r more.
 pub const STOPPED: u32 = 65100;
@@ -52,15 +52,20 @@ M17
 
 /// The main program `OMM_PART` of one feature and the deciding program: rough (`OMM_ROUGH`), measure (`OMM_SIZE`, which
 /// sets R17 and R18), decide, and recut until the size qualifies; then finish (`OMM_FINISH`), measure and decide in the
-/// same way. Every other row ends in an alarm.
-pub fn main_program(feature: &Feature, tool: u32) -> String {
-    let side = if feature.bore { -1 } else { 1 };
+/// same way. Every other row ends in an alarm. The caller supplies these three programs.
+///
+/// # Errors
+/// [`ProgramError::Setting`] for numbers out of range.
+pub fn main_program(feature: &Characteristic) -> Result<String, ProgramError> {
+    feature.check()?;
+    let side = if feature.inner { -1 } else { 1 };
     let mut text = format!(
-        "%_N_OMM_PART_MPF\n;$PATH=/_N_MPF_DIR\nR10={:.6} R11={:.6} R12={:.6} R13={} R15={side} R20={tool}\n",
+        "%_N_OMM_PART_MPF\n;$PATH=/_N_MPF_DIR\nR10={:.6} R11={:.6} R12={:.6} R13={} R15={side} R20={}\n",
         feature.nominal * 1e3,
         feature.tolerance * 1e3,
         feature.wear_limit * 1e3,
-        feature.max_corrections
+        feature.max_corrections,
+        feature.tool_number
     );
     for cut in ["OMM_ROUGH", "OMM_FINISH"] {
         // Writing to a string does not fail.
@@ -84,5 +89,5 @@ pub fn main_program(feature: &Feature, tool: u32) -> String {
     let written = writeln!(text, "SETAL({STOPPED}+R16)\nM30");
     debug_assert!(written.is_ok());
     text.push_str(DECIDE);
-    text
+    Ok(text)
 }

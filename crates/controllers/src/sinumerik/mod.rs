@@ -1,21 +1,60 @@
-//! SINUMERIK: measuring programs out, and an interpreter that proves what they do.
+//! SINUMERIK 840D: measuring and decision programs out, logs in.
 //!
-//! | module | what it holds |
+//! | module | content |
 //! |---|---|
-//! | [`expression`] | numbers, texts, variables, functions, comparisons |
-//! | [`interpreter`] | programs, calls, branches, moves, touches, lines written |
-//! | [`program`] | a measuring program from an inspection plan |
-//! | [`decision`] | the programs that decide after a measured size |
+//! | [`program`] | measuring program of an inspection plan |
+//! | [`decision`] | programs that decide after a measured size |
+//! | [`results`] | logs and saved parameters |
 //!
-//! Lengths are mm in the programs, as everywhere in a controller's text.
+//! Lengths are mm in the programs. `dev/controller_oracle` executes them in tests.
 
-mod block;
 pub mod decision;
-pub mod expression;
-mod flow;
-pub mod interpreter;
-mod memory;
 pub mod program;
+pub mod results;
 
-pub use interpreter::Interpreter;
-pub use memory::Variables;
+use crate::{
+    dialect::{Characteristic, Dialect, Job, Limits, ProgramWriter},
+    measuring::ProgramError,
+    results::ResultsFormat,
+};
+
+/// SINUMERIK 840D.
+#[derive(Clone, Copy, Debug)]
+pub struct Sinumerik;
+
+impl Dialect for Sinumerik {
+    fn name(&self) -> &'static str {
+        "sinumerik"
+    }
+
+    fn description(&self) -> &'static str {
+        "SINUMERIK 840D; results by WRITE"
+    }
+
+    fn writer(&self) -> Option<&dyn ProgramWriter> {
+        Some(self)
+    }
+
+    fn formats(&self) -> &'static [&'static dyn ResultsFormat] {
+        &[&results::SinumerikLog]
+    }
+}
+
+impl ProgramWriter for Sinumerik {
+    /// `WRITE` takes 200 characters: the positions of six axes. Labels are not numbered, so touches are not limited.
+    fn limits(&self) -> Limits {
+        Limits {
+            touches: usize::MAX,
+            axes: 6,
+        }
+    }
+
+    fn measuring_program(&self, job: &Job<'_>) -> Result<String, ProgramError> {
+        self.limits().check(job)?;
+        program::measuring_program(job.plan, job.order, job.axes, job.travel_feed)
+    }
+
+    fn decision_program(&self, characteristic: &Characteristic) -> Result<String, ProgramError> {
+        decision::main_program(characteristic)
+    }
+}

@@ -3,17 +3,18 @@
 //! Features and indexes are numbered on; times stay those of their own session. The part's pose is each session's own:
 //! its columns are nuisances that every fit contains. Metres, radians, seconds.
 
-use crate::candidate::Candidate;
-use crate::effects::{is_arm, library};
-use crate::observation::Observations;
-use crate::session::{DiagnoseError, Session};
+use effects::effect::{Effect, Registration};
+use effects::library::is_arm;
+use effects::observation::Observations;
+use effects::session::{DiagnoseError, Session};
+use effects::{candidate, library, observe, registry};
+use inference::linear::append;
 
-/// Effects that stand for the clamping of a session and never for the machine.
-const POSE: [&str; 2] = ["fixture.shift", "fixture.tilt"];
-/// On an arm the place of the probe on the flange is registered together with the workpiece.
-const MOUNT: [&str; 2] = ["probe.stylus_offset", "probe.stylus_length"];
 /// Most touches that one session gives to a joint diagnosis; beyond, evenly spaced ones.
 const MOST_ROWS: usize = 4000;
+
+/// A column that keeps less than this share of its energy beside a basis is spanned by it.
+const SPANNED: f64 = 1e-8;
 
 /// Rows of several sessions.
 #[derive(Debug, Clone)]
@@ -54,12 +55,12 @@ impl Joined {
                     session.name.clone(),
                 ));
             }
-            let mut own = Observations::from_session(session)?;
-            let stride = own.rows.len().div_ceil(MOST_ROWS).max(1);
-            for (row, deviation) in own
+            let mut observed = observe(session)?;
+            let stride = observed.rows.len().div_ceil(MOST_ROWS).max(1);
+            for (row, deviation) in observed
                 .rows
                 .drain(..)
-                .zip(own.deviations.drain(..))
+                .zip(observed.deviations.drain(..))
                 .step_by(stride)
             {
                 let mut row = row;
@@ -72,20 +73,20 @@ impl Joined {
                 };
                 list.push((row, deviation, number));
             }
-            let last = |list: &[(crate::observation::Row, f64, usize)]| {
+            let last = |list: &[(effects::observation::Row, f64, usize)]| {
                 list.iter().map(|(row, _, _)| row.index + 1).max()
             };
             indices = last(&touches).unwrap_or(0).max(indices);
-            features += own.features.len();
+            features += observed.features.len();
             match &mut all {
                 None => {
-                    own.declared = Vec::new();
-                    all = Some(own);
+                    observed.declared = Vec::new();
+                    all = Some(observed);
                 }
                 Some(all) => {
-                    all.features.extend(own.features);
-                    all.skipped.extend(own.skipped);
-                    all.cut_here &= own.cut_here;
+                    all.features.extend(observed.features);
+                    all.skipped.extend(observed.skipped);
+                    all.cut_here &= observed.cut_here;
                 }
             }
         }
@@ -96,10 +97,14 @@ impl Joined {
             observations.deviations.push(deviation);
             session.push(number);
         }
-        let mut registered: Vec<&'static str> = POSE.to_vec();
-        if is_arm(&observations.chain) {
-            registered.extend(MOUNT);
-        }
+        // On an arm the place of the probe on the flange is registered together with the workpiece.
+        let arm = is_arm(&observations.chain);
+        let of = |wanted: Registration| {
+            let effects = registry::all().filter(move |one| one.acts_on().registration == wanted);
+            effects.map(Effect::id)
+        };
+        let mut registered: Vec<&'static str> = of(Registration::Part).collect();
+        registered.extend(of(Registration::ProbeOfArm).filter(|_| arm));
         let known = library(&observations);
         registered.retain(|effect| known.iter().any(|variant| variant.effect == *effect));
         let poses = poses(&observations, &session, sessions.len(), &registered);
@@ -125,15 +130,15 @@ fn poses(
     (0..sessions)
         .map(|number| {
             let mut basis: Vec<Vec<f64>> = Vec::new();
-            for place in 0..variants.len() {
-                let Some(candidate) = Candidate::new(observations, &variants, place, 0.0) else {
+            for index in 0..variants.len() {
+                let Some(candidate) = candidate(observations, &variants, index, 0.0) else {
                     continue;
                 };
                 for column in &candidate.block {
-                    let own: Vec<f64> = (column.iter().zip(session))
+                    let masked: Vec<f64> = (column.iter().zip(session))
                         .map(|(value, &of)| if of == number { *value } else { 0.0 })
                         .collect();
-                    super::linear::append(&mut basis, own);
+                    append(&mut basis, masked, SPANNED);
                 }
             }
             basis

@@ -1,4 +1,4 @@
-//! What a bus is told at start, and the Zenoh configuration made from it.
+//! Settings of a bus, and the Zenoh configuration made from them.
 //!
 //! The defaults are those of a session of rmw_zenoh, narrowed to loopback: a peer that looks for the router at
 //! `tcp/127.0.0.1:7447`, listens on loopback only, speaks no multicast and gossips. It does not stamp: caches are
@@ -7,7 +7,7 @@
 //! defaults.
 //!
 //! Peers of one router are taken to reach one another, hence it forwards nothing between them. A node that looks for
-//! its router on another machine cannot promise that, and is a client: everything it hears comes by the router.
+//! its router on another machine cannot promise that, and is a client: everything it receives comes by the router.
 
 use std::net::{IpAddr, Ipv4Addr};
 use std::time::Duration;
@@ -15,7 +15,7 @@ use std::time::Duration;
 use serde_json::{Value, json};
 
 use super::BusError;
-use super::error::without_places;
+use super::error::without_source_lines;
 
 /// Where the launcher's router listens unless the cell file says otherwise.
 pub const ROUTER_ENDPOINT: &str = "tcp/127.0.0.1:7447";
@@ -53,12 +53,12 @@ pub struct BusConfig {
     pub listen: Vec<String>,
     /// Settings of Zenoh, laid over the defaults; unknown ones are refused.
     pub zenoh: Value,
-    /// Security enclave told to the ROS graph.
+    /// Security enclave announced in the ROS graph.
     pub enclave: String,
     /// Samples that a keep-all history holds: a Zenoh publisher's for recovery, a DDS endpoint's before they are taken.
     pub keep_all_depth: usize,
-    /// How long a gap is asked for before it is reported lost.
-    pub recovery_patience: Duration,
+    /// Timeout of the recovery of a gap, after which it is reported lost.
+    pub recovery_timeout: Duration,
     /// How long [`super::Bus::open`] waits for a router.
     pub connect_timeout: Duration,
     /// Service mapping on DDS.
@@ -77,7 +77,7 @@ impl Default for BusConfig {
             zenoh: json!({}),
             enclave: "/".to_owned(),
             keep_all_depth: 10_000,
-            recovery_patience: Duration::from_secs(10),
+            recovery_timeout: Duration::from_secs(10),
             connect_timeout: Duration::from_secs(5),
             dds_services: DdsServices::Enhanced,
             dds_interfaces: vec![IpAddr::V4(Ipv4Addr::LOCALHOST)],
@@ -198,7 +198,7 @@ fn overlay(base: &mut Value, over: &Value) {
 
 fn parse(settings: &Value) -> Result<zenoh::Config, BusError> {
     zenoh::Config::from_json5(&settings.to_string()).map_err(|reason| BusError::Config {
-        reason: without_places(&reason.to_string()),
+        reason: without_source_lines(&reason.to_string()),
     })
 }
 

@@ -2,13 +2,13 @@
 
 use std::fmt::Display;
 
-/// Why the bus could not do what it was asked.
+/// Why an operation on the bus failed.
 #[derive(Debug, thiserror::Error)]
 pub enum BusError {
     /// The settings are not those of Zenoh, or contradict one another.
-    #[error("the bus settings are refused: {reason}")]
+    #[error("the bus settings are invalid: {reason}")]
     Config {
-        /// What the transport says.
+        /// Reason given by the transport.
         reason: String,
     },
     /// Nothing to connect to.
@@ -21,7 +21,7 @@ pub enum BusError {
         endpoints: String,
         /// Time waited, s.
         seconds: f64,
-        /// What the transport says.
+        /// Reason given by the transport.
         reason: String,
     },
     /// The router's address is in use.
@@ -51,8 +51,8 @@ pub enum BusError {
     /// The payload is not little-endian CDR.
     #[error("the payload does not begin with the header of little-endian CDR (00 01)")]
     Payload,
-    /// Nobody serves this service.
-    #[error("nobody serves {name}")]
+    /// No server offers this service.
+    #[error("no server offers {name}")]
     NoServer {
         /// Service.
         name: String,
@@ -78,7 +78,7 @@ pub enum BusError {
     Transport {
         /// What was tried.
         action: &'static str,
-        /// What the transport says.
+        /// Reason given by the transport.
         reason: String,
     },
 }
@@ -96,13 +96,13 @@ impl BusError {
     pub(crate) fn transport(action: &'static str, reason: &dyn Display) -> Self {
         Self::Transport {
             action,
-            reason: without_places(&reason.to_string()),
+            reason: without_source_lines(&reason.to_string()),
         }
     }
 }
 
-/// Zenoh ends its errors in the source line that made them, ` at /path/file.rs:12.`, which tells a user nothing.
-pub(super) fn without_places(reason: &str) -> String {
+/// Zenoh ends its errors in the source line that made them, ` at /path/file.rs:12.`, which is of no use to a user.
+pub(super) fn without_source_lines(reason: &str) -> String {
     let mut parts = reason.split(" at /");
     let mut text = parts.next().unwrap_or_default().to_owned();
     for part in parts {
@@ -118,16 +118,18 @@ pub(super) fn without_places(reason: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::without_places;
+    use super::without_source_lines;
 
     #[test]
     fn places_in_the_source_are_left_out_and_the_rest_is_kept() {
         assert_eq!(
-            without_places("no link at /a/b-1.0/src/net.rs:388. caused by: refused at /c/d.rs:1."),
+            without_source_lines(
+                "no link at /a/b-1.0/src/net.rs:388. caused by: refused at /c/d.rs:1."
+            ),
             "no link. caused by: refused."
         );
         assert_eq!(
-            without_places("no file at /etc/hosts"),
+            without_source_lines("no file at /etc/hosts"),
             "no file at /etc/hosts"
         );
     }

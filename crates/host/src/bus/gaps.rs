@@ -1,17 +1,17 @@
 //! Counts what is missing and what came twice, by the sequence numbers on the wire.
 //!
-//! For streams that nobody can ask again: best effort, publishers without a cache. The first sample of a publisher
+//! For streams without recovery: best effort, publishers without a cache. The first sample of a publisher
 //! sets the start, since what came before it was not owed.
 
 use std::collections::BTreeMap;
 
 use super::wire::Gid;
 
-/// What a sequence number says about its sample.
+/// Where a sample stands in the sequence.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Place {
+pub(crate) enum Order {
     /// The next one.
-    InOrder,
+    Consecutive,
     /// `count` samples from number `first` on are missing before it.
     AfterGap { first: u64, count: u64 },
     /// Seen before, or older than one seen.
@@ -25,20 +25,20 @@ pub(crate) struct Gaps {
 }
 
 impl Gaps {
-    pub(crate) fn place(&mut self, publisher: Gid, sequence: u64) -> Place {
+    pub(crate) fn classify(&mut self, publisher: Gid, sequence: u64) -> Order {
         match self.last.get_mut(&publisher) {
             None => {
                 self.last.insert(publisher, sequence);
-                Place::InOrder
+                Order::Consecutive
             }
-            Some(last) if sequence <= *last => Place::Duplicate,
+            Some(last) if sequence <= *last => Order::Duplicate,
             Some(last) => {
                 let first = *last + 1;
                 *last = sequence;
                 if sequence == first {
-                    Place::InOrder
+                    Order::Consecutive
                 } else {
-                    Place::AfterGap {
+                    Order::AfterGap {
                         first,
                         count: sequence - first,
                     }
@@ -56,12 +56,12 @@ mod tests {
     fn gaps_and_duplicates_are_told_per_publisher() {
         let mut gaps = Gaps::default();
         let (a, b) = ([1; 16], [2; 16]);
-        assert_eq!(gaps.place(a, 5), Place::InOrder);
-        assert_eq!(gaps.place(b, 1), Place::InOrder);
-        assert_eq!(gaps.place(a, 6), Place::InOrder);
-        assert_eq!(gaps.place(a, 6), Place::Duplicate);
-        assert_eq!(gaps.place(a, 10), Place::AfterGap { first: 7, count: 3 });
-        assert_eq!(gaps.place(a, 9), Place::Duplicate);
-        assert_eq!(gaps.place(b, 2), Place::InOrder);
+        assert_eq!(gaps.classify(a, 5), Order::Consecutive);
+        assert_eq!(gaps.classify(b, 1), Order::Consecutive);
+        assert_eq!(gaps.classify(a, 6), Order::Consecutive);
+        assert_eq!(gaps.classify(a, 6), Order::Duplicate);
+        assert_eq!(gaps.classify(a, 10), Order::AfterGap { first: 7, count: 3 });
+        assert_eq!(gaps.classify(a, 9), Order::Duplicate);
+        assert_eq!(gaps.classify(b, 2), Order::Consecutive);
     }
 }

@@ -14,7 +14,7 @@ pub struct Graph {
     entities: Vec<Entity>,
 }
 
-/// A topic, a type on it, and who takes part.
+/// A topic, a type on it, and its publishers and subscriptions.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TopicInfo {
     /// Absolute name.
@@ -86,7 +86,7 @@ impl Graph {
             .collect()
     }
 
-    /// Number of subscriptions to `topic` with this type; by its name alone where the transport tells no hash.
+    /// Number of subscriptions to `topic` with this type; by its name alone where the transport has no hash.
     pub fn subscriptions(&self, topic: &str, ty: &TypeId) -> usize {
         self.count(EntityKind::Subscription, topic, ty)
     }
@@ -96,7 +96,7 @@ impl Graph {
             .iter()
             .filter(|entity| entity.kind == kind)
             .filter_map(|entity| entity.channel.as_ref())
-            // DDS tells no hash.
+            // DDS has no hash.
             .filter(|channel| {
                 channel.name == name
                     && channel.ty.dds_name() == ty.dds_name()

@@ -2,7 +2,7 @@
 //!
 //! One small blocking interface. Payloads are CDR with its four-byte header, names are absolute ROS names, times are
 //! nanoseconds since 1970. Callbacks run on the transport's threads, one at a time per subscription: they must not
-//! block, and hand over to a queue what takes time.
+//! block, and queue what takes time.
 //!
 //! **Zenoh** is spoken in the wire format of rmw_zenoh, so that ROS 2 with that middleware sees our nodes, topics and
 //! types. It is written here on the bare `zenoh` and `zenoh-ext` crates and not on a ROS client library such as
@@ -10,7 +10,7 @@
 //! rmw_zenoh in exactly these bytes (identifiers from another hash, sequences from 0, blocking for every reliable
 //! topic) and bring executors, parameters and code generation that a cell does not use.
 //!
-//! **DDS** goes through ros2-client and RustDDS. It needs multicast and tells no type hashes; see [`dds`].
+//! **DDS** goes through ros2-client and RustDDS. It needs multicast and has no type hashes; see [`dds`].
 //!
 //! Delivery on Zenoh, by quality of service:
 //!
@@ -76,10 +76,10 @@ pub struct Lost {
     pub count: u64,
 }
 
-/// Takes samples, in order, each once.
+/// Called with samples, in order, each once.
 pub type OnSample = Box<dyn Fn(Received<'_>) + Send + Sync>;
 
-/// Takes reports of loss, in order with the samples.
+/// Called with reports of loss, in order with the samples.
 pub type OnLost = Box<dyn Fn(Lost) + Send + Sync>;
 
 /// Answers one request (CDR) with a response (CDR), or refuses it with a sentence.
@@ -140,14 +140,14 @@ impl Bus {
         on_lost: OnLost,
     ) -> Result<Subscription, BusError> {
         wire::check_name(topic)?;
-        let taker = subscription::Taker { on_sample, on_lost };
+        let callbacks = subscription::Callbacks { on_sample, on_lost };
         Ok(Subscription {
             _inner: match &self.inner {
                 Inner::Zenoh(bus) => {
-                    SubscriptionInner::Zenoh(bus.subscribe(topic, ty.into(), qos, taker)?)
+                    SubscriptionInner::Zenoh(bus.subscribe(topic, ty.into(), qos, callbacks)?)
                 }
                 Inner::Dds(bus) => {
-                    SubscriptionInner::Dds(bus.subscribe(topic, &ty.into(), qos, taker)?)
+                    SubscriptionInner::Dds(bus.subscribe(topic, &ty.into(), qos, callbacks)?)
                 }
             },
         })
@@ -192,17 +192,17 @@ impl Bus {
         self.client(name, ty)?.call(request, timeout)
     }
 
-    /// The same of a service that may take longer to answer than to be found.
-    pub fn call_patiently(
+    /// The same for a service that may take longer to answer than to be discovered.
+    pub fn call_with_timeouts(
         &self,
         name: &str,
         ty: impl Into<ServiceId>,
         request: &[u8],
-        found_within: Duration,
-        answered_within: Duration,
+        discovery_timeout: Duration,
+        reply_timeout: Duration,
     ) -> Result<Vec<u8>, BusError> {
         let client = self.client(name, ty)?;
-        client.call_patiently(request, found_within, answered_within)
+        client.call_with_timeouts(request, discovery_timeout, reply_timeout)
     }
 
     /// What the nodes of this domain announce, this one included.
@@ -213,7 +213,7 @@ impl Bus {
         }
     }
 
-    /// Waits until at least `count` subscriptions want what `publisher` offers; false when `deadline` came first.
+    /// Waits until at least `count` subscriptions match `publisher`; false when `deadline` came first.
     pub fn wait_for_subscribers(
         &self,
         publisher: &Publisher,
@@ -255,7 +255,7 @@ enum PublisherInner {
 }
 
 impl Publisher {
-    /// Publishes one message (CDR with header) that says what was so at `source_time_ns`, and returns its number.
+    /// Publishes one message (CDR with header) with the source time `source_time_ns`, and returns its sequence number.
     /// Bytes that are given away are not copied.
     pub fn publish(&self, cdr: impl Into<Vec<u8>>, source_time_ns: i64) -> Result<u64, BusError> {
         let cdr = cdr.into();
@@ -312,19 +312,19 @@ impl Client {
     /// # Errors
     /// [`BusError::NoServer`], [`BusError::Timeout`], [`BusError::Refused`] with the server's sentence.
     pub fn call(&self, request: &[u8], timeout: Duration) -> Result<Vec<u8>, BusError> {
-        self.call_patiently(request, timeout, timeout)
+        self.call_with_timeouts(request, timeout, timeout)
     }
 
-    /// The same of a service that may take longer to answer than to be found.
-    pub fn call_patiently(
+    /// The same for a service that may take longer to answer than to be discovered.
+    pub fn call_with_timeouts(
         &self,
         request: &[u8],
-        found_within: Duration,
-        answered_within: Duration,
+        discovery_timeout: Duration,
+        reply_timeout: Duration,
     ) -> Result<Vec<u8>, BusError> {
         let begun = Instant::now();
-        let found = begun + found_within;
-        let answered = begun + answered_within;
+        let found = begun + discovery_timeout;
+        let answered = begun + reply_timeout;
         match &self.inner {
             ClientInner::Zenoh(client) => client.call(request, found, answered),
             ClientInner::Dds(client) => client.call(request, found, answered),

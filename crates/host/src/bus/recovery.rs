@@ -1,27 +1,27 @@
-//! Decides, per publisher, which sample comes next, which is missing, and when a missing one is given up.
+//! Decides, for each publisher, which sample is delivered next, which is missing, and when a missing one counts as lost.
 //!
 //! A pure state machine: no transport, no clock (`now` is an argument, a duration since any fixed origin). It works
 //! on the positions that an advanced publisher of Zenoh counts from 0 and answers queries for, extended here to
 //! 64 bits. Rules:
 //!
 //! - What a publisher had published when the subscription joined is past: it is neither delivered nor missing. The
-//!   join ends when every reachable cache has told its last position, and publishers have had the time to tell it by
-//!   heartbeat. A publisher met later owes everything it has.
+//!   join ends when every reachable cache has reported its last position, and publishers have had the time to report it by
+//!   heartbeat. Of a publisher discovered later, everything is due.
 //! - A gap holds back what follows it. Delivery is in order, once each.
-//! - Heartbeats and answers may take another way than the samples and overtake them. Hence a gap is looked at only
-//!   when nothing has filled any of it for two ticks: then the publisher's cache is asked.
-//! - The cache is asked with an open end. It always holds the newest sample, hence an answer without any sample is
-//!   no answer, and is asked again; an answer whose oldest sample lies behind the gap proves, after ten more quiet
-//!   ticks, that the gap is lost.
-//! - After `patience` without an answer the gap is lost, so that a dead publisher blocks nobody.
+//! - Heartbeats and replies may take another route than the samples and overtake them. Hence a gap is considered only
+//!   when nothing has filled any of it for two ticks: then the publisher's cache is queried.
+//! - The query has an open end. The cache always holds the newest sample, hence a reply without any sample is none, and the
+//!   query is repeated; a reply whose oldest sample lies behind the gap proves, after ten more quiet ticks, that the gap is
+//!   lost.
+//! - After `timeout` without a reply the gap is lost, so that a dead publisher does not block a subscription.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-/// How often a gap inside an answered range is asked for again before it counts as lost.
+/// Number of queries for a gap inside a range that was replied to before it counts as lost.
 const ATTEMPTS: u32 = 3;
 
-/// Ticks without progress after which a gap is asked for.
+/// Ticks without progress after which a gap is queried.
 const QUIET_TICKS: u32 = 2;
 
 /// Ticks without progress after which what the cache no longer has counts as lost, and is not merely overtaken.
@@ -32,8 +32,8 @@ const LOST_TICKS: u32 = 10;
 pub(crate) enum Action<K, S> {
     /// Hand this sample to the subscriber.
     Deliver(S),
-    /// Ask the cache of `source` for everything from `from` on, then report with [`Recovery::answered`].
-    Ask { source: K, from: u64 },
+    /// Query the cache of `source` for everything from `from` on, then report with [`Recovery::replied`].
+    Query { source: K, from: u64 },
     /// `count` samples from position `first` on will never come.
     Lost { source: K, first: u64, count: u64 },
 }
@@ -42,21 +42,21 @@ pub(crate) enum Action<K, S> {
 struct Source<S> {
     /// Position of the next sample to deliver.
     next: u64,
-    /// The sample at `next` was already published when this subscription joined: welcome, but not owed.
+    /// The sample at `next` was already published when this subscription joined: delivered if it comes, but not due.
     next_is_past: bool,
     /// Samples behind a gap.
     held: BTreeMap<u64, S>,
     /// Newest position known to exist, plus one.
     end: u64,
     /// A query is under way.
-    asking: bool,
+    querying: bool,
     /// Oldest position that the query under way has returned.
     oldest_reply: Option<u64>,
     /// The cache no longer has what lies before this position.
     gone_before: Option<u64>,
-    /// Answered queries that left this gap open.
+    /// Queries whose replies left this gap open.
     attempts: u32,
-    /// Ticks since a sample was last delivered, or asked for.
+    /// Ticks since a sample was last delivered or queried.
     quiet: u32,
     /// Since when the gap is known without progress.
     gap_since: Option<Duration>,
@@ -67,19 +67,19 @@ struct Source<S> {
 pub(crate) struct Recovery<K, S> {
     sources: BTreeMap<K, Source<S>>,
     joined: bool,
-    patience: Duration,
+    timeout: Duration,
 }
 
 impl<K: Ord + Copy, S> Recovery<K, S> {
-    pub(crate) fn new(patience: Duration) -> Self {
+    pub(crate) fn new(timeout: Duration) -> Self {
         Self {
             sources: BTreeMap::new(),
             joined: false,
-            patience,
+            timeout,
         }
     }
 
-    /// A cache told, while joining, that `position` is its newest sample.
+    /// A cache reported, while joining, that `position` is its newest sample.
     pub(crate) fn past(&mut self, source: K, position: u32) {
         if !self.joined {
             let position = u64::from(position);
@@ -89,7 +89,7 @@ impl<K: Ord + Copy, S> Recovery<K, S> {
         }
     }
 
-    /// Every publisher within reach has told its newest sample.
+    /// Every reachable publisher has reported its newest sample.
     pub(crate) fn joined(&mut self) {
         self.joined = true;
     }
@@ -98,7 +98,7 @@ impl<K: Ord + Copy, S> Recovery<K, S> {
     /// once when this is true, and given to [`Self::sample`] when not.
     pub(crate) fn is_next(&mut self, source: K, position: u32) -> bool {
         match self.sources.get_mut(&source) {
-            Some(state) if !state.asking && !state.has_gap() && state.next as u32 == position => {
+            Some(state) if !state.querying && !state.has_gap() && state.next as u32 == position => {
                 state.next += 1;
                 state.next_is_past = false;
                 state.end = state.next;
@@ -108,7 +108,7 @@ impl<K: Ord + Copy, S> Recovery<K, S> {
         }
     }
 
-    /// A sample came, by itself or as part of an answer.
+    /// A sample arrived, by itself or as part of a reply.
     pub(crate) fn sample(
         &mut self,
         now: Duration,
@@ -144,7 +144,7 @@ impl<K: Ord + Copy, S> Recovery<K, S> {
         }
     }
 
-    /// A publisher told that `position` is its newest sample.
+    /// A publisher reported that `position` is its newest sample.
     pub(crate) fn heartbeat(&mut self, now: Duration, source: K, position: u32) {
         let joined = self.joined;
         let state = self.sources.entry(source).or_insert_with(|| {
@@ -165,11 +165,11 @@ impl<K: Ord + Copy, S> Recovery<K, S> {
     }
 
     /// The query asked for has ended, answered or not.
-    pub(crate) fn answered(&mut self, source: K) {
+    pub(crate) fn replied(&mut self, source: K) {
         let Some(state) = self.sources.get_mut(&source) else {
             return;
         };
-        state.asking = false;
+        state.querying = false;
         state.quiet = 0;
         let Some(oldest) = state.oldest_reply.take() else {
             return;
@@ -186,26 +186,26 @@ impl<K: Ord + Copy, S> Recovery<K, S> {
     /// A tick has passed: asks, or gives up.
     pub(crate) fn tick(&mut self, now: Duration, actions: &mut Vec<Action<K, S>>) {
         for (&source, state) in &mut self.sources {
-            if !state.has_gap() || state.asking {
+            if !state.has_gap() || state.querying {
                 continue;
             }
             state.quiet += 1;
-            let patience = if state.gone_before.is_some() {
+            let quiet_ticks = if state.gone_before.is_some() {
                 LOST_TICKS
             } else {
                 QUIET_TICKS
             };
-            if state.quiet < patience {
+            if state.quiet < quiet_ticks {
                 continue;
             }
             let waited = now.saturating_sub(*state.gap_since.get_or_insert(now));
             if let Some(gone) = state.gone_before.take() {
                 state.give_up_before(now, source, gone, actions);
-            } else if waited >= self.patience {
+            } else if waited >= self.timeout {
                 state.give_up_all(now, source, actions);
             } else {
-                state.asking = true;
-                actions.push(Action::Ask {
+                state.querying = true;
+                actions.push(Action::Query {
                     source,
                     from: state.next,
                 });
@@ -226,7 +226,7 @@ impl<S> Source<S> {
             next_is_past,
             held: BTreeMap::new(),
             end: next,
-            asking: false,
+            querying: false,
             oldest_reply: None,
             gone_before: None,
             attempts: 0,
@@ -309,7 +309,7 @@ impl<S> Source<S> {
 mod tests {
     use super::*;
 
-    const PATIENCE: Duration = Duration::from_secs(10);
+    const TIMEOUT: Duration = Duration::from_secs(10);
 
     /// A subscription and what it did; a sample is its own position.
     struct Bench {
@@ -321,7 +321,7 @@ mod tests {
     impl Bench {
         fn joining() -> Self {
             Self {
-                recovery: Recovery::new(PATIENCE),
+                recovery: Recovery::new(TIMEOUT),
                 now: Duration::ZERO,
                 actions: Vec::new(),
             }
@@ -349,7 +349,7 @@ mod tests {
                 self.recovery
                     .sample(self.now, 0, position, true, position, &mut self.actions);
             }
-            self.recovery.answered(0);
+            self.recovery.replied(0);
         }
 
         fn heartbeat(&mut self, position: u32) {
@@ -378,7 +378,7 @@ mod tests {
     }
 
     fn ask(from: u64) -> Action<u8, u32> {
-        Action::Ask { source: 0, from }
+        Action::Query { source: 0, from }
     }
 
     fn lost(first: u64, count: u64) -> Action<u8, u32> {
@@ -473,7 +473,7 @@ mod tests {
         bench.quiet();
         assert_eq!(bench.did(), vec![ask(1)]);
         bench.answer([]);
-        bench.now += PATIENCE;
+        bench.now += TIMEOUT;
         bench.quiet();
         assert_eq!(bench.did(), [vec![lost(1, 2)], delivered([3])].concat_all());
         assert!(!bench.recovery.has_gap());
@@ -487,7 +487,7 @@ mod tests {
         bench.quiet();
         bench.did();
         bench.answer([]);
-        bench.now += PATIENCE;
+        bench.now += TIMEOUT;
         bench.quiet();
         assert_eq!(bench.did(), vec![lost(1, 4)]);
     }

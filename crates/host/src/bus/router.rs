@@ -1,6 +1,6 @@
 //! The Zenoh router of a cell, inside this process.
 //!
-//! It is started by the launcher, on loopback, so that a cell needs nothing installed or started beside it; the
+//! It is started by the launcher, on loopback, so that a cell needs no other program installed or started; the
 //! same router with wider listening addresses makes a cell span machines. It routes and does nothing else: no
 //! plugins, no administration space, no multicast.
 
@@ -21,7 +21,7 @@ impl Router {
     /// Starts a router.
     ///
     /// # Errors
-    /// [`BusError::PortTaken`] when an address is in use, telling whether a Zenoh router answers there;
+    /// [`BusError::PortTaken`] when an address is in use, stating whether a Zenoh router answers there;
     /// [`BusError::Config`] for settings that Zenoh refuses; [`BusError::Transport`] for anything else.
     pub fn start(config: &RouterConfig) -> Result<Self, BusError> {
         let settings = config.to_zenoh()?;

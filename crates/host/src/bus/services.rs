@@ -54,7 +54,7 @@ impl ZenohBus {
             .complete(true)
             .callback(move |query| {
                 // The thread ends only after this sender, unless the handler has panicked: then the query is
-                // dropped here, and the client told that nobody answers.
+                // dropped here, and the client learns that there is no reply.
                 drop(sender.send(query));
             })
             .wait()
@@ -115,7 +115,7 @@ fn answer(query: &Query, handler: &mut Handler) {
 }
 
 impl ZenohClient {
-    /// False when nobody serves by `deadline`.
+    /// False when there is no server by `deadline`.
     fn wait_for_server(&self, deadline: Instant) -> Result<bool, BusError> {
         let failed = |reason| BusError::transport("look for a server", &reason);
         let (sender, changes) = mpsc::channel();

@@ -14,10 +14,10 @@ use zenoh_ext::{AdvancedPublisher, AdvancedPublisherBuilderExt, CacheConfig, Mis
 
 use super::BusError;
 use super::config::BusConfig;
-use super::error::without_places;
+use super::error::without_source_lines;
 use super::graph::{Graph, LiveGraph, lock};
 use super::qos::Qos;
-use super::subscription::{Lane, Taker, ZenohSubscription};
+use super::subscription::{Callbacks, SubscriptionState, ZenohSubscription};
 use super::types::TypeId;
 use super::wire::{Attachment, Channel, Entity, EntityKind, Gid, NodeName, TOKEN_SPACE, data_key};
 
@@ -25,7 +25,7 @@ use super::wire::{Attachment, Channel, Entity, EntityKind, Gid, NodeName, TOKEN_
 const HEARTBEAT: Duration = Duration::from_millis(500);
 
 /// How long a publisher stays after its last reliable message, so that whoever missed it learns so and fetches it:
-/// a heartbeat, the ticks until a gap is asked for, and the answer.
+/// a heartbeat, the ticks until a gap is queried, and the reply.
 const LINGER: Duration = Duration::from_secs(1);
 
 /// How often gaps are looked at.
@@ -35,7 +35,7 @@ const TICK: Duration = Duration::from_millis(100);
 pub(super) struct Core {
     pub(super) session: zenoh::Session,
     pub(super) graph: LiveGraph,
-    pub(super) patience: Duration,
+    pub(super) recovery_timeout: Duration,
     node: NodeName,
     domain_id: u32,
     keep_all_depth: usize,
@@ -43,7 +43,7 @@ pub(super) struct Core {
     /// When a reliable message was last published, in ms since `opened`; 0 for never.
     last_reliable_ms: Arc<AtomicU64>,
     opened: Instant,
-    ticker: Mutex<Option<Sender<Weak<Lane>>>>,
+    ticker: Mutex<Option<Sender<Weak<SubscriptionState>>>>,
 }
 
 pub(super) struct ZenohBus {
@@ -60,7 +60,7 @@ impl ZenohBus {
             .map_err(|reason| BusError::NoRouter {
                 endpoints: config.endpoints.join(", "),
                 seconds: config.connect_timeout.as_secs_f64(),
-                reason: without_places(&reason.to_string()),
+                reason: without_source_lines(&reason.to_string()),
             })?;
         let graph = LiveGraph::default();
         let tokens = session
@@ -79,7 +79,7 @@ impl ZenohBus {
         let core = Core {
             session,
             graph,
-            patience: config.recovery_patience,
+            recovery_timeout: config.recovery_timeout,
             node,
             domain_id: config.domain_id,
             keep_all_depth: config.keep_all_depth,
@@ -155,9 +155,9 @@ impl ZenohBus {
         topic: &str,
         ty: TypeId,
         qos: Qos,
-        taker: Taker,
+        callbacks: Callbacks,
     ) -> Result<ZenohSubscription, BusError> {
-        ZenohSubscription::declare(&self.core, topic, ty, qos, taker)
+        ZenohSubscription::declare(&self.core, topic, ty, qos, callbacks)
     }
 
     pub(super) fn graph(&self) -> Graph {
@@ -254,20 +254,25 @@ impl Core {
         })
     }
 
-    /// Has the gaps of `lane` looked at from time to time.
-    pub(super) fn watch(&self, lane: &Arc<Lane>) -> Result<(), BusError> {
+    /// Checks the gaps of `subscription` periodically.
+    pub(super) fn watch(&self, subscription: &Arc<SubscriptionState>) -> Result<(), BusError> {
         let mut ticker = lock(&self.ticker);
         if ticker.is_none() {
-            let (sender, lanes) = mpsc::channel::<Weak<Lane>>();
+            let (sender, subscriptions) = mpsc::channel::<Weak<SubscriptionState>>();
             std::thread::Builder::new()
                 .name("bus recovery".to_owned())
                 .spawn(move || {
                     let mut watched = Vec::new();
                     loop {
-                        match lanes.recv_timeout(TICK) {
-                            Ok(lane) => watched.push(lane),
+                        match subscriptions.recv_timeout(TICK) {
+                            Ok(subscription) => watched.push(subscription),
                             Err(RecvTimeoutError::Timeout) => {
-                                watched.retain(|lane| lane.upgrade().inspect(Lane::tick).is_some());
+                                watched.retain(|subscription| {
+                                    subscription
+                                        .upgrade()
+                                        .inspect(SubscriptionState::tick)
+                                        .is_some()
+                                });
                             }
                             Err(RecvTimeoutError::Disconnected) => break,
                         }
@@ -278,7 +283,7 @@ impl Core {
         }
         if let Some(sender) = &*ticker {
             sender
-                .send(Arc::downgrade(lane))
+                .send(Arc::downgrade(subscription))
                 .map_err(|reason| BusError::transport("watch a subscription", &reason))?;
         }
         Ok(())

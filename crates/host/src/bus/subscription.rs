@@ -1,4 +1,4 @@
-//! The Zenoh side of a subscription: what arrives is put in order, completed where it can be, and handed over.
+//! The Zenoh side of a subscription: samples are ordered, gaps recovered where possible, and both handed to callbacks.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, Weak};
@@ -14,7 +14,7 @@ use zenoh_ext::{
     AdvancedSubscriber, AdvancedSubscriberBuilderExt, HistoryConfig, RecoveryConfig, z_deserialize,
 };
 
-use super::gaps::{Gaps, Place};
+use super::gaps::{Gaps, Order};
 use super::graph::lock;
 use super::qos::Qos;
 use super::recovery::{Action, Recovery};
@@ -23,18 +23,18 @@ use super::types::TypeId;
 use super::wire::{Attachment, EntityKind, Gid};
 use super::{BusError, Lost, OnLost, OnSample, Received, wall_ns};
 
-/// How long a cache may take to tell its last sample to a subscription that joins.
+/// Timeout of a cache to report its last sample to a subscription that joins.
 const JOIN_TIMEOUT: Duration = Duration::from_secs(2);
 
-/// How long a subscription joins at least: two heartbeats, by which publishers tell their position whose cache could
-/// not be asked yet.
+/// Shortest duration of a join: two heartbeats, by which publishers report their position whose cache could not be queried
+/// yet.
 const JOIN_AT_LEAST: Duration = Duration::from_secs(1);
 
-/// How long an answer of a cache may take.
+/// Timeout of a query to a cache.
 const QUERY_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// Who takes the samples and the reports of loss.
-pub(super) struct Taker {
+/// What receives the samples and the reports of loss.
+pub(super) struct Callbacks {
     pub(super) on_sample: OnSample,
     pub(super) on_lost: OnLost,
 }
@@ -42,20 +42,20 @@ pub(super) struct Taker {
 /// An advanced publisher: its session and its number there.
 type Source = (ZenohId, u32);
 
-/// One subscription, shared with the transport's callbacks.
-pub(super) struct Lane {
+/// State of one subscription, shared with the callbacks of the transport.
+pub(super) struct SubscriptionState {
     core: Weak<Core>,
     key: String,
     origin: Instant,
-    taker: Taker,
+    callbacks: Callbacks,
     state: Mutex<State>,
 }
 
 struct State {
     /// None where nothing can be fetched, or where `zenoh-ext` fetches.
     recovery: Option<Recovery<Source, Sample>>,
-    /// All caches that could be asked have told their last sample.
-    caches_told: bool,
+    /// All reachable caches have reported their last sample.
+    caches_reported: bool,
     /// Identifier of each source, and what to add to a position for the number on the wire.
     known: BTreeMap<Source, (Gid, i64)>,
     gaps: Gaps,
@@ -76,7 +76,7 @@ enum Declared {
 pub(super) struct ZenohSubscription {
     _declared: Declared,
     _token: LivelinessToken,
-    _lane: Arc<Lane>,
+    _state: Arc<SubscriptionState>,
 }
 
 impl ZenohSubscription {
@@ -85,17 +85,17 @@ impl ZenohSubscription {
         topic: &str,
         ty: TypeId,
         qos: Qos,
-        taker: Taker,
+        callbacks: Callbacks,
     ) -> Result<Self, BusError> {
         let recovers = qos.is_reliable() && !qos.is_latched();
-        let lane = Arc::new(Lane {
+        let subscription = Arc::new(SubscriptionState {
             core: Arc::downgrade(core),
             key: core.key(topic, &ty),
             origin: Instant::now(),
-            taker,
+            callbacks,
             state: Mutex::new(State {
-                recovery: recovers.then(|| Recovery::new(core.patience)),
-                caches_told: false,
+                recovery: recovers.then(|| Recovery::new(core.recovery_timeout)),
+                caches_reported: false,
                 known: BTreeMap::new(),
                 gaps: Gaps::default(),
                 actions: Vec::new(),
@@ -103,28 +103,28 @@ impl ZenohSubscription {
         });
         let failed = |reason| BusError::transport("declare a subscription", &reason);
         let declared = if qos.is_latched() {
-            Declared::Latched(lane.declare_latched(core, qos).map_err(failed)?)
+            Declared::Latched(subscription.declare_latched(core, qos).map_err(failed)?)
         } else if recovers {
-            core.watch(&lane)?;
-            lane.declare_recovering(core).map_err(failed)?
+            core.watch(&subscription)?;
+            subscription.declare_recovering(core).map_err(failed)?
         } else {
-            Declared::Plain(lane.declare_samples(core).map_err(failed)?)
+            Declared::Plain(subscription.declare_samples(core).map_err(failed)?)
         };
         let announced = core.announce_channel(EntityKind::Subscription, topic, ty, qos)?;
         Ok(Self {
             _declared: declared,
             _token: announced.token,
-            _lane: lane,
+            _state: subscription,
         })
     }
 }
 
-impl Lane {
+impl SubscriptionState {
     fn declare_samples(self: &Arc<Self>, core: &Core) -> zenoh::Result<Subscriber<()>> {
-        let lane = Arc::clone(self);
+        let subscription = Arc::clone(self);
         core.session
             .declare_subscriber(self.key.clone())
-            .callback(move |sample| lane.take(sample, false))
+            .callback(move |sample| subscription.receive(sample, false))
             .wait()
     }
 
@@ -133,14 +133,14 @@ impl Lane {
         core: &Core,
         qos: Qos,
     ) -> zenoh::Result<AdvancedSubscriber<()>> {
-        let lane = Arc::clone(self);
+        let subscription = Arc::clone(self);
         let history = HistoryConfig::default()
             .detect_late_publishers()
             .max_samples(qos.depth(usize::MAX));
         let mut builder = core
             .session
             .declare_subscriber(self.key.clone())
-            .callback(move |sample| lane.take(sample, false))
+            .callback(move |sample| subscription.receive(sample, false))
             .history(history)
             .subscriber_detection();
         if qos.is_reliable() {
@@ -155,11 +155,11 @@ impl Lane {
             .session
             .declare_subscriber(format!("{}/@adv/pub/**", self.key))
             .callback({
-                let lane = Arc::clone(self);
-                move |sample| lane.heartbeat(&sample)
+                let subscription = Arc::clone(self);
+                move |sample| subscription.heartbeat(&sample)
             })
             .wait()?;
-        let end = Ended(Arc::clone(self), None);
+        let end = QueryEnd(Arc::clone(self), None);
         core.session
             .get(format!("{}/@adv/pub/**?_max=1", self.key))
             .consolidation(ConsolidationMode::None)
@@ -173,7 +173,7 @@ impl Lane {
         })
     }
 
-    /// A cache told its newest sample from before we joined.
+    /// A cache reported its newest sample from before the join.
     fn past(&self, reply: &Reply) {
         if let Some((source, position)) = reply.result().ok().and_then(source_of)
             && let Some(recovery) = &mut lock(&self.state).recovery
@@ -182,15 +182,15 @@ impl Lane {
         }
     }
 
-    /// A sample arrived, by itself or in an answer.
-    fn take(self: &Arc<Self>, sample: Sample, is_reply: bool) {
+    /// A sample arrived, by itself or in a reply.
+    fn receive(self: &Arc<Self>, sample: Sample, is_reply: bool) {
         let Some(attachment) = attachment_of(&sample) else {
-            tracing::warn!(key = %sample.key_expr(), "a sample without the attachment of rmw_zenoh is left out");
+            tracing::warn!(key = %sample.key_expr(), "ignored a sample without the attachment of rmw_zenoh");
             return;
         };
         let source = source_of(&sample);
         if let Some((source, position)) = source
-            && self.take_next(source, position, &attachment, &sample)
+            && self.deliver_next(source, position, &attachment, &sample)
         {
             return;
         }
@@ -206,11 +206,11 @@ impl Lane {
             }
             match state
                 .gaps
-                .place(attachment.gid, attachment.sequence.max(0) as u64)
+                .classify(attachment.gid, attachment.sequence.max(0) as u64)
             {
-                Place::Duplicate => return,
-                Place::InOrder => {}
-                Place::AfterGap { first, count } => (self.taker.on_lost)(Lost {
+                Order::Duplicate => return,
+                Order::Consecutive => {}
+                Order::AfterGap { first, count } => (self.callbacks.on_lost)(Lost {
                     publisher: attachment.gid,
                     first,
                     count,
@@ -221,7 +221,7 @@ impl Lane {
     }
 
     /// Delivers the sample if it is the next one and nothing is missing; false when there is more to decide.
-    fn take_next(
+    fn deliver_next(
         &self,
         source: Source,
         position: u32,
@@ -239,7 +239,7 @@ impl Lane {
         is_next
     }
 
-    /// A publisher told the position of its newest sample.
+    /// A publisher reported the position of its newest sample.
     fn heartbeat(self: &Arc<Self>, sample: &Sample) {
         let source = sample
             .key_expr()
@@ -262,7 +262,7 @@ impl Lane {
     pub(super) fn tick(self: &Arc<Self>) {
         self.step(|state, now, actions| {
             if let Some(recovery) = &mut state.recovery {
-                if state.caches_told && now >= JOIN_AT_LEAST {
+                if state.caches_reported && now >= JOIN_AT_LEAST {
                     recovery.joined();
                 }
                 if recovery.has_gap() {
@@ -272,13 +272,13 @@ impl Lane {
         });
     }
 
-    /// Changes the state and does what follows: hands over under the lock, for the order; asks outside of it, since
-    /// a cache of this very session answers within the call.
+    /// Changes the state and carries out the actions that follow: samples are delivered under the lock, to keep their order;
+    /// caches are queried outside of it, since a cache of this session replies within the call.
     fn step(
         self: &Arc<Self>,
         change: impl FnOnce(&mut State, Duration, &mut Vec<Action<Source, Sample>>),
     ) {
-        let mut asks = Vec::new();
+        let mut queries = Vec::new();
         {
             let mut state = lock(&self.state);
             let mut actions = std::mem::take(&mut state.actions);
@@ -290,7 +290,7 @@ impl Lane {
                             self.deliver(&attachment, &sample);
                         }
                     }
-                    Action::Ask { source, from } => asks.push((source, from)),
+                    Action::Query { source, from } => queries.push((source, from)),
                     Action::Lost {
                         source,
                         first,
@@ -300,31 +300,31 @@ impl Lane {
             }
             state.actions = actions;
         }
-        for (source, from) in asks {
-            self.ask(source, from);
+        for (source, from) in queries {
+            self.query(source, from);
         }
     }
 
     fn report(&self, state: &State, source: Source, first: u64, count: u64) {
-        // A source that was never heard has told no identifier; rmw counts from 1.
+        // The identifier of a source is unknown before its first sample; rmw counts from 1.
         let (publisher, offset) = state.known.get(&source).copied().unwrap_or(([0; 16], 1));
-        (self.taker.on_lost)(Lost {
+        (self.callbacks.on_lost)(Lost {
             publisher,
             first: first.saturating_add_signed(offset),
             count,
         });
     }
 
-    fn ask(self: &Arc<Self>, source: Source, from: u64) {
+    fn query(self: &Arc<Self>, source: Source, from: u64) {
         let Some(core) = self.core.upgrade() else {
             return;
         };
-        let end = Ended(Arc::clone(self), Some(source));
+        let end = QueryEnd(Arc::clone(self), Some(source));
         let selector = format!(
             "{}/@adv/pub/{}/{}/**?_sn={}..",
             self.key, source.0, source.1, from as u32
         );
-        let asked = core
+        let query = core
             .session
             .get(selector)
             .consolidation(ConsolidationMode::None)
@@ -332,17 +332,17 @@ impl Lane {
             .timeout(QUERY_TIMEOUT)
             .callback(move |reply| {
                 if let Ok(sample) = reply.into_result() {
-                    end.0.take(sample, true);
+                    end.0.receive(sample, true);
                 }
             })
             .wait();
-        if let Err(reason) = asked {
-            tracing::warn!(%reason, "cannot ask for lost samples");
+        if let Err(reason) = query {
+            tracing::warn!(%reason, "cannot query lost samples");
         }
     }
 
     fn deliver(&self, attachment: &Attachment, sample: &Sample) {
-        (self.taker.on_sample)(Received {
+        (self.callbacks.on_sample)(Received {
             payload: sample.payload().to_bytes(),
             sequence: attachment.sequence.max(0) as u64,
             source_time_ns: attachment.source_time_ns,
@@ -352,16 +352,16 @@ impl Lane {
     }
 }
 
-/// Dropped with a query's callback, which is when the query has ended: the join without a source, else an answer.
-struct Ended(Arc<Lane>, Option<Source>);
+/// Dropped with the callback of a query, which is when the query has ended: that of the join (`None`) or of a source.
+struct QueryEnd(Arc<SubscriptionState>, Option<Source>);
 
-impl Drop for Ended {
+impl Drop for QueryEnd {
     fn drop(&mut self) {
         let source = self.1;
         let mut state = lock(&self.0.state);
         match (source, &mut state.recovery) {
-            (Some(source), Some(recovery)) => recovery.answered(source),
-            (None, _) => state.caches_told = true,
+            (Some(source), Some(recovery)) => recovery.replied(source),
+            (None, _) => state.caches_reported = true,
             (Some(_), None) => {}
         }
     }

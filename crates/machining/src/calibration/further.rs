@@ -1,4 +1,4 @@
-//! Indexations at which more touches of the same balls would tell what the touches made do not.
+//! Indexations at which further touches of the same balls would determine what the touches made do not.
 //!
 //! Candidates are multiples of 45° of the rotary axes within their travel, where the linear axes reach the balls. At each
 //! a ball is imagined touched from the tool's side: from its end and from four sides. The best one is taken, then the best beside it, up to
@@ -29,8 +29,8 @@ struct Candidate {
 
 impl BallCalibration {
     /// Indexations of the axes `rotary` (indices into [`machine::Chain::axes`]) that would bring every link within its
-    /// limit, fewest first found; `None` where no such few do: then the links are not told apart from where the balls
-    /// stand, or from the probe, or more touches of what was touched are needed.
+    /// limit, as few as were found; `None` where no few would: then the links cannot be distinguished from the positions of
+    /// the balls or from the probe, or more touches at the same indexations are needed.
     pub fn further(
         &self,
         touches: &[BallTouch],
@@ -171,7 +171,7 @@ impl BallCalibration {
     }
 }
 
-/// Adds what a touch with that row tells.
+/// Adds the information of a touch with that row.
 fn add(information: &mut DMatrix<f64>, row: &[f64], uncertainty: f64) {
     let row = DVector::from_column_slice(row) / uncertainty;
     *information += &row * row.transpose();

@@ -1,7 +1,7 @@
-//! The least squares of a ball calibration: Gauss-Newton on scaled columns, and what is left of each touch.
+//! The least squares of a ball calibration: Gauss-Newton on scaled columns, and the residual of each touch.
 //!
-//! Metres and radians. Each step is solved by a singular value decomposition, so that a direction that nothing tells is
-//! left alone and said to be infinitely uncertain, instead of spoiling the others.
+//! Metres and radians. Each step is solved by a singular value decomposition, so that a direction that
+//! no touch determines is left alone and reported as infinitely uncertain, instead of spoiling the others.
 
 use machine::LinkError;
 use nalgebra::{DMatrix, DVector, Vector3};
@@ -23,8 +23,8 @@ const FARTHEST: f64 = 10e-3;
 pub(super) struct Unknowns {
     /// All of them.
     pub(super) count: usize,
-    /// First column of the place of each ball that is touched.
-    places: Vec<Option<usize>>,
+    /// First column of the centre of each ball that is touched.
+    balls: Vec<Option<usize>>,
     /// Column of the radius of the stylus ball.
     radius: Option<usize>,
     /// Columns of the stylus, by axis of the mount.
@@ -39,7 +39,7 @@ impl Unknowns {
             count += if wanted { columns } else { 0 };
             wanted.then_some(first)
         };
-        let places = (0..calibration.balls.len())
+        let balls = (0..calibration.balls.len())
             .map(|ball| take(touches.iter().any(|touch| touch.ball == ball), 3))
             .collect();
         let probe = calibration.probe;
@@ -52,7 +52,7 @@ impl Unknowns {
         .map(|wanted| take(wanted, 1));
         Self {
             count,
-            places,
+            balls,
             radius,
             stylus,
         }
@@ -70,7 +70,7 @@ impl Unknowns {
         for (value, column) in row.iter_mut().zip(calibration.columns(positions)) {
             *value = normal.dot(&column);
         }
-        if let Some(first) = self.places[ball] {
+        if let Some(first) = self.balls[ball] {
             for axis in 0..3 {
                 row[first + axis] = -normal[axis];
             }
@@ -165,7 +165,7 @@ fn linearised(
             }
         }
         let mut place = ball.centre.coords;
-        if let Some(first) = unknowns.places[touch.ball] {
+        if let Some(first) = unknowns.balls[touch.ball] {
             let off = Vector3::new(values[first], values[first + 1], values[first + 2]);
             if off.norm() > FARTHEST {
                 return None;
@@ -244,18 +244,18 @@ impl Solution {
         }
     }
 
-    /// Square of the scale of the residuals, for so many degrees of freedom.
-    fn variance(&self, freedom: f64) -> f64 {
-        self.residuals.iter().map(|(r, _)| r * r).sum::<f64>() / freedom
+    /// Square of the scale of the residuals, for that many degrees of freedom.
+    fn variance(&self, degrees_of_freedom: f64) -> f64 {
+        self.residuals.iter().map(|(r, _)| r * r).sum::<f64>() / degrees_of_freedom
     }
 
     /// The touch that fits worst, and its internally studentised residual.
     pub(super) fn worst(&self) -> (usize, f64) {
-        let freedom = (self.residuals.len() - self.unknowns.len()) as f64;
-        let scale = self.variance(freedom).sqrt();
+        let degrees_of_freedom = (self.residuals.len() - self.unknowns.len()) as f64;
+        let scale = self.variance(degrees_of_freedom).sqrt();
         let sizes = self.residuals.iter().map(|(r, share)| {
             let own = (1.0 - share).max(0.0).sqrt();
-            // A touch that alone tells something has no residual.
+            // A touch that alone determines something has no residual.
             if own > SHARE && scale > 0.0 {
                 (r / (scale * own)).abs()
             } else {
@@ -269,12 +269,12 @@ impl Solution {
     pub(super) fn estimate(
         &self,
         calibration: &BallCalibration,
-        freedom: f64,
-        stray: Vec<usize>,
+        degrees_of_freedom: f64,
+        outliers: Vec<usize>,
     ) -> Estimate {
-        let variance = self.variance(freedom);
+        let variance = self.variance(degrees_of_freedom);
         // Student's distribution has this variance; at three degrees of freedom three times that of the normal.
-        let widened = variance * freedom / (freedom - 2.0);
+        let widened = variance * degrees_of_freedom / (degrees_of_freedom - 2.0);
         let links = calibration.links.iter().zip(self.unknowns.iter());
         Estimate {
             links: links
@@ -286,7 +286,7 @@ impl Solution {
             covariance: &self.cofactor * widened,
             scale: variance.sqrt(),
             residual: self.rms,
-            stray,
+            outliers,
         }
     }
 }

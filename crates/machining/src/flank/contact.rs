@@ -1,4 +1,5 @@
-//! Contact points of a flank with the surface: equations (3) to (9) of source systems E.1, and the envelope's own normal.
+//! Contact points of a flank with the surface: equations (3) to (9) of `docs/source_systems.md, E.1`, and the
+//! envelope's own normal.
 //!
 //! Metres, part frame. One normal per location, (5), is exact on a cone and off by the twist on any other ruled surface
 //! (limit (i) of the source): use [`envelope_normal`] for surfaces. For the *difference* of two paths the source's form,

@@ -1,7 +1,8 @@
 //! Two parts for flank milling: an S-shaped ruled piece and the cone frustum of NAS 979.
 //!
-//! Metres, part frame. Source systems E.3. The S piece is an equivalent by our own control points; it does not claim
-//! conformance with ISO 10791-7. The frustum's dimensions are from memory of the standard and need checking against it.
+//! Metres, part frame. `docs/source_systems.md, E.3`. The S piece is an equivalent by our own control points; it does
+//! not claim conformance with ISO 10791-7. The frustum's dimensions are from memory of the standard and need checking
+//! against it.
 
 use metrology::profile::{Spline, SplineError};
 use nalgebra::{Point3, Rotation3, Unit, Vector2, Vector3};

@@ -1,7 +1,7 @@
 //! Cutter locations along a path, as commanded and as a machine with errors drives them.
 //!
 //! Metres, part frame. A path is a curve of locations over a parameter without unit; it is the caller's whether that
-//! came from NC code or from a part's geometry. Source systems E.4 for the erring path.
+//! came from NC code or from a part's geometry. `docs/source_systems.md, E.4` for the erring path.
 
 use machine::{Chain, ChainErrors, HEAD_AXES, PositionError, SwivelHead};
 use nalgebra::{Isometry3, Point3, Unit, Vector3};
@@ -65,7 +65,7 @@ pub struct ErringPath<'a, P> {
     chain: &'a Chain,
     errors: &'a ChainErrors,
     /// Place of each of [`HEAD_AXES`] in a position vector.
-    places: [usize; 5],
+    axes: [usize; 5],
 }
 
 impl<'a, P: FlankPath> ErringPath<'a, P> {
@@ -85,9 +85,9 @@ impl<'a, P: FlankPath> ErringPath<'a, P> {
                 return Err(PathError::Errors { given, joints });
             }
         }
-        let mut places = [0; 5];
-        for (place, name) in places.iter_mut().zip(HEAD_AXES) {
-            *place = chain
+        let mut axes = [0; 5];
+        for (axis, name) in axes.iter_mut().zip(HEAD_AXES) {
+            *axis = chain
                 .axis_index(name)
                 .ok_or_else(|| PositionError::Unknown(name.to_owned()))?;
         }
@@ -96,7 +96,7 @@ impl<'a, P: FlankPath> ErringPath<'a, P> {
             head,
             chain,
             errors,
-            places,
+            axes,
         })
     }
 }
@@ -109,8 +109,8 @@ impl<P: FlankPath> FlankPath for ErringPath<'_, P> {
     fn location(&self, u: f64) -> Location {
         let Location { point, axis } = self.nominal.location(u);
         let mut positions = vec![0.0; self.chain.axes().len()];
-        for (&place, value) in self.places.iter().zip(self.head.positions(&point, &axis)) {
-            positions[place] = value;
+        for (&index, value) in self.axes.iter().zip(self.head.positions(&point, &axis)) {
+            positions[index] = value;
         }
         let mount =
             self.chain

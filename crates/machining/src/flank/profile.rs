@@ -1,8 +1,8 @@
 //! The radius that a tool has at each height, as a planar test finds it.
 //!
-//! Metres; R_i = R + ΔR_i. Source systems E.1: (9) ΔR_i = −Δy_i, Δy the deviation of the milled face along its outward
-//! normal. A set-up offset of that face passes for radius (limit (ii)); milling both sides of a rib removes it. What
-//! tilts or shifts both faces alike cancels, what widens the rib does not.
+//! Metres; R_i = R + ΔR_i. `docs/source_systems.md, E.1`: (9) ΔR_i = −Δy_i, Δy the deviation of the milled face along
+//! its outward normal. A set-up offset of that face passes for radius (limit (ii)); milling both sides of a rib
+//! removes it. What tilts or shifts both faces alike cancels, what widens the rib does not.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,7 +1,7 @@
 //! Run-out of a fluted cutter: the radius that a tool, clamped off its axis and leaning, sweeps at each height.
 //!
-//! Metres and radians. Source systems E.2: ΔR(Z) = b0 + max_k [ρ cos(θ_k(Z) − λ) + τ(h0 − Z) cos(θ_k(Z) − ψ)],
-//! θ_k = 2πk/N − Z tan β/R. Between heights where another flute reaches farthest it has kinks.
+//! Metres and radians. `docs/source_systems.md, E.2`: ΔR(Z) = b0 + max_k [ρ cos(θ_k(Z) − λ) + τ(h0 − Z) cos(θ_k(Z) −
+//! ψ)], θ_k = 2πk/N − Z tan β/R. Between heights where another flute reaches farthest it has kinks.
 
 use serde::{Deserialize, Serialize};
 

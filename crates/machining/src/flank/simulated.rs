@@ -1,4 +1,5 @@
-//! The simulated case of source systems E.5: an erring XFYZBA machine and a tool that runs out cut, and are predicted.
+//! The simulated case of `docs/source_systems.md, E.5`: an erring XFYZBA machine and a tool that runs out cut, and
+//! are predicted.
 //!
 //! Metres and radians. What is "measured" comes from [`material_left`], what is predicted from the equations of
 //! [`contact`](super::contact): they share the path and nothing else. Sizes of the link errors, the set-up offset and the noise are

@@ -1,4 +1,4 @@
-//! The R/U/C protocol of D.4: process floor, uncompensated, compensated; and what the mismatches tell of the links.
+//! The R/U/C protocol of D.4: process floor, uncompensated, compensated; and the link errors that the mismatches show.
 //!
 //! R cuts both halves at one index, U at two, C at two with compensation. Noise is one normal deviation per surface.
 
@@ -64,7 +64,7 @@ pub fn calibrated(
         .collect()
 }
 
-/// Link errors as mismatches tell them.
+/// Link errors estimated from mismatches.
 #[derive(Debug, Clone)]
 pub struct Identified {
     /// Sizes, m or rad; the smallest that explain the mismatches where these do not determine them.
@@ -127,12 +127,12 @@ fn solve(matrix: &DMatrix<f64>, right: &DVector<f64>) -> (DVector<f64>, Vec<f64>
         return (sizes, vec![f64::INFINITY; columns]);
     };
     let largest = svd.singular_values.max();
-    for (place, &value) in svd.singular_values.iter().enumerate() {
+    for (index, &value) in svd.singular_values.iter().enumerate() {
         if !(value > RANK * largest) {
             continue;
         }
-        let direction = directions.row(place);
-        let amount = left.column(place).dot(right) / value;
+        let direction = directions.row(index);
+        let amount = left.column(index).dot(right) / value;
         for (column, part) in direction.iter().enumerate() {
             sizes[column] += amount * part;
             variance[column] += (part / value).powi(2);

@@ -21,7 +21,7 @@ mod shapes;
 mod straight;
 pub mod zone;
 
-pub use axial::{cone, cylinder};
+pub use axial::{cone, cylinder, cylinder_about};
 pub use round::{circle, sphere};
 pub use shapes::{Circle, Cone, Cylinder, Line, Plane, Shape, Sphere};
 pub use straight::{line, plane};

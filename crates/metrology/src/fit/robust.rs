@@ -1,4 +1,4 @@
-//! Fits in spite of false touches: rejects points that the others contradict.
+//! Fits in spite of outliers, which are rejected.
 //!
 //! Lengths in m. Starts from the best of many fits to random small subsets by the median of all residuals (least median
 //! of squares, Rousseeuw 1984; the subsets from a seed), then fits all points within `limit` robust deviations until

@@ -19,7 +19,7 @@ use super::enclosing::smallest_enclosing;
 use super::linear_program::{Inequality, minimise};
 use super::refine::Model;
 use super::round::{Ball, PlaneCircle};
-use super::{Circle, Cone, Cylinder, FitError, Line, Plane, Point, Shape, Sphere, spread};
+use super::{Circle, Cone, Cylinder, Fit, FitError, Line, Plane, Point, Shape, Sphere, spread};
 
 /// What a round shape has to touch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -358,7 +358,27 @@ pub fn sphere(points: &[Point], criterion: Criterion) -> Result<ZoneFit<Sphere>,
 /// # Errors
 /// As [`super::cylinder`].
 pub fn cylinder(points: &[Point], criterion: Criterion) -> Result<ZoneFit<Cylinder>, FitError> {
-    let start = super::cylinder(points)?;
+    cylinder_from(&super::cylinder(points)?, points, criterion)
+}
+
+/// Cylinder by `criterion` whose axis is next to the direction `axis`; see [`super::cylinder_about`].
+///
+/// # Errors
+/// As [`super::cylinder_about`].
+pub fn cylinder_about(
+    points: &[Point],
+    axis: &Vector3<f64>,
+    criterion: Criterion,
+) -> Result<ZoneFit<Cylinder>, FitError> {
+    cylinder_from(&super::cylinder_about(points, axis)?, points, criterion)
+}
+
+/// Cylinder by `criterion` from the least-squares one of the same points.
+fn cylinder_from(
+    start: &Fit<Cylinder>,
+    points: &[Point],
+    criterion: Criterion,
+) -> Result<ZoneFit<Cylinder>, FitError> {
     let cloud = Cloud::new::<Cylinder>(points, 5)?;
     let model = Straight(Axial::new(
         start.frame,

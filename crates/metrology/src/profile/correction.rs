@@ -1,9 +1,9 @@
 //! Decides how the next part of a free-form profile is to be cut, from the parts measured so far.
 //!
-//! Lengths in m, plane coordinates, deviations along the outward normals. Source systems B.1 and B.4: each part's
-//! deterministic deviations are taken off what was commanded for it; the loop ends when the form is in tolerance, or
-//! says why more cutting cannot bring it there. What is random in a measurement is not commanded by default, since it
-//! would be cut into the next part. It knows no machine, and no reason for the deviations.
+//! Lengths in m, plane coordinates, deviations along the outward normals. `docs/source_systems.md, B.1 and B.4`: each
+//! part's deterministic deviations are taken off what was commanded for it; the loop ends when the form is in
+//! tolerance, or says why more cutting cannot bring it there. What is random in a measurement is not commanded by
+//! default, since it would be cut into the next part. It knows no machine, and no reason for the deviations.
 
 use nalgebra::Vector2;
 use serde::{Deserialize, Serialize};
@@ -12,6 +12,7 @@ use thiserror::Error;
 use super::{
     ProfileDeviation, ProfileError, Spline, SplineError, Split, corrected_points, split, tool_path,
 };
+use crate::statistics::rms;
 
 /// What of the measured deviations is taken off.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -182,10 +183,6 @@ pub fn next_cut(
         parts: last.clone(),
         next,
     })
-}
-
-fn rms(values: &[f64]) -> f64 {
-    (values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64).sqrt()
 }
 
 fn hindrance(

@@ -1,7 +1,7 @@
 //! Free-form profiles: what they deviate by, what is position and what is form, and how to cut them better.
 //!
-//! Lengths in m, angles in rad, plane coordinates. Source systems B.1–B.4. A deviation T_i is taken along the outward
-//! normal n_i at the nominal point i, positive where material is left.
+//! Lengths in m, angles in rad, plane coordinates. `docs/source_systems.md, B.1–B.4`. A deviation T_i is taken along
+//! the outward normal n_i at the nominal point i, positive where material is left.
 
 mod correction;
 pub mod simulated;

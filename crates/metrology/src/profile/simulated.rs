@@ -1,4 +1,5 @@
-//! The simulated profile of source systems B.5: nominal curve, and deviations with the published extremes and mean.
+//! The simulated profile of `docs/source_systems.md, B.5`: nominal curve, and deviations with the published extremes
+//! and mean.
 //!
 //! Lengths in m. The control points and the shape of the deviation are assumptions by which a simulator runs.
 

@@ -320,7 +320,7 @@ impl Spline {
             .collect())
     }
 
-    /// Foot of `point` (m): the nearest of all places on the curve.
+    /// Foot of `point` (m): the nearest point of the curve.
     pub fn closest(&self, point: &Vector2<f64>) -> Closest {
         let square = |u: f64| (self.point(u) - point).norm_squared();
         let (low, high) = self.domain();

@@ -1,7 +1,7 @@
 //! Splits measured deviations into a deterministic part worth correcting and a random rest.
 //!
-//! Deviations in m at equal spacing. Source systems B.4 (after Poniatowska and Werner): least-squares cubic B-splines of
-//! growing number of control points, until Moran's I finds the residuals random.
+//! Deviations in m at equal spacing. `docs/source_systems.md, B.4` (after Poniatowska and Werner): least-squares
+//! cubic B-splines of growing number of control points, until Moran's I finds the residuals random.
 
 use nalgebra::DVector;
 use serde::{Deserialize, Serialize};

@@ -1,20 +1,19 @@
 //! Separates the form of a part from the straightness of the guideway that measured it.
 //!
-//! Lengths in m, samples at equal spacing. Source systems C.3 and C.4: pass j reads `K_j(z) = R(z + m_j·spacing) + S(z)`,
-//! R the part's form, S the guideway seen by the probe, the part moved by m_j samples. The printed equations (4) and (5)
-//! are defective; the consistent set is used.
+//! Lengths in m, samples at equal spacing. `docs/source_systems.md, C.3 and C.4`: pass j reads
+//! `K_j(z) = R(z + m_j·spacing) + S(z)`, R the part's form, S the guideway seen by the probe, the part moved by m_j
+//! samples. The printed equations (4) and (5) are defective; the consistent set is used.
 //!
 //! What no method here can know, and none claims:
 //! - a constant, and once the height of a later pass is unknown also a line: judge straightness after
 //!   [`without_line`];
 //! - a parabola, once the tilt of a later pass is unknown, whatever the number of shifts: a tilt φ of pass 2 bows the
 //!   result by φL²/(8σ) ([`tilt_bow`]); only [`reversal`] is immune;
-//! - waves whose period divides every shift; near those the noise is amplified by 1/|e^{i2πσ/λ} − 1|
-//!   ([`shift_sensitivity`]).
+//! - waves whose period divides every shift; near those the noise is amplified by 1/|e^{i2πσ/λ} − 1|.
 
 mod polynomial;
 
-pub use polynomial::{PolynomialSeparation, polynomial, polynomial_automatic};
+pub use polynomial::{PolynomialSeparation, polynomial};
 
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
@@ -44,7 +43,7 @@ pub enum SetUp {
     HeightAndTilt,
 }
 
-/// Part and guideway, told apart.
+/// Part and guideway, separated.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Separation {
     /// R at the samples of the part, N plus the largest shift, m.
@@ -177,7 +176,7 @@ fn design(samples: usize, shifts: &[usize], set_up: SetUp) -> DMatrix<f64> {
 /// Relative size under which a singular value of the design counts as zero; the true ones are of order one.
 const RANK: f64 = 1e-9;
 
-/// Number of independent shapes of part and guideway that passes at `shifts` over `samples` points cannot tell apart.
+/// Number of independent shapes of part and guideway that passes at `shifts` over `samples` points cannot separate.
 pub fn undetermined(samples: usize, shifts: &[usize], set_up: SetUp) -> usize {
     let matrix = design(samples, shifts, set_up);
     let columns = matrix.ncols();
@@ -264,9 +263,4 @@ pub fn without_line(values: &[f64]) -> Vec<f64> {
 /// result: φL²/(8σ) (C.4, 2).
 pub fn tilt_bow(tilt: f64, length: f64, shift: f64) -> f64 {
     tilt * length * length / (8.0 * shift)
-}
-
-/// |e^{i2πσ/λ} − 1|: how strongly a wave of length `wavelength` shows in the difference of two passes `shift` apart.
-pub fn shift_sensitivity(shift: f64, wavelength: f64) -> f64 {
-    2.0 * (std::f64::consts::PI * shift / wavelength).sin().abs()
 }

@@ -1,4 +1,4 @@
-//! Separation by a polynomial form of the part: equations (7)–(12) of source systems C.3.
+//! Separation by a polynomial form of the part: equations (7)–(12) of `docs/source_systems.md, C.3`.
 //!
 //! Bias, not noise, dominates where the part is wavier than the polynomial (C.4, 6): use
 //! [`super::least_squares`] unless only two passes at a large shift exist, and heed the warning.
@@ -87,39 +87,4 @@ pub fn polynomial(
             && moran_of_residuals(residuals.as_slice(), &matrix)
                 .is_some_and(|m: Moran| !m.is_random()),
     })
-}
-
-/// The lowest order from 1 to `highest` that Akaike's criterion, corrected for few samples, prefers on ΔK.
-///
-/// # Errors
-/// See [`SeparationError`].
-pub fn polynomial_automatic(
-    first: &[f64],
-    shifted: &[f64],
-    spacing: f64,
-    shift: f64,
-    highest: usize,
-) -> Result<PolynomialSeparation, SeparationError> {
-    let n = first.len() as f64;
-    let mut best: Option<(f64, PolynomialSeparation)> = None;
-    for order in 1..=highest.max(1) {
-        // n parameters of the mean plus the variance; beyond this the correction has no meaning.
-        let parameters = order as f64 + 1.0;
-        if n - parameters - 1.0 <= 0.0 {
-            break;
-        }
-        let candidate = polynomial(first, shifted, spacing, shift, order)?;
-        let variance = candidate.residual_rms.powi(2).max(f64::MIN_POSITIVE);
-        let criterion = n * variance.ln()
-            + 2.0 * parameters
-            + 2.0 * parameters * (parameters + 1.0) / (n - parameters - 1.0);
-        if best.as_ref().is_none_or(|(lowest, _)| criterion < *lowest) {
-            best = Some((criterion, candidate));
-        }
-    }
-    best.map(|(_, separation)| separation)
-        .ok_or(SeparationError::Length {
-            needed: 5,
-            given: first.len(),
-        })
 }

@@ -55,7 +55,7 @@ pub(super) fn most_promising(
         }
     }
     let penalty = best.1;
-    let dearest = Dearest::new(&graph, &penalty);
+    let bottleneck = BottleneckTree::new(&graph, &penalty);
     let mut seen = vec![u32::MAX; graph.len()];
     let mut others = Vec::new();
     let mut bridged = vec![Vec::new(); graph.len()];
@@ -70,7 +70,7 @@ pub(super) fn most_promising(
             for &there in &others {
                 let cost = cost(here, there);
                 let penalties = penalty[here as usize] + penalty[there as usize];
-                let alpha = cost + penalties - dearest.between(here, there);
+                let alpha = cost + penalties - bottleneck.between(here, there);
                 let entry = (alpha, cost as i32, there);
                 if cost >= 0 && (ranked.len() < keep || entry < ranked[keep - 1]) {
                     ranked.insert(ranked.partition_point(|kept| *kept < entry), entry);
@@ -106,15 +106,15 @@ fn two_moves_off(graph: &Neighbours, here: u32, seen: &mut [u32], others: &mut V
     }
 }
 
-/// How dear the dearest edge on a minimum spanning tree's path between two points is, asked in O(log n): the tree is
-/// grown by its cheapest edges first (Kruskal 1956), and of two parts that an edge joins the shallower one hangs below
-/// the other by that edge.
-struct Dearest {
-    /// What each point hangs below, and by which cost; itself at a root.
+/// The largest edge cost on the path between two points of a minimum spanning tree (their bottleneck), in O(log n): the
+/// tree is grown by its cheapest edges first (Kruskal 1956), and of two components that an edge joins the shallower one is
+/// linked below the other by that edge.
+struct BottleneckTree {
+    /// Parent of each point and the cost of the link; itself at a root.
     above: Vec<(u32, i64)>,
 }
 
-impl Dearest {
+impl BottleneckTree {
     fn new(graph: &Neighbours, penalty: &[i64]) -> Self {
         let points = graph.len() as u32;
         let mut edges: Vec<(i64, u32, u32)> = Vec::new();
@@ -151,7 +151,7 @@ impl Dearest {
         Self { above }
     }
 
-    /// Very little where no path joins the points. Costs only rise on the way up, so the last step taken is the dearest.
+    /// Very small where no path joins the points. Costs only rise towards the root, so the last step taken has the largest.
     fn between(&self, here: u32, there: u32) -> i64 {
         const NONE: i64 = i64::MIN / 4;
         let (mut here, mut there) = (here as usize, there as usize);

@@ -1,7 +1,7 @@
-//! `probecell adopt`: what a gap report has found becomes part of the cell's declared model, and leaves it again.
+//! `probecell adopt`: adds the effects found by a gap report to the cell's declared model, or removes them.
 //!
 //! Only the cell file changes, whole or not at all; comments and layout stay. The next session of that cell is diagnosed
-//! against the larger model. Nothing is told to a machine.
+//! against the larger model. Nothing is sent to a machine.
 
 use std::{
     fs,
@@ -13,24 +13,24 @@ use anyhow::{Context, bail};
 use cell::{Adopted, Cell, CellText};
 use diagnosis::{DeclaredEffect, Report};
 
-use crate::{DEFAULT_CELL, GOOD, report};
+use crate::{DEFAULT_CELL, GOOD, output};
 
 /// What the user asks for.
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
-    /// Report that `probecell diagnose --json` wrote; `-` for standard input.
+    /// Report of `probecell diagnose --json`; `-` for standard input.
     #[arg(required_unless_present_any = ["remove", "list"])]
     report: Option<PathBuf>,
     /// Cell file.
     #[arg(long, default_value = DEFAULT_CELL)]
     cell: PathBuf,
-    /// Of effects that the session could not tell apart, adopt this one.
+    /// Of effects that the session could not distinguish, adopt this one.
     #[arg(long = "as", value_name = "NAME")]
     picks: Vec<String>,
-    /// Let what the report found join an effect that is declared already.
+    /// Combine the findings with an effect that is declared already.
     #[arg(long)]
     combine: bool,
-    /// Take an effect out of the declared model again.
+    /// Remove an effect from the declared model.
     #[arg(long, value_name = "NAME", conflicts_with_all = ["report", "list", "picks", "combine"])]
     remove: Option<String>,
     /// List the declared effects.
@@ -51,13 +51,13 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
         } else {
             String::new()
         };
-        report::line(&format!("{name} is out of the declared model{times}"));
+        output::line(&format!("removed {name} from the declared model{times}"));
     } else if let Some(path) = &arguments.report {
         let found = read(path)?;
         let adopted = cell::adopt(&cell, &found, &arguments.picks, arguments.combine)
             .with_context(|| path.display().to_string())?;
         replace(&cell, &arguments.cell, &adopted.text)?;
-        tell(&adopted);
+        print(&adopted);
     }
     Ok(GOOD)
 }
@@ -83,14 +83,14 @@ fn read(path: &Path) -> anyhow::Result<Report> {
     Ok(found)
 }
 
-/// Puts a new text in the place of the cell file, whole or not at all, if it still makes a cell and nobody else has
+/// Replaces the cell file, completely or not at all, if the new text is a valid cell file and no other program has
 /// changed the file meanwhile.
 fn replace(cell: &Cell, path: &Path, text: &str) -> anyhow::Result<()> {
     Cell::from_text(CellText {
         cell: text.to_owned(),
         ..cell.text().clone()
     })?;
-    // A link goes on pointing to the file.
+    // A symbolic link continues to point to the file.
     let path = &fs::canonicalize(path)?;
     let folder = path.parent().unwrap_or(Path::new("/"));
     let cannot = || format!("cannot write the cell file {}", path.display());
@@ -100,7 +100,7 @@ fn replace(cell: &Cell, path: &Path, text: &str) -> anyhow::Result<()> {
     file.as_file().sync_all().with_context(cannot)?;
     if fs::read_to_string(path).with_context(cannot)? != cell.text().cell {
         bail!(
-            "{} was changed meanwhile: nothing is written",
+            "{} was changed meanwhile: nothing was written",
             path.display()
         );
     }
@@ -108,21 +108,21 @@ fn replace(cell: &Cell, path: &Path, text: &str) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn tell(adopted: &Adopted) {
+fn print(adopted: &Adopted) {
     for effect in &adopted.effects {
-        report::line(&format!("adopted {}", line(effect)));
+        output::line(&format!("adopted {}", line(effect)));
     }
     for error in &adopted.left_out {
-        report::remark(&format!("left out: {error}"));
+        output::remark(&format!("skipped: {error}"));
     }
 }
 
 fn list(cell: &Cell) {
     if cell.model.effects.is_empty() {
-        report::line("the declared model holds no effects beside the robot description");
+        output::line("the declared model has no effects besides the robot description");
     }
     for effect in &cell.model.effects {
-        report::line(&line(effect));
+        output::line(&line(effect));
     }
 }
 

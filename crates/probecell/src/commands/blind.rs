@@ -1,19 +1,19 @@
 //! `probecell blind`: sealed sessions from a plant that shares no code with the signatures, diagnosed, then opened.
 //!
-//! What counts as right stands in `diagnosis::blind::card`.
+//! What counts as right stands in `validation::blind::card`.
 
 use std::path::Path;
 
 use anyhow::Context;
-use diagnosis::blind::card::{Card, Judged, TRIALS, Trial, judge};
-use diagnosis::blind::{Stage, session_on};
 use indicatif::ProgressBar;
 use serde_json::{Map, Value, json};
+use validation::blind::card::{Card, Judged, TRIALS, Trial, judge};
+use validation::blind::{Stage, session_on};
 
 use super::identifiability::{is_cell, of_cell};
-use super::{diagnose, recording};
+use super::{diagnose, session_bag};
 
-use crate::{GOOD, report};
+use crate::{GOOD, output};
 
 /// Makes, diagnoses and opens `trials` sessions, shared out evenly over the kinds of trials; they are made on the machine
 /// and plan of `on`, a cell file or a bag, and `keep` is where they stay.
@@ -49,14 +49,14 @@ pub(crate) fn run(
     progress.finish_and_clear();
     let card = Card::of(seed, &judged);
     if json {
-        report::json(&card)?;
+        output::json(&card)?;
     } else {
-        report::line(card.to_string().trim_end());
+        output::line(card.to_string().trim_end());
     }
     Ok(GOOD)
 }
 
-/// Writes a session as a recording, and beside it what was hidden in it and how it was judged.
+/// Writes a session as a recording, with a file that holds its hidden content and the judgement.
 fn leave(
     folder: &Path,
     stage: &Stage,
@@ -66,12 +66,12 @@ fn leave(
 ) -> anyhow::Result<()> {
     let (sealed, truth) = session_on(stage, seed, trial.content());
     let hidden: Vec<Value> = (truth.effects.iter().enumerate())
-        .map(|(place, effect)| {
+        .map(|(index, effect)| {
             let parameters: Map<String, Value> =
-                (truth.parameters.get(place).into_iter().flatten())
+                (truth.parameters.get(index).into_iter().flatten())
                     .map(|(name, value)| (name.clone(), json!(value)))
                     .collect();
-            json!({ "effect": effect, "rms": truth.sizes.get(place), "parameters": parameters })
+            json!({ "effect": effect, "rms": truth.sizes.get(index), "parameters": parameters })
         })
         .collect();
     let seal = json!({
@@ -83,7 +83,7 @@ fn leave(
         "effects": hidden,
         "judged": { "cause": judged.cause, "verdict": judged.verdict },
     });
-    recording::write(&folder.join(&sealed.name), "blind", &sealed)?;
+    session_bag::write(&folder.join(&sealed.name), "blind", &sealed)?;
     let file = folder.join(format!("{}.seal.json", sealed.name));
     std::fs::write(&file, format!("{}\n", serde_json::to_string_pretty(&seal)?))
         .with_context(|| format!("cannot write {}", file.display()))

@@ -1,6 +1,6 @@
 //! `probecell correct`: how the next part of a free-form profile is cut, from recordings of the parts so far.
 //!
-//! Exit status: 0 in tolerance, or a corrected curve was found; 1 cutting again does not help; 2 bad input.
+//! Exit status: 0 in tolerance, or a corrected curve was found; 1 cutting again cannot bring it into tolerance; 2 bad input.
 
 use std::path::{Path, PathBuf};
 
@@ -15,7 +15,7 @@ use nalgebra::Vector2;
 use probecell_msgs::{InspectionFeature, InspectionPlan, ProbeEvent};
 use serde::Serialize;
 
-use crate::{FAILED, GOOD, report};
+use crate::{FAILED, GOOD, output};
 
 /// Out-of-plane share of a normal that a plane profile may have.
 const PLANE: f64 = 1e-3;
@@ -23,41 +23,41 @@ const PLANE: f64 = 1e-3;
 /// What the user asks for.
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
-    /// Recordings of the parts in the order in which they were made: the first on the nominal profile, each later one
-    /// with the program that followed from those before it.
+    /// Recordings of the parts in the order in which they were made: the first cut on the nominal profile, each later one by
+    /// the program computed from those before it.
     #[arg(required = true)]
     bags: Vec<PathBuf>,
-    /// Form deviation (2 max |T|) that is good.
+    /// Tolerance of the form deviation (2 max |T|).
     #[arg(long, value_name = "UM")]
     tolerance_um: f64,
-    /// Largest offset that may be commanded.
+    /// Largest permissible path offset.
     #[arg(long, value_name = "UM", default_value_t = 500.0)]
     largest_um: f64,
-    /// Corrections after which it gives up.
+    /// Largest number of corrections.
     #[arg(long, default_value_t = 5)]
     corrections: usize,
-    /// Take off everything measured, noise included, not only what repeats.
+    /// Correct the raw deviations, noise included, instead of their deterministic part.
     #[arg(long)]
     raw: bool,
     /// Write the milling program of the next part.
     #[arg(long, value_name = "FILE")]
     program: Option<PathBuf>,
-    /// Radius of the cutter; it runs on the side of the outward normals.
+    /// Cutter radius; the cutter is on the side of the outward normals.
     #[arg(long, value_name = "MM", default_value_t = 6.0)]
     cutter_radius_mm: f64,
-    /// Distance that a segment of the program may keep from the path.
+    /// Chord tolerance of the program.
     #[arg(long, value_name = "UM", default_value_t = 1.0)]
     chord_um: f64,
-    /// Number of the tool.
+    /// Tool number.
     #[arg(long, default_value_t = 1)]
     tool: u32,
-    /// Speed of the spindle.
+    /// Spindle speed.
     #[arg(long, value_name = "RPM", default_value_t = 5000.0)]
     spindle_rpm: f64,
     /// Feed along the path.
     #[arg(long, value_name = "MM/MIN", default_value_t = 500.0)]
     feed_mm_per_min: f64,
-    /// Height at which the profile is cut, part z.
+    /// Depth of cut, as z of the part.
     #[arg(
         long,
         value_name = "MM",
@@ -65,7 +65,7 @@ pub(crate) struct Arguments {
         allow_hyphen_values = true
     )]
     depth_mm: f64,
-    /// Height at which nothing is in the way, part z.
+    /// Clearance height, as z of the part.
     #[arg(
         long,
         value_name = "MM",
@@ -102,13 +102,13 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
     let mut profile: Option<Profile> = None;
     let mut parts = Vec::new();
     for path in &arguments.bags {
-        let place = || path.display().to_string();
-        let (found, deviations) = read(path).with_context(place)?;
+        let name = || path.display().to_string();
+        let (found, deviations) = read(path).with_context(name)?;
         match &profile {
             Some(first) if first.points != found.points || first.normals != found.normals => {
                 bail!(
-                    "{}: its profile is not that of the first recording",
-                    place()
+                    "{}: its profile differs from that of the first recording",
+                    name()
                 );
             }
             Some(_) => {}
@@ -133,9 +133,9 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
         std::fs::write(file, text).with_context(|| format!("cannot write {}", file.display()))?;
     }
     if arguments.json {
-        report::json(&answer(&judged, parts.len()))?;
+        output::json(&answer(&judged, parts.len()))?;
     } else {
-        tell(&judged, parts.len(), arguments.program.as_deref());
+        print(&judged, parts.len(), arguments.program.as_deref());
     }
     Ok(match judged.next {
         Next::Stop(_) => FAILED,
@@ -146,7 +146,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
 /// The profile that a bag measured, and the mean deviation (m) at each of its points.
 fn read(path: &Path) -> anyhow::Result<(Profile, Vec<f64>)> {
     let session = Session::read_measurement(&Bag::open(path)?, &Measurement::Last)?;
-    report::damage(&session.damage);
+    output::damage(&session.damage);
     let plan = session.plan.as_ref().context("it has no inspection plan")?;
     let chain = Chain::from_urdf(&session.robot_description)?;
     let nominal = Nominal::from_plan(plan)?;
@@ -168,7 +168,7 @@ fn read(path: &Path) -> anyhow::Result<(Profile, Vec<f64>)> {
     for index in chosen {
         let (point, normal) = &nominal.points[index];
         if normal.z.abs() > PLANE {
-            bail!("point {index} of its profile does not face along the plane x, y");
+            bail!("the normal of point {index} of its profile is not in the plane x, y");
         }
         let (sum, count) = sums[index];
         if count == 0 {
@@ -204,7 +204,7 @@ fn program(
 ) -> anyhow::Result<String> {
     let radius = arguments.cutter_radius_mm * 1e-3;
     let path = segmented_path(&correction.curve, radius, arguments.chord_um * 1e-6)?;
-    let path: Vec<[f64; 2]> = path.iter().map(|place| [place.x, place.y]).collect();
+    let path: Vec<[f64; 2]> = path.iter().map(|point| [point.x, point.y]).collect();
     let contour = Contour {
         tool_number: arguments.tool,
         spindle_speed: arguments.spindle_rpm * std::f64::consts::TAU / 60.0,
@@ -235,29 +235,31 @@ fn answer(judged: &ProfileJudgement, parts: usize) -> Answer<'_> {
     }
 }
 
-fn tell(judged: &ProfileJudgement, parts: usize, program: Option<&Path>) {
+fn print(judged: &ProfileJudgement, parts: usize, program: Option<&Path>) {
     let deviation = &judged.deviation;
-    report::line(&format!(
+    output::line(&format!(
         "part {parts}: mean {:+.1} µm, form {:.1} µm, height {:.1} µm",
         deviation.mean * 1e6,
         deviation.form() * 1e6,
         deviation.height() * 1e6
     ));
     match &judged.next {
-        Next::InTolerance => report::line("in tolerance: cut the next part as this one"),
-        Next::Stop(hindrance) => report::line(&format!("cutting again does not help: {hindrance}")),
+        Next::InTolerance => output::line("in tolerance: cut the next part with the same program"),
+        Next::Stop(hindrance) => output::line(&format!(
+            "cutting again cannot bring the profile into tolerance: {hindrance}"
+        )),
         Next::Cut(correction) => {
             let largest = correction
                 .offsets
                 .iter()
                 .fold(0.0_f64, |m, c| m.max(c.abs()));
-            report::line(&format!(
+            output::line(&format!(
                 "next part: commanded offsets up to {:.1} µm (regression of {} control points)",
                 largest * 1e6,
                 judged.parts.control_points
             ));
             if let Some(file) = program {
-                report::line(&format!("program: {}", file.display()));
+                output::line(&format!("program: {}", file.display()));
             }
         }
     }

@@ -6,55 +6,56 @@ use std::time::Duration;
 use anyhow::{Context, bail};
 use bags::{Bag, Measurement};
 use cell::{Cell, ModelSection};
-use diagnosis::joined::{added_to, further_name, further_number, join};
 use diagnosis::{
     DeclaredEffect, Options, Report, Residuals, Session, diagnose_together_with_residuals,
     diagnose_with_residuals,
 };
+use effects::session::joined::join;
+use probecell_msgs::PlanId;
 
-use super::{further, record::CELL_FILE};
-use crate::{GOOD, report};
+use super::{diagnose_refine, record::CELL_FILE};
+use crate::{GOOD, output};
 
 /// What the user asks for.
 #[derive(clap::Args, Default)]
 pub(crate) struct Arguments {
-    /// Bags: folders or .mcap files. Several are diagnosed together: one set of causes for all.
+    /// Bags: folders or .mcap files. Several are diagnosed jointly, with one set of causes.
     #[arg(required_unless_present = "fit")]
     bags: Vec<PathBuf>,
-    /// The same, for use before `--withhold`.
+    /// Bags to fit; the same as positional bags, for use before `--withhold`.
     #[arg(long, num_args = 1.., conflicts_with = "bags")]
     fit: Vec<PathBuf>,
-    /// Bags that judge what the others were fitted to.
+    /// Bags withheld from the fit, on which it is judged.
     #[arg(long, num_args = 1..)]
     withhold: Vec<PathBuf>,
-    /// Diagnose each bag by itself.
+    /// Diagnose each bag separately.
     #[arg(long, conflicts_with = "withhold")]
     each: bool,
-    /// The plan to diagnose where a bag holds several; the last one measured if none is named.
+    /// Plan to diagnose; default: the last one measured.
     #[arg(long)]
     plan: Option<String>,
-    /// Leave an effect out of the library.
+    /// Exclude an effect from the library; may be repeated.
     #[arg(long)]
     without: Vec<String>,
-    /// Declare the effects of this cell file instead of those of the cell file in the bag.
+    /// Use the declared model of this cell file instead of the one embedded in the bag.
     #[arg(long, value_name = "CELL")]
     model: Option<PathBuf>,
     /// Print JSON: one object, or one for each bag with `--each`.
     #[arg(long)]
     json: bool,
-    /// Write a page that stands alone: conclusion, effects, pictures. Not with `--each`.
+    /// Write a self-contained HTML page. Not with `--each`.
     #[arg(long, value_name = "FILE", conflicts_with = "each")]
     html: Option<PathBuf>,
-    /// Where rivals are left, have the running cell that measured the bag make the touches that part them, and answer
-    /// again over both.
+    /// If the explanation remains ambiguous, have the running cell that recorded the bag take discriminating touches, and
+    /// diagnose both measurements jointly.
     #[arg(long, conflicts_with_all = ["each", "fit", "withhold", "plan"])]
     refine: bool,
-    /// Cell file of that cell.
+    /// Cell file of the running cell.
     #[arg(long, default_value = crate::DEFAULT_CELL, requires = "refine")]
     cell: PathBuf,
-    /// Longest time that the cell may take, s.
-    #[arg(long, default_value_t = 900, requires = "refine")]
-    patience_s: u64,
+    /// Timeout of the additional measurement, in seconds.
+    #[arg(long, alias = "patience-s", default_value_t = 900, requires = "refine")]
+    timeout_s: u64,
 }
 
 /// Diagnoses the bags together, or each.
@@ -75,7 +76,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
         for path in bags {
             let session = read(path, arguments)?;
             let (result, residuals) = diagnose_with_residuals(&session, &options)?;
-            tell(arguments, &result, &residuals)?;
+            print(arguments, &result, &residuals)?;
         }
         return Ok(GOOD);
     }
@@ -87,44 +88,41 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
     };
     let (fit, withheld) = (sessions(bags)?, sessions(&arguments.withhold)?);
     let (result, residuals) = diagnose_together_with_residuals(&fit, &withheld, &options)?;
-    tell(arguments, &result, &residuals)?;
+    print(arguments, &result, &residuals)?;
     Ok(GOOD)
 }
 
-/// Diagnoses the bag, has a running cell make further touches, and diagnoses both.
+/// Diagnoses the bag, has a running cell take additional touches, and diagnoses both.
 fn refine(arguments: &Arguments, options: &Options) -> anyhow::Result<u8> {
     let [path] = arguments.bags.as_slice() else {
-        bail!(
-            "--refine goes on from one bag, not from {}",
-            arguments.bags.len()
-        );
+        bail!("--refine takes one bag, not {}", arguments.bags.len());
     };
     let cell = Cell::read(&arguments.cell)?;
     let first = read(path, arguments)?;
-    let patience = Duration::from_secs(arguments.patience_s);
-    let refined = further::refine(&cell, &first, options, patience, !arguments.json)?;
+    let timeout = Duration::from_secs(arguments.timeout_s);
+    let refined = diagnose_refine::refine(&cell, &first, options, timeout, !arguments.json)?;
     if let Some(file) = &arguments.html {
         write_page(file, &refined.after, &refined.residuals)?;
     }
     if arguments.json {
-        report::json(&refined)?;
+        output::json(&refined)?;
     }
     Ok(GOOD)
 }
 
 fn write_page(file: &Path, result: &Report, residuals: &Residuals) -> anyhow::Result<()> {
-    let page = records::diagnosis_page(result, residuals)?;
+    let page = ::report::diagnosis_page(result, residuals)?;
     std::fs::write(file, page.html()).with_context(|| format!("cannot write {}", file.display()))
 }
 
-fn tell(arguments: &Arguments, result: &Report, residuals: &Residuals) -> anyhow::Result<()> {
+fn print(arguments: &Arguments, result: &Report, residuals: &Residuals) -> anyhow::Result<()> {
     if let Some(file) = &arguments.html {
         write_page(file, result, residuals)?;
     }
     if arguments.json {
-        report::json(result)?;
+        output::json(result)?;
     } else {
-        report::line(&result.to_string());
+        output::line(&result.to_string());
     }
     Ok(())
 }
@@ -138,22 +136,24 @@ pub(super) fn read(path: &Path, arguments: &Arguments) -> anyhow::Result<Session
     let Some(plan) = &last.plan else {
         return Ok(last);
     };
-    let Some(first) = added_to(&plan.plan_id) else {
+    let plan_id = PlanId::from(&plan.plan_id);
+    let Some(first) = plan_id.supplemented() else {
         return Ok(last);
     };
     let named = |id: String| read_measurement(&bag, &Measurement::Named(id), arguments);
     let mut all = match named(first.to_owned()) {
         Ok(session) => session,
         Err(problem) => {
-            report::remark(&format!(
+            output::remark(&format!(
                 "warning: {:?} adds to {first:?}, which is not in this bag: {problem}",
                 plan.plan_id
             ));
             return Ok(last);
         }
     };
-    for number in 1..further_number(&plan.plan_id) {
-        all = join(&all, &named(further_name(first, number))?)?;
+    for number in 1..plan_id.supplement_number() {
+        let earlier = PlanId::from(first).supplement(number);
+        all = join(&all, &named(earlier.to_string())?)?;
     }
     Ok(join(&all, &last)?)
 }
@@ -165,12 +165,12 @@ fn read_measurement(
 ) -> anyhow::Result<Session> {
     let session = bags::Session::read_measurement(bag, measurement)?;
     for damage in &session.damage {
-        report::remark(&format!(
+        output::remark(&format!(
             "warning: {damage}: only the complete part is diagnosed"
         ));
     }
     for missing in &session.missing {
-        report::remark(&format!("warning: {missing}"));
+        output::remark(&format!("warning: {missing}"));
     }
     Ok(Session {
         name: bag

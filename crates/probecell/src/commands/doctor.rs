@@ -1,22 +1,23 @@
-//! `probecell doctor`: what is wrong with this set-up.
+//! `probecell doctor`: checks the installation and the cell file.
 
 use std::{
-    net::{TcpListener, TcpStream, ToSocketAddrs},
+    net::{TcpListener, ToSocketAddrs},
     path::Path,
     time::{Duration, Instant},
 };
 
-use cell::{Cell, Source, TransportName};
+use cell::{Cell, TransportName};
+use controllers::driver::tcp_answers;
 use graph::{Wiring, topics};
 use host::bus::{Bus, BusConfig};
 use serde::Serialize;
 
-use crate::{BAD_INPUT, FAILED, GOOD, launcher, report};
+use crate::{BAD_INPUT, FAILED, GOOD, cell_bus, output};
 
-/// How long two participants on one machine may take to find each other.
-const DISCOVERY_PATIENCE: Duration = Duration::from_secs(10);
-/// How long a bus may take to close.
-const CLOSE_PATIENCE: Duration = Duration::from_secs(2);
+/// Timeout of discovery between two participants on one machine.
+const DISCOVERY_TIMEOUT: Duration = Duration::from_secs(10);
+/// Timeout of closing the bus.
+const CLOSE_TIMEOUT: Duration = Duration::from_secs(2);
 
 /// One thing looked at.
 #[derive(Serialize)]
@@ -57,22 +58,20 @@ pub(crate) fn run(file: &Path, json: bool) -> anyhow::Result<u8> {
             find("recordings", recordings(&cell));
             find("bus settings", settings(&cell));
             find("bus", bus(&cell));
-            if let Some(linuxcnc) = cell
-                .linuxcnc
-                .as_ref()
-                .filter(|_| cell.driver.source == Source::Linuxcnc)
-            {
-                find("linuxcnc", reach(&linuxcnc.address));
+            if let Some(driver) = cell.driver_settings(&cell.driver.source) {
+                for check in driver.doctor_checks() {
+                    find(&check.subject, check.result);
+                }
             }
         }
     }
     let good = findings.iter().all(|finding| finding.good);
     if json {
-        report::json(&findings)?;
+        output::json(&findings)?;
     } else {
         for finding in &findings {
             let word = if finding.good { "good" } else { "WRONG" };
-            report::line(&format!("{word:<6} {}: {}", finding.what, finding.text));
+            output::line(&format!("{word:<6} {}: {}", finding.what, finding.text));
         }
     }
     Ok(match (readable, good) {
@@ -82,7 +81,7 @@ pub(crate) fn run(file: &Path, json: bool) -> anyhow::Result<u8> {
     })
 }
 
-/// Every topic that is heard has somebody who speaks on it.
+/// Every topic with a subscription has a publisher.
 fn graph(cell: &Cell) -> Result<String, String> {
     let nodes = cell.nodes(false).map_err(|error| error.to_string())?;
     let wiring = Wiring::of(&nodes).map_err(|error| error.to_string())?;
@@ -94,7 +93,7 @@ fn graph(cell: &Cell) -> Result<String, String> {
                 topics::by_name(topic.name).is_some_and(|known| outside.contains(&known.producer));
             if wiring.producer(topic.name).is_none() && !known {
                 return Err(format!(
-                    "{} hears {}, on which nobody speaks",
+                    "{} subscribes to {}, which has no publisher",
                     node.name(),
                     topic.name
                 ));
@@ -120,22 +119,22 @@ fn recordings(cell: &Cell) -> Result<String, String> {
     Ok(format!("{} can be written", folder.display()))
 }
 
-/// Zenoh takes what the cell file says of sessions and of the router, whether that router is needed now or not.
+/// Zenoh accepts the settings of sessions and of the router, whether that router is needed now or not.
 fn settings(cell: &Cell) -> Result<String, String> {
-    let told = |error: anyhow::Error| error.to_string();
-    let session = launcher::bus_config(cell).map_err(told)?;
-    let router = launcher::router_config(cell).map_err(told)?;
+    let text = |error: anyhow::Error| error.to_string();
+    let session = cell_bus::bus_config(cell).map_err(text)?;
+    let router = cell_bus::router_config(cell).map_err(text)?;
     session
         .check()
         .map_err(|error| format!("bus.zenoh: {error}"))?;
     router
         .check()
         .map_err(|error| format!("bus.router_zenoh: {error}"))?;
-    Ok("Zenoh takes them".to_owned())
+    Ok("accepted by Zenoh".to_owned())
 }
 
 fn bus(cell: &Cell) -> Result<String, String> {
-    let mut config = launcher::bus_config(cell).map_err(|error| error.to_string())?;
+    let mut config = cell_bus::bus_config(cell).map_err(|error| error.to_string())?;
     config.connect_timeout = Duration::from_secs(2);
     if cell.bus.transport == TransportName::Dds {
         return dds(cell, &config);
@@ -144,14 +143,14 @@ fn bus(cell: &Cell) -> Result<String, String> {
     let address = endpoint
         .split_once('/')
         .map_or(endpoint.as_str(), |(_, address)| address);
-    if let Err(silent) = reach(address) {
+    if let Err(silent) = tcp_answers(address) {
         return if is_of_this_machine(address) {
             Ok(format!(
-                "nothing listens at {endpoint} yet: `up` carries its own router"
+                "nothing listens at {endpoint} yet: `up` will start its embedded router"
             ))
         } else {
             Err(format!(
-                "{silent}, which is no address of this machine: start a router there"
+                "{silent}, which is not an address of this machine: start a router there"
             ))
         };
     }
@@ -164,7 +163,7 @@ fn bus(cell: &Cell) -> Result<String, String> {
         "a router answers at {endpoint}; nodes seen: {}",
         graph.nodes().join(", ")
     );
-    bus.close(CLOSE_PATIENCE)
+    bus.close(CLOSE_TIMEOUT)
         .map_err(|error| error.to_string())?;
     Ok(text)
 }
@@ -177,7 +176,7 @@ fn dds(cell: &Cell, config: &BusConfig) -> Result<String, String> {
     };
     let (here, there) = (open("doctor")?, open("doctor_seen")?);
     let wanted = format!("{}/doctor_seen", cell.namespace());
-    let deadline = Instant::now() + DISCOVERY_PATIENCE;
+    let deadline = Instant::now() + DISCOVERY_TIMEOUT;
     let found = loop {
         if here.graph().nodes().contains(&wanted) {
             break true;
@@ -189,7 +188,7 @@ fn dds(cell: &Cell, config: &BusConfig) -> Result<String, String> {
     };
     let nodes = here.graph().nodes().join(", ");
     for bus in [here, there] {
-        bus.close(CLOSE_PATIENCE)
+        bus.close(CLOSE_TIMEOUT)
             .map_err(|error| error.to_string())?;
     }
     if found {
@@ -201,7 +200,7 @@ fn dds(cell: &Cell, config: &BusConfig) -> Result<String, String> {
         Err(format!(
             "two participants on this machine do not find each other within {} s: the loopback interface needs \
              multicast (ip link set lo multicast on; ip route add 224.0.0.0/4 dev lo)",
-            DISCOVERY_PATIENCE.as_secs()
+            DISCOVERY_TIMEOUT.as_secs()
         ))
     }
 }
@@ -211,16 +210,4 @@ fn is_of_this_machine(address: &str) -> bool {
     address.to_socket_addrs().is_ok_and(|mut addresses| {
         addresses.any(|address| TcpListener::bind((address.ip(), 0)).is_ok())
     })
-}
-
-fn reach(address: &str) -> Result<String, String> {
-    let addresses = address
-        .to_socket_addrs()
-        .map_err(|error| format!("{address}: {error}"))?;
-    for candidate in addresses {
-        if TcpStream::connect_timeout(&candidate, Duration::from_secs(2)).is_ok() {
-            return Ok(format!("{address} answers"));
-        }
-    }
-    Err(format!("nothing answers at {address}"))
 }

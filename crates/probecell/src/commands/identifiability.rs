@@ -1,4 +1,4 @@
-//! `probecell identifiability`: what a plan can tell before anything is measured, as a table or JSON.
+//! `probecell identifiability`: detection limits and confounded effects of a plan, as a table or JSON.
 
 use std::path::{Path, PathBuf};
 
@@ -6,30 +6,30 @@ use anyhow::ensure;
 use bags::{Bag, Measurement};
 use cell::Cell;
 use diagnosis::Session;
-use diagnosis::identifiability::{
+use experiment::identifiability::{
     DIAGNOSIS, Identifiability, Pair, Question, Smallest, identifiability,
 };
 
-use crate::{GOOD, report};
+use crate::{GOOD, output};
 
-/// Pairs told in the table; JSON has all.
-const TOLD: usize = 40;
+/// Pairs printed in the table; JSON has all.
+const PRINTED: usize = 40;
 
-/// A size of more than this (m, rad, s, or a share) is one that the plan does not see.
+/// A detection limit above this (m, rad, s, or a ratio) means that the plan does not detect the effect.
 const BEYOND_ANY: f64 = 1.0;
 
 /// What the user asks for.
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
-    /// A cell file, whose part gives the plan, or a bag with a plan.
+    /// Cell file, whose part gives the plan, or bag with a plan.
     plan: PathBuf,
-    /// Standard deviation of a touch, µm.
-    #[arg(long, default_value_t = 1.0)]
-    noise: f64,
-    /// Probability that a clean session shows any effect; by default as strict as the diagnosis.
+    /// Standard deviation of a touch.
+    #[arg(long, alias = "noise", value_name = "UM", default_value_t = 1.0)]
+    noise_um: f64,
+    /// Probability of a false alarm: that a session without effects shows any; default: that of the diagnosis.
     #[arg(long, default_value_t = DIAGNOSIS)]
     risk: f64,
-    /// Probability that an effect of the smallest size shows.
+    /// Probability of detection at the detection limit.
     #[arg(long, default_value_t = 0.95)]
     power: f64,
     /// Print JSON.
@@ -37,12 +37,12 @@ pub(crate) struct Arguments {
     json: bool,
 }
 
-/// Answers and prints.
+/// Analyses the plan and prints the result.
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
-    let (noise, risk, power) = (arguments.noise, arguments.risk, arguments.power);
+    let (noise, risk, power) = (arguments.noise_um, arguments.risk, arguments.power);
     ensure!(
         noise.is_finite() && noise > 0.0,
-        "--noise {noise} must be a number of µm above 0"
+        "--noise-um {noise} must be a number of µm above 0"
     );
     ensure!(
         risk > 0.0 && risk < 0.5,
@@ -64,9 +64,9 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
     };
     let answer = identifiability(&session, &question)?;
     if arguments.json {
-        report::json(&answer)?;
+        output::json(&answer)?;
     } else {
-        tell(&answer);
+        print(&answer);
     }
     Ok(GOOD)
 }
@@ -91,7 +91,7 @@ pub(super) fn of_cell(file: &Path) -> anyhow::Result<Session> {
 fn of_bag(path: &Path) -> anyhow::Result<Session> {
     let session = bags::Session::read_measurement(&Bag::open(path)?, &Measurement::Last)?;
     for damage in &session.damage {
-        report::remark(&format!(
+        output::remark(&format!(
             "warning: {damage}: only the complete part is used"
         ));
     }
@@ -107,20 +107,22 @@ fn of_bag(path: &Path) -> anyhow::Result<Session> {
     })
 }
 
-fn tell(answer: &Identifiability) {
-    report::line(&format!(
-        "plan {:?}: {} touches, {:.2} µm noise; sizes that show with probability {} while a clean session shows any effect with {}",
+fn print(answer: &Identifiability) {
+    output::line(&format!(
+        "plan {:?}: {} touches, {:.2} µm noise; probability of detection {}, of a false alarm {}",
         answer.plan_id,
         answer.touches,
         answer.noise * 1e6,
         answer.power,
         answer.risk
     ));
-    report::line("\nsmallest size that shows        rms of touches, µm      in its own parameters");
-    report::line("effect                        alone  beside others      alone (beside others)");
+    output::line(
+        "\ndetection limit                 rms of touches, µm      in parameters of the effect",
+    );
+    output::line("effect                        alone    with others      alone (with others)");
     for seen in &answer.effects {
         let sizes: Vec<String> = seen.parameters.iter().map(size).collect();
-        report::line(&format!(
+        output::line(&format!(
             "{:<28} {:>6.2}  {:>13}      {}",
             seen.effect,
             seen.rms * 1e6,
@@ -129,26 +131,26 @@ fn tell(answer: &Identifiability) {
         ));
     }
     if !answer.unseen.is_empty() {
-        report::line(&format!(
-            "\nnot seen at any plausible size: {}",
+        output::line(&format!(
+            "\nnot detectable at any plausible magnitude: {}",
             answer.unseen.join(", ")
         ));
     }
     if !answer.pairs.is_empty() {
-        report::line("\nthis plan cannot part");
+        output::line("\nconfounded by this plan");
     }
-    for pair in answer.pairs.iter().take(TOLD) {
-        tell_pair(pair);
+    for pair in answer.pairs.iter().take(PRINTED) {
+        print_pair(pair);
     }
-    if answer.pairs.len() > TOLD {
-        report::line(&format!(
+    if answer.pairs.len() > PRINTED {
+        output::line(&format!(
             "  … and {} more (--json has all)",
-            answer.pairs.len() - TOLD
+            answer.pairs.len() - PRINTED
         ));
     }
     for group in &answer.groups {
-        report::line(&format!(
-            "  {} from {} together (correlation {:.3})",
+        output::line(&format!(
+            "  {} and {} together (correlation {:.3})",
             group.effect,
             group.by.join(" + "),
             group.correlation
@@ -156,30 +158,30 @@ fn tell(answer: &Identifiability) {
     }
 }
 
-fn tell_pair(pair: &Pair) {
+fn print_pair(pair: &Pair) {
     let [one, other] = &pair.effects;
     let need = pair.rms_to_part.map_or_else(
-        || "whatever their size".to_owned(),
+        || "at any magnitude".to_owned(),
         |rms| format!("below {:.1} µm rms", rms * 1e6),
     );
-    let places: Vec<String> = (pair.differ_at.iter())
+    let features: Vec<String> = (pair.differ_at.iter())
         .map(|(feature, share)| format!("{feature} {:.0} %", share * 100.0))
         .collect();
-    let places = if places.is_empty() {
+    let differences = if features.is_empty() {
         String::new()
     } else {
-        format!("; they differ most at {}", places.join(", "))
+        format!("; largest difference at {}", features.join(", "))
     };
-    report::line(&format!(
-        "  {one} from {other}, {need} (correlation {:.4}){places}",
+    output::line(&format!(
+        "  {one} and {other}, {need} (correlation {:.4}){differences}",
         pair.correlation
     ));
     if pair.remedies.is_empty() {
-        report::line("      nothing that was tried parts them");
+        output::line("      none of the additional touches that were tried separates them");
     }
     for remedy in pair.remedies.iter().take(2) {
-        report::line(&format!(
-            "      {}: correlation {:.2}, then parted from {} µm rms on",
+        output::line(&format!(
+            "      {}: correlation {:.2}, separable above {} µm rms",
             remedy.advice,
             remedy.correlation,
             micro(remedy.rms_to_part)
@@ -204,8 +206,8 @@ fn size(smallest: &Smallest) -> String {
             .filter(|value| value.abs() <= BEYOND_ANY)
             .map_or_else(|| "–".to_owned(), |value| format!("{:.3}", value * factor))
     };
-    let (alone, beside) = (shown(Some(smallest.alone)), shown(smallest.beside));
-    format!("{} {alone} ({beside}) {unit}", smallest.name)
+    let (alone, with_others) = (shown(Some(smallest.alone)), shown(smallest.beside));
+    format!("{} {alone} ({with_others}) {unit}", smallest.name)
 }
 
 fn micro(rms: Option<f64>) -> String {

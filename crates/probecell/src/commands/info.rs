@@ -4,17 +4,17 @@ use std::path::Path;
 
 use bags::Bag;
 
-use crate::{GOOD, LOSS, report};
+use crate::{GOOD, LOSS, output};
 
 /// Prints the description.
 pub(crate) fn run(path: &Path, verify: bool, json: bool) -> anyhow::Result<u8> {
     let info = Bag::open(path)?.info(verify);
     if json {
-        report::json(&info)?;
+        output::json(&info)?;
     } else {
-        report::line(&format!("{}  ({})", info.path.display(), info.library));
+        output::line(&format!("{}  ({})", info.path.display(), info.library));
         let seconds = info.duration_ns as f64 * 1e-9;
-        report::line(&format!(
+        output::line(&format!(
             "{} messages in {seconds:.1} s, {} file(s)",
             info.messages,
             info.files.len()
@@ -26,13 +26,13 @@ pub(crate) fn run(path: &Path, verify: bool, json: bool) -> anyhow::Result<u8> {
             } else {
                 String::new()
             };
-            report::line(&format!(
+            output::line(&format!(
                 "{:>9}  {}  [{}]{lost}",
                 topic.messages, topic.topic, topic.type_name
             ));
         }
         for attachment in &info.attachments {
-            report::line(&format!(
+            output::line(&format!(
                 "attached  {} ({} bytes)",
                 attachment.name, attachment.bytes
             ));
@@ -40,11 +40,11 @@ pub(crate) fn run(path: &Path, verify: bool, json: bool) -> anyhow::Result<u8> {
         for (name, table) in &info.metadata {
             for (key, value) in table {
                 let value = value.trim_end().replace('\n', "; ");
-                report::line(&format!("{name}  {key}: {value}"));
+                output::line(&format!("{name}  {key}: {value}"));
             }
         }
         for damage in &info.damage {
-            report::line(&format!("damage    {damage}"));
+            output::line(&format!("damage    {damage}"));
         }
     }
     Ok(if info.damage.is_empty() { GOOD } else { LOSS })

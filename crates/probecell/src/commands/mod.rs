@@ -1,23 +1,30 @@
-//! One module for each command that is not the launcher or the operator.
+//! One module for each command, named as the command is typed; `up` is [`crate::launcher`].
 
 pub(crate) mod adopt;
+pub(crate) mod approve;
 pub(crate) mod blind;
+pub(crate) mod blind_refine;
+mod controller_files;
 pub(crate) mod correct;
 pub(crate) mod diagnose;
+mod diagnose_refine;
 pub(crate) mod doctor;
-pub(crate) mod further;
 pub(crate) mod identifiability;
 pub(crate) mod info;
+pub(crate) mod man;
+pub(crate) mod measure;
 pub(crate) mod node;
-pub(crate) mod part_record;
 pub(crate) mod plan;
 pub(crate) mod play;
 pub(crate) mod program;
 pub(crate) mod record;
 pub(crate) mod recording;
 pub(crate) mod recover;
-pub(crate) mod refine;
 pub(crate) mod replay;
+pub(crate) mod report;
 pub(crate) mod results;
 pub(crate) mod router;
+pub(crate) mod run;
+mod running_cell;
 pub(crate) mod scenario;
+mod session_bag;

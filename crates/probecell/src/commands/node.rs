@@ -1,15 +1,15 @@
-//! `probecell node`: one node, or the driver of a real controller, in this process.
+//! `probecell node`: runs one node, or the driver of a controller, in this process.
 
 use std::{collections::BTreeMap, path::Path, sync::atomic::Ordering};
 
-use anyhow::Context;
-use cell::{Cell, Source};
-use graph::{Wiring, topics};
+use cell::Cell;
+use controllers::driver::{Controller, Role};
+use graph::Wiring;
 use host::{NodeProcess, bus::Bus, run_driver, run_node};
 
-use crate::{GOOD, launcher, signals};
+use crate::{GOOD, cell_bus, signals};
 
-/// Runs the node until it is told to end.
+/// Runs the node until SIGINT or SIGTERM.
 pub(crate) fn run(
     name: &str,
     file: &Path,
@@ -21,11 +21,13 @@ pub(crate) fn run(
         signals::end_with_parent()?;
     }
     let cell = Cell::read(file)?;
-    if name == launcher::LINUXCNC {
-        return drive_linuxcnc(&cell);
+    if let Role::Process(controller) = cell.driver_role()
+        && name == cell.driver.source
+    {
+        return drive(&cell, controller);
     }
-    let instance = cell.instance(name, cell.driver.source == Source::Bag)?;
-    let bus = Bus::open(&launcher::bus_config(&cell)?, name, &cell.namespace())?;
+    let instance = cell.instance(name, cell.is_playback())?;
+    let bus = Bus::open(&cell_bus::bus_config(&cell)?, name, &cell.namespace())?;
     let settings = NodeProcess {
         namespace: cell.namespace(),
         incarnation,
@@ -38,45 +40,36 @@ pub(crate) fn run(
     trouble.map_or(Ok(GOOD), Err)
 }
 
-/// How many subscriptions each topic of the cell has once everybody is there.
+/// Number of subscriptions of each topic once all processes of the cell have started.
 fn awaited(cell: &Cell, recorded: bool) -> anyhow::Result<BTreeMap<String, usize>> {
     let wiring = Wiring::of(&cell.nodes(false)?)?;
-    let names = cell.node_names();
+    let (names, topics) = (cell.node_names(), cell.topics()?);
     let mut awaited = if recorded {
-        host::recording::heard_by_recorder(&names)
+        host::recording::subscriptions_of_recorder(&topics, &names)
     } else {
         BTreeMap::new()
     };
-    for topic in topics::ALL {
+    for topic in &topics {
         *awaited.entry(topic.name.to_owned()).or_default() += wiring.subscribers(topic.name).len();
     }
-    if cell.driver.source == Source::Linuxcnc {
-        for topic in [
-            topics::CONTROLLER_COMMANDS,
-            topics::INSPECTION_PLAN,
-            topics::MEASUREMENT_ORDER,
-        ] {
+    if cell.driver_process().is_some() {
+        for topic in host::SUBSCRIBED {
             *awaited.entry(topic.name.to_owned()).or_default() += 1;
         }
     }
     Ok(awaited)
 }
 
-fn drive_linuxcnc(cell: &Cell) -> anyhow::Result<u8> {
-    let section = cell
-        .linuxcnc
-        .clone()
-        .context("the cell file has no section [linuxcnc]")?;
-    let config = section.check()?;
-    let name = format!("linuxcnc-{}", host::now().0);
-    let driver = controllers::linuxcnc::Driver::connect(config, &name)?;
-    let bus = Bus::open(
-        &launcher::bus_config(cell)?,
-        launcher::LINUXCNC,
-        &cell.namespace(),
-    )?;
+/// Runs the driver of a real controller until it is asked to end.
+fn drive(cell: &Cell, controller: &dyn Controller) -> anyhow::Result<u8> {
+    let name = &cell.driver.source;
+    let session = format!("{name}-{}", host::now().0);
+    let connection = controller
+        .connect(&session)
+        .map_err(anyhow::Error::from_boxed)?;
+    let bus = Bus::open(&cell_bus::bus_config(cell)?, name, &cell.namespace())?;
     let end = signals::end_flag()?;
-    run_driver(bus, driver, &cell.namespace(), &|| {
+    run_driver(bus, connection, &cell.namespace(), &|| {
         end.load(Ordering::SeqCst)
     })?;
     Ok(GOOD)

@@ -8,20 +8,17 @@ use bags::{Bag, Session};
 use cell::Cell;
 use graph::{Executor, Running, Stamp, topics};
 use machine::{Chain, Nominal};
-use path_planning::{
-    Planned, Wanted,
-    route::{Route, Seed},
-};
+use path_planning::{MotionRules, OrderRequest, Planned, Seed};
 use probecell_msgs::{
     FeatureResult, InspectionPlan, MeasurementOrder, ProbeEvent, TouchDeviation, from_cdr, to_cdr,
 };
 use serde_json::json;
 
-use crate::{GOOD, report};
+use crate::{GOOD, output};
 
-/// Search effort where no cell file says it.
+/// Search effort without a cell file.
 const KICKS: u64 = 50_000;
-/// m; how far a probing move goes on behind the nominal contact where no cell file says it.
+/// m; overtravel of a probing move behind the nominal contact without a cell file.
 const OVERTRAVEL: f64 = 2e-3;
 
 /// Plans and prints.
@@ -32,34 +29,34 @@ pub(crate) fn run(source: &Path, as_json: bool) -> anyhow::Result<u8> {
         of_bag(&Bag::open(source)?, None, &|_| true)?
     };
     if as_json {
-        let mut told = serde_json::to_value(&order)?;
-        told["plan"] = serde_json::to_value(&plan)?;
-        report::json(&told)?;
+        let mut answer = serde_json::to_value(&order)?;
+        answer["plan"] = serde_json::to_value(&plan)?;
+        output::json(&answer)?;
         return Ok(status);
     }
     let saved = 100.0 * (1.0 - order.air_time / order.given_air_time.max(1e-12));
-    report::line(&format!(
+    output::line(&format!(
         "{}: {} touches of {} features",
         plan.part_id,
         plan.points.len(),
         plan.features.len()
     ));
-    report::line(&format!(
-        "moves between touches: {:.2} s against {:.2} s in the order given ({saved:.1} % less){}",
+    output::line(&format!(
+        "air moves: {:.2} s instead of {:.2} s in the given order ({saved:.1} % less){}",
         order.air_time,
         order.given_air_time,
         if order.optimal {
-            ", proved shortest"
+            ", proven optimal"
         } else {
             ""
         }
     ));
-    report::line(&format!(
-        "path of the ball in the part: {:.1} mm against {:.1} mm",
+    output::line(&format!(
+        "path of the ball in the part frame: {:.1} mm instead of {:.1} mm",
         order.air_length * 1e3,
         order.given_air_length * 1e3
     ));
-    report::line(&format!("order: {:?}", order.order));
+    output::line(&format!("order: {:?}", order.order));
     Ok(status)
 }
 
@@ -76,21 +73,14 @@ pub(crate) fn of_cell(
     allowance: f64,
     wanted: &dyn Fn(u32) -> bool,
 ) -> anyhow::Result<(InspectionPlan, MeasurementOrder, u8)> {
-    let chain = Chain::from_urdf(&cell.text().robot_description)?;
-    let config = cell.path_planning.check(chain, &cell.part, Vec::new())?;
+    let config = (cell.path_planning).check(cell.chain()?, &cell.part, Vec::new())?;
     let plan = config.part.plan(allowance);
     let points: Vec<u32> = (0..plan.points.len() as u32)
         .filter(|&point| wanted(point))
         .collect();
-    let (clearance, overtravel, kicks) = (config.clearance, config.overtravel, config.kicks);
-    let route = Route {
-        chain: &config.chain,
-        clearance,
-        overtravel,
-        kicks,
-    };
+    let rules = config.rules();
     let all: Vec<u32> = (0..plan.points.len() as u32).collect();
-    let mut wanted = Wanted {
+    let mut request = OrderRequest {
         plan: &plan,
         points: &all,
         stages: config.part.stages(),
@@ -101,15 +91,15 @@ pub(crate) fn of_cell(
     // Poses are those of the whole plan, whichever points are left of it.
     let mut whole = None;
     if points == all || config.part.poses().iter().any(|poses| poses.len() > 1) {
-        whole = Some(planned(&route, &wanted)?);
+        whole = Some(planned(&rules, &request)?);
     }
     let Planned { plan, order } = match &whole {
         Some(whole) if points == all => whole.clone(),
         _ => {
-            wanted.plan = whole.as_ref().map_or(&plan, |whole| &whole.plan);
-            wanted.points = &points;
-            wanted.poses = &[];
-            planned(&route, &wanted)?
+            request.plan = whole.as_ref().map_or(&plan, |whole| &whole.plan);
+            request.points = &points;
+            request.poses = &[];
+            planned(&rules, &request)?
         }
     };
     Ok((plan, order, GOOD))
@@ -117,22 +107,21 @@ pub(crate) fn of_cell(
 
 /// The plan of a cell's part with an allowance (m) left on its sizes, at the poses chosen where there are several.
 pub(crate) fn part_of(cell: &Cell, allowance: f64) -> anyhow::Result<InspectionPlan> {
-    let chain = Chain::from_urdf(&cell.text().robot_description)?;
-    let config = cell.path_planning.check(chain, &cell.part, Vec::new())?;
+    let config = (cell.path_planning).check(cell.chain()?, &cell.part, Vec::new())?;
     if config.part.poses().iter().all(|poses| poses.len() < 2) {
         return Ok(config.part.plan(allowance));
     }
     Ok(of_cell(cell, allowance, &|_| true)?.0)
 }
 
-/// Plans; a person at a terminal sees how far it is.
-fn planned(route: &Route<'_>, wanted: &Wanted<'_>) -> anyhow::Result<Planned> {
-    let planned = route.planned(wanted, &mut |task| report::progress(&task.progress()));
-    report::end_progress();
+/// Plans, with progress on a terminal.
+fn planned(rules: &MotionRules<'_>, request: &OrderRequest<'_>) -> anyhow::Result<Planned> {
+    let planned = rules.plan(request, &mut |task| output::progress(&task.progress()));
+    output::end_progress();
     Ok(planned?)
 }
 
-/// Orders the plan of a recording again, against the order in which it was measured; `clearance` as in [`Route`],
+/// Orders the plan of a recording again, against the order in which it was measured; `clearance` as in [`MotionRules`],
 /// `wanted` as in [`of_cell`].
 pub(crate) fn of_bag(
     bag: &Bag,
@@ -140,25 +129,25 @@ pub(crate) fn of_bag(
     wanted: &dyn Fn(u32) -> bool,
 ) -> anyhow::Result<(InspectionPlan, MeasurementOrder, u8)> {
     let session = Session::read(bag)?;
-    let status = report::damage(&session.damage);
+    let status = output::damage(&session.damage);
     let recorded = session
         .plan
         .as_ref()
-        .context("the bag has no inspection plan to order")?;
+        .context("the bag has no inspection plan")?;
     let chain = Chain::from_urdf(&session.robot_description)?;
     let part_pose = Nominal::from_plan(recorded)?.part_pose;
     if session.events.is_empty() {
-        bail!("the bag has no probe events: no order was measured that could be beaten");
+        bail!("the bag has no probe events, so there is no measured order to compare with");
     }
     // The first touch of each point gives the order to beat, and where the axes stood.
     let mut seeds = Vec::new();
-    let mut places = Vec::new();
+    let mut measured = Vec::new();
     for event in session.events.iter().map(|stamped| &stamped.message) {
-        if places.contains(&event.point_index) || !wanted(event.point_index) {
+        if measured.contains(&event.point_index) || !wanted(event.point_index) {
             continue;
         }
         if event.point_index as usize >= recorded.points.len() {
-            bail!("an event names a point that the plan does not have");
+            bail!("a probe event names a point that is not in the plan");
         }
         let positions = chain.positions(&event.axis_names, &event.axis_positions)?;
         // Without rotary axes in the plan (an arm) the probe keeps the attitude that it had.
@@ -170,30 +159,30 @@ pub(crate) fn of_bag(
             positions,
             attitude,
         });
-        places.push(event.point_index);
+        measured.push(event.point_index);
     }
-    let route = Route {
+    let rules = MotionRules {
         chain: &chain,
         clearance,
         overtravel: OVERTRAVEL,
         kicks: KICKS,
     };
-    let wanted = Wanted {
+    let request = OrderRequest {
         plan: recorded,
-        points: &places,
+        points: &measured,
         stages: &[],
         poses: &[],
         seeds: &seeds,
         here: None,
     };
-    let Planned { plan, order } = planned(&route, &wanted)?;
+    let Planned { plan, order } = planned(&rules, &request)?;
     Ok((plan, order, status))
 }
 
-/// Runs the analysis on a recording of somebody else: its plan and touches, on virtual time.
+/// Runs the analysis on a recording of another system: its plan and touches, on virtual time.
 pub(crate) fn replay_foreign(bag: &Bag, as_json: bool) -> anyhow::Result<u8> {
     let session = Session::read(bag)?;
-    let status = report::damage(&session.damage);
+    let status = output::damage(&session.damage);
     let plan = session.plan.as_ref().context(
         "the bag has neither step journals nor an inspection plan: there is nothing to replay",
     )?;
@@ -214,11 +203,11 @@ pub(crate) fn replay_foreign(bag: &Bag, as_json: bool) -> anyhow::Result<u8> {
         .map(|event| (Stamp(event.log_time as i64), &event.message));
     let (deviations, features) = analyse(chain, plan, events.collect())?;
     if as_json {
-        report::json(&json!({ "deviations": deviations, "features": features }))?;
+        output::json(&json!({ "deviations": deviations, "features": features }))?;
         return Ok(status);
     }
-    report::line(&format!(
-        "{} touches of plan {:?}, computed again; nothing of this cell was recorded to compare with",
+    output::line(&format!(
+        "{} touches of plan {:?} recomputed; the recording has no results to compare with",
         deviations.len(),
         plan.plan_id
     ));
@@ -262,7 +251,7 @@ pub(crate) fn analyse(
 /// A line for each feature.
 pub(crate) fn print_features(features: &Features) {
     for result in features.values() {
-        report::line(&format!(
+        output::line(&format!(
             "  {:<20} {:10.4} mm  {:+8.2} µm  form {:7.2} µm  {}",
             result.feature_id,
             result.size * 1e3,

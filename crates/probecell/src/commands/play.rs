@@ -1,9 +1,8 @@
-//! `probecell play`: a recording on the bus again.
+//! `probecell play`: plays back a recording on the bus.
 //!
-//! Topics go under another namespace by default, so that nothing of a running cell takes them for its own; names that
-//! somebody publishes already are refused. Whatever asks a machine or its operator's cell for something (commands,
-//! requests, approvals) is never published, under any namespace. Messages go out in the order and with
-//! the spacing of their log times, at any rate; `/clock` tells the recorded time.
+//! Topics are published under another namespace by default, so that a running cell does not take them for its own; names that
+//! are published already are refused. Commands, requests and approvals are never published, under any namespace. Messages
+//! are published in the order and with the spacing of their log times, at any rate; `/clock` gives the recorded time.
 
 use std::{
     collections::BTreeMap,
@@ -21,17 +20,17 @@ use host::bus::{self, Bus, BusConfig, Publisher, Qos, TypeId};
 use indicatif::ProgressBar;
 use probecell_msgs::{Message, rosgraph_msgs::Clock, to_cdr};
 
-use crate::{report, signals};
+use crate::{output, signals};
 
-/// Between two messages of `/clock` while nothing else happens.
+/// Longest interval between two messages of `/clock`.
 const CLOCK_PERIOD: Duration = Duration::from_millis(25);
 
-/// Long enough for a session that has joined to see who else publishes.
-const GRAPH_SETTLES: Duration = Duration::from_millis(500);
+/// Time in which a session that has joined discovers other publishers.
+const DISCOVERY: Duration = Duration::from_millis(500);
 
-/// What makes a cell act: what its operator and its launcher say, and what is asked of the machine. Nothing recorded does.
-fn makes_act(recorded: &str) -> bool {
-    let asks = |topic: &&topics::Topic| {
+/// Topics that make a cell act: requests of the operator and the launcher, and commands to the machine. They are never played.
+fn is_command(recorded: &str) -> bool {
+    let commands = |topic: &&topics::Topic| {
         topic.producer == "operator"
             || [
                 topics::CONTROLLER_COMMANDS.name,
@@ -39,7 +38,7 @@ fn makes_act(recorded: &str) -> bool {
             ]
             .contains(&topic.name)
     };
-    topics::ALL.iter().filter(asks).any(|topic| {
+    topics::ALL.iter().filter(commands).any(|topic| {
         recorded
             .strip_suffix(topic.name)
             .is_some_and(|namespace| namespace.ends_with('/'))
@@ -61,28 +60,28 @@ pub(crate) struct Arguments {
     /// Namespace to publish under instead of the recorded one.
     #[arg(long, default_value = "/replay")]
     namespace: String,
-    /// Speed: 2 is twice as fast.
+    /// Playback rate: 2 is twice as fast.
     #[arg(long, default_value_t = 1.0)]
     rate: f64,
-    /// Begin so many seconds into the recording.
+    /// Start offset, in seconds.
     #[arg(long, default_value_t = 0.0)]
     start_s: f64,
-    /// Begin again at the end.
+    /// Loop.
     #[arg(long = "loop")]
     again: bool,
-    /// Wait for a line on standard input before the first message.
+    /// Start paused: wait for a line on standard input.
     #[arg(long)]
     paused: bool,
     /// Read commands from standard input: pause, resume, seek SECONDS, rate FACTOR, quit.
     #[arg(long)]
     interactive: bool,
-    /// Wait until somebody hears this topic (its recorded name); may be given more than once.
+    /// Wait until this topic (recorded name) has a subscriber; may be repeated.
     #[arg(long)]
     wait_for: Vec<String>,
     /// Publish `/clock`.
     #[arg(long)]
     clock: bool,
-    /// Router to connect to.
+    /// Zenoh endpoint of the router.
     #[arg(long, default_value = bus::ROUTER_ENDPOINT)]
     router: String,
     /// ROS domain.
@@ -90,7 +89,7 @@ pub(crate) struct Arguments {
     domain_id: u32,
 }
 
-enum Order {
+enum PlayerCommand {
     Pause,
     Resume,
     Seek(f64),
@@ -130,7 +129,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
     check_free(&bus, arguments, &bag)?;
     let player = Player::new(&bus, &bag, arguments)?;
     player.wait_for_subscribers(&arguments.wait_for);
-    let orders = orders(arguments.interactive || arguments.paused, arguments.paused)?;
+    let commands = commands(arguments.interactive || arguments.paused, arguments.paused)?;
     let mut pace = Pace {
         rate: arguments.rate,
         paused: arguments.paused,
@@ -140,14 +139,14 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
     };
     pace.seek(first + (arguments.start_s.max(0.0) * 1e9) as u64);
     loop {
-        let finished = player.play_once(&bag, &mut pace, &orders, first, last)?;
+        let finished = player.play_once(&bag, &mut pace, &commands, first, last)?;
         if !finished || !arguments.again {
             break;
         }
         pace.seek(first);
     }
     bus.close(Duration::from_secs(5))?;
-    Ok(report::damage(&bag.damage()))
+    Ok(output::damage(&bag.damage()))
 }
 
 /// The namespace is one, and the bag has every topic that is waited for.
@@ -169,18 +168,18 @@ fn check_names(arguments: &Arguments, bag: &Bag) -> anyhow::Result<()> {
             .iter()
             .any(|channel| channel.topic == *wanted)
         {
-            bail!("--wait-for {wanted}: there is no such topic in the bag");
+            bail!("--wait-for {wanted}: the bag has no such topic");
         }
-        if makes_act(wanted) {
+        if is_command(wanted) {
             bail!("--wait-for {wanted}: requests, approvals and commands are never played");
         }
     }
     Ok(())
 }
 
-/// Nobody publishes under the names that the recording would take: a running cell would take it for its own.
+/// No publisher uses the names of the playback: a running cell would mistake it for its own messages.
 fn check_free(bus: &Bus, arguments: &Arguments, bag: &Bag) -> anyhow::Result<()> {
-    std::thread::sleep(GRAPH_SETTLES);
+    std::thread::sleep(DISCOVERY);
     let taken = bus.graph().topics();
     for channel in bag.channels() {
         let target = target(&arguments.namespace, &channel.topic);
@@ -189,7 +188,7 @@ fn check_free(bus: &Bus, arguments: &Arguments, bag: &Bag) -> anyhow::Result<()>
             .any(|topic| topic.name == target && !topic.offered.is_empty())
         {
             bail!(
-                "{target} is published already: a running cell would take the recording for its own; choose another \
+                "{target} is published already: a running cell would mistake the playback for its own messages; choose another \
                  --namespace"
             );
         }
@@ -246,11 +245,11 @@ impl<'a> Player<'a> {
     fn new(bus: &'a Bus, bag: &Bag, arguments: &Arguments) -> anyhow::Result<Self> {
         let mut publishers = BTreeMap::new();
         for channel in bag.channels() {
-            if makes_act(&channel.topic) || publishers.contains_key(&channel.topic) {
+            if is_command(&channel.topic) || publishers.contains_key(&channel.topic) {
                 continue;
             }
             let Some(ty) = type_of(channel) else {
-                report::remark(&format!(
+                output::remark(&format!(
                     "{} is not played: its type {} has no hash",
                     channel.topic, channel.type_name
                 ));
@@ -286,54 +285,54 @@ impl<'a> Player<'a> {
         &self,
         bag: &Bag,
         pace: &mut Pace,
-        orders: &Receiver<Order>,
+        commands: &Receiver<PlayerCommand>,
         first: u64,
         last: u64,
     ) -> anyhow::Result<bool> {
         let progress = ProgressBar::new((last - first) / 1_000_000_000);
         let mut from = pace.at;
         'again: loop {
-            let mut told = Instant::now();
+            let mut published = Instant::now();
             for message in bag.messages() {
                 let Ok(message) = message else { continue };
                 if message.log_time < from {
                     continue;
                 }
                 loop {
-                    let order = if pace.paused || pace.due() < message.log_time {
+                    let command = if pace.paused || pace.due() < message.log_time {
                         let wait = pace.wait(message.log_time).min(CLOCK_PERIOD);
-                        orders.recv_timeout(wait).ok()
-                    } else if let Ok(order) = orders.try_recv() {
-                        Some(order)
+                        commands.recv_timeout(wait).ok()
+                    } else if let Ok(command) = commands.try_recv() {
+                        Some(command)
                     } else {
                         break;
                     };
-                    match order {
-                        Some(Order::Quit) => return Ok(false),
-                        Some(Order::Pause) => {
+                    match command {
+                        Some(PlayerCommand::Quit) => return Ok(false),
+                        Some(PlayerCommand::Pause) => {
                             pace.at = pace.due();
                             pace.paused = true;
                         }
-                        Some(Order::Resume) => {
+                        Some(PlayerCommand::Resume) => {
                             pace.seek(pace.at);
                             pace.paused = false;
                         }
-                        Some(Order::Rate(rate)) => {
+                        Some(PlayerCommand::Rate(rate)) => {
                             pace.seek(pace.due());
                             pace.rate = rate;
                         }
-                        Some(Order::Seek(seconds)) => {
+                        Some(PlayerCommand::Seek(seconds)) => {
                             from = first + (seconds.max(0.0) * 1e9) as u64;
                             pace.seek(from);
                             continue 'again;
                         }
                         None => {}
                     }
-                    if told.elapsed() >= CLOCK_PERIOD {
-                        self.tell_clock(pace.due().min(message.log_time))?;
+                    if published.elapsed() >= CLOCK_PERIOD {
+                        self.publish_clock(pace.due().min(message.log_time))?;
                         progress
                             .set_position(message.log_time.saturating_sub(first) / 1_000_000_000);
-                        told = Instant::now();
+                        published = Instant::now();
                     }
                 }
                 if let Some(publisher) = self.publishers.get(&message.channel.topic) {
@@ -345,7 +344,7 @@ impl<'a> Player<'a> {
         }
     }
 
-    fn tell_clock(&self, recorded: u64) -> anyhow::Result<()> {
+    fn publish_clock(&self, recorded: u64) -> anyhow::Result<()> {
         if let Some(publisher) = &self.clock {
             let stamp = Stamp(recorded as i64);
             publisher.publish(
@@ -359,50 +358,50 @@ impl<'a> Player<'a> {
     }
 }
 
-/// Orders from standard input, and the end by a signal.
-fn orders(interactive: bool, paused: bool) -> anyhow::Result<Receiver<Order>> {
+/// Commands from standard input, and the end by a signal.
+fn commands(interactive: bool, paused: bool) -> anyhow::Result<Receiver<PlayerCommand>> {
     let (sender, receiver) = channel();
     let at_end = sender.clone();
-    signals::on_end(move || drop(at_end.send(Order::Quit)))?;
+    signals::on_end(move || drop(at_end.send(PlayerCommand::Quit)))?;
     if interactive {
         std::thread::Builder::new()
-            .name("orders".to_owned())
+            .name("commands".to_owned())
             .spawn(move || {
                 let mut waits = paused;
                 for line in std::io::stdin().lock().lines().map_while(Result::ok) {
-                    match order(&line) {
-                        Some(order) => {
-                            waits &= !matches!(order, Order::Resume);
-                            drop(sender.send(order));
+                    match command(&line) {
+                        Some(command) => {
+                            waits &= !matches!(command, PlayerCommand::Resume);
+                            drop(sender.send(command));
                         }
-                        None => report::remark(
-                            "orders are: pause, resume, seek SECONDS, rate FACTOR, quit",
+                        None => output::remark(
+                            "commands are: pause, resume, seek SECONDS, rate FACTOR, quit",
                         ),
                     }
                 }
                 if waits {
-                    report::remark("standard input ended: nobody can resume what is paused");
-                    drop(sender.send(Order::Quit));
+                    output::remark("standard input ended while paused: playback cannot be resumed");
+                    drop(sender.send(PlayerCommand::Quit));
                 }
             })?;
     }
     Ok(receiver)
 }
 
-fn order(line: &str) -> Option<Order> {
+fn command(line: &str) -> Option<PlayerCommand> {
     let mut words = line.split_whitespace();
-    let order = match words.next() {
-        None | Some("resume") => Order::Resume,
-        Some("pause") => Order::Pause,
-        Some("quit") => Order::Quit,
-        Some("seek") => Order::Seek(
+    let command = match words.next() {
+        None | Some("resume") => PlayerCommand::Resume,
+        Some("pause") => PlayerCommand::Pause,
+        Some("quit") => PlayerCommand::Quit,
+        Some("seek") => PlayerCommand::Seek(
             words
                 .next()?
                 .parse()
                 .ok()
                 .filter(|seconds: &f64| seconds.is_finite())?,
         ),
-        Some("rate") => Order::Rate(
+        Some("rate") => PlayerCommand::Rate(
             words
                 .next()?
                 .parse()
@@ -411,10 +410,10 @@ fn order(line: &str) -> Option<Order> {
         ),
         Some(_) => return None,
     };
-    Some(order)
+    Some(command)
 }
 
-/// The type as it goes on the bus; our own hash where the bag has none.
+/// The type on the bus, with the hash of this program where the bag has none.
 fn type_of(channel: &bags::Channel) -> Option<TypeId> {
     let known = probecell_msgs::by_name(&channel.type_name);
     let (package, name) = channel.type_name.split_once("/msg/")?;

@@ -8,100 +8,142 @@ use std::path::PathBuf;
 use anyhow::{Context, bail};
 use bags::{Bag, Session};
 use cell::Cell;
-use controllers::{
-    axes::{Axis, Letter},
-    fanuc,
-    linuxcnc::{
-        Config, RawConfig,
-        program::{self, Settings, Touching},
-    },
-    sinumerik,
-};
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use controllers::dialect::{Characteristic, DIALECTS, Dialect, Job, ProgramWriter, by_name};
 use machine::{Chain, JointKind};
 use probecell_msgs::{InspectionPlan, MeasurementOrder};
 
-use super::{plan, replay::embedded_cell, results};
-use crate::report;
-
-/// Period of LinuxCNC's position loop where no cell file says it, s.
-const SERVO_PERIOD: f64 = 1e-3;
+use super::{
+    controller_files::{axes, touched_points},
+    plan,
+    replay::embedded_cell,
+};
+use crate::{GOOD, output};
 
 /// What the user asks for.
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
-    /// Cell file, or a bag whose plan is programmed.
+    /// Cell file, or bag whose plan is programmed.
     source: PathBuf,
-    /// Controller that runs the program.
-    #[arg(long)]
-    controller: Controller,
-    /// File to write; standard output otherwise.
+    /// Dialect of the controller that runs the program.
+    #[arg(long, value_parser = writers())]
+    controller: &'static dyn Dialect,
+    /// Output file; default: standard output.
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// Letter of an axis in programs, where it is not the axis' name; once for each such axis.
+    /// Address letter of an axis, if it differs from the axis name; may be repeated.
     #[arg(long = "axis", value_name = "NAME=LETTER")]
     axes: Vec<String>,
-    /// Axis that goes clear of the part first, and where it is clear; needed for a bag that does not hold its cell file.
+    /// Axis that retracts clear of the part first, and its clear position; required for a bag without an embedded cell file.
     #[arg(long, value_name = "AXIS=MM")]
     clearance: Option<String>,
-    /// Allowance that the cut leaves on the sizes of a cell's part.
+    /// Machining allowance left on the sizes of a cell's part.
     #[arg(long, value_name = "MM", default_value_t = 0.0)]
     allowance_mm: f64,
-    /// Touch only these points, for example to measure one again.
+    /// Measure only these points (indices into the plan, from 0).
     #[arg(long, value_name = "INDEX", value_delimiter = ',')]
     points: Vec<u32>,
-    /// What a program wrote before it broke off: points that it touched are not touched again.
+    /// Results of an interrupted program; points touched there are skipped. May be repeated.
     #[arg(long, value_name = "RESULTS")]
     measured: Vec<PathBuf>,
-    /// Feed between touches, which are guarded against contact (FANUC, SINUMERIK).
+    /// Maximum feed between touches, which are guarded against contact (FANUC, SINUMERIK).
     #[arg(long, value_name = "MM/MIN", default_value_t = 3000.0)]
     travel_feed_mm_per_min: f64,
-    /// Log that a LinuxCNC program writes, as the controller knows it.
+    /// Log file written by a LinuxCNC program, as a path of the controller.
     #[arg(long, value_name = "PATH", default_value = "probecell.log")]
     log: String,
+    /// Write instead the program that cuts, measures and decides on this characteristic of a cell file, on the controller
+    /// alone (FANUC, SINUMERIK): correct the tool wear and cut again, finish, or stop. It calls programs that you supply for
+    /// roughing, finishing and measuring.
+    #[arg(
+        long,
+        value_name = "CHARACTERISTIC",
+        conflicts_with_all = ["points", "measured", "clearance", "axes"]
+    )]
+    decision: Option<String>,
 }
 
-/// Whose language a program is in.
-#[derive(Clone, Copy, clap::ValueEnum)]
-enum Controller {
-    /// G-code of LinuxCNC; results by a log.
-    Linuxcnc,
-    /// FANUC custom macro; results by DPRNT.
-    Fanuc,
-    /// SINUMERIK; results by WRITE.
-    Sinumerik,
+/// The dialects that programs can be written in.
+fn writers() -> impl TypedValueParser<Value = &'static dyn Dialect> {
+    let writers = DIALECTS.iter().filter(|dialect| dialect.writer().is_some());
+    let values =
+        writers.map(|dialect| PossibleValue::new(dialect.name()).help(dialect.description()));
+    PossibleValuesParser::new(values)
+        .try_map(|name| by_name(DIALECTS, &name).ok_or("there is no such controller"))
 }
 
 /// Writes the program.
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
+    let writer = arguments.controller.writer();
+    let writer = writer.context("no programs are written for this controller")?;
+    if let Some(id) = &arguments.decision {
+        let text = decision_program(arguments, id, writer)?;
+        write(arguments, &text, &format!("decision on {id}"))?;
+        return Ok(GOOD);
+    }
     let source = Source::read(arguments)?;
     let axes = axes(&source.chain, &arguments.axes)?;
-    let travel = arguments.travel_feed_mm_per_min / 60e3;
-    if !(travel.is_finite() && travel > 0.0) {
+    let travel_feed = arguments.travel_feed_mm_per_min / 60e3;
+    if !(travel_feed.is_finite() && travel_feed > 0.0) {
         bail!("--travel-feed-mm-per-min must be a finite number above 0");
     }
-    let text = match arguments.controller {
-        Controller::Linuxcnc => linuxcnc_program(&source, &axes, &arguments.log)?,
-        Controller::Fanuc => {
-            fanuc::program::measuring_program(&source.plan, &source.order, &axes, travel)?
-        }
-        Controller::Sinumerik => {
-            sinumerik::program::measuring_program(&source.plan, &source.order, &axes, travel)?
-        }
-    };
+    let text = writer.measuring_program(&Job {
+        plan: &source.plan,
+        order: &source.order,
+        axes: &axes,
+        travel_feed,
+        log_path: &arguments.log,
+        settings: source.settings(arguments.controller),
+    })?;
+    let (part, touches) = (&source.plan.part_id, source.order.order.len());
+    write(arguments, &text, &format!("{part}: {touches} touches"))?;
+    Ok(source.status)
+}
+
+fn write(arguments: &Arguments, text: &str, what: &str) -> anyhow::Result<()> {
     match &arguments.output {
-        None => report::line(text.trim_end()),
+        None => output::line(text.trim_end()),
         Some(path) => {
             std::fs::write(path, text)
                 .with_context(|| format!("the program cannot be written to {}", path.display()))?;
-            report::line(&format!(
-                "{}: {} touches in {}",
-                source.plan.part_id,
-                source.order.order.len(),
-                path.display()
-            ));
+            output::line(&format!("{what} in {}", path.display()));
         }
     }
-    Ok(source.status)
+    Ok(())
+}
+
+/// The decision program of a characteristic of a cell file.
+fn decision_program(
+    arguments: &Arguments,
+    id: &str,
+    writer: &dyn ProgramWriter,
+) -> anyhow::Result<String> {
+    if !plan::is_cell(&arguments.source) {
+        bail!("--decision needs a cell file, which holds tolerances and limits");
+    }
+    let cell = Cell::read(&arguments.source)?;
+    let mut characteristics = cell.compensation.characteristics.iter();
+    let characteristic = characteristics
+        .find(|characteristic| characteristic.id == id)
+        .with_context(|| {
+            format!("--decision: {id:?} is not one of compensation.characteristics")
+        })?;
+    let tool_number = characteristic
+        .tool_number
+        .with_context(|| format!("--decision: no tool corrects {id:?}"))?;
+    let mut features = cell.part.features.iter();
+    let nominal = features
+        .find(|feature| feature.id == id && matches!(feature.kind.as_str(), "cylinder" | "bore"))
+        .map(|feature| feature.radius_mm * 2e-3)
+        .with_context(|| format!("--decision: {id:?} is not a diameter of the part"))?;
+    Ok(writer.decision_program(&Characteristic {
+        nominal,
+        tolerance: characteristic.tolerance_mm * 1e-3,
+        wear_limit: -cell.compensation.wear_limit_mm * 1e-3,
+        max_corrections: cell.compensation.max_corrections,
+        inner: characteristic.inner,
+        tool_number,
+    })?)
 }
 
 /// What is to be programmed.
@@ -110,8 +152,7 @@ struct Source {
     order: MeasurementOrder,
     status: u8,
     chain: Chain,
-    /// Settings of the cell's own LinuxCNC.
-    linuxcnc: Option<Config>,
+    cell: Option<Cell>,
 }
 
 impl Source {
@@ -121,7 +162,7 @@ impl Source {
         }
         let mut measured = Vec::new();
         for file in &arguments.measured {
-            measured.extend(results::touched(file)?);
+            measured.extend(touched_points(file)?);
         }
         let wanted = |point: u32| {
             (arguments.points.is_empty() || arguments.points.contains(&point))
@@ -138,19 +179,19 @@ impl Source {
             }
             let (plan, order, status) =
                 plan::of_cell(&cell, arguments.allowance_mm * 1e-3, &wanted)?;
-            left(arguments, &order)?;
+            check_points(arguments, &order)?;
             return Ok(Self {
                 plan,
                 order,
                 status,
                 chain,
-                linuxcnc: cell.linuxcnc.clone().map(RawConfig::check).transpose()?,
+                cell: Some(cell),
             });
         }
         let bag = Bag::open(&arguments.source)?;
         let chain = Chain::from_urdf(&Session::read(&bag)?.robot_description)?;
-        let way = match (clearance(arguments, &chain)?, embedded_cell(&bag)?) {
-            (Some(way), _) => Some(way),
+        let clearance = match (clearance(arguments, &chain)?, embedded_cell(&bag)?) {
+            (Some(clearance), _) => Some(clearance),
             (None, Some(cell)) => {
                 let config = cell
                     .path_planning
@@ -158,23 +199,30 @@ impl Source {
                 config.clearance
             }
             (None, None) => bail!(
-                "the bag does not hold its cell file, so nobody knows which axis goes clear of the part: give --clearance AXIS=MM"
+                "the bag does not contain its cell file, which names the axis that retracts clear of the part: give --clearance AXIS=MM"
             ),
         };
-        let (plan, order, status) = plan::of_bag(&bag, way, &wanted)?;
-        left(arguments, &order)?;
+        let (plan, order, status) = plan::of_bag(&bag, clearance, &wanted)?;
+        check_points(arguments, &order)?;
         Ok(Self {
             plan,
             order,
             status,
             chain,
-            linuxcnc: None,
+            cell: None,
         })
     }
 }
 
+impl Source {
+    /// Settings of the driver of the dialect's name, where the cell file has them.
+    fn settings(&self, dialect: &dyn Dialect) -> Option<&dyn std::any::Any> {
+        Some(self.cell.as_ref()?.driver_settings(dialect.name())?)
+    }
+}
+
 /// Refuses a program without a touch, and points that the plan does not have.
-fn left(arguments: &Arguments, order: &MeasurementOrder) -> anyhow::Result<()> {
+fn check_points(arguments: &Arguments, order: &MeasurementOrder) -> anyhow::Result<()> {
     let known = |point: &&u32| !order.order.contains(point);
     if arguments.measured.is_empty()
         && let Some(missing) = arguments.points.iter().find(known)
@@ -201,57 +249,4 @@ fn clearance(arguments: &Arguments, chain: &Chain) -> anyhow::Result<Option<(usi
     parts
         .map(Some)
         .with_context(|| format!("--clearance {text:?} is not a linear axis of the machine and mm"))
-}
-
-/// The chain's axes as the controller calls them: by their own name, or by the letter given for it.
-pub(crate) fn axes(chain: &Chain, letters: &[String]) -> anyhow::Result<Vec<Axis>> {
-    let mut given = Vec::new();
-    for text in letters {
-        let pair = text
-            .split_once('=')
-            .with_context(|| format!("--axis {text:?} is not NAME=LETTER"))?;
-        if chain.axis_index(pair.0).is_none() {
-            bail!("--axis {text:?}: the machine has no axis {:?}", pair.0);
-        }
-        given.push(pair);
-    }
-    let mut axes: Vec<Axis> = Vec::new();
-    for (joint, name) in chain.axis_names().enumerate() {
-        let letter = given
-            .iter()
-            .rev()
-            .find(|(axis, _)| *axis == name)
-            .map_or(name, |(_, letter)| letter);
-        let letter: Letter = letter
-            .parse()
-            .with_context(|| format!("axis {name:?} needs a letter: give --axis {name}=LETTER"))?;
-        let one = chain.axis(joint);
-        if letter.is_rotary() != (one.kind == JointKind::Revolute) {
-            bail!("axis {name:?} cannot be {letter}: X, Y, Z are linear, A, B, C turn");
-        }
-        if axes.iter().any(|axis| axis.letter == letter) {
-            bail!("two axes of the machine are called {letter}: give --axis NAME=LETTER");
-        }
-        axes.push(Axis {
-            name: name.to_owned(),
-            letter,
-            joint,
-            limits: one.limits.map(|(lower, upper)| [lower, upper]),
-        });
-    }
-    Ok(axes)
-}
-
-fn linuxcnc_program(source: &Source, axes: &[Axis], log: &str) -> anyhow::Result<String> {
-    let config = source.linuxcnc.as_ref();
-    let settings = Settings {
-        axes: config.map_or(axes, |config| &config.axes),
-        touching: config.map_or(Touching::Once, |config| config.touching),
-        preamble: config.map_or(&[], |config| &config.preamble),
-        first_moves: config.map_or(&[], |config| &config.first_moves),
-        servo_period: config.map_or(SERVO_PERIOD, |config| config.servo_period),
-        log_path: log,
-        token: "probecell",
-    };
-    Ok(program::measuring_program(&source.plan, &source.order, &settings)?.text)
 }

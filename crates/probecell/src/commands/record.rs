@@ -1,4 +1,4 @@
-//! `probecell record`: a cell into a bag, until it is told to end.
+//! `probecell record`: records a cell into a bag, until SIGINT or SIGTERM.
 
 use std::{
     collections::BTreeMap,
@@ -15,27 +15,27 @@ use host::{
 };
 use probecell_msgs::{Service, from_cdr, srv, to_cdr};
 
-use crate::{GOOD, LOSS, launcher, report, signals};
+use crate::{GOOD, LOSS, cell_bus, output, signals};
 
 /// Name of the embedded cell file.
 pub(crate) const CELL_FILE: &str = "cell.toml";
-/// Name of the table that says what recorded.
+/// Name of the table of provenance.
 pub(super) const PROVENANCE: &str = "probecell";
 /// Name of the embedded robot description.
 pub(crate) const ROBOT_FILE: &str = "robot.urdf";
 
-/// How long the recorder may take to answer a service.
-const ANSWER_PATIENCE: Duration = Duration::from_secs(30);
+/// Timeout of the recorder to answer a service.
+const REPLY_TIMEOUT: Duration = Duration::from_secs(30);
 
-/// What reaches the recorder's main thread.
-enum Order {
+/// Requests to the recorder's main thread.
+enum Request {
     End,
     Start(String, Sender<srv::StartRecordingResponse>),
     Stop(Sender<srv::StopRecordingResponse>),
 }
 
 /// The recorder of one cell and the recording under way, if there is one.
-struct Desk<'a> {
+struct RecorderService<'a> {
     bus: &'a Bus,
     cell: &'a Cell,
     current: Option<(RecorderProcess, PathBuf)>,
@@ -49,33 +49,33 @@ pub(crate) fn run(file: &Path, folder: Option<PathBuf>, supervised: bool) -> any
         signals::end_with_parent()?;
     }
     let cell = Cell::read(file)?;
-    let (sender, orders) = channel();
+    let (sender, requests) = channel();
     let end = sender.clone();
-    // Nobody hears the order once the recorder has ended.
-    signals::on_end(move || end.send(Order::End).unwrap_or_default())?;
-    let bus = Bus::open(&launcher::bus_config(&cell)?, "recorder", &cell.namespace())?;
-    let mut desk = Desk {
+    // The receiver is gone once the recorder has ended.
+    signals::on_end(move || end.send(Request::End).unwrap_or_default())?;
+    let bus = Bus::open(&cell_bus::bus_config(&cell)?, "recorder", &cell.namespace())?;
+    let mut service = RecorderService {
         bus: &bus,
         cell: &cell,
         current: None,
         missing: 0,
     };
-    desk.begin(folder.unwrap_or_else(|| launcher::new_recording(&cell)))?;
+    service.begin(folder.unwrap_or_else(|| cell_bus::new_recording(&cell)))?;
     let servers = serve(&bus, &cell, &sender)?;
-    desk.obey(&orders)?;
+    service.serve_requests(&requests)?;
     drop(servers);
-    let last = desk.finish()?;
-    let missing = desk.missing;
+    let last = service.finish()?;
+    let missing = service.missing;
     bus.close(Duration::from_secs(2))?;
     if let (Some((folder, statistics)), false) = (last, supervised) {
-        report::line(&format!(
+        output::line(&format!(
             "{} messages in {}",
             statistics.messages,
             folder.display()
         ));
     }
     if missing > 0 {
-        report::line(&format!(
+        output::line(&format!(
             "{missing} messages are missing from the recordings"
         ));
         return Ok(LOSS);
@@ -83,12 +83,12 @@ pub(crate) fn run(file: &Path, folder: Option<PathBuf>, supervised: bool) -> any
     Ok(GOOD)
 }
 
-impl Desk<'_> {
+impl RecorderService<'_> {
     fn begin(&mut self, folder: PathBuf) -> anyhow::Result<()> {
         if let Some(parent) = folder.parent() {
             std::fs::create_dir_all(parent)?;
         }
-        let process = RecorderProcess::start(self.bus, settings(self.cell, folder.clone()))?;
+        let process = RecorderProcess::start(self.bus, settings(self.cell, folder.clone())?)?;
         self.current = Some((process, folder));
         Ok(())
     }
@@ -103,14 +103,14 @@ impl Desk<'_> {
         Ok(Some((folder, statistics)))
     }
 
-    /// Carries out orders until one ends the recorder, or the bag can no longer be written.
-    fn obey(&mut self, orders: &Receiver<Order>) -> anyhow::Result<()> {
+    /// Carries out requests until one ends the recorder, or the bag can no longer be written.
+    fn serve_requests(&mut self, requests: &Receiver<Request>) -> anyhow::Result<()> {
         loop {
-            match orders.recv_timeout(Duration::from_millis(200)) {
-                Ok(Order::End) | Err(RecvTimeoutError::Disconnected) => return Ok(()),
+            match requests.recv_timeout(Duration::from_millis(200)) {
+                Ok(Request::End) | Err(RecvTimeoutError::Disconnected) => return Ok(()),
                 // Who has asked may have gone away since.
-                Ok(Order::Start(uri, answer)) => drop(answer.send(self.start(&uri))),
-                Ok(Order::Stop(answer)) => drop(answer.send(self.stop())),
+                Ok(Request::Start(uri, answer)) => drop(answer.send(self.start(&uri))),
+                Ok(Request::Stop(answer)) => drop(answer.send(self.stop())),
                 Err(RecvTimeoutError::Timeout) => {}
             }
             if let Some(failure) = self
@@ -141,7 +141,7 @@ impl Desk<'_> {
             ));
         }
         let folder = if uri.is_empty() {
-            launcher::new_recording(self.cell)
+            cell_bus::new_recording(self.cell)
         } else {
             self.cell.recorder.folder.join(uri)
         };
@@ -189,21 +189,21 @@ impl Desk<'_> {
 }
 
 /// Offers the services; a call waits for the main thread to carry it out.
-fn serve(bus: &Bus, cell: &Cell, orders: &Sender<Order>) -> anyhow::Result<Vec<Server>> {
-    let ask = |orders: Sender<Order>| {
+fn serve(bus: &Bus, cell: &Cell, requests: &Sender<Request>) -> anyhow::Result<Vec<Server>> {
+    let ask = |requests: Sender<Request>| {
         move |request: &[u8]| {
             let request = from_cdr::<srv::StartRecordingRequest>(request)
                 .map_err(|error| error.to_string())?;
             let (sender, receiver) = channel();
-            let order = Order::Start(request.uri, sender);
-            let answer = wait(&orders, order, &receiver)?;
+            let order = Request::Start(request.uri, sender);
+            let answer = wait(&requests, order, &receiver)?;
             Ok(to_cdr(&answer))
         }
     };
-    let end = |orders: Sender<Order>| {
+    let end = |requests: Sender<Request>| {
         move |_: &[u8]| {
             let (sender, receiver) = channel();
-            let answer = wait(&orders, Order::Stop(sender), &receiver)?;
+            let answer = wait(&requests, Request::Stop(sender), &receiver)?;
             Ok(to_cdr(&answer))
         }
     };
@@ -211,21 +211,21 @@ fn serve(bus: &Bus, cell: &Cell, orders: &Sender<Order>) -> anyhow::Result<Vec<S
         bus.serve(
             &cell.topic("start_recording"),
             srv::StartRecording::TYPE,
-            Box::new(ask(orders.clone())),
+            Box::new(ask(requests.clone())),
         )?,
         bus.serve(
             &cell.topic("stop_recording"),
             srv::StopRecording::TYPE,
-            Box::new(end(orders.clone())),
+            Box::new(end(requests.clone())),
         )?,
     ])
 }
 
-fn wait<T>(orders: &Sender<Order>, order: Order, answer: &Receiver<T>) -> Result<T, String> {
+fn wait<T>(requests: &Sender<Request>, order: Request, answer: &Receiver<T>) -> Result<T, String> {
     let ended = |_| "the recorder has ended".to_owned();
-    orders.send(order).map_err(ended)?;
+    requests.send(order).map_err(ended)?;
     answer
-        .recv_timeout(ANSWER_PATIENCE)
+        .recv_timeout(REPLY_TIMEOUT)
         .map_err(|_| "the recorder did not answer".to_owned())
 }
 
@@ -246,14 +246,15 @@ fn provenance(cell: &Cell) -> BTreeMap<String, String> {
     table
 }
 
-fn settings(cell: &Cell, folder: PathBuf) -> RecordingSettings {
+fn settings(cell: &Cell, folder: PathBuf) -> anyhow::Result<RecordingSettings> {
     let text = cell.text();
     let attachment = |name: &str, media: &str, data: &str| {
         (name.to_owned(), media.to_owned(), data.as_bytes().to_vec())
     };
-    RecordingSettings {
+    Ok(RecordingSettings {
         folder,
         namespace: cell.namespace(),
+        topics: cell.topics()?,
         nodes: cell.node_names().into_iter().map(str::to_owned).collect(),
         sync_interval: Duration::from_secs_f64(cell.recorder.flush_interval_s.clamp(0.01, 3600.0)),
         split: SplitAt {
@@ -268,5 +269,5 @@ fn settings(cell: &Cell, folder: PathBuf) -> RecordingSettings {
             attachment(ROBOT_FILE, "application/xml", &text.robot_description),
         ],
         provenance: (PROVENANCE.to_owned(), provenance(cell)),
-    }
+    })
 }

@@ -1,143 +1,67 @@
-//! A made session, of a scenario or of the blind card, as a recording to the contract.
+//! `probecell recording`: starts or stops the recording of a running cell.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use bags::{Channel, ChannelId, Overflow, Qos, Recorder, RecorderOptions};
-use diagnosis::Session;
-use probecell_msgs::builtin_interfaces::Time;
-use probecell_msgs::{Message, std_msgs, to_cdr};
+use clap::Subcommand;
+use probecell_msgs::srv;
 
-/// Writes the session as an MCAP recording into `folder`, which must not exist, with topics under `/cell`.
-pub(crate) fn write(folder: &Path, cell: &str, session: &Session) -> anyhow::Result<()> {
-    let recorder = Recorder::start(RecorderOptions {
-        overflow: Overflow::Block,
-        ..RecorderOptions::new(folder)
-    })?;
-    let begin = begin(session);
-    let mut writer = Writer {
-        recorder: &recorder,
-        cell,
-        waiting: Vec::new(),
+use crate::{DEFAULT_CELL, FAILED, GOOD, LOSS, cell_client::call_once, output};
+
+/// What the user asks for.
+#[derive(Subcommand)]
+pub(crate) enum Command {
+    /// Start a recording.
+    Start {
+        /// Name of its folder in the cell's recordings folder; default: chosen by the recorder.
+        #[arg(default_value = "")]
+        name: String,
+        /// Cell file.
+        #[arg(long, default_value = DEFAULT_CELL)]
+        cell: PathBuf,
+    },
+    /// Stop the recording and close its files.
+    Stop {
+        /// Cell file.
+        #[arg(long, default_value = DEFAULT_CELL)]
+        cell: PathBuf,
+    },
+}
+
+/// Calls the service `start_recording` or `stop_recording`.
+pub(crate) fn run(command: &Command) -> anyhow::Result<u8> {
+    match command {
+        Command::Start { name, cell } => start(cell, name),
+        Command::Stop { cell } => stop(cell),
+    }
+}
+
+fn start(file: &Path, name: &str) -> anyhow::Result<u8> {
+    let request = srv::StartRecordingRequest {
+        uri: name.to_owned(),
     };
-    let model = std_msgs::String {
-        data: session.robot_description.clone(),
-    };
-    writer.topic("robot_description", Qos::latched(), [(begin, &model)])?;
-    let plan = session.plan.iter().map(|plan| (begin, plan));
-    writer.topic("inspection_plan", Qos::latched(), plan)?;
-    let events = session
-        .events
-        .iter()
-        .map(|one| (nanoseconds(one.header.stamp), one));
-    writer.topic("probe_events", Qos::default(), events)?;
-    let states = session
-        .joint_states
-        .iter()
-        .map(|one| (nanoseconds(one.header.stamp), one));
-    writer.topic("joint_states", Qos::default(), states)?;
-    let commands = session
-        .joint_commands
-        .iter()
-        .map(|one| (nanoseconds(one.header.stamp), one));
-    writer.topic("joint_commands", Qos::default(), commands)?;
-    let machine = session
-        .machine_states
-        .iter()
-        .map(|one| (nanoseconds(one.header.stamp), one));
-    writer.topic("machine_state", Qos::default(), machine)?;
-    let references = session
-        .references
-        .iter()
-        .map(|one| (nanoseconds(one.header.stamp), one));
-    writer.topic("reference", Qos::latched(), references)?;
-    writer.finish()?;
-    recorder.stop()?;
-    Ok(())
+    let response = call_once::<srv::StartRecording>(file, "start_recording", &request)?;
+    output::line(&if response.accepted {
+        format!("recording to {}", response.uri)
+    } else {
+        response.text
+    });
+    Ok(if response.accepted { GOOD } else { FAILED })
 }
 
-/// Messages wait until all are known, so that they stand in the order of their times.
-struct Writer<'a> {
-    recorder: &'a Recorder,
-    cell: &'a str,
-    waiting: Vec<(u64, ChannelId, u64, Vec<u8>)>,
-}
-
-impl Writer<'_> {
-    fn topic<'m, M: Message + 'm>(
-        &mut self,
-        name: &str,
-        qos: Qos,
-        messages: impl IntoIterator<Item = (u64, &'m M)>,
-    ) -> anyhow::Result<()> {
-        let mut messages = messages.into_iter().peekable();
-        if messages.peek().is_none() {
-            return Ok(());
-        }
-        let topic = format!("/{}/{name}", self.cell);
-        let channel = self.recorder.channel(&Channel::of(&topic, M::TYPE, qos))?;
-        for (sequence, (time, message)) in messages.enumerate() {
-            self.waiting
-                .push((time, channel, sequence as u64 + 1, to_cdr(message)));
-        }
-        Ok(())
+fn stop(file: &Path) -> anyhow::Result<u8> {
+    let request = srv::StopRecordingRequest::default();
+    let response = call_once::<srv::StopRecording>(file, "stop_recording", &request)?;
+    if !response.accepted {
+        output::line(&response.text);
+        return Ok(FAILED);
     }
-
-    fn finish(mut self) -> anyhow::Result<()> {
-        self.waiting.sort_by_key(|(time, ..)| *time);
-        for (time, channel, sequence, payload) in self.waiting {
-            self.recorder.push(channel, sequence, time, time, payload)?;
-        }
-        Ok(())
+    output::line(&format!(
+        "recorded {} messages in {}",
+        response.messages, response.uri
+    ));
+    if response.text.is_empty() {
+        return Ok(GOOD);
     }
-}
-
-fn nanoseconds(stamp: Time) -> u64 {
-    u64::try_from(stamp.sec).unwrap_or(0) * 1_000_000_000 + u64::from(stamp.nanosec)
-}
-
-/// The first instant of the session.
-fn begin(session: &Session) -> u64 {
-    let stamps = session
-        .events
-        .iter()
-        .map(|one| one.header.stamp)
-        .chain(session.joint_states.iter().map(|one| one.header.stamp))
-        .chain(session.machine_states.iter().map(|one| one.header.stamp));
-    stamps.map(nanoseconds).min().unwrap_or(0)
-}
-
-#[cfg(test)]
-mod tests {
-    use scenarios::{Recorded, register};
-
-    use super::*;
-
-    /// What is read back from the recording of a scenario is what the scenario gave.
-    #[test]
-    fn a_recorded_session_comes_back_whole() {
-        let scenario = register().iter().find(|one| one.name == "A-probe-offset");
-        let sessions = scenario.and_then(|one| one.sessions).expect("its sessions");
-        let recorded: Vec<Recorded> = sessions(1).expect("a run");
-        let folder = tempfile::tempdir().expect("a folder");
-        for Recorded { name, session, .. } in &recorded {
-            let to = folder.path().join(name);
-            write(&to, "scenario", session).expect("a recording");
-            let bag = bags::Bag::open(&to).expect("a bag");
-            let read = bags::Session::read(&bag).expect("a session");
-            assert!(read.damage.is_empty());
-            assert_eq!(read.robot_description, session.robot_description);
-            assert_eq!(read.plan, session.plan);
-            let same = |read: usize, given: usize| assert!(given > 0 && read == given);
-            same(read.events.len(), session.events.len());
-            same(read.joint_states.len(), session.joint_states.len());
-            same(read.machine_states.len(), session.machine_states.len());
-            same(read.references.len(), session.references.len());
-            let events = read.events.iter().map(|stamped| &stamped.message);
-            assert!(events.eq(&session.events));
-            assert!(
-                write(&to, "scenario", session).is_err(),
-                "never over another"
-            );
-        }
-    }
+    output::remark(&response.text);
+    Ok(LOSS)
 }

@@ -2,19 +2,19 @@
 
 use std::path::Path;
 
-use crate::{GOOD, LOSS, report};
+use crate::{GOOD, LOSS, output};
 
-/// Writes the copy and says what was lost.
+/// Writes the copy and prints what was lost.
 pub(crate) fn run(from: &Path, to: &Path) -> anyhow::Result<u8> {
     let recovery = bags::recover(from, to)?;
-    report::line(&format!(
-        "{} messages and {} attachments saved in {}",
+    output::line(&format!(
+        "{} messages and {} attachments recovered to {}",
         recovery.messages,
         recovery.attachments,
         to.display()
     ));
     for damage in &recovery.damage {
-        report::line(&format!("damage    {damage}"));
+        output::line(&format!("damage    {damage}"));
     }
     Ok(if recovery.lost_messages() { LOSS } else { GOOD })
 }

@@ -14,7 +14,7 @@ use indicatif::ProgressBar;
 use serde_json::json;
 
 use super::record::{CELL_FILE, ROBOT_FILE};
-use crate::{FAILED, GOOD, LOSS, report};
+use crate::{FAILED, GOOD, LOSS, output};
 
 /// Replays the bag. A bag without step journals is computed from its plan and touches alone.
 pub(crate) fn run(path: &Path, json: bool) -> anyhow::Result<u8> {
@@ -33,11 +33,11 @@ pub(crate) fn run(path: &Path, json: bool) -> anyhow::Result<u8> {
     let seconds = begun.elapsed().as_secs_f64();
     if json {
         let damage = bag.damage();
-        report::json(&json!({ "replay": result, "seconds": seconds, "damage": damage }))?;
+        output::json(&json!({ "replay": result, "seconds": seconds, "damage": damage }))?;
     } else {
-        tell(&result, seconds)?;
+        print(&result, seconds)?;
         for damage in bag.damage() {
-            report::line(&format!("damage    {damage}"));
+            output::line(&format!("damage    {damage}"));
         }
     }
     Ok(match result.verdict {
@@ -86,7 +86,7 @@ fn read(bag: &Bag, cell: &Cell) -> anyhow::Result<Recording> {
     let mut recording = Recording::default();
     for message in bag.messages() {
         progress.inc(1);
-        // Damage is told by the bag itself; what is whole is used.
+        // Damage is reported by the bag itself; the intact part is used.
         let Ok(message) = message else { continue };
         if let Some(topic) = message.channel.topic.strip_prefix(&prefix) {
             let published = Stamp(message.publish_time as i64);
@@ -108,7 +108,7 @@ fn read(bag: &Bag, cell: &Cell) -> anyhow::Result<Recording> {
     Ok(recording)
 }
 
-fn tell(result: &Report, seconds: f64) -> anyhow::Result<()> {
+fn print(result: &Report, seconds: f64) -> anyhow::Result<()> {
     for topic in result
         .topics
         .iter()
@@ -127,42 +127,42 @@ fn tell(result: &Report, seconds: f64) -> anyhow::Result<()> {
                 line = format!("{line}  {count} {word}");
             }
         }
-        report::line(&line);
+        output::line(&line);
     }
     for node in &result.nodes {
         if node.steps_left > 0 || node.timers_not_asked_for > 0 {
             let waits = node
                 .waits_for
                 .as_ref()
-                .map(|input| format!(", it waits for {input}"))
+                .map(|input| format!(", waiting for {input}"))
                 .unwrap_or_default();
-            report::line(&format!(
-                "{}: {} steps not made{waits}; {} timers it had not asked for",
+            output::line(&format!(
+                "{}: {} steps not executed{waits}; {} timers that were not set",
                 node.node, node.steps_left, node.timers_not_asked_for
             ));
         }
     }
     if let Some(difference) = &result.first_difference {
-        tell_difference(difference)?;
+        print_difference(difference)?;
     }
     let steps: u64 = result.nodes.iter().map(|node| node.steps).sum();
     let span = result.span.map_or(0.0, |(first, last)| last.since_s(first));
     let verdict = match result.verdict {
-        Verdict::Equal => "all outputs of all nodes equal",
+        Verdict::Equal => "all outputs of all nodes are equal",
         Verdict::Different => "outputs differ",
-        Verdict::Incomplete => "nothing differs, but part could not be compared",
+        Verdict::Incomplete => "no differences, but part of the recording could not be compared",
     };
-    report::line(&format!(
+    output::line(&format!(
         "{verdict}: {steps} steps of {span:.1} s in {seconds:.2} s ({:.0} x real time)",
         span / seconds.max(1e-9)
     ));
     Ok(())
 }
 
-fn tell_difference(difference: &Difference) -> anyhow::Result<()> {
+fn print_difference(difference: &Difference) -> anyhow::Result<()> {
     let topic = topics::by_name(&difference.topic)
         .context("a node published on a topic that the cell does not have")?;
-    report::line(&format!(
+    output::line(&format!(
         "first difference: message {} on {}",
         difference.sequence, difference.topic
     ));
@@ -178,7 +178,7 @@ fn tell_difference(difference: &Difference) -> anyhow::Result<()> {
         };
         let (was, is) = (recorded.get(index), recomputed.get(index));
         if was != is && lines < 12 {
-            report::line(&format!(
+            output::line(&format!(
                 "  recorded {}    recomputed {}",
                 show(was),
                 show(is)

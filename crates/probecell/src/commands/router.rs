@@ -4,9 +4,9 @@ use std::{sync::mpsc::channel, time::Duration};
 
 use host::bus::{Router, RouterConfig};
 
-use crate::{GOOD, report, signals};
+use crate::{GOOD, output, signals};
 
-/// Routes until it is told to end.
+/// Routes until SIGINT or SIGTERM.
 pub(crate) fn run(listen: &[String], connect: &[String]) -> anyhow::Result<u8> {
     let router = Router::start(&RouterConfig {
         listen: listen.to_vec(),
@@ -15,7 +15,7 @@ pub(crate) fn run(listen: &[String], connect: &[String]) -> anyhow::Result<u8> {
     })?;
     let (sender, receiver) = channel();
     signals::on_end(move || sender.send(()).unwrap_or_default())?;
-    report::line(&format!(
+    output::line(&format!(
         "router {} listens on {}",
         router.id(),
         listen.join(", ")

@@ -6,12 +6,12 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use indicatif::{ProgressBar, ProgressStyle};
-use scenarios::{Judged, Run, Scenario, Value};
 use serde::Serialize;
 use serde_json::{Map, json};
+use validation::scenarios::{Judged, Run, Scenario, Value};
 
-use super::recording;
-use crate::{FAILED, GOOD, report};
+use super::session_bag;
+use crate::{FAILED, GOOD, output};
 
 /// What the user asks for.
 #[derive(clap::Subcommand)]
@@ -22,26 +22,26 @@ pub(crate) enum Command {
         #[arg(long)]
         json: bool,
     },
-    /// Run scenarios and compare with the source's figures.
+    /// Run scenarios and compare them with the figures of their source.
     Run(RunArguments),
 }
 
 /// What is to be run.
 #[derive(clap::Args)]
 pub(crate) struct RunArguments {
-    /// Scenarios, as `list` names them.
+    /// Names of scenarios, as printed by `list`.
     #[arg(required_unless_present = "all")]
     names: Vec<String>,
-    /// All of them.
+    /// Run all scenarios.
     #[arg(long, conflicts_with = "names")]
     all: bool,
-    /// Seed of all randomness. A share of runs close to its limit may miss it with another seed.
+    /// Random seed. Rules on a proportion of runs that is close to its limit may fail with another seed.
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Print one JSON object.
     #[arg(long)]
     json: bool,
-    /// Write a page for each scenario into this folder; of a single one into this file, if it ends in .html.
+    /// Write a page for each scenario into this folder, or of a single scenario into this .html file.
     #[arg(long, value_name = "PATH")]
     html: Option<PathBuf>,
     /// Write the sessions of each scenario as recordings below this folder.
@@ -81,15 +81,15 @@ pub(crate) fn run(command: &Command) -> anyhow::Result<u8> {
 }
 
 fn list(as_json: bool) -> anyhow::Result<u8> {
-    let all = scenarios::register();
+    let all = validation::scenarios::register();
     if as_json {
         let rows = all
             .iter()
             .map(|one| json!({ "name": one.name, "effect": one.effect, "reference": one.source }));
-        report::json(&json!({ "scenarios": rows.collect::<Vec<_>>() }))?;
+        output::json(&json!({ "scenarios": rows.collect::<Vec<_>>() }))?;
     } else {
         for one in all {
-            report::line(&format!("{:<16} {}", one.name, one.effect));
+            output::line(&format!("{:<16} {}", one.name, one.effect));
         }
     }
     Ok(GOOD)
@@ -97,9 +97,12 @@ fn list(as_json: bool) -> anyhow::Result<u8> {
 
 fn run_all(arguments: &RunArguments) -> anyhow::Result<u8> {
     let chosen: Vec<&Scenario> = if arguments.all {
-        scenarios::register().iter().collect()
+        validation::scenarios::register().iter().collect()
     } else {
-        let found = arguments.names.iter().map(|name| scenarios::find(name));
+        let found = arguments
+            .names
+            .iter()
+            .map(|name| validation::scenarios::find(name));
         found.collect::<Result<_, _>>()?
     };
     let pages = arguments
@@ -134,10 +137,10 @@ fn run_all(arguments: &RunArguments) -> anyhow::Result<u8> {
             .zip(&judged)
             .map(|(scenario, one)| row(scenario, one, arguments.seed))
             .collect();
-        report::json(&Document { scenarios: rows })?;
+        output::json(&Document { scenarios: rows })?;
     } else {
         for (scenario, one) in chosen.iter().zip(&judged) {
-            tell(scenario, one);
+            print(scenario, one);
         }
     }
     let all_pass = judged.iter().all(Judged::passes);
@@ -195,7 +198,7 @@ fn page(file: &Path, scenario: &Scenario, judged: &Judged, seed: u64) -> anyhow:
         ", revision ",
         env!("PROBECELL_REVISION")
     );
-    let html = scenarios::page(scenario, judged, seed, made_by)?.html();
+    let html = validation::scenarios::page(scenario, judged, seed, made_by)?.html();
     let folder = file.parent().unwrap_or(Path::new(""));
     std::fs::create_dir_all(folder)
         .and_then(|()| std::fs::write(file, html))
@@ -205,7 +208,7 @@ fn page(file: &Path, scenario: &Scenario, judged: &Judged, seed: u64) -> anyhow:
 fn record(folder: &Path, scenario: &Scenario, judged: &Judged) -> anyhow::Result<()> {
     for (recorded, _) in &judged.sessions {
         let name = format!("{}-{}", scenario.name, recorded.name);
-        recording::write(&folder.join(name), "scenario", &recorded.session)?;
+        session_bag::write(&folder.join(name), "scenario", &recorded.session)?;
     }
     Ok(())
 }
@@ -246,15 +249,15 @@ fn row<'a>(scenario: &'a Scenario, judged: &'a Judged, seed: u64) -> Row<'a> {
     }
 }
 
-fn tell(scenario: &Scenario, judged: &Judged) {
+fn print(scenario: &Scenario, judged: &Judged) {
     let verdict = if judged.passes() { "pass" } else { "FAIL" };
-    report::line(&format!(
+    output::line(&format!(
         "{}: {verdict}  ({})",
         scenario.name, scenario.effect
     ));
     for figure in &judged.outcome.figures {
         let mark = if figure.passes() { ' ' } else { '!' };
-        let beside = figure
+        let source = figure
             .source
             .as_ref()
             .map_or_else(String::new, |source| format!("  source {}", source.text()));
@@ -262,14 +265,14 @@ fn tell(scenario: &Scenario, judged: &Judged) {
             text if text.is_empty() => text,
             text => format!("  ({text})"),
         };
-        report::line(&format!(
-            " {mark} {}: {} {}{beside}{rule}",
+        output::line(&format!(
+            " {mark} {}: {} {}{source}{rule}",
             figure.title,
             figure.ours.text(),
             figure.unit
         ));
     }
     for remark in &judged.outcome.remarks {
-        report::line(&format!("   {remark}"));
+        output::line(&format!("   {remark}"));
     }
 }

@@ -1,6 +1,6 @@
-//! The shape that touches of a feature belong to, by each criterion, and what least squares say of its uncertainty.
+//! The associated feature: the ideal shape fitted to the touches of a feature by each criterion (ISO 14405-1, ISO 1101).
 //!
-//! m and rad, part frame. Covariances are for touches of variance 1.
+//! m and rad, part frame. Cofactors are covariances for touches of variance 1.
 
 use metrology::fit::{
     self, Cylinder, Fit, FitError, Shape,
@@ -19,66 +19,61 @@ const CONSTRAINED: &str = "too few touches for a free fit: nominal position and 
 const DIRECTION: &str =
     "touches do not determine the direction of the axis: nominal direction taken";
 
-/// A shape, and what it leaves of the touches.
+/// An associated shape, and how far the touches deviate from it.
 pub(super) struct Associated {
     pub(super) size: f64,
     pub(super) nominal_size: f64,
     pub(super) form: f64,
     pub(super) origin: Point3<f64>,
     pub(super) axis: Vector3<f64>,
-    pub(super) common: f64,
-    pub(super) tells_position: bool,
-    pub(super) tells_orientation: bool,
+    pub(super) determines_position: bool,
+    pub(super) determines_orientation: bool,
     pub(super) note: &'static str,
-    /// Of a least-squares fit; `None`: extreme touches decide, and no closed form says how surely.
-    pub(super) spread: Option<Spread>,
+    /// Of a least-squares fit; `None`: extreme touches decide, and there is no closed form.
+    pub(super) cofactors: Option<Cofactors>,
 }
 
-/// What a least-squares fit says of its own uncertainty, for touches of variance 1.
-pub(super) struct Spread {
+/// Covariances of a least-squares fit for touches of variance 1.
+pub(super) struct Cofactors {
     /// Variance of the size.
     pub(super) size: f64,
-    /// Variance of the form, to first order and with the mean leverage: that of the difference of two residuals.
-    pub(super) form: f64,
-    /// Covariance of the origin.
+    /// Covariance of the origin, part frame.
     pub(super) position: Matrix3<f64>,
-    /// Covariance of the direction.
-    pub(super) tilt: Matrix3<f64>,
+    /// Covariance of the direction, part frame.
+    pub(super) direction: Matrix3<f64>,
 }
 
-impl Spread {
-    /// `size_of` is how the size follows from the named parameter.
-    fn of<S: Shape>(fit: &Fit<S>, parameter: &str, size_of: f64) -> Self {
+impl Cofactors {
+    /// `sensitivity` is ∂(size)/∂(parameter).
+    fn from_fit<S: Shape>(fit: &Fit<S>, parameter: &str, sensitivity: f64) -> Self {
         let names = S::PARAMETERS;
-        let mut turned = [Matrix3::zeros(), Matrix3::zeros()];
+        let mut rotated = [Matrix3::zeros(), Matrix3::zeros()];
         for (which, letter) in ["c", "a"].into_iter().enumerate() {
             let column = |name: &str| {
                 let number = name.strip_prefix(letter)?.parse::<usize>().ok()?;
                 Some(fit.frame.column(number - 1).into_owned())
             };
-            for (row, one) in names.iter().enumerate() {
-                for (place, other) in names.iter().enumerate() {
-                    if let (Some(a), Some(b)) = (column(one), column(other)) {
-                        turned[which] += a * b.transpose() * fit.cofactor[(row, place)];
+            for (i, first) in names.iter().enumerate() {
+                for (j, second) in names.iter().enumerate() {
+                    if let (Some(a), Some(b)) = (column(first), column(second)) {
+                        rotated[which] += a * b.transpose() * fit.cofactor[(i, j)];
                     }
                 }
             }
         }
-        let [position, tilt] = turned;
-        let count = fit.residuals.len() as f64;
-        let freedom = (count - names.len() as f64).max(0.0);
+        let [position, direction] = rotated;
         Self {
             size: fit
-                .uncertainty(parameter, size_of)
+                .uncertainty(parameter, sensitivity)
                 .map_or(0.0, |u| u.powi(2)),
-            form: 2.0 * freedom / count,
             position,
-            tilt,
+            direction,
         }
     }
 }
 
-/// Fits the shape of a feature.
+/// Fits the shape of a feature. `near` is the direction of the axis of an earlier fit to nearly the same samples: a cylinder
+/// is then looked for next to it only.
 ///
 /// # Errors
 /// Touches that do not determine the feature, or a criterion that is not defined for it.
@@ -87,10 +82,11 @@ pub(super) fn associate(
     ball_radius: f64,
     samples: &[Sample],
     criterion: Criterion,
+    near: Option<&Vector3<f64>>,
 ) -> Result<Associated, FitError> {
     match feature.kind {
         InspectionFeature::CYLINDER | InspectionFeature::BORE => {
-            axial(feature, ball_radius, samples, criterion)
+            axial(feature, ball_radius, samples, criterion, near)
         }
         InspectionFeature::SPHERE => sphere(feature, ball_radius, samples, criterion),
         InspectionFeature::PLANE => plane(feature, ball_radius, samples, criterion),
@@ -99,10 +95,10 @@ pub(super) fn associate(
     }
 }
 
-/// Places of the samples that the others contradict: farther from the least-squares shape of those that agree than `limit`
-/// robust deviations, which are taken to be at least the touches' own uncertainty (m). Of a profile or surface, and where
-/// few touches could contradict each other, none.
-pub(super) fn contradicted(
+/// Indices of the outliers: samples farther from the least-squares shape of the others than `limit` robust standard
+/// deviations, which are taken to be at least the uncertainty of a touch (m). None of a profile or surface, and none of too
+/// few touches.
+pub(super) fn outliers(
     feature: &InspectionFeature,
     samples: &[Sample],
     limit: f64,
@@ -114,21 +110,22 @@ pub(super) fn contradicted(
         ..Rejection::default()
     };
     let points = centres(samples);
-    let places = |rejected: Vec<(usize, f64)>| rejected.into_iter().map(|one| one.0).collect();
+    let indices =
+        |rejected: Vec<(usize, f64)>| rejected.into_iter().map(|(index, _)| index).collect();
     Ok(match feature.kind {
         InspectionFeature::PLANE => {
-            reject_outliers(&points, &rules, fit::plane).map(|fit| places(fit.rejected))?
+            reject_outliers(&points, &rules, fit::plane).map(|fit| indices(fit.rejected))?
         }
         InspectionFeature::SPHERE => {
-            reject_outliers(&points, &rules, fit::sphere).map(|fit| places(fit.rejected))?
+            reject_outliers(&points, &rules, fit::sphere).map(|fit| indices(fit.rejected))?
         }
         InspectionFeature::CYLINDER | InspectionFeature::BORE => {
             let about = direction(feature);
             let free = reject_outliers(&points, &rules, fit::cylinder);
             match free {
-                Ok(free) if is_upright(&free.fit.shape, &about) => places(free.rejected),
+                Ok(free) if is_upright(&free.fit.shape, &about) => indices(free.rejected),
                 _ => reject_outliers(&flat(&points, &about), &rules, fit::circle)
-                    .map(|fit| places(fit.rejected))?,
+                    .map(|fit| indices(fit.rejected))?,
             }
         }
         _ => Vec::new(),
@@ -161,6 +158,7 @@ fn axial(
     ball_radius: f64,
     samples: &[Sample],
     criterion: Criterion,
+    near: Option<&Vector3<f64>>,
 ) -> Result<Associated, FitError> {
     let bore = feature.kind == InspectionFeature::BORE;
     let offset = if bore { -ball_radius } else { ball_radius };
@@ -172,27 +170,34 @@ fn axial(
         form,
         origin: Point3::from(origin),
         axis: about,
-        common: 2.0,
-        tells_position: true,
-        tells_orientation: true,
+        determines_position: true,
+        determines_orientation: true,
         note: "",
-        spread: None,
+        cofactors: None,
     };
     // Few or regular touches lie on several cylinders: one that is not the plan's is no answer.
-    if let Ok(fit) = fit::cylinder(&points)
+    let free = near.map_or_else(
+        || fit::cylinder(&points),
+        |axis| fit::cylinder_about(&points, axis),
+    );
+    if let Ok(fit) = free
         && is_upright(&fit.shape, &about)
         && fit.uncertainty("radius", 2.0).is_some()
     {
-        let (shape, form, spread) = match touching(criterion) {
-            None => (fit.shape, fit.form, Some(Spread::of(&fit, "radius", 2.0))),
+        let (shape, form, cofactors) = match touching(criterion) {
+            None => (
+                fit.shape,
+                fit.form,
+                Some(Cofactors::from_fit(&fit, "radius", 2.0)),
+            ),
             Some(criterion) => {
-                let fit = zone::cylinder(&points, criterion)?;
+                let fit = zone::cylinder_about(&points, &fit.shape.axis, criterion)?;
                 (fit.shape, fit.zone, None)
             }
         };
         return Ok(Associated {
             axis: along(shape.axis, about),
-            spread,
+            cofactors,
             ..found(shape.radius, form, shape.point)
         });
     }
@@ -202,17 +207,21 @@ fn axial(
         && fit.uncertainty("radius", 2.0).is_some()
     {
         let height = about * mean(points.iter().map(|p| about.dot(p)));
-        let (shape, form, spread) = match touching(criterion) {
-            None => (fit.shape, fit.form, Some(Spread::of(&fit, "radius", 2.0))),
+        let (shape, form, cofactors) = match touching(criterion) {
+            None => (
+                fit.shape,
+                fit.form,
+                Some(Cofactors::from_fit(&fit, "radius", 2.0)),
+            ),
             Some(criterion) => {
                 let fit = zone::circle(&across, criterion)?;
                 (fit.shape, fit.zone, None)
             }
         };
         return Ok(Associated {
-            tells_orientation: false,
+            determines_orientation: false,
             note: DIRECTION,
-            spread,
+            cofactors,
             ..found(shape.radius, form, shape.center + height)
         });
     }
@@ -236,10 +245,14 @@ fn sphere(
         return Ok(constrained(feature, samples, 2.0, nominal_size));
     }
     let points = centres(samples);
-    let (shape, form, spread) = match touching(criterion) {
+    let (shape, form, cofactors) = match touching(criterion) {
         None => {
             let fit = fit::sphere(&points)?;
-            (fit.shape, fit.form, Some(Spread::of(&fit, "radius", 2.0)))
+            (
+                fit.shape,
+                fit.form,
+                Some(Cofactors::from_fit(&fit, "radius", 2.0)),
+            )
         }
         Some(criterion) => {
             let fit = zone::sphere(&points, criterion)?;
@@ -252,11 +265,10 @@ fn sphere(
         form,
         origin: Point3::from(shape.center),
         axis: axis_of(feature),
-        common: 2.0,
-        tells_position: true,
-        tells_orientation: false,
+        determines_position: true,
+        determines_orientation: false,
         note: "",
-        spread,
+        cofactors,
     })
 }
 
@@ -272,14 +284,14 @@ fn plane(
     let Ok(fit) = fit::plane(&points) else {
         return Ok(constrained(feature, samples, 1.0, nominal_size));
     };
-    let (shape, form, spread) = match touching(criterion) {
+    let (shape, form, cofactors) = match touching(criterion) {
         None => {
             // The middle of the touches lies on the fitted plane: its height does not depend on the tilt.
-            let spread = Spread {
+            let cofactors = Cofactors {
                 size: (samples.len() as f64).recip(),
-                ..Spread::of(&fit, "c3", 1.0)
+                ..Cofactors::from_fit(&fit, "c3", 1.0)
             };
-            (fit.shape, fit.form, Some(spread))
+            (fit.shape, fit.form, Some(cofactors))
         }
         Some(zone::Criterion::MinimumZone) => {
             let fit = zone::plane(&points)?;
@@ -298,11 +310,10 @@ fn plane(
         form,
         origin: Point3::from(middle - shape.normal * ball_radius),
         axis: shape.normal,
-        common: 1.0,
-        tells_position: true,
-        tells_orientation: true,
+        determines_position: true,
+        determines_orientation: true,
         note: "",
-        spread,
+        cofactors,
     })
 }
 
@@ -331,15 +342,13 @@ fn constrained(
         form: highest - lowest,
         origin: Point3::from(vector_of(&feature.origin)),
         axis: axis_of(feature),
-        common: factor.abs(),
-        tells_position: false,
-        tells_orientation: false,
+        determines_position: false,
+        determines_orientation: false,
         note: CONSTRAINED,
-        spread: Some(Spread {
+        cofactors: Some(Cofactors {
             size: factor.powi(2) / count,
-            form: 2.0 * (count - 1.0) / count,
             position: Matrix3::zeros(),
-            tilt: Matrix3::zeros(),
+            direction: Matrix3::zeros(),
         }),
     }
 }

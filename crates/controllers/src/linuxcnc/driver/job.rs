@@ -1,4 +1,4 @@
-//! What the driver is at: one command, from its first request to its reply.
+//! The command under way, from its first request to its reply.
 
 use std::{
     collections::VecDeque,
@@ -35,8 +35,8 @@ pub(super) struct Job {
     /// G92 offsets are put aside until the program ends.
     pub(super) g92: bool,
     ended: bool,
-    /// What was seen of the motion last, and since when it has been so, ns.
-    seen: Option<(i64, Motion)>,
+    /// The motion sampled last, and since when it has been unchanged, ns.
+    motion: Option<(i64, Motion)>,
 }
 
 /// Readings of the joints, line of the program and state of the interpreter.
@@ -83,7 +83,7 @@ pub(super) struct Probed {
     pub(super) position: Vec<f64>,
 }
 
-/// Whether a job goes on.
+/// Progress of a job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Progress {
     Working,
@@ -91,7 +91,7 @@ pub(super) enum Progress {
     Ended,
     /// The controller is idle, but the program has not come to its end.
     BrokenOff,
-    /// The controller says that the program runs, but nothing changes any more.
+    /// The controller reports the program as running, but nothing changes.
     Stalled,
 }
 
@@ -112,7 +112,7 @@ impl Job {
             idle_since: None,
             g92: false,
             ended: false,
-            seen: None,
+            motion: None,
         }
     }
 
@@ -205,11 +205,11 @@ impl Job {
     /// picture when the controller behind it has died.
     fn stalls(&mut self, sample: &Sample, now: i64) -> bool {
         let seen = (sample.joints, sample.line, sample.interpreter);
-        if self.seen.as_ref().is_none_or(|(_, known)| *known != seen) {
-            self.seen = Some((now, seen));
+        if self.motion.as_ref().is_none_or(|(_, known)| *known != seen) {
+            self.motion = Some((now, seen));
         }
         let may_stand = sample.interpreter == Interpreter::Paused || sample.feed_override == 0.0;
-        let since = self.seen.as_ref().map_or(now, |(since, _)| *since);
+        let since = self.motion.as_ref().map_or(now, |(since, _)| *since);
         matches!(self.work, Work::Measure { .. }) && !may_stand && now - since > STALL
     }
 

@@ -1,7 +1,7 @@
 //! The driver of a cell whose machine is a LinuxCNC controller.
 //!
-//! The host calls [`Driver::poll`] at least 50 times a second and publishes what comes out; it hands in commands, plans
-//! and orders. A poll looks at the controller once (about a millisecond) and makes at most one request that changes
+//! The host calls [`Connection::poll`] at least 50 times a second and publishes what it returns; it hands in commands, plans
+//! and orders. A poll samples the controller once (about a millisecond) and makes at most one request that changes
 //! something, which takes the remote shell up to 0.1 s. Instants are ns since 1970.
 //!
 //! What goes wrong comes out as follows, and never as a measurement:
@@ -32,8 +32,8 @@ use std::{
 };
 
 use probecell_msgs::{
-    ControllerCommand, ControllerReply, ControllerStatus, InspectionPlan, MeasurementOrder,
-    ProbeTrigger, builtin_interfaces::Time, std_msgs,
+    ControllerCommand, InspectionPlan, MeasurementOrder, ProbeTrigger, builtin_interfaces::Time,
+    std_msgs,
 };
 
 use self::{
@@ -46,7 +46,10 @@ use super::{
     log::Fate,
     protocol::{Interpreter, Mode, Set},
 };
-use crate::text::ParseError;
+use crate::{
+    driver::{Connection, DriverOutput},
+    text::ParseError,
+};
 
 /// Between two attempts to connect again.
 const RECONNECT_PERIOD: Duration = Duration::from_secs(1);
@@ -57,24 +60,9 @@ const ERRORS_PER_POLL: usize = 8;
 /// Alarms kept in the status.
 const ALARMS_KEPT: usize = 16;
 
-/// What the driver says.
-#[derive(Clone, Debug, PartialEq)]
-#[expect(
-    clippy::large_enum_variant,
-    reason = "most of what a driver says are samples"
-)]
-pub enum DriverOutput {
-    /// A raw sample, for `controller_status`.
-    Status(ControllerStatus),
-    /// The end of a probing move, for `probe_triggers`.
-    Trigger(ProbeTrigger),
-    /// What came of a command, for `controller_replies`.
-    Reply(ControllerReply),
-}
-
-/// Why there is no driver.
+/// Why LinuxCNC cannot be driven.
 #[derive(Debug, thiserror::Error)]
-pub enum DriverError {
+pub enum LinuxCncError {
     /// The controller cannot be reached.
     #[error(transparent)]
     Client(#[from] ClientError),
@@ -101,7 +89,7 @@ pub enum DriverError {
 
 /// A driver and its connection.
 #[derive(Debug)]
-pub struct Driver {
+pub struct LinuxCncConnection {
     config: Config,
     name: String,
     session: String,
@@ -121,7 +109,7 @@ pub struct Driver {
     alarms: Vec<String>,
     tool_wear: Vec<f64>,
     last: Option<Sample>,
-    /// A job was lost with the last connection: the program must not run on unheard.
+    /// A job was lost with the last connection: its program must not continue unsupervised.
     orphaned: bool,
 }
 
@@ -133,9 +121,9 @@ struct PowerOn {
     since: Instant,
 }
 
-impl Driver {
+impl LinuxCncConnection {
     /// Connects to the controller. `name` begins the name of each session; it must differ between runs of the driver.
-    pub fn connect(config: Config, name: &str) -> Result<Self, DriverError> {
+    pub fn connect(config: Config, name: &str) -> Result<Self, LinuxCncError> {
         let client = Client::connect(&config.address)?;
         let power_on = config.power_on.then(|| PowerOn {
             steps: [Set::EmergencyStop(false), Set::Machine(true)].into(),
@@ -181,35 +169,6 @@ impl Driver {
             && self.restore.is_empty()
     }
 
-    /// The plan that a measurement will be made of.
-    pub fn plan(&mut self, plan: InspectionPlan) {
-        self.plan = Some(plan);
-    }
-
-    /// The order and the moves of the plan.
-    pub fn order(&mut self, order: MeasurementOrder) {
-        self.order = Some(order);
-    }
-
-    /// Takes a command; the next polls obey it. A command number that was already taken is a repeated delivery and is
-    /// passed over: its reply is out or will come.
-    pub fn command(&mut self, command: ControllerCommand) {
-        self.commands.push_back(command);
-    }
-
-    /// Looks at the controller, goes on with what is under way, and says what there is to say; `now` is ns since 1970.
-    pub fn poll(&mut self, now: i64) -> Vec<DriverOutput> {
-        let mut out = Vec::new();
-        if self.client.is_none() && !self.reconnect() {
-            self.refuse_all(now, &mut out);
-            return out;
-        }
-        if let Err(error) = self.step(now, &mut out) {
-            self.lose(now, &error, &mut out);
-        }
-        out
-    }
-
     fn step(&mut self, now: i64, out: &mut Vec<DriverOutput>) -> Result<(), ClientError> {
         let Some(client) = &mut self.client else {
             return Ok(());
@@ -247,7 +206,7 @@ impl Driver {
         }
     }
 
-    /// Switches on and homes, one request in each poll.
+    /// Switches on and homes, one request per poll.
     fn power_up(&mut self) -> Result<(), ClientError> {
         let Some(power_on) = &mut self.power_on else {
             return Ok(());
@@ -283,7 +242,7 @@ impl Driver {
         Ok(())
     }
 
-    /// Goes on with the job, or clears up after one.
+    /// Continues the job, or restores the modal state after one.
     fn work(
         &mut self,
         now: i64,
@@ -322,7 +281,7 @@ impl Driver {
             .map(|files| files.token.clone())
             .unwrap_or_default();
         match job.follow(&token) {
-            Ok(probed) => self.tell(now, &probed, out),
+            Ok(probed) => self.publish_triggers(now, &probed, out),
             Err(error) => {
                 self.abort()?;
                 self.alarm(error.to_string());
@@ -343,7 +302,7 @@ impl Driver {
                 self.fail(
                     now,
                     "controller_lost",
-                    "the program runs, but nothing changes any more",
+                    "the program is reported as running, but nothing changes",
                     out,
                 );
             }
@@ -386,7 +345,7 @@ impl Driver {
     }
 
     /// Each probing move that has ended becomes a trigger.
-    fn tell(&mut self, now: i64, probed: &[Probed], out: &mut Vec<DriverOutput>) {
+    fn publish_triggers(&mut self, now: i64, probed: &[Probed], out: &mut Vec<DriverOutput>) {
         let Some(Job {
             command,
             work: Work::Measure { program, .. },
@@ -435,7 +394,7 @@ impl Driver {
         self.fail(
             now,
             "controller_lost",
-            &format!("the controller is gone in mid-program: {error}"),
+            &format!("the connection was lost during a program: {error}"),
             out,
         );
         self.restore.clear();
@@ -463,6 +422,32 @@ impl Driver {
         self.trail.clear();
         self.last = None;
         true
+    }
+}
+
+impl Connection for LinuxCncConnection {
+    fn plan(&mut self, plan: InspectionPlan) {
+        self.plan = Some(plan);
+    }
+
+    fn order(&mut self, order: MeasurementOrder) {
+        self.order = Some(order);
+    }
+
+    fn command(&mut self, command: ControllerCommand) {
+        self.commands.push_back(command);
+    }
+
+    fn poll(&mut self, now: i64) -> Vec<DriverOutput> {
+        let mut out = Vec::new();
+        if self.client.is_none() && !self.reconnect() {
+            self.refuse_all(now, &mut out);
+            return out;
+        }
+        if let Err(error) = self.step(now, &mut out) {
+            self.lose(now, &error, &mut out);
+        }
+        out
     }
 }
 

@@ -3,7 +3,7 @@
 use probecell_msgs::{ControllerCommand, ControllerReply, ProbeTrigger};
 
 use super::{
-    Driver, DriverOutput, header,
+    DriverOutput, LinuxCncConnection, header,
     job::{Job, Tally, Work},
 };
 use crate::linuxcnc::{
@@ -19,7 +19,7 @@ const UNPLANNED_TOUCH: &str = "probe tripped during non-probe";
 /// LinuxCNC's words for a probing move that cannot begin; it writes them for `G38.2` or, in some versions, for both.
 const ALREADY_TRIPPED: &str = "probe is already tripped";
 
-impl Driver {
+impl LinuxCncConnection {
     /// The program has come to its end.
     pub(super) fn conclude(&mut self, now: i64, out: &mut Vec<DriverOutput>) {
         let Some(job) = &self.job else { return };
@@ -141,15 +141,15 @@ impl Driver {
     /// The controller is idle, but the program has not come to its end.
     pub(super) fn break_off(&mut self, now: i64, sample: &Sample, out: &mut Vec<DriverOutput>) {
         let Some(job) = &self.job else { return };
-        let said = |words: &str| {
+        let reported = |words: &str| {
             job.errors
                 .iter()
                 .find(|error| error.to_lowercase().contains(words))
                 .cloned()
         };
-        if let Some(text) = said(UNPLANNED_TOUCH) {
+        if let Some(text) = reported(UNPLANNED_TOUCH) {
             self.fail(now, "unplanned_touch", &text, out);
-        } else if let Some(text) = said(ALREADY_TRIPPED) {
+        } else if let Some(text) = reported(ALREADY_TRIPPED) {
             self.tell_stuck(now, sample, out);
             self.fail(now, "probe_stuck", &text, out);
         } else if job.errors.is_empty() {

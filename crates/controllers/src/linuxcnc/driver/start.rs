@@ -1,4 +1,4 @@
-//! Takes commands: checks whether they may begin, writes their programs, and begins them.
+//! Accepts commands: checks the preconditions, writes their programs, and starts them.
 
 use std::{
     collections::VecDeque,
@@ -9,7 +9,7 @@ use std::{
 use probecell_msgs::{ControllerCommand, ControllerReply};
 
 use super::{
-    Driver, DriverOutput,
+    DriverOutput, LinuxCncConnection,
     job::{Files, Job, Tally, Work},
 };
 use crate::linuxcnc::{
@@ -19,7 +19,7 @@ use crate::linuxcnc::{
     protocol::Interpreter,
 };
 
-/// Why a command is not begun, in a sentence.
+/// Why a command is refused, in a sentence.
 type Refusal = String;
 
 /// What a command will do, and the program that does it, as the controller knows its file.
@@ -28,7 +28,7 @@ struct Begin {
     program: PathBuf,
 }
 
-impl Driver {
+impl LinuxCncConnection {
     /// Takes the commands that have come. A stop is obeyed at once, anything else only when nothing is under way.
     pub(super) fn take_commands(
         &mut self,
@@ -108,7 +108,7 @@ impl Driver {
         } else if !sample.machine_on {
             Some("the machine is off")
         } else if sample.interpreter != Interpreter::Idle {
-            Some("a program runs that this driver has not started")
+            Some("a program is running that this driver did not start")
         } else {
             None
         };
@@ -159,16 +159,21 @@ impl Driver {
             .plan
             .as_ref()
             .filter(|plan| plan.plan_id == command.plan_id);
-        let plan = plan.ok_or_else(|| format!("plan {:?} has not come", command.plan_id))?;
+        let plan = plan.ok_or_else(|| format!("plan {:?} was not received", command.plan_id))?;
         let order = self
             .order
             .as_ref()
             .filter(|order| order.plan_id == command.plan_id);
-        let order = order
-            .ok_or_else(|| format!("no measuring order for plan {:?} has come", command.plan_id))?;
+        let order = order.ok_or_else(|| {
+            format!(
+                "no measuring order of plan {:?} was received",
+                command.plan_id
+            )
+        })?;
         if order.order != command.order {
             return Err(
-                "the command's order of points is not that of the moves that have come".to_owned(),
+                "the order of points of the command differs from that of the moves received"
+                    .to_owned(),
             );
         }
         if let Some(probe) = self.config.probe_tool
@@ -211,8 +216,7 @@ impl Driver {
             .tools
             .iter()
             .position(|&(number, _)| number == tool);
-        let index =
-            index.ok_or_else(|| format!("tool {tool} is not one that this cell corrects"))?;
+        let index = index.ok_or_else(|| format!("tool {tool} is not listed in linuxcnc.tools"))?;
         let before = *self
             .read_tool_wear()
             .map_err(|error| error.to_string())?

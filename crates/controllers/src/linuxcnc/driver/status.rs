@@ -2,14 +2,14 @@
 
 use probecell_msgs::{ControllerStatus, MachineState};
 
-use super::{Driver, DriverError, header};
+use super::{LinuxCncConnection, LinuxCncError, header};
 use crate::linuxcnc::{
     client::Sample,
     protocol::{Interpreter, Mode},
     tool_table,
 };
 
-impl Driver {
+impl LinuxCncConnection {
     /// A sample as the message says it.
     pub(super) fn status(&self, instant: i64, sample: Sample) -> ControllerStatus {
         let mut alarms = self.alarms.clone();
@@ -70,7 +70,7 @@ impl Driver {
             // LinuxCNC has no volumetric table.
             volumetric_entries: Vec::new(),
             volumetric_values: Vec::new(),
-            // Only a program reads work offsets, so they cannot be told with every sample.
+            // Only a program reads work offsets, so they cannot be part of every sample.
             work_offset_axes: Vec::new(),
             work_offsets: Vec::new(),
         }
@@ -94,23 +94,24 @@ impl Driver {
     }
 
     /// Wear of each configured tool as the controller's table holds it, m.
-    pub(super) fn read_tool_wear(&self) -> Result<Vec<f64>, DriverError> {
+    pub(super) fn read_tool_wear(&self) -> Result<Vec<f64>, LinuxCncError> {
         if self.config.tools.is_empty() {
             return Ok(Vec::new());
         }
         let path = &self.config.tool_table;
-        let text = std::fs::read_to_string(path).map_err(|source| DriverError::ToolTableFile {
-            source,
-            path: path.clone(),
-        })?;
-        let table = tool_table::parse(&text).map_err(|source| DriverError::ToolTable {
+        let text =
+            std::fs::read_to_string(path).map_err(|source| LinuxCncError::ToolTableFile {
+                source,
+                path: path.clone(),
+            })?;
+        let table = tool_table::parse(&text).map_err(|source| LinuxCncError::ToolTable {
             source,
             path: path.clone(),
         })?;
         let wear = |&(number, diameter): &(u32, f64)| {
             let tool = table.iter().find(|tool| tool.number == number);
             tool.map(|tool| tool.diameter - diameter)
-                .ok_or(DriverError::NoTool(number))
+                .ok_or(LinuxCncError::NoTool(number))
         };
         self.config.tools.iter().map(wear).collect()
     }

@@ -24,7 +24,7 @@ pub(super) struct Writer<'a> {
 }
 
 impl<'a> Writer<'a> {
-    /// A program without a line yet; `columns` is the place of each axis in the order's moves.
+    /// A program without a line yet; `columns` is the index of each axis in the order's moves.
     pub(super) fn new(
         plan: &'a InspectionPlan,
         settings: &'a Settings<'a>,
@@ -43,7 +43,7 @@ impl<'a> Writer<'a> {
         line(&mut self.text, block);
     }
 
-    /// Axes that the order moves, with their place in its moves.
+    /// Axes that the order moves, with their index in its moves.
     fn moved(&self) -> impl Iterator<Item = (&Axis, usize)> {
         self.settings
             .axes

@@ -32,7 +32,7 @@ type Prefix = [u8; 12];
 /// after this time.
 const MUTUAL_AFTER: Duration = Duration::from_millis(200);
 
-/// What others have told, and what the participant has matched.
+/// What other participants have announced, and what this one has matched.
 #[derive(Default)]
 struct Known {
     /// Nodes of each participant.
@@ -112,7 +112,7 @@ impl Discovery {
             stop: Some(stop),
             thread: Some(thread),
         };
-        discovery.tell(&lock(&discovery.own))?;
+        discovery.announce(&lock(&discovery.own))?;
         Ok(discovery)
     }
 
@@ -120,21 +120,21 @@ impl Discovery {
     pub(super) fn add_writer(&self, guid: GUID) -> Result<(), BusError> {
         let mut own = lock(&self.own);
         own.add_writer(guid.into());
-        self.tell(&own)
+        self.announce(&own)
     }
 
     /// Another reader belongs to our node.
     pub(super) fn add_reader(&self, guid: GUID) -> Result<(), BusError> {
         let mut own = lock(&self.own);
         own.add_reader(guid.into());
-        self.tell(&own)
+        self.announce(&own)
     }
 
-    fn tell(&self, own: &NodeEntitiesInfo) -> Result<(), BusError> {
+    fn announce(&self, own: &NodeEntitiesInfo) -> Result<(), BusError> {
         let info = ParticipantEntitiesInfo::new(self.participant.into(), vec![own.clone()]);
         self.writer
             .write(info, Some(rustdds::Timestamp::now()))
-            .map_err(|reason| BusError::transport("tell our endpoints", &reason.forget_data()))
+            .map_err(|reason| BusError::transport("announce the endpoints", &reason.forget_data()))
     }
 
     /// Waits until `writer` and at least `count` readers have found each other; false when `deadline` came first.
@@ -214,7 +214,7 @@ impl Discovery {
         }
     }
 
-    /// Nodes and endpoints that other participants have told; an endpoint of a participant with several nodes is
+    /// Nodes and endpoints that other participants have announced; an endpoint of a participant with several nodes is
     /// shown under the name that ROS 2 gives to the unknown.
     pub(super) fn graph(&self, participant: &DomainParticipant) -> Graph {
         let nodes = lock(&self.known.nodes);
@@ -300,9 +300,9 @@ async fn watch(
     mut stopped: oneshot::Receiver<()>,
     known: &Known,
 ) {
-    let told = reader.as_async_stream().map(Either::Left);
+    let announced = reader.as_async_stream().map(Either::Left);
     let events = statuses.as_async_status_stream().map(Either::Right);
-    let news = stream::select(told, events);
+    let news = stream::select(announced, events);
     pin_mut!(news);
     while let Either::Left((Some(item), _)) = select(news.next(), &mut stopped).await {
         match item {

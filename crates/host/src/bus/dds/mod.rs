@@ -7,7 +7,7 @@
 //!
 //! What DDS does not do here: type hashes (RustDDS writes no user data), shared memory, security. Discovery is by
 //! multicast on the interfaces named in the configuration, loopback by default; RustDDS binds its UDP sockets to all
-//! addresses even so. A reliable writer recovers losses by itself; what is gone is told by number from the gaps.
+//! addresses even so. A reliable writer recovers losses by itself; what is gone is reported by number, from the gaps.
 
 mod discovery;
 mod payload;
@@ -29,10 +29,10 @@ use rustdds::{
 use self::discovery::Discovery;
 use self::payload::{PassThrough, Payload, nanoseconds, timestamp};
 use super::config::BusConfig;
-use super::gaps::{Gaps, Place};
+use super::gaps::{Gaps, Order};
 use super::graph::{Graph, lock};
 use super::qos::{History, Qos};
-use super::subscription::Taker;
+use super::subscription::Callbacks;
 use super::types::TypeId;
 use super::wire::{Gid, NodeName};
 use super::{BusError, Lost, Received, wall_ns};
@@ -100,7 +100,7 @@ impl DdsBus {
         topic: &str,
         ty: &TypeId,
         qos: Qos,
-        taker: Taker,
+        callbacks: Callbacks,
     ) -> Result<DdsSubscription, BusError> {
         let topic = self.topic("rt", topic, "", ty.dds_name(), qos)?;
         let reader = self.reader(&topic)?;
@@ -108,17 +108,17 @@ impl DdsBus {
         let reading = Reading::start(reader, move |change| {
             let publisher = change.writer_guid.to_bytes();
             let sequence = i64::from(change.sequence_number).max(0) as u64;
-            match gaps.place(publisher, sequence) {
-                Place::Duplicate => return,
-                Place::InOrder => {}
-                Place::AfterGap { first, count } => (taker.on_lost)(Lost {
+            match gaps.classify(publisher, sequence) {
+                Order::Duplicate => return,
+                Order::Consecutive => {}
+                Order::AfterGap { first, count } => (callbacks.on_lost)(Lost {
                     publisher,
                     first,
                     count,
                 }),
             }
             let received_ns = wall_ns();
-            (taker.on_sample)(Received {
+            (callbacks.on_sample)(Received {
                 source_time_ns: change.source_timestamp().map_or(received_ns, nanoseconds),
                 payload: change.into_value().with_header().into(),
                 sequence,

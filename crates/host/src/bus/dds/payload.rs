@@ -1,4 +1,4 @@
-//! Hands CDR through RustDDS untouched: its encoding is told beside it, its bytes are not looked at.
+//! Hands CDR through RustDDS untouched: its encoding is passed beside it, its bytes are not inspected.
 
 use rustdds::bytes::Bytes;
 use rustdds::no_key::{Decode, DefaultDecoder, DeserializerAdapter, SerializerAdapter};

@@ -1,6 +1,6 @@
 //! Services on DDS: two topics, `rq/…Request` and `rr/…Reply`, in the two mappings that ROS 2 uses.
 //!
-//! *Enhanced* (Fast DDS, Connext) tells the identity of the request beside the payload, as related sample identity.
+//! *Enhanced* (Fast DDS, Connext) carries the identity of the request outside of the payload, as related sample identity.
 //! *Cyclone* puts 16 bytes before the payload: half of the client's identifier, and its number of the request; the
 //! server sends them back as they came.
 
@@ -25,7 +25,7 @@ const CYCLONE_HEADER: usize = 16;
 /// How long a response waits for the client's reader of responses to be found; the request may have come before.
 const CLIENT_WAIT: Duration = Duration::from_secs(1);
 
-/// What tells one request from all others.
+/// Identity of a request.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum RequestId {
     Enhanced(SampleIdentity),

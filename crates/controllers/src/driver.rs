@@ -1,0 +1,202 @@
+//! What a driver is: that which stands behind a cell's driver topics.
+//!
+//! A driver is one file or folder of this crate that implements [`Driver`], and one line in [`DRIVERS`]. Everything else of
+//! the project asks the registry: the values of `driver.source` and the section of settings in a cell file, their checks, the
+//! processes that the launcher starts, the checks of `probecell doctor`.
+//!
+//! ```text
+//! Driver --read([section])--> DriverSettings --role()--> Node      a simulated machine: journaled, recomputed by a replay
+//!   |                            |                       Process   a controller: connect() -> Connection, polled by host
+//!   name = driver.source         check(demands)          Playback  nothing: a bag is played onto the topics
+//! ```
+//!
+//! Whatever it is, it publishes `controller_status`, `probe_triggers` and `controller_replies` and subscribes to
+//! `controller_commands`, `inspection_plan` and `measurement_order`, so that no node can tell one driver from another.
+
+use std::{
+    any::Any,
+    fmt::Debug,
+    net::{TcpStream, ToSocketAddrs},
+    time::Duration,
+};
+
+use graph::Instance;
+use machine::Chain;
+use probecell_msgs::{
+    ControllerCommand, ControllerReply, ControllerStatus, InspectionPlan, MeasurementOrder,
+    ProbeTrigger,
+};
+use serde::de::DeserializeOwned;
+
+use crate::{axes::Axis, bag::Bag, linuxcnc::LinuxCnc, simulator::Simulator};
+
+/// Every driver of this crate.
+pub const DRIVERS: &[&dyn Driver] = &[&Simulator, &LinuxCnc, &Bag];
+
+/// A section of a cell file as it is written, with the positions of its values.
+pub type Section<'a> = toml::de::ValueDeserializer<'a>;
+
+/// A kind of machine behind the driver topics.
+pub trait Driver: Debug + Sync {
+    /// Value of `driver.source`, and name of the section of its settings and of its process: lower case, no blanks.
+    fn name(&self) -> &'static str;
+
+    /// One line of help.
+    fn description(&self) -> &'static str;
+
+    /// Reads its section of a cell file (`None`: there is none); an unknown key is an error.
+    ///
+    /// # Errors
+    /// See [`SectionError`].
+    fn read(&self, section: Option<Section<'_>>) -> Result<Box<dyn DriverSettings>, SectionError>;
+}
+
+/// Settings of a driver in one cell.
+pub trait DriverSettings: Any + Debug + Send + Sync {
+    /// Checks them, and that the machine can serve what the cell demands of it.
+    ///
+    /// # Errors
+    /// One sentence that begins with the setting, as `section.key`.
+    fn check(&self, demands: &Demands<'_>) -> Result<(), String>;
+
+    /// What runs.
+    fn role(&self) -> Role<'_>;
+
+    /// The machine's axes as its controller names them, where the settings say that.
+    ///
+    /// # Errors
+    /// One sentence that begins with the setting.
+    fn axes(&self) -> Result<Option<Vec<Axis>>, String> {
+        Ok(None)
+    }
+
+    /// Checks of the installation, for `probecell doctor`.
+    fn doctor_checks(&self) -> Vec<DoctorCheck> {
+        Vec::new()
+    }
+}
+
+/// What runs behind the driver topics.
+pub enum Role<'a> {
+    /// A node of the cell.
+    Node(&'a dyn SimulatedMachine),
+    /// A process that does I/O and decides nothing; what it publishes is external input.
+    Process(&'a dyn Controller),
+    /// Nothing: a recording is played, and no command reaches a machine.
+    Playback,
+}
+
+/// A machine that is computed.
+pub trait SimulatedMachine {
+    /// The node at its start, for a machine with this kinematic chain that is to measure `plan`.
+    ///
+    /// # Errors
+    /// One sentence that begins with the setting.
+    fn instance(&self, chain: Chain, plan: &InspectionPlan) -> Result<Box<dyn Instance>, String>;
+}
+
+/// A machine behind a controller.
+pub trait Controller {
+    /// Connects. `session` begins the name of each session and differs between runs of the driver.
+    ///
+    /// # Errors
+    /// Why the controller cannot be driven.
+    fn connect(&self, session: &str) -> Result<Box<dyn Connection>, ConnectError>;
+}
+
+/// Why a controller cannot be driven.
+pub type ConnectError = Box<dyn std::error::Error + Send + Sync>;
+
+/// A connection to a controller. The host calls [`Connection::poll`] at least 50 times a second.
+pub trait Connection {
+    /// Takes the plan that the next measurement is made of.
+    fn plan(&mut self, plan: InspectionPlan);
+
+    /// Takes the order and the moves of that plan.
+    fn order(&mut self, order: MeasurementOrder);
+
+    /// Takes a command, to be executed by the next polls. A command number that was already taken is a repeated delivery and
+    /// is ignored.
+    fn command(&mut self, command: ControllerCommand);
+
+    /// Samples the controller, continues what is under way, and gives what is to be published; `now` is ns since 1970.
+    fn poll(&mut self, now: i64) -> Vec<DriverOutput>;
+}
+
+/// What a driver publishes.
+#[derive(Clone, Debug, PartialEq)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "most of what a driver publishes are samples"
+)]
+pub enum DriverOutput {
+    /// A raw sample, for `controller_status`.
+    Status(ControllerStatus),
+    /// The end of a probing move, for `probe_triggers`.
+    Trigger(ProbeTrigger),
+    /// The outcome of a command, for `controller_replies`.
+    Reply(ControllerReply),
+}
+
+/// What the other sections of a cell file demand of its machine.
+#[derive(Clone, Debug, Default)]
+pub struct Demands<'a> {
+    /// Characteristic, and number of the tool whose wear offset corrects it.
+    pub corrected_tools: Vec<(&'a str, u32)>,
+    /// Axes of the work offset that is corrected.
+    pub work_offset_axes: Vec<&'a str>,
+    /// Entries of the volumetric table that are corrected.
+    pub volumetric_entries: Vec<&'a str>,
+}
+
+/// One check of an installation.
+#[derive(Clone, Debug)]
+pub struct DoctorCheck {
+    /// What was checked.
+    pub subject: String,
+    /// What was found, or what is wrong.
+    pub result: Result<String, String>,
+}
+
+/// Why a section cannot be read.
+#[derive(Debug, thiserror::Error)]
+pub enum SectionError {
+    /// The driver has settings, but the section is missing.
+    #[error("the section is missing")]
+    Missing,
+    /// The driver has no settings.
+    #[error("this driver has no settings")]
+    Unexpected,
+    /// A key is unknown or missing, or a value is of another type.
+    #[error(transparent)]
+    Content(#[from] toml::de::Error),
+}
+
+/// Reads a section that must be there.
+///
+/// # Errors
+/// See [`SectionError`].
+pub fn required<T: DeserializeOwned>(section: Option<Section<'_>>) -> Result<T, SectionError> {
+    Ok(T::deserialize(section.ok_or(SectionError::Missing)?)?)
+}
+
+/// The driver with this name.
+pub fn by_name(drivers: &[&'static dyn Driver], name: &str) -> Option<&'static dyn Driver> {
+    drivers.iter().copied().find(|driver| driver.name() == name)
+}
+
+/// Whether something accepts a TCP connection at `address` (`host:port`) within two seconds, in a sentence.
+///
+/// # Errors
+/// A sentence, when nothing does.
+pub fn tcp_answers(address: &str) -> Result<String, String> {
+    let addresses = address
+        .to_socket_addrs()
+        .map_err(|error| format!("{address}: {error}"))?;
+    for candidate in addresses {
+        if TcpStream::connect_timeout(&candidate, Duration::from_secs(2)).is_ok() {
+            return Ok(format!("{address} answers"));
+        }
+    }
+    Err(format!("nothing answers at {address}"))
+}

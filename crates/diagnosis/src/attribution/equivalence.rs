@@ -1,0 +1,159 @@
+//! Equivalence classes of effects: effects that a session cannot distinguish from a fitted one.
+//!
+//! Another effect is indistinguishable when, beside the rest of the set, it reproduces the effect's fitted signature to
+//! within half the noise, or when the posterior with it in place is not much lower. The class is a list of identifiers.
+
+use std::collections::BTreeSet;
+
+use inference::candidate::Candidate;
+use inference::posterior::Attribution;
+use inference::trial::Trial;
+
+use super::candidate_pool::{ScannedResiduals, Shapes};
+
+/// Two signatures whose rms difference is below this share of the noise are the same.
+const HALF: f64 = 0.5;
+/// A substitute whose log posterior is lower by less than this is not excluded.
+const NOT_EXCLUDED: f64 = 4.6;
+/// Trial values of a shape that are compared with a signature.
+const TRIALS: usize = 160;
+
+/// Effects that are indistinguishable from a fitted one.
+#[derive(Debug, Clone)]
+pub(crate) struct EquivalenceClass {
+    /// Their identifiers, in the order of the library, without the fitted effect.
+    pub(crate) names: Vec<String>,
+    /// True where the rest of the set reproduces the effect to within half the noise.
+    pub(crate) replaceable: bool,
+}
+
+/// A fitted member of a set of candidates.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct FittedMember<'a> {
+    /// All candidates of the set.
+    pub(crate) set: &'a [usize],
+    /// The member, one of the set.
+    pub(crate) member: usize,
+    /// Coefficients of its block's columns, m.
+    pub(crate) coefficients: &'a [f64],
+    /// Standard deviation of the noise, m.
+    pub(crate) noise: f64,
+}
+
+/// The equivalence class of a member of a set.
+pub(crate) fn equivalence_class(
+    shapes: &Shapes<'_>,
+    attribution: &Attribution,
+    fitted: &FittedMember<'_>,
+) -> EquivalenceClass {
+    let others = (fitted.set.iter().copied())
+        .filter(|&other| other != fitted.member)
+        .collect();
+    let substitution = Substitution {
+        shapes,
+        attribution,
+        fitted,
+        others,
+    };
+    let mut found: BTreeSet<&str> = substitution.effects_of(fitted.member).skip(1).collect();
+    let replaceable = substitution.by_signature(&mut found);
+    substitution.by_posterior(&mut found);
+    for &member in fitted.set {
+        found.remove(substitution.effect(member));
+    }
+    let mut names: Vec<String> = Vec::new();
+    for variant in shapes.variants {
+        if found.remove(variant.effect.as_str()) {
+            names.push(variant.effect.clone());
+        }
+    }
+    EquivalenceClass { names, replaceable }
+}
+
+/// Candidates in the place of one member of a set.
+struct Substitution<'a> {
+    shapes: &'a Shapes<'a>,
+    attribution: &'a Attribution,
+    fitted: &'a FittedMember<'a>,
+    /// The rest of the set.
+    others: Vec<usize>,
+}
+
+impl<'a> Substitution<'a> {
+    fn effect(&self, candidate: usize) -> &'a str {
+        &self.shapes.variants[self.attribution.candidates[candidate].variant].effect
+    }
+
+    /// The effect of a candidate, then those whose span is the same.
+    fn effects_of(&self, candidate: usize) -> impl Iterator<Item = &'a str> {
+        let variants = self.shapes.variants;
+        let aliases = self.attribution.aliases[candidate].iter();
+        std::iter::once(self.effect(candidate))
+            .chain(aliases.map(|alias| variants[alias.variant].effect.as_str()))
+    }
+
+    /// Adds the effects that reproduce the fitted signature beside the rest of the set.
+    ///
+    /// True where the rest alone reproduces it: then any effect would, and nothing is added.
+    fn by_signature(&self, found: &mut BTreeSet<&'a str>) -> bool {
+        let (shapes, attribution) = (self.shapes, self.attribution);
+        let candidates = &attribution.candidates;
+        let FittedMember {
+            member,
+            coefficients,
+            noise,
+            ..
+        } = *self.fitted;
+        let rest = self.others.iter().map(|&other| &candidates[other]);
+        let signature = candidates[member].signature(coefficients);
+        let residuals = ScannedResiduals::new(shapes, &attribution.active, &signature, rest);
+        let energy = residuals.energy();
+        let bound = (HALF * noise).powi(2) * shapes.sample.len() as f64;
+        if energy <= bound {
+            return true;
+        }
+        let reproduces = |trial: &Trial| energy - residuals.explained_by(trial) <= bound;
+        for (index, candidate) in candidates.iter().enumerate() {
+            if index != member && reproduces(&self.as_trial(candidate)) {
+                found.extend(self.effects_of(index));
+            }
+        }
+        for (index, variant) in shapes.variants.iter().enumerate() {
+            if found.contains(variant.effect.as_str()) {
+                continue;
+            }
+            let trials = shapes.trials(index);
+            let stride = trials.len().div_ceil(TRIALS).max(1);
+            if trials.iter().step_by(stride).any(reproduces) {
+                found.insert(&variant.effect);
+            }
+        }
+        false
+    }
+
+    fn as_trial(&self, candidate: &Candidate) -> Trial {
+        let columns = candidate.block.iter();
+        let columns = columns.map(|column| self.shapes.scanned(column, &self.attribution.active));
+        Trial::new(candidate.shape, columns.collect())
+    }
+
+    /// Adds the effects with which in the member's place a model without a discrepancy is not much less probable.
+    fn by_posterior(&self, found: &mut BTreeSet<&'a str>) {
+        let models =
+            || (self.attribution.models.iter()).filter(|model| model.discrepancy.is_none());
+        let set = self.fitted.set;
+        let Some(best) = models().find(|model| model.set == set) else {
+            return;
+        };
+        for model in models() {
+            let substituted = model.set.len() == set.len()
+                && !model.set.contains(&self.fitted.member)
+                && self.others.iter().all(|other| model.set.contains(other))
+                && model.score > best.score - NOT_EXCLUDED;
+            let substitute = model.set.iter().find(|own| !self.others.contains(own));
+            if let (true, Some(&substitute)) = (substituted, substitute) {
+                found.extend(self.effects_of(substitute));
+            }
+        }
+    }
+}

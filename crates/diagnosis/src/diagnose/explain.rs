@@ -1,0 +1,211 @@
+//! The attribution of a session of touches: outliers are rejected, curved surfaces corrected to second order. Metres.
+
+use effects::Variant;
+use effects::observation::Observations;
+use inference::linear::add_scaled;
+use inference::outliers;
+use inference::posterior::{Attribution, Model};
+use metrology::statistics::MAD_FACTOR;
+use nalgebra::Vector3;
+
+use crate::attribution::attribute_with;
+use crate::attribution::candidate_pool::Shapes;
+use crate::report::localisation;
+
+/// Second-order corrections below this share of the noise are not made.
+const STRAIGHT: f64 = 0.05;
+/// Rounds of second order and of outlier rejection.
+const ROUNDS: usize = 3;
+
+/// An attribution together with the outliers that were rejected before.
+pub(super) struct Explained {
+    pub(super) attribution: Attribution,
+    /// Rows that were rejected as outliers.
+    pub(super) rejected: Vec<usize>,
+    /// Log posterior of the best model, the outliers included.
+    score: f64,
+}
+
+impl Explained {
+    /// Residuals of the touches in use, m.
+    pub(super) fn residuals(&self) -> Vec<f64> {
+        let all = residuals(&self.attribution, &self.attribution.models[0]);
+        all.into_iter()
+            .zip(&self.attribution.active)
+            .filter(|&(_, &used)| used)
+            .map(|(value, _)| value)
+            .collect()
+    }
+}
+
+/// Attribution of a session without its outliers: suspects, then those beside the best models, as long as the posterior
+/// rises.
+pub(super) fn explain(shapes: &Shapes<'_>) -> Explained {
+    let suspects = outliers::suspects(
+        &shapes.default_blocks(),
+        &weighted(shapes.observations, &[]),
+    );
+    let mut best = straightened(shapes, &[]);
+    let mut tried: Vec<Vec<usize>> = vec![Vec::new()];
+    if !suspects.is_empty() {
+        let other = straightened(shapes, &suspects);
+        if other.score > best.score {
+            best = other;
+        }
+        tried.push(suspects);
+    }
+    for _ in 0..ROUNDS {
+        let mut better: Option<Explained> = None;
+        for rejected in suspected_outliers(&best) {
+            if tried.contains(&rejected)
+                || rejected.len() > outliers::most_outliers(best.attribution.y.len())
+            {
+                continue;
+            }
+            let other = straightened(shapes, &rejected);
+            if other.score > better.as_ref().map_or(best.score, |known| known.score) {
+                better = Some(other);
+            }
+            tried.push(rejected);
+        }
+        match better {
+            Some(other) => best = other,
+            None => break,
+        }
+    }
+    best
+}
+
+/// Touches that may be outliers: beside the best model, and beside the best one without an unknown cause, since a
+/// discrepancy can follow a few outliers.
+fn suspected_outliers(explained: &Explained) -> Vec<Vec<usize>> {
+    let attribution = &explained.attribution;
+    let best = attribution.models.first();
+    let known = (attribution.models.iter()).find(|model| !attribution.is_unknown(model));
+    (best.into_iter().chain(known))
+        .map(|model| outliers_beside(attribution, model))
+        .collect()
+}
+
+/// Attribution with the second order of curved surfaces taken into account.
+fn straightened(shapes: &Shapes<'_>, rejected: &[usize]) -> Explained {
+    let (observations, variants) = (shapes.observations, shapes.variants);
+    let mut active = vec![true; observations.rows.len()];
+    for &row in rejected {
+        active[row] = false;
+    }
+    let mut correction: Vec<f64> = Vec::new();
+    let mut attribution =
+        attribute_with(shapes, &weighted(observations, &correction), &active, None);
+    for _ in 0..ROUNDS {
+        let model = &attribution.models[0];
+        let Some(fit) = attribution.fit(model) else {
+            break;
+        };
+        let shifts = shifts(observations, variants, &attribution, model);
+        let second: Vec<f64> = observations.curvature(&shifts);
+        let change =
+            |(row, new): (usize, &f64)| (new - correction.get(row).copied().unwrap_or(0.0)).abs();
+        let largest = second.iter().enumerate().map(change).fold(0.0, f64::max);
+        if largest < STRAIGHT * fit.variance.sqrt() {
+            break;
+        }
+        correction = second;
+        let y = weighted(observations, &correction);
+        attribution = attribute_with(shapes, &y, &active, Some(&attribution));
+    }
+    let score = attribution.models[0].score + outliers::log_evidence(rejected.len());
+    Explained {
+        attribution,
+        rejected: rejected.to_vec(),
+        score,
+    }
+}
+
+/// Weighted deviations less a correction.
+fn weighted(observations: &Observations, correction: &[f64]) -> Vec<f64> {
+    let correction = correction.iter().copied().chain(std::iter::repeat(0.0));
+    let values = observations
+        .deviations
+        .iter()
+        .zip(&observations.rows)
+        .zip(correction);
+    values
+        .map(|((deviation, row), correction)| (deviation - correction) * row.weight)
+        .collect()
+}
+
+/// Displacements of the ball under a model, row by row, without the effects whose second order is a column of its own.
+fn shifts(
+    observations: &Observations,
+    variants: &[Variant],
+    attribution: &Attribution,
+    model: &Model,
+) -> Vec<Vector3<f64>> {
+    let mut shifts = vec![Vector3::zeros(); observations.rows.len()];
+    let Some(fit) = attribution.fit(model) else {
+        return shifts;
+    };
+    for (_, candidate, coefficients) in attribution.members(model, &fit) {
+        if candidate.second_order {
+            continue;
+        }
+        let values =
+            &candidate.parameters_from_block * nalgebra::DVector::from_column_slice(coefficients);
+        let columns = variants[candidate.variant].columns(observations, candidate.shape);
+        for (column, value) in columns.iter().zip(values.iter()) {
+            for (shift, part) in shifts.iter_mut().zip(&column.shifts) {
+                *shift += part * *value;
+            }
+        }
+    }
+    shifts
+}
+
+/// Weighted residuals of a model, less the posterior mean of its discrepancy; where touches are noisier than others, in
+/// units of the others.
+pub(super) fn residuals(attribution: &Attribution, model: &Model) -> Vec<f64> {
+    let mut residuals = attribution
+        .residuals(model)
+        .unwrap_or_else(|| attribution.y.clone());
+    if let Some(widening) = attribution.widening(model) {
+        let used = residuals.iter_mut().zip(&attribution.active);
+        let used = used
+            .filter(|(_, used)| **used)
+            .map(|(residual, _)| residual);
+        for (residual, wider) in used.zip(widening) {
+            *residual /= wider;
+        }
+        return residuals;
+    }
+    let index = attribution
+        .models
+        .iter()
+        .position(|known| std::ptr::eq(known, model));
+    if let Some((_, part)) =
+        index.and_then(|index| localisation::discrepancy_part(attribution, index))
+    {
+        add_scaled(&mut residuals, -1.0, &part);
+    }
+    residuals
+}
+
+/// Touches whose residual exceeds the outlier threshold of a model.
+fn outliers_beside(attribution: &Attribution, model: &Model) -> Vec<usize> {
+    let residuals = residuals(attribution, model);
+    let mut sizes: Vec<f64> = residuals
+        .iter()
+        .zip(&attribution.active)
+        .filter(|&(_, &used)| used)
+        .map(|(value, _)| value.abs())
+        .collect();
+    sizes.sort_by(f64::total_cmp);
+    let noise = (MAD_FACTOR * sizes[sizes.len() / 2]).max(1e-9);
+    let density = -(noise * std::f64::consts::TAU.sqrt()).ln();
+    let bound = (2.0 * (density - outliers::log_evidence(1)))
+        .max(9.0)
+        .sqrt();
+    (0..residuals.len())
+        .filter(|&row| residuals[row].abs() > bound * noise)
+        .collect()
+}

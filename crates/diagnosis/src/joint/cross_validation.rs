@@ -1,0 +1,175 @@
+//! Cross-validation of a set of effects: how far it reduces the residuals of touches that were not used to fit.
+//!
+//! With withheld sessions: coefficients from the fitted ones, only the pose refitted. Without: blocks of touches of one
+//! feature at one index, assigned to folds. Prior variances of the effects stay as the whole fit found them. Metres.
+
+use inference::linear::without;
+use metrology::statistics::rms;
+
+use super::blocks::BlockPool;
+use effects::observation::Row;
+use inference::gram::{BlockSet, Gram};
+use inference::held_out::{Blocks, HeldOut};
+
+use super::rows::Joined;
+use super::selection::Rows;
+use crate::report::OfSession;
+
+/// Folds of the blocks.
+const FOLDS: usize = 5;
+/// Paired gains over blocks must exceed this many standard errors.
+const STANDARD_ERRORS: f64 = 2.0;
+
+/// Held-out sizes of one set.
+pub(super) struct Judged {
+    pub(super) all: HeldOut,
+    sessions: Vec<HeldOut>,
+    /// Sum of squares and number of touches of each block.
+    blocks: Vec<(f64, f64)>,
+}
+
+/// The rows that judge.
+pub(super) struct Judge<'a> {
+    rows: &'a Rows<'a>,
+    joined: &'a Joined,
+    fitted: usize,
+    /// Blocks of the rows that judge.
+    blocks: Blocks,
+    withheld: bool,
+}
+
+impl<'a> Judge<'a> {
+    /// Judges by sessions from number `fitted` on where `withheld`, by blocks of the others elsewhere.
+    pub(super) fn new(
+        rows: &'a Rows<'a>,
+        joined: &'a Joined,
+        fitted: usize,
+        withheld: bool,
+    ) -> Self {
+        let key = |(index, row): (usize, &Row)| {
+            let session = joined.session[index];
+            let judges = if withheld {
+                session >= fitted
+            } else {
+                rows.active[index]
+            };
+            (judges && row.pose.is_some()).then_some((session, row.feature, row.index))
+        };
+        let blocks = Blocks::new(rows.observations.rows.iter().enumerate().map(key));
+        Self {
+            rows,
+            joined,
+            fitted,
+            blocks,
+            withheld,
+        }
+    }
+
+    /// Held-out sizes with no effect, the first, the first two, and so on.
+    pub(super) fn prefixes(&self, pool: &BlockPool, gram: &Gram, set: &BlockSet) -> Vec<Judged> {
+        let residuals = self.residuals(pool, gram, set);
+        residuals
+            .iter()
+            .map(|residuals| self.size(residuals))
+            .collect()
+    }
+
+    /// True for a row that judges.
+    pub(super) fn judges(&self, row: usize) -> bool {
+        self.blocks.block(row).is_some()
+    }
+
+    /// Held-out residuals of all rows with no effect, the first, the first two, and so on; only rows that judge count.
+    pub(super) fn residuals(&self, pool: &BlockPool, gram: &Gram, set: &BlockSet) -> Vec<Vec<f64>> {
+        let (columns, _) = gram.columns(set);
+        let mut residuals = vec![self.rows.y.to_vec(); set.members.len() + 1];
+        let folds = if self.withheld { 1 } else { FOLDS };
+        for fold in 0..folds {
+            let held = |row: usize| {
+                self.blocks
+                    .block(row)
+                    .is_some_and(|block| block % folds == fold)
+            };
+            let training: Vec<bool> = (0..self.rows.y.len())
+                .map(|row| self.rows.active[row] && !held(row))
+                .collect();
+            let fits = self.rows.prefixes(pool, gram, set, &training);
+            for (residuals, mean) in residuals.iter_mut().zip(fits) {
+                let Some(mut mean) = mean else { continue };
+                if self.withheld {
+                    // Poses of the fitted sessions say nothing of the withheld ones: their own are taken out below.
+                    mean[..self.rows.free.len()].fill(0.0);
+                }
+                let fitted = self.rows.residuals(pool, &columns[..mean.len()], &mean);
+                for row in (0..fitted.len()).filter(|&row| held(row)) {
+                    residuals[row] = fitted[row];
+                }
+            }
+        }
+        if self.withheld {
+            for residuals in &mut residuals {
+                for pose in &self.joined.poses[self.fitted..] {
+                    *residuals = without(std::mem::take(residuals), pose);
+                }
+            }
+        }
+        residuals
+    }
+
+    fn size(&self, residuals: &[f64]) -> Judged {
+        let mut blocks = vec![(0.0, 0.0); self.blocks.count()];
+        let mut sessions = vec![0; self.blocks.count()];
+        for (row, residual) in residuals.iter().enumerate() {
+            if let Some(block) = self.blocks.block(row) {
+                blocks[block].0 += residual * residual;
+                blocks[block].1 += 1.0;
+                sessions[block] = self.joined.session[row];
+            }
+        }
+        let first = if self.withheld { self.fitted } else { 0 };
+        let last = if self.withheld {
+            self.joined.sessions
+        } else {
+            self.fitted
+        };
+        let of = |session: usize| -> Vec<(f64, f64)> {
+            (blocks.iter().zip(&sessions))
+                .filter(|&(_, &of)| of == session)
+                .map(|(block, _)| *block)
+                .collect()
+        };
+        Judged {
+            all: HeldOut::of_blocks(&blocks),
+            sessions: (first..last)
+                .map(|session| HeldOut::of_blocks(&of(session)))
+                .collect(),
+            blocks,
+        }
+    }
+}
+
+impl Judged {
+    /// True when this set leaves smaller residuals than another by [`STANDARD_ERRORS`] of the paired differences of blocks.
+    pub(super) fn better(&self, than: &Self) -> bool {
+        let gains: Vec<f64> = (than.blocks.iter().zip(&self.blocks))
+            .map(|(before, after)| before.0 - after.0)
+            .collect();
+        let count = gains.len() as f64;
+        let mean = gains.iter().sum::<f64>() / count.max(1.0);
+        let around: Vec<f64> = gains.iter().map(|gain| gain - mean).collect();
+        mean > STANDARD_ERRORS * rms(&around) / count.max(1.0).sqrt()
+    }
+
+    /// Sizes session by session, with the names of those that judge.
+    pub(super) fn of_sessions(&self, before: &Self, names: &[String]) -> Vec<OfSession> {
+        (names.iter().zip(self.sessions.iter().zip(&before.sessions)))
+            .map(|(name, (after, before))| OfSession {
+                bag: name.clone(),
+                axis: None,
+                rms_before: before.rms,
+                rms_after: after.rms,
+                ci95_after: after.ci95,
+            })
+            .collect()
+    }
+}

@@ -1,0 +1,147 @@
+//! What every touch or sample misses the model by, before and after the named effects: the material of pictures.
+//!
+//! Held out: what is left of a touch comes from a fit that did not use it, so that the root mean square of `after` over
+//! the judged touches is the `rms_after` of the report's last held-out effect. Metres, radians, seconds from the start
+//! of the session, the effort's own unit; vectors in the part frame. Decides nothing.
+
+use machine::JointKind;
+
+use effects::observation::{Observations, Row};
+
+/// An axis as a picture needs it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AxisOf {
+    /// Name.
+    pub name: String,
+    /// True: it turns, rad; false: it slides, m.
+    pub turns: bool,
+}
+
+/// One touch.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TouchResidual {
+    /// Place in [`TouchResiduals::sessions`].
+    pub session: usize,
+    /// Sequence of its event.
+    pub sequence: u64,
+    /// Place in [`TouchResiduals::features`].
+    pub feature: usize,
+    /// Nominal point, part frame, m.
+    pub position: [f64; 3],
+    /// Outward normal, part frame.
+    pub normal: [f64; 3],
+    /// Seconds from the start of its session.
+    pub time: f64,
+    /// Speed of approach, m/s.
+    pub feed: f64,
+    /// Positions of the axes, in the order of [`TouchResiduals::axes`].
+    pub positions: Vec<f64>,
+    /// Deviation without any effect, along the normal, m; a joint diagnosis has taken out the pose of the session.
+    pub before: f64,
+    /// The same with all named effects, m; `None` where the touch was set aside.
+    pub after: Option<f64>,
+}
+
+impl TouchResidual {
+    /// The side from which the surface is touched: the largest component of the normal, `+x` to `-z`.
+    pub fn direction(&self) -> &'static str {
+        const NAMES: [[&str; 2]; 3] = [["+x", "-x"], ["+y", "-y"], ["+z", "-z"]];
+        let size = |axis: &usize| self.normal[*axis].abs();
+        let axis = (0..3)
+            .max_by(|a, b| size(a).total_cmp(&size(b)))
+            .unwrap_or(0);
+        NAMES[axis][usize::from(self.normal[axis] < 0.0)]
+    }
+}
+
+/// Touches of one comparison.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TouchResiduals {
+    /// What is compared with what.
+    pub compared: &'static str,
+    /// Names of the sessions that judge.
+    pub sessions: Vec<String>,
+    /// Axes of the machine.
+    pub axes: Vec<AxisOf>,
+    /// Names of the features.
+    pub features: Vec<String>,
+    /// The touches, session by session in time.
+    pub touches: Vec<TouchResidual>,
+}
+
+/// One axis of one drive session.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DriveResiduals {
+    /// Name of the session.
+    pub session: String,
+    /// The axis.
+    pub axis: AxisOf,
+    /// Unit of the compared quantity.
+    pub unit: String,
+    /// Times from the first sample, s.
+    pub time: Vec<f64>,
+    /// Measured positions, m or rad.
+    pub position: Vec<f64>,
+    /// Measured speeds, m/s or rad/s.
+    pub speed: Vec<f64>,
+    /// Measured effort, or measured motion less its command.
+    pub measured: Vec<f64>,
+    /// Measured less the nominal model.
+    pub before: Vec<f64>,
+    /// Measured less the model with all named effects.
+    pub after: Vec<f64>,
+}
+
+/// The samples behind a report.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Residuals {
+    /// Sessions of touches: one comparison, or two where an outside instrument has measured the part as well.
+    Touches(Vec<TouchResiduals>),
+    /// Sessions of drives, axis by axis.
+    Drives(Vec<DriveResiduals>),
+}
+
+/// The touches of a table of rows. `before` and `after` hold one value per row; `session` names each row's.
+pub(crate) fn touches(
+    observations: &Observations,
+    compared: &'static str,
+    sessions: Vec<String>,
+    session: impl Fn(usize) -> Option<usize>,
+    before: impl Fn(usize) -> f64,
+    after: impl Fn(usize) -> Option<f64>,
+) -> TouchResiduals {
+    let chain = &observations.chain;
+    let touch = |(index, row): (usize, &Row)| {
+        let pose = row.pose.as_ref()?;
+        Some(TouchResidual {
+            session: session(index)?,
+            sequence: row.sequence?,
+            feature: row.feature,
+            position: row.position.coords.into(),
+            normal: row.normal.into(),
+            time: row.time,
+            feed: row.feed,
+            positions: pose.positions.clone(),
+            before: before(index),
+            after: after(index),
+        })
+    };
+    TouchResiduals {
+        compared,
+        sessions,
+        axes: (0..chain.axes().len())
+            .map(|axis| axis_of(&chain.axis(axis).name, chain.axis(axis).kind))
+            .collect(),
+        features: observations.features.clone(),
+        touches: (observations.rows.iter().enumerate())
+            .filter_map(touch)
+            .collect(),
+    }
+}
+
+pub(crate) fn axis_of(name: &str, kind: JointKind) -> AxisOf {
+    AxisOf {
+        name: name.to_owned(),
+        turns: kind == JointKind::Revolute,
+    }
+}

@@ -1,0 +1,257 @@
+//! The report as text: findings with their uncertainty, and the remaining gap. Lengths in µm, angles in µrad, efforts as
+//! recorded.
+
+use std::fmt;
+
+use effects::vocabulary;
+
+use crate::report::{Declared, Effect, NextMeasurement, ParameterEstimate, Place, Report, Verdict};
+
+impl fmt::Display for Report {
+    fn fmt(&self, to: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let verdict = match self.verdict {
+            Verdict::NoGap => "no gap: the cell agrees with its model within the noise",
+            Verdict::Explained => "gap explained",
+            Verdict::PartlyExplained => "gap partly explained; an unknown cause remains",
+            Verdict::Unexplained => "gap not explained: no known effect accounts for it",
+        };
+        writeln!(to, "{}: {verdict}", self.bag)?;
+        let micro = |value: f64| match self.gap.unit.as_str() {
+            "m" => format!("{:.2} µm", value * 1e6),
+            "rad" => format!("{:.2} µrad", value * 1e6),
+            unit => format!("{value:.4} {unit}"),
+        };
+        let (rms, floor) = (micro(self.gap.rms), micro(self.gap.noise_floor));
+        writeln!(
+            to,
+            "  {} samples, gap {rms} rms, noise floor {floor}, ratio {:.1}",
+            self.samples, self.gap.ratio
+        )?;
+        for together in self.declared.chunk_by(Declared::found_with) {
+            for declared in together {
+                write_declared(to, declared, &micro)?;
+            }
+            match together.last().and_then(|last| last.kept) {
+                Some(true) => writeln!(to, "    the promise is kept")?,
+                Some(false) => {
+                    writeln!(
+                        to,
+                        "    the promise is not kept: the remaining gap is larger than promised"
+                    )?;
+                }
+                None => {}
+            }
+        }
+        for effect in &self.effects {
+            write_effect(to, effect, &micro)?;
+        }
+        if let (Some(first), Some(last)) = (self.effects.first(), self.effects.last()) {
+            let judged = if self.withheld.is_empty() {
+                "held out"
+            } else {
+                "withheld"
+            };
+            for (before, after) in first.sessions.iter().zip(&last.sessions) {
+                let axis = after.axis.as_deref().unwrap_or_default();
+                let [low, high] = after.ci95_after.map(micro);
+                let (from, to_size) = (micro(before.rms_before), micro(after.rms_after));
+                writeln!(
+                    to,
+                    "  {judged} {} {axis}: {from} -> {to_size} ({low} to {high})",
+                    after.bag
+                )?;
+            }
+        }
+        if !self.unexplained.place.is_empty() {
+            writeln!(to, "  unexplained: {}", micro(self.unexplained.rms))?;
+            for place in &self.unexplained.place {
+                writeln!(to, "    {}", place_text(place))?;
+            }
+        }
+        for next in &self.next_measurement {
+            write_next(to, next)?;
+        }
+        for warning in &self.warnings {
+            writeln!(to, "  note: {warning}")?;
+        }
+        Ok(())
+    }
+}
+
+fn write_effect(
+    to: &mut fmt::Formatter<'_>,
+    effect: &Effect,
+    micro: &dyn Fn(f64) -> String,
+) -> fmt::Result {
+    let (before, after) = (micro(effect.rms_before), micro(effect.rms_after));
+    writeln!(
+        to,
+        "  {} (probability {:.3}): {before} -> {after}",
+        effect.effect, effect.probability
+    )?;
+    for parameter in &effect.parameters {
+        writeln!(to, "    {}", parameter_text(parameter))?;
+    }
+    if effect.indistinguishable_from.is_empty() {
+        if let Some(remedy) = vocabulary::remedy(&effect.effect) {
+            writeln!(to, "    remedy: {remedy}")?;
+        }
+        return Ok(());
+    }
+    // Where the cause is ambiguous, so is what to do about it.
+    writeln!(
+        to,
+        "    indistinguishable in this session from {}",
+        effect.indistinguishable_from.join(", ")
+    )
+}
+
+/// An effect of the declared model: its source, the reduction of the gap that it promised, and the one it achieves here.
+fn write_declared(
+    to: &mut fmt::Formatter<'_>,
+    declared: &Declared,
+    micro: &dyn Fn(f64) -> String,
+) -> fmt::Result {
+    write!(to, "  declared {}", declared.effect)?;
+    if let Some(source) = &declared.source {
+        write!(to, ", found in {source}")?;
+    }
+    if let Some(measured) = &declared.measured {
+        write!(to, " of {measured}")?;
+    }
+    if !declared.chosen_from.is_empty() {
+        write!(to, ", chosen from {}", declared.chosen_from.join(", "))?;
+    }
+    writeln!(to)?;
+    for (word, sizes) in [
+        ("promised", &declared.promised),
+        ("achieved", &declared.achieved),
+    ] {
+        if let Some(sizes) = sizes {
+            let [low, high] = sizes.ci95_after.map(micro);
+            let (before, after) = (micro(sizes.rms_before), micro(sizes.rms_after));
+            writeln!(to, "    {word}: {before} -> {after} ({low} to {high})")?;
+        }
+    }
+    Ok(())
+}
+
+fn write_next(to: &mut fmt::Formatter<'_>, next: &NextMeasurement) -> fmt::Result {
+    if !next.points.is_empty() {
+        writeln!(
+            to,
+            "  to discriminate {}: {} touches ({:.0} % chance of one explanation reaching p > 0.95)",
+            next.separates.join(" from "),
+            next.points.len(),
+            100.0 * next.chance
+        )?;
+    }
+    for point in &next.points {
+        let angles: Vec<String> = point
+            .rotary_positions
+            .iter()
+            .map(|angle| format!("{:.1}", angle.to_degrees()))
+            .collect();
+        let turned = if angles.is_empty() {
+            String::new()
+        } else {
+            format!(" rotary axes at ({})°,", angles.join(", "))
+        };
+        writeln!(
+            to,
+            "    {} at ({}) mm,{turned} {:.0} mm/min: {}",
+            point.feature,
+            point
+                .position
+                .map(|value| format!("{:.2}", value * 1e3))
+                .join(", "),
+            point.feed * 60e3,
+            point.why
+        )?;
+    }
+    for pair in &next.inseparable {
+        writeln!(
+            to,
+            "    {} cannot be distinguished by any reachable touch",
+            pair.join(" and ")
+        )?;
+    }
+    Ok(())
+}
+
+fn parameter_text(parameter: &ParameterEstimate) -> String {
+    let (name, unit) = (&parameter.name, &parameter.unit);
+    in_shop_units(name, parameter.value, unit, Some(parameter.ci95))
+}
+
+/// A parameter as text: name, value, half width of its 95 % interval, in the units of the workshop.
+pub fn in_shop_units(name: &str, value: f64, unit: &str, ci95: Option<[f64; 2]>) -> String {
+    let (factor, unit) = match unit {
+        "m" if value.abs() >= 2e-3 => (1e3, "mm"),
+        "m" => (1e6, "µm"),
+        "rad" => (1e6, "µrad"),
+        "m/m" => (1e6, "µm/m"),
+        "rad/m" => (1e6, "µrad/m"),
+        "1/K" => (1e6, "µm/(m K)"),
+        "rad/(N m)" => (1e6, "µrad/(N m)"),
+        "m/N" => (1e6, "µm/N"),
+        "s" if value.abs() < 1.0 => (1e3, "ms"),
+        "1" => (1.0, ""),
+        other => (1.0, other),
+    };
+    let half = ci95.map_or(0.0, |[low, high]| 0.5 * (high - low) * factor);
+    let value = value * factor;
+    // A constant that was not fitted: the number of a tool, a chosen length.
+    let text = if half > 0.0 {
+        format!("{name} = {value:.4} ± {half:.4} {unit}")
+    } else {
+        // Six decimals: rounding errors of means are not printed.
+        format!("{name} = {} {unit}", (value * 1e6).round() / 1e6)
+    };
+    text.trim_end().to_owned()
+}
+
+fn place_text(place: &Place) -> String {
+    let interval = match (place.from, place.to) {
+        (Some(from), Some(to)) => format!(" from {from:.4} to {to:.4}"),
+        _ => String::new(),
+    };
+    format!(
+        "{} {}{interval} ({:.0} %)",
+        place.dimension,
+        place.key,
+        place.share * 100.0
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parameters_are_read_in_the_units_of_the_shop() {
+        let text = |name: &str, value: f64, unit: &str, half: f64| {
+            parameter_text(&ParameterEstimate {
+                name: name.to_owned(),
+                value,
+                unit: unit.to_owned(),
+                ci95: [value - half, value + half],
+            })
+        };
+        assert_eq!(text("dx", 3.5e-6, "m", 1e-7), "dx = 3.5000 ± 0.1000 µm");
+        assert_eq!(
+            text("rate", 1.4e-6, "m/m", 2e-7),
+            "rate = 1.4000 ± 0.2000 µm/m"
+        );
+        assert_eq!(
+            text("A2", 1.2e-6, "rad/(N m)", 3e-7),
+            "A2 = 1.2000 ± 0.3000 µrad/(N m)"
+        );
+        assert_eq!(text("length", 0.075, "m", 0.0), "length = 75 mm");
+        assert_eq!(text("tool", 2.0, "1", 0.0), "tool = 2");
+        assert_eq!(
+            text("exponent", 2.5, "1", 0.25),
+            "exponent = 2.5000 ± 0.2500"
+        );
+    }
+}

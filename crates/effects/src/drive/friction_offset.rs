@@ -1,0 +1,66 @@
+//! `drive.friction_offset`: a constant part of the effort, such as friction that differs between the directions.
+//!
+//! f = offset. On a linear axis the weight of the load is the same to first order.
+
+use machine::Chain;
+
+use super::{Channel, Drive, UNDECLARABLE, acts_on, term};
+use crate::drive::columns::DriveEffect;
+use crate::effect::{ActsOn, Effect, Instance};
+use crate::library::Parameter;
+
+pub(super) struct FrictionOffset;
+
+impl Effect for FrictionOffset {
+    fn id(&self) -> &'static str {
+        "drive.friction_offset"
+    }
+
+    fn describe(&self, _: &Instance<'_>) -> String {
+        "constant offset of the drive's effort".to_owned()
+    }
+
+    fn remedy(&self) -> &'static str {
+        "balance the weight of the axis, or declare the offset in the drive"
+    }
+
+    fn parameters(&self, _: &Chain, _: &Instance<'_>) -> Vec<Parameter> {
+        vec![Parameter::new("offset", "effort", 1e3)]
+    }
+
+    fn acts_on(&self) -> ActsOn {
+        acts_on()
+    }
+
+    fn undeclarable(&self) -> Option<&'static str> {
+        Some(UNDECLARABLE)
+    }
+
+    fn drive(&self, drive: &Drive<'_>, _: &[DriveEffect]) -> Option<DriveEffect> {
+        let column = || {
+            vec![vec![term(
+                "offset",
+                "effort",
+                vec![1.0; drive.signals.speed.len()],
+            )]]
+        };
+        let effect = drive.on(Channel::Effort, self.id(), column)?;
+        Some(if drive.turns() {
+            effect
+        } else {
+            effect.same_as("drive.gravity".to_owned())
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::drive::specimen::{columns, signals};
+
+    #[test]
+    fn it_is_constant() {
+        let column = &columns(&FrictionOffset, Channel::Effort)[0];
+        assert_eq!(*column, vec![1.0; signals().speed.len()]);
+    }
+}

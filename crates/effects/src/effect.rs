@@ -1,0 +1,256 @@
+//! What an effect is: one cause of the vocabulary, and everything that the rest of the project asks of it.
+//!
+//! An effect is one file with an implementation of [`Effect`] and one line in [`crate::registry`]. Vocabulary, wording,
+//! the effects that a discrepancy may stand for, what a joint diagnosis leaves out and what a cell file may declare all
+//! follow from the answers given here.
+
+use inference::discrepancy::Covariate;
+use machine::{Chain, Joint, JointKind};
+
+use crate::drive::columns::{Drive, DriveEffect};
+use crate::library::{Parameter, Variant};
+use crate::observation::Observations;
+
+/// Components of a location error, as ISO 230-1 letters them.
+const COMPONENTS: [char; 6] = ['X', 'Y', 'Z', 'A', 'B', 'C'];
+/// Axis and component in an identifier.
+const AXIS: &str = "<A>";
+const COMPONENT: &str = "<c>";
+
+/// One cause of the effect vocabulary.
+pub trait Effect: Sync {
+    /// Its identifier as the interface contract writes it: `<A>` stands for an axis, `<c>` for one of X Y Z A B C.
+    fn id(&self) -> &'static str;
+
+    /// What it is, as a noun phrase for people.
+    fn describe(&self, of: &Instance<'_>) -> String;
+
+    /// What a person does about it.
+    fn remedy(&self) -> &'static str;
+
+    /// Its linear parameters on a machine, with SI units and the largest size usually met.
+    fn parameters(&self, chain: &Chain, of: &Instance<'_>) -> Vec<Parameter>;
+
+    /// What it belongs to, and on what it depends.
+    fn acts_on(&self) -> ActsOn;
+
+    /// The ways in which it may act on the rows of a session; none where the session cannot show it.
+    fn offer(&self, _: &Observations) -> Vec<Variant> {
+        Vec::new()
+    }
+
+    /// The ways in which it may act on a machine whose cell declares these constants; none where the machine cannot show it.
+    ///
+    /// These are the variants of [`Effect::offer`] with constants of the declaration instead of those of a session, so
+    /// that they predict on any session what was fitted on one.
+    fn declared(&self, _: &Chain, _: &Instance<'_>, _: &Constants<'_>) -> Vec<Variant> {
+        Vec::new()
+    }
+
+    /// Why a cell file cannot declare it; `None` for an effect of touches that lasts.
+    fn undeclarable(&self) -> Option<&'static str> {
+        None
+    }
+
+    /// Its columns over the samples of one axis; `before` are the effects of the same axis that come before it.
+    fn drive(&self, _: &Drive<'_>, _before: &[DriveEffect]) -> Option<DriveEffect> {
+        None
+    }
+}
+
+/// What an effect belongs to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Subject {
+    /// The probe.
+    Probe,
+    /// The machine: its axes, links and spindle.
+    Machine,
+    /// The cutting process: material left on the part.
+    Cutting,
+    /// The part itself.
+    Part,
+    /// One session or clamping: never shared by several.
+    Session,
+    /// The records of a session, whatever the deviations say.
+    Record,
+    /// The drive of one axis.
+    Drive,
+}
+
+/// What is registered together in every clamping, so that a joint diagnosis fits it anew for each session.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Registration {
+    /// Nothing of the effect.
+    Never,
+    /// The pose of the part.
+    Part,
+    /// The place of the probe, on an arm.
+    ProbeOfArm,
+}
+
+/// A coordinate of which an effect is a smooth function.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Coordinate {
+    /// The position of its own axis.
+    AxisPosition,
+    /// Time.
+    Time,
+    /// The direction of the touch in the probe's frame.
+    Direction,
+}
+
+/// What an effect belongs to and depends on.
+#[derive(Debug, Clone, Copy)]
+pub struct ActsOn {
+    /// What it belongs to.
+    pub subject: Subject,
+    /// What of it is registered in every clamping.
+    pub registration: Registration,
+    /// True where only a probe that is triggered on the move shows it.
+    pub triggered: bool,
+    /// Coordinates of which it is a smooth function: a discrepancy over one of them describes the same thing.
+    pub smooth_in: &'static [Coordinate],
+    /// Covariates on which it depends alone: what it can do needs no discrepancy over them.
+    pub covariates: &'static [Covariate],
+}
+
+impl ActsOn {
+    /// An effect that depends on no coordinate smoothly and on no covariate alone.
+    pub const fn of(subject: Subject) -> Self {
+        Self {
+            subject,
+            registration: Registration::Never,
+            triggered: false,
+            smooth_in: &[],
+            covariates: &[],
+        }
+    }
+}
+
+/// Which of the effects that share an identifier's pattern: an axis, perhaps a component.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Instance<'a> {
+    /// Name of the axis.
+    pub axis: &'a str,
+    /// Component of a location error.
+    pub component: Option<char>,
+}
+
+impl<'a> Instance<'a> {
+    /// Of an axis.
+    pub fn on(axis: &'a str) -> Self {
+        Self {
+            axis,
+            component: None,
+        }
+    }
+
+    /// The instance that an identifier names; `None` where it is not of the pattern.
+    pub fn parse(pattern: &str, id: &'a str) -> Option<Self> {
+        let Some((head, tail)) = pattern.split_once(AXIS) else {
+            return (pattern == id).then(Self::default);
+        };
+        let Some((head, middle)) = head.split_once(COMPONENT) else {
+            let axis = id.strip_prefix(head)?.strip_suffix(tail)?;
+            return (!axis.is_empty()).then(|| Self::on(axis));
+        };
+        let rest = id.strip_prefix(head)?;
+        let component = rest.chars().next().filter(|c| COMPONENTS.contains(c))?;
+        let axis = rest[1..].strip_prefix(middle)?.strip_suffix(tail)?;
+        (!axis.is_empty()).then_some(Self {
+            axis,
+            component: Some(component),
+        })
+    }
+
+    /// The identifier of this instance.
+    pub fn id(&self, pattern: &str) -> String {
+        let id = pattern.replace(AXIS, self.axis);
+        match self.component {
+            Some(component) => id.replace(COMPONENT, &component.to_string()),
+            None => id,
+        }
+    }
+
+    /// Its axis on a machine: index in [`Chain::axes`] and joint.
+    pub fn joint<'c>(&self, chain: &'c Chain) -> Option<(usize, &'c Joint)> {
+        let axis = chain.axis_index(self.axis)?;
+        Some((axis, chain.axis(axis)))
+    }
+
+    /// True where its axis turns.
+    pub fn turns(&self, chain: &Chain) -> bool {
+        self.joint(chain)
+            .is_some_and(|(_, joint)| joint.kind == JointKind::Revolute)
+    }
+}
+
+/// Every identifier that a pattern has on a machine.
+pub fn identifiers(pattern: &str, chain: &Chain) -> Vec<String> {
+    if !pattern.contains(AXIS) {
+        return vec![pattern.to_owned()];
+    }
+    let components: Vec<Option<char>> = if pattern.contains(COMPONENT) {
+        COMPONENTS.map(Some).into()
+    } else {
+        vec![None]
+    };
+    chain
+        .axis_names()
+        .flat_map(|axis| {
+            let of = move |&component: &Option<char>| Instance { axis, component };
+            components
+                .iter()
+                .map(|component| of(component).id(pattern))
+                .collect::<Vec<_>>()
+        })
+        .collect()
+}
+
+/// Constants of a declared effect, by name.
+pub struct Constants<'a>(pub &'a dyn Fn(&str) -> Option<f64>);
+
+impl Constants<'_> {
+    /// The declared value, or `usual` where none is declared.
+    pub fn get(&self, name: &str, usual: f64) -> f64 {
+        (self.0)(name).unwrap_or(usual)
+    }
+
+    /// The declared value.
+    pub fn find(&self, name: &str) -> Option<f64> {
+        (self.0)(name)
+    }
+
+    /// The declared number of a tool.
+    pub fn tool(&self) -> Option<u32> {
+        self.find("tool")
+            .map(|tool| tool.clamp(0.0, f64::from(u32::MAX)) as u32)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn identifiers_are_read_as_they_are_written() {
+        for (pattern, id, axis, component) in [
+            ("probe.ball_radius", "probe.ball_radius", "", None),
+            ("axis.<A>.scale", "axis.A1.scale", "A1", None),
+            ("link.E<c>0<A>", "link.EX0C", "C", Some('X')),
+            ("link.E<c>0<A>", "link.EB0A3", "A3", Some('B')),
+        ] {
+            let found = Instance::parse(pattern, id).expect("of the pattern");
+            assert_eq!(found, Instance { axis, component });
+            assert_eq!(found.id(pattern), id);
+        }
+        for (pattern, id) in [
+            ("axis.<A>.scale", "axis.A1.lag"),
+            ("axis.<A>.scale", "axis..scale"),
+            ("link.E<c>0<A>", "link.EQ0C"),
+            ("link.E<c>0<A>", "link.EX0"),
+        ] {
+            assert_eq!(Instance::parse(pattern, id), None, "{id}");
+        }
+    }
+}

@@ -1,0 +1,60 @@
+//! Effects: what can drive a touch, or an axis, away from the model of its cell.
+//!
+//! ```text
+//!   messages of a session         session      plan, events, states, references, the declared model
+//!            |
+//!            v
+//!   rows, one per touch           observation  deviation, pose, derivatives of the chain, what cut the point
+//!            |
+//!            v
+//!   registry of effects           effect       one file each: words, parameters, variants, prediction, test
+//!            |                    touch, drive, record  columns over the rows: m per unit of each parameter
+//!            |                    discrepancy  what an unknown cause could depend on
+//!            v
+//!   candidates of the inference   candidate    orthonormal blocks;  estimates: parameters back from coefficients
+//!   predictions                   declared     effects of the declared model, subtracted from the rows
+//! ```
+//!
+//! ```
+//! use effects::{registry, vocabulary};
+//!
+//! // An effect answers for itself; its identifier names the axis.
+//! let (effect, of) = registry::find("axis.X.backlash").expect("an effect of the vocabulary");
+//! assert_eq!(effect.id(), "axis.<A>.backlash");
+//! assert_eq!(effect.describe(&of), "backlash of axis X: lost motion on reversal");
+//! assert!(registry::find("axis.X.wobble").is_none());
+//! assert_eq!(vocabulary::describe("link.EX0C"), "axis C sits off its nominal place along X");
+//! ```
+//!
+//! To add an effect: one file in `touch`, `drive` or `record` that implements [`Effect`], its test included, and one line
+//! in the list beside it. Vocabulary, wording, `--without`, `adopt`, the effects that a discrepancy may stand for and those
+//! that a joint diagnosis leaves out follow from it.
+//!
+//! Metres, radians, seconds, kelvins; vectors in the part frame. Decides nothing: `inference` weighs the candidates.
+
+pub mod candidate;
+pub mod declared;
+pub mod discrepancy;
+pub mod drive;
+pub mod effect;
+pub mod estimates;
+pub mod library;
+pub mod observation;
+pub mod record;
+pub mod registry;
+pub mod session;
+#[cfg(test)]
+mod specimen;
+pub mod timing;
+pub mod touch;
+pub mod vocabulary;
+
+pub use candidate::{candidate, candidates, second_order_candidate};
+pub use declared::observe;
+pub use effect::Effect;
+pub use estimates::ParameterEstimate;
+pub use library::{Form, Parameter, Shape, Variant};
+pub use observation::Observations;
+pub use registry::library;
+pub use session::model::{DeclaredEffect, DeclaredError, DeclaredParameter, Promise};
+pub use session::{DiagnoseError, Session};

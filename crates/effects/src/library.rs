@@ -1,0 +1,233 @@
+//! What an effect is made of: variants, their linear parameters and one nonlinear constant.
+//!
+//! An effect offers variants: linear columns, perhaps with one nonlinear constant (a period, a time constant, an
+//! exponent, an instant) that is profiled. Columns come from the chain's derivatives at each touch, never from patterns
+//! drawn by hand. Metres, radians, seconds, kelvins.
+
+use machine::{Chain, JointKind, Side};
+
+use crate::observation::{Column, Observations};
+
+/// Fewest revolute axes that carry the probe of an arm.
+const ARM: usize = 5;
+
+/// One linear parameter of an effect.
+#[derive(Debug, Clone)]
+pub struct Parameter {
+    /// Its name in reports.
+    pub name: String,
+    /// Its unit in reports.
+    pub unit: &'static str,
+    /// The largest size usually met, in that unit: larger ones are improbable, and a direction that would not show at a
+    /// thousand times this size is taken as unobservable.
+    pub plausible: f64,
+}
+
+impl Parameter {
+    /// A parameter of this name, unit and largest plausible size.
+    pub fn new(name: impl Into<String>, unit: &'static str, plausible: f64) -> Self {
+        Self {
+            name: name.into(),
+            unit,
+            plausible,
+        }
+    }
+}
+
+/// How the coefficients of a variant are reported.
+#[derive(Debug, Clone)]
+pub enum Form {
+    /// Each as it is.
+    Plain,
+    /// A pair (of sine, of cosine): amplitude `a` and phase in a·sin(… + phase).
+    Sine,
+    /// A pair (of cosine, of sine): amplitude `a` and phase in a·cos(lobes·(… − phase)).
+    Lobes(f64),
+}
+
+/// The nonlinear constant of a variant.
+#[derive(Debug, Clone)]
+pub struct Shape {
+    /// Its name in reports.
+    pub name: &'static str,
+    /// Its unit in reports.
+    pub unit: &'static str,
+    /// Values that are tried first, ascending: dense enough that the best lies within a neighbour's reach.
+    pub trials: Vec<f64>,
+    /// True where any value between the trials makes sense, so that the best is refined.
+    pub continuous: bool,
+    /// Number of values that this session could tell apart: the price of having chosen one.
+    pub distinct: f64,
+}
+
+impl Shape {
+    /// The number of a harmonic, from the first to `highest`.
+    pub(crate) fn harmonics(highest: f64) -> Self {
+        Self {
+            name: "k",
+            unit: "1",
+            distinct: highest,
+            trials: (1..=highest as usize).map(|k| k as f64).collect(),
+            continuous: false,
+        }
+    }
+}
+
+type Build = Box<dyn Fn(&Observations, f64) -> Vec<Column> + Send + Sync>;
+type Sweep = Box<dyn Fn(&Observations, &[f64]) -> Vec<Vec<Vec<f64>>> + Send + Sync>;
+
+/// One way an effect can act.
+pub struct Variant {
+    /// Identifier in the effect vocabulary.
+    pub effect: String,
+    /// Linear parameters, one per column.
+    pub parameters: Vec<Parameter>,
+    /// How they are reported.
+    pub form: Form,
+    /// Nonlinear constant, if there is one.
+    pub shape: Option<Shape>,
+    /// Constants that are not fitted: name, value, unit.
+    pub constants: Vec<(&'static str, f64, &'static str)>,
+    /// Prior probability against the other variants of the effect, not normalised.
+    pub prior_weight: f64,
+    /// True where this session cannot part it from other effects, which lend their names.
+    pub confounded: bool,
+    build: Build,
+    sweep: Option<Sweep>,
+}
+
+impl Variant {
+    /// A variant with linear parameters only.
+    pub fn linear(
+        effect: impl Into<String>,
+        parameters: Vec<Parameter>,
+        build: impl Fn(&Observations) -> Vec<Column> + Send + Sync + 'static,
+    ) -> Self {
+        Self {
+            effect: effect.into(),
+            parameters,
+            form: Form::Plain,
+            shape: None,
+            constants: Vec::new(),
+            prior_weight: 1.0,
+            confounded: false,
+            build: Box::new(move |observations, _| build(observations)),
+            sweep: None,
+        }
+    }
+
+    /// A variant with a nonlinear constant; `build` takes its value.
+    pub fn shaped(
+        effect: impl Into<String>,
+        parameters: Vec<Parameter>,
+        shape: Shape,
+        build: impl Fn(&Observations, f64) -> Vec<Column> + Send + Sync + 'static,
+    ) -> Self {
+        Self {
+            effect: effect.into(),
+            parameters,
+            form: Form::Plain,
+            shape: Some(shape),
+            constants: Vec::new(),
+            prior_weight: 1.0,
+            confounded: false,
+            build: Box::new(build),
+            sweep: None,
+        }
+    }
+
+    /// Reports the coefficients in another form.
+    pub fn with_form(mut self, form: Form) -> Self {
+        self.form = form;
+        self
+    }
+
+    /// Reports fixed constants beside the coefficients.
+    pub fn with_constants(mut self, constants: &[(&'static str, f64, &'static str)]) -> Self {
+        self.constants = constants.to_vec();
+        self
+    }
+
+    /// Gives the signatures of all tried shapes at once, where that is cheaper than one after the other.
+    pub fn with_sweep(
+        mut self,
+        sweep: impl Fn(&Observations, &[f64]) -> Vec<Vec<Vec<f64>>> + Send + Sync + 'static,
+    ) -> Self {
+        self.sweep = Some(Box::new(sweep));
+        self
+    }
+
+    /// Signatures (m per unit, a column per parameter) at each of the shape's tried values.
+    pub fn signatures(&self, observations: &Observations) -> Vec<Vec<Vec<f64>>> {
+        let trials = self.shape.as_ref().map_or(&[][..], |shape| &shape.trials);
+        let one = |&value: &f64| {
+            let columns = self.columns(observations, value);
+            columns.into_iter().map(|column| column.signature).collect()
+        };
+        match &self.sweep {
+            Some(sweep) => sweep(observations, trials),
+            None => trials.iter().map(one).collect(),
+        }
+    }
+
+    /// Sets the prior weight relative to the effect's default variant.
+    pub fn with_prior_weight(mut self, weight: f64) -> Self {
+        self.prior_weight = weight;
+        self
+    }
+
+    /// The same, confounded with other effects where `confounded`.
+    pub fn confounded_where(mut self, confounded: bool) -> Self {
+        self.confounded = confounded;
+        self
+    }
+
+    /// The columns, one per parameter, at a value of the shape (ignored where there is none).
+    pub fn columns(&self, observations: &Observations, shape: f64) -> Vec<Column> {
+        (self.build)(observations, shape)
+    }
+}
+
+/// Evenly spaced values, both ends included.
+pub(crate) fn linspace(from: f64, to: f64, count: usize) -> Vec<f64> {
+    let step = (to - from) / (count.max(2) - 1) as f64;
+    (0..count).map(|index| from + step * index as f64).collect()
+}
+
+/// Values evenly spaced in their logarithm, both ends included.
+pub(crate) fn logspace(from: f64, to: f64, count: usize) -> Vec<f64> {
+    linspace(from.ln(), to.ln(), count)
+        .into_iter()
+        .map(f64::exp)
+        .collect()
+}
+
+/// True for a serial arm: at least five turning axes carry the probe.
+pub fn is_arm(chain: &Chain) -> bool {
+    let turning = |index: &&usize| chain.joints()[**index].kind == JointKind::Revolute;
+    chain.branch(Side::Tool).iter().filter(turning).count() >= ARM
+}
+
+/// Tools that cut points of the session, ascending.
+pub(crate) fn tools(observations: &Observations) -> Vec<u32> {
+    let mut tools: Vec<u32> = observations
+        .rows
+        .iter()
+        .filter_map(|row| row.tool)
+        .collect();
+    tools.sort_unstable();
+    tools.dedup();
+    tools
+}
+
+/// Linear axes that travel at least `least` (m) over the touches, with the range of their travel.
+pub(crate) fn linear_axes(
+    observations: &Observations,
+    least: f64,
+) -> impl Iterator<Item = (usize, (f64, f64))> {
+    (0..observations.chain.axes().len()).filter_map(move |axis| {
+        let (low, high) = observations.travel(axis);
+        let slides = observations.chain.axis(axis).kind == JointKind::Prismatic;
+        (slides && high - low >= least).then_some((axis, (low, high)))
+    })
+}

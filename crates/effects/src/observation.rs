@@ -1,0 +1,570 @@
+//! The table every effect is computed on: one row per touch (and per reference value), with the chain's derivatives.
+//!
+//! Metres, radians, seconds from the first message of the session; vectors in the part frame. A measured row sees
+//! the machine when it probed and, where the same machine cut the point, also when it cut: d = s − n·e(probing) +
+//! n·e(cutting), s material left by the process. A reference row sees only the second and third term.
+
+use std::collections::BTreeMap;
+
+use machine::{Chain, JointKind, Nominal, Sensitivity, Surface, Target};
+use nalgebra::{DMatrix, DVector, Point3, Vector3};
+use probecell_msgs::{InspectionPlan, MachineState, ProbeEvent, ReferenceMeasurement};
+
+use crate::session::{self, DiagnoseError, Session, seconds};
+use crate::timing;
+
+/// Fewest touches that are diagnosed.
+const FEWEST: usize = 6;
+/// Speeds of approach closer than this are equal, m/s.
+const SAME_FEED: f64 = 1e-6;
+/// Axis speed below which an axis stands, as a share of the feed.
+const STANDS: f64 = 1e-6;
+
+/// The machine at one moment: probing or cutting a point, with the ball where a perfect cell would have it.
+///
+/// The latched positions hold the deviation themselves; effects that depend on a position must not see it there.
+#[derive(Debug, Clone)]
+pub struct Pose {
+    /// Positions of [`Chain::axes`].
+    pub positions: Vec<f64>,
+    /// The positions as they were read at the latch, deviation included.
+    pub latched: Vec<f64>,
+    /// Derivatives of the ball centre there.
+    pub sensitivity: Sensitivity,
+    /// Speeds of the axes at the latch, m/s or rad/s; zeros while cutting.
+    pub speeds: Vec<f64>,
+}
+
+/// One observed deviation.
+#[derive(Debug, Clone)]
+pub struct Row {
+    /// Index in the plan's points.
+    pub point: usize,
+    /// Index in the plan's features.
+    pub feature: usize,
+    /// Sequence of the event; `None` for a reference value.
+    pub sequence: Option<u64>,
+    /// Which combination of prescribed axis positions, numbered by first use.
+    pub index: usize,
+    /// Seconds from the start of the session.
+    pub time: f64,
+    /// Speed of approach, m/s.
+    pub feed: f64,
+    /// Nominal point, part frame.
+    pub position: Point3<f64>,
+    /// Outward normal, part frame.
+    pub normal: Vector3<f64>,
+    /// Surface that is touched.
+    pub surface: Surface,
+    /// The machine while probing; `None` for a reference value.
+    pub pose: Option<Pose>,
+    /// The machine while cutting; `None` where it did not cut the point.
+    pub cut: Option<Pose>,
+    /// Part temperature above 20 °C, K; `None` where unknown.
+    pub warmth: Option<f64>,
+    /// Number of the tool that cut the point.
+    pub tool: Option<u32>,
+    /// Path the tool had cut, m.
+    pub cut_length: f64,
+    /// Height along the tool, m.
+    pub tool_height: f64,
+    /// Distance from the clamping, m.
+    pub overhang: f64,
+    /// Weight against a touch of the probe: its standard uncertainty over that of this row.
+    pub weight: f64,
+}
+
+impl Row {
+    /// True where the surface was approached at this speed, m/s.
+    pub fn is_at(&self, feed: f64) -> bool {
+        (self.feed - feed).abs() < SAME_FEED
+    }
+
+    /// True where the normal points along this axis of the part more than along any other, in the direction of `sign`.
+    pub fn faces(&self, axis: usize, sign: f64) -> bool {
+        let along = self.normal[axis] * sign;
+        along > 0.0 && (0..3).all(|other| other == axis || self.normal[other].abs() < along)
+    }
+}
+
+/// All rows of a session.
+#[derive(Debug, Clone)]
+pub struct Observations {
+    /// The machine.
+    pub chain: Chain,
+    /// Nominal part and probe.
+    pub nominal: Nominal,
+    /// Rows: touches by time, then references.
+    pub rows: Vec<Row>,
+    /// Deviations, m, one per row.
+    pub deviations: Vec<f64>,
+    /// What each declared effect was predicted to add to every row, m; `deviations` are what is left without it.
+    pub declared: Vec<Vec<f64>>,
+    /// Names of the plan's features.
+    pub features: Vec<String>,
+    /// True when the part was cut in this clamping.
+    pub cut_here: bool,
+    /// Axes the plan prescribes (rotary axes and spindle angle), by index in [`Chain::axes`].
+    pub prescribed: Vec<usize>,
+    /// Step of the grid on which the latched positions of the moving linear axes lie, m; `None` without a grid.
+    pub grid: Option<f64>,
+    /// Standard uncertainty of the reference rows, m; 0 without any.
+    pub reference_uncertainty: f64,
+    /// Touches that were not used, by sequence and reason.
+    pub skipped: Vec<(u64, &'static str)>,
+}
+
+/// How one unit of a parameter shows in every row.
+#[derive(Debug, Clone)]
+pub struct Column {
+    /// Change of the deviation, m per unit, to first order.
+    pub signature: Vec<f64>,
+    /// Displacement of the ball in the part frame while probing, m per unit; empty for a change of size only.
+    pub shifts: Vec<Vector3<f64>>,
+}
+
+impl Observations {
+    /// Checks a session and lays out its rows, deviations as measured: nothing that is declared is subtracted
+    /// ([`crate::observe`] does).
+    ///
+    /// # Errors
+    /// [`DiagnoseError`] names what makes the session unusable.
+    pub fn from_session(session: &Session) -> Result<Self, DiagnoseError> {
+        if session.robot_description.is_empty() {
+            return Err(DiagnoseError::NoMachine);
+        }
+        let chain = Chain::from_urdf(&session.robot_description)?;
+        let plan = session.plan.as_ref().ok_or(DiagnoseError::NoPlan)?;
+        session::check_touches(session, plan)?;
+        let nominal = Nominal::from_plan(plan)?;
+        let prescribed = plan
+            .rotary_names
+            .iter()
+            .map(|name| {
+                chain
+                    .axis_index(name)
+                    .ok_or_else(|| machine::DeviationError::PlanAxis {
+                        plan: plan.plan_id.clone(),
+                        axis: name.clone(),
+                    })
+            })
+            .collect::<Result<Vec<_>, _>>()?;
+        let mut builder = Builder {
+            chain: &chain,
+            nominal: &nominal,
+            plan,
+            prescribed: &prescribed,
+            start: start_of(session),
+            machine_states: &session.machine_states,
+            indices: BTreeMap::new(),
+            skipped: Vec::new(),
+        };
+        let (mut touches, mut deviations) = builder.touches(&session.events)?;
+        if touches.len() < FEWEST {
+            return Err(DiagnoseError::TooFew(touches.len(), FEWEST));
+        }
+        let mut sizes: Vec<f64> = deviations.iter().map(|deviation| deviation.abs()).collect();
+        sizes.sort_by(f64::total_cmp);
+        if sizes[sizes.len() / 2] > 0.05 {
+            return Err(DiagnoseError::Unit {
+                size: sizes[sizes.len() / 2],
+                suspect: session::larger(session, plan, &chain),
+            });
+        }
+        let mut uncertainty = 0.0;
+        for reference in &session.references {
+            uncertainty = reference.standard_uncertainty;
+            builder.references(reference, &mut touches, &mut deviations)?;
+        }
+        let skipped = builder.skipped;
+        let moving = (0..chain.axes().len()).filter(|axis| {
+            chain.axis(*axis).kind == JointKind::Prismatic && !prescribed.contains(axis)
+        });
+        let latched: Vec<Vec<f64>> = moving
+            .map(|axis| {
+                let read = |row: &Row| row.pose.as_ref().map(|pose| pose.latched[axis]);
+                touches.iter().filter_map(read).collect()
+            })
+            .collect();
+        Ok(Self {
+            grid: timing::resolution(&latched),
+            rows: touches,
+            deviations,
+            declared: Vec::new(),
+            features: plan
+                .features
+                .iter()
+                .map(|feature| feature.id.clone())
+                .collect(),
+            cut_here: plan.machined_on_this_machine,
+            prescribed,
+            reference_uncertainty: uncertainty,
+            skipped,
+            chain,
+            nominal,
+        })
+    }
+
+    /// Number of touches; they come before the references.
+    pub fn touches(&self) -> usize {
+        self.rows
+            .iter()
+            .take_while(|row| row.pose.is_some())
+            .count()
+    }
+
+    /// Column of an error of the machine: `displacement` moves the ball against the part (m per unit, part frame).
+    ///
+    /// With `lasting`, the machine erred in the same way while it cut the part.
+    pub fn machine_column(
+        &self,
+        lasting: bool,
+        displacement: impl Fn(&Pose, &Row) -> Vector3<f64>,
+    ) -> Column {
+        let mut signature = Vec::with_capacity(self.rows.len());
+        let mut shifts = Vec::with_capacity(self.rows.len());
+        for row in &self.rows {
+            let probing = row
+                .pose
+                .as_ref()
+                .map_or_else(Vector3::zeros, |pose| displacement(pose, row));
+            let cutting = match &row.cut {
+                Some(pose) if lasting => displacement(pose, row),
+                _ => Vector3::zeros(),
+            };
+            signature.push(row.normal.dot(&(cutting - probing)));
+            shifts.push(probing - cutting);
+        }
+        Column { signature, shifts }
+    }
+
+    /// Speeds at which the surface was approached, ascending, m/s.
+    pub fn feeds(&self) -> Vec<f64> {
+        let touches = self.rows.iter().take(self.touches());
+        let mut feeds: Vec<f64> = touches.map(|row| row.feed).collect();
+        feeds.sort_by(f64::total_cmp);
+        feeds.dedup_by(|one, other| (*one - *other).abs() < SAME_FEED);
+        feeds
+    }
+
+    /// Column of a change of the deviation itself, as the probe sees it: `change` in m per unit.
+    pub fn reading_column(&self, change: impl Fn(&Row) -> f64) -> Column {
+        let signature = self
+            .rows
+            .iter()
+            .map(|row| if row.pose.is_some() { change(row) } else { 0.0 })
+            .collect();
+        Column {
+            signature,
+            shifts: Vec::new(),
+        }
+    }
+
+    /// Column of material left on the part, seen by probe and reference alike: `left` in m per unit.
+    pub fn material_column(&self, left: impl Fn(&Row) -> f64) -> Column {
+        Column {
+            signature: self.rows.iter().map(left).collect(),
+            shifts: Vec::new(),
+        }
+    }
+
+    /// Range of an axis (by index in [`Chain::axes`]) over the touches.
+    pub fn travel(&self, axis: usize) -> (f64, f64) {
+        let positions = self
+            .rows
+            .iter()
+            .filter_map(|row| row.pose.as_ref())
+            .map(|pose| pose.positions[axis]);
+        positions.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), at| {
+            (low.min(at), high.max(at))
+        })
+    }
+
+    /// Time of the last touch, s from the start of the session.
+    pub fn span(&self) -> f64 {
+        self.rows.iter().map(|row| row.time).fold(0.0, f64::max)
+    }
+
+    /// Deviations that finite displacements of the ball would give, minus what their first order gives.
+    ///
+    /// `shifts` holds the displacement of each row (m, part frame). Only curved surfaces differ.
+    pub fn curvature(&self, shifts: &[Vector3<f64>]) -> Vec<f64> {
+        self.rows
+            .iter()
+            .zip(shifts)
+            .map(|(row, shift)| {
+                let Some(pose) = &row.pose else { return 0.0 };
+                let ball = pose.sensitivity.ball;
+                let change = row.surface.distance(&(ball + shift)) - row.surface.distance(&ball);
+                row.normal.dot(shift) - change
+            })
+            .collect()
+    }
+}
+
+fn start_of(session: &Session) -> f64 {
+    let stamps = (session
+        .joint_states
+        .iter()
+        .map(|state| seconds(&state.header.stamp)))
+    .chain(
+        session
+            .machine_states
+            .iter()
+            .map(|state| seconds(&state.header.stamp)),
+    )
+    .chain(
+        session
+            .events
+            .iter()
+            .map(|event| seconds(&event.header.stamp)),
+    );
+    let first = stamps.fold(f64::INFINITY, f64::min);
+    if first.is_finite() { first } else { 0.0 }
+}
+
+struct Builder<'a> {
+    chain: &'a Chain,
+    nominal: &'a Nominal,
+    plan: &'a InspectionPlan,
+    prescribed: &'a [usize],
+    start: f64,
+    machine_states: &'a [MachineState],
+    indices: BTreeMap<Vec<i64>, usize>,
+    skipped: Vec<(u64, &'static str)>,
+}
+
+impl Builder<'_> {
+    fn touches(&mut self, events: &[ProbeEvent]) -> Result<(Vec<Row>, Vec<f64>), DiagnoseError> {
+        let mut by_sequence: BTreeMap<u64, &ProbeEvent> = BTreeMap::new();
+        for event in events {
+            if let Some(known) = by_sequence.insert(event.sequence, event)
+                && (known.point_index != event.point_index
+                    || known.axis_positions != event.axis_positions)
+            {
+                return Err(DiagnoseError::Conflicting(event.sequence));
+            }
+        }
+        let mut rows = Vec::with_capacity(by_sequence.len());
+        for (sequence, event) in by_sequence {
+            if event.outcome != ProbeEvent::OUTCOME_TOUCHED {
+                self.skipped.push((sequence, "no touch"));
+                continue;
+            }
+            let positions = machine::touch_positions(self.chain, self.plan, event)?;
+            let approach = Vector3::new(event.approach.x, event.approach.y, event.approach.z);
+            if !(event.feed.is_finite() && approach.iter().all(|value| value.is_finite())) {
+                self.skipped.push((sequence, "feed or approach not finite"));
+                continue;
+            }
+            let point = event.point_index as usize;
+            let time = seconds(&event.header.stamp) - self.start;
+            let deviation = self.nominal.deviation(self.chain, point, &positions);
+            let pose = self.pose_at_contact(point, positions, &(approach * event.feed));
+            let mut row = self.row(point, Some(sequence));
+            row.index = self.index(&pose.positions);
+            row.time = time;
+            row.feed = event.feed;
+            row.warmth = self.warmth(time);
+            row.pose = Some(pose);
+            rows.push((row, deviation));
+        }
+        rows.sort_by(|one, other| one.0.time.total_cmp(&other.0.time));
+        Ok(rows.into_iter().unzip())
+    }
+
+    /// The machine with the ball moved from where it was latched to where it touches the nominal point.
+    fn pose_at_contact(
+        &self,
+        point: usize,
+        mut positions: Vec<f64>,
+        velocity: &Vector3<f64>,
+    ) -> Pose {
+        let read = positions.clone();
+        let (part, ball) = (&self.nominal.part_pose, &self.nominal.ball);
+        let (nominal, normal) = &self.nominal.points[point];
+        let latched = self.chain.sensitivity(&positions, part, ball);
+        let missing = nominal + normal.into_inner() * self.nominal.ball_radius - latched.ball;
+        for (position, change) in
+            positions
+                .iter_mut()
+                .zip(free_speeds(self.chain, self.prescribed, &latched, &missing))
+        {
+            *position += change;
+        }
+        let sensitivity = self.chain.sensitivity(&positions, part, ball);
+        let speeds = free_speeds(self.chain, self.prescribed, &sensitivity, velocity);
+        Pose {
+            latched: read,
+            positions,
+            sensitivity,
+            speeds,
+        }
+    }
+
+    fn references(
+        &mut self,
+        reference: &ReferenceMeasurement,
+        rows: &mut Vec<Row>,
+        deviations: &mut Vec<f64>,
+    ) -> Result<(), DiagnoseError> {
+        let bad = |what| DiagnoseError::Reference {
+            instrument: reference.instrument.clone(),
+            what,
+        };
+        if reference.plan_id != self.plan.plan_id {
+            return Err(bad("it belongs to another plan"));
+        }
+        if reference.point_index.len() != reference.deviation.len() {
+            return Err(bad("point_index and deviation differ in length"));
+        }
+        if !(reference.standard_uncertainty.is_finite() && reference.standard_uncertainty > 0.0) {
+            return Err(bad("standard_uncertainty is not positive"));
+        }
+        for (&point, &deviation) in reference.point_index.iter().zip(&reference.deviation) {
+            if point as usize >= self.plan.points.len() {
+                return Err(bad("it names a point the plan lacks"));
+            }
+            if !deviation.is_finite() {
+                return Err(bad("a deviation is not finite"));
+            }
+            rows.push(self.row(point as usize, None));
+            deviations.push(deviation);
+        }
+        Ok(())
+    }
+
+    fn row(&self, point: usize, sequence: Option<u64>) -> Row {
+        let planned = &self.plan.points[point];
+        let (position, normal) = self.nominal.points[point];
+        let operation = usize::try_from(planned.operation)
+            .ok()
+            .and_then(|index| self.plan.operations.get(index));
+        let cut_here = self.plan.machined_on_this_machine;
+        let finite = |value: f64| if value.is_finite() { value } else { 0.0 };
+        Row {
+            point,
+            feature: planned.feature as usize,
+            sequence,
+            index: 0,
+            time: 0.0,
+            feed: 0.0,
+            position,
+            normal: normal.into_inner(),
+            surface: self.nominal.surfaces[point],
+            pose: None,
+            cut: operation.filter(|_| cut_here).and_then(|operation| {
+                let rotary = &operation.rotary_positions;
+                cut_pose(self.chain, self.nominal, self.prescribed, &position, rotary)
+            }),
+            warmth: None,
+            tool: operation.map(|operation| operation.tool_number),
+            cut_length: finite(planned.cut_length),
+            tool_height: finite(planned.tool_height),
+            overhang: finite(planned.overhang),
+            weight: 1.0,
+        }
+    }
+
+    fn index(&mut self, positions: &[f64]) -> usize {
+        let key = self
+            .prescribed
+            .iter()
+            .map(|&axis| (positions[axis] * 1e4).round() as i64)
+            .collect();
+        let next = self.indices.len();
+        *self.indices.entry(key).or_insert(next)
+    }
+
+    /// Part temperature above 20 °C, interpolated between machine states.
+    fn warmth(&self, time: f64) -> Option<f64> {
+        let at = |state: &MachineState| {
+            let index = state
+                .temperature_names
+                .iter()
+                .position(|name| name == "part")?;
+            let value = *state.temperatures.get(index)?;
+            value
+                .is_finite()
+                .then_some((seconds(&state.header.stamp) - self.start, value - 20.0))
+        };
+        let later = self
+            .machine_states
+            .partition_point(|state| seconds(&state.header.stamp) - self.start <= time);
+        let before = later
+            .checked_sub(1)
+            .and_then(|index| self.machine_states.get(index))
+            .and_then(at);
+        let after = self.machine_states.get(later).and_then(at);
+        match (before, after) {
+            (Some((t0, w0)), Some((t1, w1))) if t1 > t0 => {
+                Some(w0 + (w1 - w0) * (time - t0) / (t1 - t0))
+            }
+            (Some((_, warmth)), _) | (None, Some((_, warmth))) => Some(warmth),
+            (None, None) => None,
+        }
+    }
+}
+
+/// The machine with the tool, taken as long as the stylus, at a point; `rotary` as in the plan's operation.
+pub fn cut_pose(
+    chain: &Chain,
+    nominal: &Nominal,
+    prescribed: &[usize],
+    position: &Point3<f64>,
+    rotary: &[f64],
+) -> Option<Pose> {
+    let mut fixed = vec![None; chain.axes().len()];
+    for (&axis, &position) in prescribed.iter().zip(rotary) {
+        fixed[axis] = Some(position);
+    }
+    let start = vec![0.0; fixed.len()];
+    let target = Target {
+        ball: *position,
+        orientation: None,
+    };
+    let (pose, ball) = (&nominal.part_pose, &nominal.ball);
+    let positions = chain.reach(&target, &fixed, &start, pose, ball).ok()?;
+    let sensitivity = chain.sensitivity(&positions, pose, ball);
+    Some(Pose {
+        speeds: vec![0.0; positions.len()],
+        latched: positions.clone(),
+        positions,
+        sensitivity,
+    })
+}
+
+/// Speeds of the free axes that move the ball by `velocity` (m/s, part frame) without turning it.
+pub fn free_speeds(
+    chain: &Chain,
+    prescribed: &[usize],
+    sensitivity: &Sensitivity,
+    velocity: &Vector3<f64>,
+) -> Vec<f64> {
+    let free: Vec<usize> = (0..chain.axes().len())
+        .filter(|axis| !prescribed.contains(axis))
+        .collect();
+    let mut speeds = vec![0.0; chain.axes().len()];
+    if free.is_empty() {
+        return speeds;
+    }
+    let mut jacobian = DMatrix::zeros(6, free.len());
+    for (column, &axis) in free.iter().enumerate() {
+        jacobian
+            .fixed_view_mut::<3, 1>(0, column)
+            .copy_from(&sensitivity.axes[axis]);
+        jacobian
+            .fixed_view_mut::<3, 1>(3, column)
+            .copy_from(&sensitivity.turns[axis]);
+    }
+    let mut wanted = DVector::zeros(6);
+    wanted.fixed_rows_mut::<3>(0).copy_from(velocity);
+    if let Ok(found) = jacobian.svd(true, true).solve(&wanted, 1e-9) {
+        for (&axis, &speed) in free.iter().zip(found.iter()) {
+            if speed.abs() > STANDS * velocity.norm() {
+                speeds[axis] = speed;
+            }
+        }
+    }
+    speeds
+}

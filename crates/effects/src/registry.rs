@@ -1,0 +1,89 @@
+//! The registry of effects, in the order in which equals are named: the lists of [`touch`], [`drive`] and [`record`].
+
+use crate::drive;
+use crate::effect::{ActsOn, Effect, Instance};
+use crate::library::Variant;
+use crate::observation::Observations;
+use crate::record;
+use crate::touch;
+
+/// Every effect that can be reported.
+pub fn all() -> impl Iterator<Item = &'static dyn Effect> {
+    (touch::ALL.iter())
+        .chain(drive::ALL)
+        .chain(record::ALL)
+        .copied()
+}
+
+/// The effect that an identifier names, and which of its instances; `None` outside the vocabulary.
+pub fn find(id: &str) -> Option<(&'static dyn Effect, Instance<'_>)> {
+    all().find_map(|effect| Some((effect, Instance::parse(effect.id(), id)?)))
+}
+
+/// What the effect of an identifier acts on; `None` outside the vocabulary.
+pub fn acts_on(id: &str) -> Option<ActsOn> {
+    find(id).map(|(effect, _)| effect.acts_on())
+}
+
+/// All variants of all effects that can act in a session, in the order in which equals are named.
+pub fn library(observations: &Observations) -> Vec<Variant> {
+    let offered = all().flat_map(|effect| effect.offer(observations));
+    // What only a longer session could part from others comes last, so that the others lend their names.
+    let (confounded, mut variants): (Vec<Variant>, Vec<Variant>) =
+        offered.partition(|variant| variant.confounded);
+    variants.extend(confounded);
+    variants
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+
+    /// The identifiers of the interface contract, kept here because they are a public interface.
+    const CONTRACT: &str = include_str!("../tests/vocabulary.txt");
+
+    /// Identifiers of the contract that no effect has yet: `motion` says why a measuring order takes another time than
+    /// the plan promised.
+    const PLANNED: [&str; 8] = [
+        "axis.<A>.positioning",
+        "motion.<A>.acceleration",
+        "motion.<A>.velocity",
+        "motion.<A>.jerk",
+        "motion.dwell",
+        "motion.latency",
+        "motion.override",
+        "motion.blending",
+    ];
+
+    #[test]
+    fn the_registry_is_the_vocabulary_of_the_contract() {
+        let mut known: BTreeSet<&str> = all().map(Effect::id).collect();
+        assert_eq!(known.len(), all().count(), "an identifier stands twice");
+        assert!(
+            PLANNED.into_iter().all(|id| known.insert(id)),
+            "an effect of the registry is still called planned"
+        );
+        assert_eq!(known, CONTRACT.lines().collect());
+    }
+
+    #[test]
+    fn the_copy_of_the_vocabulary_is_that_of_the_contract() {
+        let Some(path) = shared_data::path("contract/interfaces.md") else {
+            return;
+        };
+        let text = std::fs::read_to_string(path).expect("the contract");
+        let table = text
+            .split("## Effect vocabulary")
+            .nth(1)
+            .and_then(|rest| rest.split("\n## ").next())
+            .expect("the table of the vocabulary");
+        let mut ids: BTreeSet<&str> = BTreeSet::new();
+        for row in table.lines().filter(|line| line.starts_with("| `")) {
+            let first = row[1..].split(" | ").next().expect("a first column");
+            ids.extend(first.split('`').skip(1).step_by(2));
+        }
+        assert_eq!(ids, CONTRACT.lines().collect());
+    }
+}

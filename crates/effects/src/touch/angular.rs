@@ -1,0 +1,141 @@
+//! `axis.<A>.angular`: roll, pitch or yaw of a slide that grows along its travel (ISO 230-1).
+//!
+//! A rotation k·(q − mid) about one axis of the frame, either of the moved carriage (`moved` 1) or of the guideway at
+//! rest: the two differ by a bow across the axis, since the descriptions differ in the point they turn about. Where the
+//! rotation vanishes is a convention of who describes the machine: in the middle of the travel used or at the axis's
+//! zero. Typical 5–40 µrad.
+
+use machine::{Chain, JointKind};
+
+use crate::effect::{ActsOn, Constants, Coordinate, Effect, Instance, Subject};
+use crate::library::{Parameter, Variant, linear_axes};
+use crate::observation::{Column, Observations};
+
+/// How probable it is that the rotation vanishes at the axis's zero and not in the middle of the travel used.
+const FROM_ZERO: f64 = 0.2;
+
+/// Columns of a variant over the rows.
+type Columns = Box<dyn Fn(&Observations) -> Vec<Column> + Send + Sync>;
+
+pub(super) struct Angular;
+
+impl Effect for Angular {
+    fn id(&self) -> &'static str {
+        "axis.<A>.angular"
+    }
+
+    fn describe(&self, of: &Instance<'_>) -> String {
+        format!("roll, pitch or yaw that grows along axis {}", of.axis)
+    }
+
+    fn remedy(&self) -> &'static str {
+        "check level and guideways of the machine, or correct the axis by a table of angular errors"
+    }
+
+    fn parameters(&self, _: &Chain, _: &Instance<'_>) -> Vec<Parameter> {
+        vec![Parameter::new("k", "rad/m", 3e-3)]
+    }
+
+    fn acts_on(&self) -> ActsOn {
+        ActsOn {
+            smooth_in: &[Coordinate::AxisPosition],
+            ..ActsOn::of(Subject::Machine)
+        }
+    }
+
+    fn offer(&self, rows: &Observations) -> Vec<Variant> {
+        let moving = linear_axes(rows, 1e-4);
+        let ways = moving.flat_map(|(axis, (low, high))| {
+            let name = &rows.chain.axis(axis).name;
+            self.ways(&rows.chain, &Instance::on(name), 0.5 * (high + low))
+        });
+        ways.collect()
+    }
+
+    fn declared(
+        &self,
+        chain: &Chain,
+        of: &Instance<'_>,
+        constants: &Constants<'_>,
+    ) -> Vec<Variant> {
+        self.ways(chain, of, constants.get("mid", 0.0))
+    }
+}
+
+impl Angular {
+    /// Rotations of carriage and guideway about every axis, from the middle of the travel and from zero.
+    fn ways(&self, chain: &Chain, of: &Instance<'_>, mid: f64) -> Vec<Variant> {
+        let Some((axis, joint)) = of.joint(chain) else {
+            return Vec::new();
+        };
+        if joint.kind != JointKind::Prismatic {
+            return Vec::new();
+        }
+        let index = chain.axes()[axis];
+        let mut variants = Vec::new();
+        for (component, about) in [(3, 0.0), (4, 1.0), (5, 2.0)] {
+            for moved in [true, false] {
+                // About itself, a guideway at rest turns as its carriage does.
+                if !moved && joint.axis[component - 3].abs() > 0.7 {
+                    continue;
+                }
+                let turn = move |rows: &Observations, by: &dyn Fn(f64) -> f64| {
+                    rows.machine_column(true, |pose, _| {
+                        let sensitivity = &pose.sensitivity;
+                        let frames = if moved {
+                            &sensitivity.motion
+                        } else {
+                            &sensitivity.location
+                        };
+                        frames[index][component] * by(pose.positions[axis] - mid)
+                    })
+                };
+                let constants = |mid: f64| {
+                    [
+                        ("about", about, "1"),
+                        ("moved", f64::from(u8::from(moved)), "1"),
+                        ("mid", mid, "m"),
+                    ]
+                };
+                let variant = |build: Columns| {
+                    Variant::linear(of.id(self.id()), self.parameters(chain, of), build)
+                };
+                variants.push(
+                    variant(Box::new(move |rows| vec![turn(rows, &|from_mid| from_mid)]))
+                        .with_constants(&constants(mid)),
+                );
+                variants.push(
+                    variant(Box::new(move |rows| {
+                        vec![turn(rows, &|from_mid| from_mid + mid)]
+                    }))
+                    .with_constants(&constants(0.0))
+                    .with_prior_weight(FROM_ZERO),
+                );
+            }
+        }
+        variants
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::specimen::predicts;
+
+    /// Yaw of the X carriage: the ball turns about where the carriage stands, or about the guideway's origin.
+    #[test]
+    fn carriage_and_guideway_turn_about_points_of_their_own() {
+        for moved in [1.0, 0.0] {
+            let constants = [
+                ("k", 1e-4, "rad/m"),
+                ("about", 2.0, "1"),
+                ("moved", moved, "1"),
+                ("mid", 0.01, "m"),
+            ];
+            predicts("axis.X.angular", &constants, |seen| {
+                let turn = 1e-4 * (seen.position("X") - 0.01);
+                let lever_x = seen.ball.x - moved * seen.position("X");
+                -turn * (seen.normal.y * lever_x - seen.normal.x * seen.ball.y)
+            });
+        }
+    }
+}

@@ -1,0 +1,120 @@
+//! `axis.<A>.indexing`: a rotary axis stands off its angle by a harmonic of it (ISO 230-2).
+//!
+//! δq = a·sin(k·q + phase): eccentric scale (k = 1), two-per-turn gears, or the transmission of an arm's joint, whose
+//! period is 12–30° of joint angle, so k is profiled up to 36 where the session visits enough angles. Typical
+//! 10–500 µrad.
+
+use machine::{Chain, JointKind};
+
+use crate::effect::{ActsOn, Constants, Coordinate, Effect, Instance, Subject};
+use crate::library::{Form, Parameter, Shape, Variant};
+use crate::observation::Observations;
+
+/// Fewest angles at which it is an effect of its own: at one only, a wrong angle is a location error by another name.
+const FEWEST: usize = 2;
+
+pub(super) struct Indexing;
+
+impl Effect for Indexing {
+    fn id(&self) -> &'static str {
+        "axis.<A>.indexing"
+    }
+
+    fn describe(&self, of: &Instance<'_>) -> String {
+        format!(
+            "indexing error of rotary axis {}, harmonic in the angle",
+            of.axis
+        )
+    }
+
+    fn remedy(&self) -> &'static str {
+        "calibrate the rotary axis over a full turn and correct it by a table, or centre its scale"
+    }
+
+    fn parameters(&self, _: &Chain, _: &Instance<'_>) -> Vec<Parameter> {
+        vec![
+            Parameter::new("sin", "rad", 1e-3),
+            Parameter::new("cos", "rad", 1e-3),
+        ]
+    }
+
+    fn acts_on(&self) -> ActsOn {
+        ActsOn {
+            smooth_in: &[Coordinate::AxisPosition],
+            ..ActsOn::of(Subject::Machine)
+        }
+    }
+
+    fn offer(&self, rows: &Observations) -> Vec<Variant> {
+        let axes = rows.chain.axis_names().enumerate();
+        axes.filter_map(|(axis, name)| {
+            let angles = distinct_angles(rows, axis);
+            let highest = ((angles as f64 - 1.0) / 2.0)
+                .ceil()
+                .clamp(1.0, if angles > 40 { 36.0 } else { 4.0 });
+            let way = self.way(&rows.chain, &Instance::on(name), highest)?;
+            Some(way.confounded_where(angles < FEWEST))
+        })
+        .collect()
+    }
+
+    fn declared(&self, chain: &Chain, of: &Instance<'_>, _: &Constants<'_>) -> Vec<Variant> {
+        self.way(chain, of, 1.0).into_iter().collect()
+    }
+}
+
+impl Indexing {
+    fn way(&self, chain: &Chain, of: &Instance<'_>, highest: f64) -> Option<Variant> {
+        let (axis, joint) = of.joint(chain)?;
+        if joint.kind != JointKind::Revolute {
+            return None;
+        }
+        let build = move |rows: &Observations, k: f64| {
+            let column = |wave: fn(f64) -> f64| {
+                rows.machine_column(true, |pose, _| {
+                    pose.sensitivity.axes[axis] * wave(k * pose.positions[axis])
+                })
+            };
+            vec![column(f64::sin), column(f64::cos)]
+        };
+        let parameters = self.parameters(chain, of);
+        let variant = Variant::shaped(
+            of.id(self.id()),
+            parameters,
+            Shape::harmonics(highest),
+            build,
+        );
+        Some(variant.with_form(Form::Sine))
+    }
+}
+
+/// How many angles (0.05° apart) an axis visits.
+pub(super) fn distinct_angles(observations: &Observations, axis: usize) -> usize {
+    let mut angles: Vec<i64> = observations
+        .rows
+        .iter()
+        .filter_map(|row| row.pose.as_ref())
+        .map(|pose| {
+            (pose.positions[axis].rem_euclid(std::f64::consts::TAU) * 1146.0).round() as i64
+        })
+        .collect();
+    angles.sort_unstable();
+    angles.dedup();
+    angles.len()
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::specimen::predicts;
+
+    /// The table stands off by an angle: the part has turned under the ball.
+    #[test]
+    fn a_table_off_its_angle_carries_the_part_round() {
+        let wave = [("a", 5e-5, "rad"), ("phase", 0.4, "rad"), ("k", 2.0, "1")];
+        predicts("axis.C.indexing", &wave, |seen| {
+            let off = 5e-5 * (2.0 * seen.position("C") + 0.4).sin();
+            let (p, n) = (seen.row.position, seen.row.normal);
+            off * (n.y * p.x - n.x * p.y)
+        });
+    }
+}

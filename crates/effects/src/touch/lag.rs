@@ -1,0 +1,71 @@
+//! `axis.<A>.lag`: the position read leads the true one by speed × time.
+//!
+//! δq = −tau·q̇. Typical 0–20 µm at probing feed.
+
+use machine::Chain;
+
+use crate::effect::{ActsOn, Constants, Effect, Instance, Subject};
+use crate::library::{Parameter, Variant};
+use crate::observation::Observations;
+
+pub(super) struct Lag;
+
+impl Effect for Lag {
+    fn id(&self) -> &'static str {
+        "axis.<A>.lag"
+    }
+
+    fn describe(&self, of: &Instance<'_>) -> String {
+        format!(
+            "lag of axis {}: its reading leads the true position in proportion to speed",
+            of.axis
+        )
+    }
+
+    fn remedy(&self) -> &'static str {
+        "measure slower, or raise the velocity gain of the position loop"
+    }
+
+    fn parameters(&self, _: &Chain, _: &Instance<'_>) -> Vec<Parameter> {
+        vec![Parameter::new("tau", "s", 0.03)]
+    }
+
+    fn acts_on(&self) -> ActsOn {
+        ActsOn::of(Subject::Machine)
+    }
+
+    fn offer(&self, rows: &Observations) -> Vec<Variant> {
+        (rows.chain.axis_names().enumerate())
+            .filter(|(axis, _)| !rows.prescribed.contains(axis))
+            .filter_map(|(_, name)| self.way(&rows.chain, &Instance::on(name)))
+            .collect()
+    }
+
+    fn declared(&self, chain: &Chain, of: &Instance<'_>, _: &Constants<'_>) -> Vec<Variant> {
+        self.way(chain, of).into_iter().collect()
+    }
+}
+
+impl Lag {
+    fn way(&self, chain: &Chain, of: &Instance<'_>) -> Option<Variant> {
+        let (axis, _) = of.joint(chain)?;
+        let parameters = self.parameters(chain, of);
+        Some(Variant::linear(of.id(self.id()), parameters, move |rows| {
+            vec![rows.machine_column(false, |pose, _| {
+                pose.sensitivity.axes[axis] * -pose.speeds[axis]
+            })]
+        }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::specimen::predicts;
+
+    #[test]
+    fn the_true_position_trails_the_approach() {
+        predicts("axis.X.lag", &[("tau", 1e-3, "s")], |seen| {
+            -1e-3 * seen.row.feed * seen.normal.x.powi(2)
+        });
+    }
+}

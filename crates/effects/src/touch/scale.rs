@@ -1,0 +1,74 @@
+//! `axis.<A>.scale`: true travel = reading × (1 + k) (ISO 230-2; ISO 841 names the axes).
+//!
+//! δq = k·q from the axis's zero. Typical 5–50 µm/m for linear axes; a rotary axis geared wrong is told apart from its
+//! indexing only over many turns. The geared joints of an arm have whole-numbered ratios and no scale error.
+
+use machine::Chain;
+
+use crate::effect::{ActsOn, Constants, Effect, Instance, Subject};
+use crate::library::{Parameter, Variant, is_arm};
+use crate::observation::Observations;
+
+pub(super) struct Scale;
+
+impl Effect for Scale {
+    fn id(&self) -> &'static str {
+        "axis.<A>.scale"
+    }
+
+    fn describe(&self, of: &Instance<'_>) -> String {
+        format!(
+            "scale of axis {}: its true travel is not what it reads",
+            of.axis
+        )
+    }
+
+    fn remedy(&self) -> &'static str {
+        "calibrate the axis with an interferometer or a step gauge, and correct its scale"
+    }
+
+    fn parameters(&self, chain: &Chain, of: &Instance<'_>) -> Vec<Parameter> {
+        let unit = if of.turns(chain) { "rad/rad" } else { "m/m" };
+        vec![Parameter::new("k", unit, 1e-3)]
+    }
+
+    fn acts_on(&self) -> ActsOn {
+        ActsOn::of(Subject::Machine)
+    }
+
+    fn offer(&self, rows: &Observations) -> Vec<Variant> {
+        let ways = rows.chain.axis_names().map(Instance::on);
+        ways.filter_map(|of| self.way(&rows.chain, &of)).collect()
+    }
+
+    fn declared(&self, chain: &Chain, of: &Instance<'_>, _: &Constants<'_>) -> Vec<Variant> {
+        self.way(chain, of).into_iter().collect()
+    }
+}
+
+impl Scale {
+    fn way(&self, chain: &Chain, of: &Instance<'_>) -> Option<Variant> {
+        let (axis, _) = of.joint(chain)?;
+        if of.turns(chain) && is_arm(chain) {
+            return None;
+        }
+        let parameters = self.parameters(chain, of);
+        Some(Variant::linear(of.id(self.id()), parameters, move |rows| {
+            vec![rows.machine_column(true, |pose, _| {
+                pose.sensitivity.axes[axis] * pose.positions[axis]
+            })]
+        }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::specimen::predicts;
+
+    #[test]
+    fn the_error_grows_from_the_zero_of_the_axis() {
+        predicts("axis.X.scale", &[("k", 2e-5, "m/m")], |seen| {
+            -seen.normal.x * 2e-5 * seen.position("X")
+        });
+    }
+}

@@ -1,0 +1,353 @@
+//! A Gaussian-process discrepancy over the rows of a session, and the part of columns that it explains.
+//!
+//! A smooth process is a low-rank kernel MᵀM whose factor is rotated so that MMᵀ is tridiagonal ([`super::tridiagonal`]);
+//! scatter is a diagonal kernel, an independent variance for each row (Rasmussen and Williams 2006, 2.7 and 8.3). Variances
+//! are relative to that of the noise. Kernels are over deviations in m.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::kind::Kind;
+use super::tridiagonal::Tridiagonal;
+use crate::linear::{add_scaled, remove, scale};
+
+/// Directions whose power beside a basis is below this share of the largest are dropped.
+const LEAST_POWER: f64 = 1e-3;
+/// A pivoted factorisation ends when no row keeps more than this share of the largest variance.
+const NEGLIGIBLE: f64 = 1e-3;
+
+/// A discrepancy process over the rows of a session.
+#[derive(Debug, Clone)]
+pub struct Discrepancy {
+    /// What it depends on.
+    pub kind: Kind,
+    form: Form,
+    /// Natural logarithm of its prior probability among the discrepancies.
+    pub log_prior: f64,
+}
+
+/// The kernel over the weighted active rows, for unit variance.
+#[derive(Debug, Clone)]
+enum Form {
+    /// MᵀM: M with a row for each direction, and MMᵀ.
+    Smooth(DMatrix<f64>, Tridiagonal),
+    /// A diagonal kernel: these variances, independent from row to row.
+    Scatter(Vec<f64>),
+}
+
+/// Principal directions of the span of columns, a row of the matrix for each, with their powers.
+fn leading(columns: &[Vec<f64>]) -> (DMatrix<f64>, Vec<f64>) {
+    let rows = columns.first().map_or(0, Vec::len);
+    let down = DMatrix::from_vec(rows, columns.len(), columns.concat());
+    let across = down.transpose();
+    let eigen = (&across * down).symmetric_eigen();
+    (
+        eigen.eigenvectors.transpose() * across,
+        eigen.eigenvalues.data.into(),
+    )
+}
+
+/// Leading columns of a covariance over the rows by a pivoted Cholesky factorisation, at most `most`.
+///
+/// `variances` is its diagonal; `column` gives the covariances of all rows with one row. `None` for a diagonal of zeros.
+pub fn leading_columns(
+    mut variances: Vec<f64>,
+    most: usize,
+    column: impl Fn(usize) -> Vec<f64>,
+) -> Option<Vec<Vec<f64>>> {
+    let largest = variances
+        .iter()
+        .fold(0.0_f64, |most, &value| most.max(value));
+    if largest <= 0.0 {
+        return None;
+    }
+    let mut columns: Vec<Vec<f64>> = Vec::new();
+    while columns.len() < most {
+        let (pivot, &value) = variances
+            .iter()
+            .enumerate()
+            .max_by(|a, b| a.1.total_cmp(b.1))?;
+        if value < NEGLIGIBLE * largest {
+            break;
+        }
+        let mut column = column(pivot);
+        for known in &columns {
+            add_scaled(&mut column, -known[pivot], known);
+        }
+        scale(&mut column, 1.0 / value.sqrt());
+        for (rest, value) in variances.iter_mut().zip(&column) {
+            *rest -= value * value;
+        }
+        variances[pivot] = 0.0;
+        columns.push(column);
+    }
+    Some(columns)
+}
+
+/// Share of a variance in units of the noise's in both together.
+fn share(power: f64) -> f64 {
+    power / (1.0 + power)
+}
+
+/// Columns projected onto the basis of a discrepancy.
+pub enum Projected<'a> {
+    /// Products of each column with the directions of a smooth process.
+    Smooth(DMatrix<f64>, &'a Tridiagonal),
+    /// The columns, and the variances of the rows.
+    Scatter(&'a DMatrix<f64>, &'a [f64]),
+}
+
+impl Projected<'_> {
+    /// Explained part of the columns' Gram matrix at variance ratio `power`, and the log-determinant of I + `power`·K.
+    pub fn explained_gram(&self, power: f64) -> (DMatrix<f64>, f64) {
+        match self {
+            Self::Smooth(crossed, lines) => {
+                let factor = lines.factorise(power);
+                let whitened = factor.forward(crossed.clone());
+                (&whitened * whitened.transpose(), factor.log_determinant)
+            }
+            Self::Scatter(columns, variances) => {
+                let mut weighted = (*columns).clone();
+                for mut column in weighted.column_iter_mut() {
+                    for (value, variance) in column.iter_mut().zip(*variances) {
+                        *value *= share(power * variance).sqrt();
+                    }
+                }
+                let log_determinant = variances
+                    .iter()
+                    .map(|variance| (power * variance).ln_1p())
+                    .sum();
+                (weighted.transpose() * weighted, log_determinant)
+            }
+        }
+    }
+}
+
+impl Discrepancy {
+    /// The process whose kernel is the sum of the outer products of columns over the active rows, at least one.
+    pub fn new(kind: Kind, columns: &[Vec<f64>], log_prior: f64) -> Self {
+        let rows = columns.first().map_or(0, Vec::len);
+        let down = DMatrix::from_vec(rows, columns.len(), columns.concat());
+        Self::from_lines(kind, down.transpose(), log_prior)
+    }
+
+    /// The process of these independent variances of the rows.
+    pub fn scatter(kind: Kind, variances: Vec<f64>, log_prior: f64) -> Self {
+        Self {
+            kind,
+            form: Form::Scatter(variances),
+            log_prior,
+        }
+    }
+
+    /// The process of columns that are the rows of a matrix, at least one.
+    fn from_lines(kind: Kind, across: DMatrix<f64>, log_prior: f64) -> Self {
+        let products = &across * across.transpose();
+        let (rotation, diagonal, off_diagonal) = products.symmetric_tridiagonalize().unpack();
+        let lines = Tridiagonal {
+            diagonal: diagonal.data.into(),
+            off_diagonal: off_diagonal.data.into(),
+        };
+        Self {
+            kind,
+            form: Form::Smooth(rotation.transpose() * across, lines),
+            log_prior,
+        }
+    }
+
+    /// Restricts the process to a subset of its rows.
+    pub fn restricted_to(&self, kept: &[usize]) -> Self {
+        match &self.form {
+            Form::Smooth(lines, _) => Self::from_lines(
+                self.kind.clone(),
+                lines.select_columns(kept),
+                self.log_prior,
+            ),
+            Form::Scatter(variances) => Self {
+                form: Form::Scatter(kept.iter().map(|&row| variances[row]).collect()),
+                ..self.clone()
+            },
+        }
+    }
+
+    /// Number of rows.
+    pub fn rows(&self) -> usize {
+        match &self.form {
+            Form::Smooth(lines, _) => lines.ncols(),
+            Form::Scatter(variances) => variances.len(),
+        }
+    }
+
+    /// Trace of the kernel.
+    pub fn trace(&self) -> f64 {
+        match &self.form {
+            Form::Smooth(_, lines) => lines.diagonal.iter().sum(),
+            Form::Scatter(variances) => variances.iter().sum(),
+        }
+    }
+
+    /// Effective degrees of freedom at variance ratio `power`: the trace of `power`·K·(I + `power`·K)⁻¹.
+    pub fn effective_dof(&self, power: f64) -> f64 {
+        match &self.form {
+            Form::Smooth(_, lines) => lines.factorise(power).effective_dof(power),
+            Form::Scatter(variances) => variances
+                .iter()
+                .map(|variance| share(power * variance))
+                .sum(),
+        }
+    }
+
+    /// Posterior mean of the process given values over the rows, at variance ratio `power`.
+    pub fn posterior_mean(&self, power: f64, values: &[f64]) -> Vec<f64> {
+        match &self.form {
+            Form::Smooth(lines, products) => {
+                let mut along = lines * DVector::from_column_slice(values);
+                products.factorise(power).solve(along.as_mut_slice());
+                lines.tr_mul(&along).data.into()
+            }
+            Form::Scatter(variances) => (variances.iter().zip(values))
+                .map(|(variance, value)| share(power * variance) * value)
+                .collect(),
+        }
+    }
+
+    /// Standard deviation of each row over that of the noise at variance ratio `power`; `None` for a smooth process.
+    pub fn widening(&self, power: f64) -> Option<Vec<f64>> {
+        match &self.form {
+            Form::Smooth(..) => None,
+            Form::Scatter(variances) => Some(
+                (variances.iter())
+                    .map(|variance| (1.0 + power * variance).sqrt())
+                    .collect(),
+            ),
+        }
+    }
+
+    /// Projects columns over the same rows onto the basis of the process.
+    pub fn project<'a>(&'a self, columns: &'a DMatrix<f64>) -> Projected<'a> {
+        match &self.form {
+            Form::Smooth(lines, products) => {
+                Projected::Smooth((lines * columns).transpose(), products)
+            }
+            Form::Scatter(variances) => Projected::Scatter(columns, variances),
+        }
+    }
+
+    /// The rows of M: columns over the session's rows whose outer products sum to the kernel; `None` for scatter.
+    pub fn columns(&self) -> Option<Vec<Vec<f64>>> {
+        let Form::Smooth(lines, _) = &self.form else {
+            return None;
+        };
+        let line = |line: nalgebra::RowDVector<f64>| line.data.into();
+        Some((lines.row_iter().map(|row| line(row.into_owned()))).collect())
+    }
+
+    /// The process orthogonal to an orthonormal basis over the active rows; `None` where nothing remains.
+    pub fn orthogonal_to(&self, basis: &[Vec<f64>]) -> Option<Self> {
+        let largest = |powers: &[f64]| powers.iter().copied().fold(0.0, f64::max);
+        let mut columns = self.columns()?;
+        let most = largest(&leading(&columns).1);
+        for column in &mut columns {
+            remove(column, basis);
+        }
+        let (directions, powers) = leading(&columns);
+        let kept: Vec<Vec<f64>> = (directions.row_iter().zip(&powers))
+            .filter(|&(_, &power)| power > LEAST_POWER * most)
+            .map(|(column, _)| column.iter().copied().collect())
+            .collect();
+        (!kept.is_empty()).then(|| Self::new(self.kind.clone(), &kept, self.log_prior))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::linear::dot;
+
+    /// Columns without order, and values over the same rows.
+    fn columns(rows: usize, count: usize) -> Vec<Vec<f64>> {
+        let value =
+            |row: usize, column: usize| ((row * 37 + column * 101 + 7) % 23) as f64 / 23.0 - 0.4;
+        let column = |column| {
+            (0..rows)
+                .map(|row| value(row * (column + 1), column))
+                .collect()
+        };
+        (0..count).map(column).collect()
+    }
+
+    /// Against the dense matrix I + p·K that the tridiagonal products stand for.
+    #[test]
+    fn the_tridiagonal_form_is_the_dense_process() {
+        let (rows, power) = (17, 3.5);
+        let made = columns(rows, 6);
+        let discrepancy = Discrepancy::new(Kind::Region, &made, 0.0);
+        let down = DMatrix::from_vec(rows, 6, made.concat());
+        let kernel = &down * down.transpose();
+        let whole = DMatrix::identity(rows, rows) + &kernel * power;
+        let inverse = whole.clone().try_inverse().expect("positive definite");
+
+        let near =
+            |value: f64, expected: f64| (value - expected).abs() < 1e-11 * (1.0 + expected.abs());
+        assert!(near(discrepancy.trace(), kernel.trace()));
+        assert!(near(
+            discrepancy.effective_dof(power),
+            (&kernel * power * &inverse).trace()
+        ));
+
+        let values = columns(rows, 9).pop().expect("nine");
+        let y = DVector::from_column_slice(&values);
+        let part = discrepancy.posterior_mean(power, &values);
+        let expected = &kernel * power * &inverse * &y;
+        assert!(part.iter().zip(&expected).all(|(&a, &b)| near(a, b)));
+
+        let column = DMatrix::from_vec(rows, 1, values.clone());
+        let (explained, log_determinant) = discrepancy.project(&column).explained_gram(power);
+        assert!(near(log_determinant, whole.determinant().ln()));
+        let beside = dot(&values, &values) - explained[0];
+        assert!(near(beside, (y.transpose() * &inverse * &y)[0]));
+    }
+
+    /// Scatter against the dense diagonal matrix that it is.
+    #[test]
+    fn scatter_is_a_diagonal_process() {
+        let (variances, power) = ([0.0, 2.0, 0.5, 0.0, 1.0], 3.0);
+        let discrepancy = Discrepancy {
+            kind: Kind::Noise,
+            form: Form::Scatter(variances.to_vec()),
+            log_prior: 0.0,
+        };
+        let whole = DMatrix::from_fn(5, 5, |i, k| {
+            if i == k {
+                1.0 + power * variances[i]
+            } else {
+                0.0
+            }
+        });
+        let inverse = whole.clone().try_inverse().expect("positive definite");
+        let two = DMatrix::from_fn(5, 2, |row, column| (row * 3 + column * 7 % 5) as f64 - 2.0);
+        let (explained, log_determinant) = discrepancy.project(&two).explained_gram(power);
+        let beside = two.transpose() * &two - explained;
+        assert!((beside - two.transpose() * &inverse * &two).amax() < 1e-12);
+        assert!((log_determinant - whole.determinant().ln()).abs() < 1e-12);
+        let expected: f64 = (0..5).map(|row| 1.0 - inverse[(row, row)]).sum();
+        assert!((discrepancy.effective_dof(power) - expected).abs() < 1e-12);
+    }
+
+    /// Over fewer rows it is what its columns over those rows make.
+    #[test]
+    fn a_process_over_fewer_rows_is_that_of_its_columns() {
+        let made = columns(17, 5);
+        let kept = [0, 3, 4, 8, 9, 12, 16];
+        let fewer: Vec<Vec<f64>> = (made.iter())
+            .map(|column| kept.iter().map(|&row| column[row]).collect())
+            .collect();
+        let restricted = Discrepancy::new(Kind::Time, &made, 0.0).restricted_to(&kept);
+        let expected = Discrepancy::new(Kind::Time, &fewer, 0.0);
+        let kernel = |discrepancy: &Discrepancy| {
+            let columns = discrepancy.columns().expect("smooth");
+            let down = DMatrix::from_vec(kept.len(), columns.len(), columns.concat());
+            &down * down.transpose()
+        };
+        assert!((kernel(&restricted) - kernel(&expected)).amax() < 1e-12);
+    }
+}

@@ -1,0 +1,188 @@
+//! Linear algebra on slices: inner products, whitening, orthonormal bases and small Cholesky factors.
+//!
+//! Matrices of up to some hundred columns are row-major slices, so that the search over sets factorises millions of them
+//! without an allocation; longer ones are `nalgebra`'s. Nothing here knows what the numbers mean.
+
+/// Diagonal of the inverse from a Cholesky factor; `scratch` holds at least n² values.
+pub fn inverse_diagonal(factor: &[f64], n: usize, scratch: &mut [f64]) -> Vec<f64> {
+    // Column by column the inverse of the factor; the inverse's diagonal is the sum of its squares.
+    let mut diagonal = vec![0.0; n];
+    for column in 0..n {
+        for row in column..n {
+            let sum = less(
+                if row == column { 1.0 } else { 0.0 },
+                &factor[row * n + column..row * n + row],
+                &scratch[column * n + column..column * n + row],
+            );
+            let value = sum / factor[row * n + row];
+            scratch[column * n + row] = value;
+            diagonal[column] += value * value;
+        }
+    }
+    diagonal
+}
+
+/// The values of the rows in use, whitened for AR(1) noise over the first `touches` rows in the order of time.
+///
+/// Each value is replaced by its innovation, scaled so that the noise keeps its variance (Prais and Winsten 1954).
+pub fn whitened(
+    values: &[f64],
+    active: &[bool],
+    touches: usize,
+    lag1_correlation: f64,
+) -> Vec<f64> {
+    let mut picked = pick(values, active);
+    if lag1_correlation != 0.0 {
+        let touched = active.iter().take(touches).filter(|&&used| used).count();
+        let fresh = 1.0 / (1.0 - lag1_correlation * lag1_correlation).sqrt();
+        for index in (1..touched).rev() {
+            picked[index] = (picked[index] - lag1_correlation * picked[index - 1]) * fresh;
+        }
+    }
+    picked
+}
+
+fn pick(values: &[f64], active: &[bool]) -> Vec<f64> {
+    values
+        .iter()
+        .zip(active)
+        .filter(|&(_, &used)| used)
+        .map(|(&value, _)| value)
+        .collect()
+}
+
+/// Inner product.
+pub fn dot(a: &[f64], b: &[f64]) -> f64 {
+    // Eight independent sums, since a single one waits for each addition.
+    let mut sums = [0.0; 8];
+    let (left, right) = (a.chunks_exact(8), b.chunks_exact(8));
+    let rest: f64 = (left.remainder().iter().zip(right.remainder()))
+        .map(|(x, y)| x * y)
+        .sum();
+    for (x, y) in left.zip(right) {
+        for (sum, (x, y)) in sums.iter_mut().zip(x.iter().zip(y)) {
+            *sum += x * y;
+        }
+    }
+    rest + sums.iter().sum::<f64>()
+}
+
+/// Adds `factor` times `column` to `values`.
+pub fn add_scaled(values: &mut [f64], factor: f64, column: &[f64]) {
+    for (value, part) in values.iter_mut().zip(column) {
+        *value += factor * part;
+    }
+}
+
+/// Multiplies `values` by `factor`.
+pub fn scale(values: &mut [f64], factor: f64) {
+    for value in values {
+        *value *= factor;
+    }
+}
+
+/// Cholesky factor in the lower triangle of a row-major matrix; gives its log-determinant.
+pub fn cholesky(matrix: &mut [f64], n: usize) -> Option<f64> {
+    // One logarithm for many pivots, as long as their product keeps its precision.
+    let (mut log_determinant, mut pivots) = (0.0, 1.0_f64);
+    for i in 0..n {
+        let (above, row) = matrix.split_at_mut(i * n);
+        let row = &mut row[..=i];
+        for j in 0..i {
+            let known = &above[j * n..=j * n + j];
+            let sum = less(row[j], &row[..j], &known[..j]);
+            row[j] = sum / known[j];
+        }
+        let sum = less(row[i], &row[..i], &row[..i]);
+        if !(sum > 0.0) {
+            return None;
+        }
+        pivots *= sum;
+        if !(1e-150..1e150).contains(&pivots) {
+            log_determinant += pivots.ln();
+            pivots = 1.0;
+        }
+        row[i] = sum.sqrt();
+    }
+    Some(log_determinant + pivots.ln())
+}
+
+/// A value less the products of two rows, in their order.
+fn less(value: f64, a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).fold(value, |rest, (a, b)| rest - a * b)
+}
+
+/// Solves in place with the lower triangle only.
+pub fn forward(factor: &[f64], n: usize, right: &mut [f64]) {
+    for i in 0..n {
+        let row = &factor[i * n..=i * n + i];
+        let sum = less(right[i], &row[..i], &right[..i]);
+        right[i] = sum / row[i];
+    }
+}
+
+/// Solves in place with a Cholesky factor.
+pub fn solve_cholesky(factor: &[f64], n: usize, right: &mut [f64]) {
+    forward(factor, n, right);
+    for i in (0..n).rev() {
+        let mut sum = right[i];
+        for k in i + 1..n {
+            sum -= factor[k * n + i] * right[k];
+        }
+        right[i] = sum / factor[i * n + i];
+    }
+}
+
+/// Inverse from a Cholesky factor.
+pub fn invert(factor: &[f64], n: usize, inverse: &mut [f64]) {
+    let mut unit = vec![0.0; n];
+    for column in 0..n {
+        unit.fill(0.0);
+        unit[column] = 1.0;
+        solve_cholesky(factor, n, &mut unit);
+        for row in 0..n {
+            inverse[row * n + column] = unit[row];
+        }
+    }
+}
+
+/// A column that keeps less than this share of its power beside those before it is spanned by them.
+pub const SPANNED: f64 = 1e-10;
+
+/// Orthonormal basis of columns; those that keep at most the share `least` of their power beside the others are left out.
+pub fn orthonormal(columns: impl Iterator<Item = Vec<f64>>, least: f64) -> Vec<Vec<f64>> {
+    let mut basis: Vec<Vec<f64>> = Vec::new();
+    for column in columns {
+        append(&mut basis, column, least);
+    }
+    basis
+}
+
+/// Adds a column to an orthonormal basis unless it is spanned already; true where it was added.
+pub fn append(basis: &mut Vec<Vec<f64>>, mut column: Vec<f64>, least: f64) -> bool {
+    let full = dot(&column, &column);
+    // Twice is enough (Parlett): the second pass removes what cancellation left of the first.
+    remove(&mut column, basis);
+    remove(&mut column, basis);
+    let power = dot(&column, &column);
+    if !(power > least * full) || power <= 0.0 {
+        return false;
+    }
+    scale(&mut column, 1.0 / power.sqrt());
+    basis.push(column);
+    true
+}
+
+/// Subtracts the projection onto an orthonormal basis.
+pub fn remove(values: &mut [f64], basis: &[Vec<f64>]) {
+    for known in basis {
+        let along = dot(known, values);
+        add_scaled(values, -along, known);
+    }
+}
+
+/// Values less their projection onto an orthonormal basis.
+pub fn without(mut values: Vec<f64>, basis: &[Vec<f64>]) -> Vec<f64> {
+    remove(&mut values, basis);
+    values
+}

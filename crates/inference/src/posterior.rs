@@ -1,0 +1,100 @@
+//! Posterior probabilities of all models of a session, with the fit and the residuals of each.
+
+use std::rc::Rc;
+
+use crate::candidate::{Alias, Candidate};
+use crate::discrepancy::{Discrepancy, Kind};
+use crate::evidence::{Fit, Products};
+use crate::linear::add_scaled;
+use crate::whitened::Design;
+
+/// A model: a set of candidates, with or without a discrepancy.
+#[derive(Debug, Clone)]
+pub struct Model {
+    /// Candidates, ascending.
+    pub set: Vec<usize>,
+    /// Index of the discrepancy and the variance of its process over that of the noise.
+    pub discrepancy: Option<(usize, f64)>,
+    /// Probability among all models.
+    pub probability: f64,
+    /// Log evidence plus log prior.
+    pub score: f64,
+}
+
+/// All models of a session.
+#[derive(Debug)]
+pub struct Attribution {
+    /// Candidates in use.
+    pub candidates: Vec<Candidate>,
+    /// Variants of other effects that span the same as each candidate.
+    pub aliases: Vec<Vec<Alias>>,
+    /// Discrepancies that were considered.
+    pub discrepancies: Vec<Rc<Discrepancy>>,
+    /// Models, most probable first.
+    pub models: Vec<Model>,
+    /// Products over the active rows.
+    pub products: Products,
+    /// Weighted deviations of all rows.
+    pub y: Vec<f64>,
+    /// Rows in use.
+    pub active: Vec<bool>,
+    /// Lag-1 correlation of the noise of successive touches.
+    pub lag1_correlation: f64,
+}
+
+impl Attribution {
+    /// True where a model needs a cause outside the vocabulary.
+    pub fn is_unknown(&self, model: &Model) -> bool {
+        (model.discrepancy).is_some_and(|(index, _)| {
+            !matches!(self.discrepancies[index].kind, Kind::Grid | Kind::Noise)
+        })
+    }
+
+    /// Standard deviation of each active row over that of the noise; `None` where the model has the same noise for all.
+    pub fn widening(&self, model: &Model) -> Option<Vec<f64>> {
+        let (index, power) = model.discrepancy?;
+        let discrepancy = &self.discrepancies[index];
+        (discrepancy.kind == Kind::Noise).then(|| discrepancy.widening(power))?
+    }
+
+    /// The members of a model in its order, each with its candidate and the coefficients of its block in a fit.
+    pub fn members<'a>(
+        &'a self,
+        model: &'a Model,
+        fit: &'a Fit,
+    ) -> impl Iterator<Item = (usize, &'a Candidate, &'a [f64])> {
+        let mut rest = fit.coefficients.as_slice();
+        model.set.iter().map(move |&member| {
+            let candidate = &self.candidates[member];
+            let (coefficients, behind) = rest.split_at(candidate.block.len());
+            rest = behind;
+            (member, candidate, coefficients)
+        })
+    }
+
+    /// Weighted deviations of all rows less what the effects of a model predict; `None` where it cannot be fitted.
+    pub fn residuals(&self, model: &Model) -> Option<Vec<f64>> {
+        let fit = self.fit(model)?;
+        let mut residuals = self.y.clone();
+        let columns = (model.set.iter()).flat_map(|&member| &self.candidates[member].block);
+        for (column, coefficient) in columns.zip(&fit.coefficients) {
+            add_scaled(&mut residuals, -coefficient, column);
+        }
+        Some(residuals)
+    }
+
+    /// Fit of a model's set on the active rows, beside its discrepancy.
+    pub fn fit(&self, model: &Model) -> Option<Fit> {
+        match model.discrepancy {
+            None => self.products.fit(&model.set),
+            Some((index, power)) => {
+                let members = model.set.iter().map(|&member| &self.candidates[member]);
+                let indices: Vec<usize> = (0..model.set.len()).collect();
+                Design::new(members, &self.y, &self.active)
+                    .with_discrepancy(&self.discrepancies[index])
+                    .products(power, &self.products.subset(&model.set))
+                    .fit(&indices)
+            }
+        }
+    }
+}

@@ -1,0 +1,52 @@
+//! Inner products of candidates whitened for a discrepancy process.
+
+use nalgebra::DMatrix;
+
+use crate::candidate::Candidate;
+use crate::columns::{Rows, side_by_side};
+use crate::discrepancy::{Discrepancy, Projected};
+use crate::evidence::Products;
+
+/// Columns of some candidates and, as the last, the deviations, over the rows in use.
+pub struct Design(DMatrix<f64>);
+
+impl Design {
+    /// Columns of some candidates and the weighted deviations `y` over the rows in use.
+    pub fn new<'c>(
+        candidates: impl Iterator<Item = &'c Candidate>,
+        y: &[f64],
+        active: &[bool],
+    ) -> Self {
+        let rows = Rows::plain(active);
+        let y = [y.to_vec()];
+        let blocks = candidates.map(|candidate| candidate.block.as_slice());
+        Self(side_by_side(&rows, blocks.chain([y.as_slice()]), 0).0)
+    }
+
+    /// The same columns, whitened for a discrepancy over the same rows.
+    pub fn with_discrepancy<'a>(&'a self, discrepancy: &'a Discrepancy) -> Whitened<'a> {
+        Whitened(discrepancy.project(&self.0))
+    }
+}
+
+/// Columns projected onto the basis of a discrepancy.
+pub struct Whitened<'a>(Projected<'a>);
+
+impl Whitened<'_> {
+    /// Products whitened for the discrepancy at variance ratio `power`; `plain` are those without it.
+    pub fn products(&self, power: f64, plain: &Products) -> Products {
+        let (explained, log_determinant) = self.0.explained_gram(power);
+        let count = plain.qy.len();
+        let mut whitened = plain.clone();
+        for (column, explained) in explained.column_iter().take(count).enumerate() {
+            let products = &mut whitened.qq[column * count..(column + 1) * count];
+            for (value, explained) in products.iter_mut().zip(&explained) {
+                *value -= explained;
+            }
+            whitened.qy[column] -= explained[count];
+        }
+        whitened.yy -= explained[(count, count)];
+        whitened.offset += 0.5 * log_determinant;
+        whitened
+    }
+}

@@ -1,0 +1,367 @@
+//! How long the axes take from one set of positions to another, and where they are on the way.
+//!
+//! ```text
+//!  velocity            ___________________
+//!     v ______________/                   \
+//!                    /|                   |\
+//!                   / |                   | \
+//!                  /  |                   |  \
+//!      0 _________/   |                   |   \________  time
+//!          ramp hold ramp     cruise     ramp hold ramp
+//!           +j   0    -j         0        -j   0    +j      jerk
+//! ```
+//!
+//! Every axis moves from rest to rest. With top speed v alone the distance d takes d/v. With acceleration a the profile
+//! is a trapezoid, d/v + v/a, or a triangle, 2·√(d/a), where v is not reached. With jerk j as well it has seven phases
+//! (an S-curve; L. Biagiotti and C. Melchiorri, "Trajectory Planning for Automatic Machines and Robots", Springer 2008,
+//! section 3.4), of which those are left out that the distance is too short for. All axes start together, so the slowest
+//! decides; what is slower by nature (a clamped rotary axis) adds its clamping time whenever it moves. Positions are m or
+//! rad, times s. Targets are approached with an exact stop: there is no look-ahead and no blending.
+//!
+//! Top speeds come from the robot description (`<limit velocity="…">`), the rest from the section `[motion]` of the cell
+//! file. A machine that declares neither acceleration nor jerk is timed by its top speeds alone.
+//!
+//! ```
+//! use machine::motion::AxisLimits;
+//!
+//! let axis = AxisLimits { acceleration: Some(2.0), jerk: Some(40.0), ..AxisLimits::at_speed(0.4) };
+//! // 0.2 m: 0.2/0.4 at top speed, 0.4/2 to get there, 2/40 to build up the acceleration.
+//! assert!((axis.profile(0.2).duration() - (0.5 + 0.2 + 0.05)).abs() < 1e-12);
+//! ```
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use crate::chain::{Chain, JointKind};
+
+/// Speed assumed for an axis whose description gives none, m/s or rad/s: slow, so that it is avoided.
+const UNKNOWN_SPEED: f64 = 0.05;
+
+/// What limits the motion of one axis.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AxisLimits {
+    /// Top speed, m/s or rad/s.
+    pub velocity: f64,
+    /// Largest acceleration, m/s² or rad/s²; `None`: top speed is reached at once.
+    pub acceleration: Option<f64>,
+    /// Largest jerk, m/s³ or rad/s³; `None`: the acceleration is reached at once.
+    pub jerk: Option<f64>,
+    /// Time to release and to clamp the axis again, half of it before and half after each motion, s.
+    pub clamping: f64,
+}
+
+impl AxisLimits {
+    /// An axis that is limited by its top speed alone, m/s or rad/s.
+    pub fn at_speed(velocity: f64) -> Self {
+        Self {
+            velocity,
+            acceleration: None,
+            jerk: None,
+            clamping: 0.0,
+        }
+    }
+
+    /// True where the position over time is a straight line.
+    fn is_uniform(&self) -> bool {
+        self.acceleration.is_none() && self.jerk.is_none() && self.clamping == 0.0
+    }
+
+    /// The fastest motion over a distance (m or rad, of either sign) from rest to rest.
+    pub fn profile(&self, distance: f64) -> Profile {
+        let d = distance.abs();
+        let v = self.velocity;
+        if d == 0.0 {
+            return Profile::default();
+        }
+        let cruising = |ramp: f64, hold: f64| Profile {
+            clamping: self.clamping,
+            ramp,
+            hold,
+            cruise: (d / v - (2.0 * ramp + hold)).max(0.0),
+            velocity: v,
+        };
+        let short = |ramp: f64, hold: f64| Profile {
+            clamping: self.clamping,
+            ramp,
+            hold,
+            cruise: 0.0,
+            velocity: d / (2.0 * ramp + hold),
+        };
+        match (self.acceleration, self.jerk) {
+            (None, None) => cruising(0.0, 0.0),
+            (Some(a), None) if d * a <= v * v => short(0.0, (d / a).sqrt()),
+            (Some(a), None) => cruising(0.0, v / a),
+            (acceleration, Some(j)) => {
+                let a = acceleration.unwrap_or(f64::INFINITY);
+                let (ramp, hold) = if v * j <= a * a {
+                    ((v / j).sqrt(), 0.0)
+                } else {
+                    (a / j, v / a - a / j)
+                };
+                if d >= v * (2.0 * ramp + hold) {
+                    return cruising(ramp, hold);
+                }
+                let ramp = a / j;
+                if d >= 2.0 * a * ramp * ramp {
+                    // d = a·(ramp + hold)·(2·ramp + hold)
+                    let hold = 0.5 * ((ramp * ramp + 4.0 * d / a).sqrt() - 3.0 * ramp);
+                    short(ramp, hold.max(0.0))
+                } else {
+                    short((0.5 * d / j).cbrt(), 0.0)
+                }
+            }
+        }
+    }
+}
+
+/// A motion of one axis from rest to rest; its second half mirrors the first.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Profile {
+    /// s; standstill, half of it before and half after the motion.
+    clamping: f64,
+    /// s; in which the acceleration is built up, and taken back again.
+    ramp: f64,
+    /// s; of the largest acceleration.
+    hold: f64,
+    /// s; of the largest velocity.
+    cruise: f64,
+    /// m/s or rad/s; the largest.
+    velocity: f64,
+}
+
+impl Profile {
+    /// Time from start to end, s.
+    pub fn duration(&self) -> f64 {
+        self.moving() + self.clamping
+    }
+
+    fn moving(&self) -> f64 {
+        2.0 * self.accelerating() + self.cruise
+    }
+
+    fn accelerating(&self) -> f64 {
+        2.0 * self.ramp + self.hold
+    }
+
+    /// Distance covered at an instant after the start (s), m or rad; none before, all after the end.
+    pub fn distance_at(&self, time: f64) -> f64 {
+        let (moving, half) = (self.moving(), 0.5 * self.moving());
+        let time = (time - 0.5 * self.clamping).clamp(0.0, moving);
+        if time <= half {
+            self.first_half(time)
+        } else {
+            self.velocity * (self.accelerating() + self.cruise) - self.first_half(moving - time)
+        }
+    }
+
+    /// Share of the distance covered at an instant after the start (s), 0 to 1.
+    pub fn share_at(&self, time: f64) -> f64 {
+        let all = self.velocity * (self.accelerating() + self.cruise);
+        if all > 0.0 {
+            (self.distance_at(time) / all).clamp(0.0, 1.0)
+        } else {
+            1.0
+        }
+    }
+
+    fn first_half(&self, time: f64) -> f64 {
+        let (ramp, hold, v) = (self.ramp, self.hold, self.velocity);
+        let accelerating = self.accelerating();
+        if time >= accelerating {
+            return v * (0.5 * accelerating + time - accelerating);
+        }
+        let a = v / (ramp + hold);
+        if time < ramp {
+            a * time.powi(3) / (6.0 * ramp)
+        } else if time <= ramp + hold {
+            let held = time - ramp;
+            a * (ramp * ramp / 6.0 + 0.5 * ramp * held + 0.5 * held * held)
+        } else {
+            let rest = accelerating - time;
+            v * (0.5 * accelerating - rest) + a * rest.powi(3) / (6.0 * ramp)
+        }
+    }
+}
+
+/// How the axes of a machine move together.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Motion {
+    axes: Vec<AxisLimits>,
+    dwell: f64,
+}
+
+impl Motion {
+    /// Axes in the order of a position vector, and the standstill at every target (s).
+    pub fn new(axes: Vec<AxisLimits>, dwell: f64) -> Self {
+        Self { axes, dwell }
+    }
+
+    /// By the top speeds of a robot description (m/s, rad/s), in the order of a position vector.
+    pub(crate) fn at_speeds(speeds: impl Iterator<Item = Option<f64>>) -> Self {
+        let limits = |speed: Option<f64>| AxisLimits::at_speed(speed.unwrap_or(UNKNOWN_SPEED));
+        Self::new(speeds.map(limits).collect(), 0.0)
+    }
+
+    /// Limits of each axis, in the order of a position vector.
+    pub fn axes(&self) -> &[AxisLimits] {
+        &self.axes
+    }
+
+    /// Standstill at every target, s.
+    pub fn dwell(&self) -> f64 {
+        self.dwell
+    }
+
+    /// Time from one set of positions to another (m, rad), with the standstill at the end: that of the slowest axis, s.
+    /// Where nothing moves, nothing stops.
+    pub fn time(&self, from: &[f64], to: &[f64]) -> f64 {
+        let times = self.axes.iter().zip(from.iter().zip(to));
+        let slowest = times
+            .map(|(axis, (from, to))| axis.profile(to - from).duration())
+            .fold(0.0, f64::max);
+        if slowest > 0.0 {
+            slowest + self.dwell
+        } else {
+            slowest
+        }
+    }
+
+    /// Time along a sequence of targets from a set of positions, s.
+    pub fn time_along(&self, from: &[f64], targets: &[Vec<f64>]) -> f64 {
+        let mut at = from;
+        let mut seconds = 0.0;
+        for target in targets {
+            seconds += self.time(at, target);
+            at = target;
+        }
+        seconds
+    }
+
+    /// The motion of the slowest axis, with which the others keep in step on the straight line between both sets of
+    /// positions, before the standstill; `None` where that line is covered at constant speed without one.
+    pub fn leading(&self, from: &[f64], to: &[f64]) -> Option<Profile> {
+        if self.dwell == 0.0 && self.axes.iter().all(AxisLimits::is_uniform) {
+            return None;
+        }
+        let profiles = self.axes.iter().zip(from.iter().zip(to));
+        profiles
+            .map(|(axis, (from, to))| axis.profile(to - from))
+            .max_by(|one, other| one.duration().total_cmp(&other.duration()))
+    }
+}
+
+/// Section `[motion]` of the cell file, as written.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RawMotion {
+    /// Standstill at every target of a positioning move, before and after each touch included.
+    pub dwell_s: f64,
+    /// By name of the axis.
+    pub axes: BTreeMap<String, RawAxis>,
+}
+
+/// `[motion.axes.NAME]`, as written: a linear axis is limited in mm, a rotary one in degrees.
+#[derive(Clone, Copy, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RawAxis {
+    /// Of a linear axis.
+    pub acceleration_mm_per_s2: Option<f64>,
+    /// Of a linear axis.
+    pub jerk_mm_per_s3: Option<f64>,
+    /// Of a rotary axis.
+    pub acceleration_deg_per_s2: Option<f64>,
+    /// Of a rotary axis.
+    pub jerk_deg_per_s3: Option<f64>,
+    /// Time to release and to clamp the axis again whenever it moves.
+    pub clamping_s: f64,
+}
+
+/// A setting of `[motion]` that cannot be used.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum MotionError {
+    /// The machine has no such axis.
+    #[error("motion.axes.{0} is not an axis of the machine")]
+    Axis(String),
+    /// A linear axis with limits of a rotary one, or the reverse.
+    #[error("motion.axes.{axis}.{key} limits a {other} axis, but {axis} is a {kind} one")]
+    Kind {
+        /// The axis.
+        axis: String,
+        /// The key.
+        key: &'static str,
+        /// What the key is for.
+        other: &'static str,
+        /// What the axis is.
+        kind: &'static str,
+    },
+    /// A number out of range.
+    #[error("motion.{key} = {value} must be a finite number {bound}")]
+    Number {
+        /// The key, below `motion`.
+        key: String,
+        /// Its value.
+        value: f64,
+        /// What it must be.
+        bound: &'static str,
+    },
+}
+
+impl RawMotion {
+    /// The motion of a machine with these limits beside its top speeds.
+    ///
+    /// # Errors
+    /// [`MotionError`] names the first setting that cannot be used.
+    pub fn check(&self, chain: &Chain) -> Result<Motion, MotionError> {
+        let not_negative = |key: String, value: f64| {
+            let usable = value.is_finite() && value >= 0.0;
+            usable.then_some(value).ok_or(MotionError::Number {
+                key,
+                value,
+                bound: "not below 0",
+            })
+        };
+        let mut motion = chain.motion().clone();
+        motion.dwell = not_negative("dwell_s".to_owned(), self.dwell_s)?;
+        for (name, raw) in &self.axes {
+            let index = chain.axis_index(name);
+            let index = index.ok_or_else(|| MotionError::Axis(name.clone()))?;
+            let rotary = chain.axis(index).kind == JointKind::Revolute;
+            let limit = |key: &'static str, value: Option<f64>, of_rotary: bool| match value {
+                Some(_) if rotary != of_rotary => Err(MotionError::Kind {
+                    axis: name.clone(),
+                    key,
+                    other: kind(of_rotary),
+                    kind: kind(rotary),
+                }),
+                Some(value) if !(value.is_finite() && value > 0.0) => Err(MotionError::Number {
+                    key: format!("axes.{name}.{key}"),
+                    value,
+                    bound: "above 0",
+                }),
+                value if of_rotary => Ok(value.map(f64::to_radians)),
+                value => Ok(value.map(|mm| mm * 1e-3)),
+            };
+            let acceleration = [
+                limit("acceleration_mm_per_s2", raw.acceleration_mm_per_s2, false)?,
+                limit("acceleration_deg_per_s2", raw.acceleration_deg_per_s2, true)?,
+            ];
+            let jerk = [
+                limit("jerk_mm_per_s3", raw.jerk_mm_per_s3, false)?,
+                limit("jerk_deg_per_s3", raw.jerk_deg_per_s3, true)?,
+            ];
+            let clamping = not_negative(format!("axes.{name}.clamping_s"), raw.clamping_s)?;
+            motion.axes[index] = AxisLimits {
+                acceleration: acceleration.into_iter().flatten().next(),
+                jerk: jerk.into_iter().flatten().next(),
+                clamping,
+                ..motion.axes[index]
+            };
+        }
+        Ok(motion)
+    }
+}
+
+fn kind(rotary: bool) -> &'static str {
+    if rotary { "rotary" } else { "linear" }
+}

@@ -1,0 +1,61 @@
+//! How the processes of a cell join its bus.
+
+use std::path::PathBuf;
+
+use cell::{Cell, TransportName};
+use host::bus::{BusConfig, RouterConfig, Transport};
+
+/// A failure of the running cell, as opposed to wrong input.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub(crate) struct CellFailure(pub(crate) String);
+
+/// How a process of the cell joins the bus.
+pub(crate) fn bus_config(cell: &Cell) -> anyhow::Result<BusConfig> {
+    Ok(BusConfig {
+        transport: match cell.bus.transport {
+            TransportName::Zenoh => Transport::Zenoh,
+            TransportName::Dds => Transport::Dds,
+        },
+        domain_id: cell.bus.domain_id,
+        endpoints: vec![cell.bus.router_endpoint.clone()],
+        listen: cell.bus.listen.clone(),
+        zenoh: session_settings(cell)?,
+        ..BusConfig::default()
+    })
+}
+
+/// Zenoh settings of every session. Where the router controls access, sessions are clients, which link to nothing but the
+/// router, so that no traffic bypasses it.
+fn session_settings(cell: &Cell) -> anyhow::Result<serde_json::Value> {
+    let mut settings = zenoh_settings(cell.bus.zenoh.as_ref())?;
+    let router = zenoh_settings(cell.bus.router_zenoh.as_ref())?;
+    if router.get("access_control").is_some() && settings.get("mode").is_none() {
+        settings["mode"] = "client".into();
+    }
+    Ok(settings)
+}
+
+fn zenoh_settings(table: Option<&impl serde::Serialize>) -> anyhow::Result<serde_json::Value> {
+    Ok(table
+        .map(serde_json::to_value)
+        .transpose()?
+        .unwrap_or_else(|| serde_json::json!({})))
+}
+
+/// The router that `up` embeds.
+pub(crate) fn router_config(cell: &Cell) -> anyhow::Result<RouterConfig> {
+    Ok(RouterConfig {
+        listen: vec![cell.bus.router_endpoint.clone()],
+        connect: cell.bus.join.clone(),
+        zenoh: zenoh_settings(cell.bus.router_zenoh.as_ref())?,
+    })
+}
+
+/// Folder of the next recording: name of the cell and time, in the cell's recordings folder.
+pub(crate) fn new_recording(cell: &Cell) -> PathBuf {
+    let stamp = host::now().0 / 1_000_000;
+    cell.recorder
+        .folder
+        .join(format!("{}_{stamp}", cell.cell.name))
+}

@@ -1,0 +1,137 @@
+//! A client of a running cell's services.
+
+use std::{path::Path, sync::mpsc::channel, time::Duration};
+
+use anyhow::Context;
+use cell::Cell;
+use graph::topics;
+use host::{
+    bus::{Bus, Received},
+    bus_qos,
+};
+use probecell_msgs::{InspectionPlan, PlanProgress, Service, from_cdr, srv, to_cdr};
+
+use crate::{
+    FAILED, GOOD,
+    cell_bus::{CellFailure, bus_config},
+    output,
+};
+
+/// Timeout of a service, and of a plan that the cell keeps for late joiners.
+const REPLY_TIMEOUT: Duration = Duration::from_secs(10);
+/// Timeout of a whole plan; the cell itself answers when its progress stalls.
+const PLAN_TIMEOUT: Duration = Duration::from_secs(1800);
+
+/// A client of the cell that a cell file describes.
+pub(crate) struct CellClient {
+    cell: Cell,
+    bus: Bus,
+}
+
+impl CellClient {
+    /// Connects.
+    pub(crate) fn connect(file: &Path) -> anyhow::Result<Self> {
+        let cell = Cell::read(file)?;
+        let bus = Bus::open(&bus_config(&cell)?, "operator_call", &cell.namespace())?;
+        Ok(Self { cell, bus })
+    }
+
+    /// Calls a service once.
+    pub(crate) fn call<S: Service>(
+        &self,
+        name: &str,
+        request: &S::Request,
+    ) -> anyhow::Result<S::Response> {
+        let topic = self.cell.topic(name);
+        let response = self
+            .bus
+            .call(&topic, S::TYPE, &to_cdr(request), REPLY_TIMEOUT)?;
+        from_cdr(&response).context("the reply is not of the service's type")
+    }
+
+    /// Has the cell plan.
+    pub(crate) fn plan(&self, request: &srv::PlanRequest) -> anyhow::Result<srv::PlanResponse> {
+        request_plan(&self.bus, &self.cell.namespace(), request)
+    }
+
+    /// The plan that the cell published last.
+    pub(crate) fn last_plan(&self) -> anyhow::Result<InspectionPlan> {
+        let topic = topics::INSPECTION_PLAN;
+        let (sender, receiver) = channel();
+        let on_sample = move |received: Received<'_>| {
+            // The receiver may be satisfied already.
+            drop(sender.send(from_cdr::<InspectionPlan>(&received.payload)));
+        };
+        let subscription = self.bus.subscribe(
+            &self.cell.topic(topic.name),
+            topic.message,
+            bus_qos(topic.qos),
+            Box::new(on_sample),
+            Box::new(|_| {}),
+        )?;
+        let received = receiver.recv_timeout(REPLY_TIMEOUT);
+        drop(subscription);
+        let plan = received.map_err(|_| {
+            let seconds = REPLY_TIMEOUT.as_secs();
+            CellFailure(format!(
+                "no plan was received within {seconds} s: the cell has measured nothing"
+            ))
+        })?;
+        plan.context("the plan received is not of its type")
+    }
+
+    /// Disconnects.
+    pub(crate) fn close(self) -> anyhow::Result<()> {
+        self.bus.close(Duration::from_secs(2))?;
+        Ok(())
+    }
+}
+
+/// Calls one service of the cell that a cell file describes.
+pub(crate) fn call_once<S: Service>(
+    file: &Path,
+    name: &str,
+    request: &S::Request,
+) -> anyhow::Result<S::Response> {
+    let client = CellClient::connect(file)?;
+    let response = client.call::<S>(name, request)?;
+    client.close()?;
+    Ok(response)
+}
+
+/// Prints whether a request was accepted; gives the exit status.
+pub(crate) fn print_reply(accepted: bool, text: &str) -> u8 {
+    output::line(if accepted { "accepted" } else { text });
+    if accepted { GOOD } else { FAILED }
+}
+
+/// Has a running cell plan; a terminal shows the progress.
+pub(crate) fn request_plan(
+    bus: &Bus,
+    namespace: &str,
+    request: &srv::PlanRequest,
+) -> anyhow::Result<srv::PlanResponse> {
+    let topic = topics::PLAN_PROGRESS;
+    let on_sample = |received: Received<'_>| {
+        if let Ok(progress) = from_cdr::<PlanProgress>(&received.payload) {
+            output::progress(&progress);
+        }
+    };
+    let subscription = bus.subscribe(
+        &format!("{namespace}/{}", topic.name),
+        topic.message,
+        bus_qos(topic.qos),
+        Box::new(on_sample),
+        Box::new(|_| {}),
+    )?;
+    let response = bus.call_with_timeouts(
+        &format!("{namespace}/plan"),
+        srv::Plan::TYPE,
+        &to_cdr(request),
+        REPLY_TIMEOUT,
+        PLAN_TIMEOUT,
+    );
+    drop(subscription);
+    output::end_progress();
+    from_cdr(&response?).context("the reply is not of the service's type")
+}

@@ -1,0 +1,109 @@
+//! The processes of the cell as ROS diagnostics, and a fault for each that ended.
+
+use std::time::Duration;
+
+use cell::Cell;
+use graph::topics;
+use host::{
+    bus::{Bus, Publisher},
+    bus_qos,
+};
+use probecell_msgs::{Fault, Message, diagnostic_msgs, std_msgs, to_cdr};
+
+use crate::output;
+
+/// Period of `/diagnostics`.
+pub(super) const PERIOD: Duration = Duration::from_secs(1);
+
+/// A process of the cell.
+#[derive(Clone, Debug)]
+pub(crate) struct ProcessState {
+    /// Its name.
+    pub(crate) name: String,
+    /// It runs; otherwise it has ended and will be restarted.
+    pub(crate) running: bool,
+    /// Times that it was started.
+    pub(crate) starts: u32,
+}
+
+/// Publishers of diagnostics and faults.
+pub(super) struct Diagnostics {
+    diagnostics: Publisher,
+    faults: Publisher,
+}
+
+impl Diagnostics {
+    /// Announces both topics.
+    pub(super) fn new(bus: &Bus, cell: &Cell) -> anyhow::Result<Self> {
+        let faults = topics::LAUNCHER_FAULTS;
+        Ok(Self {
+            diagnostics: bus.publisher(
+                "/diagnostics",
+                diagnostic_msgs::DiagnosticArray::TYPE,
+                bus_qos(graph::Qos::reliable(10)),
+            )?,
+            faults: bus.publisher(
+                &cell.topic(faults.name),
+                faults.message,
+                bus_qos(faults.qos),
+            )?,
+        })
+    }
+
+    /// A fault for a process that has ended.
+    pub(super) fn publish_ended(&self, name: &str, text: &str) {
+        let instant = host::now();
+        let fault = Fault {
+            header: std_msgs::Header {
+                stamp: instant.time(),
+                frame_id: String::new(),
+            },
+            node: name.to_owned(),
+            severity: if name == "gap" {
+                Fault::WARNING
+            } else {
+                Fault::ERROR
+            },
+            code: Fault::PROCESS_ENDED.to_owned(),
+            text: text.to_owned(),
+        };
+        if let Err(error) = self.faults.publish(to_cdr(&fault), instant.0) {
+            output::remark(&format!("a fault could not be published: {error}"));
+        }
+    }
+
+    /// The states of all processes.
+    pub(super) fn publish(&self, namespace: &str, processes: &[ProcessState]) {
+        let instant = host::now();
+        let status = processes.iter().map(|process| {
+            let (level, message) = if process.running {
+                (diagnostic_msgs::DiagnosticStatus::OK, "running")
+            } else {
+                (
+                    diagnostic_msgs::DiagnosticStatus::ERROR,
+                    "ended; will be restarted",
+                )
+            };
+            diagnostic_msgs::DiagnosticStatus {
+                level,
+                name: format!("{namespace}/{}", process.name),
+                message: message.to_owned(),
+                hardware_id: String::new(),
+                values: vec![diagnostic_msgs::KeyValue {
+                    key: "starts".to_owned(),
+                    value: process.starts.to_string(),
+                }],
+            }
+        });
+        let array = diagnostic_msgs::DiagnosticArray {
+            header: std_msgs::Header {
+                stamp: instant.time(),
+                frame_id: String::new(),
+            },
+            status: status.collect(),
+        };
+        if let Err(error) = self.diagnostics.publish(to_cdr(&array), instant.0) {
+            output::remark(&format!("diagnostics could not be published: {error}"));
+        }
+    }
+}

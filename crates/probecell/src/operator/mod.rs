@@ -1,0 +1,228 @@
+//! The operator's side of a running cell.
+//!
+//! | module | content |
+//! |---|---|
+//! | [`services`] | `plan`, `run`, `approve_correction`: a call enters the graph as a numbered message, so that it is recorded and a replay can repeat it |
+//! | [`state`] | what was received, by the callbacks of the bus |
+//! | [`console`] | what a person reads while a part is made |
+//! | [`diagnostics`] | `/diagnostics`, and faults of processes that ended |
+
+mod console;
+mod diagnostics;
+mod services;
+mod state;
+
+use std::{
+    sync::{Arc, Mutex},
+    time::{Duration, Instant},
+};
+
+use anyhow::bail;
+use cell::Cell;
+use graph::{Topic, topics};
+use host::{
+    bus::{Bus, Received, Server, Subscription, TypeId},
+    bus_qos,
+};
+use probecell_msgs::{
+    Correction, CorrectionAcknowledgement, Fault, MachineState, Message, OperatorReply,
+    OperatorRequest, PartReport, PassDecision, PlanProgress, Verdict, from_cdr,
+};
+
+pub(crate) use self::diagnostics::ProcessState;
+use self::{
+    console::{print_acknowledgement, print_correction, print_fault, print_part},
+    diagnostics::Diagnostics,
+    services::{RequestPublishers, serve},
+    state::{OperatorState, lock},
+};
+use crate::{cell_bus::CellFailure, output};
+
+/// How a part ended.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PartEnd {
+    /// All characteristics are in tolerance.
+    pub(crate) qualified: bool,
+}
+
+/// The operator of a running cell.
+pub(crate) struct Operator {
+    bus: Bus,
+    namespace: String,
+    state: Arc<Mutex<OperatorState>>,
+    requests: Arc<RequestPublishers>,
+    diagnostics: Diagnostics,
+    subscriptions: Vec<Subscription>,
+    servers: Vec<Server>,
+}
+
+impl Operator {
+    /// Joins the cell: subscribes to its topics and offers its services.
+    pub(crate) fn join(bus: Bus, cell: &Cell) -> anyhow::Result<Self> {
+        let namespace = cell.namespace();
+        let state = Arc::new(Mutex::new(OperatorState::new(cell)));
+        let requests = Arc::new(RequestPublishers::new(&bus, cell, &state)?);
+        let mut operator = Self {
+            diagnostics: Diagnostics::new(&bus, cell)?,
+            servers: Vec::new(),
+            bus,
+            namespace,
+            state,
+            requests,
+            subscriptions: Vec::new(),
+        };
+        operator.subscribe_to_all(&cell.text().name)?;
+        operator.servers = serve(&operator.bus, &operator.namespace, &operator.requests)?;
+        Ok(operator)
+    }
+
+    /// `file`: the cell file, for the commands that a person is to type.
+    fn subscribe_to_all(&mut self, file: &str) -> anyhow::Result<()> {
+        self.subscribe(topics::MACHINE_STATE, |state, machine: MachineState| {
+            state.machine_idle = machine.execution == MachineState::EXECUTION_IDLE;
+        })?;
+        self.subscribe(topics::VERDICTS, |state, verdict: Verdict| {
+            state.verdict(verdict);
+        })?;
+        self.subscribe(topics::PASS_DECISIONS, |state, decision: PassDecision| {
+            state.decision(decision);
+        })?;
+        let file = file.to_owned();
+        self.subscribe(topics::CORRECTIONS, move |_, correction: Correction| {
+            print_correction(&correction, &file);
+        })?;
+        self.subscribe(
+            topics::CORRECTION_ACKNOWLEDGEMENTS,
+            |_, answer: CorrectionAcknowledgement| print_acknowledgement(&answer),
+        )?;
+        self.subscribe(topics::PART_REPORTS, |state, part: PartReport| {
+            print_part(&part);
+            state.part = Some(part);
+        })?;
+        self.subscribe(topics::PLAN_PROGRESS, |state, _: PlanProgress| {
+            state.planning = Some(Instant::now());
+        })?;
+        for topic in topics::ALL
+            .iter()
+            .filter(|topic| topic.name.ends_with("/faults") && topic.producer != "operator")
+        {
+            self.subscribe(*topic, |_, fault: Fault| print_fault(&fault))?;
+        }
+        for topic in [
+            topics::PLAN_REPLIES,
+            topics::RUN_REPLIES,
+            topics::APPROVAL_REPLIES,
+        ] {
+            self.subscribe(topic, move |state, reply: OperatorReply| {
+                state.reply(topic.name, reply);
+            })?;
+        }
+        Ok(())
+    }
+
+    fn subscribe<M: Message>(
+        &mut self,
+        topic: Topic,
+        on_message: impl Fn(&mut OperatorState, M) + Send + Sync + 'static,
+    ) -> anyhow::Result<()> {
+        let state = Arc::clone(&self.state);
+        let on_sample = move |received: Received<'_>| {
+            if let Ok(message) = from_cdr::<M>(&received.payload) {
+                on_message(&mut lock(&state), message);
+            }
+        };
+        let on_lost = move |lost: host::bus::Lost| {
+            output::remark(&format!(
+                "the operator lost {} messages on {}",
+                lost.count, topic.name
+            ));
+        };
+        let name = format!("{}/{}", self.namespace, topic.name);
+        let qos = bus_qos(topic.qos);
+        self.subscriptions.push(self.bus.subscribe(
+            &name,
+            topic.message,
+            qos,
+            Box::new(on_sample),
+            Box::new(on_lost),
+        )?);
+        Ok(())
+    }
+
+    /// The machine is idle, and a request for a part has a subscriber.
+    pub(crate) fn ready(&self) -> bool {
+        let topic = topics::RUN_REQUESTS;
+        let subscribers = self.bus.graph().subscriptions(
+            &format!("{}/{}", self.namespace, topic.name),
+            &TypeId::from(topic.message),
+        );
+        lock(&self.state).machine_idle && subscribers > 0
+    }
+
+    /// Why the cell is not ready.
+    pub(crate) fn not_ready(&self) -> &'static str {
+        if lock(&self.state).machine_idle {
+            "no node subscribes to requests for parts"
+        } else {
+            "the machine is not idle"
+        }
+    }
+
+    /// Requests a part.
+    ///
+    /// # Errors
+    /// [`CellFailure`] when the cell refuses it or does not answer.
+    pub(crate) fn request_part(&self, part: &str) -> anyhow::Result<()> {
+        let request = OperatorRequest {
+            subject: part.to_owned(),
+            operator_name: "up".to_owned(),
+            ..OperatorRequest::default()
+        };
+        let reply = self
+            .requests
+            .call(topics::RUN_REPLIES.name, request)
+            .map_err(CellFailure)?;
+        if !reply.accepted {
+            bail!(CellFailure(format!(
+                "the cell refuses the part: {}",
+                reply.text
+            )));
+        }
+        Ok(())
+    }
+
+    /// How the part ended, once.
+    pub(crate) fn part_ended(&self) -> Option<PartEnd> {
+        let part = lock(&self.state).part.take()?;
+        Some(PartEnd {
+            qualified: part.verdict == PartReport::QUALIFIED,
+        })
+    }
+
+    /// Publishes a fault for a process that has ended. The part under way is stopped, unless that process only observes.
+    pub(crate) fn report_ended(&self, name: &str, text: &str) {
+        self.diagnostics.publish_ended(name, text);
+    }
+
+    /// Publishes the states of the processes on `/diagnostics`, once a second.
+    pub(crate) fn publish_diagnostics(&self, processes: &[ProcessState]) {
+        let mut state = lock(&self.state);
+        if state
+            .diagnosed
+            .is_some_and(|last| last.elapsed() < diagnostics::PERIOD)
+        {
+            return;
+        }
+        state.diagnosed = Some(Instant::now());
+        drop(state);
+        self.diagnostics.publish(&self.namespace, processes);
+    }
+
+    /// Leaves the cell.
+    pub(crate) fn leave(mut self) -> anyhow::Result<()> {
+        self.servers.clear();
+        self.subscriptions.clear();
+        self.bus.close(Duration::from_secs(2))?;
+        Ok(())
+    }
+}

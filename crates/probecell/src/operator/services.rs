@@ -1,0 +1,164 @@
+//! The operator's services: each call enters the graph as a message, and the reply of a node answers it.
+
+use std::{
+    sync::{Arc, Mutex, mpsc::channel},
+    time::{Duration, Instant},
+};
+
+use cell::Cell;
+use graph::{Topic, topics};
+use host::{
+    bus::{Bus, Publisher, Server},
+    bus_qos,
+};
+use probecell_msgs::{OperatorReply, OperatorRequest, Service, from_cdr, srv, std_msgs, to_cdr};
+
+use super::state::{OperatorState, lock};
+
+/// Timeout of a reply, restarted by each progress message of a plan.
+const REPLY_TIMEOUT: Duration = Duration::from_secs(10);
+
+/// Publishes operators' calls into the graph.
+pub(super) struct RequestPublishers {
+    plan: Publisher,
+    run: Publisher,
+    approve: Publisher,
+    state: Arc<Mutex<OperatorState>>,
+}
+
+impl RequestPublishers {
+    /// Announces the topics of requests.
+    pub(super) fn new(
+        bus: &Bus,
+        cell: &Cell,
+        state: &Arc<Mutex<OperatorState>>,
+    ) -> anyhow::Result<Self> {
+        let publisher = |topic: Topic| {
+            bus.publisher(&cell.topic(topic.name), topic.message, bus_qos(topic.qos))
+        };
+        Ok(Self {
+            plan: publisher(topics::PLAN_REQUESTS)?,
+            run: publisher(topics::RUN_REQUESTS)?,
+            approve: publisher(topics::APPROVALS)?,
+            state: Arc::clone(state),
+        })
+    }
+
+    /// Publishes a call and waits for its reply.
+    pub(super) fn call(
+        &self,
+        reply_topic: &'static str,
+        request: OperatorRequest,
+    ) -> Result<OperatorReply, String> {
+        let publisher = match reply_topic {
+            name if name == topics::PLAN_REPLIES.name => &self.plan,
+            name if name == topics::RUN_REPLIES.name => &self.run,
+            _ => &self.approve,
+        };
+        let (sender, receiver) = channel();
+        let request_id = {
+            let mut state = lock(&self.state);
+            let request_id = state.next_request;
+            state.next_request += 1;
+            state.pending.insert((reply_topic, request_id), sender);
+            request_id
+        };
+        let instant = host::now();
+        let header = std_msgs::Header {
+            stamp: instant.time(),
+            frame_id: String::new(),
+        };
+        let request = OperatorRequest {
+            header,
+            request_id,
+            ..request
+        };
+        publisher
+            .publish(to_cdr(&request), instant.0)
+            .map_err(|error| error.to_string())?;
+        let mut deadline = Instant::now() + REPLY_TIMEOUT;
+        let reply = loop {
+            let reply = receiver.recv_timeout(deadline.saturating_duration_since(Instant::now()));
+            let progress = lock(&self.state).planning.map(|last| last + REPLY_TIMEOUT);
+            let restarts =
+                |next: &Instant| reply_topic == topics::PLAN_REPLIES.name && *next > deadline;
+            match (&reply, progress.filter(restarts)) {
+                (Err(_), Some(next)) => deadline = next,
+                _ => break reply,
+            }
+        };
+        lock(&self.state).pending.remove(&(reply_topic, request_id));
+        reply.map_err(|_| format!("no node answered within {} s", REPLY_TIMEOUT.as_secs()))
+    }
+}
+
+/// Serves `plan`, `run` and `approve_correction`.
+pub(super) fn serve(
+    bus: &Bus,
+    namespace: &str,
+    requests: &Arc<RequestPublishers>,
+) -> anyhow::Result<Vec<Server>> {
+    let service = Services {
+        bus,
+        namespace,
+        requests,
+    };
+    Ok(vec![
+        service.offer::<srv::Plan>(
+            "plan",
+            topics::PLAN_REPLIES,
+            |request| OperatorRequest {
+                subject: request.plan_id,
+                points: request.points,
+                ..OperatorRequest::default()
+            },
+            |accepted, text| srv::PlanResponse { accepted, text },
+        )?,
+        service.offer::<srv::Run>(
+            "run",
+            topics::RUN_REPLIES,
+            |request| OperatorRequest {
+                subject: request.part_id,
+                plan_id: request.plan_id,
+                ..OperatorRequest::default()
+            },
+            |accepted, text| srv::RunResponse { accepted, text },
+        )?,
+        service.offer::<srv::ApproveCorrection>(
+            "approve_correction",
+            topics::APPROVAL_REPLIES,
+            |request| OperatorRequest {
+                subject: request.correction_id,
+                operator_name: request.operator_name,
+                approve: request.approve,
+                ..OperatorRequest::default()
+            },
+            |accepted, text| srv::ApproveCorrectionResponse { accepted, text },
+        )?,
+    ])
+}
+
+struct Services<'a> {
+    bus: &'a Bus,
+    namespace: &'a str,
+    requests: &'a Arc<RequestPublishers>,
+}
+
+impl Services<'_> {
+    fn offer<S: Service>(
+        &self,
+        name: &str,
+        reply: Topic,
+        to_request: fn(S::Request) -> OperatorRequest,
+        to_response: fn(bool, String) -> S::Response,
+    ) -> anyhow::Result<Server> {
+        let requests = Arc::clone(self.requests);
+        let handler = move |request: &[u8]| {
+            let request = from_cdr::<S::Request>(request).map_err(|error| error.to_string())?;
+            let reply = requests.call(reply.name, to_request(request))?;
+            Ok(to_cdr(&to_response(reply.accepted, reply.text)))
+        };
+        let name = format!("{}/{name}", self.namespace);
+        Ok(self.bus.serve(&name, S::TYPE, Box::new(handler))?)
+    }
+}

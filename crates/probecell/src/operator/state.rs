@@ -1,0 +1,92 @@
+//! What the operator has received of the cell.
+
+use std::{
+    collections::BTreeMap,
+    sync::{Mutex, MutexGuard, PoisonError, mpsc::Sender},
+    time::Instant,
+};
+
+use cell::Cell;
+use probecell_msgs::{OperatorReply, PartReport, PassDecision, Verdict};
+
+use super::console::print_measurement;
+
+/// State that the callbacks of subscriptions and services share.
+#[derive(Default)]
+pub(super) struct OperatorState {
+    /// The machine is idle.
+    pub(super) machine_idle: bool,
+    verdicts: BTreeMap<String, Vec<Verdict>>,
+    decisions: BTreeMap<String, PassDecision>,
+    /// Number of characteristics that decide in each pass: so many verdicts belong to each decision.
+    characteristics: Vec<usize>,
+    /// The part that ended last.
+    pub(super) part: Option<PartReport>,
+    /// Calls that wait for a reply, by topic of the reply and number of the request.
+    pub(super) pending: BTreeMap<(&'static str, u64), Sender<OperatorReply>>,
+    /// When progress of a plan was received last.
+    pub(super) planning: Option<Instant>,
+    /// Number of the next request.
+    pub(super) next_request: u64,
+    /// When diagnostics were published last.
+    pub(super) diagnosed: Option<Instant>,
+}
+
+/// The state, locked.
+pub(super) fn lock(state: &Mutex<OperatorState>) -> MutexGuard<'_, OperatorState> {
+    // A panic elsewhere leaves plain data behind: there is no half-made state in it.
+    state.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl OperatorState {
+    /// The state before anything was received.
+    pub(super) fn new(cell: &Cell) -> Self {
+        let passes = cell.cycle.passes.iter();
+        let characteristics = passes.map(|pass| {
+            let all = cell.compensation.characteristics.iter();
+            all.filter(|characteristic| characteristic.decides_in(&pass.name))
+                .count()
+        });
+        Self {
+            characteristics: characteristics.collect(),
+            ..Self::default()
+        }
+    }
+
+    /// Takes a verdict.
+    pub(super) fn verdict(&mut self, verdict: Verdict) {
+        let plan_id = verdict.plan_id.clone();
+        let verdicts = self.verdicts.entry(plan_id.clone()).or_default();
+        verdicts.push(verdict);
+        self.print_when_complete(&plan_id);
+    }
+
+    /// Takes the decision on a pass.
+    pub(super) fn decision(&mut self, decision: PassDecision) {
+        let plan_id = decision.plan_id.clone();
+        self.decisions.insert(plan_id.clone(), decision);
+        self.print_when_complete(&plan_id);
+    }
+
+    /// Takes the reply to a call.
+    pub(super) fn reply(&mut self, topic: &'static str, reply: OperatorReply) {
+        if let Some(caller) = self.pending.remove(&(topic, reply.request_id)) {
+            // The caller may have given up.
+            drop(caller.send(reply));
+        }
+    }
+
+    /// Prints a measurement once its decision and all its verdicts have arrived: they travel on different topics.
+    fn print_when_complete(&mut self, plan_id: &str) {
+        let received = self.verdicts.get(plan_id).map_or(0, Vec::len);
+        let expected = (self.decisions.get(plan_id))
+            .and_then(|decision| self.characteristics.get(decision.pass_number as usize));
+        let complete = expected.is_some_and(|expected| received >= *expected);
+        if complete
+            && let Some(decision) = self.decisions.remove(plan_id)
+            && let Some(verdicts) = self.verdicts.remove(plan_id)
+        {
+            print_measurement(&decision, &verdicts);
+        }
+    }
+}

@@ -1,0 +1,100 @@
+//! Standard output and standard error.
+
+#![expect(clippy::print_stderr, reason = "this module is the terminal")]
+
+use std::io::{ErrorKind, IsTerminal, Write};
+
+use probecell_msgs::PlanProgress;
+use serde::Serialize;
+
+/// A line on standard output.
+pub(crate) fn line(text: &str) {
+    bytes(format!("{text}\n").as_bytes());
+}
+
+/// Bytes on standard output. A reader may close the pipe early (`| head`): then the program exits, as others do.
+pub(crate) fn bytes(text: &[u8]) {
+    let mut out = std::io::stdout().lock();
+    if let Err(error) = out.write_all(text).and_then(|()| out.flush()) {
+        let enough = error.kind() == ErrorKind::BrokenPipe;
+        if !enough {
+            remark(&format!("probecell: cannot write the output: {error}"));
+        }
+        std::process::exit(i32::from(if enough { crate::GOOD } else { crate::FAILED }));
+    }
+}
+
+/// A remark on standard error.
+pub(crate) fn remark(text: &str) {
+    eprintln!("{text}");
+}
+
+/// Progress of a plan, as one line of standard error that the next one replaces; nothing where that is not a terminal.
+pub(crate) fn progress(progress: &PlanProgress) {
+    let plan = if progress.plan_id.is_empty() {
+        "planning"
+    } else {
+        &progress.plan_id
+    };
+    let (touches, percent) = (progress.touches, 100.0 * progress.share);
+    let text = match progress.phase {
+        PlanProgress::WAYS => {
+            format!("{plan}: {touches} touches, computing moves between them: {percent:.0} %")
+        }
+        PlanProgress::SEARCHING => format!(
+            "{plan}: {touches} touches, {:.1} s of air moves instead of {:.1} s, search {percent:.0} %",
+            progress.air_time, progress.given_air_time
+        ),
+        _ => String::new(),
+    };
+    replace_line(&text);
+}
+
+/// Ends the line of [`progress`].
+pub(crate) fn end_progress() {
+    replace_line("");
+}
+
+/// Replaces the last line of a terminal.
+fn replace_line(text: &str) {
+    let mut terminal = std::io::stderr().lock();
+    if terminal.is_terminal() {
+        // A terminal that cannot be written to needs no progress.
+        drop(write!(terminal, "\r\x1b[K{text}").and_then(|()| terminal.flush()));
+    }
+}
+
+/// One JSON object on standard output.
+pub(crate) fn json(value: &impl Serialize) -> anyhow::Result<()> {
+    line(&serde_json::to_string_pretty(value)?);
+    Ok(())
+}
+
+/// Warns of the damage of a bag; gives the exit status of a command that used the intact part.
+pub(crate) fn damage(found: &[bags::Damage]) -> u8 {
+    for damage in found {
+        remark(&format!(
+            "warning: {damage}: only the complete part is used"
+        ));
+    }
+    if found.is_empty() {
+        crate::GOOD
+    } else {
+        crate::LOSS
+    }
+}
+
+/// An error as one sentence; causes that the sentence already contains are omitted.
+pub(crate) fn error(error: &anyhow::Error) {
+    let mut sentence = String::new();
+    for cause in error.chain().map(ToString::to_string) {
+        if !sentence.contains(&cause) {
+            sentence = if sentence.is_empty() {
+                cause
+            } else {
+                format!("{sentence}: {cause}")
+            };
+        }
+    }
+    eprintln!("probecell: {}", sentence.replace('\n', " "));
+}

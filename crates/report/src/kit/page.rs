@@ -1,0 +1,364 @@
+//! The page: blocks in the order in which they are added, and the few styles that screen and paper need.
+
+use std::fmt::Write;
+
+use super::{
+    bars::Bars,
+    error::PlotError,
+    plot::Plot,
+    strips::Strips,
+    text::{escaped, plain},
+};
+
+/// A page that stands alone: HTML that a program for XML reads as well, or plain text without the pictures.
+#[derive(Clone, Debug)]
+pub struct Page {
+    title: String,
+    blocks: Vec<Block>,
+}
+
+/// A block of a page. Texts are plain.
+#[derive(Clone, Debug)]
+enum Block {
+    /// On paper a section begins on a new page, a heading does not.
+    Heading {
+        text: String,
+        section: bool,
+    },
+    Lead(String),
+    Paragraph(String),
+    List(Vec<String>),
+    Table(Table),
+    /// Figures with their captions; `inline` ones flow side by side over the width of the page.
+    Figures {
+        figures: Vec<(String, String)>,
+        inline: bool,
+    },
+}
+
+/// A table. Cells are plain text.
+#[derive(Clone, Debug, Default)]
+pub struct Table {
+    /// Caption above the table.
+    pub caption: String,
+    /// Names of the columns.
+    pub columns: Vec<String>,
+    /// Rows of as many cells.
+    pub rows: Vec<Vec<String>>,
+}
+
+impl Table {
+    /// An empty table with these columns.
+    pub fn new(caption: impl Into<String>, columns: &[&str]) -> Self {
+        Self {
+            caption: caption.into(),
+            columns: columns.iter().map(|&name| name.to_owned()).collect(),
+            rows: Vec::new(),
+        }
+    }
+
+    /// Adds a row.
+    pub fn row(&mut self, cells: Vec<String>) -> &mut Self {
+        self.rows.push(cells);
+        self
+    }
+}
+
+/// Rows from which on a printed table may continue on the next sheet, with its head repeated.
+const KEPT_WHOLE: usize = 20;
+/// Characters on a line of plain text; a wider table is printed row by row.
+const LINE: usize = 140;
+
+const STYLE: &str = "
+body { font: 15px/1.45 system-ui, sans-serif; color: #1a1a1a; background: #fff; max-width: 62rem; margin: 2rem auto; padding: 0 1rem; }
+h1 { font-size: 1.5rem; } h2 { font-size: 1.15rem; margin-top: 2rem; border-bottom: 1px solid #ddd; }
+table { border-collapse: collapse; margin: .8rem 0; font-variant-numeric: tabular-nums; }
+caption { text-align: left; font-weight: 600; padding-bottom: .3rem; }
+th, td { text-align: left; vertical-align: top; padding: .2rem .8rem .2rem 0; border-bottom: 1px solid #e5e5e5; }
+.plots { display: flex; flex-wrap: wrap; gap: 1rem; } figure { margin: 0; break-inside: avoid; }
+figcaption { font-size: .85rem; color: #444; max-width: 46rem; } .plots figcaption { max-width: 480px; } svg { max-width: 100%; height: auto; }
+.lead { font-size: 1.1rem; } li { margin: .2rem 0; }
+@page { size: A4; margin: 15mm; }
+@media print {
+body { margin: 0; padding: 0; max-width: none; font-size: 10pt; color: #000; background: none; }
+h1, h2, caption { break-after: avoid; } h2.section { break-before: page; margin-top: 0; } p, li { orphans: 3; widows: 3; }
+table { font-size: 8pt; max-width: 100%; break-inside: avoid; } table.long { break-inside: auto; } thead { display: table-header-group; }
+tr { break-inside: avoid; } th, td { padding-right: .5rem; border-bottom: .5pt solid #999; } td { overflow-wrap: anywhere; } td:first-child { overflow-wrap: break-word; }
+.plots { display: block; } figure { margin: .5rem 0; } figcaption { color: #000; max-width: none; } svg { max-height: 230mm; }
+}
+";
+
+impl Page {
+    /// A page with its title and nothing else.
+    pub fn new(title: impl Into<String>) -> Self {
+        Self {
+            title: title.into(),
+            blocks: Vec::new(),
+        }
+    }
+
+    /// A heading of the second order.
+    pub fn heading(&mut self, text: &str) -> &mut Self {
+        self.add(Block::Heading {
+            text: text.to_owned(),
+            section: false,
+        })
+    }
+
+    /// A heading whose section begins on a new page when printed.
+    pub fn section(&mut self, text: &str) -> &mut Self {
+        self.add(Block::Heading {
+            text: text.to_owned(),
+            section: true,
+        })
+    }
+
+    /// A paragraph in larger type: the conclusion.
+    pub fn lead(&mut self, text: &str) -> &mut Self {
+        self.add(Block::Lead(text.to_owned()))
+    }
+
+    /// A paragraph.
+    pub fn paragraph(&mut self, text: &str) -> &mut Self {
+        self.add(Block::Paragraph(text.to_owned()))
+    }
+
+    /// A list of sentences; nothing when there are none.
+    pub fn list(&mut self, items: &[String]) -> &mut Self {
+        if items.is_empty() {
+            return self;
+        }
+        self.add(Block::List(items.to_vec()))
+    }
+
+    /// A table.
+    pub fn table(&mut self, table: &Table) -> &mut Self {
+        self.add(Block::Table(table.clone()))
+    }
+
+    /// A plot.
+    ///
+    /// # Errors
+    /// [`PlotError`] when it cannot be drawn.
+    pub fn plot(&mut self, plot: &Plot) -> Result<&mut Self, PlotError> {
+        self.plots(std::slice::from_ref(plot))
+    }
+
+    /// Plots side by side over the width of the page; those with nothing to show are left out.
+    ///
+    /// # Errors
+    /// [`PlotError`] when one cannot be drawn.
+    pub fn plots(&mut self, plots: &[Plot]) -> Result<&mut Self, PlotError> {
+        let shown = plots.iter().filter(|plot| !plot.is_empty());
+        let drawn = shown.map(|plot| Ok((plot.svg()?, plot.caption.clone())));
+        Ok(self.figures(drawn.collect::<Result<_, _>>()?, true))
+    }
+
+    /// A bar chart.
+    ///
+    /// # Errors
+    /// [`PlotError`] when it cannot be drawn.
+    pub fn bars(&mut self, bars: &Bars) -> Result<&mut Self, PlotError> {
+        Ok(self.figures(vec![(bars.svg()?, bars.caption.clone())], false))
+    }
+
+    /// Strips side by side over the width of the page; those with nothing to show are left out.
+    ///
+    /// # Errors
+    /// [`PlotError`] when one cannot be drawn.
+    pub fn strips(&mut self, strips: &[Strips]) -> Result<&mut Self, PlotError> {
+        let shown = strips.iter().filter(|strips| !strips.is_empty());
+        let drawn = shown.map(|strips| Ok((strips.svg()?, strips.caption.clone())));
+        Ok(self.figures(drawn.collect::<Result<_, _>>()?, true))
+    }
+
+    fn figures(&mut self, figures: Vec<(String, String)>, inline: bool) -> &mut Self {
+        if figures.is_empty() {
+            return self;
+        }
+        self.add(Block::Figures { figures, inline })
+    }
+
+    fn add(&mut self, block: Block) -> &mut Self {
+        self.blocks.push(block);
+        self
+    }
+
+    /// The whole page, UTF-8.
+    pub fn html(&self) -> String {
+        let title = escaped(&self.title);
+        let mut body = String::new();
+        for block in &self.blocks {
+            block.html(&mut body);
+        }
+        format!(
+            "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>\n\
+             <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\n\
+             <title>{title}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<h1>{title}</h1>\n{body}</body>\n</html>\n"
+        )
+    }
+
+    /// The page as plain text for a terminal; figures, and headings with nothing but figures, are omitted.
+    pub fn text(&self) -> String {
+        let mut text = format!("{}\n", plain(&self.title));
+        let mut heading = None;
+        for block in &self.blocks {
+            match block {
+                Block::Heading { .. } => heading = Some(block),
+                Block::Figures { .. } => {}
+                other => {
+                    if let Some(heading) = heading.take() {
+                        heading.text(&mut text);
+                    }
+                    other.text(&mut text);
+                }
+            }
+        }
+        text
+    }
+}
+
+impl Block {
+    fn html(&self, body: &mut String) {
+        match self {
+            Self::Heading { text, section } => {
+                let class = if *section { " class=\"section\"" } else { "" };
+                element(body, "h2", class, text);
+            }
+            Self::Lead(text) => element(body, "p", " class=\"lead\"", text),
+            Self::Paragraph(text) => element(body, "p", "", text),
+            Self::List(items) => {
+                body.push_str("<ul>\n");
+                for item in items {
+                    element(body, "li", "", item);
+                }
+                body.push_str("</ul>\n");
+            }
+            Self::Table(table) => table.html(body),
+            Self::Figures { figures, inline } => {
+                if *inline {
+                    body.push_str("<div class=\"plots\">\n");
+                }
+                for (svg, caption) in figures {
+                    put(body, format_args!("<figure>\n{svg}"));
+                    if !caption.is_empty() {
+                        element(body, "figcaption", "", caption);
+                    }
+                    body.push_str("</figure>\n");
+                }
+                if *inline {
+                    body.push_str("</div>\n");
+                }
+            }
+        }
+    }
+
+    fn text(&self, text: &mut String) {
+        match self {
+            Self::Heading { text: name, .. } => {
+                let name = plain(name);
+                let line = "-".repeat(name.chars().count());
+                put(text, format_args!("\n{name}\n{line}\n"));
+            }
+            Self::Lead(words) | Self::Paragraph(words) => {
+                put(text, format_args!("\n{}\n", plain(words)));
+            }
+            Self::List(items) => {
+                text.push('\n');
+                for item in items {
+                    put(text, format_args!("- {}\n", plain(item)));
+                }
+            }
+            Self::Table(table) => table.text(text),
+            Self::Figures { .. } => {}
+        }
+    }
+}
+
+impl Table {
+    fn has_head(&self) -> bool {
+        self.columns.iter().any(|name| !name.is_empty())
+    }
+
+    fn html(&self, body: &mut String) {
+        let long = self.rows.len() > KEPT_WHOLE;
+        body.push_str(if long {
+            "<table class=\"long\">\n"
+        } else {
+            "<table>\n"
+        });
+        if !self.caption.is_empty() {
+            element(body, "caption", "", &self.caption);
+        }
+        if self.has_head() {
+            // Repeated on every sheet to which the table continues.
+            body.push_str("<thead>\n");
+            cells_html(body, &self.columns, "th");
+            body.push_str("</thead>\n");
+        }
+        body.push_str("<tbody>\n");
+        for cells in &self.rows {
+            cells_html(body, cells, "td");
+        }
+        body.push_str("</tbody>\n");
+        body.push_str("</table>\n");
+    }
+
+    /// Aligned columns, or row by row where they would not fit on a line.
+    fn text(&self, text: &mut String) {
+        let cells = |row: &[String]| -> Vec<String> { row.iter().map(|one| plain(one)).collect() };
+        let head = self.has_head().then(|| cells(&self.columns));
+        let rows: Vec<Vec<String>> = (head.iter().cloned())
+            .chain(self.rows.iter().map(|row| cells(row)))
+            .collect();
+        let mut widths = vec![0; self.columns.len()];
+        for row in &rows {
+            for (width, cell) in widths.iter_mut().zip(row) {
+                *width = cell.chars().count().max(*width);
+            }
+        }
+        text.push('\n');
+        if !self.caption.is_empty() {
+            put(text, format_args!("{}\n", plain(&self.caption)));
+        }
+        if let (Some(names), true) = (
+            &head,
+            widths.iter().map(|width| width + 2).sum::<usize>() > LINE,
+        ) {
+            for row in &rows[1..] {
+                for (column, (name, cell)) in names.iter().zip(row).enumerate() {
+                    let mark = if column == 0 { "- " } else { "  " };
+                    put(text, format_args!("  {mark}{name}: {cell}\n"));
+                }
+            }
+            return;
+        }
+        for row in &rows {
+            let padded = row.iter().zip(&widths);
+            let line: Vec<String> = padded
+                .map(|(cell, width)| format!("{cell:<width$}"))
+                .collect();
+            put(text, format_args!("  {}\n", line.join("  ").trim_end()));
+        }
+    }
+}
+
+fn cells_html(body: &mut String, cells: &[String], tag: &str) {
+    body.push_str("<tr>");
+    for cell in cells {
+        put(body, format_args!("<{tag}>{}</{tag}>", escaped(cell)));
+    }
+    body.push_str("</tr>\n");
+}
+
+fn element(body: &mut String, tag: &str, attributes: &str, text: &str) {
+    let text = escaped(text);
+    put(body, format_args!("<{tag}{attributes}>{text}</{tag}>\n"));
+}
+
+fn put(body: &mut String, text: std::fmt::Arguments<'_>) {
+    // Writing to a string cannot fail.
+    if body.write_fmt(text).is_err() {
+        debug_assert!(false, "a string refused text");
+    }
+}

@@ -1,0 +1,148 @@
+//! The conclusion in plain language: verdict, causes with size and interval, reduction of the gap, indistinguishable
+//! effects, further measurements.
+
+use crate::kit::Unit;
+use ::diagnosis::report::{Effect, NextMeasurement};
+use ::diagnosis::{Report, Verdict};
+use effects::vocabulary;
+
+use crate::pages::numbers::{interval, parameters, probability, unit_of};
+
+/// Effects that one sentence describes in words.
+const FEW: usize = 4;
+
+/// The verdict with the sizes that carry it.
+pub(crate) fn verdict(report: &Report, samples: &str) -> String {
+    let unit = unit_of(report);
+    let (rms, floor) = (unit.size(report.gap.rms), unit.size(report.gap.noise_floor));
+    let count = report.samples;
+    match report.verdict {
+        Verdict::NoGap => format!(
+            "No gap: the cell behaves as its model predicts. The {count} {samples} differ from it by {rms} (root mean \
+             square) at a noise floor of {floor}."
+        ),
+        Verdict::Explained => format!(
+            "The gap between cell and model is explained by {}. It is {rms} (root mean square of {count} {samples}) \
+             against a noise floor of {floor}.",
+            causes(report)
+        ),
+        Verdict::PartlyExplained => format!(
+            "The gap between cell and model is partly explained by {}; {} remain unexplained. The gap is \
+             {rms} (root mean square of {count} {samples}) against a noise floor of {floor}.",
+            causes(report),
+            unit.size(report.unexplained.rms)
+        ),
+        Verdict::Unexplained => format!(
+            "The gap between cell and model is significant, and no known effect explains it. It is {rms} (root mean \
+             square of {count} {samples}) against a noise floor of {floor}; {} of it is not explained.",
+            unit.size(report.unexplained.rms)
+        ),
+    }
+}
+
+fn causes(report: &Report) -> String {
+    match report.effects.as_slice() {
+        [one] => format!("one effect, {}", vocabulary::describe(&one.effect)),
+        several => format!("{} effects", several.len()),
+    }
+}
+
+/// A sentence for each effect, one for the reduction of the gap, one for each ambiguity, one for each proposal.
+pub(crate) fn findings(report: &Report) -> Vec<String> {
+    let mut findings: Vec<String> = report.effects.iter().map(finding).collect();
+    findings.extend(shrinkage(report));
+    findings.extend(report.effects.iter().filter_map(ambiguity));
+    findings.extend(report.next_measurement.iter().filter_map(next));
+    findings
+}
+
+fn finding(effect: &Effect) -> String {
+    let name = capitalised(&vocabulary::describe(&effect.effect));
+    let size = parameters(effect);
+    let size = if size.is_empty() {
+        String::new()
+    } else {
+        format!(": {size}")
+    };
+    format!(
+        "{name} ({}){size}; probability {}.",
+        effect.effect,
+        probability(effect.probability)
+    )
+}
+
+/// The held-out gap without and with all effects that are judged so.
+fn shrinkage(report: &Report) -> Option<String> {
+    let unit = unit_of(report);
+    let judged: Vec<&Effect> = (report.effects.iter())
+        .filter(|effect| effect.held_out)
+        .collect();
+    let (first, last) = (judged.first()?, judged.last()?);
+    let withheld = if report.withheld.is_empty() {
+        "held-out data".to_owned()
+    } else {
+        format!("the withheld {}", report.withheld.join(", "))
+    };
+    let factor = first.rms_before / last.rms_after;
+    let factor = if factor.is_finite() {
+        format!(", {factor:.1} times smaller")
+    } else {
+        String::new()
+    };
+    Some(format!(
+        "On {withheld} the gap shrinks from {} to {} (95 % interval {}){factor}; the noise floor is {}.",
+        unit.size(first.rms_before),
+        unit.size(last.rms_after),
+        interval(&unit, last.ci95_after),
+        unit.size(report.gap.noise_floor)
+    ))
+}
+
+fn ambiguity(effect: &Effect) -> Option<String> {
+    if effect.indistinguishable_from.is_empty() {
+        return None;
+    }
+    let others = &effect.indistinguishable_from;
+    let described = others.len() <= FEW;
+    let others: Vec<String> = (others.iter())
+        .map(|other| {
+            if described {
+                format!("{other} ({})", vocabulary::describe(other))
+            } else {
+                other.clone()
+            }
+        })
+        .collect();
+    Some(format!(
+        "These data cannot distinguish {} from {}.",
+        effect.effect,
+        others.join(if described { ", or " } else { ", " })
+    ))
+}
+
+fn next(next: &NextMeasurement) -> Option<String> {
+    if next.points.is_empty() {
+        return None;
+    }
+    Some(format!(
+        "To discriminate between {}, make the {} touches listed under “Further measurements”: with a probability of {:.0} % \
+         one explanation then exceeds 0.95.",
+        next.separates.join(", "),
+        next.points.len(),
+        100.0 * next.chance
+    ))
+}
+
+/// Positions of the proposed touches, mm.
+pub(crate) fn position(position: [f64; 3]) -> String {
+    position
+        .map(|value| format!("{:.2}", value * Unit::MM.factor))
+        .join(", ")
+}
+
+fn capitalised(text: &str) -> String {
+    let mut letters = text.chars();
+    letters.next().map_or_else(String::new, |first| {
+        first.to_uppercase().chain(letters).collect()
+    })
+}

@@ -1,0 +1,299 @@
+//! The page of a session in which a cell made parts: sizes, corrections with all that entitled them, verdicts, pictures.
+//!
+//! Conclusion first, then one section for each measurement in the order in which they were asked for, then every step of
+//! every correction, faults and losses. Numbers are those of the recorded messages, sizes in mm to 0.1 µm, deviations in
+//! µm, angles in µrad, in the part's frame. Decides and computes nothing.
+
+mod ledger;
+mod pictures;
+mod tables;
+
+use std::collections::BTreeSet;
+
+use crate::kit::{Page, PlotError, Table};
+use ::diagnosis::Report;
+use probecell_msgs::{
+    Correction, CorrectionAcknowledgement, Fault, FeatureResult, InspectionPlan, LossReport,
+    OperatorReply, OperatorRequest, PartAlignment, PartReport, PassDecision, TouchDeviation,
+    Verdict, builtin_interfaces::Time,
+};
+
+pub use tables::table_entries;
+
+use crate::pages::conclusion;
+
+/// What a session's recording holds of its parts.
+#[derive(Clone, Debug, Default)]
+pub struct PartSession {
+    /// Name of the recording.
+    pub name: String,
+    /// Name of the cell.
+    pub cell: String,
+    /// Version of what recorded it; empty where the recording does not tell.
+    pub version: String,
+    /// Source revision of what recorded it; empty where the recording does not tell.
+    pub revision: String,
+    /// Plans, each as it was measured, in the order of the measurements.
+    pub plans: Vec<InspectionPlan>,
+    /// Fitted features and composed sizes.
+    pub results: Vec<FeatureResult>,
+    /// Where the part lay at each measurement, in cells that place it.
+    pub alignments: Vec<PartAlignment>,
+    /// Deviations of the touches.
+    pub touches: Vec<TouchDeviation>,
+    /// What followed from each size.
+    pub verdicts: Vec<Verdict>,
+    /// What followed from each measurement.
+    pub decisions: Vec<PassDecision>,
+    /// Corrections, proposed and approved.
+    pub corrections: Vec<Correction>,
+    /// What became of them at the machine.
+    pub acknowledgements: Vec<CorrectionAcknowledgement>,
+    /// Parts that operators asked for.
+    pub runs: Vec<OperatorRequest>,
+    /// Approvals and rejections by operators.
+    pub approvals: Vec<OperatorRequest>,
+    /// The answers to those.
+    pub approval_replies: Vec<OperatorReply>,
+    /// How parts ended.
+    pub parts: Vec<PartReport>,
+    /// What went wrong.
+    pub faults: Vec<Fault>,
+    /// Messages that the recorder, or another observer, did not get.
+    pub loss_reports: Vec<LossReport>,
+    /// Topics of which messages are missing from the recording, and how many.
+    pub losses: Vec<(String, u64)>,
+    /// Damage of the recording, a sentence each.
+    pub damage: Vec<String>,
+}
+
+/// The diagnosis that belongs to a session, in short.
+#[derive(Clone, Copy, Debug)]
+pub enum ShortDiagnosis<'a> {
+    /// Its report, and the command that makes its own page.
+    Made(&'a Report, &'a str),
+    /// Why there is none, a sentence.
+    None(&'a str),
+}
+
+/// The page of a session.
+///
+/// # Errors
+/// [`PlotError`] when a picture cannot be drawn.
+pub fn part_page(session: &PartSession, diagnosis: ShortDiagnosis<'_>) -> Result<Page, PlotError> {
+    let session = &latest(session);
+    let mut page = Page::new(format!(
+        "Record of {}, cell {}",
+        named(session),
+        session.cell
+    ));
+    page.lead(&conclusion_of(session));
+    page.table(&provenance(session));
+    page.table(&tables::measurements(session));
+    for plan in &session.plans {
+        measurement(&mut page, session, plan)?;
+    }
+    pictures::before_and_after(&mut page, session)?;
+    ledger::add(&mut page, session);
+    troubles(&mut page, session);
+    short(&mut page, diagnosis);
+    page.paragraph(
+        "Deviations are measured minus nominal; excess material is positive. U is the expanded uncertainty, k times the \
+         standard uncertainty; conformity is decided with U as guard band (ISO 14253-1). Times are UTC.",
+    );
+    Ok(page)
+}
+
+/// Keeps the latest result wherever points of a plan were measured again.
+fn latest(session: &PartSession) -> PartSession {
+    let mut session = session.clone();
+    let feature = |one: &FeatureResult| (one.plan_id.clone(), one.feature_id.clone());
+    let size = |one: &Verdict| (one.plan_id.clone(), one.feature_id.clone());
+    keep_last(&mut session.results, feature);
+    keep_last(&mut session.alignments, |one| one.plan_id.clone());
+    keep_last(&mut session.verdicts, size);
+    keep_last(&mut session.decisions, |one| one.plan_id.clone());
+    session
+}
+
+/// Keeps the last of those with the same key.
+fn keep_last<T, K: Ord>(all: &mut Vec<T>, key: impl Fn(&T) -> K) {
+    let mut known = BTreeSet::new();
+    all.reverse();
+    all.retain(|one| known.insert(key(one)));
+    all.reverse();
+}
+
+fn named(session: &PartSession) -> String {
+    let mut names: Vec<&str> = (session.parts.iter())
+        .map(|part| part.part_id.as_str())
+        .collect();
+    names.dedup();
+    if names.is_empty() {
+        session.name.clone()
+    } else {
+        names.join(", ")
+    }
+}
+
+fn conclusion_of(session: &PartSession) -> String {
+    let ends: Vec<String> = (session.parts.iter())
+        .map(|part| {
+            let end = match part.verdict {
+                PartReport::QUALIFIED => "is qualified",
+                PartReport::SCRAP => "is scrap",
+                _ => "was stopped",
+            };
+            let passes = if part.passes == 1 { "pass" } else { "passes" };
+            let why = if part.text.is_empty() {
+                String::new()
+            } else {
+                format!(": {}", part.text)
+            };
+            format!(
+                "Part {} {end} after {} machining {passes}{why}.",
+                part.part_id, part.passes
+            )
+        })
+        .collect();
+    if ends.is_empty() {
+        "The recording does not hold the end of a part.".to_owned()
+    } else {
+        ends.join(" ")
+    }
+}
+
+fn provenance(session: &PartSession) -> Table {
+    let mut table = Table::new("Provenance", &["", ""]);
+    let mut row = |name: &str, value: String| {
+        if !value.is_empty() {
+            table.row(vec![name.to_owned(), value]);
+        }
+    };
+    row("recording", session.name.clone());
+    row("cell", session.cell.clone());
+    row("recorded by", {
+        let known = [
+            ("version", &session.version),
+            ("revision", &session.revision),
+        ];
+        let known = known.iter().filter(|(_, value)| !value.is_empty());
+        let known: Vec<String> = known
+            .map(|(name, value)| format!("{name} {value}"))
+            .collect();
+        known.join(", ")
+    });
+    let mut drawn: Vec<&str> = session
+        .plans
+        .iter()
+        .map(|plan| plan.part_id.as_str())
+        .collect();
+    drawn.dedup();
+    row("drawing of", drawn.join(", "));
+    let asked = session.runs.iter().map(|run| {
+        let by = if run.operator_name.is_empty() {
+            "an unnamed operator"
+        } else {
+            &run.operator_name
+        };
+        format!("{}, by {by}, {}", run.subject, time(run.header.stamp))
+    });
+    row("requested", asked.collect::<Vec<_>>().join("; "));
+    let ended = session.parts.iter().map(|part| time(part.header.stamp));
+    row("ended", ended.collect::<Vec<_>>().join("; "));
+    table
+}
+
+/// What was measured, decided and corrected by one plan.
+fn measurement(
+    page: &mut Page,
+    session: &PartSession,
+    plan: &InspectionPlan,
+) -> Result<(), PlotError> {
+    page.section(&format!("Measurement {}", plan.plan_id));
+    let decision = (session.decisions.iter()).find(|one| one.plan_id == plan.plan_id);
+    page.paragraph(&decision.map_or_else(
+        || "No decision was based on it.".to_owned(),
+        |one| format!("{}: {}.", tables::decision(one.decision), one.text),
+    ));
+    let mut placed = session.alignments.iter();
+    if let Some(placed) = placed.find(|one| one.plan_id == plan.plan_id) {
+        page.paragraph(&tables::alignment(placed));
+    }
+    page.table(&tables::sizes(session, &plan.plan_id));
+    page.table(&tables::geometry(session, plan));
+    page.list(&tables::machine(session, &plan.plan_id));
+    let corrections = tables::corrections(session, &plan.plan_id);
+    if !corrections.rows.is_empty() {
+        page.table(&corrections);
+    }
+    let entries = tables::entries(session, &plan.plan_id);
+    if !entries.rows.is_empty() {
+        page.table(&entries);
+    }
+    let paths = pictures::paths(session, plan);
+    page.plots(&paths)?;
+    Ok(())
+}
+
+fn troubles(page: &mut Page, session: &PartSession) {
+    page.section("Faults and losses");
+    if session.faults.is_empty() {
+        page.paragraph("No node reported a fault.");
+    } else {
+        page.table(&tables::faults(session));
+    }
+    if !session.loss_reports.is_empty() {
+        page.table(&tables::losses(session));
+    }
+    let mut losses: Vec<String> = (session.losses.iter())
+        .map(|(topic, count)| {
+            let (noun, verb) = if *count == 1 {
+                ("message", "is")
+            } else {
+                ("messages", "are")
+            };
+            format!("{count} {noun} of {topic} {verb} missing from the recording.")
+        })
+        .collect();
+    losses.extend(session.damage.iter().map(|damage| format!("{damage}.")));
+    if losses.is_empty() {
+        page.paragraph("Nothing is missing from the recording.");
+    }
+    page.list(&losses);
+}
+
+fn short(page: &mut Page, diagnosis: ShortDiagnosis<'_>) {
+    page.heading("Diagnosis");
+    match diagnosis {
+        ShortDiagnosis::Made(report, command) => {
+            page.paragraph(&conclusion::verdict(report, "touches"));
+            page.list(&conclusion::findings(report));
+            page.paragraph(&format!(
+                "Of the last measurement. The full page is made by: {command}"
+            ));
+        }
+        ShortDiagnosis::None(reason) => {
+            page.paragraph(&format!(
+                "The last measurement was not diagnosed: {reason}."
+            ));
+        }
+    }
+}
+
+/// UTC, to the second.
+fn time(stamp: Time) -> String {
+    humantime::format_rfc3339_seconds(instant(stamp)).to_string()
+}
+
+/// UTC, to the millisecond, so that successive steps differ.
+fn moment(stamp: Time) -> String {
+    humantime::format_rfc3339_millis(instant(stamp)).to_string()
+}
+
+/// The instant of a stamp; one before 1970 becomes 1970.
+fn instant(stamp: Time) -> std::time::SystemTime {
+    let seconds = u64::try_from(stamp.sec).unwrap_or(0);
+    let since = std::time::Duration::new(seconds, stamp.nanosec.min(999_999_999));
+    std::time::UNIX_EPOCH + since
+}

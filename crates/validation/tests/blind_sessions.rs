@@ -1,0 +1,205 @@
+//! The diagnosis on sessions of a plant that shares no code with the signatures.
+
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use diagnosis::{DiagnoseError, Options, Report, Session, Verdict, diagnose};
+use validation::blind::{Content, Stage, Truth, session, session_on};
+
+#[path = "../../diagnosis/examples/common/mod.rs"]
+mod common;
+
+fn check(seed: u64, content: Content) -> (Truth, Report) {
+    let (session, truth) = session(seed, content);
+    let report = diagnose(&session, &Options::default()).unwrap();
+    (truth, report)
+}
+
+#[test]
+fn a_clean_session_has_no_gap_and_names_nothing() {
+    for seed in 0..8 {
+        let (truth, report) = check(seed, Content::Clean);
+        assert_eq!(report.verdict, Verdict::NoGap, "seed {seed}: {report}");
+        assert!(report.effects.is_empty());
+        assert!(
+            (report.gap.noise_floor / truth.noise - 1.0).abs() < 0.25,
+            "seed {seed}: {report}"
+        );
+    }
+}
+
+#[test]
+fn a_single_effect_is_named_or_stands_among_its_equals() {
+    let mut right = 0;
+    for seed in 20..30 {
+        let (truth, report) = check(seed, Content::Known(1));
+        let id = &truth.effects[0];
+        right += usize::from(
+            report.effects.len() == 1
+                && (report.effects[0].effect == *id
+                    || report.effects[0].indistinguishable_from.contains(id)),
+        );
+    }
+    assert_eq!(right, 10, "single causes named, of 10");
+}
+
+#[test]
+fn held_out_rms_comes_down_to_the_noise() {
+    let mut ratios: Vec<f64> = (40..49)
+        .filter_map(|seed| {
+            let (truth, report) = check(seed, Content::Known(2));
+            report
+                .effects
+                .last()
+                .map(|effect| effect.rms_after / truth.noise)
+        })
+        .collect();
+    ratios.sort_by(f64::total_cmp);
+    assert!(ratios[ratios.len() / 2] < 1.15, "{ratios:?}");
+}
+
+#[test]
+fn something_outside_the_vocabulary_stays_unexplained() {
+    let unexplained = (60..70)
+        .filter(|&seed| {
+            let (_, report) = check(seed, Content::Strange);
+            report.verdict == Verdict::Unexplained && report.effects.is_empty()
+        })
+        .count();
+    assert_eq!(unexplained, 10, "unknown causes left unexplained, of 10");
+}
+
+#[test]
+fn the_answer_does_not_depend_on_the_order_of_messages() {
+    let (mut shuffled, _) = session(3, Content::Known(2));
+    let ordered = diagnose(&shuffled, &Options::default()).unwrap();
+    shuffled.events.reverse();
+    assert_eq!(diagnose(&shuffled, &Options::default()).unwrap(), ordered);
+}
+
+#[test]
+fn unusable_sessions_are_refused_with_the_reason() {
+    let (good, _) = session(5, Content::Clean);
+    let refused = |change: &dyn Fn(&mut Session), expected: &str| {
+        let mut bad = good.clone();
+        change(&mut bad);
+        let error: DiagnoseError = diagnose(&bad, &Options::default()).unwrap_err();
+        assert!(
+            error.to_string().contains(expected),
+            "got: {error}\nexpected: {expected}"
+        );
+    };
+    refused(&|bad| bad.plan = None, "neither an inspection plan");
+    refused(&|bad| bad.robot_description.clear(), "no robot_description");
+    refused(&|bad| bad.events.truncate(3), "3 touches");
+    refused(
+        &|bad| bad.events[4].axis_names[0] = "W".to_owned(),
+        "axis `W`",
+    );
+    refused(
+        &|bad| bad.events[4].axis_positions[1] = f64::NAN,
+        "not finite",
+    );
+    refused(
+        &|bad| bad.events[4].plan_id = "other".to_owned(),
+        "plan `other`",
+    );
+    refused(&|bad| bad.events[4].point_index = 9999, "names point 9999");
+    refused(
+        &|bad| {
+            for event in &mut bad.events {
+                for (name, position) in event.axis_names.iter().zip(&mut event.axis_positions) {
+                    if ["X", "Y", "Z"].contains(&name.as_str()) {
+                        *position *= 1000.0;
+                    }
+                }
+            }
+        },
+        "millimetres",
+    );
+    refused(
+        &|bad| {
+            let mut twin = bad.events[7].clone();
+            twin.axis_positions[0] += 0.001;
+            bad.events.push(twin);
+        },
+        "event 7 came twice",
+    );
+}
+
+/// What something unknown takes up of the touches is no less taken up: the told noise is that of the session.
+#[test]
+fn the_noise_told_beside_something_unknown_is_that_of_the_session() {
+    let mut ratios: Vec<f64> = (60..70)
+        .filter_map(|seed| {
+            let (truth, report) = check(seed, Content::Strange);
+            report.noise.first().map(|all| all.floor / truth.noise)
+        })
+        .collect();
+    ratios.sort_by(f64::total_cmp);
+    assert_eq!(ratios.len(), 10);
+    let middle = ratios[5];
+    assert!((middle - 1.0).abs() < 0.1, "{ratios:?}");
+}
+
+/// Machines and plans of another author, of every kind that there is: a mill, a poor plan, a part cut in its clamping,
+/// balls, a turned punch, a shaft on a lathe, a flank, an arm, and a reference beside.
+#[test]
+fn what_is_hidden_on_the_machine_and_plan_of_a_recording_is_found() {
+    let Some(directory) = shared_data::path("trials/dev") else {
+        return;
+    };
+    let (mut right, mut all) = (0, 0);
+    for name in [
+        "01_block5",
+        "12_block5_poor",
+        "14_cut5",
+        "17_balls5",
+        "21_punch",
+        "24_shaft",
+        "26_flank",
+        "28_robot",
+        "29_punch_ref",
+        "31_cut5_ref",
+    ] {
+        let recorded = common::read(&directory.join(format!("{name}.mcap"))).unwrap();
+        let stage = Stage::of(&recorded).unwrap();
+        for seed in 0..3 {
+            let (sealed, _) = session_on(&stage, seed, Content::Clean);
+            assert_eq!(sealed.plan, recorded.plan, "{name}");
+            assert_eq!(sealed.events.len(), recorded.events.len(), "{name}");
+            let report = diagnose(&sealed, &Options::default()).unwrap();
+            assert_eq!(report.verdict, Verdict::NoGap, "{name} {seed}: {report}");
+            let (sealed, truth) = session_on(&stage, 100 + seed, Content::Known(1));
+            let report = diagnose(&sealed, &Options::default()).unwrap();
+            let id = &truth.effects[0];
+            let named = |effect: &diagnosis::report::Effect| {
+                effect.effect == *id || effect.indistinguishable_from.contains(id)
+            };
+            all += 1;
+            if report.effects.len() == 1 && report.effects.iter().any(named) {
+                right += 1;
+            } else {
+                println!("{name} {seed}: {id} hidden, {report}");
+            }
+        }
+    }
+    assert_eq!((right, all), (29, 30), "causes named, of all");
+}
+
+/// Sessions on a cell that has measured nothing yet: its plan is taken as measured in its order.
+#[test]
+fn a_plan_alone_is_enough_to_hide_something_on_it() {
+    let (sealed, _) = session(7, Content::Clean);
+    let planned = Session {
+        events: Vec::new(),
+        ..sealed
+    };
+    let stage = Stage::of(&planned).unwrap();
+    let (sealed, truth) = session_on(&stage, 11, Content::Known(1));
+    assert_eq!(
+        Some(sealed.events.len()),
+        planned.plan.map(|plan| plan.points.len())
+    );
+    let report = diagnose(&sealed, &Options::default()).unwrap();
+    assert_eq!(report.verdict, Verdict::Explained, "{truth:?} {report}");
+}

@@ -1,0 +1,344 @@
+//! The interpreter against FANUC's rules, and the generated programs against the plan and the decision table.
+
+mod parts;
+
+use controller_oracle::{
+    control::{End, Event},
+    fanuc::Interpreter,
+};
+use controllers::{
+    dialect::Characteristic,
+    fanuc::{
+        decision::main_program,
+        program::{UNPLANNED_TOUCH, measuring_program},
+        results::printed_touches,
+    },
+};
+use metrology::decision::{Case, DecisionLimits, Policy, Side, decide};
+use parts::{Air, Bore, ORDER, axes, bore, prints};
+
+/// Value of #100 after a program.
+fn result(text: &str) -> Option<f64> {
+    let mut controller = Interpreter::new(&['X', 'Y', 'Z']);
+    controller.load(text).expect("readable");
+    assert_eq!(controller.run(1, &mut Air).expect("runs").0, End::Finished);
+    controller.variables.get(&100).copied()
+}
+
+#[test]
+fn expressions_follow_the_control() {
+    let cases = [
+        ("#100=1+2*3", Some(7.0)),
+        ("#100=[1+2]*3", Some(9.0)),
+        ("#100=10-4-3", Some(3.0)),
+        ("#100=ATAN[1]/[-1]", Some(135.0)),
+        ("#100=SIN[30]+COS[60]", Some(1.0)),
+        ("#100=ROUND[2.5]+ROUND[-2.5]+FIX[-1.9]+FUP[1.1]", Some(1.0)),
+        ("#100=7MOD4AND6", Some(2.0)),
+        ("#100=SQRT[ABS[-16]]", Some(4.0)),
+        ("#101=102\n#102=5\n#100=#[#101]", Some(5.0)),
+        ("#100=#0", None),
+        ("#100=#199+1", Some(1.0)),
+        ("#100=1\nIF[#199EQ0]THEN#100=2", Some(1.0)),
+        ("#100=1\nIF[#199EQ#0]THEN#100=2", Some(2.0)),
+        (
+            "#100=0\nWHILE[#100LT5]DO1\n#101=0\nWHILE[#101LT3]DO2\n#101=#101+1\nEND2\n#100=#100+#101\nEND1",
+            Some(6.0),
+        ),
+        ("G65P2A1.5X4L2\nM30\nO2\n#100=#100+#1*#24\nM99", Some(12.0)),
+        ("#1=7\nM98P2\nM30\nO2\n#100=#1\nM99", Some(7.0)),
+        ("G10L2P2Y-3.5\n#100=#5242", Some(-3.5)),
+        ("GOTO20\n#100=1\nN20(LABEL)", None),
+    ];
+    for (text, expected) in cases {
+        let found = result(&format!("%\nO0001(TEST)\n{text}\n%\n"));
+        let same = match (found, expected) {
+            (Some(found), Some(expected)) => (found - expected).abs() < 1e-12,
+            (found, expected) => found == expected,
+        };
+        assert!(same, "{text}: {found:?} instead of {expected:?}");
+    }
+}
+
+#[test]
+fn printing_pads_nothing_and_loses_nothing() {
+    let mut controller = Interpreter::new(&['X']);
+    let text =
+        "O1\n#2=-12.34567\n#3=3\nPOPEN\nDPRNT[X#2[53]*A#3[20]*#4[31]]\nDPRNT[]\nPCLOS\nM30\n";
+    controller.load(text).expect("readable");
+    let (_, events) = controller.run(1, &mut Air).expect("runs");
+    assert_eq!(
+        events,
+        [
+            Event::Print("X-12.346 A3. 0.0".to_owned()),
+            Event::Print(String::new())
+        ]
+    );
+}
+
+#[test]
+fn mistakes_are_told_with_line_and_column_and_nothing_runs_for_ever() {
+    let read = |text: &str| {
+        Interpreter::new(&['X'])
+            .load(text)
+            .expect_err("not readable")
+            .to_string()
+    };
+    assert_eq!(
+        read("O1\n#1=2*\n"),
+        "line 2, column 6: expected a number, a variable, a function or '[', found the end of the line"
+    );
+    assert_eq!(
+        read("O1\nIF[#1 EQ 2] G0 X1\n"),
+        "line 2, column 13: expected GOTO or THEN, found 'G'"
+    );
+    assert_eq!(
+        read("G0 X1\n"),
+        "line 1, column 1: expected a program number O, found 'G'"
+    );
+    assert_eq!(
+        read(&format!("O1\n#1={}1\n", "[".repeat(5000))),
+        "line 2, column 37: expected fewer brackets, found '['"
+    );
+    let run = |text: &str| {
+        let mut controller = Interpreter::new(&['X']);
+        controller.load(text).expect("readable");
+        controller
+            .run(1, &mut Air)
+            .expect_err("does not run")
+            .to_string()
+    };
+    assert_eq!(run("O1\nN1GOTO1\n"), "line 2: no end after 1000000 blocks");
+    assert_eq!(
+        run("O1\nM98P1\n"),
+        "line 2: calls are nested deeper than 16"
+    );
+    assert_eq!(run("O1\n#1=1/0\n"), "line 2: / has no finite value");
+    assert_eq!(run("O1\nG81X1\n"), "line 2: G81 is not understood");
+    assert_eq!(run("O1\nM98P77\n"), "line 2: there is no program O0077");
+}
+
+fn measure(part: &mut Bore, offset: f64) -> (End, Vec<Event>) {
+    let (plan, order) = bore();
+    let text = measuring_program(&plan, &order, &axes(), 0.03).expect("a good plan");
+    let mut controller = Interpreter::new(&['X', 'Y', 'Z']);
+    controller.position().insert('Z', 50.0);
+    // The interpreter has no work offsets: one of X is what the program would have found as #5021 less #5041.
+    let shifted = text.replace("#111=#5021-#5041", &format!("#111=#5021-#5041+{offset}"));
+    assert_ne!(text, shifted);
+    controller.load(&shifted).expect("readable");
+    controller.run(390, part).expect("runs")
+}
+
+#[test]
+fn a_measuring_program_touches_each_point_of_the_plan_in_order() {
+    let (plan, _) = bore();
+    let (end, events) = measure(&mut Bore::of(22.05), 0.0);
+    assert_eq!(end, End::Finished);
+    parts::stays_clear(&events, 22.05);
+    let printed = printed_touches(&prints(&events)).expect("its own lines");
+    let points: Vec<_> = printed.touches.iter().map(|one| one.point_index).collect();
+    assert_eq!(points, ORDER);
+    for touch in printed.touches {
+        assert!(touch.touched);
+        parts::at_contact(&plan, touch.point_index, &touch.position, 22.05);
+    }
+}
+
+#[test]
+fn a_shifted_work_offset_changes_no_machine_position() {
+    let (plan, _) = bore();
+    let mut part = Bore::of(22.05);
+    // Work coordinates are 7 mm less than those of the machine in X.
+    part.shift = 7.0;
+    let (end, events) = measure(&mut part, 7.0);
+    assert_eq!(end, End::Finished);
+    for touch in printed_touches(&prints(&events))
+        .expect("its own lines")
+        .touches
+    {
+        parts::at_contact(&plan, touch.point_index, &touch.position, 22.05);
+    }
+}
+
+#[test]
+fn a_dead_probe_prints_misses_and_a_small_bore_ends_in_the_alarm_of_an_unplanned_touch() {
+    let mut dead = Bore::of(22.0);
+    dead.works = false;
+    let (end, events) = measure(&mut dead, 0.0);
+    assert_eq!(end, End::Finished);
+    let touches = printed_touches(&prints(&events))
+        .expect("its own lines")
+        .touches;
+    assert!(touches.len() == 6 && touches.iter().all(|touch| !touch.touched));
+    let (end, events) = measure(&mut Bore::of(15.0), 0.0);
+    assert_eq!(
+        end,
+        End::Alarm {
+            number: UNPLANNED_TOUCH,
+            text: "UNPLANNED TOUCH".to_owned()
+        }
+    );
+    assert_eq!(
+        prints(&events),
+        "AXES X Y Z\n",
+        "nothing is called a measurement"
+    );
+}
+
+#[test]
+fn a_plan_that_cannot_be_programmed_is_refused() {
+    let (plan, order) = bore();
+    let refused = |order: &probecell_msgs::MeasurementOrder| {
+        measuring_program(&plan, order, &axes(), 0.03)
+            .expect_err("a bad order")
+            .to_string()
+    };
+    let mut changed = order.clone();
+    changed.order[0] = 9;
+    assert!(refused(&changed).starts_with("the moves touch points"));
+    let mut changed = order.clone();
+    changed.moves[4].axis_positions[1] = f64::NAN;
+    assert_eq!(
+        refused(&changed),
+        "move 4 to point 3: axis Y at NaN mm is outside its limits"
+    );
+    let mut changed = order.clone();
+    changed.axis_names[2] = "W".to_owned();
+    assert!(refused(&changed).contains("axis \"W\", which the controller does not have"));
+    let error = measuring_program(&plan, &order, &axes(), 0.0).expect_err("no feed");
+    assert_eq!(
+        error.to_string(),
+        "travel_feed = 0 is not a positive finite number"
+    );
+}
+
+const NOMINAL: f64 = 19.8e-3;
+
+fn feature(bore: bool) -> Characteristic {
+    Characteristic {
+        nominal: NOMINAL,
+        tolerance: 10e-6,
+        wear_limit: -110e-6,
+        max_corrections: 5,
+        inner: bore,
+        tool_number: 2,
+    }
+}
+
+/// Runs O0405 alone: the row, and the wear afterwards in mm.
+fn decided(size: Option<f64>, wear: f64, count: u32, bore: bool) -> (f64, f64) {
+    let mut controller = Interpreter::new(&['X', 'Z']);
+    controller
+        .load(&main_program(&feature(bore)).expect("sound limits"))
+        .expect("readable");
+    let preset = [
+        (601, 0.01),
+        (602, -0.11),
+        (603, 5.0),
+        (604, f64::from(count)),
+        (605, if bore { -1.0 } else { 1.0 }),
+    ];
+    controller.variables.extend(preset);
+    controller
+        .variables
+        .extend([(700, NOMINAL * 1e3), (10002, wear)]);
+    controller.variables.extend(size.map(|size| (600, size)));
+    controller.run(405, &mut Air).expect("runs");
+    (controller.variables[&606], controller.variables[&10002])
+}
+
+#[test]
+fn the_macro_gives_the_published_rows() {
+    let cases = [
+        (Some(19.810), 0.0, 0, 1.0, 0.0),
+        (Some(19.811), 0.0, 0, 5.0, -0.011),
+        (Some(19.790), 0.0, 0, 1.0, 0.0),
+        (Some(19.789), 0.0, 0, 2.0, 0.0),
+        (Some(19.835), -0.070, 0, 5.0, -0.105),
+        (Some(19.835), -0.080, 0, 3.0, -0.080),
+        (Some(19.840), -0.070, 0, 5.0, -0.110),
+        (Some(19.835), 0.0, 5, 4.0, 0.0),
+        (None, -0.02, 0, 0.0, -0.02),
+    ];
+    for (size, wear, count, row, after) in cases {
+        let found = decided(size, wear, count, false);
+        assert!(
+            found.0 == row && (found.1 - after).abs() < 1e-9,
+            "{size:?} with wear {wear}: {found:?}"
+        );
+    }
+}
+
+#[test]
+fn the_macro_and_the_cell_decide_alike() {
+    let mut seen = [0; 6];
+    for bore in [false, true] {
+        let side = if bore { Side::Bore } else { Side::Outer };
+        for step in -60..=60 {
+            for wear in [-0.110, -0.0855, -0.03, 0.0, 0.05] {
+                for count in [0, 4, 5] {
+                    let size = 19.8 + f64::from(step) * 0.0005;
+                    let wear = if bore { -wear } else { wear };
+                    let limits = DecisionLimits::default();
+                    let case = Case {
+                        size: Some(size * 1e-3),
+                        nominal: NOMINAL,
+                        side,
+                        wear: wear * 1e-3,
+                        corrections: count,
+                    };
+                    let cell = decide(&case, &limits, Policy::Compensate);
+                    let cell = cell.expect("good limits");
+                    let (row, after) = decided(Some(size), wear, count, bore);
+                    let same = row == parts::row(cell.verdict)
+                        && (after - cell.new_wear * 1e3).abs() < 1e-9;
+                    assert!(
+                        same,
+                        "{size} with wear {wear}: row {row}, {after}; cell {cell:?}"
+                    );
+                    seen[row as usize] += 1;
+                }
+            }
+        }
+    }
+    assert!(
+        seen[1..].iter().all(|&count| count > 0),
+        "a row was never reached: {seen:?}"
+    );
+}
+
+/// A part that each cut makes as large as the tool's wear register says, and 25 µm more.
+#[test]
+fn the_main_program_corrects_recuts_and_finishes() {
+    let cycle = "O0400(ROUGH)\n#510=#700+0.025+#10002\n#511=#511+1\nM99\n\
+                 O0403(FINISH)\n#510=#700+0.025+#10002\n#512=#512+1\nM99\n\
+                 O0404(MEASURE)\nIF[#513EQ1]GOTO9\n#600=#510\nN9M99\n";
+    let run = |preset: &[(u32, f64)]| {
+        let mut controller = Interpreter::new(&['X', 'Z']);
+        controller
+            .load(&main_program(&feature(false)).expect("sound limits"))
+            .expect("readable");
+        controller.load(cycle).expect("readable");
+        controller.variables.extend(preset.iter().copied());
+        let end = controller.run(399, &mut Air).expect("runs").0;
+        (end, controller.variables)
+    };
+    let (end, variables) = run(&[(10002, 0.0)]);
+    assert_eq!(end, End::Finished);
+    assert!((variables[&10002] + 0.025).abs() < 1e-9 && (variables[&510] - 19.8).abs() < 1e-9);
+    assert_eq!(
+        (variables[&511], variables[&512]),
+        (2.0, 1.0),
+        "rough twice, finish once"
+    );
+    let alarm = |number: u32, text: &str| End::Alarm {
+        number,
+        text: text.to_owned(),
+    };
+    assert_eq!(
+        run(&[(10002, 0.0), (513, 1.0)]).0,
+        alarm(100, "MEASUREMENT INVALID")
+    );
+    assert_eq!(run(&[(10002, -0.040)]).0, alarm(102, "OVERCUT"));
+}

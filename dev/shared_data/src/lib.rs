@@ -1,0 +1,97 @@
+//! Data that some tests need and a clone does not hold: the folder `../shared` beside the repository.
+//!
+//! A test asks [`path`] for what it needs. What is not there is noted in `target/skipped.txt`, a line for each test and
+//! thing, so that a run which skipped something says so at its end:
+//!
+//! ```text
+//! rm -f target/skipped.txt; cargo test --release --workspace; cat target/skipped.txt
+//! ```
+//!
+//! ```
+//! let bags = shared_data::path("trials/dev"); // None, and a line in target/skipped.txt, where it is not there
+//! assert!(bags.is_none_or(|folder| folder.is_dir()));
+//! ```
+
+use std::{
+    fs::{self, OpenOptions},
+    io::Write as _,
+    panic::Location,
+    path::{Path, PathBuf},
+};
+
+const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
+
+/// `../shared/PATH`; `None`, noted in `target/skipped.txt`, where it is not there.
+#[track_caller]
+pub fn path(path: &str) -> Option<PathBuf> {
+    let full = Path::new(ROOT).join("../shared").join(path);
+    if full.exists() {
+        return Some(full);
+    }
+    note_missing(&format!("../shared/{path} is not there"));
+    None
+}
+
+/// Recordings in `../shared/FOLDER`, sorted; none, noted in `target/skipped.txt`, where it is not there.
+#[track_caller]
+pub fn bags(folder: &str) -> Vec<PathBuf> {
+    let Some(folder) = path(folder) else {
+        return Vec::new();
+    };
+    let entries = fs::read_dir(&folder).into_iter().flatten().flatten();
+    let mut bags: Vec<PathBuf> = entries
+        .map(|entry| entry.path())
+        .filter(|path| {
+            path.extension()
+                .is_some_and(|extension| extension == "mcap")
+        })
+        .collect();
+    bags.sort();
+    assert!(!bags.is_empty(), "{} holds no recording", folder.display());
+    bags
+}
+
+/// Notes in `target/skipped.txt` that the running test lacks something and so checks less.
+#[track_caller]
+pub fn note_missing(what: &str) {
+    let thread = std::thread::current();
+    let line = note(thread.name().unwrap_or("main"), Location::caller(), what);
+    append(&Path::new(ROOT).join("target"), &line)
+        .unwrap_or_else(|error| panic!("target/skipped.txt cannot be written: {error}"));
+}
+
+/// One line: file, test, and what is missing.
+fn note(test: &str, caller: &Location<'_>, what: &str) -> String {
+    format!("skipped: {}: {test}: {what}\n", caller.file())
+}
+
+/// Appends in one write, so that lines of tests that run at the same time do not mix.
+fn append(folder: &Path, line: &str) -> std::io::Result<()> {
+    fs::create_dir_all(folder)?;
+    let file = folder.join("skipped.txt");
+    let mut file = OpenOptions::new().create(true).append(true).open(file)?;
+    file.write_all(line.as_bytes())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_note_names_file_test_and_what_is_missing() {
+        assert_eq!(
+            note("a_test", Location::caller(), "../shared/x is not there"),
+            "skipped: dev/shared_data/src/lib.rs: a_test: ../shared/x is not there\n"
+        );
+    }
+
+    #[test]
+    fn notes_are_added_to_those_that_are_there() {
+        let folder = std::env::temp_dir().join(format!("shared_data_{}", std::process::id()));
+        append(&folder, "one\n").unwrap();
+        append(&folder, "two\n").unwrap();
+        let notes = fs::read_to_string(folder.join("skipped.txt")).unwrap();
+        fs::remove_dir_all(&folder).unwrap();
+        assert_eq!(notes, "one\ntwo\n");
+    }
+}

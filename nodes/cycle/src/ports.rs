@@ -1,0 +1,43 @@
+//! What `cycle` subscribes to and publishes.
+
+use graph::{inputs, outputs, topics};
+use probecell_msgs::{
+    CorrectionAcknowledgement, Fault, OperationReport, OperationRequest, OperatorReply,
+    OperatorRequest, PartReport, PassDecision,
+};
+
+inputs! {
+    /// What `cycle` subscribes to.
+    pub enum Input {
+        /// An operator requests a part, or a measurement.
+        Run(OperatorRequest) = topics::RUN_REQUESTS,
+        /// The outcome of an operation.
+        Report(OperationReport) = topics::OPERATION_REPORTS,
+        /// What follows from a measurement.
+        Decision(PassDecision) = topics::PASS_DECISIONS,
+        /// The outcome of a correction.
+        Acknowledgement(CorrectionAcknowledgement) = topics::CORRECTION_ACKNOWLEDGEMENTS,
+        /// Faults of `machine_state`.
+        MachineFault(Fault) = topics::MACHINE_STATE_FAULTS,
+        /// Faults of `probe_events`.
+        ProbeFault(Fault) = topics::PROBE_EVENTS_FAULTS,
+        /// Faults of `path_planning`.
+        PlanningFault(Fault) = topics::PATH_PLANNING_FAULTS,
+        /// Faults of `analysis`.
+        AnalysisFault(Fault) = topics::ANALYSIS_FAULTS,
+        /// Faults of processes, reported by the launcher.
+        LauncherFault(Fault) = topics::LAUNCHER_FAULTS,
+    }
+}
+
+outputs! {
+    /// What `cycle` publishes.
+    pub enum Output {
+        /// What the machine is to do next.
+        Request(OperationRequest) = topics::OPERATION_REQUESTS,
+        /// The end of a part.
+        Part(PartReport) = topics::PART_REPORTS,
+        /// The reply to an operator.
+        Reply(OperatorReply) = topics::RUN_REPLIES,
+    }
+}

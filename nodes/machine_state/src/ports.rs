@@ -1,0 +1,76 @@
+//! What `machine_state` subscribes to, publishes, and can find wrong.
+
+use graph::{faults, inputs, outputs, topics};
+use probecell_msgs::{
+    ControllerCommand, ControllerReply, ControllerStatus, Correction, CorrectionAcknowledgement,
+    Fault, MachineState, MeasurementOrder, OperationReport, OperationRequest, PartReport,
+    PlanProgress, ToolOffsets, sensor_msgs::JointState, std_msgs,
+};
+
+inputs! {
+    /// What `machine_state` subscribes to.
+    pub enum Input {
+        /// A raw sample of the controller.
+        Status(ControllerStatus) = topics::CONTROLLER_STATUS,
+        /// The outcome of a command.
+        Reply(ControllerReply) = topics::CONTROLLER_REPLIES,
+        /// What the machine is to do next.
+        Request(OperationRequest) = topics::OPERATION_REQUESTS,
+        /// The order in which a plan is measured.
+        Order(MeasurementOrder) = topics::MEASUREMENT_ORDER,
+        /// A correction, proposed or approved.
+        Correction(Correction) = topics::CORRECTIONS,
+        /// The end of a part; corrections proposed for it become void.
+        Part(PartReport) = topics::PART_REPORTS,
+        /// Progress of path planning.
+        Progress(PlanProgress) = topics::PLAN_PROGRESS,
+    }
+}
+
+outputs! {
+    /// What `machine_state` publishes.
+    pub enum Output {
+        /// The machine model.
+        RobotDescription(std_msgs::String) = topics::ROBOT_DESCRIPTION,
+        /// Readings of the axes.
+        JointStates(JointState) = topics::JOINT_STATES,
+        /// Commanded positions of the axes.
+        JointCommands(JointState) = topics::JOINT_COMMANDS,
+        /// What the machine is doing.
+        State(MachineState) = topics::MACHINE_STATE,
+        /// Wear offsets that the controller holds.
+        ToolOffsets(ToolOffsets) = topics::TOOL_OFFSETS,
+        /// A command to the driver.
+        Command(ControllerCommand) = topics::CONTROLLER_COMMANDS,
+        /// The outcome of a request.
+        Report(OperationReport) = topics::OPERATION_REPORTS,
+        /// The outcome of a correction.
+        Acknowledgement(CorrectionAcknowledgement) = topics::CORRECTION_ACKNOWLEDGEMENTS,
+        /// A fault.
+        Fault(Fault) = topics::MACHINE_STATE_FAULTS,
+    }
+}
+
+faults! {
+    /// What `machine_state` can find wrong, drivers' faults included.
+    pub enum MachineFault of "machine_state" {
+        /// The controller has sent no sample for too long, or the driver has lost it.
+        ControllerLost = ERROR "controller_lost",
+        /// The driver runs in another session than before.
+        ControllerRestarted = ERROR Fault::CONTROLLER_RESTARTED,
+        /// The machine is in emergency stop.
+        Estop = ERROR "estop",
+        /// The controller shows an alarm, or the driver a fault without a code of its own.
+        ControllerAlarm = ERROR "controller_alarm",
+        /// The probe tripped in a move that is not a probing move.
+        UnplannedTouch = ERROR "unplanned_touch",
+        /// A sample has an axis position that is missing or not a finite number.
+        StatusNotFinite = ERROR "status_not_finite",
+        /// Driver: the probe was tripped before a move began.
+        ProbeStuck = ERROR "probe_stuck",
+        /// Driver: the machine was switched off.
+        MachineOff = ERROR "machine_off",
+        /// Driver: the program was stopped at the machine.
+        Stopped = ERROR "stopped",
+    }
+}

@@ -1,0 +1,233 @@
+//! Controller samples: the contract's messages, faults that begin or end, and samples that fail to arrive.
+
+use graph::{Outbox, Stamp};
+use probecell_msgs::{
+    ControllerStatus, MachineState, OperationReport, ToolOffsets, sensor_msgs::JointState, std_msgs,
+};
+
+use crate::{
+    config::Config,
+    operation,
+    ports::{MachineFault, Output},
+    standing::{clear, raise},
+    state::{Controller, State},
+};
+
+/// Part of the alarm text with which a controller reports a touch outside a measuring move.
+const UNPLANNED_TOUCH: &str = "probe tripped during non-probe";
+
+/// Processes a sample: new session, faults that begin or end, and the contract's messages.
+pub(crate) fn sample(
+    config: &Config,
+    state: &mut State,
+    now: Stamp,
+    status: ControllerStatus,
+    out: &mut Outbox<Output>,
+) {
+    let finite = |values: &[f64]| values.iter().all(|value| value.is_finite());
+    if !finite(&status.axis_positions)
+        || !finite(&status.axis_commands)
+        || status.axis_positions.len() != status.axis_names.len()
+    {
+        let text = "a sample has an axis position that is missing or not a finite number";
+        raise(state, now, MachineFault::StatusNotFinite, text, out);
+        return;
+    }
+    clear(state, MachineFault::StatusNotFinite);
+    if state
+        .controller
+        .as_ref()
+        .is_some_and(|known| known.status.session != status.session)
+    {
+        operation::fail(state, now, "the driver was restarted", out);
+        raise(
+            state,
+            now,
+            MachineFault::ControllerRestarted,
+            "the driver was restarted: its work is void",
+            out,
+        );
+        clear(state, MachineFault::ControllerRestarted);
+        let standing = std::mem::take(&mut state.standing);
+        *state = State {
+            next_command: state.next_command,
+            order: state.order.take(),
+            standing,
+            ..State::default()
+        };
+    }
+    report_faults(state, now, &status, out);
+    publish(config, state, &status, out);
+    if let Some(operation) = &mut state.operation {
+        let idle = status.execution == MachineState::EXECUTION_IDLE;
+        operation.idle = idle.then(|| operation.idle.unwrap_or(now));
+    }
+    state.controller = Some(Controller {
+        status,
+        at: now,
+        lost: false,
+    });
+    clear(state, MachineFault::ControllerLost);
+}
+
+fn report_faults(
+    state: &mut State,
+    now: Stamp,
+    status: &ControllerStatus,
+    out: &mut Outbox<Output>,
+) {
+    if status.execution == MachineState::EXECUTION_ESTOP {
+        raise(
+            state,
+            now,
+            MachineFault::Estop,
+            "the machine is in emergency stop",
+            out,
+        );
+        operation::fail(state, now, "emergency stop", out);
+    } else {
+        clear(state, MachineFault::Estop);
+    }
+    let touch = status
+        .alarms
+        .iter()
+        .find(|alarm| alarm.to_lowercase().contains(UNPLANNED_TOUCH));
+    if let Some(alarm) = touch {
+        raise(state, now, MachineFault::UnplannedTouch, alarm, out);
+        operation::fail(
+            state,
+            now,
+            "the probe touched where no touch was planned",
+            out,
+        );
+    } else {
+        clear(state, MachineFault::UnplannedTouch);
+    }
+    if touch.is_none() && status.execution == MachineState::EXECUTION_ALARM {
+        let text = if status.alarms.is_empty() {
+            "the controller gives no text".to_owned()
+        } else {
+            status.alarms.join("; ")
+        };
+        raise(state, now, MachineFault::ControllerAlarm, &text, out);
+        operation::fail(state, now, &text, out);
+    } else {
+        clear(state, MachineFault::ControllerAlarm);
+    }
+}
+
+fn publish(config: &Config, state: &State, status: &ControllerStatus, out: &mut Outbox<Output>) {
+    let header = std_msgs::Header {
+        stamp: status.header.stamp,
+        frame_id: "foundation".to_owned(),
+    };
+    let joints = |position: &[f64]| JointState {
+        header: header.clone(),
+        name: status.axis_names.clone(),
+        position: position.to_vec(),
+        ..JointState::default()
+    };
+    out.send(Output::JointStates(joints(&status.axis_positions)));
+    if status.axis_commands.len() == status.axis_names.len() {
+        out.send(Output::JointCommands(joints(&status.axis_commands)));
+    }
+    out.send(Output::State(MachineState {
+        header: header.clone(),
+        machine_id: config.machine_id.clone(),
+        mode: status.mode,
+        execution: status.execution,
+        program: status.program.clone(),
+        line: status.line,
+        tool_number: status.tool_number,
+        feed_override: status.feed_override,
+        spindle_speed: status.spindle_speed,
+        temperature_names: status.temperature_names.clone(),
+        temperatures: status.temperatures.clone(),
+        alarms: status.alarms.clone(),
+    }));
+    let held = state
+        .controller
+        .as_ref()
+        .map(|known| offsets(&known.status));
+    if held != Some(offsets(status)) {
+        out.send(Output::ToolOffsets(ToolOffsets {
+            header,
+            session: status.session.clone(),
+            tool_numbers: status.tool_numbers.clone(),
+            wear: status.tool_wear.clone(),
+            volumetric_entries: status.volumetric_entries.clone(),
+            volumetric_values: status.volumetric_values.clone(),
+            work_offset_axes: status.work_offset_axes.clone(),
+            work_offsets: status.work_offsets.clone(),
+        }));
+    }
+}
+
+/// The offsets in a sample: tools, entries of the volumetric table and axes, and the values of each.
+fn offsets(status: &ControllerStatus) -> (&[u32], [&[String]; 2], [&[f64]; 3]) {
+    (
+        &status.tool_numbers,
+        [&status.volumetric_entries, &status.work_offset_axes],
+        [
+            &status.tool_wear,
+            &status.volumetric_values,
+            &status.work_offsets,
+        ],
+    )
+}
+
+/// Checks the timeouts: samples of the controller, outcome of the operation, and the measuring order.
+pub(crate) fn watch(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Output>) {
+    let silent = state
+        .controller
+        .as_ref()
+        .filter(|known| !known.lost)
+        .map(|known| now.since_s(known.at));
+    if silent.is_some_and(|seconds| seconds > config.silence_limit) {
+        raise(
+            state,
+            now,
+            MachineFault::ControllerLost,
+            "the controller sends no samples any more",
+            out,
+        );
+        operation::fail(state, now, "the controller sends no samples any more", out);
+        if let Some(known) = &mut state.controller {
+            known.lost = true;
+            out.send(Output::State(MachineState {
+                header: now.header("foundation"),
+                machine_id: config.machine_id.clone(),
+                mode: known.status.mode,
+                execution: MachineState::EXECUTION_ALARM,
+                alarms: vec!["controller lost".to_owned()],
+                ..MachineState::default()
+            }));
+        }
+    }
+    let idle = state.operation.as_ref().and_then(|one| one.idle);
+    if idle.is_some_and(|since| now > since.after_s(config.reply_limit)) {
+        let text = format!(
+            "the machine has been idle for {} s, but the driver has not reported an outcome",
+            config.reply_limit
+        );
+        operation::fail(state, now, &text, out);
+    }
+    if state
+        .awaited
+        .as_ref()
+        .is_some_and(|awaited| now > awaited.until)
+        && let Some(awaited) = state.awaited.take()
+    {
+        let text = format!(
+            "no measuring order for plan {:?} arrived in time",
+            awaited.request.plan_id
+        );
+        operation::report(
+            now,
+            awaited.request.request_id,
+            OperationReport::FAILED,
+            &text,
+            out,
+        );
+    }
+}

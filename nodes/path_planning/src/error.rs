@@ -1,0 +1,95 @@
+//! Why a plan cannot be measured on a machine.
+
+use machine::DeviationError;
+
+/// A plan that cannot be measured on this machine.
+#[derive(Debug, thiserror::Error)]
+pub enum PlanningError {
+    /// A station out of reach.
+    #[error("point {point} cannot be touched: {source}")]
+    Reach {
+        /// Index of the point.
+        point: usize,
+        /// Why.
+        source: machine::ReachError,
+    },
+    /// A point out of reach at every pose.
+    #[error(
+        "point {point} cannot be touched at any of its {poses} rotary positions; at the first: {source}"
+    )]
+    Poses {
+        /// Index of the point.
+        point: usize,
+        /// Poses given.
+        poses: usize,
+        /// Why not at the first.
+        source: machine::ReachError,
+    },
+    /// A rotary axis of the plan that the machine lacks.
+    #[error("the plan prescribes rotary axis {0:?}, which the machine does not have")]
+    Rotary(String),
+    /// A point with another number of rotary positions than the plan has rotary axes.
+    #[error("point {point} has {given} rotary positions for {axes} rotary axes")]
+    Rotaries {
+        /// Index of the point.
+        point: usize,
+        /// Positions given.
+        given: usize,
+        /// Rotary axes of the plan.
+        axes: usize,
+    },
+    /// A point of a feature that does not exist.
+    #[error("point {0} belongs to a feature that the plan does not define")]
+    Feature(usize),
+    /// The plan has a number that cannot be used.
+    #[error(transparent)]
+    Plan(#[from] DeviationError),
+    /// A point that the plan does not have, or that is listed twice.
+    #[error("point {0} is not in the plan, or it is listed twice")]
+    NoPoint(u32),
+    /// A target outside the travel of an axis.
+    #[error(
+        "a move to point {point} takes axis {axis:?} to {target:.6} (m or rad), outside its travel {least:.6} to {most:.6}"
+    )]
+    Travel {
+        /// Index of the point.
+        point: u32,
+        /// The axis.
+        axis: String,
+        /// Where the move goes, m or rad.
+        target: f64,
+        /// Lowest, m or rad.
+        least: f64,
+        /// Highest, m or rad.
+        most: f64,
+    },
+    /// Two touches between which no collision-free transit was found.
+    #[error("no collision-free transit was found from point {from} to point {to}")]
+    NoTransit {
+        /// Index of the point before.
+        from: u32,
+        /// Index of the point after.
+        to: u32,
+    },
+    /// The table of times was refused.
+    #[error("the times between touches cannot be compared: {0}")]
+    Cost(String),
+}
+
+impl PlanningError {
+    /// The same error with the indices of the whole plan, of which only `points` are touched.
+    pub(crate) fn of_points(mut self, points: &[u32]) -> Self {
+        let index = |at: usize| points.get(at).copied().unwrap_or(at as u32);
+        match &mut self {
+            Self::Reach { point, .. }
+            | Self::Poses { point, .. }
+            | Self::Rotaries { point, .. }
+            | Self::Feature(point) => *point = index(*point) as usize,
+            Self::NoTransit { from, to } => {
+                (*from, *to) = (index(*from as usize), index(*to as usize));
+            }
+            _ => {}
+        }
+        self
+    }
+}

@@ -1,0 +1,62 @@
+//! What `path_planning` subscribes to and publishes.
+
+use graph::{Stamp, faults, inputs, outputs, topics};
+use probecell_msgs::{
+    Fault, InspectionPlan, MeasurementOrder, OperationReport, OperationRequest, OperatorReply,
+    OperatorRequest, PlanProgress, ProbeEvent, sensor_msgs::JointState,
+};
+
+inputs! {
+    /// What `path_planning` subscribes to.
+    pub enum Input {
+        /// An operator's request for a plan.
+        Plan(OperatorRequest) = topics::PLAN_REQUESTS,
+        /// The next operation of the cycle.
+        Request(OperationRequest) = topics::OPERATION_REQUESTS,
+        /// The result of an operation.
+        Report(OperationReport) = topics::OPERATION_REPORTS,
+        /// One probing move and its outcome: a point that was touched no longer remains.
+        Event(ProbeEvent) = topics::PROBE_EVENTS,
+        /// Where the axes are.
+        Joints(JointState) = topics::JOINT_STATES,
+    }
+}
+
+outputs! {
+    /// What `path_planning` publishes.
+    pub enum Output {
+        /// What to measure.
+        Plan(InspectionPlan) = topics::INSPECTION_PLAN,
+        /// In which order, by which moves.
+        Order(MeasurementOrder) = topics::MEASUREMENT_ORDER,
+        /// How far an order has come.
+        Progress(PlanProgress) = topics::PLAN_PROGRESS,
+        /// The answer to an operator.
+        Reply(OperatorReply) = topics::PLAN_REPLIES,
+        /// What failed.
+        Fault(Fault) = topics::PATH_PLANNING_FAULTS,
+    }
+}
+
+faults! {
+    /// What `path_planning` can find wrong.
+    pub enum PlanningFault of "path_planning" {
+        /// The part cannot be measured as planned: a point is out of reach, or no collision-free path leads to it.
+        PlanImpossible = ERROR "plan_impossible",
+        /// A measurement was requested of a plan that does not exist, or that cannot be resumed.
+        PlanUnknown = ERROR "plan_unknown",
+    }
+}
+
+/// A fault and its text.
+pub(crate) type Failure = (PlanningFault, String);
+
+/// The answer to an operator: what was planned, or why not.
+pub(crate) fn reply(now: Stamp, request_id: u64, result: Result<String, String>) -> Output {
+    Output::Reply(OperatorReply {
+        header: now.header(""),
+        request_id,
+        accepted: result.is_ok(),
+        text: result.unwrap_or_else(|reason| reason),
+    })
+}

@@ -1,0 +1,24 @@
+//! How the machine may move between touches.
+
+use machine::{Chain, Motion};
+
+/// The machine, and what its measuring programs keep to.
+#[derive(Clone, Debug)]
+pub struct MotionRules<'a> {
+    /// The machine.
+    pub chain: &'a Chain,
+    /// Axis that is moved clear of the part before the others move (index in the chain's axes), and its clear position
+    /// (m); `None`: the probe withdraws along its stem.
+    pub clearance: Option<(usize, f64)>,
+    /// How far a probing move continues behind the nominal contact, m.
+    pub overtravel: f64,
+    /// Kicks of the local search.
+    pub kicks: u64,
+}
+
+impl MotionRules<'_> {
+    /// The motion model by which moves are timed.
+    pub(crate) fn motion(&self) -> &Motion {
+        self.chain.motion()
+    }
+}

@@ -1,0 +1,33 @@
+//! What the simulated machine subscribes to and publishes: the topics of a driver.
+
+use graph::{inputs, outputs, topics};
+use probecell_msgs::{
+    ControllerCommand, ControllerReply, ControllerStatus, InspectionPlan, MeasurementOrder,
+    ProbeTrigger, ReferenceMeasurement,
+};
+
+inputs! {
+    /// What the simulated machine subscribes to.
+    pub enum Input {
+        /// A command.
+        Command(ControllerCommand) = topics::CONTROLLER_COMMANDS,
+        /// What is measured.
+        Plan(InspectionPlan) = topics::INSPECTION_PLAN,
+        /// In which order, by which moves.
+        Order(MeasurementOrder) = topics::MEASUREMENT_ORDER,
+    }
+}
+
+outputs! {
+    /// What the simulated machine publishes.
+    pub enum Output {
+        /// A raw sample.
+        Status(ControllerStatus) = topics::CONTROLLER_STATUS,
+        /// The raw end of a probing move.
+        Trigger(ProbeTrigger) = topics::PROBE_TRIGGERS,
+        /// The outcome of a command.
+        Reply(ControllerReply) = topics::CONTROLLER_REPLIES,
+        /// The same points by the reference instrument.
+        Reference(ReferenceMeasurement) = topics::REFERENCE,
+    }
+}
