@@ -13,6 +13,7 @@ mod indexing;
 mod lag;
 mod link;
 mod part_expansion;
+mod positioning;
 mod pretravel_lobing;
 mod scale;
 mod slip;
@@ -49,6 +50,7 @@ pub const ALL: &[&dyn Effect] = &[
     &angular::Angular,
     &backlash::Backlash,
     &cyclic::Cyclic,
+    &positioning::Positioning,
     &lag::Lag,
     &indexing::Indexing,
     &error_motion::ErrorMotion,
