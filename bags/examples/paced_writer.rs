@@ -1,6 +1,7 @@
-//! Records one message for every byte on standard input and tells its number and time: what the kill test kills.
+//! Records one message for every byte on standard input: what the kill test kills.
 //!
-//! Arguments: folder, sync interval in ms. Each line of output is `number monotonic_ns`, written after the push.
+//! Arguments: folder, sync interval in ms. Each line of output is `number durable monotonic_ns`, written after the push:
+//! the message's number, how many messages the recorder states to be on disk, the instant of the push.
 
 use std::io::{Read, Write};
 use std::time::{Duration, Instant};
@@ -15,7 +16,6 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         sync_interval: interval,
         overflow: Overflow::Block,
         chunk_bytes: 20_000,
-        // What stands in the queue is lost too: it must be written in much less than the interval.
         queue_bytes: 1 << 20,
         ..RecorderOptions::new(folder)
     })?;
@@ -42,7 +42,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             let now = u64::try_from(started.elapsed().as_nanos())?;
             let payload = [number.to_le_bytes(), now.to_le_bytes()].concat().repeat(8);
             recorder.push(channel, number, now, now, payload)?;
-            writeln!(replies, "{number} {now}")?;
+            writeln!(replies, "{number} {} {now}", recorder.durable_messages())?;
             number += 1;
         }
         replies.flush()?;

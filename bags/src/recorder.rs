@@ -305,6 +305,12 @@ impl Pusher {
         self.queue.losses()
     }
 
+    /// Messages that were on disk, synced, after the last sync: the first so many that were queued. A kill of the
+    /// process or of the machine cannot lose them.
+    pub fn durable_messages(&self) -> u64 {
+        self.queue.durable()
+    }
+
     /// Bytes standing in the queue now.
     pub fn queued_bytes(&self) -> usize {
         self.queue.bytes()

@@ -5,6 +5,7 @@
 
 use std::collections::{BTreeMap, VecDeque};
 use std::path::Path;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -90,6 +91,8 @@ pub(super) struct Queue {
     drained: Condvar,
     limit: usize,
     overflow: Overflow,
+    /// Messages that were on disk after the last sync.
+    durable: AtomicU64,
 }
 
 /// What the writer takes at once.
@@ -109,7 +112,16 @@ impl Queue {
             drained: Condvar::new(),
             limit,
             overflow,
+            durable: AtomicU64::new(0),
         }
+    }
+
+    pub(super) fn durable(&self) -> u64 {
+        self.durable.load(Ordering::Acquire)
+    }
+
+    pub(super) fn set_durable(&self, messages: u64) {
+        self.durable.store(messages, Ordering::Release);
     }
 
     /// No code panics while it holds the lock, so a poisoned state is whole.

@@ -278,7 +278,9 @@ impl RecordingWriter {
 
     fn sync(&mut self, queue: &Queue) -> Result<(), Error> {
         self.write_losses(&queue.all_losses())?;
-        self.split.as_mut().map_or(Ok(()), SplitFile::sync)
+        self.split.as_mut().map_or(Ok(()), SplitFile::sync)?;
+        queue.set_durable(self.topics.iter().map(|topic| topic.messages).sum());
+        Ok(())
     }
 
     fn finish(&mut self, queue: &Queue) -> Result<Statistics, Error> {
