@@ -2,7 +2,7 @@
 //!
 //! The search begins at `main` of every program and follows paths, as [`Code::resolve`] does. A function of a type is
 //! reached if the type is and some reached code names a member of that name; the implementation of a trait if its type
-//! is. Packages for development, as named by the caller, are neither searched from nor reported.
+//! is. A type that a macro makes counts as reached. Packages for development, as named by the caller, are neither searched from nor reported.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -31,8 +31,17 @@ struct Node {
     line: usize,
     lines: usize,
     words: Words,
-    /// The node of the type that it belongs to, and, if it has to be named, its own name.
-    owner: Option<(usize, Option<String>)>,
+    /// The type that it belongs to.
+    owner: Option<Owner>,
+}
+
+/// Whose function, constant or implementation a node is.
+#[derive(Debug)]
+struct Owner {
+    /// The node of the type; `None` for a type that a macro makes or that is from elsewhere, which counts as reached.
+    of: Option<usize>,
+    /// Its own name, if reached code has to name it.
+    name: Option<String>,
 }
 
 /// A public item that no program reaches.
@@ -68,7 +77,8 @@ pub fn find(code: &Code, development: &[&str]) -> (Vec<Unused>, usize) {
         let owner_is_unused = node
             .owner
             .as_ref()
-            .is_some_and(|(owner, _)| !reached.contains(owner));
+            .and_then(|owner| owner.of)
+            .is_some_and(|of| !reached.contains(&of));
         if !owner_is_unused {
             lines += node.lines;
         }
@@ -177,7 +187,10 @@ fn add_implementation(
             line: item.span().start().line,
             lines: lines(item),
             words: Words::read(item),
-            owner: owner.map(|owner| (owner, None)),
+            owner: owner.map(|of| Owner {
+                of: Some(of),
+                name: None,
+            }),
         });
         return;
     }
@@ -187,7 +200,9 @@ fn add_implementation(
             ImplItem::Const(member) => (member.ident.to_string(), "const", &member.vis),
             _ => continue,
         };
-        let of = owner.map_or(String::new(), |owner| nodes[owner].name.clone());
+        let of = owner.map_or(item.self_ty.to_token_stream().to_string(), |owner| {
+            nodes[owner].name.clone()
+        });
         nodes.push(Node {
             module,
             name: format!("{of}::{name}"),
@@ -196,7 +211,10 @@ fn add_implementation(
             line: member.span().start().line,
             lines: lines(member),
             words: Words::read(member),
-            owner: owner.map(|owner| (owner, Some(name))),
+            owner: Some(Owner {
+                of: owner,
+                name: Some(name),
+            }),
         });
     }
 }
@@ -224,26 +242,33 @@ fn kind(item: &Item) -> (&'static str, Option<&Visibility>) {
 fn reach(code: &Code, nodes: &[Node], development: &[&str]) -> BTreeSet<usize> {
     let mut index: BTreeMap<(usize, &str), Vec<usize>> = BTreeMap::new();
     let mut owned: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+    // Members of reached types that no reached code names yet.
+    let mut unnamed: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
     for (number, node) in nodes.iter().enumerate() {
         match &node.owner {
             None => index
                 .entry((node.module, node.name.as_str()))
                 .or_default()
                 .push(number),
-            Some((owner, _)) => owned.entry(*owner).or_default().push(number),
+            Some(Owner { of: Some(of), .. }) => owned.entry(*of).or_default().push(number),
+            Some(Owner { of: None, name }) => {
+                let name = name.as_deref().unwrap_or_default();
+                unnamed.entry(name).or_default().push(number);
+            }
         }
     }
     let mut waiting = roots(code, nodes, development);
     let mut reached = BTreeSet::new();
     let mut members: BTreeSet<&str> = BTreeSet::new();
-    let mut unnamed: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
     while let Some(at) = waiting.pop() {
         if !reached.insert(at) {
             continue;
         }
         for child in owned.get(&at).into_iter().flatten() {
             match &nodes[*child].owner {
-                Some((_, Some(name))) if !members.contains(name.as_str()) => {
+                Some(Owner {
+                    name: Some(name), ..
+                }) if !members.contains(name.as_str()) => {
                     unnamed.entry(name).or_default().push(*child);
                 }
                 _ => waiting.push(*child),

@@ -30,12 +30,14 @@ impl Words {
         let mut path: Vec<String> = Vec::new();
         let mut before = ' ';
         let mut colons = 0;
+        // A path after `>::` belongs to a type; one after any other `::` begins with a crate.
+        let mut after_type = false;
         for tree in stream {
             if let TokenTree::Ident(word) = &tree {
                 let word = word.to_string();
                 match before {
                     ':' if colons == 2 && !path.is_empty() => path.push(word),
-                    ':' if colons == 2 => self.members.push(word),
+                    ':' if colons == 2 && after_type => self.members.push(word),
                     '.' => self.members.push(word),
                     '\'' => {}
                     _ => {
@@ -49,7 +51,11 @@ impl Words {
             if let TokenTree::Punct(mark) = &tree
                 && mark.as_char() == ':'
             {
-                colons = if before == ':' { colons + 1 } else { 1 };
+                if before != ':' {
+                    after_type = before == '>';
+                    colons = 0;
+                }
+                colons += 1;
                 before = ':';
                 continue;
             }
@@ -62,7 +68,10 @@ impl Words {
                     let attribute = attribute && group.delimiter() == Delimiter::Bracket;
                     self.scan(group.stream(), in_attribute || attribute);
                 }
-                TokenTree::Literal(literal) if in_attribute => {
+                TokenTree::Literal(literal) if !in_attribute => {
+                    self.paths.extend(placeholders(&literal.to_string()));
+                }
+                TokenTree::Literal(literal) => {
                     let text = literal.to_string();
                     let inner = text.trim_matches('"');
                     if !inner.is_empty()
@@ -74,7 +83,7 @@ impl Words {
                             .push(inner.split("::").map(str::to_owned).collect());
                     }
                 }
-                _ => {}
+                TokenTree::Ident(_) => {}
             }
             colons = 0;
         }
@@ -86,6 +95,16 @@ impl Words {
             self.paths.push(std::mem::take(path));
         }
     }
+}
+
+/// Constants named by the placeholders of a format string, as in `"{LIMIT}"` or `"{LIMIT:.3}"`.
+fn placeholders(literal: &str) -> impl Iterator<Item = Vec<String>> {
+    literal.split('{').skip(1).filter_map(|rest| {
+        let end = rest.find(['}', ':'])?;
+        let name = &rest[..end];
+        let is_name = !name.is_empty() && name.chars().all(|c| c.is_ascii_uppercase() || c == '_');
+        is_name.then(|| vec![name.to_owned()])
+    })
 }
 
 /// The name that an item gives itself; implementations and macro calls have none.
