@@ -311,11 +311,6 @@ impl Pusher {
         self.queue.durable()
     }
 
-    /// Bytes standing in the queue now.
-    pub fn queued_bytes(&self) -> usize {
-        self.queue.bytes()
-    }
-
     /// The failure that ended the recording early, if there was one.
     pub fn failure(&self) -> Option<Error> {
         self.queue.failure()

@@ -90,11 +90,6 @@ impl Session {
         }
     }
 
-    /// Reads the cell of that namespace (`/<cell>`), which measured one plan.
-    pub fn read_cell(bag: &Bag, namespace: &str) -> Result<Self, SessionError> {
-        Self::read_in(bag, namespace, &Measurement::Only)
-    }
-
     fn read_in(
         bag: &Bag,
         namespace: &str,
@@ -114,11 +109,6 @@ impl Session {
             Ok(session) => Ok(Self { damage, ..session }),
             Err(problem) => Err(with_damage(problem, &damage)),
         }
-    }
-
-    /// Whether it holds motion without touches.
-    pub fn is_drive(&self) -> bool {
-        self.plan.is_none()
     }
 
     fn gather(

@@ -63,7 +63,11 @@ fn run_and_kill(folder: &Path, life_ms: u64, durable: usize) -> Vec<Pushed> {
     }
     // `Child::kill` is SIGKILL.
     writer.kill().unwrap();
-    pushed.extend(answers.map_while(Result::ok).filter_map(|line| parse(&line)));
+    pushed.extend(
+        answers
+            .map_while(Result::ok)
+            .filter_map(|line| parse(&line)),
+    );
     writer.wait().unwrap();
     pushed
 }

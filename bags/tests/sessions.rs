@@ -96,7 +96,7 @@ fn a_good_session_is_read_whole() {
     let session = of_events(&[event(0), event(1), event(2)]).unwrap();
     assert_eq!(session.namespace, "/cell");
     assert_eq!(session.events.len(), 3);
-    assert!(!session.is_drive() && session.damage.is_empty());
+    assert!(session.plan.is_some() && session.damage.is_empty());
 }
 
 #[test]
@@ -219,7 +219,7 @@ fn a_drive_bag_has_no_plan() {
         bench.model();
         bench.say("/cell/joint_states", &state);
     });
-    assert!(drive.unwrap().is_drive());
+    assert!(drive.unwrap().plan.is_none());
     let wild = JointState {
         position: vec![f64::NAN],
         ..state

@@ -241,10 +241,6 @@ impl Queue {
             .collect()
     }
 
-    pub(super) fn bytes(&self) -> usize {
-        self.lock().bytes
-    }
-
     pub(super) fn peak(&self) -> usize {
         self.lock().peak
     }

@@ -23,7 +23,6 @@ fn points(shape: &str, n: usize) -> Vec<Point> {
             let e = noise.sample(&mut rng);
             let (sin, cos) = angle.sin_cos();
             let local = match shape {
-                "line" => Point::new(e, noise.sample(&mut rng), z),
                 "plane" => Point::new(0.02 * cos, z, e),
                 "circle" => Point::new((0.02 + e) * cos, (0.02 + e) * sin, noise.sample(&mut rng)),
                 "sphere" => Point::new(cos, sin, 20.0 * z).normalize() * (0.02 + e),
@@ -39,7 +38,7 @@ fn main() -> std::io::Result<()> {
     let mut out = std::io::stdout().lock();
     let mut wanted = std::env::args().skip(1).filter(|word| word != "--bench");
     let (only_shape, only_size) = (wanted.next(), wanted.next());
-    for shape in ["line", "plane", "circle", "sphere", "cylinder", "cone"] {
+    for shape in ["plane", "circle", "sphere", "cylinder", "cone"] {
         for n in [1_000, 10_000, 100_000, 1_000_000_usize] {
             if only_shape.as_ref().is_some_and(|only| only != shape)
                 || only_size
@@ -53,7 +52,6 @@ fn main() -> std::io::Result<()> {
                 .map(|_| {
                     let begin = Instant::now();
                     let rms = match shape {
-                        "line" => fit::line(&points).map(|f| f.rms),
                         "plane" => fit::plane(&points).map(|f| f.rms),
                         "circle" => fit::circle(&points).map(|f| f.rms),
                         "sphere" => fit::sphere(&points).map(|f| f.rms),

@@ -5,7 +5,7 @@
 
 SciPy is installed into target/scipy-venv; the bench `fits` is built and run.
 SciPy has the easier task: it starts from the true shape, has the analytic Jacobian, and stops at its default
-tolerance; ours starts from the points alone, searches all axis directions and stops at the rounding. Line and plane are
+tolerance; ours starts from the points alone, searches all axis directions and stops at the rounding. The plane is
 a singular value decomposition. Times are the fastest of three; ours those the bench prints.
 """
 import os
@@ -42,8 +42,6 @@ def points(shape, n, rng):
     angle, z = rng.uniform(0, 4.7, n), rng.uniform(-0.025, 0.025, n)
     e, f = rng.normal(scale=3e-6, size=(2, n))
     c, s = np.cos(angle), np.sin(angle)
-    if shape == "line":
-        return np.c_[e, f, z]
     if shape == "plane":
         return np.c_[0.02 * c, z, e]
     if shape == "circle":
@@ -97,7 +95,7 @@ def round_problem(shape, p):
 
 def run(shape, p):
     begin = time.perf_counter()
-    if shape in ("line", "plane"):
+    if shape == "plane":
         svd(p - p.mean(axis=0), full_matrices=False, overwrite_a=True, check_finite=False)
     else:
         if shape == "circle":

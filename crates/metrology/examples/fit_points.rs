@@ -27,7 +27,6 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let request: Request = serde_json::from_str(&line?)?;
         let points = &request.points;
         let text = match request.shape.as_str() {
-            "line" => answer(fit::line(points)),
             "plane" => answer(fit::plane(points)),
             "circle" => answer(fit::circle(points)),
             "sphere" => answer(fit::sphere(points)),

@@ -66,16 +66,6 @@ impl LengthError {
         length: 90e-3,
         tilt: 0.0,
     };
-    /// Rough milling with C locked: the same 0.018 mm everywhere.
-    pub const ROUGH_MILLING: Self = Self {
-        base: 18e-6,
-        free_end: 18e-6,
-        length: 90e-3,
-        tilt: 0.0,
-    };
-    /// Share of the rough pass's error that a finish pass leaves.
-    pub const FINISH_SHARE: f64 = 0.1;
-
     /// err(z) = e0 + (e_L − e0)(z/L)³ + tilt·z² in m at distance `z` (m) from the clamping.
     ///
     /// # Errors
@@ -121,12 +111,13 @@ mod tests {
             .collect();
         assert!(turning.is_sorted_by(|a, b| a < b));
         assert!((turning[9] - 35e-6).abs() < 1e-15 && turning[0] == 8e-6);
-        // Finished within ±0.010 mm (A.6).
-        assert!(turning[9] * LengthError::FINISH_SHARE < 10e-6);
-        assert_eq!(
-            LengthError::ROUGH_MILLING.at(0.0),
-            LengthError::ROUGH_MILLING.at(0.09)
-        );
+        // Rough milling with C locked: the same 0.018 mm everywhere (A.6).
+        let milling = LengthError {
+            base: 18e-6,
+            free_end: 18e-6,
+            ..LengthError::ROUGH_TURNING
+        };
+        assert_eq!(milling.at(0.0), milling.at(0.09));
         let pointless = LengthError {
             length: f64::NAN,
             ..LengthError::ROUGH_TURNING

@@ -70,12 +70,6 @@ impl Probe {
     }
 }
 
-/// True size in m of a feature that the controller has driven to read `reading` (m): reading − 2e − ε, with e of
-/// [`Probe::size_error`] and the feature's own scatter ε (m).
-pub fn true_size(reading: f64, size_error: f64, scatter: f64) -> f64 {
-    reading - 2.0 * size_error - scatter
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -17,7 +17,7 @@ from scipy.linalg import svd
 from scipy.optimize import least_squares
 
 LIMIT = 1e-9
-SHAPES = ["line", "plane", "circle", "sphere", "cylinder", "cone"]
+SHAPES = ["plane", "circle", "sphere", "cylinder", "cone"]
 
 
 def rotation(rng):
@@ -37,9 +37,7 @@ def make(shape, rng, sizes):
     z = rng.permutation(np.linspace(-0.5, 0.5, n)) * length
     half_angle = rng.uniform(0.05, 0.9)
     noise = 10 ** rng.uniform(-7, -4.5)
-    if shape == "line":
-        local = np.c_[np.zeros(n), np.zeros(n), z]
-    elif shape == "plane":
+    if shape == "plane":
         local = np.c_[rng.uniform(-length, length, n), rng.uniform(-radius, radius, n), np.zeros(n)]
     elif shape == "circle":
         local = np.c_[radius * np.cos(t), radius * np.sin(t), np.zeros(n)]
@@ -77,10 +75,8 @@ def solve(shape, points, frame, origin, radius, half_angle):
     """SciPy's shape: dictionary as the example prints it. Lengths are scaled to the size of the points."""
     centroid = points.mean(axis=0)
     centred = points - centroid
-    if shape in ("line", "plane", "circle"):
+    if shape in ("plane", "circle"):
         _, _, v = svd(centred, full_matrices=False)
-        if shape == "line":
-            return {"point": centroid, "direction": v[0]}
         if shape == "plane":
             return {"point": centroid, "normal": v[2]}
         normal = v[2]
@@ -129,7 +125,7 @@ def difference(shape, ours, theirs, points):
     vector = lambda d, key: np.asarray(d[key], dtype=float)
     if shape == "sphere":
         return max(np.abs(vector(ours, "center") - theirs["center"]).max(), abs(ours["radius"] - theirs["radius"]))
-    key = {"line": "direction", "plane": "normal", "circle": "normal"}.get(shape, "axis")
+    key = {"plane": "normal", "circle": "normal"}.get(shape, "axis")
     a, b = vector(ours, key), np.array(theirs[key])
     sign = 1.0 if a @ b > 0 else -1.0
     tilt = np.linalg.norm(a - sign * b) * reach
@@ -141,8 +137,6 @@ def difference(shape, ours, theirs, points):
     foot = lambda d, axis: np.array(d["point"]) + axis * ((centroid - np.array(d["point"])) @ axis)
     mine, other = foot(ours, a), foot(theirs, b)
     worst = max(tilt, np.abs(mine - other).max())
-    if shape == "line":
-        return worst
     slope_a, slope_b = np.tan(ours.get("half_angle", 0.0)), np.tan(theirs.get("half_angle", 0.0))
     radius_a = ours["radius"] + slope_a * ((mine - vector(ours, "point")) @ a)
     radius_b = theirs["radius"] + slope_b * ((other - theirs["point"]) @ b)

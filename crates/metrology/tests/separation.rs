@@ -1,8 +1,8 @@
 //! Two-pass separation against the properties and Monte-Carlo figures of `docs/source_systems.md, C.3 and C.4`.
 
 use metrology::separation::{
-    DEFAULT_SHIFTS, Pass, SeparationError, SetUp, least_squares, polynomial, recursion, reversal,
-    tilt_bow, undetermined, without_line,
+    Pass, SeparationError, SetUp, least_squares, polynomial, recursion, reversal, tilt_bow,
+    undetermined, without_line,
 };
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
@@ -64,7 +64,7 @@ fn every_exact_method_recovers_the_guideway_without_noise() {
                 .guideway
         ) < 1e-18
     );
-    let passes = DEFAULT_SHIFTS.map(exact);
+    let passes = [0, 1, 3].map(exact);
     assert!(error(&least_squares(&passes, SetUp::Exact).unwrap().guideway) < 1e-18);
     let turned: Vec<f64> = (0..N)
         .map(|i| part(i as f64 * SPACING) - guideway(i as f64 * SPACING))

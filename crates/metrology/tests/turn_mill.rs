@@ -2,7 +2,7 @@
 
 use metrology::cut::Plant;
 use metrology::decision::{Action, Case, DecisionLimits, Policy, Side, Verdict, decide};
-use metrology::probe::{Probe, true_size};
+use metrology::probe::Probe;
 use metrology::size_gap::{GapLaw, size_gap};
 
 /// Tables 3 and 4, errors in µm of D1, D2, L1, L2, L3: what the machine read and what the reference found.
@@ -86,11 +86,8 @@ fn the_closed_loop_reproduces_both_tables() {
                 (machine - reference - gap).abs() <= 0.1,
                 "gap of feature {feature}"
             );
-            let law = true_size(
-                reading,
-                probe(table).size_error(),
-                table.scatter[feature] * 1e-6,
-            );
+            // A.3: reading − 2e − ε.
+            let law = reading - 2.0 * probe(table).size_error() - table.scatter[feature] * 1e-6;
             assert!((law - size).abs() < 1e-15);
         }
     }

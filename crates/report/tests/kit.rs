@@ -15,10 +15,6 @@ fn page() -> Page {
             Axis::new("X", Unit::MM),
             Axis::new("deviation", Unit::UM),
         )
-        .with(Series::band(
-            "noise",
-            wave(200).map(|(x, _)| (x, -1e-6, 1e-6)).collect(),
-        ))
         .with(Series::line("after", wave(9000).collect()))
         .with(Series::points("before", wave(120).collect()))
         .with(Series::level("floor", 1e-6))
@@ -37,6 +33,7 @@ fn page() -> Page {
                     })
                     .collect(),
                 Unit::UM,
+                7e-6,
             ))
             .with_same_scale(),
         Plot::new("Map", Axis::new("x", Unit::MM), Axis::new("y", Unit::MM)).with(Series::Heat(

@@ -57,12 +57,12 @@ pub(crate) fn composed_result(
     result.nominal_size = sign * a.nominal_size + b.nominal_size;
     result.size_deviation = sign * a.size_deviation + b.size_deviation;
     let components = |plane: &FeatureResult| {
-        let common = common_sensitivity(plane.kind) * config.common_uncertainty;
+        let common = common_sensitivity(plane.kind, 0.0) * config.common_uncertainty;
         Components::split(plane.standard_uncertainty, common)
     };
     let by_touches =
         Components::linear_combination([(sign, components(a)), (1.0, components(b))]).independent;
-    let sensitivity = sign * common_sensitivity(a.kind) + common_sensitivity(b.kind);
+    let sensitivity = sign * common_sensitivity(a.kind, 0.0) + common_sensitivity(b.kind, 0.0);
     match config.stated(by_touches, sensitivity) {
         Err(error) => {
             result.decision = FeatureResult::INVALID;

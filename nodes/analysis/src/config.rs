@@ -213,8 +213,10 @@ impl Config {
     /// widths and steps, by name.
     pub fn common_components(&self, plan: &InspectionPlan) -> BTreeMap<String, f64> {
         let features = plan.features.iter();
-        let features =
-            features.map(|feature| (feature.id.clone(), common_sensitivity(feature.kind)));
+        let features = features.map(|feature| {
+            let sensitivity = common_sensitivity(feature.kind, feature.half_angle);
+            (feature.id.clone(), sensitivity)
+        });
         let widths = self.widths.iter().map(|width| (width.id.clone(), 2.0));
         let steps = self.steps.iter().map(|step| (step.id.clone(), 0.0));
         features

@@ -31,11 +31,12 @@ pub enum FeatureError {
 }
 
 /// ∂(size)/∂(deviation that all touches share) of a kind of feature: a diameter changes by twice as much, that of a bore the
-/// other way.
-pub fn common_sensitivity(kind: u8) -> f64 {
+/// other way, that of a cone of this half angle (rad) by twice as much over its cosine.
+pub fn common_sensitivity(kind: u8, half_angle: f64) -> f64 {
     match kind {
         InspectionFeature::CYLINDER | InspectionFeature::SPHERE => 2.0,
         InspectionFeature::BORE => -2.0,
+        InspectionFeature::CONE => 2.0 / half_angle.cos(),
         _ => 1.0,
     }
 }
@@ -91,7 +92,7 @@ pub struct Rules {
 /// touches alone.
 #[derive(Clone, Debug)]
 pub struct Fitted {
-    /// Diameter; for a plane the distance of the touched middle from the part's origin along the nominal normal.
+    /// Diameter, of a cone at its nominal origin; for a plane the distance of the touched middle from the part's origin along the nominal normal.
     pub size: f64,
     /// The same by the plan.
     pub nominal_size: f64,

@@ -205,7 +205,10 @@ fn describe(
         shift_by_alignment(&feature::direction(nominal))
     };
     let by_touches = fitted.size_uncertainty.hypot(by_alignment);
-    let stated = config.stated(by_touches, feature::common_sensitivity(nominal.kind))?;
+    let stated = config.stated(
+        by_touches,
+        feature::common_sensitivity(nominal.kind, nominal.half_angle),
+    )?;
     result.standard_uncertainty = stated.standard;
     result.coverage_factor = stated.factor;
     if let Some((offset, uncertainty)) = fitted.position {

@@ -129,6 +129,29 @@ fn ball(id: &str, centre: Vector3<f64>) -> Nominal {
     ball
 }
 
+/// A cone of 15° that opens along z, 24 mm across at its origin, touched all round at three heights from without or within.
+fn cone(id: &str, side: f64) -> Nominal {
+    let mut cone = nominal(
+        id,
+        InspectionFeature::CONE,
+        Vector3::zeros(),
+        Vector3::z(),
+        12e-3,
+    );
+    cone.feature.half_angle = 15_f64.to_radians();
+    let (sin, cos) = cone.feature.half_angle.sin_cos();
+    for height in [-8e-3, 0.0, 8e-3] {
+        for index in 0..8 {
+            let angle = f64::from(index) * std::f64::consts::FRAC_PI_4;
+            let out = Vector3::new(angle.cos(), angle.sin(), 0.0);
+            let surface = out * (12e-3 + height * sin / cos) + Vector3::z() * height;
+            let normal = out * cos - Vector3::z() * sin;
+            cone.touches.push((surface, normal * side));
+        }
+    }
+    cone
+}
+
 fn plan(features: &[Nominal]) -> InspectionPlan {
     let mut plan = InspectionPlan {
         plan_id: "p".to_owned(),
@@ -224,6 +247,44 @@ fn each_criterion_gives_the_size_that_it_is_defined_by() {
         assert_eq!(result.criterion, criterion.code());
         assert!(result.position < 1e-9 && result.orientation < 1e-6);
     }
+}
+
+/// A cone that stands out by 5 µm everywhere along its normals has grown by 10 µm over the cosine of its half angle, from
+/// within shrunk by as much. 24 touches spread evenly about the origin tell its size as their mean does.
+#[test]
+fn a_cone_is_measured_at_its_origin_from_without_and_within() {
+    for (side, criterion) in [
+        (1.0, Criterion::LeastSquares),
+        (-1.0, Criterion::LeastSquares),
+        (1.0, Criterion::MinimumZone),
+    ] {
+        let plan = plan(&[cone("cone", side)]);
+        let config = config(|raw| raw.fits = vec![fitted("cone", criterion, None)]);
+        let result = &results(&measured(&config, &plan, 0..24, |_, _, _| 5e-6))[0];
+        let cos = 15_f64.to_radians().cos();
+        let expected = 24e-3 + side * 10e-6 / cos;
+        assert!((result.size - expected).abs() < 2e-9, "{}", result.size);
+        assert!((result.nominal_size - 24e-3).abs() < 1e-12);
+        assert!(result.form < 1e-9 && result.position < 1e-9 && result.orientation < 1e-6);
+        if criterion == Criterion::LeastSquares {
+            let by_mean = 2.0 * NOISE / cos / 24_f64.sqrt();
+            let stated = result.standard_uncertainty;
+            assert!(
+                (stated / by_mean - 1.0).abs() < 0.15,
+                "{stated:e} {by_mean:e}"
+            );
+        }
+    }
+    let refused = config(|raw| {
+        raw.fits = vec![fitted("cone", Criterion::MaximumInscribed, None)];
+    });
+    let result = &results(&measured(
+        &refused,
+        &plan(&[cone("cone", 1.0)]),
+        0..24,
+        |_, _, _| 0.0,
+    ))[0];
+    assert_eq!(result.decision, FeatureResult::INVALID);
 }
 
 /// Scatter of many noisy measurements of one part against the uncertainties that each states, in the mean of their squares.

@@ -1,10 +1,9 @@
 //! Shortest measuring orders, in one call.
 
-use machine::Nominal;
 use probecell_msgs::{InspectionPlan, MeasurementOrder};
 
 use crate::{
-    candidates::{self, Seed},
+    candidates::Seed,
     error::PlanningError,
     rules::MotionRules,
     task::{OrderRequest, Planned, Task},
@@ -66,15 +65,5 @@ impl MotionRules<'_> {
             }
             on_progress(&task);
         }
-    }
-
-    /// Axis positions (m, rad) of each touch of a plan, at the end of its probing move.
-    ///
-    /// # Errors
-    /// [`PlanningError`] for the first point that is out of reach.
-    pub fn contacts(&self, plan: &InspectionPlan) -> Result<Vec<Vec<f64>>, PlanningError> {
-        let all = candidates::all(self, plan, &Nominal::from_plan(plan)?, &[], &[])?;
-        let touches = all.into_iter().map(|candidate| candidate.targets.touch);
-        Ok(touches.collect())
     }
 }

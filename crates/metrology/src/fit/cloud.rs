@@ -18,8 +18,6 @@ pub(super) struct Cloud {
     pub(super) scale: f64,
     /// Principal axes of the points, columns by decreasing extent, right-handed.
     pub(super) principal: Matrix3<f64>,
-    /// Mean squares along the principal axes, decreasing, sum 1.
-    pub(super) extent: Vector3<f64>,
 }
 
 impl Cloud {
@@ -67,7 +65,6 @@ impl Cloud {
             centroid,
             scale,
             principal: Matrix3::from_columns(&[e1, e2, e1.cross(&e2)]),
-            extent: Vector3::from_fn(|i, _| eigen.eigenvalues[order[i]].max(0.0)),
         })
     }
 

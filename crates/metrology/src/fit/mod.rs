@@ -23,8 +23,8 @@ pub mod zone;
 
 pub use axial::{cone, cylinder, cylinder_about};
 pub use round::{circle, sphere};
-pub use shapes::{Circle, Cone, Cylinder, Line, Plane, Shape, Sphere};
-pub use straight::{line, plane};
+pub use shapes::{Circle, Cone, Cylinder, Plane, Shape, Sphere};
+pub use straight::plane;
 
 use cloud::frame_about;
 use nalgebra::{DMatrix, Matrix3, Vector3};
@@ -102,14 +102,6 @@ impl<S: Shape> Fit<S> {
     pub fn uncertainty(&self, parameter: &str, point_uncertainty: f64) -> Option<f64> {
         let index = S::PARAMETERS.iter().position(|name| *name == parameter)?;
         Some(point_uncertainty * self.cofactor[(index, index)].sqrt())
-    }
-
-    /// Point standard uncertainty in m estimated from the residuals, `√(Σr²/(ν))` with ν degrees of freedom;
-    /// `None` where there are none.
-    pub fn residual_deviation(&self) -> Option<f64> {
-        let n = self.residuals.len();
-        let freedom = (n * S::RESIDUALS_PER_POINT).checked_sub(S::PARAMETERS.len())?;
-        (freedom > 0).then(|| self.rms * (n as f64 / freedom as f64).sqrt())
     }
 }
 

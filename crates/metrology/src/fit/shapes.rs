@@ -12,19 +12,8 @@ pub trait Shape {
     /// Names of the free parameters in the order of [`super::Fit::cofactor`]: `c1`…`c3` displacements along
     /// e1…e3 (m), `a1`, `a2` tilts of e3 towards e1, e2 (rad), `radius` (m), `half_angle` (rad).
     const PARAMETERS: &'static [&'static str];
-    /// Independent residuals one point contributes.
-    const RESIDUALS_PER_POINT: usize = 1;
     /// Signed orthogonal distance of `point` in m; + outside, or on the side of the normal.
     fn distance(&self, point: &Point) -> f64;
-}
-
-/// A straight line.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Line {
-    /// A point on it; of a fit, the centroid of the points.
-    pub point: Point,
-    /// Unit direction; of a fit, its largest component is positive.
-    pub direction: Vector3<f64>,
 }
 
 /// A plane.
@@ -91,23 +80,6 @@ impl Plane {
         } else {
             self
         }
-    }
-}
-
-impl Cone {
-    /// The apex; `None` for a half angle of zero.
-    pub fn apex(&self) -> Option<Point> {
-        let slope = self.half_angle.tan();
-        (slope > 0.0).then(|| self.point - self.axis * (self.radius / slope))
-    }
-}
-
-impl Shape for Line {
-    const NAME: &'static str = "line";
-    const PARAMETERS: &'static [&'static str] = &["c1", "c2", "a1", "a2"];
-    const RESIDUALS_PER_POINT: usize = 2;
-    fn distance(&self, point: &Point) -> f64 {
-        across(&(point - self.point), &self.direction).norm()
     }
 }
 

@@ -1,61 +1,12 @@
-//! Least-squares line and plane: principal axes of the points, then one Gauss–Newton polish.
+//! Least-squares plane: principal axes of the points, then one Gauss–Newton polish.
 //!
-//! The best line and plane pass through the centroid (Pearson 1901). The eigenvector alone is exact only to the
+//! The best plane passes through the centroid (Pearson 1901). The eigenvector alone is exact only to the
 //! rounding of the squared extents; the polish works on the distances themselves.
 
 use nalgebra::{DMatrix, Matrix2, Matrix3, Vector2, Vector3};
 
 use super::cloud::{Cloud, frame_about, is_canonical};
-use super::{Fit, FitError, Line, Plane, Point, Shape, spread};
-
-/// Best straight line through at least two distinct points (m).
-///
-/// # Errors
-/// Too few points, coordinates that are not finite, coincident points, or points without a longest direction.
-pub fn line(points: &[Point]) -> Result<Fit<Line>, FitError> {
-    let cloud = Cloud::new::<Line>(points, 2)?;
-    if cloud.extent[0] - cloud.extent[1] < 1e-12 {
-        return Err(FitError::Degenerate {
-            shape: Line::NAME,
-            reason: "they extend alike in two directions",
-        });
-    }
-    let mut direction: Vector3<f64> = cloud.principal.column(0).into();
-    for _ in 0..3 {
-        let frame = frame_about(&direction);
-        let mut sums = [0.0; 3];
-        for p in &cloud.points {
-            let q = frame.tr_mul(p);
-            sums[0] += q.x * q.z;
-            sums[1] += q.y * q.z;
-            sums[2] += q.z * q.z;
-        }
-        direction = (frame * Vector3::new(sums[0], sums[1], sums[2])).normalize();
-    }
-    if !is_canonical(&direction) {
-        direction = -direction;
-    }
-    let along: f64 = cloud.points.iter().map(|p| p.dot(&direction).powi(2)).sum();
-    let residuals: Vec<f64> = cloud
-        .points
-        .iter()
-        .map(|p| (p - direction * p.dot(&direction)).norm() * cloud.scale)
-        .collect();
-    let n = residuals.len() as f64;
-    let tilt = 1.0 / (along * cloud.scale * cloud.scale);
-    let (_, rms) = spread(&residuals);
-    Ok(Fit {
-        shape: Line {
-            point: cloud.centroid,
-            direction,
-        },
-        form: 2.0 * residuals.iter().fold(0.0_f64, |high, r| high.max(*r)),
-        rms,
-        residuals,
-        frame: frame_about(&direction),
-        cofactor: DMatrix::from_diagonal(&[1.0 / n, 1.0 / n, tilt, tilt].to_vec().into()),
-    })
-}
+use super::{Fit, FitError, Plane, Point, spread};
 
 /// Best plane through at least three points (m) that are not on one line.
 ///

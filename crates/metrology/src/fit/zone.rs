@@ -19,7 +19,7 @@ use super::enclosing::smallest_enclosing;
 use super::linear_program::{Inequality, minimise};
 use super::refine::Model;
 use super::round::{Ball, PlaneCircle};
-use super::{Circle, Cone, Cylinder, Fit, FitError, Line, Plane, Point, Shape, Sphere, spread};
+use super::{Circle, Cone, Cylinder, Fit, FitError, Plane, Point, Shape, Sphere, spread};
 
 /// What a round shape has to touch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -261,45 +261,6 @@ pub fn plane(points: &[Point]) -> Result<ZoneFit<Plane>, FitError> {
     Ok(report(shape, &best, &cloud.points, cloud.scale))
 }
 
-/// Axis of the narrowest cylinder that holds all points: straightness of a line in space (ISO 1101). Residuals are
-/// distances from the axis, `zone` the cylinder's diameter.
-///
-/// # Errors
-/// As [`super::line`]; points exactly on a line have their line and a zone of zero.
-pub fn line(points: &[Point]) -> Result<ZoneFit<Line>, FitError> {
-    let start = super::line(points)?;
-    let cloud = Cloud::new::<Line>(points, 2)?;
-    let radius = start.form / 2.0 / cloud.scale;
-    // Below this the coordinates' rounding is larger than the distances.
-    let axial = Axial::new(start.frame, Vector3::zeros(), radius.max(1e-14), 0.0);
-    let best = if points.len() > 2 && radius > 1e-13 {
-        touch::<_, 5, 6>(
-            Straight(axial),
-            &cloud.points,
-            Criterion::MinimumCircumscribed,
-            4,
-        )
-        .ok_or_else(failure::<Line>)?
-    } else {
-        Straight(axial)
-    };
-    let axis = best.0.axis();
-    let direction = if is_canonical(&axis) { axis } else { -axis };
-    let shape = Line {
-        point: cloud.centroid + best.0.foot * cloud.scale,
-        direction,
-    };
-    let residuals: Vec<f64> = points.iter().map(|p| shape.distance(p)).collect();
-    let largest = residuals.iter().copied().fold(0.0, f64::max);
-    let near = |i: &usize| largest - residuals[*i] <= 1e-9 * cloud.scale;
-    Ok(ZoneFit {
-        shape,
-        contacts: (0..residuals.len()).filter(near).collect(),
-        zone: 2.0 * largest,
-        residuals,
-    })
-}
-
 /// Circle by `criterion`, in the least-squares plane of the points.
 ///
 /// # Errors
@@ -353,28 +314,11 @@ pub fn sphere(points: &[Point], criterion: Criterion) -> Result<ZoneFit<Sphere>,
     Ok(report(shape, &best, &cloud.points, cloud.scale))
 }
 
-/// Cylinder by `criterion`.
+/// Cylinder by `criterion`, beginning with the least-squares one of the same points.
 ///
 /// # Errors
-/// As [`super::cylinder`].
-pub fn cylinder(points: &[Point], criterion: Criterion) -> Result<ZoneFit<Cylinder>, FitError> {
-    cylinder_from(&super::cylinder(points)?, points, criterion)
-}
-
-/// Cylinder by `criterion` whose axis is next to the direction `axis`; see [`super::cylinder_about`].
-///
-/// # Errors
-/// As [`super::cylinder_about`].
-pub fn cylinder_about(
-    points: &[Point],
-    axis: &Vector3<f64>,
-    criterion: Criterion,
-) -> Result<ZoneFit<Cylinder>, FitError> {
-    cylinder_from(&super::cylinder_about(points, axis)?, points, criterion)
-}
-
-/// Cylinder by `criterion` from the least-squares one of the same points.
-fn cylinder_from(
+/// Points that do not determine it.
+pub fn cylinder(
     start: &Fit<Cylinder>,
     points: &[Point],
     criterion: Criterion,

@@ -28,9 +28,6 @@ pub struct Pass {
     pub readings: Vec<f64>,
 }
 
-/// Shifts of the passes recommended by C.4: coprime, so that no wave up to the sampling limit is hidden.
-pub const DEFAULT_SHIFTS: [usize; 3] = [0, 1, 3];
-
 /// What a shift leaves undetermined between passes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum SetUp {

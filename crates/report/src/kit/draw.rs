@@ -169,7 +169,7 @@ fn plot(plot: &Plot) -> Result<String, PlotError> {
             draw(&mut chart, series, look, (fx, fy), (x, y), inner)?;
         }
         let scale = plot.series.iter().find_map(|series| match series {
-            Series::Arrows { unit, scale, .. } => Some((unit, (*scale)?)),
+            Series::Arrows { unit, scale, .. } => Some((unit, *scale)),
             _ => None,
         });
         if let Some(scale) = scale.filter(|(_, size)| size.is_finite() && *size > 0.0) {
@@ -197,10 +197,6 @@ fn least(axis: &Axis) -> impl Iterator<Item = f64> {
 fn coordinates(series: &Series, x: &Axis) -> Vec<(f64, f64)> {
     let mut coordinates: Vec<(f64, f64)> = match series {
         Series::Line { points, .. } | Series::Points { points, .. } => points.clone(),
-        Series::Band { points, .. } => points
-            .iter()
-            .flat_map(|&(x, low, high)| [(x, low), (x, high)])
-            .collect(),
         Series::Arrows { arrows, .. } => arrows.iter().map(|arrow| arrow.at).collect(),
         Series::Heat(heat) => heat
             .x
@@ -284,10 +280,9 @@ fn first_of_its_kind(all: &[Series], index: usize) -> usize {
 /// True for a series that the legend names.
 fn in_legend(series: &Series) -> bool {
     match series {
-        Series::Line { label, .. }
-        | Series::Points { label, .. }
-        | Series::Band { label, .. }
-        | Series::Level { label, .. } => !label.is_empty(),
+        Series::Line { label, .. } | Series::Points { label, .. } | Series::Level { label, .. } => {
+            !label.is_empty()
+        }
         Series::Arrows { .. } => true,
         Series::Heat(_) | Series::Frame { .. } => false,
     }
@@ -348,23 +343,6 @@ fn draw(
                 };
             }
         }
-        Series::Band { label, points } => {
-            let kept: Vec<&(f64, f64, f64)> = points
-                .iter()
-                .filter(|(x, low, high)| finite(&[*x, *low, *high]))
-                .collect();
-            let there = kept.iter().map(|(x, low, _)| (x * fx, low * fy));
-            let back = kept.iter().rev().map(|(x, _, high)| (x * fx, high * fy));
-            let outline: Vec<(f64, f64)> = there.chain(back).collect();
-            let drawn = chart
-                .draw_series([Polygon::new(outline, colour.mix(0.2))])
-                .map_err(failed)?;
-            if !label.is_empty() {
-                drawn.label(label.clone()).legend(move |(x, y)| {
-                    Rectangle::new([(x, y - 4), (x + 14, y + 4)], colour.mix(0.2).filled())
-                });
-            }
-        }
         Series::Level { label, y } => {
             if !y.is_finite() {
                 return Ok(());
@@ -381,22 +359,17 @@ fn draw(
         Series::Arrows {
             label,
             arrows,
-            unit,
             scale,
+            ..
         } => {
-            let longest = scale
-                .filter(|scale| scale.is_finite() && *scale > 0.0)
-                .unwrap_or_else(|| longest(arrows));
-            let paths = arrow_paths(arrows, longest, (fx, fy), ranges, pixels);
+            let paths = arrow_paths(arrows, *scale, (fx, fy), ranges, pixels);
             let paths = paths
                 .into_iter()
                 .map(|path| PathElement::new(path, colour.stroke_width(1)));
             let drawn = chart.draw_series(paths).map_err(failed)?;
-            let name = match scale {
-                Some(_) => label.clone(),
-                None => arrow_name(label, unit, longest),
-            };
-            drawn.label(name).legend(move |(x, y)| stroke(x, y, 2));
+            drawn
+                .label(label.clone())
+                .legend(move |(x, y)| stroke(x, y, 2));
         }
         Series::Frame { lines, names } => frame(chart, lines, names, (fx, fy))?,
         Series::Heat(heat) => {
@@ -501,13 +474,6 @@ fn round_below(value: f64) -> f64 {
         .unwrap_or(decade)
 }
 
-fn longest(arrows: &[Arrow]) -> f64 {
-    let sizes = arrows
-        .iter()
-        .map(|arrow| arrow.vector.0.hypot(arrow.vector.1));
-    sizes.filter(|size| size.is_finite()).fold(0.0, f64::max)
-}
-
 /// Shaft and head of each arrow; a vector of the size `longest` gets the longest length.
 fn arrow_paths(
     arrows: &[Arrow],
@@ -541,12 +507,6 @@ fn arrow_paths(
         vec![start, tip, side(1.0), tip, side(-1.0)]
     });
     paths.collect()
-}
-
-fn arrow_name(label: &str, unit: &Unit, longest: f64) -> String {
-    format!("{label} (longest: {})", unit.text(longest))
-        .trim_start()
-        .to_owned()
 }
 
 fn check(heat: &Heat) -> Result<(), PlotError> {

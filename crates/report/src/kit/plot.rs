@@ -116,13 +116,6 @@ pub enum Series {
         /// Places.
         points: Vec<(f64, f64)>,
     },
-    /// The area between two values over x.
-    Band {
-        /// Name.
-        label: String,
-        /// x, lower and upper value.
-        points: Vec<(f64, f64, f64)>,
-    },
     /// Arrows.
     Arrows {
         /// Name.
@@ -131,9 +124,8 @@ pub enum Series {
         arrows: Vec<Arrow>,
         /// Unit of their vectors.
         unit: Unit,
-        /// Size of the vector that is drawn longest, to compare plots; by default the longest arrow.
-        /// A key is drawn for it.
-        scale: Option<f64>,
+        /// Size of the vector that is drawn longest, to compare plots. A key is drawn for it.
+        scale: f64,
     },
     /// What helps the eye, in grey: lines and names. Never in the legend.
     Frame {
@@ -166,36 +158,14 @@ impl Series {
         Self::Points { label, points }
     }
 
-    /// The area between a lower and an upper value: (x, lower, upper).
-    pub fn band(label: impl Into<String>, points: Vec<(f64, f64, f64)>) -> Self {
-        let label = label.into();
-        Self::Band { label, points }
-    }
-
-    /// Arrows with a unit of their own.
-    pub fn arrows(label: impl Into<String>, arrows: Vec<Arrow>, unit: Unit) -> Self {
-        let label = label.into();
-        Self::Arrows {
-            label,
-            arrows,
-            unit,
-            scale: None,
-        }
-    }
-
     /// Arrows of which a vector of the size `scale` would be drawn longest, with a key.
-    pub fn arrows_on_scale(
-        label: impl Into<String>,
-        arrows: Vec<Arrow>,
-        unit: Unit,
-        scale: f64,
-    ) -> Self {
+    pub fn arrows(label: impl Into<String>, arrows: Vec<Arrow>, unit: Unit, scale: f64) -> Self {
         let label = label.into();
         Self::Arrows {
             label,
             arrows,
             unit,
-            scale: Some(scale),
+            scale,
         }
     }
 
@@ -262,7 +232,6 @@ impl Plot {
             Series::Line { points, .. } | Series::Points { points, .. } => {
                 !points.iter().any(|(x, y)| finite(&[*x, *y]))
             }
-            Series::Band { points, .. } => !points.iter().any(|(x, l, u)| finite(&[*x, *l, *u])),
             Series::Arrows { arrows, .. } => !arrows
                 .iter()
                 .any(|arrow| finite(&[arrow.at.0, arrow.at.1, arrow.vector.0, arrow.vector.1])),

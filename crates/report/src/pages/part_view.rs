@@ -41,13 +41,13 @@ pub(crate) fn view(title: &str, caption: &str, deviations: &[Deviation], scale: 
         Axis::new("to the right", Unit::MM),
         Axis::new("up", Unit::MM),
     )
-    .with(Series::arrows_on_scale(
+    .with(Series::arrows(
         "material in excess (outwards)",
         arrows(true),
         Unit::UM,
         scale,
     ))
-    .with(Series::arrows_on_scale(
+    .with(Series::arrows(
         "material missing (inwards)",
         arrows(false),
         Unit::UM,

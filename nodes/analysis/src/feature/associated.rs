@@ -90,6 +90,7 @@ pub(super) fn associate(
         }
         InspectionFeature::SPHERE => sphere(feature, ball_radius, samples, criterion),
         InspectionFeature::PLANE => plane(feature, ball_radius, samples, criterion),
+        InspectionFeature::CONE => cone(feature, ball_radius, samples, criterion),
         _ if criterion == Criterion::LeastSquares => Ok(surface(feature, samples)),
         _ => Err(undefined("surface")),
     }
@@ -128,12 +129,19 @@ pub(super) fn outliers(
                     .map(|fit| indices(fit.rejected))?,
             }
         }
+        InspectionFeature::CONE => {
+            reject_outliers(&points, &rules, fit::cone).map(|fit| indices(fit.rejected))?
+        }
         _ => Vec::new(),
     })
 }
 
 fn is_upright(cylinder: &Cylinder, about: &Vector3<f64>) -> bool {
-    cylinder.axis.cross(about).norm() < LARGEST_TILT
+    is_along(&cylinder.axis, about)
+}
+
+fn is_along(axis: &Vector3<f64>, about: &Vector3<f64>) -> bool {
+    axis.cross(about).norm() < LARGEST_TILT
 }
 
 /// As the library calls it; `None`: least squares.
@@ -191,7 +199,7 @@ fn axial(
                 Some(Cofactors::from_fit(&fit, "radius", 2.0)),
             ),
             Some(criterion) => {
-                let fit = zone::cylinder_about(&points, &fit.shape.axis, criterion)?;
+                let fit = zone::cylinder(&fit, &points, criterion)?;
                 (fit.shape, fit.zone, None)
             }
         };
@@ -314,6 +322,51 @@ fn plane(
         determines_orientation: true,
         note: "",
         cofactors,
+    })
+}
+
+/// The size of a cone is its diameter in the plane through its nominal origin across the fitted axis. An inner cone is one
+/// whose nominal normals point to the axis.
+fn cone(
+    feature: &InspectionFeature,
+    ball_radius: f64,
+    samples: &[Sample],
+    criterion: Criterion,
+) -> Result<Associated, FitError> {
+    let (about, origin) = (direction(feature), vector_of(&feature.origin));
+    let outwards = |sample: &Sample| {
+        let arm = sample.centre.coords - origin;
+        sample.normal.dot(&(arm - about * about.dot(&arm)))
+    };
+    let side = samples.iter().map(outwards).sum::<f64>().signum();
+    let nominal_size = 2.0 * feature.radius;
+    let points = centres(samples);
+    let fitted = match criterion {
+        Criterion::LeastSquares => fit::cone(&points).map(|fit| (fit.shape, fit.form)),
+        Criterion::MinimumZone => zone::cone(&points).map(|fit| (fit.shape, fit.zone)),
+        _ => return Err(undefined("cone")),
+    };
+    let Some((shape, form)) = fitted
+        .ok()
+        .filter(|(shape, _)| is_along(&shape.axis, &about))
+    else {
+        let factor = 2.0 * side / feature.half_angle.cos();
+        return Ok(constrained(feature, samples, factor, nominal_size));
+    };
+    let height = shape.axis.dot(&(origin - shape.point));
+    let (sin, cos) = shape.half_angle.sin_cos();
+    // The ball centres lie on the parallel cone at the ball's radius.
+    let radius = shape.radius + height * sin / cos - side * ball_radius / cos;
+    Ok(Associated {
+        size: 2.0 * radius,
+        nominal_size,
+        form,
+        origin: Point3::from(shape.point + shape.axis * height),
+        axis: along(shape.axis, about),
+        determines_position: true,
+        determines_orientation: true,
+        note: "",
+        cofactors: None,
     })
 }
 
