@@ -17,6 +17,7 @@ use metrology::statistics::rms;
 
 use crate::attribution::candidate_pool::Shapes;
 use crate::drives::diagnose_drives_with_residuals;
+use crate::physical::Impossible;
 use crate::referenced;
 use crate::report::Report;
 use crate::report::residuals::{Residuals, TouchResiduals};
@@ -61,13 +62,20 @@ pub fn diagnose_with_residuals(
         };
     }
     let mut observations = observe(session)?;
-    let variants = variants(&observations, options)?;
-    weigh_references(&mut observations, &variants);
+    let offered = variants(&observations, options)?;
+    weigh_references(&mut observations, &offered);
     let explain = |session: &Session, observations: &Observations, variants: &[Variant]| {
         let covered = observations.reference_uncertainty;
         report_part(session, observations, variants, (options.next, covered))
     };
-    let (whole, touches) = report_part(session, &observations, &variants, (options.next, 0.0));
+    let mut impossible = Impossible::default();
+    let (whole, touches) = loop {
+        let variants = impossible.left_out(variants(&observations, options)?);
+        let found = report_part(session, &observations, &variants, (options.next, 0.0));
+        if !impossible.found_in(&found.0, &offered) {
+            break found;
+        }
+    };
     let parted =
         referenced::part(&observations).filter(|parted| referenced::is_better(parted, &whole));
     let Some(parted) = parted else {

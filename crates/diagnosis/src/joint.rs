@@ -12,6 +12,7 @@ pub mod rows;
 mod selection;
 
 use effects::discrepancy::discrepancies;
+use effects::library;
 use effects::session::{DiagnoseError, Session};
 use inference::discrepancy::{Discrepancy, Kind};
 use inference::gram::{BlockSet, Gram, Solution, active_columns, active_values, combination};
@@ -19,6 +20,7 @@ use metrology::statistics::{MAD_FACTOR, coverage_factor, rms};
 
 use crate::diagnose::Options;
 use crate::drives::diagnose_drives_with_residuals;
+use crate::physical::Impossible;
 use crate::report::residuals::{self, Residuals, TouchResiduals};
 use crate::report::{
     Effect, Gap, Machine, ParameterEstimate, Rejected, Report, SCHEMA, Unexplained, Verdict,
@@ -54,20 +56,29 @@ pub fn diagnose_together_with_residuals(
     if fit.iter().chain(withheld).all(drives) {
         return diagnose_drives_with_residuals(fit, withheld);
     }
-    let (report, touches) = joint_with_residuals(fit, withheld, options)?;
-    Ok((report, Residuals::Touches(vec![touches])))
+    let mut impossible = Impossible::default();
+    let sessions: Vec<&Session> = fit.iter().chain(withheld).collect();
+    let joined = Joined::new(&sessions)?;
+    let variants = library(&joined.observations);
+    loop {
+        let (report, touches) =
+            joint_with_residuals((fit, withheld), &joined, &impossible, options)?;
+        if !impossible.found_in(&report, &variants) {
+            return Ok((report, Residuals::Touches(vec![touches])));
+        }
+    }
 }
 
 fn joint_with_residuals(
-    fit: &[Session],
-    withheld: &[Session],
+    (fit, withheld): (&[Session], &[Session]),
+    joined: &Joined,
+    impossible: &Impossible,
     options: &Options,
 ) -> Result<(Report, TouchResiduals), DiagnoseError> {
-    let sessions: Vec<&Session> = fit.iter().chain(withheld).collect();
-    let joined = Joined::new(&sessions)?;
     let observations = &joined.observations;
     let y: Vec<f64> = (observations.deviations.iter().zip(&observations.rows))
-        .map(|(deviation, row)| deviation * row.weight)
+        .zip(&joined.second_order)
+        .map(|((deviation, row), second)| (deviation - second) * row.weight)
         .collect();
     let free: Vec<Vec<f64>> = joined.poses.concat();
     let excluded: Vec<String> = options
@@ -77,7 +88,7 @@ fn joint_with_residuals(
         .chain(joined.registered.iter().map(|&effect| effect.to_owned()))
         .collect();
     let mut active: Vec<bool> = joined.session.iter().map(|&of| of < fit.len()).collect();
-    let mut pool = BlockPool::new(observations, &excluded);
+    let mut pool = BlockPool::new(observations, &excluded, impossible);
     let mut last: Option<(Selection, Vec<bool>)> = None;
     for _ in 0..ROUNDS {
         let rows = Rows {
@@ -113,13 +124,12 @@ fn joint_with_residuals(
         y: &y,
         active: &active,
     };
-    let judge = Judge::new(&rows, &joined, fit.len(), false);
-    let withheld_judge =
-        (!withheld.is_empty()).then(|| Judge::new(&rows, &joined, fit.len(), true));
+    let judge = Judge::new(&rows, joined, fit.len(), false);
+    let withheld_judge = (!withheld.is_empty()).then(|| Judge::new(&rows, joined, fit.len(), true));
     Ok(Reporter {
         fit,
         withheld,
-        joined: &joined,
+        joined,
         rows: &rows,
         pool: &pool,
         judge: &judge,

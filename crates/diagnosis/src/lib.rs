@@ -42,6 +42,7 @@ pub mod attribution;
 pub mod diagnose;
 pub mod drives;
 pub mod joint;
+mod physical;
 mod referenced;
 pub mod report;
 

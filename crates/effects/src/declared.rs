@@ -10,6 +10,7 @@ use machine::Chain;
 use nalgebra::Vector3;
 
 use crate::effect::Constants;
+use crate::finite::FiniteErrors;
 use crate::library::{Form, Variant};
 use crate::observation::Observations;
 use crate::session::model::{DeclaredEffect, DeclaredError};
@@ -109,7 +110,11 @@ impl DeclaredEffect {
         };
         let (effect, of) =
             registry::find(&self.effect).ok_or_else(|| not_of_the_model(NOT_SHOWN))?;
-        let variants = effect.declared(chain, &of, &Constants(&|name| self.value(name)));
+        let constants = Constants {
+            value: &|name| self.value(name),
+            names: &self.given(),
+        };
+        let variants = effect.declared(chain, &of, &constants);
         if variants.is_empty() {
             return Err(not_of_the_model(effect.undeclarable().unwrap_or(NOT_SHOWN)));
         }
@@ -174,6 +179,11 @@ impl DeclaredEffect {
             Form::Plain => variant.parameters.iter().map(|one| of(&one.name)).collect(),
             Form::Sine => vec![a * phase.cos(), a * phase.sin()],
             Form::Lobes(lobes) => vec![a * (lobes * phase).cos(), a * (lobes * phase).sin()],
+            Form::Overtone(lobes) => {
+                let (a2, phase2) = (of("a2"), 2.0 * lobes * of("phase2"));
+                let (sin, cos) = (lobes * phase).sin_cos();
+                vec![a * cos, a * sin, a2 * phase2.cos(), a2 * phase2.sin()]
+            }
         }
     }
 
@@ -195,6 +205,7 @@ fn linear_names(variant: &Variant) -> Vec<&str> {
     match variant.form {
         Form::Plain => variant.parameters.iter().map(|p| p.name.as_str()).collect(),
         Form::Sine | Form::Lobes(_) => vec!["a", "phase"],
+        Form::Overtone(_) => vec!["a", "phase", "a2", "phase2"],
     }
 }
 
@@ -213,8 +224,10 @@ fn unit(variant: &Variant, name: &str) -> &'static str {
     match (shape, constant, &variant.form) {
         (Some(shape), _, _) => shape.unit,
         (_, Some(constant), _) => constant.2,
-        (_, _, Form::Sine | Form::Lobes(_)) if name == "phase" => "rad",
-        (_, _, Form::Sine | Form::Lobes(_)) => variant.parameters[0].unit,
+        (_, _, Form::Sine | Form::Lobes(_) | Form::Overtone(_)) if name.starts_with("phase") => {
+            "rad"
+        }
+        (_, _, Form::Sine | Form::Lobes(_) | Form::Overtone(_)) => variant.parameters[0].unit,
         (_, _, Form::Plain) => (variant.parameters.iter())
             .find(|parameter| parameter.name == name)
             .map_or("", |parameter| parameter.unit),
@@ -228,21 +241,30 @@ fn predicted(
 ) -> Result<Vec<Vec<f64>>, DeclaredError> {
     let rows = observations.rows.len();
     let mut shifts = vec![Vector3::zeros(); rows];
+    // Of the errors of the chain, which are displaced at finite size.
+    let mut linear = vec![Vector3::zeros(); rows];
+    let mut errors = FiniteErrors::none(&observations.chain);
     let mut second = vec![0.0; rows];
     let mut all = Vec::with_capacity(declared.len());
     for effect in declared {
         let acting = effect.acting(&observations.chain)?;
         let columns = acting.variant.columns(observations, acting.shape);
         let mut own = vec![0.0; rows];
+        let of_chain = errors.add(&acting.variant, &acting.coefficients);
         for (column, coefficient) in columns.iter().zip(&acting.coefficients) {
-            for (value, part) in own.iter_mut().zip(&column.signature) {
-                *value += part * coefficient;
-            }
-            for (shift, part) in shifts.iter_mut().zip(&column.shifts) {
-                *shift += part * *coefficient;
+            add_scaled(&mut own, *coefficient, &column.signature);
+            for (row, part) in column.shifts.iter().enumerate() {
+                shifts[row] += part * *coefficient;
+                if of_chain {
+                    linear[row] += part * *coefficient;
+                }
             }
         }
-        let so_far = observations.curvature(&shifts);
+        let finite: Vec<Vector3<f64>> = (shifts.iter().zip(&linear))
+            .zip(errors.shifts(observations))
+            .map(|((shift, linear), finite)| shift - linear + finite)
+            .collect();
+        let so_far = observations.second_order(&shifts, &finite);
         for ((value, now), before) in own.iter_mut().zip(&so_far).zip(&second) {
             *value += now - before;
         }

@@ -208,17 +208,34 @@ pub fn identifiers(pattern: &str, chain: &Chain) -> Vec<String> {
 }
 
 /// Constants of a declared effect, by name.
-pub struct Constants<'a>(pub &'a dyn Fn(&str) -> Option<f64>);
+pub struct Constants<'a> {
+    /// The declared value of a name.
+    pub value: &'a dyn Fn(&str) -> Option<f64>,
+    /// All declared names.
+    pub names: &'a [&'a str],
+}
 
 impl Constants<'_> {
     /// The declared value, or `usual` where none is declared.
     pub fn get(&self, name: &str, usual: f64) -> f64 {
-        (self.0)(name).unwrap_or(usual)
+        self.find(name).unwrap_or(usual)
     }
 
     /// The declared value.
     pub fn find(&self, name: &str) -> Option<f64> {
-        (self.0)(name)
+        (self.value)(name)
+    }
+
+    /// Names that begin with one of some prefixes, without it, each once, in the declared order.
+    pub fn after(&self, prefixes: &[&str]) -> Vec<String> {
+        let mut found: Vec<String> = Vec::new();
+        for name in self.names {
+            let rest = prefixes.iter().find_map(|prefix| name.strip_prefix(prefix));
+            if let Some(rest) = rest.filter(|rest| !found.iter().any(|known| known == rest)) {
+                found.push(rest.to_owned());
+            }
+        }
+        found
     }
 
     /// The declared number of a tool.

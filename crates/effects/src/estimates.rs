@@ -50,6 +50,22 @@ pub fn estimates(
         ci95: interval(value, variance),
     };
     let mut estimates = Vec::new();
+    // Amplitude and phase of a pair of coefficients, for a wave of this many lobes.
+    let mut wave = |(amplitude_name, phase_name): (&str, &str), at: usize, lobes: f64| {
+        let (first, second) = (values[at], values[at + 1]);
+        let amplitude = first.hypot(second).max(f64::MIN_POSITIVE);
+        let (u, v) = (first / amplitude, second / amplitude);
+        let along = |u: f64, v: f64| {
+            u * u * covariance[(at, at)]
+                + 2.0 * u * v * covariance[(at, at + 1)]
+                + v * v * covariance[(at + 1, at + 1)]
+        };
+        let phase = (second.atan2(first) / lobes).rem_euclid(std::f64::consts::TAU / lobes);
+        let unit = variant.parameters[at].unit;
+        estimates.push(estimate(amplitude_name, amplitude, along(u, v), unit));
+        let spread = along(-v, u) / (amplitude * lobes).powi(2);
+        estimates.push(estimate(phase_name, phase, spread, "rad"));
+    };
     match variant.form {
         Form::Plain => {
             let seen = |(index, parameter): (usize, &Parameter)| {
@@ -74,30 +90,11 @@ pub fn estimates(
                 }
             }
         }
-        Form::Sine | Form::Lobes(_) => {
-            let (first, second) = (values[0], values[1]);
-            let amplitude = first.hypot(second).max(f64::MIN_POSITIVE);
-            let (u, v) = (first / amplitude, second / amplitude);
-            let along = |u: f64, v: f64| {
-                u * u * covariance[(0, 0)]
-                    + 2.0 * u * v * covariance[(0, 1)]
-                    + v * v * covariance[(1, 1)]
-            };
-            let lobes = if let Form::Lobes(lobes) = variant.form {
-                lobes
-            } else {
-                1.0
-            };
-            let phase = second.atan2(first) / lobes;
-            let phase = phase.rem_euclid(std::f64::consts::TAU / lobes);
-            let unit = variant.parameters[0].unit;
-            estimates.push(estimate("a", amplitude, along(u, v), unit));
-            estimates.push(estimate(
-                "phase",
-                phase,
-                along(-v, u) / (amplitude * lobes).powi(2),
-                "rad",
-            ));
+        Form::Sine => wave(("a", "phase"), 0, 1.0),
+        Form::Lobes(lobes) => wave(("a", "phase"), 0, lobes),
+        Form::Overtone(lobes) => {
+            wave(("a", "phase"), 0, lobes);
+            wave(("a2", "phase2"), 2, 2.0 * lobes);
         }
     }
     if let Some(own) = &variant.shape {

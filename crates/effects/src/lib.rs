@@ -32,16 +32,19 @@
 //!
 //! Metres, radians, seconds, kelvins; vectors in the part frame. Decides nothing: `inference` weighs the candidates.
 
+mod arrival;
 pub mod candidate;
 pub mod declared;
 pub mod discrepancy;
 pub mod drive;
 pub mod effect;
 pub mod estimates;
+pub mod finite;
 pub mod library;
 pub mod observation;
 pub mod record;
 pub mod registry;
+mod sensors;
 pub mod session;
 #[cfg(test)]
 mod specimen;

@@ -6,6 +6,7 @@
 
 use machine::{Chain, JointKind, Side};
 
+use crate::finite::ChainError;
 use crate::observation::{Column, Observations};
 
 /// Fewest revolute axes that carry the probe of an arm.
@@ -43,6 +44,8 @@ pub enum Form {
     Sine,
     /// A pair (of cosine, of sine): amplitude `a` and phase in a·cos(lobes·(… − phase)).
     Lobes(f64),
+    /// Two such pairs: of this many lobes, and of twice as many with amplitude `a2` and phase `phase2`.
+    Overtone(f64),
 }
 
 /// The nonlinear constant of a variant.
@@ -92,6 +95,10 @@ pub struct Variant {
     pub prior_weight: f64,
     /// True where this session cannot part it from other effects, which lend their names.
     pub confounded: bool,
+    /// The errors of the chain that its parameters are, in their order; empty where they are none.
+    pub errors: Vec<ChainError>,
+    /// True where no parameter can be negative.
+    pub nonnegative: bool,
     build: Build,
     sweep: Option<Sweep>,
 }
@@ -111,6 +118,8 @@ impl Variant {
             constants: Vec::new(),
             prior_weight: 1.0,
             confounded: false,
+            errors: Vec::new(),
+            nonnegative: false,
             build: Box::new(move |observations, _| build(observations)),
             sweep: None,
         }
@@ -131,6 +140,8 @@ impl Variant {
             constants: Vec::new(),
             prior_weight: 1.0,
             confounded: false,
+            errors: Vec::new(),
+            nonnegative: false,
             build: Box::new(build),
             sweep: None,
         }
@@ -167,6 +178,39 @@ impl Variant {
         match &self.sweep {
             Some(sweep) => sweep(observations, trials),
             None => trials.iter().map(one).collect(),
+        }
+    }
+
+    /// The same, whose parameters are these errors of the chain: their displacements are computed at finite size.
+    pub(crate) fn with_errors(mut self, errors: impl IntoIterator<Item = ChainError>) -> Self {
+        self.errors = errors.into_iter().collect();
+        self
+    }
+
+    /// The same, of whose parameters none can be negative.
+    pub(crate) fn nonnegative(mut self) -> Self {
+        self.nonnegative = true;
+        self
+    }
+
+    /// The same with some of its parameters only, by index, ascending.
+    pub fn with_only(self, kept: &[usize]) -> Self {
+        let (kept, build) = (kept.to_vec(), self.build);
+        Self {
+            parameters: kept
+                .iter()
+                .map(|&one| self.parameters[one].clone())
+                .collect(),
+            errors: kept
+                .iter()
+                .filter_map(|&one| self.errors.get(one).copied())
+                .collect(),
+            build: Box::new(move |observations, shape| {
+                let all = build(observations, shape);
+                kept.iter().map(|&one| all[one].clone()).collect()
+            }),
+            sweep: None,
+            ..self
         }
     }
 

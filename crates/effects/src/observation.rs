@@ -10,11 +10,15 @@ use machine::{Chain, JointKind, Nominal, Sensitivity, Surface, Target};
 use nalgebra::{DMatrix, DVector, Point3, Vector3};
 use probecell_msgs::{InspectionPlan, MachineState, ProbeEvent, ReferenceMeasurement};
 
+use crate::arrival::last_moves;
+use crate::sensors::{Response, Series};
 use crate::session::{self, DiagnoseError, Session, seconds};
 use crate::timing;
 
 /// Fewest touches that are diagnosed.
 const FEWEST: usize = 6;
+/// A rounding whose errors would be larger than the gap by this factor is none: the axes stand on a grid of targets.
+const CHANCE: f64 = 1.2;
 /// Speeds of approach closer than this are equal, m/s.
 const SAME_FEED: f64 = 1e-6;
 /// Axis speed below which an axis stands, as a share of the feed.
@@ -33,6 +37,8 @@ pub struct Pose {
     pub sensitivity: Sensitivity,
     /// Speeds of the axes at the latch, m/s or rad/s; zeros while cutting.
     pub speeds: Vec<f64>,
+    /// Sign of the last move of each axis before the latch; 0 where nobody can say.
+    pub arrived: Vec<f64>,
 }
 
 /// One observed deviation.
@@ -62,6 +68,8 @@ pub struct Row {
     pub cut: Option<Pose>,
     /// Part temperature above 20 °C, K; `None` where unknown.
     pub warmth: Option<f64>,
+    /// Responses to each of [`Observations::sensors`]; none for a reference value.
+    pub responses: Vec<Response>,
     /// Number of the tool that cut the point.
     pub tool: Option<u32>,
     /// Path the tool had cut, m.
@@ -108,6 +116,8 @@ pub struct Observations {
     pub prescribed: Vec<usize>,
     /// Step of the grid on which the latched positions of the moving linear axes lie, m; `None` without a grid.
     pub grid: Option<f64>,
+    /// Names of the sensors whose readings may drive growth.
+    pub sensors: Vec<String>,
     /// Standard uncertainty of the reference rows, m; 0 without any.
     pub reference_uncertainty: f64,
     /// Touches that were not used, by sequence and reason.
@@ -149,17 +159,32 @@ impl Observations {
                     })
             })
             .collect::<Result<Vec<_>, _>>()?;
+        let start = start_of(session);
+        let sensors = Series::of(&session.machine_states, |state| {
+            seconds(&state.header.stamp) - start
+        });
         let mut builder = Builder {
+            sensors: &sensors,
             chain: &chain,
             nominal: &nominal,
             plan,
             prescribed: &prescribed,
-            start: start_of(session),
+            start,
             machine_states: &session.machine_states,
             indices: BTreeMap::new(),
             skipped: Vec::new(),
+            standing: false,
         };
         let (mut touches, mut deviations) = builder.touches(&session.events)?;
+        let grid = timing::resolution(&latched(&chain, &prescribed, &touches));
+        let rounds = |step: f64| rounding(step, &touches, &prescribed) <= CHANCE * rms(&deviations);
+        let standing = grid.is_some_and(|step| !rounds(step));
+        let grid = grid.filter(|_| !standing);
+        if standing {
+            builder.standing = true;
+            builder.skipped.clear();
+            (touches, deviations) = builder.touches(&session.events)?;
+        }
         if touches.len() < FEWEST {
             return Err(DiagnoseError::TooFew(touches.len(), FEWEST));
         }
@@ -177,17 +202,9 @@ impl Observations {
             builder.references(reference, &mut touches, &mut deviations)?;
         }
         let skipped = builder.skipped;
-        let moving = (0..chain.axes().len()).filter(|axis| {
-            chain.axis(*axis).kind == JointKind::Prismatic && !prescribed.contains(axis)
-        });
-        let latched: Vec<Vec<f64>> = moving
-            .map(|axis| {
-                let read = |row: &Row| row.pose.as_ref().map(|pose| pose.latched[axis]);
-                touches.iter().filter_map(read).collect()
-            })
-            .collect();
         Ok(Self {
-            grid: timing::resolution(&latched),
+            grid,
+            sensors: sensors.into_iter().map(|sensor| sensor.name).collect(),
             rows: touches,
             deviations,
             declared: Vec::new(),
@@ -289,17 +306,55 @@ impl Observations {
     ///
     /// `shifts` holds the displacement of each row (m, part frame). Only curved surfaces differ.
     pub fn curvature(&self, shifts: &[Vector3<f64>]) -> Vec<f64> {
-        self.rows
-            .iter()
-            .zip(shifts)
-            .map(|(row, shift)| {
-                let Some(pose) = &row.pose else { return 0.0 };
+        self.second_order(shifts, shifts)
+    }
+
+    /// The same where the displacements themselves differ from their first order: a large rotation.
+    pub fn second_order(&self, linear: &[Vector3<f64>], finite: &[Vector3<f64>]) -> Vec<f64> {
+        (self.rows.iter().zip(linear).zip(finite))
+            .map(|((row, linear), finite)| {
+                let Some(pose) = &row.pose else {
+                    return row.normal.dot(&(linear - finite));
+                };
                 let ball = pose.sensitivity.ball;
-                let change = row.surface.distance(&(ball + shift)) - row.surface.distance(&ball);
-                row.normal.dot(shift) - change
+                let change = row.surface.distance(&(ball + finite)) - row.surface.distance(&ball);
+                row.normal.dot(linear) - change
             })
             .collect()
     }
+}
+
+/// Readings of each linear axis that nothing prescribes.
+fn latched(chain: &Chain, prescribed: &[usize], rows: &[Row]) -> Vec<Vec<f64>> {
+    let moving = (0..chain.axes().len()).filter(|axis| {
+        chain.axis(*axis).kind == JointKind::Prismatic && !prescribed.contains(axis)
+    });
+    moving
+        .map(|axis| {
+            let read = |row: &Row| row.pose.as_ref().map(|pose| pose.latched[axis]);
+            rows.iter().filter_map(read).collect()
+        })
+        .collect()
+}
+
+/// Root mean square that the rounding of the axes to a grid of this step leaves in the deviations, m.
+fn rounding(step: f64, rows: &[Row], prescribed: &[usize]) -> f64 {
+    let poses = rows
+        .iter()
+        .filter_map(|row| Some((row, row.pose.as_ref()?)));
+    let shares = poses.map(|(row, pose)| -> f64 {
+        let seen = pose.sensitivity.axes.iter().enumerate();
+        seen.filter(|(axis, _)| !prescribed.contains(axis))
+            .map(|(_, along)| row.normal.dot(along).powi(2))
+            .sum()
+    });
+    let (sum, count) = shares.fold((0.0, 0.0), |(sum, count), share| (sum + share, count + 1.0));
+    step * (sum / f64::max(count, 1.0) / 12.0).sqrt()
+}
+
+fn rms(values: &[f64]) -> f64 {
+    let sum: f64 = values.iter().map(|value| value * value).sum();
+    (sum / values.len().max(1) as f64).sqrt()
 }
 
 fn start_of(session: &Session) -> f64 {
@@ -324,6 +379,7 @@ fn start_of(session: &Session) -> f64 {
 }
 
 struct Builder<'a> {
+    sensors: &'a [Series],
     chain: &'a Chain,
     nominal: &'a Nominal,
     plan: &'a InspectionPlan,
@@ -332,6 +388,8 @@ struct Builder<'a> {
     machine_states: &'a [MachineState],
     indices: BTreeMap<Vec<i64>, usize>,
     skipped: Vec<(u64, &'static str)>,
+    /// True where the axes stood at targets while an instrument measured where they were.
+    standing: bool,
 }
 
 impl Builder<'_> {
@@ -366,14 +424,27 @@ impl Builder<'_> {
             row.time = time;
             row.feed = event.feed;
             row.warmth = self.warmth(time);
+            row.responses = self.sensors.iter().map(|sensor| sensor.at(time)).collect();
             row.pose = Some(pose);
             rows.push((row, deviation));
         }
         rows.sort_by(|one, other| one.0.time.total_cmp(&other.0.time));
-        Ok(rows.into_iter().unzip())
+        let (mut rows, deviations): (Vec<Row>, Vec<f64>) = rows.into_iter().unzip();
+        for axis in 0..self.chain.axes().len() {
+            let read = |row: &Row| row.pose.as_ref().map_or(0.0, |pose| pose.latched[axis]);
+            let positions: Vec<f64> = rows.iter().map(read).collect();
+            for (row, sign) in rows.iter_mut().zip(last_moves(&positions)) {
+                if let Some(pose) = &mut row.pose {
+                    pose.arrived[axis] = sign;
+                }
+            }
+        }
+        Ok((rows, deviations))
     }
 
     /// The machine with the ball moved from where it was latched to where it touches the nominal point.
+    ///
+    /// Axes that stood still while an instrument measured them stay: there the point holds the deviation, not the reading.
     fn pose_at_contact(
         &self,
         point: usize,
@@ -384,7 +455,10 @@ impl Builder<'_> {
         let (part, ball) = (&self.nominal.part_pose, &self.nominal.ball);
         let (nominal, normal) = &self.nominal.points[point];
         let latched = self.chain.sensitivity(&positions, part, ball);
-        let missing = nominal + normal.into_inner() * self.nominal.ball_radius - latched.ball;
+        let mut missing = nominal + normal.into_inner() * self.nominal.ball_radius - latched.ball;
+        if self.standing || velocity.norm_squared() == 0.0 {
+            missing = Vector3::zeros();
+        }
         for (position, change) in
             positions
                 .iter_mut()
@@ -395,6 +469,7 @@ impl Builder<'_> {
         let sensitivity = self.chain.sensitivity(&positions, part, ball);
         let speeds = free_speeds(self.chain, self.prescribed, &sensitivity, velocity);
         Pose {
+            arrived: vec![0.0; read.len()],
             latched: read,
             positions,
             sensitivity,
@@ -458,6 +533,7 @@ impl Builder<'_> {
                 cut_pose(self.chain, self.nominal, self.prescribed, &position, rotary)
             }),
             warmth: None,
+            responses: Vec::new(),
             tool: operation.map(|operation| operation.tool_number),
             cut_length: finite(planned.cut_length),
             tool_height: finite(planned.tool_height),
@@ -528,6 +604,7 @@ pub fn cut_pose(
     let sensitivity = chain.sensitivity(&positions, pose, ball);
     Some(Pose {
         speeds: vec![0.0; positions.len()],
+        arrived: vec![0.0; positions.len()],
         latched: positions.clone(),
         positions,
         sensitivity,

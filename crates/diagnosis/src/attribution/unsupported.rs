@@ -12,8 +12,12 @@ use effects::observation::Observations;
 use inference::candidate::Candidate;
 use inference::posterior::Attribution;
 
-/// An effect is supported when the held-out rms without it is at least this many times as large.
-const SHRINKS: f64 = 1.1;
+/// An effect is supported when the held-out rms without it is larger at least by this share, in a usual session.
+const SHRINKS: f64 = 0.1;
+/// Touches of a usual session; over more of them a smaller share is as well supported.
+const USUAL: f64 = 120.0;
+/// Least share, whatever the number of touches: errors of thousands of touches are never quite independent.
+const LEAST: f64 = 0.01;
 /// Fewest effects that cancel one another for one unknown cause.
 const FEWEST: usize = 3;
 /// Share of the energy of its effects over which such a group cancels.
@@ -51,6 +55,8 @@ fn not_cross_validated(
         let residuals = blocks.residuals(&candidates, &attribution.y, &attribution.active);
         blocks.size(&residuals).rms
     };
+    let touches = attribution.active.iter().filter(|&&used| used).count() as f64;
+    let share = (SHRINKS * (USUAL / touches).min(1.0)).max(LEAST);
     let mut kept = set.to_vec();
     let mut found = Vec::new();
     let mut with = held_out(&kept);
@@ -64,7 +70,7 @@ fn not_cross_validated(
             .map(|index| (without(index), index))
             .min_by(|a, b| a.0.total_cmp(&b.0));
         match least {
-            Some((rms, index)) if rms < SHRINKS * with => {
+            Some((rms, index)) if rms < (1.0 + share) * with => {
                 found.push(kept.remove(index));
                 with = rms;
             }

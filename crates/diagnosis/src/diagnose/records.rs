@@ -13,6 +13,8 @@ use crate::report::{Effect, ParameterEstimate};
 const NORMAL_COVERAGE: f64 = 1.96;
 /// A grid is named when it makes at least this share of the noise variance.
 const GRID_SHARE: f64 = 0.2;
+/// And at most this multiple of it: more would show.
+const GRID_MOST: f64 = 1.5;
 
 impl Reporter<'_> {
     /// Names a coarse grid; gives the standard deviation of its rounding within the noise, m.
@@ -23,7 +25,8 @@ impl Reporter<'_> {
         // A rounding that depends on the cell stands apart from the noise already.
         let apart = self.kind_of(best) == Some(&Kind::Grid);
         let rounding = step / 12.0_f64.sqrt();
-        if !apart && rounding * rounding < GRID_SHARE * noise * noise {
+        let share = (rounding / noise.max(f64::MIN_POSITIVE)).powi(2);
+        if !apart && !(GRID_SHARE..GRID_MOST).contains(&share) {
             return 0.0;
         }
         let before = if apart { noise.hypot(rounding) } else { noise };

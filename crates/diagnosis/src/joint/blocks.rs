@@ -11,6 +11,8 @@ use effects::registry::acts_on;
 use effects::{Parameter, Variant, candidate, library};
 use inference::linear::{dot, scale};
 
+use crate::physical::Impossible;
+
 /// Name of the constant that counts harmonics.
 const HARMONIC: &str = "k";
 /// From this many harmonics on they are taken together.
@@ -51,9 +53,14 @@ struct Shaped {
 }
 
 impl BlockPool {
-    /// All that can act on the machine in the same way in every session, less `excluded` effects.
-    pub(super) fn new(observations: &Observations, excluded: &[String]) -> Self {
-        let mut variants = library(observations);
+    /// All that can act on the machine in the same way in every session, less `excluded` effects and what is
+    /// `impossible`.
+    pub(super) fn new(
+        observations: &Observations,
+        excluded: &[String],
+        impossible: &Impossible,
+    ) -> Self {
+        let mut variants = impossible.left_out(library(observations));
         // Readings taken at a standstill (a tracker's, a dial's) come from no trigger.
         let still = observations.rows.iter().all(|row| row.feed == 0.0);
         let left_out = |effect: &str| {

@@ -4,15 +4,21 @@
 //! its columns are nuisances that every fit contains. Metres, radians, seconds.
 
 use effects::effect::{Effect, Registration};
+use effects::finite::FiniteErrors;
 use effects::library::is_arm;
-use effects::observation::Observations;
+use effects::observation::{Column, Observations};
 use effects::session::{DiagnoseError, Session};
 use effects::{candidate, library, observe, registry};
 use inference::linear::append;
+use nalgebra::{DMatrix, DVector, Vector3};
 
 /// Most touches that one session gives to a joint diagnosis; beyond, evenly spaced ones.
 const MOST_ROWS: usize = 4000;
 
+/// Rounds in which the second order of the poses settles.
+const ROUNDS: usize = 3;
+/// What holds a pose to its plausible size where the touches hardly tell, m².
+const RIDGE: f64 = 1e-12;
 /// A column that keeps less than this share of its energy beside a basis is spanned by it.
 const SPANNED: f64 = 1e-8;
 
@@ -29,6 +35,8 @@ pub struct Joined {
     pub poses: Vec<Vec<Vec<f64>>>,
     /// Effects that these columns stand for.
     pub registered: Vec<&'static str>,
+    /// What these effects do beyond their first order, by row, m: sessions that lie turned by milliradians.
+    pub second_order: Vec<f64>,
 }
 
 impl Joined {
@@ -87,6 +95,9 @@ impl Joined {
                     all.features.extend(observed.features);
                     all.skipped.extend(observed.skipped);
                     all.cut_here &= observed.cut_here;
+                    if all.sensors != observed.sensors {
+                        all.sensors.clear();
+                    }
                 }
             }
         }
@@ -109,6 +120,7 @@ impl Joined {
         registered.retain(|effect| known.iter().any(|variant| variant.effect == *effect));
         let poses = poses(&observations, &session, sessions.len(), &registered);
         Ok(Self {
+            second_order: second_order(&observations, &session, sessions.len(), &registered),
             registered,
             observations,
             session,
@@ -144,4 +156,64 @@ fn poses(
             basis
         })
         .collect()
+}
+
+/// What the poses of the sessions do beyond their first order, each by least squares on its own rows (Gauss–Newton).
+fn second_order(
+    observations: &Observations,
+    session: &[usize],
+    sessions: usize,
+    registered: &[&str],
+) -> Vec<f64> {
+    let rows = observations.rows.len();
+    let mut variants = library(observations);
+    variants.retain(|variant| registered.contains(&variant.effect.as_str()));
+    variants.retain(|variant| !variant.errors.is_empty());
+    let columns: Vec<_> = (variants.iter())
+        .map(|variant| variant.columns(observations, 0.0))
+        .collect();
+    let flat: Vec<_> = columns.iter().flatten().collect();
+    let sizes: Vec<f64> = (variants.iter().flat_map(|variant| &variant.parameters))
+        .map(|parameter| parameter.plausible)
+        .collect();
+    let mut second = vec![0.0; rows];
+    for number in 0..sessions {
+        let own: Vec<usize> = (0..rows).filter(|&row| session[row] == number).collect();
+        let matrix = DMatrix::from_fn(own.len(), flat.len(), |row, column| {
+            let row = own[row];
+            flat[column].signature[row] * sizes[column] * observations.rows[row].weight
+        });
+        let normal = matrix.tr_mul(&matrix) + DMatrix::identity(flat.len(), flat.len()) * RIDGE;
+        let Some(factor) = normal.cholesky() else {
+            continue;
+        };
+        for _ in 0..ROUNDS {
+            let left = own.iter().map(|&row| {
+                (observations.deviations[row] - second[row]) * observations.rows[row].weight
+            });
+            let left = DVector::from_iterator(own.len(), left);
+            let found = factor.solve(&matrix.tr_mul(&left));
+            let values: Vec<f64> = (found.iter().zip(&sizes))
+                .map(|(value, size)| value * size)
+                .collect();
+            let mut errors = FiniteErrors::none(&observations.chain);
+            let mut rest = values.as_slice();
+            for (variant, columns) in variants.iter().zip(&columns) {
+                let (of_variant, others) = rest.split_at(columns.len());
+                errors.add(variant, of_variant);
+                rest = others;
+            }
+            let linear: Vec<Vector3<f64>> = (0..rows)
+                .map(|row| {
+                    let part = |(column, value): (&&Column, &f64)| column.shifts[row] * *value;
+                    flat.iter().zip(&values).map(part).sum()
+                })
+                .collect();
+            let all = observations.second_order(&linear, &errors.shifts(observations));
+            for &row in &own {
+                second[row] = all[row];
+            }
+        }
+    }
+    second
 }

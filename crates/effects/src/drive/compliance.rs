@@ -2,8 +2,9 @@
 //!
 //! Motion of an axis: δq = −c·load, the measured effort or, without one, the acceleration of the command.
 //! Touches of an arm: joints yield to the weight they carry. Each revolute axis of the tool branch turns by c·torque, the
-//! torque of the weights beyond it (masses of the robot description; a unit mass at the ball where there are none),
-//! gravity along −z of the foundation. Arms only: slides of a machine tool do not carry their load so.
+//! torque of the weights beyond it by the masses of the robot description, gravity along −z of the foundation. Where it has
+//! no masses, nobody knows a torque: the axis turns by c for each metre of the ball's lever about it, rad/m. Weights pull
+//! downwards and joints yield: no parameter is negative. Arms only: slides of a machine tool do not carry their load so.
 
 use machine::{Chain, JointKind, Side};
 use nalgebra::{Isometry3, Point3, Vector3};
@@ -30,9 +31,14 @@ impl Effect for Compliance {
     }
 
     fn parameters(&self, chain: &Chain, _: &Instance<'_>) -> Vec<Parameter> {
+        let (unit, plausible) = if has_masses(chain) {
+            ("rad/(N m)", 1e-3)
+        } else {
+            ("rad/m", 1e-1)
+        };
         let of = |&axis: &usize| {
             let name = chain.axis(axis).name.clone();
-            Parameter::new(name, "rad/(N m)", 1e-3)
+            Parameter::new(name, unit, plausible)
         };
         turning(chain).iter().map(of).collect()
     }
@@ -74,7 +80,7 @@ impl Compliance {
         }
         let turning = turning(chain);
         let parameters = self.parameters(chain, &Instance::default());
-        Some(Variant::linear(self.id(), parameters, move |rows| {
+        let variant = Variant::linear(self.id(), parameters, move |rows| {
             let of = |pose: &Pose| torques(&rows.chain, pose, &turning);
             let loads: Vec<Vec<f64>> = rows
                 .rows
@@ -83,7 +89,8 @@ impl Compliance {
                 .collect();
             let column = |number| yielding(rows, turning[number], &loads, number);
             (0..turning.len()).map(column).collect()
-        }))
+        });
+        Some(variant.nonnegative())
     }
 }
 
@@ -111,7 +118,13 @@ fn yielding(rows: &Observations, axis: usize, loads: &[Vec<f64>], number: usize)
 /// Standard gravity, m/s².
 const GRAVITY: f64 = 9.80665;
 
-/// Torque of the weights beyond each turning axis about it, N m; of a unit mass at the ball without masses.
+/// True where the robot description says what the links that carry the probe weigh.
+fn has_masses(chain: &Chain) -> bool {
+    let mut carrying = chain.branch(Side::Tool).iter();
+    carrying.any(|&index| chain.joints()[index].mass > 0.0)
+}
+
+/// Torque of the weights beyond each turning axis about it, N m; without masses the horizontal lever of the ball, m.
 fn torques(chain: &Chain, pose: &Pose, turning: &[usize]) -> Vec<f64> {
     let mut frame = Isometry3::identity();
     let mut axes: Vec<(usize, Vector3<f64>, Vector3<f64>)> = Vec::new();
@@ -131,12 +144,10 @@ fn torques(chain: &Chain, pose: &Pose, turning: &[usize]) -> Vec<f64> {
             (frame * Point3::from(joint.centre_of_mass)).coords,
         ));
     }
-    if weights.iter().all(|(mass, _)| *mass <= 0.0) {
+    if !has_masses(chain) {
         let up: Vector3<f64> = pose.sensitivity.foundation[2];
-        return turning
-            .iter()
-            .map(|&axis| -pose.sensitivity.axes[axis].dot(&up) * GRAVITY)
-            .collect();
+        let lever = |&axis: &usize| -pose.sensitivity.axes[axis].dot(&up);
+        return turning.iter().map(lever).collect();
     }
     let about = |&axis: &usize| {
         let first = axes

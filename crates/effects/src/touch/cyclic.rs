@@ -1,7 +1,7 @@
 //! `axis.<A>.cyclic`: a linear axis errs with the pitch of its screw or scale (ISO 230-2).
 //!
 //! δq = a·sin(2πq/period + phase), the period profiled over 1–40 mm. Typical 0.5–5 µm. Points spaced by a pitch cannot
-//! see it.
+//! see it, and between targets of even spacing no period below two spacings is told from a longer one.
 
 use std::collections::BTreeSet;
 use std::f64::consts::TAU;
@@ -61,9 +61,14 @@ impl Effect for Cyclic {
         seen.filter_map(|(axis, (low, high))| {
             let range = high - low;
             let slowest = (1.0 / PERIODS.0).max(0.5 / range);
-            let steps = (1.0 / PERIODS.1 - slowest) * range;
+            // Between targets on a grid a shorter wave is a longer one by another name: the longest is told.
+            let fastest = (1.0 / PERIODS.1).min(0.5 / spacing(rows, axis));
+            let steps = (fastest - slowest) * range;
+            if steps <= 0.0 {
+                return None;
+            }
             let count = ((steps * OVERSAMPLED) as usize).clamp(2, 4000);
-            let trials = linspace(slowest, 1.0 / PERIODS.1, count);
+            let trials = linspace(slowest, fastest, count);
             let trials = trials.iter().rev().map(|frequency| 1.0 / frequency);
             let of = Instance::on(&rows.chain.axis(axis).name);
             self.way(&rows.chain, &of, trials.collect(), steps.max(1.0))
@@ -108,6 +113,14 @@ impl Cyclic {
         let swept = variant.with_sweep(move |rows, periods| sweep(rows, axis, periods));
         Some(swept.with_form(Form::Sine))
     }
+}
+
+/// Step of the grid of targets that an axis visits, m; 0 without a grid that aliases any period that is tried.
+fn spacing(observations: &Observations, axis: usize) -> f64 {
+    let poses = observations.rows.iter().filter_map(|row| row.pose.as_ref());
+    let positions = poses.map(|pose| pose.positions[axis]).collect();
+    let step = crate::timing::resolution(&[positions]).unwrap_or(0.0);
+    if 2.0 * step > PERIODS.1 { step } else { 0.0 }
 }
 
 /// How many positions an axis visits.

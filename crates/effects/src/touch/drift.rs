@@ -1,12 +1,14 @@
 //! `thermal.drift`: a slow linear drift between part and probe (ISO 230-3).
 //!
-//! The part moves by rate·t in its frame: d = n·rate·t. Typical 1–10 µm/h; taken in order of position, it is a tilt.
+//! The part moves by rate·t in its frame: d = n·rate·t. Typical 1–10 µm/h; taken in order of position, it is a tilt. Where
+//! the machine measures its temperatures, a drift may follow one of them instead ([`crate::sensors`]): d = n·(x, y, z)·h.
 
 use machine::Chain;
 
 use crate::effect::{ActsOn, Constants, Coordinate, Effect, Instance, Subject};
 use crate::library::{Parameter, Variant};
 use crate::observation::Observations;
+use crate::sensors;
 
 pub(super) struct Drift;
 
@@ -38,12 +40,38 @@ impl Effect for Drift {
         if rows.span() <= 0.0 {
             return Vec::new();
         }
-        vec![way()]
+        let driving = sensors::varying(rows);
+        let share = 1.0 / driving.len().max(1) as f64;
+        let one = |sensor: String| after(sensor).with_prior_weight(share);
+        std::iter::once(way())
+            .chain(driving.into_iter().map(one))
+            .collect()
     }
 
-    fn declared(&self, _: &Chain, _: &Instance<'_>, _: &Constants<'_>) -> Vec<Variant> {
-        vec![way()]
+    fn declared(&self, _: &Chain, _: &Instance<'_>, constants: &Constants<'_>) -> Vec<Variant> {
+        let driving = constants.after(&PREFIXES);
+        let driven = driving.into_iter().map(after);
+        std::iter::once(way()).chain(driven).collect()
     }
+}
+
+/// What the names of a displacement per unit of a sensor begin with.
+const PREFIXES: [&str; 3] = ["x_", "y_", "z_"];
+
+/// A drift that follows a sensor.
+fn after(sensor: String) -> Variant {
+    let parameters = PREFIXES
+        .map(|prefix| sensors::per_unit(prefix, &sensor))
+        .into();
+    let build = move |rows: &Observations, tau: f64| {
+        let column = |k: usize| {
+            rows.machine_column(false, |pose, row| {
+                pose.sensitivity.part[k] * sensors::response(rows, row, &sensor, tau)
+            })
+        };
+        [0, 1, 2].map(column).into()
+    };
+    Variant::shaped("thermal.drift", parameters, sensors::lags(), build)
 }
 
 fn parameters() -> Vec<Parameter> {

@@ -1,10 +1,12 @@
 //! `fixture.shift`: the clamped part sits off its nominal place.
 //!
-//! d = n·t, t in the part frame. Typical 5–100 µm. A part cut in this clamping lies where it was cut: it cannot show.
+//! d = n·t, t in the part frame. Typical 5–100 µm, of a part that lies as
+//! somebody put it some millimetres. A part cut in this clamping lies where it was cut: it cannot show.
 
 use machine::Chain;
 
 use crate::effect::{ActsOn, Constants, Effect, Instance, Registration, Subject};
+use crate::finite::ChainError;
 use crate::library::{Parameter, Variant};
 use crate::observation::Observations;
 
@@ -48,7 +50,7 @@ impl Effect for FixtureShift {
 
 fn parameters() -> Vec<Parameter> {
     ["x", "y", "z"]
-        .map(|name| Parameter::new(name, "m", 1e-3))
+        .map(|name| Parameter::new(name, "m", 1e-2))
         .into()
 }
 
@@ -58,6 +60,7 @@ fn way() -> Variant {
             .map(|k| rows.machine_column(false, |pose, _| pose.sensitivity.part[k]))
             .into()
     })
+    .with_errors([0, 1, 2].map(ChainError::Part))
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@
 use machine::{Chain, JointKind};
 
 use crate::effect::{ActsOn, Constants, Effect, Instance, Subject};
+use crate::finite::ChainError;
 use crate::library::{Parameter, Variant};
 use crate::observation::Observations;
 
@@ -80,15 +81,26 @@ impl Link {
             .into_iter()
             .find_map(|(letter, component)| (Some(letter) == of.component).then_some(component))?;
         let parameters = self.parameters(chain, of);
-        Some(Variant::linear(of.id(self.id()), parameters, move |rows| {
+        let variant = Variant::linear(of.id(self.id()), parameters, move |rows| {
             vec![rows.machine_column(true, |pose, _| pose.sensitivity.location[index][component])]
-        }))
+        });
+        Some(variant.with_errors([ChainError::Location {
+            joint: index,
+            component,
+        }]))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use crate::specimen::predicts;
+
+    /// What a part turned by `angle` in the plane of the first and second axis, from one to the other, shows along a normal.
+    fn turned(angle: f64, ball: (f64, f64), normal: (f64, f64)) -> f64 {
+        let (sin, rest) = (angle.sin(), 1.0 - angle.cos());
+        sin * (normal.1 * ball.0 - normal.0 * ball.1)
+            + rest * (normal.0 * ball.0 + normal.1 * ball.1)
+    }
 
     #[test]
     fn a_table_off_its_place_carries_the_part_there() {
@@ -100,7 +112,11 @@ mod tests {
     #[test]
     fn a_tilted_table_turns_the_part_about_its_origin() {
         predicts("link.EB0C", &[("e", 5e-5, "rad")], |seen| {
-            5e-5 * (seen.normal.x * seen.ball.z - seen.normal.z * seen.ball.x)
+            turned(
+                5e-5,
+                (seen.ball.z, seen.ball.x),
+                (seen.normal.z, seen.normal.x),
+            )
         });
     }
 
@@ -109,7 +125,8 @@ mod tests {
         predicts("link.EC0Y", &[("e", 5e-5, "rad")], |seen| {
             // What hangs on Y is turned about the place where its guideway begins: the X carriage.
             let lever = (seen.ball.x - seen.position("X"), seen.ball.y);
-            -5e-5 * (seen.normal.y * lever.0 - seen.normal.x * lever.1)
+            -turned(5e-5, lever, (seen.normal.x, seen.normal.y))
+                + 2.0 * (1.0 - 5e-5_f64.cos()) * (seen.normal.x * lever.0 + seen.normal.y * lever.1)
         });
     }
 }

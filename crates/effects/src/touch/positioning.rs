@@ -13,9 +13,11 @@ use crate::observation::Observations;
 
 /// Inner targets of the tables that are offered, with their prior weights. None is the usual way of an axis to err: a table
 /// follows any few touches, so that it must not tell which of them are outliers.
-const TARGETS: [(usize, f64); 2] = [(3, 0.5), (7, 0.25)];
+const TARGETS: [(usize, f64); 4] = [(3, 0.5), (7, 0.25), (15, 0.12), (31, 0.06)];
 /// Positions that the touches must visit for each target.
 const POSITIONS: usize = 5;
+/// The same where each position is visited so often that its own mean is known (ISO 230-2: five times from either side).
+const REPEATED: (usize, usize) = (2, 4);
 /// Travel below which a table says nothing that a few other errors would not, m.
 const SHORTEST: f64 = 0.02;
 /// Largest number of inner targets that a declared table may have.
@@ -55,9 +57,11 @@ impl Effect for Positioning {
         moving
             .flat_map(|(axis, travel)| {
                 let positions = distinct_positions(rows, axis);
+                let repeated = rows.touches() >= REPEATED.1 * positions;
+                let for_each = if repeated { REPEATED.0 } else { POSITIONS };
                 let targets = TARGETS
                     .into_iter()
-                    .filter(move |&(targets, _)| positions >= FEWEST.max(POSITIONS * targets));
+                    .filter(move |&(targets, _)| positions >= FEWEST.max(for_each * targets));
                 targets.filter_map(move |(targets, weight)| {
                     let of = Instance::on(&rows.chain.axis(axis).name);
                     let way = self.way(&rows.chain, &of, travel, targets)?;

@@ -1,7 +1,8 @@
 //! `probe.pretravel_lobing`: the trigger's travel varies with the direction in the mount's x–y plane (ISO 230-10).
 //!
 //! d = sinθ·a·cos(k(φ − phase)), θ from the mount's z, φ about it, k = 3 for a kinematic seat of three rollers (k = 2, 4
-//! are tried as well). Typical 0.25–5 µm.
+//! are tried as well). The lobes of such a seat are sharper than a sine: its first overtone, a2·cos(2k(φ − phase2)), is
+//! offered beside it. Typical 0.25–5 µm.
 
 use machine::Chain;
 
@@ -37,16 +38,46 @@ impl Effect for PretravelLobing {
     }
 
     fn offer(&self, _: &Observations) -> Vec<Variant> {
-        LOBES.map(way).into()
+        ways()
     }
 
     fn declared(&self, _: &Chain, _: &Instance<'_>, _: &Constants<'_>) -> Vec<Variant> {
-        LOBES.map(way).into()
+        ways()
     }
 }
 
 /// Lobes that are tried, the usual number first.
 const LOBES: [f64; 3] = [3.0, 2.0, 4.0];
+
+/// Prior weight of lobes with an overtone against those without.
+const SHARPER: f64 = 0.5;
+
+fn ways() -> Vec<Variant> {
+    let mut ways: Vec<Variant> = LOBES.map(way).into();
+    ways.push(with_overtone(LOBES[0]));
+    ways
+}
+
+/// Lobes and their first overtone.
+fn with_overtone(lobes: f64) -> Variant {
+    let mut own = parameters();
+    own.extend(["cos2", "sin2"].map(|name| Parameter::new(name, "m", 1e-4)));
+    Variant::linear("probe.pretravel_lobing", own, move |rows| {
+        let wave = |k: f64, of: fn(f64) -> f64| {
+            rows.reading_column(move |row| lobe(row, |phi| of(k * phi)))
+        };
+        let (first, second) = (lobes, 2.0 * lobes);
+        vec![
+            wave(first, f64::cos),
+            wave(first, f64::sin),
+            wave(second, f64::cos),
+            wave(second, f64::sin),
+        ]
+    })
+    .with_form(Form::Overtone(lobes))
+    .with_constants(&[("lobes", lobes, "1")])
+    .with_prior_weight(SHARPER)
+}
 
 fn parameters() -> Vec<Parameter> {
     vec![
@@ -90,5 +121,21 @@ mod tests {
                 across * 2e-6 * (3.0 * (about - 0.3)).cos()
             },
         );
+    }
+
+    #[test]
+    fn sharp_lobes_have_an_overtone() {
+        let lobes = [
+            ("a", 2e-6, "m"),
+            ("phase", 0.3, "rad"),
+            ("a2", 5e-7, "m"),
+            ("phase2", 0.1, "rad"),
+            ("lobes", 3.0, "1"),
+        ];
+        predicts("probe.pretravel_lobing", &lobes, |seen| {
+            let about = seen.normal.y.atan2(seen.normal.x) - seen.position("S");
+            let across = seen.normal.x.hypot(seen.normal.y);
+            across * (2e-6 * (3.0 * (about - 0.3)).cos() + 5e-7 * (6.0 * (about - 0.1)).cos())
+        });
     }
 }

@@ -5,6 +5,7 @@
 use machine::Chain;
 
 use crate::effect::{ActsOn, Constants, Effect, Instance, Registration, Subject};
+use crate::finite::ChainError;
 use crate::library::{Parameter, Variant};
 use crate::observation::Observations;
 
@@ -51,6 +52,7 @@ fn way() -> Variant {
     Variant::linear("probe.stylus_length", parameters(), |rows| {
         vec![rows.machine_column(false, |pose, _| pose.sensitivity.mount[2])]
     })
+    .with_errors([ChainError::Ball(2)])
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@
 use machine::Chain;
 
 use crate::effect::{ActsOn, Constants, Effect, Instance, Registration, Subject};
+use crate::finite::ChainError;
 use crate::library::{Parameter, Variant};
 use crate::observation::Observations;
 
@@ -57,6 +58,7 @@ fn way() -> Variant {
             .map(|k| rows.machine_column(false, |pose, _| pose.sensitivity.mount[k]))
             .into()
     })
+    .with_errors([0, 1].map(ChainError::Ball))
 }
 
 #[cfg(test)]

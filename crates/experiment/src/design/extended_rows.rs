@@ -130,12 +130,15 @@ fn row(
         surface: nominal.surfaces[index],
         pose: Some(Pose {
             latched: positions.clone(),
+            // Nobody knows yet where the axes come from.
+            arrived: vec![0.0; positions.len()],
             positions,
             sensitivity,
             speeds,
         }),
         cut,
         warmth: last.warmth,
+        responses: last.responses.clone(),
         tool: operation.map(|operation| operation.tool_number),
         cut_length: wanted.point.cut_length,
         tool_height: wanted.point.tool_height,

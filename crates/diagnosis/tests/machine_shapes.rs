@@ -1,0 +1,179 @@
+//! Sessions laid out as real machines are measured: the main cause is named, nothing innocent, and what is left is what an
+//! expert leaves who knows the causes.
+
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+#![expect(clippy::print_stdout, reason = "a test that fails shows its reports")]
+
+mod layouts;
+
+use diagnosis::{Options, Report, Session, Verdict, diagnose, diagnose_together_with_residuals};
+use layouts::bed::{Pose, block, height_map};
+use layouts::{arm, innocents, iso230, left, names, plate, warming};
+
+fn alone(session: &Session) -> Report {
+    let report = diagnose(session, &Options::default()).unwrap();
+    println!("{report}");
+    report
+}
+
+fn together(fit: &[Session], withheld: &[Session]) -> Report {
+    let report = diagnose_together_with_residuals(fit, withheld, &Options::default())
+        .unwrap()
+        .0;
+    println!("{report}");
+    report
+}
+
+/// What an expert leaves who knows the causes, at most so many times.
+const EXPERT: f64 = 1.15;
+
+#[test]
+fn a_block_tilted_by_milliradians_is_tilted() {
+    for (seed, turn) in [
+        (1, [5e-3, -2e-3, 1e-3]),
+        (2, [-8e-3, 6e-3, 4e-3]),
+        (3, [0.0, 3e-3, -1.1e-2]),
+    ] {
+        let report = alone(&block(
+            &Pose {
+                turn,
+                shift: [2e-4, -1e-4, 3e-4],
+            },
+            1e-6,
+            seed,
+        ));
+        assert!(names(&report, "fixture.tilt"), "{report}");
+        assert_eq!(
+            innocents(&report, &["fixture.tilt", "fixture.shift"]),
+            Vec::<&str>::new(),
+            "{report}"
+        );
+        assert_eq!(report.verdict, Verdict::Explained, "{report}");
+        assert!(left(&report) < EXPERT * 1e-6, "{report}");
+    }
+}
+
+#[test]
+fn a_tilted_bed_is_tilted_and_its_bow_is_not_a_slip() {
+    for (seed, turn, bow) in [
+        (1, [5e-3, -3e-3, 0.0], 0.0),
+        (2, [-4e-3, 1e-2, 0.0], 4e-5),
+        (3, [2e-4, 1e-4, 0.0], 3e-5),
+    ] {
+        let report = alone(&height_map(
+            &Pose {
+                turn,
+                shift: [0.0, 0.0, 2e-4],
+            },
+            bow,
+            3e-6,
+            seed,
+        ));
+        assert!(names(&report, "fixture.tilt"), "{report}");
+        assert!(
+            bow == 0.0 || names(&report, "axis.X.straightness"),
+            "{report}"
+        );
+        let guilty = ["fixture.tilt", "fixture.shift", "axis.X.straightness"];
+        assert_eq!(innocents(&report, &guilty), Vec::<&str>::new(), "{report}");
+        assert!(left(&report) < EXPERT * 3e-6, "{report}");
+    }
+}
+
+#[test]
+fn an_axis_by_iso_230_2_has_backlash_and_positioning_errors_and_no_coarse_resolution() {
+    for (seed, cyclic, curve) in [(1, 4e-6, 0.0), (2, 0.0, 1.2e-5), (3, 3e-6, 1e-5)] {
+        let errors = iso230::Errors {
+            lost_motion: 1.4e-5,
+            cyclic: (cyclic, 0.0117),
+            curve,
+            drift: 1.5e-9,
+            noise: 1.5e-6,
+        };
+        let report = alone(&iso230::run(&errors, seed));
+        assert!(names(&report, "axis.X.backlash"), "{report}");
+        assert!(names(&report, "thermal.drift"), "{report}");
+        assert!(cyclic == 0.0 || names(&report, "axis.X.cyclic"), "{report}");
+        assert!(
+            curve == 0.0 || names(&report, "axis.X.positioning"),
+            "{report}"
+        );
+        let guilty = [
+            "axis.X.backlash",
+            "thermal.drift",
+            "axis.X.cyclic",
+            "axis.X.positioning",
+            "axis.X.scale",
+        ];
+        assert_eq!(innocents(&report, &guilty), Vec::<&str>::new(), "{report}");
+        assert!(left(&report) < EXPERT * errors.noise, "{report}");
+        assert!(
+            report
+                .effects
+                .iter()
+                .all(|one| one.rms_before <= 1.001 * report.gap.rms),
+            "{report}"
+        );
+    }
+}
+
+#[test]
+fn a_plate_of_640_holes_is_shifted_turned_scaled_and_out_of_square() {
+    let errors = plate::Errors {
+        shift: [1.1e-4, -9e-5],
+        turn: 3e-5,
+        scale: [1.6e-5, -1.1e-5],
+        squareness: 2.2e-5,
+        noise: 3.5e-6,
+    };
+    let report = alone(&plate::plate(&errors, 5));
+    for cause in [
+        "fixture.shift",
+        "fixture.tilt",
+        "axis.X.scale",
+        "axis.Y.scale",
+    ] {
+        assert!(names(&report, cause), "{cause}: {report}");
+    }
+    assert!(left(&report) < EXPERT * errors.noise, "{report}");
+}
+
+#[test]
+fn a_warming_spindle_follows_its_temperatures_over_several_days() {
+    let days: Vec<Session> = (1..=4)
+        .map(|number| warming::day(number, (2.2e-6, 1.5e-6), 1e-6))
+        .collect();
+    let one = alone(&days[0]);
+    assert!(names(&one, "thermal.spindle_growth"), "{one}");
+    assert!(left(&one) < EXPERT * 1e-6, "{one}");
+    let all = together(&days[..3], &days[3..]);
+    assert!(names(&all, "thermal.spindle_growth"), "{all}");
+    assert!(left(&all) < EXPERT * 1e-6, "{all}");
+}
+
+#[test]
+fn an_arm_by_laser_tracker_has_zeros_lengths_and_sag() {
+    let errors = arm::Errors {
+        zeros: [0.0, 4e-4, -6e-4, 5e-4, -3e-4, 0.0],
+        lengths: [3e-4, -2e-4],
+        sag: [1.5e-4, 2.5e-4],
+        noise: 2e-5,
+    };
+    let fit = arm::tracked(&errors, 120, (9e-3, [0.008, -0.005, 0.003]), 11);
+    let withheld = arm::tracked(&errors, 80, (-6e-3, [-0.004, 0.002, 0.001]), 12);
+    let report = together(&[fit], &[withheld]);
+    assert!(names(&report, "drive.compliance"), "{report}");
+    assert!(left(&report) < EXPERT * errors.noise, "{report}");
+    let compliance = report
+        .effects
+        .iter()
+        .find(|one| one.effect == "drive.compliance")
+        .unwrap();
+    assert!(
+        compliance
+            .parameters
+            .iter()
+            .all(|one| one.value >= 0.0 && one.unit == "rad/m"),
+        "{report}"
+    );
+}
