@@ -9,8 +9,10 @@ pub(crate) mod candidate_pool;
 pub(crate) mod equivalence;
 pub(crate) mod parameters;
 pub(crate) mod unsupported;
+mod switching;
 mod with_discrepancy;
 
+use std::collections::BTreeSet;
 use std::rc::Rc;
 
 use effects::discrepancy::{depends_on, grid};
@@ -38,6 +40,8 @@ const SCANS: usize = 2;
 const EXTENSIONS: usize = 3;
 /// Models that are kept.
 const KEPT: usize = 400;
+/// Rounds in which the states of what switches are estimated anew beside the best sets.
+const STATES: usize = 2;
 
 /// Explains weighted deviations `y` of the rows in `active`, starting from the attribution of almost the same deviations
 /// where there is one.
@@ -179,12 +183,14 @@ fn extend_best(pool: &mut CandidatePool<'_>, scored: &mut Vec<Scored>) {
 }
 
 fn finish(pool: CandidatePool<'_>, scored: &[Scored]) -> Attribution {
-    let priors = pool.priors();
     let white = pool.lag1_correlation == 0.0;
-    let mut discrepancies = Vec::new();
-    if white {
-        discrepancies = unknown_to(&pool, &pool.shapes.discrepancies(pool.active));
-        discrepancies.extend(grid(pool.shapes.observations, pool.active).map(Rc::new));
+    let mut discrepancies = unknown_to(&pool, &pool.shapes.discrepancies(pool.active));
+    discrepancies.extend(grid(pool.shapes.observations, pool.active).map(Rc::new));
+    if !white {
+        let rows = pool.rows();
+        for discrepancy in &mut discrepancies {
+            *discrepancy = Rc::new(discrepancy.whitened_for(&rows));
+        }
     }
     let noise = if white {
         1.0 - AR1_NOISE
@@ -201,17 +207,11 @@ fn finish(pool: CandidatePool<'_>, scored: &[Scored]) -> Attribution {
             score: scored.score + (1.0 - UNKNOWN).ln() + noise.ln(),
         })
         .collect();
-    let best = models
-        .iter()
-        .map(|model| model.score)
-        .fold(f64::NEG_INFINITY, f64::max);
-    models.extend(score_with_discrepancies(
-        &pool,
-        scored,
-        &discrepancies,
-        &priors,
-        best,
-    ));
+    let offered = score_with_discrepancies(&pool, scored, &discrepancies, 0, &models);
+    models.extend(offered.into_iter().map(|model| noisy(model, noise)));
+    if white {
+        add_switching(&pool, scored, &mut discrepancies, &mut models, noise);
+    }
     models.sort_by(|a, b| b.score.total_cmp(&a.score));
     models.dedup_by(|a, b| a.set == b.set && a.discrepancy == b.discrepancy);
     let best = models.first().map_or(0.0, |model| model.score);
@@ -224,10 +224,62 @@ fn finish(pool: CandidatePool<'_>, scored: &[Scored]) -> Attribution {
         aliases: pool.aliases,
         discrepancies,
         models,
+        touches: pool.shapes.observations.touches(),
         products: pool.products,
         y: pool.y.to_vec(),
         active: pool.active.to_vec(),
         lag1_correlation: pool.lag1_correlation,
+    }
+}
+
+/// A model whose score counts the prior probability of its noise.
+fn noisy(model: Model, noise: f64) -> Model {
+    Model {
+        score: model.score + noise.ln(),
+        ..model
+    }
+}
+
+/// Models with something that switches between two states: its states are estimated beside the best sets without a
+/// discrepancy, then beside those of the best models.
+fn add_switching(
+    pool: &CandidatePool<'_>,
+    scored: &[Scored],
+    discrepancies: &mut Vec<Rc<Discrepancy>>,
+    models: &mut Vec<Model>,
+    noise: f64,
+) {
+    let kinds: BTreeSet<Kind> = (discrepancies.iter())
+        .map(|discrepancy| discrepancy.kind.clone())
+        .collect();
+    let mut known: Vec<Vec<usize>> = Vec::new();
+    let mut sets = vec![Vec::new()];
+    sets.extend(best_of_each_size(scored, 3));
+    for _ in 0..=STATES {
+        sets.retain(|set| !known.contains(set));
+        let switching = switching::beside(pool, &sets, kinds.len());
+        known.append(&mut sets);
+        if switching.is_empty() {
+            return;
+        }
+        let first = discrepancies.len();
+        let offered = score_with_discrepancies(pool, scored, &switching, first, models);
+        discrepancies.extend(switching);
+        models.extend(offered.into_iter().map(|model| noisy(model, noise)));
+        let best = |switches: bool| {
+            let of = |model: &&Model| {
+                model.discrepancy.is_some_and(|(index, _)| {
+                    (discrepancies[index].kind == Kind::Switching) == switches
+                })
+            };
+            let own = models.iter().filter(of);
+            own.max_by(|one, other| one.score.total_cmp(&other.score))
+        };
+        sets = [best(true), best(false)]
+            .into_iter()
+            .flatten()
+            .map(|model| model.set.clone())
+            .collect();
     }
 }
 

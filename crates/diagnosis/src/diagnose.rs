@@ -5,6 +5,7 @@
 //! Deterministic: the same messages give the same report, whatever their order.
 
 mod explain;
+mod ladder;
 mod naming;
 mod records;
 mod reporter;

@@ -551,6 +551,7 @@ impl Drives {
                 } else {
                     Vec::new()
                 },
+                ladder: Vec::new(),
             },
             rejected,
             next_measurement: Vec::new(),

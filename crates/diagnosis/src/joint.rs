@@ -420,6 +420,7 @@ impl Reporter<'_> {
         let nothing = Unexplained {
             rms: 0.0,
             place: Vec::new(),
+            ladder: Vec::new(),
         };
         let Some((index, (gain, size))) = best else {
             return (nothing, false);
@@ -447,6 +448,7 @@ impl Reporter<'_> {
         let unexplained = Unexplained {
             rms: rms(&active_values(&part, active)),
             place: localisation::of_discrepancy(observations, &known[index].kind, &part, 1.0),
+            ladder: Vec::new(),
         };
         (unexplained, true)
     }

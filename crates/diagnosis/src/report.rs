@@ -255,6 +255,20 @@ pub struct Unexplained {
     /// Its localisation.
     #[serde(rename = "where")]
     pub place: Vec<Place>,
+    /// How far named effects could explain it: not proven, in the order in which they would close the gap.
+    #[serde(skip_serializing_if = "Vec::is_empty", default)]
+    pub ladder: Vec<Rung>,
+}
+
+/// An effect that could explain a part of what stays unexplained, beside those before it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Rung {
+    /// Identifier of the vocabulary.
+    pub effect: String,
+    /// Held-out rms without it, m.
+    pub rms_before: f64,
+    /// Held-out rms with it, m.
+    pub rms_after: f64,
 }
 
 /// An effect that was considered.

@@ -8,6 +8,9 @@
 mod covariate;
 mod kernels;
 mod scatter;
+mod switching;
+
+pub use switching::switching;
 
 use machine::{Chain, JointKind};
 

@@ -34,11 +34,15 @@ impl Rows {
         whitened(values, &self.active, self.touches, self.lag1_correlation)
     }
 
+    /// Number of rows in use whose noise is correlated.
+    pub fn correlated(&self) -> usize {
+        let touches = self.active.iter().take(self.touches);
+        touches.filter(|&&used| used).count()
+    }
+
     /// Half the log-determinant of the noise correlation.
     fn offset(&self) -> f64 {
-        let touches = self.active.iter().take(self.touches);
-        let correlated = touches.filter(|&&used| used).count() as f64;
-        0.5 * (correlated - 1.0).max(0.0)
+        0.5 * (self.correlated() as f64 - 1.0).max(0.0)
             * (1.0 - self.lag1_correlation * self.lag1_correlation).ln()
     }
 }

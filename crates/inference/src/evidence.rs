@@ -230,35 +230,50 @@ impl Products {
             .sum()
     }
 
-    /// Log evidence of a set at these prior variances of its blocks, their price included; nothing is optimised.
-    pub fn log_evidence_at_variances(&self, set: &[usize], prior_variances: &[f64]) -> f64 {
-        let count = self.qy.len();
+    /// Log evidence of a set at these variances of the coefficients of its blocks, m², their price included.
+    ///
+    /// `variance` is that of the noise beside which they were found, m²; here it is what they leave. Nothing else is optimised.
+    pub fn log_evidence_at_sizes(&self, set: &[usize], sizes: &[f64], variance: f64) -> f64 {
         let mut columns: Vec<(usize, f64)> = Vec::with_capacity(2 * set.len());
-        for (&j, &size) in set.iter().zip(prior_variances) {
+        for (&j, &size) in set.iter().zip(sizes) {
             let (first, width) = self.spans[j];
             columns.extend((first..first + width).map(|column| (column, size)));
         }
+        let (_, left) = self.evidence_and_variance(&columns, set.len(), variance);
+        self.evidence_and_variance(&columns, set.len(), left).0
+    }
+
+    /// Log evidence of `blocks` blocks of columns, each with its size (m²), over noise of a variance; and the variance left.
+    fn evidence_and_variance(
+        &self,
+        columns: &[(usize, f64)],
+        blocks: usize,
+        variance: f64,
+    ) -> (f64, f64) {
+        let count = self.qy.len();
+        let over = |size: f64| (size / variance).max(1.0);
         let n = columns.len();
         let mut matrix = vec![0.0; n * n];
         for (i, &(a, size)) in columns.iter().enumerate() {
             for (k, &(b, _)) in columns.iter().enumerate().take(i + 1) {
                 matrix[i * n + k] = self.qq[a * count + b];
             }
-            matrix[i * n + i] += 1.0 / size;
+            matrix[i * n + i] += 1.0 / over(size);
         }
         let Some(log_determinant) = cholesky(&mut matrix, n) else {
-            return f64::NEG_INFINITY;
+            return (f64::NEG_INFINITY, variance);
         };
         let mut projected: Vec<f64> = columns.iter().map(|&(a, _)| self.qy[a]).collect();
         forward(&matrix, n, &mut projected);
         let residual = (self.yy - dot(&projected, &projected)).max(0.0) + RESOLUTION * RESOLUTION;
         let freedom = self.rows + 1.0;
-        let spread: f64 = columns.iter().map(|(_, size)| size.ln()).sum();
-        ln_gamma(0.5 * freedom)
+        let spread: f64 = columns.iter().map(|&(_, size)| over(size).ln()).sum();
+        let log_evidence = ln_gamma(0.5 * freedom)
             - 0.5 * freedom * (std::f64::consts::PI * residual).ln()
             - 0.5 * (spread + log_determinant)
-            - SIZE_PRICE * set.len() as f64
-            - self.offset
+            - SIZE_PRICE * blocks as f64
+            - self.offset;
+        (log_evidence, residual / freedom)
     }
 }
 

@@ -10,6 +10,7 @@
 //!   search over sets of candidates  <--  search       beam search, exchange, backward elimination
 //!            |                           scan, trial  values of a nonlinear constant that deserve a candidate
 //!            v                           discrepancy, whitened  Gaussian processes for what no candidate explains
+//!                                        markov, switching  signals that switch between two states
 //!   posterior over (set, discrepancy)    posterior    probabilities of all models, fits and residuals
 //!                                        outliers, held_out  leave-one-out suspects; cross-validation by blocks
 //! ```
@@ -49,9 +50,11 @@ pub mod gram;
 pub mod held_out;
 pub mod least_squares;
 pub mod linear;
+pub mod markov;
 pub mod outliers;
 pub mod posterior;
 pub mod scan;
 pub mod search;
+pub mod switching;
 pub mod trial;
 pub mod whitened;

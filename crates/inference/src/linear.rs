@@ -32,14 +32,31 @@ pub fn whitened(
     lag1_correlation: f64,
 ) -> Vec<f64> {
     let mut picked = pick(values, active);
-    if lag1_correlation != 0.0 {
-        let touched = active.iter().take(touches).filter(|&&used| used).count();
-        let fresh = 1.0 / (1.0 - lag1_correlation * lag1_correlation).sqrt();
-        for index in (1..touched).rev() {
-            picked[index] = (picked[index] - lag1_correlation * picked[index - 1]) * fresh;
-        }
-    }
+    let touched = active.iter().take(touches).filter(|&&used| used).count();
+    whiten(&mut picked[..touched], lag1_correlation);
     picked
+}
+
+/// Whitens values in the order of time for AR(1) noise, in place.
+pub fn whiten(values: &mut [f64], lag1_correlation: f64) {
+    if lag1_correlation == 0.0 {
+        return;
+    }
+    let fresh = 1.0 / (1.0 - lag1_correlation * lag1_correlation).sqrt();
+    for index in (1..values.len()).rev() {
+        values[index] = (values[index] - lag1_correlation * values[index - 1]) * fresh;
+    }
+}
+
+/// Undoes [`whiten`], in place.
+pub fn unwhiten(values: &mut [f64], lag1_correlation: f64) {
+    if lag1_correlation == 0.0 {
+        return;
+    }
+    let fresh = (1.0 - lag1_correlation * lag1_correlation).sqrt();
+    for index in 1..values.len() {
+        values[index] = values[index] * fresh + lag1_correlation * values[index - 1];
+    }
 }
 
 fn pick(values: &[f64], active: &[bool]) -> Vec<f64> {

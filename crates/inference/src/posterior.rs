@@ -3,9 +3,10 @@
 use std::rc::Rc;
 
 use crate::candidate::{Alias, Candidate};
+use crate::columns::Rows;
 use crate::discrepancy::{Discrepancy, Kind};
 use crate::evidence::{Fit, Products};
-use crate::linear::add_scaled;
+use crate::linear::{add_scaled, unwhiten};
 use crate::whitened::Design;
 
 /// A model: a set of candidates, with or without a discrepancy.
@@ -38,16 +39,42 @@ pub struct Attribution {
     pub y: Vec<f64>,
     /// Rows in use.
     pub active: Vec<bool>,
+    /// Rows that are touches, in the order of time; what follows them are references.
+    pub touches: usize,
     /// Lag-1 correlation of the noise of successive touches.
     pub lag1_correlation: f64,
 }
 
 impl Attribution {
+    /// The rows in use and the correlation of their noise.
+    pub fn rows(&self) -> Rows {
+        Rows {
+            active: self.active.clone(),
+            touches: self.touches,
+            lag1_correlation: self.lag1_correlation,
+        }
+    }
+
     /// True where a model needs a cause outside the vocabulary.
     pub fn is_unknown(&self, model: &Model) -> bool {
         (model.discrepancy).is_some_and(|(index, _)| {
             !matches!(self.discrepancies[index].kind, Kind::Grid | Kind::Noise)
         })
+    }
+
+    /// Posterior mean of the discrepancy of a model at all rows, zero where they are not in use; `None` without one.
+    pub fn discrepancy_part(&self, model: &Model) -> Option<Vec<f64>> {
+        let (index, power) = model.discrepancy?;
+        let rows = self.rows();
+        let residuals = rows.white(&self.residuals(model)?);
+        let mut mean = self.discrepancies[index].posterior_mean(power, &residuals);
+        unwhiten(&mut mean[..rows.correlated()], self.lag1_correlation);
+        let mut part = vec![0.0; self.active.len()];
+        let used = part.iter_mut().zip(&self.active).filter(|(_, used)| **used);
+        for ((value, _), mean) in used.zip(mean) {
+            *value = mean;
+        }
+        Some(part)
     }
 
     /// Standard deviation of each active row over that of the noise; `None` where the model has the same noise for all.
@@ -90,7 +117,7 @@ impl Attribution {
             Some((index, power)) => {
                 let members = model.set.iter().map(|&member| &self.candidates[member]);
                 let indices: Vec<usize> = (0..model.set.len()).collect();
-                Design::new(members, &self.y, &self.active)
+                Design::new(members, &self.y, &self.rows())
                     .with_discrepancy(&self.discrepancies[index])
                     .products(power, &self.products.subset(&model.set))
                     .fit(&indices)

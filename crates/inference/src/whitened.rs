@@ -11,19 +11,18 @@ use crate::evidence::Products;
 pub struct Design(DMatrix<f64>);
 
 impl Design {
-    /// Columns of some candidates and the weighted deviations `y` over the rows in use.
+    /// Columns of some candidates and the weighted deviations `y` over the rows in use, whitened for their noise.
     pub fn new<'c>(
         candidates: impl Iterator<Item = &'c Candidate>,
         y: &[f64],
-        active: &[bool],
+        rows: &Rows,
     ) -> Self {
-        let rows = Rows::plain(active);
         let y = [y.to_vec()];
         let blocks = candidates.map(|candidate| candidate.block.as_slice());
-        Self(side_by_side(&rows, blocks.chain([y.as_slice()]), 0).0)
+        Self(side_by_side(rows, blocks.chain([y.as_slice()]), 0).0)
     }
 
-    /// The same columns, whitened for a discrepancy over the same rows.
+    /// The same columns, whitened for a discrepancy over the same rows, itself whitened for their noise.
     pub fn with_discrepancy<'a>(&'a self, discrepancy: &'a Discrepancy) -> Whitened<'a> {
         Whitened(discrepancy.project(&self.0))
     }

@@ -44,6 +44,35 @@ pub enum Content {
     Correlated(usize),
     /// One effect of the vocabulary, and 3 % false touches.
     Stray,
+    /// Something outside the vocabulary, under noise that remembers the touch before.
+    StrangeCorrelated,
+    /// This many effects of the vocabulary, and this outside it.
+    Beside(usize, Outsider),
+}
+
+/// A cause outside the vocabulary that is asked for by name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Outsider {
+    /// The stylus lies in one of two seats and changes between them now and then.
+    LooseStylus,
+    /// The part is displaced by a quadratic form of the place.
+    QuadraticField,
+    /// An axis runs over a bump.
+    Bump,
+}
+
+impl Outsider {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::LooseStylus, Self::QuadraticField, Self::Bump];
+
+    /// What it is called on a card.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::LooseStylus => "a loose stylus",
+            Self::QuadraticField => "a quadratic field",
+            Self::Bump => "a bump on an axis",
+        }
+    }
 }
 
 /// What was hidden in a session.
@@ -151,13 +180,23 @@ fn hide(stage: &Stage, random: &mut Pcg64Mcg, content: Content) -> Hidden {
         Content::Strange => (0, 1),
         Content::Mixed => (1, 1),
         Content::Stray => (1, 0),
+        Content::StrangeCorrelated => (0, 1),
+        Content::Beside(count, _) => (count, 1),
+    };
+    let asked = match content {
+        Content::Beside(_, outsider) => Some(outsider),
+        _ => None,
     };
     let mut causes: Vec<Cause> = Vec::new();
     let mut sizes = Vec::new();
     let still = Plant::new(&scene, &[]).deviations();
     while causes.len() < known + strange {
         let outside = causes.len() >= known;
-        let mut cause = Cause::random(random, &scene, outside);
+        let mut cause = match (outside, asked) {
+            (false, _) => Cause::random(random, &scene, false),
+            (true, None) => Cause::random(random, &scene, true),
+            (true, Some(outsider)) => Cause::outsider(random, &scene, outsider),
+        };
         if causes.iter().any(|other| other.id() == cause.id()) || !cause.shows_as_itself(&scene) {
             continue;
         }
@@ -195,7 +234,7 @@ fn errors(random: &mut Pcg64Mcg, content: Content, noise: f64, count: usize) -> 
         .unwrap_or_else(|_| unreachable!("the noise is finite and positive"));
     let mut errors: Vec<f64> = (0..count).map(|_| normal.sample(random)).collect();
     match content {
-        Content::Correlated(_) => {
+        Content::Correlated(_) | Content::StrangeCorrelated => {
             let fresh = (1.0 - CORRELATION * CORRELATION).sqrt();
             for index in 1..count {
                 errors[index] = CORRELATION * errors[index - 1] + fresh * errors[index];

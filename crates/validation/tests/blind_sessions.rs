@@ -3,7 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use diagnosis::{DiagnoseError, Options, Report, Session, Verdict, diagnose};
-use validation::blind::{Content, Stage, Truth, session, session_on};
+use validation::blind::{Content, Outsider, Stage, Truth, session, session_on};
 
 #[path = "../../diagnosis/examples/common/mod.rs"]
 mod common;
@@ -66,6 +66,42 @@ fn something_outside_the_vocabulary_stays_unexplained() {
         })
         .count();
     assert_eq!(unexplained, 10, "unknown causes left unexplained, of 10");
+}
+
+/// A stylus that changes between two seats: neither noise, however correlated, nor any effect.
+#[test]
+fn a_signal_that_switches_between_two_states_is_unknown_and_no_noise() {
+    let (mut unexplained, mut beside) = (0, 0);
+    for seed in 80..90 {
+        let (truth, report) = check(seed, Content::Beside(0, Outsider::LooseStylus));
+        assert_ne!(report.verdict, Verdict::NoGap, "seed {seed}: {report}");
+        let floor = report.gap.noise_floor / truth.noise;
+        unexplained += usize::from(
+            report.verdict == Verdict::Unexplained && report.effects.is_empty() && floor < 1.5,
+        );
+        let (truth, report) = check(seed, Content::Beside(1, Outsider::LooseStylus));
+        assert_ne!(report.verdict, Verdict::NoGap, "seed {seed}: {report}");
+        let [only] = report.effects.as_slice() else {
+            continue;
+        };
+        let stands = |id: &String| only.effect == *id || only.indistinguishable_from.contains(id);
+        beside += usize::from(stands(&truth.effects[0]));
+    }
+    assert_eq!(unexplained, 10, "left unexplained, of 10");
+    assert!(beside >= 9, "{beside} of 10 effects named beside it");
+}
+
+/// Noise that remembers the touch before does not hide a cause outside the vocabulary.
+#[test]
+fn something_unknown_stands_beside_correlated_noise_too() {
+    let mut flagged = 0;
+    for seed in 90..100 {
+        let (_, report) = check(seed, Content::StrangeCorrelated);
+        flagged += usize::from(report.verdict == Verdict::Unexplained && report.effects.is_empty());
+        let (_, report) = check(seed, Content::Correlated(0));
+        assert_eq!(report.verdict, Verdict::NoGap, "seed {seed}: {report}");
+    }
+    assert!(flagged >= 9, "{flagged} of 10");
 }
 
 #[test]

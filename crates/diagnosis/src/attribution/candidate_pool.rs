@@ -18,7 +18,7 @@ use inference::golden::golden_section;
 use inference::linear::{SPANNED, dot, orthonormal, remove};
 use inference::posterior::Attribution;
 use inference::scan::{CrossProducts, MaskedColumn, ResidualProjection, Trials};
-use inference::search::{EvidenceCache, Priors, Scored, default_beam_width, search};
+use inference::search::{EvidenceCache, Priors, Scored, default_beam_width, exchange_best, search};
 use inference::trial::Trial;
 
 /// Rows on which shapes are scanned.
@@ -309,6 +309,15 @@ impl<'a> CandidatePool<'a> {
         self.aliases.clone_from(&other.aliases);
     }
 
+    /// The rows in use and the correlation of their noise.
+    pub(crate) fn rows(&self) -> Rows {
+        Rows {
+            active: self.active.to_vec(),
+            touches: self.shapes.observations.touches(),
+            lag1_correlation: self.lag1_correlation,
+        }
+    }
+
     fn effect(&self, member: usize) -> &str {
         &self.shapes.variants[self.candidates[member].variant].effect
     }
@@ -352,12 +361,14 @@ impl<'a> CandidatePool<'a> {
     pub(crate) fn search(&mut self) -> Vec<Scored> {
         self.refresh();
         let priors = self.priors();
-        search(
+        let mut scored = search(
             &self.products,
             &priors,
             default_beam_width(),
             &mut self.evidence,
-        )
+        );
+        exchange_best(&self.products, &priors, &mut scored);
+        scored
     }
 
     /// Products of all candidates there are by now.

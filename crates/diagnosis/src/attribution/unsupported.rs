@@ -41,6 +41,12 @@ pub(crate) fn unsupported_effects(
     unsupported
 }
 
+/// Share by which the held-out rms must be larger without an effect that is supported.
+pub(crate) fn least_share(attribution: &Attribution) -> f64 {
+    let touches = attribution.active.iter().filter(|&&used| used).count() as f64;
+    (SHRINKS * (USUAL / touches).min(1.0)).max(LEAST)
+}
+
 /// Members without which held-out touches are predicted as well, the least supported first.
 fn not_cross_validated(
     observations: &Observations,
@@ -55,8 +61,7 @@ fn not_cross_validated(
         let residuals = blocks.residuals(&candidates, &attribution.y, &attribution.active);
         blocks.size(&residuals).rms
     };
-    let touches = attribution.active.iter().filter(|&&used| used).count() as f64;
-    let share = (SHRINKS * (USUAL / touches).min(1.0)).max(LEAST);
+    let share = least_share(attribution);
     let mut kept = set.to_vec();
     let mut found = Vec::new();
     let mut with = held_out(&kept);

@@ -1,9 +1,9 @@
 //! Scores effect sets with an added discrepancy term: every explanation with something unknown in it.
 //!
 //! A set of effects leaves residuals; a Gaussian-process discrepancy (Kennedy and O'Hagan 2001; Rasmussen and Williams 2006, ch. 5
-//! for the evidence) models what remains. Three passes, each over fewer discrepancies: screening at the prior variances that
-//! the sets have without any, evidence of the best sets at neighbouring variances of the process, and a new search over the
-//! library beside the best discrepancies. Metres.
+//! for the evidence) models what remains. Three passes, each over fewer discrepancies: screening with the sizes that the sets
+//! have without any, evidence of the best sets at all variances of the process, and a new search over the library beside the
+//! best discrepancies, at the variance that is best for what the search found. Metres.
 
 use std::rc::Rc;
 
@@ -11,7 +11,7 @@ use effects::discrepancy::is_kin;
 use inference::discrepancy::{Discrepancy, Kind};
 use inference::evidence::Products;
 use inference::posterior::Model;
-use inference::search::{EvidenceCache, Priors, Scored, search};
+use inference::search::{EvidenceCache, Priors, Scored, exchange_best, search};
 use inference::whitened::Design;
 
 use super::candidate_pool::CandidatePool;
@@ -35,26 +35,33 @@ const SEARCHED: usize = 6;
 const SEARCH_BEAM: usize = 6;
 /// Models of that search that are kept.
 const SEARCH_KEPT: usize = 60;
-/// Best sets that are scored with each discrepancy.
+/// Best sets that are scored with each discrepancy at the variance that screening found best and its neighbours.
 const SETS: usize = 12;
+/// The same at the other variances.
+const SETS_ELSEWHERE: usize = 4;
+/// Variances at which a search is made for one discrepancy, at most.
+const POWERS_SEARCHED: usize = 3;
 /// Sets that are screened, each of another size.
 const SCREENING_SETS: usize = 5;
 
 /// What an effect pays (natural log) beside a discrepancy of its own kind: either describes the same thing.
 const KIN: f64 = 12.0;
 
-/// Models of effect sets with each of the discrepancies; `best` is the log score of the best model without any.
+/// Models of effect sets with each of the discrepancies, whose numbers begin at `first`; `known` are scored already.
 pub(crate) fn score_with_discrepancies(
     pool: &CandidatePool<'_>,
     scored: &[Scored],
     discrepancies: &[Rc<Discrepancy>],
-    priors: &Priors,
-    mut best: f64,
+    first: usize,
+    known: &[Model],
 ) -> Vec<Model> {
+    let mut best = (known.iter())
+        .map(|model| model.score)
+        .fold(f64::NEG_INFINITY, f64::max);
     let scorer = Scorer {
         pool,
         discrepancies,
-        priors,
+        priors: &pool.priors(),
     };
     let subset = CandidateSubset::new(pool, reduced_sets(scored));
     let mut models: Vec<Model> = Vec::new();
@@ -74,10 +81,15 @@ pub(crate) fn score_with_discrepancies(
             break;
         }
         let design =
-            design.get_or_insert_with(|| Design::new(pool.candidates.iter(), pool.y, pool.active));
+            design.get_or_insert_with(|| Design::new(pool.candidates.iter(), pool.y, &pool.rows()));
         let found = scorer.search(design, index, power);
         best = found.iter().map(|model| model.score).fold(best, f64::max);
         models.extend(found);
+    }
+    for model in &mut models {
+        if let Some((index, _)) = &mut model.discrepancy {
+            *index += first;
+        }
     }
     models
 }
@@ -126,7 +138,7 @@ impl Scorer<'_> {
         priors
     }
 
-    /// Discrepancies worth a closer look, best first: the best set of each size at the prior variances that it has without.
+    /// Discrepancies worth a closer look, best first: the best set of each size with the sizes that it has without.
     fn screen(&self, scored: &[Scored], best: f64) -> Vec<Screened> {
         let mut sets: Vec<Vec<usize>> = Vec::new();
         for scored in scored {
@@ -168,17 +180,18 @@ impl Scorer<'_> {
         screened
     }
 
-    /// Models of the best sets with a discrepancy, at the variance that screening found best and its neighbours.
+    /// Models of the best sets with a discrepancy, at all variances.
     fn evaluate(&self, subset: &CandidateSubset, screened: &Screened) -> Vec<Model> {
         let discrepancy = &self.discrepancies[screened.index];
         let priors = self.priors_with(discrepancy);
         let whitened = subset.design.with_discrepancy(discrepancy);
         let powers = powers(discrepancy);
-        let neighbours = screened.power.saturating_sub(1)..(screened.power + 2).min(powers.len());
         let mut models = Vec::new();
-        for &power in &powers[neighbours] {
+        for (number, &power) in powers.iter().enumerate() {
+            let near = number.abs_diff(screened.power) <= 1;
+            let most = if near { SETS } else { SETS_ELSEWHERE };
             let products = whitened.products(power, &subset.plain);
-            // Only the best at the variances that they have without the discrepancy are solved.
+            // Only the best at the sizes that they have without the discrepancy are solved.
             let mut estimates: Vec<(f64, &FittedSet)> = (subset.sets.iter())
                 .map(|fitted| {
                     let prior = priors.log_prior_of(&fitted.set);
@@ -186,7 +199,7 @@ impl Scorer<'_> {
                 })
                 .collect();
             estimates.sort_by(|a, b| b.0.total_cmp(&a.0));
-            models.extend(estimates.into_iter().take(SETS).map(|(_, fitted)| Model {
+            models.extend(estimates.into_iter().take(most).map(|(_, fitted)| Model {
                 set: fitted.set.clone(),
                 discrepancy: Some((screened.index, power)),
                 probability: 0.0,
@@ -198,23 +211,49 @@ impl Scorer<'_> {
         models
     }
 
-    /// Models of a search over the whole library beside a discrepancy of variance `power` over the noise.
-    fn search(&self, design: &Design, index: usize, power: f64) -> Vec<Model> {
+    /// Models of a search over the whole library beside a discrepancy, at first of variance `power` over the noise, then at
+    /// the variance that is best for the set that was found.
+    fn search(&self, design: &Design, index: usize, mut power: f64) -> Vec<Model> {
         let discrepancy = &self.discrepancies[index];
-        let products = design
-            .with_discrepancy(discrepancy)
-            .products(power, &self.pool.products);
+        let whitened = design.with_discrepancy(discrepancy);
         let priors = self.priors_with(discrepancy);
-        search(&products, &priors, SEARCH_BEAM, &mut EvidenceCache::new())
-            .into_iter()
-            .take(SEARCH_KEPT)
-            .map(|found| Model {
-                set: found.set,
+        let mut models: Vec<Model> = Vec::new();
+        let mut searched: Vec<f64> = Vec::new();
+        while searched.len() < POWERS_SEARCHED && !searched.contains(&power) {
+            searched.push(power);
+            let products = whitened.products(power, &self.pool.products);
+            let mut found = search(&products, &priors, SEARCH_BEAM, &mut EvidenceCache::new());
+            exchange_best(&products, &priors, &mut found);
+            let model = |found: &Scored, power: f64, score: f64| Model {
+                set: found.set.clone(),
                 discrepancy: Some((index, power)),
                 probability: 0.0,
-                score: found.score + log_prior_with(discrepancy),
-            })
-            .collect()
+                score: score + log_prior_with(discrepancy),
+            };
+            let kept = found.iter().take(SEARCH_KEPT);
+            models.extend(kept.map(|found| model(found, power, found.score)));
+            let Some(best) = found.first() else {
+                break;
+            };
+            let subset = CandidateSubset::new(self.pool, vec![best.set.clone()]);
+            let [fitted] = subset.sets.as_slice() else {
+                break;
+            };
+            let whitened = subset.design.with_discrepancy(discrepancy);
+            let prior = priors.log_prior_of(&best.set);
+            let (mut highest, searched_at) = (best.score, power);
+            let others = powers(discrepancy).iter();
+            for &other in others.filter(|&&other| other != searched_at) {
+                let products = whitened.products(other, &subset.plain);
+                let score = products.log_evidence(&fitted.indices) + prior;
+                models.push(model(best, other, score));
+                if score > highest {
+                    highest = score;
+                    power = other;
+                }
+            }
+        }
+        models
     }
 }
 
@@ -238,33 +277,38 @@ impl CandidateSubset {
             let indices: Vec<usize> = (set.iter())
                 .map(|member| members.partition_point(|other| other < member))
                 .collect();
-            let prior_variances = plain.fit(&indices)?.prior_variances;
+            let fit = plain.fit(&indices)?;
+            let sizes = fit.prior_variances.iter();
             Some(FittedSet {
                 set,
                 indices,
-                prior_variances,
+                sizes: sizes.map(|size| size * fit.variance).collect(),
+                variance: fit.variance,
             })
         };
         Self {
-            design: Design::new(candidates, pool.y, pool.active),
+            design: Design::new(candidates, pool.y, &pool.rows()),
             sets: sets.into_iter().filter_map(fitted).collect(),
             plain,
         }
     }
 }
 
-/// A set with the prior variances that it has without a discrepancy.
+/// A set with the sizes that it has without a discrepancy.
 struct FittedSet {
     set: Vec<usize>,
     /// Indices of its candidates within the subset.
     indices: Vec<usize>,
-    prior_variances: Vec<f64>,
+    /// Variances of the coefficients of its blocks, m².
+    sizes: Vec<f64>,
+    /// Variance of the noise, m².
+    variance: f64,
 }
 
 impl FittedSet {
-    /// Log evidence at these prior variances.
+    /// Log evidence at these sizes.
     fn log_evidence(&self, products: &Products) -> f64 {
-        products.log_evidence_at_variances(&self.indices, &self.prior_variances)
+        products.log_evidence_at_sizes(&self.indices, &self.sizes, self.variance)
     }
 }
 

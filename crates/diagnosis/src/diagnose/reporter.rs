@@ -115,7 +115,7 @@ impl Reporter<'_> {
                 &self.observations.deviations,
                 &attribution.active,
             ),
-            unexplained: self.unexplained(beside_unknown, best, &unsupported, rms),
+            unexplained: self.unexplained(beside_unknown, best, (&set, &unsupported), rms),
             rejected: self.rejected(&set),
             next_measurement: self.next_measurement(&set, &effects),
             declared: declared::compare_with_promise(
@@ -267,7 +267,7 @@ impl Reporter<'_> {
         &self,
         beside_unknown: bool,
         best: &Model,
-        unsupported: &[usize],
+        (named, unsupported): (&[usize], &[usize]),
         gap: f64,
     ) -> Unexplained {
         let attribution = &self.explained.attribution;
@@ -279,12 +279,14 @@ impl Reporter<'_> {
             return Unexplained {
                 rms: touches(&part),
                 place: localisation::of_part(self.observations, &part, &attribution.active),
+                ladder: self.ladder(named, gap),
             };
         }
         if !beside_unknown {
             return Unexplained {
                 rms: 0.0,
                 place: Vec::new(),
+                ladder: Vec::new(),
             };
         }
         let mut all = Vec::new();
@@ -327,6 +329,7 @@ impl Reporter<'_> {
         Unexplained {
             rms: size,
             place: all,
+            ladder: self.ladder(named, gap),
         }
     }
 

@@ -108,6 +108,12 @@ pub(crate) fn of_discrepancy(
         Kind::Direction => named(observations, &energy, "direction", probability),
         Kind::Feature => named(observations, &energy, "feature", probability),
         Kind::Grid | Kind::Noise => Vec::new(),
+        Kind::Switching => {
+            let states = place("component", "two states".to_owned(), None, probability);
+            std::iter::once(states)
+                .chain(coordinate("time", "s".to_owned(), &|row| row.time))
+                .collect()
+        }
         Kind::Index => vec![place("component", "index".to_owned(), None, probability)],
         Kind::Covariate(covariate) => {
             let key = covariate.name().to_owned();
@@ -122,22 +128,9 @@ pub(crate) fn discrepancy_part(
     model: usize,
 ) -> Option<(Kind, Vec<f64>)> {
     let model = &attribution.models[model];
-    let (index, power) = model.discrepancy?;
-    let discrepancy = &attribution.discrepancies[index];
-    let residuals = attribution.residuals(model)?;
-    let used: Vec<usize> = (0..residuals.len())
-        .filter(|&row| attribution.active[row])
-        .collect();
-    let used_residuals: Vec<f64> = used.iter().map(|&row| residuals[row]).collect();
-    let mut part = vec![0.0; residuals.len()];
-    for (value, &row) in discrepancy
-        .posterior_mean(power, &used_residuals)
-        .into_iter()
-        .zip(&used)
-    {
-        part[row] = value;
-    }
-    Some((discrepancy.kind.clone(), part))
+    let (index, _) = model.discrepancy?;
+    let part = attribution.discrepancy_part(model)?;
+    Some((attribution.discrepancies[index].kind.clone(), part))
 }
 
 fn named(

@@ -68,6 +68,16 @@ impl fmt::Display for Report {
                 writeln!(to, "    {}", place_text(place))?;
             }
         }
+        if !self.unexplained.ladder.is_empty() {
+            writeln!(
+                to,
+                "  named effects could explain it this far on held-out samples, which is not proven:"
+            )?;
+            for rung in &self.unexplained.ladder {
+                let (before, after) = (micro(rung.rms_before), micro(rung.rms_after));
+                writeln!(to, "    {}: {before} -> {after}", rung.effect)?;
+            }
+        }
         for next in &self.next_measurement {
             write_next(to, next)?;
         }

@@ -18,6 +18,8 @@ pub enum Kind {
     Index,
     /// A covariate of a touch that the plan states.
     Covariate(Covariate),
+    /// The state of something that switches between two.
+    Switching,
     /// The cell of a coarse grid on which positions are read: no unknown cause.
     Grid,
     /// The noise, which is larger for some touches: no unknown cause.

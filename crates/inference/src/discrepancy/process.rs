@@ -8,7 +8,8 @@ use nalgebra::{DMatrix, DVector};
 
 use super::kind::Kind;
 use super::tridiagonal::Tridiagonal;
-use crate::linear::{add_scaled, remove, scale};
+use crate::columns::Rows;
+use crate::linear::{add_scaled, remove, scale, whiten};
 
 /// Directions whose power beside a basis is below this share of the largest are dropped.
 const LEAST_POWER: f64 = 1e-3;
@@ -169,6 +170,26 @@ impl Discrepancy {
         }
     }
 
+    /// The process over rows whose noise is correlated, whitened for it.
+    ///
+    /// Larger scatter is that of the innovations.
+    pub fn whitened_for(&self, rows: &Rows) -> Self {
+        match &self.form {
+            Form::Smooth(lines, _) => {
+                let mut down = lines.transpose();
+                let correlated = rows.correlated();
+                for mut column in down.column_iter_mut() {
+                    whiten(
+                        &mut column.as_mut_slice()[..correlated],
+                        rows.lag1_correlation,
+                    );
+                }
+                Self::from_lines(self.kind.clone(), down.transpose(), self.log_prior)
+            }
+            Form::Scatter(_) => self.clone(),
+        }
+    }
+
     /// Number of rows.
     pub fn rows(&self) -> usize {
         match &self.form {
@@ -261,7 +282,7 @@ impl Discrepancy {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::linear::dot;
+    use crate::linear::{dot, unwhiten};
 
     /// Columns without order, and values over the same rows.
     fn columns(rows: usize, count: usize) -> Vec<Vec<f64>> {
@@ -331,6 +352,44 @@ mod tests {
         assert!((log_determinant - whole.determinant().ln()).abs() < 1e-12);
         let expected: f64 = (0..5).map(|row| 1.0 - inverse[(row, row)]).sum();
         assert!((discrepancy.effective_dof(power) - expected).abs() < 1e-12);
+    }
+
+    /// Whitened, the covariance of process and AR(1) noise together is L(C + p·K)Lᵀ, where L·C·Lᵀ = I: the dense matrices.
+    #[test]
+    fn a_process_beside_correlated_noise_is_whitened_with_it() {
+        let (rows, references, lag1, power) = (11, 2, 0.6_f64, 2.0);
+        let made = columns(rows + references, 4);
+        let all = Rows {
+            active: vec![true; rows + references],
+            touches: rows,
+            lag1_correlation: lag1,
+        };
+        let discrepancy = Discrepancy::new(Kind::Time, &made, 0.0).whitened_for(&all);
+        let noise = DMatrix::from_fn(rows + references, rows + references, |i, k| {
+            if i == k {
+                1.0
+            } else if i.max(k) < rows {
+                lag1.powi(i.abs_diff(k) as i32)
+            } else {
+                0.0
+            }
+        });
+        let down = DMatrix::from_vec(rows + references, 4, made.concat());
+        let whole = (&noise + &down * down.transpose() * power)
+            .try_inverse()
+            .expect("positive definite");
+        let values = columns(rows + references, 9).pop().expect("nine");
+        let y = DVector::from_column_slice(&values);
+        let white = DVector::from_vec(all.white(&values));
+        let column = DMatrix::from_vec(rows + references, 1, white.data.as_vec().clone());
+        let (explained, _) = discrepancy.project(&column).explained_gram(power);
+        let beside = white.dot(&white) - explained[0];
+        assert!((beside - (y.transpose() * &whole * &y)[0]).abs() < 1e-10 * beside);
+        // Its posterior mean, taken back, is K·p·(C + p·K)⁻¹·y.
+        let mut mean = discrepancy.posterior_mean(power, white.as_slice());
+        unwhiten(&mut mean[..rows], lag1);
+        let expected = &down * down.transpose() * power * &whole * &y;
+        assert!(mean.iter().zip(&expected).all(|(a, b)| (a - b).abs() < 1e-10));
     }
 
     /// Over fewer rows it is what its columns over those rows make.

@@ -252,6 +252,25 @@ fn places(page: &mut Page, report: &Report, turns: Turns<'_>) -> Result<(), Plot
         }
         page.table(&table);
     }
+    if !report.unexplained.ladder.is_empty() {
+        let unit = unit_of(report);
+        page.paragraph(
+            "Known effects could explain it as far as the table says, judged on touches that were not used to fit. That is not \
+             proven: an unknown cause is the more probable explanation, or several effects explain it alike.",
+        );
+        let mut table = Table::new(
+            "What known effects could explain, not proven",
+            &["effect added", "remaining without it", "remaining with it"],
+        );
+        for rung in &report.unexplained.ladder {
+            table.row(vec![
+                rung.effect.clone(),
+                unit.size(rung.rms_before),
+                unit.size(rung.rms_after),
+            ]);
+        }
+        page.table(&table);
+    }
     Ok(())
 }
 

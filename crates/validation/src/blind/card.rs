@@ -10,7 +10,7 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use super::{Content, Stage, Truth, session_on};
+use super::{Content, Outsider, Stage, Truth, session_on};
 use diagnosis::report::{Effect, Report, Verdict};
 use diagnosis::{Options, diagnose};
 use effects::session::DiagnoseError;
@@ -34,7 +34,7 @@ pub enum Trial {
 }
 
 /// The kinds of trials of a full card.
-pub const TRIALS: [Trial; 10] = [
+pub const TRIALS: [Trial; 18] = [
     Trial::Hidden(Content::Clean),
     Trial::Hidden(Content::Known(1)),
     Trial::Hidden(Content::Known(2)),
@@ -45,6 +45,14 @@ pub const TRIALS: [Trial; 10] = [
     Trial::Hidden(Content::Correlated(1)),
     Trial::Hidden(Content::Stray),
     Trial::Deleted,
+    Trial::Hidden(Content::StrangeCorrelated),
+    Trial::Hidden(Content::Beside(0, Outsider::LooseStylus)),
+    Trial::Hidden(Content::Beside(0, Outsider::QuadraticField)),
+    Trial::Hidden(Content::Beside(0, Outsider::Bump)),
+    Trial::Hidden(Content::Beside(1, Outsider::LooseStylus)),
+    Trial::Hidden(Content::Beside(1, Outsider::QuadraticField)),
+    Trial::Hidden(Content::Beside(1, Outsider::Bump)),
+    Trial::Hidden(Content::Beside(2, Outsider::LooseStylus)),
 ];
 
 impl Trial {
@@ -76,6 +84,16 @@ impl Trial {
             Self::Hidden(Content::Correlated(0)) => "nothing, AR(1) noise 0.7".to_owned(),
             Self::Hidden(Content::Correlated(_)) => "one effect, AR(1) noise 0.7".to_owned(),
             Self::Hidden(Content::Stray) => "one effect, 3 % outliers".to_owned(),
+            Self::Hidden(Content::StrangeCorrelated) => {
+                "an unknown cause, AR(1) noise 0.7".to_owned()
+            }
+            Self::Hidden(Content::Beside(0, outsider)) => outsider.name().to_owned(),
+            Self::Hidden(Content::Beside(1, outsider)) => {
+                format!("one effect and {}", outsider.name())
+            }
+            Self::Hidden(Content::Beside(count, outsider)) => {
+                format!("{count} effects and {}", outsider.name())
+            }
             Self::Deleted => "one effect, deleted from the library".to_owned(),
         }
     }

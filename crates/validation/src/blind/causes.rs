@@ -1,9 +1,10 @@
 //! What can be wrong in a blind session, each with its own finite parametrisation.
 
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
-use rand::Rng;
+use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
+use super::Outsider;
 use super::scene::{Axis, Scene, Touch};
 
 /// A hidden cause: what it is, where it acts and how much.
@@ -22,6 +23,8 @@ pub struct Cause {
     tool: u32,
     /// Where a patch lies and how wide it is.
     patch: (Point3<f64>, f64),
+    /// Touches at which a loose stylus changes its seat; the last one counts for all after it.
+    seats: Vec<bool>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -59,6 +62,8 @@ enum Kind {
     XKink,
     XOval,
     XCross,
+    XLoose,
+    XField,
 }
 
 impl Kind {
@@ -137,6 +142,28 @@ impl Cause {
                 XBump, XVibration, XTwist, XPatch, XFeature, XWander, XKink, XOval, XCross,
             ];
         }
+        Self::one_of(random, scene, &kinds)
+    }
+
+    /// A cause outside the vocabulary of the kind that is asked for.
+    pub(super) fn outsider(random: &mut Pcg64Mcg, scene: &Scene, outsider: Outsider) -> Self {
+        let kind = match outsider {
+            Outsider::LooseStylus => Kind::XLoose,
+            Outsider::QuadraticField => Kind::XField,
+            Outsider::Bump if scene.has_linear_axis() => Kind::XBump,
+            // An arm has bumps on none of its axes; its part may.
+            Outsider::Bump => Kind::XPatch,
+        };
+        let mut cause = Self::one_of(random, scene, &[kind]);
+        if kind == Kind::XLoose {
+            cause.seats = seats(random, scene.touches.len());
+        }
+        cause
+    }
+
+    /// A cause of one of some kinds.
+    fn one_of(random: &mut Pcg64Mcg, scene: &Scene, kinds: &[Kind]) -> Self {
+        use Kind::{ErrorMotion, Indexing, Link, Runout, Straightness, XBump, XKink};
         let axes: Vec<&Axis> = scene.part_axes.iter().chain(&scene.tool_axes).collect();
         let (kind, fits) = loop {
             let kind = kinds[random.random_range(0..kinds.len())];
@@ -186,6 +213,7 @@ impl Cause {
             constant,
             direction,
             from_zero: random.random_bool(0.25),
+            seats: Vec::new(),
         }
     }
 
@@ -226,6 +254,8 @@ impl Cause {
             Kind::XKink => "x.kink".into(),
             Kind::XOval => "x.oval".into(),
             Kind::XCross => "x.cross".into(),
+            Kind::XLoose => "x.loose_stylus".into(),
+            Kind::XField => "x.quadratic_field".into(),
         }
     }
 
@@ -420,6 +450,13 @@ impl Cause {
                 let turn = self.size * (point.z - 0.03);
                 UnitQuaternion::from_scaled_axis(Vector3::z() * turn) * point.coords - point.coords
             }
+            Kind::XField => {
+                // A saddle or a valley, by its angle: p·Mp with M symmetric, over a part of 50 mm.
+                let p = point.coords / 0.05;
+                let (sin, cos) = self.angle.sin_cos();
+                let form = cos * p.x * p.x + sin * p.y * p.y + (2.0 * self.constant - 1.0) * p.x * p.z;
+                self.direction * (self.size * form)
+            }
             _ => Vector3::zeros(),
         }
     }
@@ -433,6 +470,13 @@ impl Cause {
             Kind::SpindleGrowth => {
                 let slow = 60.0 * 10.0_f64.powf(1.2 * self.constant);
                 Vector3::z() * (self.size * (1.0 - (-moment.touch.time / slow).exp()))
+            }
+            Kind::XLoose => {
+                let seat = self.seats.get(moment.index).or(self.seats.last());
+                let other = f64::from(u8::from(seat.is_some_and(|&other| other)));
+                // The one or the other seat is where it was calibrated, or it lay between them.
+                let calibrated = 0.5 * (3.0 * self.constant).floor();
+                self.direction * (self.size * (other - calibrated))
             }
             _ => Vector3::zeros(),
         }
@@ -503,4 +547,17 @@ impl Cause {
             _ => 0.0,
         }
     }
+}
+
+/// The seat of a loose stylus at each touch: a Markov chain that leaves either seat with a probability of its own.
+fn seats(random: &mut Pcg64Mcg, count: usize) -> Vec<bool> {
+    let mut own = Pcg64Mcg::seed_from_u64(random.random());
+    let leaves = [own.random_range(0.05..0.35), own.random_range(0.05..0.35)];
+    let mut other = own.random_bool(0.5);
+    (0..count)
+        .map(|_| {
+            other ^= own.random_bool(leaves[usize::from(other)]);
+            other
+        })
+        .collect()
 }

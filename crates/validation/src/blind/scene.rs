@@ -398,6 +398,12 @@ impl Scene {
         self
     }
 
+    /// True where an axis moves along a line.
+    pub(super) fn has_linear_axis(&self) -> bool {
+        let mut axes = self.part_axes.iter().chain(&self.tool_axes);
+        axes.any(|axis| !axis.turns)
+    }
+
     /// The tools that cut it, in the order of their numbers.
     pub(super) fn tools(&self) -> Vec<u32> {
         let mut tools: Vec<u32> = self.touches.iter().map(|touch| touch.tool).collect();
