@@ -8,8 +8,8 @@ pub(crate) mod alternatives;
 pub(crate) mod candidate_pool;
 pub(crate) mod equivalence;
 pub(crate) mod parameters;
-pub(crate) mod unsupported;
 mod switching;
+pub(crate) mod unsupported;
 mod with_discrepancy;
 
 use std::collections::BTreeSet;

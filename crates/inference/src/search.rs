@@ -255,7 +255,8 @@ pub fn exchange(products: &Products, priors: &Priors, mut best: Scored) -> Score
 
 /// Improves the best sets of a search by exchanging single candidates; best first again.
 pub fn exchange_best(products: &Products, priors: &Priors, scored: &mut Vec<Scored>) {
-    for start in scored[..EXCHANGED.min(scored.len())].to_vec() {
+    let best: Vec<Scored> = scored.iter().take(EXCHANGED).cloned().collect();
+    for start in best {
         let before = start.score;
         let better = exchange(products, priors, start);
         if better.score > before && scored.iter().all(|known| known.set != better.set) {
@@ -298,7 +299,10 @@ mod tests {
                     .collect();
                 for _ in 0..if number % 4 == 0 { 6 } else { 0 } {
                     let apart = column(&mut random);
-                    let near = mixed.iter().zip(&apart).map(|(one, other)| one + 0.05 * other);
+                    let near = mixed
+                        .iter()
+                        .zip(&apart)
+                        .map(|(one, other)| one + 0.05 * other);
                     blocks.push(vec![near.collect()]);
                     effect.push(number);
                 }
@@ -308,7 +312,12 @@ mod tests {
             }
             let acting = sample(&mut random, 40, 1 + trial % 4);
             let mut planted: Vec<usize> = (acting.iter())
-                .map(|number| effect.iter().rposition(|own| *own == number).expect("one each"))
+                .map(|number| {
+                    effect
+                        .iter()
+                        .rposition(|own| *own == number)
+                        .expect("one each")
+                })
                 .collect();
             planted.sort_unstable();
             let mut y: Vec<f64> = (0..ROWS)
@@ -323,11 +332,19 @@ mod tests {
             let views: Vec<&[Vec<f64>]> = blocks.iter().map(Vec::as_slice).collect();
             let products = Products::new(&views, &y, &[true; ROWS]);
             let priors = Priors {
-                log_prior: effect.iter().map(|own| if own % 4 == 0 { -(7.0_f64.ln()) } else { 0.0 }).collect(),
+                log_prior: effect
+                    .iter()
+                    .map(|own| if own % 4 == 0 { -(7.0_f64.ln()) } else { 0.0 })
+                    .collect(),
                 effect,
                 effects: 40,
             };
-            let mut found = search(&products, &priors, default_beam_width(), &mut EvidenceCache::new());
+            let mut found = search(
+                &products,
+                &priors,
+                default_beam_width(),
+                &mut EvidenceCache::new(),
+            );
             exchange_best(&products, &priors, &mut found);
             let true_score = products.log_evidence(&planted) + priors.log_prior_of(&planted);
             assert!(

@@ -134,8 +134,13 @@ impl Signal<'_> {
     /// Log densities of the data in both states, at the levels and the noise that are most likely for these probabilities.
     fn densities(&self, second: &[f64]) -> Option<Densities> {
         let levels = [
-            self.level(second.iter().map(|second| 1.0 - second))?,
-            self.level(second.iter().copied())?,
+            self.level(
+                &second
+                    .iter()
+                    .map(|second| 1.0 - second)
+                    .collect::<Vec<f64>>(),
+            )?,
+            self.level(second)?,
         ];
         let errors: Vec<[f64; 2]> = (0..self.values.len())
             .map(|datum| [0, 1].map(|state| self.values[datum] - self.shown(&levels[state], datum)))
@@ -153,12 +158,12 @@ impl Signal<'_> {
     }
 
     /// Weighted least squares of one level.
-    fn level(&self, weights: impl Iterator<Item = f64> + Clone) -> Option<Vec<f64>> {
+    fn level(&self, weights: &[f64]) -> Option<Vec<f64>> {
         let n = self.loadings.len();
         let mut normal = vec![0.0; n * n];
         let mut right = vec![0.0; n];
         for (i, one) in self.loadings.iter().enumerate() {
-            let weighted: Vec<f64> = (one.iter().zip(weights.clone()))
+            let weighted: Vec<f64> = (one.iter().zip(weights))
                 .map(|(one, weight)| one * weight)
                 .collect();
             for (k, other) in self.loadings.iter().enumerate() {
@@ -179,9 +184,11 @@ impl Signal<'_> {
 
     /// Largest log likelihood of a signal of one state.
     fn log_likelihood_of_one_state(&self) -> Option<f64> {
-        let level = self.level(std::iter::repeat_n(1.0, self.values.len()))?;
+        let level = self.level(&vec![1.0; self.values.len()])?;
         let error = |datum: usize| self.values[datum] - self.shown(&level, datum);
-        let power: f64 = (0..self.values.len()).map(|datum| error(datum).powi(2)).sum();
+        let power: f64 = (0..self.values.len())
+            .map(|datum| error(datum).powi(2))
+            .sum();
         let count = self.values.len() as f64;
         let variance = power / count + RESOLUTION * RESOLUTION;
         Some(-0.5 * count * (1.0 + (std::f64::consts::TAU * variance).ln()))
@@ -213,7 +220,8 @@ mod tests {
         let mut random = Pcg64Mcg::seed_from_u64(8_128);
         let ones = [vec![1.0; COUNT]];
         for trial in 0..60 {
-            let noise = |random: &mut Pcg64Mcg| -> f64 { 1e-6 * random.sample::<f64, _>(StandardNormal) };
+            let noise =
+                |random: &mut Pcg64Mcg| -> f64 { 1e-6 * random.sample::<f64, _>(StandardNormal) };
             let lag1 = [0.0, 0.4, 0.7, 0.85][trial % 4];
             let mut correlated = vec![noise(&mut random)];
             for datum in 1..COUNT {
@@ -221,7 +229,11 @@ mod tests {
                 correlated.push(lag1 * correlated[datum - 1] + fresh);
             }
             let found = two_states(&correlated, &ones, &start(&correlated), ANY).expect("solvable");
-            assert!(found.gain < ar1_gain(&correlated) + 3.0, "{lag1}: {}", found.gain);
+            assert!(
+                found.gain < ar1_gain(&correlated) + 3.0,
+                "{lag1}: {}",
+                found.gain
+            );
             let mut state = false;
             let states: Vec<bool> = (0..COUNT)
                 .map(|_| {

@@ -177,10 +177,9 @@ fn hide(stage: &Stage, random: &mut Pcg64Mcg, content: Content) -> Hidden {
     let (known, strange) = match content {
         Content::Clean => (0, 0),
         Content::Known(count) | Content::Correlated(count) => (count, 0),
-        Content::Strange => (0, 1),
+        Content::Strange | Content::StrangeCorrelated => (0, 1),
         Content::Mixed => (1, 1),
         Content::Stray => (1, 0),
-        Content::StrangeCorrelated => (0, 1),
         Content::Beside(count, _) => (count, 1),
     };
     let asked = match content {

@@ -24,12 +24,18 @@ const LASTS: usize = 3;
 const LIKELY: f64 = 0.9;
 
 /// Switching discrepancies beside each of some sets; `kinds` is the number of other kinds of discrepancies.
-pub(super) fn beside(pool: &CandidatePool<'_>, sets: &[Vec<usize>], kinds: usize) -> Vec<Rc<Discrepancy>> {
+pub(super) fn beside(
+    pool: &CandidatePool<'_>,
+    sets: &[Vec<usize>],
+    kinds: usize,
+) -> Vec<Rc<Discrepancy>> {
     let observations = pool.shapes.observations;
     let touched: Vec<usize> = (0..observations.touches())
         .filter(|&row| pool.active[row])
         .collect();
-    let used: Vec<usize> = (0..pool.active.len()).filter(|&row| pool.active[row]).collect();
+    let used: Vec<usize> = (0..pool.active.len())
+        .filter(|&row| pool.active[row])
+        .collect();
     let pick = |values: &[f64]| -> Vec<f64> { touched.iter().map(|&row| values[row]).collect() };
     let what = loadings(observations);
     let log_prior = -(((kinds + 1) * NOMINAL.len() * what.len()) as f64).ln();
@@ -54,7 +60,11 @@ pub(super) fn beside(pool: &CandidatePool<'_>, sets: &[Vec<usize>], kinds: usize
                     .map(|column| used.iter().map(|&row| column[row] * share[row]).collect())
                     .collect();
                 let log_prior = log_prior + states.log_probability;
-                found.push(Rc::new(Discrepancy::new(Kind::Switching, &present, log_prior)));
+                found.push(Rc::new(Discrepancy::new(
+                    Kind::Switching,
+                    &present,
+                    log_prior,
+                )));
             }
         }
     }
@@ -84,19 +94,26 @@ fn likeliest(residuals: &[f64], columns: &[Vec<f64>]) -> Option<TwoStates> {
         .max_by(|one, other| one.gain.total_cmp(&other.gain))
 }
 
-/// True where both states last.
+/// True where both states last and one of them comes back: what changes once has slipped.
 fn lasts(second: &[bool]) -> bool {
-    [false, true].iter().all(|state| {
-        let pairs = second.windows(2);
-        pairs.filter(|pair| pair.iter().all(|own| own == state)).count() >= LASTS
-    })
+    let changes = second.windows(2).filter(|pair| pair[0] != pair[1]).count();
+    changes > 1
+        && [false, true].iter().all(|state| {
+            let pairs = second.windows(2);
+            pairs
+                .filter(|pair| pair.iter().all(|own| own == state))
+                .count()
+                >= LASTS
+        })
 }
 
 /// Weighted deviations less what the effects of a set predict.
 fn residuals(pool: &CandidatePool<'_>, set: &[usize]) -> Option<Vec<f64>> {
     let fit = pool.products.fit(set)?;
     let mut residuals = pool.y.to_vec();
-    let columns = set.iter().flat_map(|&member| &pool.candidates[member].block);
+    let columns = set
+        .iter()
+        .flat_map(|&member| &pool.candidates[member].block);
     for (column, coefficient) in columns.zip(&fit.coefficients) {
         add_scaled(&mut residuals, -coefficient, column);
     }

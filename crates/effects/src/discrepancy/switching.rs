@@ -46,7 +46,11 @@ fn shown(columns: [Vec<f64>; 3]) -> Vec<Vec<f64>> {
     let most = powers.iter().copied().fold(0.0, f64::max);
     let mut columns: Vec<Vec<f64>> = columns.into();
     let mut powers = powers.iter();
-    columns.retain(|_| powers.next().is_some_and(|&power| power > SHOWN * SHOWN * most));
+    columns.retain(|_| {
+        powers
+            .next()
+            .is_some_and(|&power| power > SHOWN * SHOWN * most)
+    });
     columns
 }
 

@@ -389,7 +389,11 @@ mod tests {
         let mut mean = discrepancy.posterior_mean(power, white.as_slice());
         unwhiten(&mut mean[..rows], lag1);
         let expected = &down * down.transpose() * power * &whole * &y;
-        assert!(mean.iter().zip(&expected).all(|(a, b)| (a - b).abs() < 1e-10));
+        assert!(
+            mean.iter()
+                .zip(&expected)
+                .all(|(a, b)| (a - b).abs() < 1e-10)
+        );
     }
 
     /// Over fewer rows it is what its columns over those rows make.

@@ -454,7 +454,8 @@ impl Cause {
                 // A saddle or a valley, by its angle: p·Mp with M symmetric, over a part of 50 mm.
                 let p = point.coords / 0.05;
                 let (sin, cos) = self.angle.sin_cos();
-                let form = cos * p.x * p.x + sin * p.y * p.y + (2.0 * self.constant - 1.0) * p.x * p.z;
+                let form =
+                    cos * p.x * p.x + sin * p.y * p.y + (2.0 * self.constant - 1.0) * p.x * p.z;
                 self.direction * (self.size * form)
             }
             _ => Vector3::zeros(),
