@@ -495,7 +495,7 @@ pub struct FeatureResult {
 }
 
 impl FeatureResult {
-    /// inside the limits by more than the expanded uncertainty (ISO 14253-1)
+    /// inside the limits by more than the expanded uncertainty (ISO 14253-1:2017)
     pub const CONFORMS: u8 = 0;
     /// outside the limits by more than the expanded uncertainty
     pub const DOES_NOT_CONFORM: u8 = 1;
@@ -513,7 +513,7 @@ impl FeatureResult {
 crate::code::codes! {
     /// Values of `FeatureResult.decision`.
     pub enum FeatureResultDecision of "FeatureResult.decision" {
-        /// inside the limits by more than the expanded uncertainty (ISO 14253-1)
+        /// inside the limits by more than the expanded uncertainty (ISO 14253-1:2017)
         Conforms = 0,
         /// outside the limits by more than the expanded uncertainty
         DoesNotConform = 1,
@@ -1305,6 +1305,8 @@ impl PassDecision {
     pub const STOP: u8 = 2;
     /// the part cannot be saved
     pub const SCRAP: u8 = 3;
+    /// a reference measurement refutes what was decided on before; no further part is made
+    pub const REVOKED: u8 = 4;
 }
 
 crate::code::codes! {
@@ -1318,6 +1320,8 @@ crate::code::codes! {
         Stop = 2,
         /// the part cannot be saved
         Scrap = 3,
+        /// a reference measurement refutes what was decided on before; no further part is made
+        Revoked = 4,
     }
 }
 
@@ -1736,6 +1740,7 @@ pub struct Verdict {
     pub tolerance: f64,
     /// m, wear offset in force
     pub tool_wear: f64,
+    /// decision rule, its risk, and what else is to be known of the verdict
     pub text: String,
 }
 
@@ -1746,6 +1751,10 @@ impl Verdict {
     pub const TOOL_WORN: u8 = 3;
     pub const NOT_CONVERGED: u8 = 4;
     pub const MEASUREMENT_INVALID: u8 = 5;
+    /// conformity is neither proved nor refuted by the decision rule of the cell file
+    pub const INDETERMINATE: u8 = 6;
+    /// a reference measurement of the same plan refutes the verdict published before
+    pub const CONTRADICTED: u8 = 7;
 }
 
 crate::code::codes! {
@@ -1763,6 +1772,10 @@ crate::code::codes! {
         NotConverged = 4,
         /// `MEASUREMENT_INVALID`.
         MeasurementInvalid = 5,
+        /// conformity is neither proved nor refuted by the decision rule of the cell file
+        Indeterminate = 6,
+        /// a reference measurement of the same plan refutes the verdict published before
+        Contradicted = 7,
     }
 }
 

@@ -104,6 +104,23 @@ fn unanswered() -> (Cell, Vec<Published>) {
     (cell, session.finish())
 }
 
+/// The reference refutes a part that was qualified, and the next is asked for in vain.
+fn refuted() -> (Cell, Vec<Published>) {
+    let cell = cell("turn_mill_uncalibrated.toml", str::to_owned);
+    let mut session = Session::new(&cell);
+    session.make("punch");
+    session.ask_for("second");
+    session.run_s(1.0);
+    (cell, session.finish())
+}
+
+/// `compensation` in that session, where some topics come later than others.
+fn refuted_late(topics: &[graph::Topic], seconds: f64) -> (Cell, Vec<Published>) {
+    let (cell, log) = refuted();
+    let log = alone(&cell, "compensation", &log, topics, seconds);
+    (cell, log)
+}
+
 /// A tool that moves less than commanded.
 fn not_converging() -> (Cell, Vec<Published>) {
     let cell = turn_mill(|text| {
@@ -320,6 +337,9 @@ fn sessions() -> Vec<(Cell, Vec<Published>)> {
         further(),
         too_early(),
         again(),
+        refuted(),
+        refuted_late(&[topics::REFERENCE_RESULTS], 2.0),
+        refuted_late(&[topics::FEATURE_RESULTS], 100.0),
     ];
     sessions.extend(
         [
@@ -333,6 +353,7 @@ fn sessions() -> Vec<(Cell, Vec<Published>)> {
     );
     sessions.push(late("probe_events", &[topics::INSPECTION_PLAN], 20.0));
     sessions.push(late("analysis", &[topics::INSPECTION_PLAN], 20.0));
+    sessions.push(late("analysis", &[topics::REFERENCE], 100.0));
     sessions.push(late("compensation", &[topics::OPERATION_REQUESTS], 100.0));
     sessions.push(late("cycle", &[topics::PASS_DECISIONS], 4.0));
     sessions.push(late("simulator", &[topics::INSPECTION_PLAN], 0.005));

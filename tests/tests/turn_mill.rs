@@ -1,10 +1,10 @@
 //! The turn-mill cell on virtual time against the source's tables (`docs/source_systems.md, A.2`).
 
-use cell_tests::{cell, make_part, messages};
+use cell_tests::{cell, make_part, messages, session::Session};
 use graph::topics;
 use probecell_msgs::{
-    Correction, CorrectionAcknowledgement, FeatureResult, InspectionPlan, PartReport,
-    ReferenceMeasurement, Verdict,
+    Correction, CorrectionAcknowledgement, FeatureResult, InspectionPlan, OperationRequest,
+    OperatorReply, PartReport, PassDecision, ReferenceMeasurement, Verdict,
 };
 
 const SIZES: [&str; 5] = ["D1", "D2", "L1", "L2", "L3"];
@@ -14,13 +14,12 @@ fn finished(file: &str, seed: u64) -> Vec<(f64, f64)> {
     let cell = cell(file, |text| {
         text.replace("seed = 1\n", &format!("seed = {seed}\n"))
     });
-    let (report, log) = make_part(&cell, "punch");
-    assert_eq!(
-        report.verdict,
-        PartReport::QUALIFIED,
-        "seed {seed}: {}",
-        report.text
-    );
+    let (_, log) = make_part(&cell, "punch");
+    // By its readings; what the reference makes of that is another test.
+    let mut decisions: Vec<PassDecision> = messages(&log, topics::PASS_DECISIONS.name);
+    decisions.retain(|one| one.decision != PassDecision::REVOKED);
+    let last = decisions.pop().expect("a decision");
+    assert_eq!(last.decision, PassDecision::NEXT, "seed {seed}: {}", last.text);
     let results: Vec<FeatureResult> = messages(&log, topics::FEATURE_RESULTS.name);
     let reference = messages::<ReferenceMeasurement>(&log, topics::REFERENCE.name)
         .pop()
@@ -149,4 +148,60 @@ fn each_correction_is_bounded_sourced_approved_and_acknowledged() {
             .take(5)
             .all(|verdict| verdict.verdict == Verdict::QUALIFIED)
     );
+}
+
+/// The reference finds every size 71 µm off: the part is not qualified, and the series ends with it. A calibrated cell,
+/// whose reference differs by 6 µm, goes on.
+#[test]
+fn a_reference_that_contradicts_the_readings_stops_the_series() {
+    let cuts = |session: &Session| {
+        let requests: Vec<OperationRequest> = session.all(topics::OPERATION_REQUESTS);
+        let cuts = requests.iter().filter(|one| one.kind == OperationRequest::CUT);
+        cuts.count()
+    };
+    let mut session = Session::new(&cell("turn_mill_uncalibrated.toml", str::to_owned));
+    let report = session.make("punch");
+    assert_eq!(report.verdict, PartReport::STOPPED, "{}", report.text);
+    assert!(report.text.contains("by CMM"), "{}", report.text);
+    let verdicts: Vec<Verdict> = session.all(topics::VERDICTS);
+    for size in SIZES {
+        let last = verdicts.iter().rfind(|one| one.feature_id == size).expect("a verdict");
+        assert_eq!(last.verdict, Verdict::CONTRADICTED, "{size}: {}", last.text);
+    }
+    let before = cuts(&session);
+    session.ask_for("second");
+    session.run_s(60.0);
+    let reply: OperatorReply = session.last(topics::RUN_REPLIES);
+    assert!(!reply.accepted && reply.text.starts_with("no part is made"), "{}", reply.text);
+    assert_eq!(cuts(&session), before);
+
+    let mut session = Session::new(&cell("turn_mill.toml", str::to_owned));
+    for part in ["punch", "second"] {
+        let report = session.make(part);
+        assert_eq!(report.verdict, PartReport::QUALIFIED, "{}", report.text);
+        assert!(report.text.contains("ISO 14253-1:2017"), "{}", report.text);
+    }
+}
+
+/// The instrument's readings come when the next part is in the machine.
+#[test]
+fn a_reference_that_comes_late_stops_the_part_that_is_being_made() {
+    let mut session = Session::new(&cell("turn_mill.toml", str::to_owned));
+    assert_eq!(session.make("punch").verdict, PartReport::QUALIFIED);
+    let mut late: ReferenceMeasurement = session.last(topics::REFERENCE);
+    for deviation in &mut late.deviation {
+        *deviation -= 35e-6;
+    }
+    session.ask_for("second");
+    session.run_s(30.0);
+    session.send(topics::REFERENCE, &late);
+    session.run_s(1.0);
+    let reports: Vec<PartReport> = session.all(topics::PART_REPORTS);
+    let ends: Vec<(&str, u8)> = reports.iter().map(|one| (one.part_id.as_str(), one.verdict)).collect();
+    let expected = [
+        ("punch", PartReport::QUALIFIED),
+        ("second", PartReport::STOPPED),
+        ("punch", PartReport::STOPPED),
+    ];
+    assert_eq!(ends, expected);
 }

@@ -116,6 +116,7 @@ declare_topics! {
 
     TOUCH_DEVIATIONS = "analysis", "touch_deviations", TouchDeviation, Qos::KEEP_ALL;
     FEATURE_RESULTS = "analysis", "feature_results", FeatureResult, Qos::latched(64);
+    REFERENCE_RESULTS = "analysis", "reference_results", FeatureResult, Qos::latched(64);
     PART_ALIGNMENT = "analysis", "part_alignment", PartAlignment, Qos::latched(1);
     ANALYSIS_FAULTS = "analysis", "analysis/faults", Fault, Qos::KEEP_ALL;
 

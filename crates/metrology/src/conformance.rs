@@ -1,9 +1,19 @@
-//! Decides whether a measured value with a stated uncertainty conforms to a tolerance.
+//! Decides whether a measured value with a stated uncertainty conforms to a tolerance, and with which risk.
 //!
-//! Lengths in m. ISO 14253-1: conformance is proved inside the tolerance zone less the expanded uncertainty U at each
+//! Lengths in m. ISO 14253-1:2017: conformance is proved inside the tolerance zone less the expanded uncertainty U at each
 //! limit, non-conformance outside the zone enlarged by U, and in between neither can be proved. A limit may be infinite
 //! where a tolerance is one-sided.
+//!
+//! | [`DecisionRule`] | accepted within T less | refuted beyond T plus | consumer's risk at the limit |
+//! |---|---|---|---|
+//! | ISO 14253-1:2017 | U = k u | U | Φ(−k): 2.3 % for k = 2 |
+//! | simple acceptance (JCGM 106:2012, 8.2) | 0 | 0 | 50 % |
+//! | guarded acceptance (JCGM 106:2012, 8.3.2) | z u, z the quantile of 1 − risk | 0 | as stated |
+//!
+//! Risks are the specific consumer's risk (JCGM 106:2012, 3.3.13) of a normally distributed error with no other knowledge
+//! of the item.
 
+use crate::statistics::{normal_cdf, normal_quantile};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -46,7 +56,100 @@ pub enum ConformanceError {
     },
 }
 
-/// ISO 14253-1: conformance of `value` (m) measured with expanded uncertainty `expanded` (m).
+/// How the uncertainty of a reading enters the decision on it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub enum DecisionRule {
+    /// ISO 14253-1:2017: U is the guard band of acceptance and of rejection.
+    #[default]
+    Iso14253,
+    /// The tolerance limits themselves (JCGM 106:2012, 8.2).
+    SimpleAcceptance,
+    /// Guarded acceptance (JCGM 106:2012, 8.3.2).
+    GuardBand {
+        /// Largest specific consumer's risk, above 0 and at most 0.5.
+        consumers_risk: f64,
+    },
+}
+
+/// Widths, m, by which a decision rule moves the tolerance limits.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GuardBands {
+    /// Inwards: what is accepted.
+    pub acceptance: f64,
+    /// Outwards: what is refuted.
+    pub rejection: f64,
+}
+
+impl DecisionRule {
+    /// The guard bands for a standard uncertainty `standard` (m) with coverage factor `factor`.
+    pub fn guard_bands(&self, standard: f64, factor: f64) -> GuardBands {
+        let (acceptance, rejection) = match *self {
+            Self::Iso14253 => (factor * standard, factor * standard),
+            Self::SimpleAcceptance => (0.0, 0.0),
+            Self::GuardBand { consumers_risk } => {
+                (normal_quantile(1.0 - consumers_risk) * standard, 0.0)
+            }
+        };
+        GuardBands {
+            acceptance,
+            rejection,
+        }
+    }
+
+    /// Its name with the edition of the standard.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Iso14253 => "ISO 14253-1:2017",
+            Self::SimpleAcceptance => "simple acceptance (JCGM 106:2012, 8.2)",
+            Self::GuardBand { .. } => "guarded acceptance (JCGM 106:2012, 8.3.2)",
+        }
+    }
+
+    /// Largest specific consumer's risk of what it accepts: that of a reading at the acceptance limit.
+    pub fn largest_risk(&self, factor: f64) -> f64 {
+        match *self {
+            Self::Iso14253 => normal_cdf(-factor),
+            Self::SimpleAcceptance => 0.5,
+            Self::GuardBand { consumers_risk } => consumers_risk,
+        }
+    }
+}
+
+/// Probability that the true value lies outside the tolerance, of a normally distributed error of standard uncertainty
+/// `standard` (m; 0: none): JCGM 106:2012, 7.2.
+pub fn nonconformity_probability(value: f64, standard: f64, tolerance: &Tolerance) -> f64 {
+    if standard > 0.0 {
+        let below = normal_cdf((tolerance.lower - value) / standard);
+        below + normal_cdf((value - tolerance.upper) / standard)
+    } else {
+        f64::from(!(tolerance.lower <= value && value <= tolerance.upper))
+    }
+}
+
+/// E_n score of a reading against a reference, both with expanded uncertainties (m): their difference over the root sum
+/// of squares (ISO 13528:2015, 9.7). Above 1 they contradict each other; NaN where neither has an uncertainty and they
+/// agree.
+pub fn normalised_error(reading: (f64, f64), reference: (f64, f64)) -> f64 {
+    (reading.0 - reference.0).abs() / reading.1.hypot(reference.1)
+}
+
+/// Whether a reference refutes a reading, deviations (m, point by point or of one size) and expanded uncertainty (m) of
+/// each: by E_n > 1, or because the reference proves a deviation beyond the tolerance ± `accepted` (m) that the reading was
+/// accepted by. Gives the largest E_n score; `None` where nothing is refuted.
+pub fn contradiction(
+    reading: (&[f64], f64),
+    reference: (&[f64], f64),
+    accepted: Option<f64>,
+) -> Option<f64> {
+    let pairs = reading.0.iter().zip(reference.0);
+    let scores = pairs.map(|(own, other)| normalised_error((*own, reading.1), (*other, reference.1)));
+    let score = scores.fold(0.0, f64::max);
+    let largest = reference.0.iter().fold(0.0, |most: f64, one| most.max(one.abs()));
+    let outside = accepted.is_some_and(|tolerance| largest > tolerance + reference.1);
+    (score > 1.0 || outside).then_some(score)
+}
+
+/// ISO 14253-1:2017: conformance of `value` (m) measured with expanded uncertainty `expanded` (m).
 ///
 /// # Errors
 /// See [`ConformanceError`].
@@ -102,6 +205,50 @@ mod tests {
         // Without uncertainty the limits themselves conform and nothing is indeterminate.
         assert_eq!(conformance(10e-6, 0.0, &SIZE), Ok(Conforms));
         assert_eq!(conformance(10.1e-6, 0.0, &SIZE), Ok(DoesNotConform));
+    }
+
+    /// Against integration of the density with the trapezoidal rule, which shares nothing with the distribution function.
+    #[test]
+    fn the_risk_at_the_acceptance_limit_is_the_one_that_the_rule_states() {
+        let standard = 1.5e-6;
+        let outside = |value: f64| {
+            let steps = 400_000;
+            let width = 12.0 * standard / f64::from(steps);
+            let density = |x: f64| {
+                let t = (x - value) / standard;
+                (-0.5 * t * t).exp() / (standard * std::f64::consts::TAU.sqrt())
+            };
+            (0..steps).map(|i| width * density(SIZE.upper + width * f64::from(i))).sum::<f64>()
+        };
+        for rule in [
+            DecisionRule::Iso14253,
+            DecisionRule::SimpleAcceptance,
+            DecisionRule::GuardBand { consumers_risk: 0.01 },
+        ] {
+            let limit = SIZE.upper - rule.guard_bands(standard, 2.0).acceptance;
+            let (stated, integrated) = (rule.largest_risk(2.0), outside(limit));
+            assert!((stated - integrated).abs() < 1e-4, "{rule:?}: {stated}, {integrated}");
+            let risk = nonconformity_probability(limit, standard, &SIZE);
+            assert!((risk - stated).abs() < 1e-6, "{rule:?}: {risk}");
+        }
+        assert_eq!(nonconformity_probability(10.1e-6, 0.0, &SIZE), 1.0);
+        assert_eq!(nonconformity_probability(10e-6, 0.0, &SIZE), 0.0);
+    }
+
+    #[test]
+    fn a_reading_beyond_both_uncertainties_contradicts_its_reference() {
+        assert!((normalised_error((71e-6, 3e-6), (0.0, 4e-6)) - 14.2).abs() < 1e-9);
+        assert!(normalised_error((6e-6, 4.4e-6), (0.0, 12e-6)) < 1.0);
+        assert_eq!(normalised_error((1e-6, 0.0), (0.0, 0.0)), f64::INFINITY);
+        let refuted = |reading: f64, reference: f64, accepted| {
+            contradiction((&[reading], 4e-6), (&[reference], 3e-6), accepted)
+        };
+        assert_eq!(refuted(0.0, 4.9e-6, Some(10e-6)), None);
+        assert!(refuted(0.0, 5.1e-6, None).is_some());
+        // Within both uncertainties, and yet proved to be out of tolerance.
+        assert!(refuted(9.9e-6, 13.1e-6, Some(10e-6)).is_some());
+        assert_eq!(refuted(9.9e-6, 12.9e-6, Some(10e-6)), None);
+        assert_eq!(refuted(9.9e-6, 13.1e-6, None), None);
     }
 
     #[test]

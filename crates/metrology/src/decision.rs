@@ -5,8 +5,10 @@
 //! for a bore, and the X-wear register W of the cutting tool. All comparisons are made in whole nanometres, so a size
 //! exactly on a limit is inside it.
 //!
-//! The table takes the reading as true: a probe error passes through it into the part (see [`crate::probe`]), and a
-//! verdict about the true size needs a reference and an uncertainty (see [`crate::conformance`]).
+//! The table takes the reading as true: a probe error passes through it into the part (see [`crate::probe`]). The
+//! uncertainty of the reading enters by the guard bands of a decision rule ([`crate::conformance::DecisionRule`]), which
+//! narrow what qualifies and what is rejected; in between a size that no recut can save is indeterminate. Without guard
+//! bands the table is the source's.
 //!
 //! ```
 //! use metrology::decision::{Case, DecisionLimits, Policy, Side, Verdict, decide};
@@ -54,8 +56,12 @@ pub enum Policy {
 /// Limits of the decision, m.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DecisionLimits {
-    /// t: largest |e| that qualifies.
+    /// t: half width of the tolerance.
     pub tolerance: f64,
+    /// g: |e| ≤ t − g qualifies; 0 by simple acceptance.
+    pub acceptance_guard: f64,
+    /// h: an error beyond t + h is proved to be outside; 0 by simple acceptance.
+    pub rejection_guard: f64,
     /// W_min: lowest wear value of an outer feature's tool, negative; a bore's tool is held at −W_min from above.
     pub wear_limit: f64,
     /// N_max: corrections after which the loop gives up.
@@ -67,6 +73,8 @@ impl Default for DecisionLimits {
     fn default() -> Self {
         Self {
             tolerance: 10e-6,
+            acceptance_guard: 0.0,
+            rejection_guard: 0.0,
             wear_limit: -110e-6,
             max_corrections: 5,
         }
@@ -91,12 +99,14 @@ pub struct Case {
 /// The rows of the decision table, in order of gravity: the gravest verdict of a measurement decides on the part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Verdict {
-    /// Row 1: |e| ≤ t.
+    /// Row 1: |e| ≤ t − g.
     Qualified,
     /// Row 5: a corrected recut reaches the size.
     Compensable,
     /// Row 4: the permitted corrections are spent.
     NotConverged,
+    /// Within a guard band, and no recut can save it: conformity is neither proved nor refuted.
+    Indeterminate,
     /// Row 3: the correction would pass the wear limit.
     ToolWorn,
     /// Row 2: too much was cut.
@@ -142,6 +152,9 @@ pub enum DecisionError {
     /// The tolerance is negative.
     #[error("the tolerance is negative: {0} m")]
     NegativeTolerance(f64),
+    /// A guard band is negative.
+    #[error("the guard band is negative: {0} m")]
+    NegativeGuard(f64),
     /// The wear limit is positive.
     #[error("the wear limit must not be positive: {0} m")]
     PositiveWearLimit(f64),
@@ -173,6 +186,8 @@ pub fn decide(
         ("the drawing size", nominal),
         ("the wear value", wear),
         ("the tolerance", limits.tolerance),
+        ("the guard band", limits.acceptance_guard),
+        ("the guard band", limits.rejection_guard),
         ("the wear limit", limits.wear_limit),
     ] {
         if !value.is_finite() {
@@ -181,6 +196,10 @@ pub fn decide(
     }
     if limits.tolerance < 0.0 {
         return Err(DecisionError::NegativeTolerance(limits.tolerance));
+    }
+    let guard = limits.acceptance_guard.min(limits.rejection_guard);
+    if guard < 0.0 {
+        return Err(DecisionError::NegativeGuard(guard));
     }
     if limits.wear_limit > 0.0 {
         return Err(DecisionError::PositiveWearLimit(limits.wear_limit));
@@ -195,13 +214,16 @@ pub fn decide(
     };
     let error = nanometres(size - nominal);
     let excess = side.sign() * error;
-    let tolerance = nanometres(limits.tolerance);
+    let accepted = nanometres(limits.tolerance - limits.acceptance_guard);
+    let rejected = nanometres(limits.tolerance + limits.rejection_guard);
     // Counted in the outer feature's direction; a bore's register and limit are its mirror image.
     let corrected = nanometres(side.sign() * wear) - error.abs();
-    let (verdict, action) = if error.abs() <= tolerance {
+    let (verdict, action) = if error.abs() <= accepted {
         (Verdict::Qualified, Action::NextPass)
-    } else if excess < -tolerance {
+    } else if excess < -rejected {
         (Verdict::OvercutNotCompensable, Action::Reject)
+    } else if excess < -accepted || accepted < 0.0 && excess <= rejected {
+        (Verdict::Indeterminate, Action::Stop)
     } else if corrected < nanometres(limits.wear_limit) {
         (Verdict::ToolWorn, Action::ChangeInsert)
     } else if corrections >= limits.max_corrections {
@@ -315,6 +337,36 @@ mod tests {
         assert_eq!(decision.new_wear, -7e-6);
     }
 
+    /// U = 4 µm as both guard bands: ISO 14253-1:2017, 5.2 to 5.4.
+    #[test]
+    fn within_a_guard_band_a_size_is_recut_or_indeterminate_and_never_qualified() {
+        use Verdict::{Compensable, Indeterminate, OvercutNotCompensable, Qualified};
+        let guarded = |size_mm: f64, guard: f64| {
+            let limits = DecisionLimits {
+                acceptance_guard: guard,
+                rejection_guard: guard,
+                ..DecisionLimits::default()
+            };
+            let decision = decide(&case(Side::Outer, size_mm, 0.0, 0), &limits, Policy::Compensate);
+            let decision = decision.unwrap();
+            (decision.verdict, decision.action)
+        };
+        for (size, verdict, action) in [
+            (19.806, Qualified, Action::NextPass),
+            (19.807, Compensable, Action::Recut),
+            (19.794, Qualified, Action::NextPass),
+            (19.793, Indeterminate, Action::Stop),
+            (19.786, Indeterminate, Action::Stop),
+            (19.785, OvercutNotCompensable, Action::Reject),
+        ] {
+            assert_eq!(guarded(size, 4e-6), (verdict, action), "{size}");
+        }
+        // An uncertainty beyond the tolerance proves nothing, and no recut helps.
+        assert_eq!(guarded(19.8, 11e-6).0, Indeterminate);
+        assert_eq!(guarded(19.808, 11e-6).0, Indeterminate);
+        assert_eq!(guarded(19.822, 11e-6).0, Compensable);
+    }
+
     #[test]
     fn an_invalid_measurement_never_touches_the_register() {
         for size in [None, Some(f64::NAN), Some(f64::INFINITY)] {
@@ -331,13 +383,14 @@ mod tests {
     #[test]
     fn verdicts_are_ordered_by_gravity() {
         use Verdict::{
-            Compensable, MeasurementInvalid, NotConverged, OvercutNotCompensable, Qualified,
-            ToolWorn,
+            Compensable, Indeterminate, MeasurementInvalid, NotConverged, OvercutNotCompensable,
+            Qualified, ToolWorn,
         };
         let verdicts = [
             Qualified,
             Compensable,
             NotConverged,
+            Indeterminate,
             ToolWorn,
             OvercutNotCompensable,
             MeasurementInvalid,

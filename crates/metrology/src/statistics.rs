@@ -47,6 +47,11 @@ pub fn coverage_factor(probability: f64, degrees_of_freedom: f64) -> f64 {
     student_quantile(f64::midpoint(1.0, probability), degrees_of_freedom)
 }
 
+/// Probability that a standard normal value is at most `value`.
+pub fn normal_cdf(value: f64) -> f64 {
+    Normal::standard().cdf(value)
+}
+
 /// The coverage factor that covers with `degrees_of_freedom` what `factor` covers with infinitely many (GUM G.6.4 with
 /// k = 2 gives the usual table: 2.28 for 10). `factor` itself where the degrees of freedom are infinite.
 pub fn student_factor(factor: f64, degrees_of_freedom: f64) -> f64 {

@@ -35,5 +35,6 @@ pub use kit::{
     Unit,
 };
 pub use pages::{
-    PartSession, ShortDiagnosis, add_diagnosis, diagnosis_page, part_page, table_entries,
+    PartSession, ShortDiagnosis, SizeRecord, add_diagnosis, diagnosis_page, part_page,
+    size_records, table_entries,
 };

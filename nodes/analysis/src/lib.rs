@@ -3,14 +3,14 @@
 //!
 //! | subscribes to | publishes |
 //! |---|---|
-//! | `inspection_plan`, `measurement_order`, `probe_events` | `touch_deviations`, `feature_results`, `part_alignment` |
-//! | | `analysis/faults`: `event_not_usable` |
+//! | `inspection_plan`, `measurement_order`, `probe_events`, `reference` | `touch_deviations`, `feature_results`, `part_alignment`, `reference_results` |
+//! | | `analysis/faults`: `event_not_usable`, `reference_not_usable` |
 //!
 //! ```text
 //!   probe_events ── nominal chain ── deviation d = n·(c − p) − r ── touch_deviations
 //!                        │
 //!                        └─ ball centres ── alignment (ISO 5459) ── outliers ── fit ── uncertainty ── conformance
-//!                                               │                  (ISO 14405-1, ISO 1101) (GUM)   (ISO 14253-1)
+//!                                               │                  (ISO 14405-1, ISO 1101) (GUM)   (ISO 14253-1:2017)
 //!                                          part_alignment                                   └── feature_results
 //! ```
 //!
@@ -47,6 +47,7 @@ mod alignment;
 mod composed;
 mod config;
 pub mod feature;
+mod reference;
 mod result;
 mod state;
 mod step;
@@ -55,5 +56,6 @@ pub use config::{
     Alignment, Config, ConfigError, Distribution, Method, RawAlignment, RawConfig, RawContribution,
     RawFit, Width,
 };
+pub use reference::ReferenceError;
 pub use state::{State, Touch};
 pub use step::{AnalysisFault, AnalysisNode, Input, Output};

@@ -13,6 +13,8 @@ use crate::feature::Sample;
 pub struct State {
     /// The latest plan.
     pub plan: Option<InspectionPlan>,
+    /// Those before it, the latest last.
+    pub earlier: VecDeque<InspectionPlan>,
     /// Events whose plan has not arrived yet.
     pub waiting: VecDeque<ProbeEvent>,
     /// Touches of each point of the plan.

@@ -5,7 +5,7 @@ use machine::Nominal;
 use nalgebra::Point3;
 use probecell_msgs::{
     Fault, FeatureResult, InspectionPlan, MeasurementOrder, PartAlignment, ProbeEvent,
-    TouchDeviation, std_msgs,
+    ReferenceMeasurement, TouchDeviation, std_msgs,
 };
 
 use crate::{
@@ -25,6 +25,8 @@ inputs! {
         Order(MeasurementOrder) = topics::MEASUREMENT_ORDER,
         /// A probing move and its outcome.
         Event(ProbeEvent) = topics::PROBE_EVENTS,
+        /// The part as an outside instrument finds it.
+        Reference(ReferenceMeasurement) = topics::REFERENCE,
     }
 }
 
@@ -37,6 +39,8 @@ outputs! {
         Feature(FeatureResult) = topics::FEATURE_RESULTS,
         /// The alignment of the part.
         Alignment(PartAlignment) = topics::PART_ALIGNMENT,
+        /// A feature as an outside instrument finds it.
+        ReferenceFeature(FeatureResult) = topics::REFERENCE_RESULTS,
         /// A fault.
         Fault(Fault) = topics::ANALYSIS_FAULTS,
     }
@@ -47,11 +51,15 @@ faults! {
     pub enum AnalysisFault of "analysis" {
         /// An event from which no deviation can be computed.
         EventNotUsable = ERROR "event_not_usable",
+        /// A reference measurement that tells nothing of a plan known here.
+        ReferenceNotUsable = WARNING "reference_not_usable",
     }
 }
 
 /// Events kept whose plan has not arrived yet.
 const WAITING_LIMIT: usize = 65_536;
+/// Plans kept for references, which come when the part has been carried to the instrument.
+const PLAN_LIMIT: usize = 8;
 
 /// The node.
 pub struct AnalysisNode;
@@ -78,13 +86,19 @@ impl Node for AnalysisNode {
         match input {
             Input::Timer(_) => {}
             Input::Plan(plan) => {
-                state.plan = Some(plan);
+                if let Some(before) = state.plan.replace(plan) {
+                    state.earlier.push_back(before);
+                    if state.earlier.len() > PLAN_LIMIT {
+                        state.earlier.pop_front();
+                    }
+                }
                 state.touches.clear();
                 state.reported.clear();
                 state.pending.clear();
                 state.alignment = None;
             }
             Input::Order(order) => remeasure(config, state, now, &order, out),
+            Input::Reference(reference) => evaluate(config, state, now, &reference, out),
             Input::Event(event) => {
                 state.waiting.push_back(event);
                 if state.waiting.len() > WAITING_LIMIT {
@@ -106,6 +120,44 @@ impl Node for AnalysisNode {
         }
         state.plan = Some(plan);
     }
+}
+
+/// Reports the features of a reference measurement.
+fn evaluate(
+    config: &Config,
+    state: &State,
+    now: Stamp,
+    reference: &ReferenceMeasurement,
+    out: &mut Outbox<Output>,
+) {
+    // The latest of a name: a plan published again replaces the one before.
+    let plans = state.earlier.iter().chain(&state.plan);
+    let plan = plans.rev().find(|plan| plan.plan_id == reference.plan_id);
+    let unknown = InspectionPlan::default();
+    match config.by_reference(plan.unwrap_or(&unknown), reference) {
+        Ok(results) => {
+            for result in results {
+                out.send(Output::ReferenceFeature(result));
+            }
+        }
+        Err(error) => out.fault(now, AnalysisFault::ReferenceNotUsable, error.to_string()),
+    }
+}
+
+/// The results of every feature, width and step of which the state holds all points.
+pub(crate) fn features_of(
+    config: &Config,
+    state: &mut State,
+    plan: &InspectionPlan,
+    header: &std_msgs::Header,
+) -> Vec<FeatureResult> {
+    let mut out = Outbox::default();
+    report_all(config, state, plan, header, &mut out);
+    let features = out.messages().iter().filter_map(|output| match output {
+        Output::Feature(result) => Some(result.clone()),
+        _ => None,
+    });
+    features.collect()
 }
 
 /// Starts a re-measurement of a partly measured plan: features without a point of the order keep their touches and are

@@ -6,7 +6,8 @@ use analysis::{
 use graph::{Node, Outbox, Stamp};
 use machine::Chain;
 use probecell_msgs::{
-    FeatureResult, InspectionFeature, InspectionPlan, InspectionPoint, ProbeEvent, Stylus,
+    FeatureResult, InspectionFeature, InspectionPlan, InspectionPoint, ProbeEvent,
+    ReferenceMeasurement, Stylus,
     geometry_msgs::{Point, Pose, Quaternion, Vector3},
 };
 
@@ -141,6 +142,10 @@ fn line(output: &Output) -> String {
             let decision =
                 ["conforms", "does not conform", "indeterminate"][usize::from(one.decision)];
             format!("{} {:.4} mm {decision}", one.feature_id, one.size * 1e3)
+        }
+        Output::ReferenceFeature(one) => {
+            let (size, u) = (one.size * 1e3, one.standard_uncertainty * 1e6);
+            format!("{} {}: {size:.4} mm, u {u:.1} µm", one.feature_id, one.text)
         }
         Output::Alignment(one) => format!("placed by {:?} {}", one.feature_ids, one.text),
         Output::Fault(one) => one.code.clone(),
@@ -379,4 +384,66 @@ fn an_event_that_cannot_be_used_is_a_fault_and_its_feature_has_no_size() {
         vec![Input::Plan(plan()), Input::Event(nowhere)],
         &["event_not_usable"],
     );
+}
+
+fn reference(plan_id: &str, excess_um: [f64; 6]) -> ReferenceMeasurement {
+    ReferenceMeasurement {
+        plan_id: plan_id.to_owned(),
+        instrument: "CMM".to_owned(),
+        point_index: (0..6).collect(),
+        deviation: excess_um.map(|um| um * 1e-6).to_vec(),
+        standard_uncertainty: 1e-6,
+        ..ReferenceMeasurement::default()
+    }
+}
+
+/// 3 µm of excess in the bore take 6 µm off its diameter; planes 1 and 2 µm out make the width 3 µm wide. Uncertainties:
+/// √(2² + 4·¼) = 2.2 µm of a diameter from four points; √(1² + 1²) of a plane; √(2² + 1² + 1²) of a width.
+#[test]
+fn a_reference_is_evaluated_as_the_touches_are_though_the_next_plan_is_here() {
+    let next = InspectionPlan {
+        plan_id: "q".to_owned(),
+        ..plan()
+    };
+    let found = Input::Reference(reference("p", [3.0, 3.0, 3.0, 3.0, 1.0, 2.0]));
+    check(
+        vec![Input::Plan(plan()), Input::Plan(next), found],
+        &[
+            "bore by CMM: 19.9940 mm, u 2.2 µm",
+            "right by CMM: 10.0010 mm, u 1.4 µm",
+            "left by CMM: 10.0020 mm, u 1.4 µm",
+            "L by CMM: 20.0030 mm, u 2.4 µm",
+        ],
+    );
+}
+
+#[test]
+fn a_reference_that_tells_nothing_is_a_fault_that_says_why() {
+    let refused = |reference: ReferenceMeasurement| {
+        let mut state = AnalysisNode::start(&config());
+        let mut out = Outbox::default();
+        for input in [Input::Plan(plan()), Input::Reference(reference)] {
+            AnalysisNode::step(&config(), &mut state, Stamp(0), input, &mut out);
+        }
+        let said: Vec<String> = out.messages().iter().map(|output| match output {
+            Output::Fault(fault) => fault.text.clone(),
+            other => line(other),
+        }).collect();
+        said.join("; ")
+    };
+    let sound = reference("p", [0.0; 6]);
+    let with = |edit: fn(&mut ReferenceMeasurement)| {
+        let mut wrong = sound.clone();
+        edit(&mut wrong);
+        refused(wrong)
+    };
+    for (said, expected) in [
+        (with(|one| one.plan_id = "x".to_owned()), "of plan \"x\", which was not measured here lately"),
+        (with(|one| one.point_index[5] = 6), "point 6 is not in plan \"p\""),
+        (with(|one| one.deviation[1] = f64::NAN), "the deviation of point 1 is NaN"),
+        (with(|one| one.standard_uncertainty = 0.0), "its standard uncertainty is 0 m"),
+        (with(|one| drop(one.deviation.pop())), "has 6 points and 5 deviations"),
+    ] {
+        assert!(said.contains(expected), "{said}");
+    }
 }

@@ -3,12 +3,16 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use machine::Chain;
-use metrology::decision::{DecisionLimits, Policy, Side};
+use metrology::{
+    conformance::{DecisionRule, GuardBands},
+    decision::{DecisionLimits, Policy, Side},
+};
 use probecell_msgs::Correction;
 use serde::Deserialize;
 
 use crate::{
     passes::{Passes, UnknownPass},
+    rule::RawDecisionRule,
     volumetric::{RawVolumetric, Volumetric, VolumetricError},
     work_offset::{RawWorkOffset, WorkOffset, WorkOffsetError},
 };
@@ -20,6 +24,9 @@ pub struct RawConfig {
     /// The sizes that decide on the part.
     #[serde(default)]
     pub characteristics: Vec<RawCharacteristic>,
+    /// How the uncertainty of a size enters the decision on it.
+    #[serde(default)]
+    pub decision_rule: RawDecisionRule,
     /// The controller's volumetric table, judged and corrected by touches of balls; none: it is left alone.
     pub volumetric: Option<RawVolumetric>,
     /// Work offsets that follow a part which lies off its place; none: they are left alone.
@@ -112,6 +119,8 @@ pub struct Characteristic {
     pub side: Side,
     /// Passes in which it decides.
     pub passes: Passes,
+    /// Index of the last pass in which a size of that name decides: the drawing's.
+    pub final_pass: u32,
 }
 
 /// As checked.
@@ -119,6 +128,8 @@ pub struct Characteristic {
 pub struct Config {
     /// The sizes that decide on the part.
     pub characteristics: Vec<Characteristic>,
+    /// How the uncertainty of a size enters the decision on it, in the last pass in which it decides.
+    pub decision_rule: DecisionRule,
     /// The controller's volumetric table, where it is judged.
     pub volumetric: Option<Volumetric>,
     /// The position of the part, where it is judged.
@@ -183,6 +194,9 @@ pub enum ConfigError {
         /// s; as written.
         validity: f64,
     },
+    /// A risk that is none.
+    #[error("compensation.decision_rule.guard_band.consumers_risk = {0} must be above 0 and at most 0.5")]
+    Risk(f64),
     /// A number that is not positive.
     #[error("compensation.{key} = {value} must be a finite number above 0")]
     Number {
@@ -208,7 +222,8 @@ impl RawConfig {
         let approval_limit = self.approval_limit_s.unwrap_or(self.validity_s);
         self.check_numbers(approval_limit)?;
         let characteristics = self.characteristics.iter().map(|raw| raw.check(passes));
-        let characteristics: Vec<Characteristic> = characteristics.collect::<Result<_, _>>()?;
+        let mut characteristics: Vec<Characteristic> = characteristics.collect::<Result<_, _>>()?;
+        set_final_passes(&mut characteristics, passes.len() as u32);
         let volumetric = (self.volumetric.as_ref())
             .map(|raw| {
                 let passes = Passes::named(&raw.id, &raw.passes, passes)?;
@@ -227,6 +242,7 @@ impl RawConfig {
         check_passes(passes, &characteristics, &machine)?;
         Ok(Config {
             characteristics,
+            decision_rule: self.decision_rule.check()?,
             volumetric,
             work_offset,
             wear_limit: self.wear_limit_mm * 1e-3,
@@ -282,6 +298,16 @@ impl RawConfig {
     }
 }
 
+/// Finds the last of `passes` passes in which each size decides.
+fn set_final_passes(characteristics: &mut [Characteristic], passes: u32) {
+    for index in 0..characteristics.len() {
+        let id = characteristics[index].id.clone();
+        let own = || characteristics.iter().filter(|size| size.id == id);
+        let last = (0..passes).rev().find(|pass| own().any(|size| size.passes.include(*pass)));
+        characteristics[index].final_pass = last.unwrap_or(0);
+    }
+}
+
 /// Refuses a pass in which nothing decides, or one size twice; `machine` are the passes in which the volumetric table and the
 /// position of the part decide.
 fn check_passes(
@@ -320,6 +346,7 @@ impl RawCharacteristic {
             tool_number: self.tool_number,
             side: if self.inner { Side::Bore } else { Side::Outer },
             passes: Passes::named(&self.id, &self.passes, passes)?,
+            final_pass: 0,
         })
     }
 }
@@ -379,9 +406,11 @@ impl Config {
     }
 
     /// The limits that a characteristic's decision is made with.
-    pub fn limits(&self, characteristic: &Characteristic) -> DecisionLimits {
+    pub fn limits(&self, characteristic: &Characteristic, guard: &GuardBands) -> DecisionLimits {
         DecisionLimits {
             tolerance: characteristic.tolerance,
+            acceptance_guard: guard.acceptance,
+            rejection_guard: guard.rejection,
             // The table counts wear on the size.
             wear_limit: -self.wear_limit / self.wear_per_size,
             max_corrections: self.max_corrections,

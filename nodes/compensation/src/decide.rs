@@ -17,7 +17,7 @@ use crate::{
     approval,
     config::{Characteristic, Config},
     judgement::Judgement,
-    path, propose,
+    path, propose, reference, rule,
     state::State,
     step::{APPROVAL, Output},
     volumetric, wear, work_offset,
@@ -65,6 +65,7 @@ pub(crate) fn decide(config: &Config, state: &mut State, now: Stamp, out: &mut O
     let run = PlanId::from(&measurement.plan_id).run();
     state.count_corrections_of(run, measurement.pass);
     let sizes = judge_sizes(config, state, now, &measurement, out);
+    reference::judged(state, now, &measurement, &sizes, out);
     let judgements = judge_machine(config, state, &measurement);
     for judgement in &judgements {
         out.send(Output::Verdict(judgement_message(
@@ -73,7 +74,7 @@ pub(crate) fn decide(config: &Config, state: &mut State, now: Stamp, out: &mut O
             &measurement,
         )));
     }
-    let conclusion = conclude(config, state, &sizes, &judgements);
+    let conclusion = conclude(config, state, &measurement, &sizes, &judgements);
     let corrections = match conclusion.recut {
         None => Vec::new(),
         Some(Recut::Unchanged) => {
@@ -130,16 +131,19 @@ fn judge_sizes<'a>(
     let judge = |characteristic: &'a Characteristic| {
         let result = &measurement.results[&characteristic.id];
         let wear = characteristic.tool_number.map(|tool| state.wear_of(tool));
+        let rule = config.rule_in(characteristic, measurement.pass);
+        let guard = &rule::guard_bands(rule, result);
+        let corrections = state.corrections;
         let (verdict, action) = match wear {
-            Some(wear) => wear::decide(config, characteristic, result, wear, state.corrections),
-            None => path::decide(config, characteristic, result, state.corrections),
+            Some(wear) => wear::decide(config, characteristic, guard, result, wear, corrections),
+            None => path::decide(config, characteristic, guard, result, corrections),
         };
         let text = match (wear, characteristic.tool_number) {
             (Some(None), Some(tool)) => {
                 format!("the controller has not reported the wear offset of tool {tool}")
             }
             _ if result.decision == FeatureResult::INVALID => result.text.clone(),
-            _ => String::new(),
+            _ => rule::described(rule, characteristic, result),
         };
         out.send(Output::Verdict(Verdict {
             header: now.header(""),
@@ -184,11 +188,12 @@ fn judge_machine(config: &Config, state: &State, measurement: &Measurement) -> V
 fn conclude(
     config: &Config,
     state: &State,
+    measurement: &Measurement,
     sizes: &[SizeJudgement<'_>],
     judgements: &[Judgement],
 ) -> Conclusion {
     use decision::Verdict::{
-        Compensable, MeasurementInvalid, NotConverged, OvercutNotCompensable, Qualified, ToolWorn,
+        Compensable, Indeterminate, MeasurementInvalid, NotConverged, OvercutNotCompensable, Qualified, ToolWorn,
     };
     let verdicts = (sizes.iter().map(|size| size.verdict))
         .chain(judgements.iter().map(|judgement| judgement.verdict));
@@ -212,7 +217,14 @@ fn conclude(
         Qualified if sizes.is_empty() => {
             conclusion(PassDecision::NEXT, format!("{names} qualified{reason}"))
         }
-        Qualified => conclusion(PassDecision::NEXT, "all sizes qualified".to_owned()),
+        Qualified => conclusion(
+            PassDecision::NEXT,
+            format!("all sizes qualified{}", by_rule(config, measurement, sizes)),
+        ),
+        Indeterminate => stop(format!(
+            "conformity of {names} is neither proved nor refuted{}",
+            by_rule(config, measurement, sizes)
+        )),
         Compensable if is_stopped_by_policy(config, sizes, judgements) => stop(format!(
             "{names} could be corrected, but the policy is to stop"
         )),
@@ -241,6 +253,20 @@ fn conclude(
         }
         MeasurementInvalid => stop(format!("{names} could not be measured{reason}")),
     }
+}
+
+/// The decision rule of the sizes and its largest risk, in brackets; nothing in a pass that judges nothing by the drawing.
+fn by_rule(config: &Config, measurement: &Measurement, sizes: &[SizeJudgement<'_>]) -> String {
+    let by_drawing = |size: &&SizeJudgement<'_>| measurement.pass >= size.characteristic.final_pass;
+    let rule = config.decision_rule;
+    let risks = sizes.iter().filter(by_drawing).map(|size| {
+        let result = &measurement.results[&size.characteristic.id];
+        rule.largest_risk(result.coverage_factor)
+    });
+    risks.reduce(f64::max).map_or_else(String::new, |risk| {
+        let risk = rule::percent(risk);
+        format!(" ({}, consumer's risk at most {risk})", rule.name())
+    })
 }
 
 /// Names of what got a verdict, sizes first.
@@ -301,6 +327,7 @@ fn code(verdict: decision::Verdict) -> u8 {
         decision::Verdict::Qualified => Verdict::QUALIFIED,
         decision::Verdict::Compensable => Verdict::COMPENSABLE,
         decision::Verdict::NotConverged => Verdict::NOT_CONVERGED,
+        decision::Verdict::Indeterminate => Verdict::INDETERMINATE,
         decision::Verdict::ToolWorn => Verdict::TOOL_WORN,
         decision::Verdict::OvercutNotCompensable => Verdict::OVERCUT_NOT_COMPENSABLE,
         decision::Verdict::MeasurementInvalid => Verdict::MEASUREMENT_INVALID,

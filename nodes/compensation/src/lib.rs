@@ -71,6 +71,8 @@ mod judgement;
 mod passes;
 mod path;
 mod propose;
+mod reference;
+mod rule;
 mod state;
 mod step;
 mod touches;
@@ -78,6 +80,7 @@ mod volumetric;
 mod wear;
 mod work_offset;
 
+pub use rule::RawDecisionRule;
 pub use config::{
     Characteristic, Config, ConfigError, PathCorrection, RawCharacteristic, RawConfig,
 };

@@ -7,6 +7,7 @@
 use std::collections::BTreeMap;
 
 use metrology::{
+    conformance::GuardBands,
     decision::{Action, Verdict},
     profile,
 };
@@ -42,16 +43,23 @@ pub(crate) fn error(result: &FeatureResult) -> f64 {
 pub(crate) fn decide(
     config: &Config,
     characteristic: &Characteristic,
+    guard: &GuardBands,
     result: &FeatureResult,
     corrections: u32,
 ) -> (Verdict, Action) {
     let error = error(result);
+    let accepted = characteristic.tolerance - guard.acceptance;
+    let rejected = characteristic.tolerance + guard.rejection;
     if result.decision == FeatureResult::INVALID || !error.is_finite() {
         (Verdict::MeasurementInvalid, Action::Stop)
-    } else if error.abs() <= characteristic.tolerance {
+    } else if error.abs() <= accepted {
         (Verdict::Qualified, Action::NextPass)
     } else if result.deviations.is_empty() || config.path == PathCorrection::None {
-        (Verdict::OvercutNotCompensable, Action::Reject)
+        if error.abs() > rejected {
+            (Verdict::OvercutNotCompensable, Action::Reject)
+        } else {
+            (Verdict::Indeterminate, Action::Stop)
+        }
     } else if corrections >= config.max_corrections || part_to_correct(config, result).is_none() {
         (Verdict::NotConverged, Action::Stop)
     } else {

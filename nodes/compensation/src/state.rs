@@ -1,11 +1,11 @@
 //! What `compensation` remembers between its inputs.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 
 use probecell_msgs::{Correction, FeatureResult, PartAlignment, RunId, ToolOffsets};
 use serde::{Deserialize, Serialize};
 
-use crate::{decide::Measurement, path::Paths, touches::Touches};
+use crate::{decide::Measurement, path::Paths, reference::Judged, touches::Touches};
 
 /// State of `compensation`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -34,6 +34,10 @@ pub struct State {
     pub touches: Touches,
     /// The latest alignment of the part.
     pub alignment: Option<PartAlignment>,
+    /// Sizes that were judged, the latest last.
+    pub judged: VecDeque<Judged>,
+    /// Features as an outside instrument finds them, the latest last.
+    pub references: VecDeque<FeatureResult>,
 }
 
 impl State {

@@ -10,7 +10,7 @@ use probecell_msgs::{
 use crate::{
     approval::{self, PART_ENDED},
     config::Config,
-    decide,
+    decide, reference,
     state::State,
     volumetric, work_offset,
 };
@@ -34,6 +34,8 @@ inputs! {
         Event(ProbeEvent) = topics::PROBE_EVENTS,
         /// The deviation of a touch, with its uncertainty.
         Deviation(TouchDeviation) = topics::TOUCH_DEVIATIONS,
+        /// A feature as an outside instrument finds it.
+        Reference(FeatureResult) = topics::REFERENCE_RESULTS,
         /// The alignment of the part.
         Alignment(PartAlignment) = topics::PART_ALIGNMENT,
     }
@@ -115,6 +117,7 @@ impl Node for CompensationNode {
                 state.touches.add_deviation(&touch);
                 decide_when_complete(config, state, now, out);
             }
+            Input::Reference(found) => reference::refer(state, now, found, out),
             Input::Feature(result) => take(config, state, now, result, out),
             Input::Approval(request) => approval::approve(state, now, &request, out),
             Input::Part(report) if report.verdict == PartReport::MEASURED => {}

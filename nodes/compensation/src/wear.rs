@@ -5,6 +5,7 @@
 use std::collections::BTreeMap;
 
 use metrology::{
+    conformance::GuardBands,
     decision::{self, Action, Case},
     uncertainty::Components,
 };
@@ -21,6 +22,7 @@ use crate::{
 pub(crate) fn decide(
     config: &Config,
     characteristic: &Characteristic,
+    guard: &GuardBands,
     result: &FeatureResult,
     wear: Option<f64>,
     corrections: u32,
@@ -34,7 +36,7 @@ pub(crate) fn decide(
         wear: wear.unwrap_or(0.0) / config.wear_per_size,
         corrections,
     };
-    let limits = config.limits(characteristic);
+    let limits = config.limits(characteristic, guard);
     decision::decide(&case, &limits, config.policy).map_or(
         (decision::Verdict::MeasurementInvalid, Action::Stop),
         |decision| (decision.verdict, decision.action),

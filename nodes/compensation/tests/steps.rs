@@ -2,7 +2,7 @@
 
 use compensation::{
     CompensationNode, Config, Input, Output, PathCorrection, RawCharacteristic, RawConfig,
-    RawVolumetric,
+    RawDecisionRule, RawVolumetric,
 };
 use graph::{Node, Outbox, Stamp};
 use machine::Chain;
@@ -32,6 +32,8 @@ fn raw(automatic_approval: bool, inner: bool) -> RawConfig {
         wear_per_size: 1.0,
         path: PathCorrection::Deterministic,
         path_limit_mm: 0.5,
+        // The source's table.
+        decision_rule: RawDecisionRule::SimpleAcceptance,
         literal_macro: false,
         spring_pass: false,
     }
@@ -100,6 +102,8 @@ fn line(output: &Output) -> String {
                 Verdict::OVERCUT_NOT_COMPENSABLE => "overcut",
                 Verdict::TOOL_WORN => "tool worn",
                 Verdict::NOT_CONVERGED => "not converged",
+                Verdict::INDETERMINATE => "indeterminate",
+                Verdict::CONTRADICTED => "contradicted",
                 _ => "invalid",
             };
             format!("{} {verdict}", one.feature_id)
@@ -117,7 +121,7 @@ fn line(output: &Output) -> String {
             )
         }
         Output::Decision(one) => {
-            let decision = ["next", "recut", "stop", "scrap"][usize::from(one.decision)];
+            let decision = ["next", "recut", "stop", "scrap", "revoked"][usize::from(one.decision)];
             format!("{decision} {:?}", one.correction_ids)
         }
         Output::Reply(one) if one.accepted => "accepted".to_owned(),
@@ -599,4 +603,149 @@ fn a_table_of_links_that_the_machine_lacks_or_of_none_is_refused() {
             .expect_err("refused");
         assert!(error.to_string().contains(says), "{error}");
     }
+}
+
+/// Expanded uncertainty 2 µm of a tolerance of 10 µm: ISO 14253-1:2017 accepts within 8 µm and refutes beyond 12 µm.
+fn strict_result(plan: &str, size_mm: f64) -> Input {
+    let Input::Feature(result) = result(plan, size_mm) else {
+        unreachable!("a result")
+    };
+    Input::Feature(FeatureResult {
+        coverage_factor: 2.0,
+        ..result
+    })
+}
+
+fn by_rule(rule: RawDecisionRule, passes: &[&str]) -> Config {
+    let raw = RawConfig {
+        decision_rule: rule,
+        ..raw(true, false)
+    };
+    raw.check(&chain(), passes, false).expect("sound settings")
+}
+
+#[test]
+fn what_the_uncertainty_leaves_open_is_never_qualified_by_the_default_rule() {
+    let strict = by_rule(RawDecisionRule::default(), &["finish"]);
+    let simple = by_rule(RawDecisionRule::SimpleAcceptance, &["finish"]);
+    // 2.326 u = 2.3 µm: the quantile of 99 %.
+    let guarded = by_rule(RawDecisionRule::GuardBand { consumers_risk: 0.01 }, &["finish"]);
+    let verdict = |config: &Config, size_mm: f64| {
+        let inputs = vec![offsets(0.0), measure("p/1"), strict_result("p/1", size_mm)];
+        let mut state = CompensationNode::start(config);
+        let mut said = Vec::new();
+        for input in inputs {
+            let mut out = Outbox::default();
+            CompensationNode::step(config, &mut state, Stamp(0), input, &mut out);
+            said = out.messages().iter().map(line).collect();
+        }
+        said[0].clone()
+    };
+    for (size_mm, by_strict, by_simple, by_guarded) in [
+        (19.8079, "qualified", "qualified", "compensable"),
+        (19.8081, "compensable", "qualified", "compensable"),
+        (19.8076, "qualified", "qualified", "qualified"),
+        (19.7919, "indeterminate", "qualified", "indeterminate"),
+        (19.7881, "indeterminate", "overcut", "overcut"),
+        (19.7879, "overcut", "overcut", "overcut"),
+    ] {
+        assert_eq!(verdict(&strict, size_mm), format!("D1 {by_strict}"), "{size_mm}");
+        assert_eq!(verdict(&simple, size_mm), format!("D1 {by_simple}"), "{size_mm}");
+        assert_eq!(verdict(&guarded, size_mm), format!("D1 {by_guarded}"), "{size_mm}");
+    }
+    check(
+        &strict,
+        vec![offsets(0.0), measure("p/1"), strict_result("p/1", 19.7919)],
+        &["D1 indeterminate", "stop []"],
+    );
+}
+
+#[test]
+fn limits_before_the_last_pass_are_taken_as_they_stand() {
+    let config = by_rule(RawDecisionRule::default(), &["rough", "finish"]);
+    check(
+        &config,
+        vec![offsets(0.0), measure("p/1"), strict_result("p/1", 19.7919)],
+        &["D1 qualified", "next []"],
+    );
+}
+
+#[test]
+fn a_verdict_and_its_decision_name_rule_and_risk() {
+    let config = by_rule(RawDecisionRule::default(), &["finish"]);
+    let mut state = CompensationNode::start(&config);
+    let mut texts = Vec::new();
+    for input in [offsets(0.0), measure("p/1"), strict_result("p/1", 19.8079)] {
+        let mut out = Outbox::default();
+        CompensationNode::step(&config, &mut state, Stamp(0), input, &mut out);
+        for output in out.messages() {
+            match output {
+                Output::Verdict(one) => texts.push(one.text.clone()),
+                Output::Decision(one) => texts.push(one.text.clone()),
+                _ => {}
+            }
+        }
+    }
+    // 1 − Φ(2.1) = 1.79 %, 1 − Φ(2) = 2.28 %.
+    assert_eq!(
+        texts,
+        [
+            "ISO 14253-1:2017, U = 2.0 µm (k = 2.000): accepted within ± 8.0 µm; the probability that the true size is out \
+             of tolerance is 1.8 %, at the limit of acceptance 2.3 %",
+            "all sizes qualified (ISO 14253-1:2017, consumer's risk at most 2.3 %)",
+        ]
+    );
+    let raw = RawConfig {
+        decision_rule: RawDecisionRule::GuardBand { consumers_risk: 0.6 },
+        ..raw(true, false)
+    };
+    let refused = raw.check(&chain(), &["finish"], false).expect_err("no risk").to_string();
+    assert!(refused.contains("consumers_risk = 0.6 must be above 0 and at most 0.5"), "{refused}");
+}
+
+/// The same feature as an instrument finds it, U = 6 µm.
+fn reference(plan: &str, size_mm: f64) -> Input {
+    let Input::Feature(result) = strict_result(plan, size_mm) else {
+        unreachable!("a result")
+    };
+    Input::Reference(FeatureResult {
+        standard_uncertainty: 3e-6,
+        text: "by CMM".to_owned(),
+        ..result
+    })
+}
+
+#[test]
+fn a_reading_that_a_reference_refutes_is_revoked_whichever_comes_first() {
+    let config = by_rule(RawDecisionRule::default(), &["finish"]);
+    let revoked = ["D1 contradicted", "revoked []"];
+    check(
+        &config,
+        vec![offsets(0.0), measure("p/1"), strict_result("p/1", 19.8), reference("p/1", 19.729)],
+        &revoked,
+    );
+    check(
+        &config,
+        vec![offsets(0.0), measure("p/1"), reference("p/1", 19.729), strict_result("p/1", 19.8)],
+        &["D1 qualified", "D1 contradicted", "revoked []", "next []"],
+    );
+    // Of an earlier plan, when the next is measured already.
+    check(
+        &config,
+        vec![
+            offsets(0.0),
+            measure("p/1"),
+            strict_result("p/1", 19.8),
+            measure("q/1"),
+            strict_result("q/1", 19.8),
+            reference("p/1", 19.729),
+        ],
+        &revoked,
+    );
+    // √(2² + 6²) = 6.3 µm: no contradiction.
+    check(
+        &config,
+        vec![offsets(0.0), measure("p/1"), strict_result("p/1", 19.8), reference("p/1", 19.794)],
+        &[],
+    );
 }

@@ -1,8 +1,8 @@
 //! The state of `cycle`: the part that is being made, and how far it is.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
-use probecell_msgs::{PassDecision, PlanId};
+use probecell_msgs::{PassDecision, PlanId, RunId};
 use serde::{Deserialize, Serialize};
 
 /// The state of `cycle`.
@@ -16,6 +16,10 @@ pub struct State {
     pub next_request: u64,
     /// Outcome and text of each correction of this part that the machine has acknowledged.
     pub acknowledged: BTreeMap<String, (u8, String)>,
+    /// Parts reported as qualified, the latest last: the run of the deciding measurement, the part and its passes.
+    pub qualified: VecDeque<(RunId, String, u32)>,
+    /// Why no further part is made: what a reference measurement refutes.
+    pub refuted: Option<String>,
 }
 
 /// A part that is being made.

@@ -12,6 +12,11 @@ use crate::{
     state::{Run, Stage, State},
 };
 
+/// Parts kept that a reference may refute yet.
+const QUALIFIED_LIMIT: usize = 64;
+/// Why no part is begun after a reference has refuted a measurement; a further measurement is made.
+const REFUTED: &str = "no part is made until the cause is found and the cell started again";
+
 /// The node.
 pub struct CycleNode;
 
@@ -93,6 +98,7 @@ fn handle_run_request(
             Some("a part is being measured")
         }
         Some(_) => Some("a part is being made"),
+        None if asked.plan_id.is_empty() && state.refuted.is_some() => Some(REFUTED),
         None => match &last {
             Some(run) if asked.subject.is_empty() || asked.subject == run.part_id => None,
             Some(_) => Some("the plan belongs to another part"),
@@ -104,7 +110,10 @@ fn handle_run_request(
         header: now.header(""),
         request_id: asked.request_id,
         accepted: refusal.is_none(),
-        text: refusal.unwrap_or_default().to_owned(),
+        text: match (&state.refuted, refusal) {
+            (Some(why), Some(REFUTED)) => format!("{REFUTED}: {why}"),
+            (_, refusal) => refusal.unwrap_or_default().to_owned(),
+        },
     }));
     if refusal.is_some() {
         return;
@@ -292,6 +301,9 @@ fn handle_decision(
     decision: &PassDecision,
     out: &mut Outbox<Output>,
 ) {
+    if decision.decision == PassDecision::REVOKED {
+        return revoke(state, now, decision, out);
+    }
     let Some(run) = &mut state.run else { return };
     let current = match &run.stage {
         Stage::Measuring { plan_id, .. } | Stage::Correcting { plan_id, .. } => {
@@ -317,7 +329,15 @@ fn handle_decision(
     match code.unwrap_or(PassDecisionCode::Stop) {
         _ if pass.for_record && !is_last => next_pass(config, state, now, out),
         PassDecisionCode::Next if !is_last => next_pass(config, state, now, out),
-        PassDecisionCode::Next => end(state, now, PartReport::QUALIFIED, &decision.text, out),
+        PassDecisionCode::Next => {
+            let run_id = PlanId::from(&decision.plan_id).run();
+            let qualified = (run_id, run.part_id.clone(), run.cuts);
+            state.qualified.push_back(qualified);
+            if state.qualified.len() > QUALIFIED_LIMIT {
+                state.qualified.pop_front();
+            }
+            end(state, now, PartReport::QUALIFIED, &decision.text, out);
+        }
         PassDecisionCode::Recut => {
             let awaited = decision.correction_ids.iter().cloned().collect();
             run.stage = Stage::Correcting {
@@ -327,8 +347,36 @@ fn handle_decision(
             recut_when_corrected(config, state, now, out);
         }
         PassDecisionCode::Scrap => end(state, now, PartReport::SCRAP, &decision.text, out),
-        PassDecisionCode::Stop => end(state, now, PartReport::STOPPED, &decision.text, out),
+        PassDecisionCode::Stop | PassDecisionCode::Revoked => end(state, now, PartReport::STOPPED, &decision.text, out),
     }
+}
+
+/// A reference refutes what was decided on: the part of it is not qualified, the one that is being made is stopped, and
+/// none is begun any more.
+fn revoke(state: &mut State, now: Stamp, decision: &PassDecision, out: &mut Outbox<Output>) {
+    let run_id = PlanId::from(&decision.plan_id).run();
+    if state.run.is_some() {
+        let stop = OperationRequest {
+            kind: OperationRequest::STOP,
+            ..OperationRequest::default()
+        };
+        request(state, now, stop, out);
+        end(state, now, PartReport::STOPPED, &decision.text, out);
+    }
+    if let Some(index) = state.qualified.iter().rposition(|(run, ..)| *run == run_id)
+        && let Some((_, part_id, passes)) = state.qualified.remove(index)
+    {
+        out.send(Output::Part(PartReport {
+            header: now.header(""),
+            part_id,
+            verdict: PartReport::STOPPED,
+            passes,
+            text: format!("not qualified any more: {}", decision.text),
+            plan_id: String::new(),
+        }));
+    }
+    state.last = None;
+    state.refuted.get_or_insert_with(|| decision.text.clone());
 }
 
 fn next_pass(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Output>) {

@@ -278,3 +278,45 @@ fn an_operation_that_fails_stops_the_part() {
         &["p stopped after 0 passes: the machine did not complete an operation: no tool"],
     );
 }
+
+/// The finishing pass of `part`, whose requests begin at `first`, up to its decision.
+fn qualified(part: &str, first: u64) -> Vec<Input> {
+    vec![
+        run(part),
+        done(first),
+        done(first + 1),
+        done(first + 2),
+        decision(&format!("{part}/rough/1"), PassDecision::NEXT, &[]),
+        done(first + 3),
+        done(first + 4),
+        decision(&format!("{part}/finish/1"), PassDecision::NEXT, &[]),
+    ]
+}
+
+#[test]
+fn a_part_that_a_reference_refutes_is_not_qualified_and_the_series_stops() {
+    let revoked = || decision("p/finish/1", PassDecision::REVOKED, &[]);
+    let refuted = "p stopped after 2 passes: not qualified any more: so decided";
+    check(with(qualified("p", 0), vec![revoked()]), &[refuted]);
+    // The next part is under way: it is stopped.
+    check(
+        with(qualified("p", 0), vec![run("q"), revoked()]),
+        &["6 stop", "q stopped after 0 passes: so decided", refuted],
+    );
+    // Said once.
+    check(with(qualified("p", 0), vec![revoked(), revoked()]), &[]);
+    check(
+        with(qualified("p", 0), vec![revoked(), run("q")]),
+        &["accepted false: no part is made until the cause is found and the cell started again: so decided"],
+    );
+    // Touches of the same part may help to find the cause.
+    let touches = Input::Run(OperatorRequest {
+        subject: "p".to_owned(),
+        plan_id: "p/finish/1/next".to_owned(),
+        ..OperatorRequest::default()
+    });
+    check(
+        with(qualified("p", 0), vec![revoked(), touches]),
+        &["accepted true: ", "5 measure p/finish/1/next in pass 0"],
+    );
+}

@@ -218,6 +218,10 @@ pub(crate) fn reference(
     header: std_msgs::Header,
 ) -> Option<ReferenceMeasurement> {
     let cmm = config.raw.cmm.as_ref()?;
+    // A part that is only rough stays in the machine.
+    if state.turned.values().any(|finished| !finished) {
+        return None;
+    }
     let standard_uncertainty = cmm.standard_uncertainty_um * 1e-6;
     let found: Vec<f64> = plan
         .points

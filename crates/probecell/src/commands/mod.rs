@@ -22,6 +22,7 @@ pub(crate) mod recording;
 pub(crate) mod recover;
 pub(crate) mod replay;
 pub(crate) mod report;
+mod report_sizes;
 pub(crate) mod results;
 pub(crate) mod router;
 pub(crate) mod run;

@@ -7,9 +7,9 @@ use anyhow::{Context, bail};
 use bags::Bag;
 use diagnosis::Options;
 use graph::{Topic, topics};
-use probecell_msgs::{Fault, InspectionPlan, LossReport, Message};
+use probecell_msgs::{Fault, InspectionPlan, LossReport, Message, ReferenceMeasurement};
 
-use super::diagnose;
+use super::{diagnose, report_sizes};
 use super::record::PROVENANCE;
 use crate::output;
 
@@ -19,8 +19,11 @@ pub(crate) struct Arguments {
     /// Bag: a folder or an .mcap file.
     bag: PathBuf,
     /// Write a self-contained, printable HTML page instead of plain text.
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", conflicts_with = "json")]
     html: Option<PathBuf>,
+    /// The sizes with their verdicts, decision rules and references as one JSON object.
+    #[arg(long)]
+    json: bool,
 }
 
 /// Writes the page, or prints its text.
@@ -31,6 +34,10 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
         damage: damage.iter().map(ToString::to_string).collect(),
         ..gather(&bag, &arguments.bag)?
     };
+    if arguments.json {
+        output::json(&report_sizes::json(&session))?;
+        return Ok(output::damage(&damage));
+    }
     let command = format!("probecell diagnose {} --html FILE", session.name);
     let made = diagnose::read(&arguments.bag, &diagnose::Arguments::default())
         .and_then(|session| Ok(diagnosis::diagnose(&session, &Options::default())?));
@@ -71,6 +78,9 @@ fn gather(bag: &Bag, path: &Path) -> anyhow::Result<PartSession> {
             path.display()
         );
     }
+    let recorded: Vec<ReferenceMeasurement> = reader.all(topics::REFERENCE)?;
+    let (references, unusable_references) =
+        report_sizes::by_reference(bag, &reader.all(topics::ROBOT_DESCRIPTION)?, &plans, &recorded)?;
     let mut faults: Vec<Fault> = Vec::new();
     let reporting = topics::ALL.iter();
     for topic in reporting.filter(|topic| topic.message.name == Fault::TYPE.name) {
@@ -97,6 +107,8 @@ fn gather(bag: &Bag, path: &Path) -> anyhow::Result<PartSession> {
         revision: provenance("source_revision"),
         plans,
         results: reader.all(topics::FEATURE_RESULTS)?,
+        references,
+        unusable_references,
         alignments: reader.all(topics::PART_ALIGNMENT)?,
         touches: reader.all(topics::TOUCH_DEVIATIONS)?,
         verdicts: reader.all(topics::VERDICTS)?,
@@ -288,6 +300,7 @@ mod tests {
         let arguments = Arguments {
             bag,
             html: Some(file.clone()),
+            json: false,
         };
         assert_eq!(run(&arguments).expect("a page"), crate::GOOD);
         let html = std::fs::read_to_string(&file).expect("the page");
@@ -352,6 +365,44 @@ mod tests {
         }
         let pictures = page.descendants().filter(|node| node.has_tag_name("svg"));
         assert!(pictures.count() >= 2, "one for each pass at least");
+    }
+
+    /// The record of a cell whose probe was never calibrated, with the readings of the reference instrument in the bag.
+    #[test]
+    fn a_record_shows_the_reference_and_qualifies_nothing_that_it_contradicts() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let sample = Path::new(env!("CARGO_MANIFEST_DIR"))
+            .join("../../bags/samples/punch_uncalibrated.mcap");
+        let file = folder.path().join("page.html");
+        let arguments = Arguments {
+            bag: sample.clone(),
+            html: Some(file.clone()),
+            json: false,
+        };
+        assert_eq!(run(&arguments).expect("a page"), crate::GOOD);
+        let html = std::fs::read_to_string(&file).expect("the page");
+        let options = ParsingOptions {
+            allow_dtd: true,
+            ..ParsingOptions::default()
+        };
+        let page = Document::parse_with_options(&html, options).expect("a well-formed page");
+        let all = text(page.root());
+        assert!(all.contains("Part punch is not qualified"), "{all}");
+        assert!(!all.contains("is qualified") && !all.contains("all sizes qualified"), "{all}");
+        let finish = rows(&page, "Sizes by reference");
+        let mut gaps: Vec<f64> = Vec::new();
+        for row in finish.iter().filter(|row| row[7] == "contradict each other") {
+            assert_eq!(row[1], "by CMM");
+            gaps.push(metres(&row[5]));
+        }
+        assert!(gaps.len() >= 5, "{finish:?}");
+        // The mean error of a probe that was never calibrated (docs/source_systems.md, A.2).
+        let mean = gaps.iter().sum::<f64>() / gaps.len() as f64;
+        assert!((mean - 71e-6).abs() < 4e-6, "{mean}");
+        let bag = Bag::open(&sample).expect("a bag");
+        let json = report_sizes::json(&gather(&bag, &sample).expect("a session"));
+        assert_eq!(json["parts"][0]["qualified"], false);
+        assert_eq!(json["parts"][0]["contradicted"], true);
     }
 
     /// A message at its own instant.
@@ -523,6 +574,7 @@ mod tests {
             let arguments = Arguments {
                 bag: bag.to_owned(),
                 html: Some(html.to_owned()),
+                json: false,
             };
             format!("{:#}", run(&arguments).expect_err("refused"))
         };

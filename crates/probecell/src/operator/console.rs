@@ -34,6 +34,7 @@ pub(super) fn print_measurement(decision: &PassDecision, verdicts: &[Verdict]) {
         PassDecision::NEXT => "next pass",
         PassDecision::RECUT => "correct and repeat the pass",
         PassDecision::SCRAP => "scrap",
+        PassDecision::REVOKED => "revoked",
         _ => "stop",
     };
     output::line(&format!("  {}: {next}", decision.text));
@@ -46,6 +47,8 @@ fn verdict_word(verdict: u8) -> &'static str {
         Verdict::OVERCUT_NOT_COMPENSABLE => "overcut",
         Verdict::TOOL_WORN => "tool worn",
         Verdict::NOT_CONVERGED => "does not converge",
+        Verdict::INDETERMINATE => "indeterminate",
+        Verdict::CONTRADICTED => "contradicted by the reference",
         _ => "not measured",
     }
 }

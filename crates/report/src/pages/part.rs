@@ -6,6 +6,7 @@
 
 mod ledger;
 mod pictures;
+mod references;
 mod tables;
 
 use std::collections::BTreeSet;
@@ -18,6 +19,7 @@ use probecell_msgs::{
     Verdict, builtin_interfaces::Time,
 };
 
+pub use references::{SizeRecord, size_records};
 pub use tables::table_entries;
 
 use crate::pages::conclusion;
@@ -37,6 +39,10 @@ pub struct PartSession {
     pub plans: Vec<InspectionPlan>,
     /// Fitted features and composed sizes.
     pub results: Vec<FeatureResult>,
+    /// Features as outside instruments find them; the text names the instrument.
+    pub references: Vec<FeatureResult>,
+    /// Reference measurements that tell nothing of a plan, a sentence each.
+    pub unusable_references: Vec<String>,
     /// Where the part lay at each measurement, in cells that place it.
     pub alignments: Vec<PartAlignment>,
     /// Deviations of the touches.
@@ -99,7 +105,9 @@ pub fn part_page(session: &PartSession, diagnosis: ShortDiagnosis<'_>) -> Result
     short(&mut page, diagnosis);
     page.paragraph(
         "Deviations are measured minus nominal; excess material is positive. U is the expanded uncertainty, k times the \
-         standard uncertainty; conformity is decided with U as guard band (ISO 14253-1). Times are UTC.",
+         standard uncertainty; the column conformity is that of ISO 14253-1:2017 with U, and each verdict names the decision \
+         rule of the cell file and its risk (JCGM 106:2012). A size that a reference contradicts (E_n > 1, ISO 13528:2015) is \
+         not qualified, whatever the reading was. Times are UTC.",
     );
     Ok(page)
 }
@@ -113,6 +121,9 @@ fn latest(session: &PartSession) -> PartSession {
     keep_last(&mut session.alignments, |one| one.plan_id.clone());
     keep_last(&mut session.verdicts, size);
     keep_last(&mut session.decisions, |one| one.plan_id.clone());
+    keep_last(&mut session.references, feature);
+    // A part that was found wrong later is told as it was found last.
+    keep_last(&mut session.parts, |one| (one.part_id.clone(), one.plan_id.clone()));
     session
 }
 
@@ -139,13 +150,19 @@ fn named(session: &PartSession) -> String {
 fn conclusion_of(session: &PartSession) -> String {
     let ends: Vec<String> = (session.parts.iter())
         .map(|part| {
+            let prefix = format!("{}/", part.part_id);
+            let refuted = references::contradicted(session, |plan| plan.starts_with(&prefix));
             let end = match part.verdict {
+                _ if !refuted.is_empty() => "is not qualified",
                 PartReport::QUALIFIED => "is qualified",
                 PartReport::SCRAP => "is scrap",
                 _ => "was stopped",
             };
             let passes = if part.passes == 1 { "pass" } else { "passes" };
-            let why = if part.text.is_empty() {
+            let why = if !refuted.is_empty() {
+                let names = refuted.join(", ");
+                format!(": a reference measurement contradicts the readings of {names}")
+            } else if part.text.is_empty() {
                 String::new()
             } else {
                 format!(": {}", part.text)
@@ -214,13 +231,23 @@ fn measurement(
     let decision = (session.decisions.iter()).find(|one| one.plan_id == plan.plan_id);
     page.paragraph(&decision.map_or_else(
         || "No decision was based on it.".to_owned(),
-        |one| format!("{}: {}.", tables::decision(one.decision), one.text),
+        |one| match references::contradicted(session, |id| id == plan.plan_id).as_slice() {
+            [] => format!("{}: {}.", tables::decision(one.decision), one.text),
+            refuted => format!(
+                "Revoked: a reference measurement contradicts the readings of {}.",
+                refuted.join(", ")
+            ),
+        },
     ));
     let mut placed = session.alignments.iter();
     if let Some(placed) = placed.find(|one| one.plan_id == plan.plan_id) {
         page.paragraph(&tables::alignment(placed));
     }
     page.table(&tables::sizes(session, &plan.plan_id));
+    let by_reference = references::table(session, &plan.plan_id);
+    if !by_reference.rows.is_empty() {
+        page.table(&by_reference);
+    }
     page.table(&tables::geometry(session, plan));
     page.list(&tables::machine(session, &plan.plan_id));
     let corrections = tables::corrections(session, &plan.plan_id);
@@ -256,6 +283,7 @@ fn troubles(page: &mut Page, session: &PartSession) {
             format!("{count} {noun} of {topic} {verb} missing from the recording.")
         })
         .collect();
+    losses.extend(session.unusable_references.iter().map(|one| format!("{one}.")));
     losses.extend(session.damage.iter().map(|damage| format!("{damage}.")));
     if losses.is_empty() {
         page.paragraph("Nothing is missing from the recording.");

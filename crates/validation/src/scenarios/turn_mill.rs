@@ -9,7 +9,7 @@ use cell::{Cell, CellText};
 use diagnosis::Session;
 use graph::{Executor, Published, Stamp, Topic, topics};
 use probecell_msgs::{
-    FeatureResult, InspectionPlan, Message, OperatorRequest, PartReport, ProbeEvent,
+    FeatureResult, InspectionPlan, Message, OperatorRequest, PartReport, PassDecision, ProbeEvent,
     ReferenceMeasurement, ToolOffsets, TouchDeviation, Verdict, from_cdr, std_msgs, to_cdr,
 };
 
@@ -118,9 +118,14 @@ impl Punch {
         all(&self.log, topic)
     }
 
-    /// True if the cell calls the part good.
+    /// True if the cell calls the part good by its own readings, whatever the reference instrument says of them.
     pub(crate) fn qualified(&self) -> bool {
-        self.report.verdict == PartReport::QUALIFIED
+        let decisions = self.all::<PassDecision>(topics::PASS_DECISIONS);
+        let decided = decisions.ok().and_then(|mut decisions| {
+            decisions.retain(|one| one.decision != PassDecision::REVOKED);
+            decisions.pop()
+        });
+        decided.is_some_and(|last| last.decision == PassDecision::NEXT)
     }
 
     /// (reading less drawing, reference less drawing) of each of [`SIZES`], µm.

@@ -8,6 +8,7 @@ use probecell_msgs::{
     PassDecision, Verdict,
 };
 
+use super::references::{self, record};
 use super::{PartSession, moment};
 
 /// A length in mm, to 0.1 µm.
@@ -64,7 +65,10 @@ pub(super) fn measurements(session: &PartSession) -> Table {
             .iter()
             .filter(|one| one.plan_id == *id)
             .collect();
-        let good = (verdicts.iter()).filter(|one| one.verdict == Verdict::QUALIFIED);
+        let refuted = references::contradicted(session, |plan| plan == id);
+        let good = (verdicts.iter()).filter(|one| {
+            one.verdict == Verdict::QUALIFIED && !refuted.contains(&one.feature_id.as_str())
+        });
         let decided = (session.decisions.iter()).find(|one| one.plan_id == *id);
         table.row(vec![
             id.clone(),
@@ -87,7 +91,7 @@ pub(super) fn sizes(session: &PartSession, plan_id: &str) -> Table {
             "measured",
             "deviation",
             "U",
-            "decision",
+            "conformity",
             "tolerance",
             "verdict",
         ],
@@ -108,7 +112,7 @@ pub(super) fn sizes(session: &PartSession, plan_id: &str) -> Table {
                 || "–".to_owned(),
                 |one| format!("± {}", um_size(one.tolerance)),
             ),
-            verdict.map_or_else(|| "not judged".to_owned(), judged),
+            record(session, result).judged(),
         ]);
     }
     table
@@ -225,13 +229,15 @@ fn conformity(result: &FeatureResult) -> &'static str {
     }
 }
 
-fn judged(verdict: &Verdict) -> String {
+pub(super) fn judged(verdict: &Verdict) -> String {
     let word = match verdict.verdict {
         Verdict::QUALIFIED => "qualified",
         Verdict::COMPENSABLE => "can be corrected",
         Verdict::OVERCUT_NOT_COMPENSABLE => "overcut",
         Verdict::TOOL_WORN => "tool worn",
         Verdict::NOT_CONVERGED => "not converged",
+        Verdict::INDETERMINATE => "indeterminate",
+        Verdict::CONTRADICTED => "contradicted",
         _ => "measurement invalid",
     };
     if verdict.text.is_empty() {
@@ -247,6 +253,7 @@ pub(super) fn decision(code: u8) -> &'static str {
         PassDecision::NEXT => "Continue",
         PassDecision::RECUT => "Correct and repeat the pass",
         PassDecision::SCRAP => "Scrap",
+        PassDecision::REVOKED => "Revoked",
         _ => "Stop",
     }
 }

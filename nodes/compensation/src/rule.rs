@@ -1,0 +1,99 @@
+//! The decision rule of the cell file: how much of a tolerance the uncertainty of the reading takes, and what it risks.
+//!
+//! The rule judges against the drawing, so it holds in the last pass in which a size decides. Limits of the passes before
+//! it keep the process in hand, and are taken as they stand.
+
+use metrology::conformance::{DecisionRule, GuardBands, Tolerance, nonconformity_probability};
+use probecell_msgs::FeatureResult;
+use serde::Deserialize;
+
+use crate::{
+    config::{Characteristic, Config, ConfigError},
+    path,
+};
+
+/// As written: `"iso_14253_1"`, `"simple_acceptance"` or `{ guard_band = { consumers_risk = 0.02 } }`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub enum RawDecisionRule {
+    /// ISO 14253-1:2017.
+    #[default]
+    #[serde(rename = "iso_14253_1")]
+    Iso14253,
+    /// The tolerance limits themselves.
+    #[serde(rename = "simple_acceptance")]
+    SimpleAcceptance,
+    /// Guarded acceptance by JCGM 106:2012.
+    #[serde(rename = "guard_band")]
+    GuardBand {
+        /// Largest specific consumer's risk, above 0 and at most 0.5.
+        consumers_risk: f64,
+    },
+}
+
+impl RawDecisionRule {
+    pub(crate) fn check(self) -> Result<DecisionRule, ConfigError> {
+        match self {
+            Self::Iso14253 => Ok(DecisionRule::Iso14253),
+            Self::SimpleAcceptance => Ok(DecisionRule::SimpleAcceptance),
+            Self::GuardBand { consumers_risk } if consumers_risk > 0.0 && consumers_risk <= 0.5 => {
+                Ok(DecisionRule::GuardBand { consumers_risk })
+            }
+            Self::GuardBand { consumers_risk } => Err(ConfigError::Risk(consumers_risk)),
+        }
+    }
+}
+
+impl Config {
+    /// The rule by which a size is judged in a pass.
+    pub(crate) fn rule_in(&self, characteristic: &Characteristic, pass: u32) -> DecisionRule {
+        if pass >= characteristic.final_pass {
+            self.decision_rule
+        } else {
+            DecisionRule::SimpleAcceptance
+        }
+    }
+}
+
+/// The guard bands of a result.
+pub(crate) fn guard_bands(rule: DecisionRule, result: &FeatureResult) -> GuardBands {
+    rule.guard_bands(result.standard_uncertainty, result.coverage_factor)
+}
+
+/// Rule and risk of a verdict, for a person.
+pub(crate) fn described(
+    rule: DecisionRule,
+    characteristic: &Characteristic,
+    result: &FeatureResult,
+) -> String {
+    let tolerance = characteristic.tolerance;
+    let (standard, factor) = (result.standard_uncertainty, result.coverage_factor);
+    let limits = Tolerance {
+        lower: -tolerance,
+        upper: tolerance,
+    };
+    let own = nonconformity_probability(path::error(result), standard, &limits);
+    let accepted = tolerance - guard_bands(rule, result).acceptance;
+    let accepted = if accepted < 0.0 {
+        "nothing can be accepted".to_owned()
+    } else {
+        format!("accepted within ± {:.1} µm", accepted * 1e6)
+    };
+    format!(
+        "{}, U = {:.1} µm (k = {factor:.3}): {accepted}; the probability that the true size is out of tolerance is {}, at the \
+         limit of acceptance {}",
+        rule.name(),
+        factor * standard * 1e6,
+        percent(own),
+        percent(rule.largest_risk(factor)),
+    )
+}
+
+/// A probability in per cent, with two digits that count.
+pub(crate) fn percent(probability: f64) -> String {
+    match probability * 100.0 {
+        small if small < 0.01 => "below 0.01 %".to_owned(),
+        small if small < 1.0 => format!("{small:.2} %"),
+        value => format!("{value:.1} %"),
+    }
+}
