@@ -50,5 +50,5 @@ pub use cdr::{CdrError, from_cdr, to_cdr};
 pub use code::UnknownCode;
 pub use describe::Value;
 pub use generated::*;
-pub use plan_id::{PlanId, RunId};
+pub use plan_id::{PlanId, RunId, is_unprintable};
 pub use schema::{Message, MessageType, Service, ServiceType, all, by_name, services};

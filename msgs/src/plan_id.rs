@@ -14,6 +14,13 @@ use std::{convert::Infallible, fmt, str::FromStr};
 
 use serde::{Deserialize, Serialize};
 
+/// True for a character that a name must not hold and a terminal must not get: controls of the sets C0 and C1, line and
+/// paragraph separators, and what turns the direction of writing (Unicode 16.0, 23.1, 23.2 and UAX #9).
+pub fn is_unprintable(letter: char) -> bool {
+    let turns = matches!(letter, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
+    letter.is_control() || turns || matches!(letter, '\u{2028}' | '\u{2029}')
+}
+
 /// What follows the identifier of a plan in that of its first supplement.
 const SUPPLEMENT: &str = "/next";
 

@@ -902,6 +902,10 @@ CELLS = {
     "operation_that_is_not_there": (replaced('operation = "finish_turn"', 'operation = "polish"'), "polish"),
     "tolerance_upside_down": (replaced("[-10.0, 10.0]", "[10.0, -10.0]"), "tolerance"),
     "effect_that_is_none": (lambda text: text + "\n[[model.effects]]\neffect = \"axis.X.scal\"\nparameters = []\n", "axis.X.scale"),
+    "angle_of_many_turns": (replaced("retract_mm = 1.0", "retract_mm = 1.0\nindexing_offsets_deg = [1000000.0]"), "10 turns"),
+    "touches_without_end": (replaced("[5.0, 17.0]", str([0.001 * i for i in range(20_000)])), "100034 touches .*more than 3000"),
+    "name_that_drives_a_terminal": (replaced('id = "hexagonal_punch"', 'id = "\\u001b[2J"'), "cannot be printed"),
+    "risk_that_is_none": (replaced("max_corrections = 5", "max_corrections = 5\ndecision_rule = { guard_band = { consumers_risk = 0.7 } }"), "consumers_risk = 0.7"),
     "no_name": (replaced('name = "turn_mill"', 'name = ""'), "name"),
     "name_that_is_no_namespace": (replaced('name = "turn_mill"', 'name = "a b/#*"'), "name"),
     "driver_that_is_none": (replaced('source = "simulator"', 'source = "fanuc"'), "fanuc"),
@@ -933,6 +937,8 @@ URDFS = {
     "loop": (replaced('<parent link="foundation"/><child link="Z_link"/>', '<parent link="probe_mount"/><child link="Z_link"/>'), "loop|foundation"),
     "planar_joint": (replaced('type="prismatic"', 'type="planar"'), "planar"),
     "axis_of_no_length": (replaced('<axis xyz="0 0 1"/>', '<axis xyz="0 0 0"/>'), "axis"),
+    "nested_without_end": (replaced('<link name="foundation"/>', '<link name="foundation"/>' + "<link>" * 100_000), "more than 100"),
+    "links_without_end": (replaced('<link name="foundation"/>', '<link name="foundation"/>' + "".join(f'<link name="l{i}"/><joint name="j{i}" type="fixed"><parent link="{f"l{i - 1}" if i else "foundation"}"/><child link="l{i}"/></joint>' for i in range(200_000))), "more than 16777216|more than 2000"),
     "not_a_number": (replaced('xyz="0 0 0.2"', 'xyz="0 0 nan"'), "origin"),
 }
 for word, (change, about) in URDFS.items():

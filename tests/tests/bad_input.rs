@@ -4,7 +4,7 @@ use cell::{Cell, CellText};
 use cell_tests::{cell, instance, launch_scripts, make_part, messages, session::Session};
 use graph::{Instance, Published, Stamp, topics};
 use probecell_msgs::{
-    ControllerStatus, Correction, Fault, InspectionPlan, PartReport, ProbeEvent, ProbeTrigger,
+    ControllerStatus, Correction, Fault, InspectionPlan, OperatorReply, PartReport, ProbeEvent, ProbeTrigger,
     TouchDeviation, Verdict, sensor_msgs::JointState,
 };
 use rand::{Rng, SeedableRng};
@@ -541,5 +541,20 @@ fn a_spoilt_message_never_becomes_a_correction() {
                 .all(|command| command.value.abs() <= 0.110e-3),
             "{commands:?}"
         );
+    }
+}
+
+/// A name that would drive a terminal is refused where it is given: in the cell file, and by the cell that is asked for it.
+#[test]
+fn a_name_that_cannot_be_printed_is_refused() {
+    let said = refused("id = \"hexagonal_punch\"", "id = \"punch\\u001b[2J\"");
+    assert!(said.contains("part.id = \"punch\\u{1b}[2J\" holds a character"), "{said}");
+    let mut session = Session::new(&cell("turn_mill.toml", str::to_owned));
+    for name in ["punch\u{1b}[2J", "punch\n", "\u{202e}hcnup", &"p".repeat(201)] {
+        session.ask_for(name);
+        session.run_s(0.1);
+        let reply: OperatorReply = session.last(topics::RUN_REPLIES);
+        assert!(!reply.accepted, "{name:?}");
+        assert!(reply.text.starts_with("the name of the part"), "{}", reply.text);
     }
 }

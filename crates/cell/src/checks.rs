@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 
 use analysis::feature::Criterion;
+use probecell_msgs::is_unprintable;
 
 use crate::Cell;
 
@@ -35,6 +36,7 @@ pub(crate) fn sections(cell: &Cell) -> Result<(), String> {
         }
     }
     recorder(cell)?;
+    printable(cell)?;
     names(cell)
 }
 
@@ -73,6 +75,26 @@ fn recorder(cell: &Cell) -> Result<(), String> {
     }
     if cell.recorder.split_size_mib == Some(0) {
         return Err("recorder.split_size_mib = 0 must be at least 1".to_owned());
+    }
+    Ok(())
+}
+
+/// Names go into messages, file names and onto terminals.
+fn printable(cell: &Cell) -> Result<(), String> {
+    let part = [("cell.part", cell.cell.part.as_str()), ("part.id", cell.part.id.as_str())];
+    let features = cell.part.features.iter();
+    let features = features.map(|one| ("part.features.id", one.id.as_str()));
+    let operations = cell.part.operations.iter();
+    let operations = operations.map(|one| ("part.operations.id", one.id.as_str()));
+    let composed = cell.analysis.widths.iter().chain(&cell.analysis.steps);
+    let composed = composed.map(|one| ("analysis.widths.id", one.id.as_str()));
+    let passes = cell.cycle.passes.iter();
+    let passes = passes.map(|one| ("cycle.passes.name", one.name.as_str()));
+    let named = part.into_iter().chain(features).chain(operations);
+    for (key, name) in named.chain(composed).chain(passes) {
+        if name.chars().any(is_unprintable) {
+            return Err(format!("{key} = {name:?} holds a character that cannot be printed"));
+        }
     }
     Ok(())
 }

@@ -10,7 +10,10 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{Isometry3, Matrix3, Translation3, Unit, UnitQuaternion, Vector3};
 
-use crate::motion::Motion;
+use crate::{
+    description::{MOST_JOINTS, check_links, check_text},
+    motion::Motion,
+};
 
 /// Root link of every machine.
 pub const FOUNDATION: &str = "foundation";
@@ -25,6 +28,16 @@ pub enum ChainError {
     /// The text is not a URDF.
     #[error("robot description is not a valid URDF: {0}")]
     Urdf(String),
+    /// More than is followed.
+    #[error("robot description has {given} {what}, more than {most}")]
+    TooLarge {
+        /// What there is too much of.
+        what: &'static str,
+        /// As given.
+        given: usize,
+        /// The limit.
+        most: usize,
+    },
     /// A link of the contract is absent.
     #[error("robot description has no link `{0}`")]
     MissingLink(&'static str),
@@ -170,8 +183,10 @@ impl Chain {
     /// # Errors
     /// [`ChainError`] names the link or joint that keeps the text from being a machine.
     pub fn from_urdf(text: &str) -> Result<Self, ChainError> {
+        check_text(text)?;
         let robot =
             urdf_rs::read_from_string(text).map_err(|error| ChainError::Urdf(error.to_string()))?;
+        check_links(robot.links.len(), robot.joints.len())?;
         let links = named_links(&robot)?;
         let parents = parents(&robot, &links)?;
         if let Some(missing) = [FOUNDATION, WORKPIECE, PROBE_MOUNT]
@@ -352,6 +367,13 @@ fn climb(
             return Err(ChainError::Loop(link.to_owned()));
         }
         path.push(index);
+        if path.len() > MOST_JOINTS {
+            return Err(ChainError::TooLarge {
+                what: "joints on the way to one link",
+                given: path.len(),
+                most: MOST_JOINTS,
+            });
+        }
         link = &robot.joints[index].parent.link;
     }
     path.reverse();

@@ -45,6 +45,7 @@
 pub mod access;
 pub mod chain;
 pub mod contact;
+mod description;
 pub mod deviation;
 pub mod geometry;
 pub mod head;

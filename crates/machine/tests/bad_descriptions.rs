@@ -108,3 +108,28 @@ fn unusable_joints_are_named() {
         "two joints named `part`",
     );
 }
+
+/// Each of these would follow its nesting by recursion, or the chain link by link, for minutes.
+#[test]
+fn what_is_larger_than_any_machine_is_refused_before_it_is_followed() {
+    let nested = format!("{}{}", "<link>".repeat(100_000), "</link>".repeat(100_000));
+    check(&nested, "has 100001 elements nested in one another, more than 100");
+    check(&"<link>".repeat(100_000), "has 100001 elements nested in one another, more than 100");
+    let chain = |count: usize| {
+        let mut text = LINKS.to_owned();
+        for index in 0..count {
+            let parent = index.checked_sub(1).map_or("foundation".to_owned(), |one| format!("l{one}"));
+            text += &format!(
+                r#"<link name="l{index}"/><joint name="j{index}" type="fixed"><parent link="{parent}"/><child link="l{index}"/></joint>"#
+            );
+        }
+        text + &PART.replace("foundation", &format!("l{}", count - 1)) + TOOL
+    };
+    check(&chain(10_000), "has 10003 links, more than 2000");
+    check(&chain(200), "has 51 joints on the way to one link, more than 50");
+    let text = format!("<robot name=\"r\">{}</robot>", chain(20));
+    assert!(Chain::from_urdf(&text).is_ok());
+    let comment = format!("<robot name=\"r\"><!--{}--></robot>", "x".repeat(17 << 20));
+    let refused = Chain::from_urdf(&comment).unwrap_err().to_string();
+    assert!(refused.contains("bytes, more than 16777216"), "{refused}");
+}

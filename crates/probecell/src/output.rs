@@ -2,14 +2,35 @@
 
 #![expect(clippy::print_stderr, reason = "this module is the terminal")]
 
-use std::io::{ErrorKind, IsTerminal, Write};
+use std::{
+    borrow::Cow,
+    io::{ErrorKind, IsTerminal, Write},
+};
 
-use probecell_msgs::PlanProgress;
+use probecell_msgs::{PlanProgress, is_unprintable};
 use serde::Serialize;
+
+/// A text whose characters that would move a cursor, ring a bell or turn the direction of writing are escaped; a line
+/// break and a tabulator stay.
+fn printable(text: &str) -> Cow<'_, str> {
+    let escaped = |letter: char| is_unprintable(letter) && !matches!(letter, '\n' | '\t');
+    if !text.chars().any(escaped) {
+        return Cow::Borrowed(text);
+    }
+    let mut shown = String::with_capacity(text.len() + 8);
+    for letter in text.chars() {
+        if escaped(letter) {
+            shown.extend(letter.escape_unicode());
+        } else {
+            shown.push(letter);
+        }
+    }
+    Cow::Owned(shown)
+}
 
 /// A line on standard output.
 pub(crate) fn line(text: &str) {
-    bytes(format!("{text}\n").as_bytes());
+    bytes(format!("{}\n", printable(text)).as_bytes());
 }
 
 /// Bytes on standard output. A reader may close the pipe early (`| head`): then the program exits, as others do.
@@ -26,7 +47,7 @@ pub(crate) fn bytes(text: &[u8]) {
 
 /// A remark on standard error.
 pub(crate) fn remark(text: &str) {
-    eprintln!("{text}");
+    eprintln!("{}", printable(text));
 }
 
 /// Progress of a plan, as one line of standard error that the next one replaces; nothing where that is not a terminal.
@@ -47,7 +68,7 @@ pub(crate) fn progress(progress: &PlanProgress) {
         ),
         _ => String::new(),
     };
-    replace_line(&text);
+    replace_line(&printable(&text));
 }
 
 /// Ends the line of [`progress`].
@@ -96,5 +117,18 @@ pub(crate) fn error(error: &anyhow::Error) {
             };
         }
     }
-    eprintln!("probecell: {}", sentence.replace('\n', " "));
+    eprintln!("probecell: {}", printable(&sentence.replace('\n', " ")));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_would_drive_a_terminal_is_shown_as_text() {
+        assert_eq!(printable("Ø 19,8 mm\tgut\n"), "Ø 19,8 mm\tgut\n");
+        assert_eq!(printable("p\u{1b}[2J\u{7}\r"), "p\\u{1b}[2J\\u{7}\\u{d}");
+        // The one-byte form of the escape sequence, and a change of the direction of writing.
+        assert_eq!(printable("\u{9b}2J\u{202e}"), "\\u{9b}2J\\u{202e}");
+    }
 }

@@ -83,6 +83,11 @@ fn invalidates_measurements(fault: &Fault) -> bool {
     fault.severity == Fault::ERROR && codes.contains(&fault.code.as_str())
 }
 
+/// A name that can be printed on one line and kept in a file; empty where a request names nothing.
+fn is_name(text: &str) -> bool {
+    text.chars().count() <= 200 && !text.chars().any(|letter| probecell_msgs::is_unprintable(letter))
+}
+
 fn handle_run_request(
     config: &Config,
     state: &mut State,
@@ -98,6 +103,7 @@ fn handle_run_request(
             Some("a part is being measured")
         }
         Some(_) => Some("a part is being made"),
+        None if !is_name(&asked.subject) => Some("the name of the part holds a character that cannot be printed, or more than 200"),
         None if asked.plan_id.is_empty() && state.refuted.is_some() => Some(REFUTED),
         None => match &last {
             Some(run) if asked.subject.is_empty() || asked.subject == run.part_id => None,

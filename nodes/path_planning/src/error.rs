@@ -2,6 +2,11 @@
 
 use machine::DeviationError;
 
+/// Most touches of one order: the times between all pairs of them are kept.
+pub const MOST_TOUCHES: usize = 3_000;
+/// Most turns of a rotary axis from its zero.
+pub const MOST_TURNS: f64 = 10.0;
+
 /// A plan that cannot be measured on this machine.
 #[derive(Debug, thiserror::Error)]
 pub enum PlanningError {
@@ -41,6 +46,19 @@ pub enum PlanningError {
     /// A point of a feature that does not exist.
     #[error("point {0} belongs to a feature that the plan does not define")]
     Feature(usize),
+    /// More touches than an order is searched for.
+    #[error("the plan has {0} touches, more than {MOST_TOUCHES} in one order")]
+    TooManyTouches(usize),
+    /// A rotary position that no machine turns to.
+    #[error("point {point}: rotary axis {axis:?} would turn to {degrees:.0}°, more than {MOST_TURNS} turns")]
+    Turns {
+        /// Index of the point.
+        point: usize,
+        /// The axis.
+        axis: String,
+        /// As given, degrees.
+        degrees: f64,
+    },
     /// The plan has a number that cannot be used.
     #[error(transparent)]
     Plan(#[from] DeviationError),

@@ -22,7 +22,7 @@ pub use error::PartError;
 use numbers::{direction, finite, metres, ros_point, ros_vector};
 pub use raw::{RawFeature, RawOperation, RawPart, RawStylus};
 
-use crate::candidates::Poses;
+use crate::{candidates::Poses, error::MOST_TOUCHES};
 
 /// As checked: a plan without id and stamp, and what a pass may leave on it.
 #[derive(Clone, Debug)]
@@ -109,6 +109,9 @@ impl RawPart {
                 poses.push(of_point);
             }
             template.features.push(feature);
+        }
+        if template.points.len() > MOST_TOUCHES {
+            return Err(PartError::TooManyTouches(template.points.len()));
         }
         Ok(Part {
             template,

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     candidates::{self, Candidate, Poses, Seed},
-    error::PlanningError,
+    error::{MOST_TOUCHES, MOST_TURNS, PlanningError},
     moves,
     rules::MotionRules,
     table::TimeTable,
@@ -67,6 +67,21 @@ pub struct Task {
     search: Option<Search>,
 }
 
+/// Refuses positions (rad) of the plan's rotary axes that are many turns away.
+fn check_turns(plan: &InspectionPlan, point: u32, pose: &[f64]) -> Result<(), PlanningError> {
+    for (index, angle) in pose.iter().enumerate() {
+        // NaN is refused with the plan's other numbers.
+        if angle.abs() > MOST_TURNS * std::f64::consts::TAU * (1.0 + 1e-9) {
+            return Err(PlanningError::Turns {
+                point: point as usize,
+                axis: plan.rotary_names.get(index).cloned().unwrap_or_default(),
+                degrees: angle.to_degrees(),
+            });
+        }
+    }
+    Ok(())
+}
+
 impl Task {
     /// Finds the candidates of all points.
     ///
@@ -74,6 +89,9 @@ impl Task {
     /// [`PlanningError`] for a point that is listed twice or unknown, and for one that no pose reaches.
     pub fn new(rules: &MotionRules<'_>, request: &OrderRequest<'_>) -> Result<Self, PlanningError> {
         let (plan, points) = (request.plan, request.points);
+        if points.len() > MOST_TOUCHES {
+            return Err(PlanningError::TooManyTouches(points.len()));
+        }
         let mut poses = Vec::new();
         for (position, &index) in points.iter().enumerate() {
             let new = !points[..position].contains(&index);
@@ -81,7 +99,12 @@ impl Task {
                 return Err(PlanningError::NoPoint(index));
             }
             let of_point = request.poses.get(index as usize);
-            poses.push(of_point.cloned().unwrap_or_default());
+            let of_point = of_point.cloned().unwrap_or_default();
+            let own = &plan.points[index as usize].rotary_positions;
+            for pose in of_point.iter().chain(std::iter::once(own)) {
+                check_turns(plan, index, pose)?;
+            }
+            poses.push(of_point);
         }
         let stage = |index: &u32| request.stages.get(*index as usize).copied().unwrap_or(0);
         let mut task = Self {

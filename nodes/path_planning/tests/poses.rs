@@ -1,7 +1,10 @@
 //! Points that may be touched at several poses: against every order at every choice of poses, timed by the formula here.
 
 use machine::Chain;
-use path_planning::{Config, OrderRequest, Planned, PlanningError, RawConfig, part::RawPart};
+use path_planning::{
+    Config, OrderRequest, Planned, PlanningError, RawConfig, Task, part::RawPart,
+};
+use probecell_msgs::InspectionPlan;
 
 /// A table that turns the part about Z, and a probe on three axes whose ball's centre is the mount's origin.
 const ROBOT: &str = r#"<robot name="xyzc"><link name="foundation"/><link name="workpiece"/><link name="probe_mount"/>
@@ -343,6 +346,11 @@ fn points_around_a_shaft_are_touched_from_where_their_neighbours_are() {
 #[test]
 fn lists_that_cannot_be_used_are_told_with_their_place() {
     let part = |of_part: &str, of_feature: &str| {
+        let touched = if of_feature.contains("touch_points_mm") {
+            ""
+        } else {
+            "touch_points_mm = [[0.0, 0.0, 1.0]]"
+        };
         let text = format!(
             r#"
             id = "ball"
@@ -357,7 +365,7 @@ fn lists_that_cannot_be_used_are_told_with_their_place() {
             kind = "sphere"
             radius_mm = 10.0
             tolerance_um = [-10.0, 10.0]
-            touch_points_mm = [[0.0, 0.0, 1.0]]
+            {touched}
             {of_feature}
             "#
         );
@@ -395,7 +403,20 @@ fn lists_that_cannot_be_used_are_told_with_their_place() {
         (
             "",
             "rotary_alternatives_deg = [[nan]]".to_owned(),
-            "part.rotary_alternatives_deg must be a finite number within ±1e9",
+            "part.rotary_alternatives_deg = NaN is not within 10 turns of 0, ±3600°",
+        ),
+        (
+            "",
+            "rotary_deg = [1000000]".to_owned(),
+            "part.rotary_deg = 1000000 is not within 10 turns of 0, ±3600°",
+        ),
+        (
+            "",
+            format!(
+                "touch_points_mm = [{}]",
+                vec!["[0.0, 0.0, 1.0]"; 100_000].join(", ")
+            ),
+            "part.features have 100000 touches together, more than 3000 in one order",
         ),
         (
             "",
@@ -469,4 +490,33 @@ fn a_pose_at_which_the_stem_would_go_through_the_part_is_left_out() {
         let through = [90, -90, i64::MAX][point.feature as usize];
         assert_ne!(tilt, through, "feature {}", point.feature);
     }
+}
+
+/// The same limits where a plan comes from a recording or from the bus, past the cell file.
+#[test]
+fn a_plan_that_winds_an_axis_up_or_has_too_many_touches_is_refused_at_once() {
+    let config = spheres(&[[0.0, 0.0, 0.0]], &[0.0], &[], &[]);
+    let refused = |edit: fn(&mut InspectionPlan)| {
+        let mut plan = config.part.plan(0.0);
+        edit(&mut plan);
+        let points: Vec<u32> = (0..plan.points.len() as u32).collect();
+        let request = OrderRequest {
+            plan: &plan,
+            points: &points,
+            stages: &[],
+            poses: &[],
+            seeds: &[],
+            here: None,
+        };
+        let refused = Task::new(&config.rules(), &request).expect_err("beyond the limits");
+        refused.to_string()
+    };
+    assert_eq!(
+        refused(|plan| plan.points[0].rotary_positions[0] = 1e6_f64.to_radians()),
+        "point 0: rotary axis \"C\" would turn to 1000000°, more than 10 turns"
+    );
+    assert_eq!(
+        refused(|plan| plan.points = vec![plan.points[0].clone(); 100_000]),
+        "the plan has 100000 touches, more than 3000 in one order"
+    );
 }

@@ -112,7 +112,8 @@ fn recordings(cell: &Cell) -> Result<String, String> {
     std::fs::create_dir_all(folder)
         .map_err(|error| format!("{} cannot be made: {error}", folder.display()))?;
     let probe = folder.join(".probecell_doctor");
-    std::fs::write(&probe, b"")
+    // Made new, so that nothing that is there is written to.
+    std::fs::File::create_new(&probe)
         .map_err(|error| format!("{} cannot be written: {error}", folder.display()))?;
     std::fs::remove_file(&probe)
         .map_err(|error| format!("{} cannot be removed: {error}", probe.display()))?;

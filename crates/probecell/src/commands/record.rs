@@ -13,7 +13,7 @@ use host::{
     RecorderProcess, RecordingSettings,
     bus::{Bus, Server},
 };
-use probecell_msgs::{Service, from_cdr, srv, to_cdr};
+use probecell_msgs::{Service, from_cdr, is_unprintable, srv, to_cdr};
 
 use crate::{GOOD, LOSS, cell_bus, output, signals};
 
@@ -132,10 +132,12 @@ impl RecorderService<'_> {
         if let Some((_, folder)) = &self.current {
             return refused(format!("{} is being recorded", folder.display()));
         }
-        let inside = Path::new(uri)
-            .components()
-            .all(|part| matches!(part, Component::Normal(_)));
-        if !inside {
+        // One name: nothing on the way to it can be a link that leads out, and the recorder makes the folder itself, which
+        // fails where anything stands.
+        let mut parts = Path::new(uri).components();
+        let is_one = |part: Option<Component<'_>>| matches!(part, None | Some(Component::Normal(_)));
+        let plain = is_one(parts.next()) && parts.next().is_none() && !uri.contains('/');
+        if !plain || uri.chars().any(is_unprintable) {
             return refused(format!(
                 "{uri:?} is not a name inside the cell's folder of recordings"
             ));

@@ -1,6 +1,7 @@
 //! Why a part cannot be measured.
 
 use super::raw::MOST_POSES;
+use crate::error::{MOST_TOUCHES, MOST_TURNS};
 
 /// A part that cannot be measured.
 #[derive(Debug, thiserror::Error)]
@@ -8,6 +9,17 @@ pub enum PartError {
     /// A number that is not finite or not positive.
     #[error("part.{0} must be a finite number{1}")]
     Number(String, &'static str),
+    /// An angle that no machine turns to.
+    #[error("part.{key} = {degrees} is not within {MOST_TURNS} turns of 0, ±{}°", 360.0 * MOST_TURNS)]
+    Turns {
+        /// The key.
+        key: String,
+        /// As written.
+        degrees: f64,
+    },
+    /// More touches than an order is searched for.
+    #[error("part.features have {0} touches together, more than {MOST_TOUCHES} in one order")]
+    TooManyTouches(usize),
     /// An unknown kind of feature.
     #[error("feature {feature:?}: kind {kind:?} is none of plane, cylinder, bore, sphere, profile")]
     Kind {

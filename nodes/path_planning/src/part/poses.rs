@@ -5,7 +5,7 @@ use nalgebra::{Unit, Vector3};
 
 use super::{
     error::PartError,
-    numbers::finite,
+    numbers::{finite, turns},
     raw::{MOST_POSES, RawFeature, RawPart},
 };
 use crate::candidates::Poses;
@@ -79,7 +79,7 @@ impl RawPart {
             .iter()
             .map(|raw| ("feature", &raw.id, &raw.rotary_deg));
         for (what, id, positions) in operations.chain(features) {
-            finite("rotary_deg", positions)?;
+            turns("rotary_deg", positions)?;
             if !positions.is_empty() && positions.len() != self.rotary_axes.len() {
                 return Err(PartError::Rotaries {
                     place: format!("{what} {id:?}"),
@@ -98,7 +98,7 @@ impl RawPart {
             let few = given <= MOST_POSES;
             few.then_some(()).ok_or(PartError::Poses { place, given })
         };
-        finite("indexing_offsets_deg", &self.indexing_offsets_deg)?;
+        turns("indexing_offsets_deg", &self.indexing_offsets_deg)?;
         few("part.indexing_offsets_deg", self.indexing_offsets_deg.len())?;
         if self.indexing_axis.is_empty() && !self.indexing_offsets_deg.is_empty() {
             return Err(PartError::Offsets);
@@ -111,7 +111,7 @@ impl RawPart {
         for (place, alternatives) in std::iter::once(part).chain(features) {
             few(&place, alternatives.len())?;
             for (index, positions) in alternatives.iter().enumerate() {
-                finite("rotary_alternatives_deg", positions)?;
+                turns("rotary_alternatives_deg", positions)?;
                 let (given, axes) = (positions.len(), self.rotary_axes.len());
                 if given != axes || axes == 0 {
                     return Err(PartError::Alternative {

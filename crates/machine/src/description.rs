@@ -1,0 +1,108 @@
+//! How large a robot description may be: what a parser that follows the nesting of elements, and a search that follows the
+//! chain of links, can carry.
+
+use crate::chain::ChainError;
+
+/// Most bytes of a robot description.
+pub(crate) const MOST_BYTES: usize = 16 << 20;
+/// Deepest nesting of its elements; URDF itself needs five.
+pub(crate) const MOST_NESTED: usize = 100;
+/// Most links, and most joints.
+pub(crate) const MOST_LINKS: usize = 2_000;
+/// Most joints from the foundation to the part or to the probe; a machine tool has about five.
+pub(crate) const MOST_JOINTS: usize = 50;
+
+/// Refuses a text that is too long or nested too deep, before any parser sees it.
+pub(crate) fn check_text(text: &str) -> Result<(), ChainError> {
+    if text.len() > MOST_BYTES {
+        return Err(ChainError::TooLarge {
+            what: "bytes",
+            given: text.len(),
+            most: MOST_BYTES,
+        });
+    }
+    let deepest = nesting(text);
+    if deepest > MOST_NESTED {
+        return Err(ChainError::TooLarge {
+            what: "elements nested in one another",
+            given: deepest,
+            most: MOST_NESTED,
+        });
+    }
+    Ok(())
+}
+
+/// Refuses more links or joints than a chain is followed through.
+pub(crate) fn check_links(links: usize, joints: usize) -> Result<(), ChainError> {
+    for (what, given) in [("links", links), ("joints", joints)] {
+        if given > MOST_LINKS {
+            return Err(ChainError::TooLarge {
+                what,
+                given,
+                most: MOST_LINKS,
+            });
+        }
+    }
+    Ok(())
+}
+
+/// Deepest nesting of the elements of an XML text; of one that is none, at least that of what looks like elements.
+fn nesting(text: &str) -> usize {
+    let (mut depth, mut deepest) = (0_usize, 0);
+    let mut rest = text;
+    while let Some(at) = rest.find('<') {
+        rest = &rest[at + 1..];
+        let skipped = [("!--", "-->"), ("![CDATA[", "]]>"), ("?", "?>"), ("!", ">")]
+            .into_iter()
+            .find_map(|(begin, end)| Some((rest.strip_prefix(begin)?, end)));
+        if let Some((inside, end)) = skipped {
+            rest = inside.find(end).map_or("", |at| &inside[at + end.len()..]);
+            continue;
+        }
+        if rest.starts_with('/') {
+            depth = depth.saturating_sub(1);
+            continue;
+        }
+        let Some(end) = end_of_tag(rest) else { break };
+        if !rest[..end].ends_with('/') {
+            depth += 1;
+            deepest = deepest.max(depth);
+        }
+        rest = &rest[end + 1..];
+    }
+    deepest
+}
+
+/// Where the tag ends that the text begins in: at the first `>` outside quotes.
+fn end_of_tag(text: &str) -> Option<usize> {
+    let mut quote = None;
+    text.char_indices().find_map(|(at, letter)| {
+        match (quote, letter) {
+            (None, '>') => return Some(at),
+            (None, '"' | '\'') => quote = Some(letter),
+            (Some(open), _) if open == letter => quote = None,
+            _ => {}
+        }
+        None
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_nesting_is_that_of_the_elements() {
+        for (text, deepest) in [
+            ("", 0),
+            ("<a/>", 0),
+            ("<a></a><a></a>", 1),
+            ("<a><b/><b x='>'><c/></b></a>", 2),
+            ("<?xml version='1.0'?><!DOCTYPE a><a><!-- <x><y> --><![CDATA[<z><z>]]></a>", 1),
+            ("<a b=\"</a>\"><c d='\"'></c></a>", 2),
+        ] {
+            assert_eq!(nesting(text), deepest, "{text}");
+        }
+        assert_eq!(nesting(&"<a>".repeat(5_000)), 5_000);
+    }
+}
