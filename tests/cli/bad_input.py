@@ -905,6 +905,8 @@ CELLS = {
     "angle_of_many_turns": (replaced("retract_mm = 1.0", "retract_mm = 1.0\nindexing_offsets_deg = [1000000.0]"), "10 turns"),
     "touches_without_end": (replaced("[5.0, 17.0]", str([0.001 * i for i in range(20_000)])), "100034 touches .*more than 3000"),
     "name_that_drives_a_terminal": (replaced('id = "hexagonal_punch"', 'id = "\\u001b[2J"'), "cannot be printed"),
+    "password_in_plain_text": (lambda text: text + '\n[bus.zenoh.transport.auth.usrpwd]\nuser = "cell"\npassword = "hunter2"\n', "line .*usrpwd.password holds a password"),
+    "access_that_hides_the_cell": (lambda text: text + '\n[bus.router_zenoh.access_control]\nenabled = true\ndefault_permission = "deny"\nrules = [{ id = "all", permission = "allow", flows = ["ingress", "egress"], messages = ["put"], key_exprs = ["**"] }]\nsubjects = [{ id = "everybody" }]\npolicies = [{ rules = ["all"], subjects = ["everybody"] }]\n', "@ros2_lv"),
     "risk_that_is_none": (replaced("max_corrections = 5", "max_corrections = 5\ndecision_rule = { guard_band = { consumers_risk = 0.7 } }"), "consumers_risk = 0.7"),
     "no_name": (replaced('name = "turn_mill"', 'name = ""'), "name"),
     "name_that_is_no_namespace": (replaced('name = "turn_mill"', 'name = "a b/#*"'), "name"),

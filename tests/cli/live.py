@@ -9,7 +9,9 @@ ours reads for it.
 
 import contextlib
 import json
+import os
 import pathlib
+import re
 import signal
 import subprocess
 import sys
@@ -167,12 +169,73 @@ def access_control_binds_processes_of_one_machine(folder):
     with started("up", folder / "cell.toml", "--once", folder=folder) as up:
         status, output, errors = ended(up)
     assert status == 1 and "no node answered" in errors and not recorded(folder).get("probe_events"), (status, output, errors)
+    assert "is silent about" in errors and "@adv" in errors, errors
+
+
+def policy():
+    """The example of docs/access-control.md, word for word."""
+    (example,) = re.findall(r"```toml\n(.*?)```", (ROOT / "docs" / "access-control.md").read_text(), re.DOTALL)
+    return example
+
+
+@contextlib.contextmanager
+def visitor(user=None, password=None):
+    """A session of another program."""
+    config = zenoh.Config()
+    config.insert_json5("mode", '"client"')
+    config.insert_json5("connect/endpoints", '["tcp/127.0.0.1:7447"]')
+    config.insert_json5("connect/timeout_ms", "2000")
+    config.insert_json5("scouting/multicast/enabled", "false")
+    if user:
+        config.insert_json5("transport/auth/usrpwd/user", json.dumps(user))
+        config.insert_json5("transport/auth/usrpwd/password", json.dumps(password))
+    with zenoh.open(config) as session:
+        yield session
+
+
+def the_documented_policy_lets_the_cell_work_and_nobody_else_command_it(folder):
+    (folder / "cell.toml").write_text(CELL.read_text() + policy())
+    (folder / "turn_mill.urdf").write_text((CELL.parent / "turn_mill.urdf").read_text())
+    (folder / "users.txt").write_text("cell:secret of the cell\nscreen:secret of the screen\n")
+    os.environ["PROBECELL_BUS_PASSWORD"] = "secret of the cell"
+    try:
+        with started("up", folder / "cell.toml", folder=folder, errors=subprocess.DEVNULL) as up:
+            assert "turn_mill is ready" in up.stdout.readline()
+            try:
+                with visitor():
+                    raise AssertionError("a session without a password was opened")
+            except zenoh.ZError:
+                pass
+            heard, requests = set(), "0/turn_mill/run_requests/probecell_msgs::msg::dds_::OperatorRequest_/x"
+            with visitor("screen", "secret of the screen") as screen, visitor("cell", "secret of the cell") as cell:
+                screen.declare_subscriber("0/turn_mill/**", lambda sample: heard.add(str(sample.key_expr)))
+                inside = set()
+                cell.declare_subscriber("0/turn_mill/run_requests/**", lambda sample: inside.add(bytes(sample.payload)))
+                until("what the screen may see", lambda: any("/machine_state/" in key for key in heard))
+                # What the screen puts is dropped at the router; what the cell's user puts after it is heard.
+                screen.put(requests, b"by the screen")
+                cell.put(requests, b"by the cell")
+                until("what the cell may say", lambda: b"by the cell" in inside)
+                screen.put(requests, b"by the screen")
+                cell.put(requests, b"the last")
+                until("what the cell may say", lambda: b"the last" in inside)
+                assert b"by the screen" not in inside, inside
+    finally:
+        del os.environ["PROBECELL_BUS_PASSWORD"]
+    (bag,) = (folder / "recordings").glob("*")
+    assert recorded(folder).get("machine_state", 0) > 0
+    told = subprocess.run([BINARY, "info", bag, "--json"], capture_output=True, text=True).stdout
+    assert "PROBECELL_BUS_PASSWORD" in told and "secret of" not in told
+    assert not any(b"secret of" in file.read_bytes() for file in bag.iterdir())
 
 
 def main():
     with tempfile.TemporaryDirectory(prefix="probecell_live_") as scratch:
         folders = {}
-        for check in (a_killed_cycle_ends_the_cell, a_killed_gate_stops_the_part, access_control_binds_processes_of_one_machine):
+        for check in (
+            a_killed_cycle_ends_the_cell, a_killed_gate_stops_the_part, access_control_binds_processes_of_one_machine,
+            the_documented_policy_lets_the_cell_work_and_nobody_else_command_it,
+        ):
             folders[check] = pathlib.Path(scratch) / check.__name__
             folders[check].mkdir()
             check(folders[check])

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use analysis::feature::Criterion;
 use probecell_msgs::is_unprintable;
 
-use crate::Cell;
+use crate::{Cell, access};
 
 /// s; shortest and longest time after which a recording is flushed.
 const FLUSH_INTERVAL: std::ops::RangeInclusive<f64> = 0.01..=3600.0;
@@ -35,6 +35,7 @@ pub(crate) fn sections(cell: &Cell) -> Result<(), String> {
             endpoint(key, one)?;
         }
     }
+    access::check(cell)?;
     recorder(cell)?;
     printable(cell)?;
     names(cell)

@@ -32,12 +32,14 @@
 //! # Ok::<(), cell::CellError>(())
 //! ```
 
+mod access;
 mod checks;
 mod driver;
 mod model;
 mod nodes;
 mod numbers;
 mod sections;
+pub mod secrets;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -168,6 +170,17 @@ impl Cell {
         };
         let name = path.display().to_string();
         let cell = read("the cell file", path)?;
+        // Not of the text of a recording, which may be older than this rule.
+        if let Some((key, value)) = secrets::first_literal(&cell) {
+            let line = cell.lines().position(|line| line.contains(&value));
+            return Err(CellError::Setting {
+                file: line.map_or_else(|| name.clone(), |line| format!("{name} line {}", line + 1)),
+                message: format!(
+                    "{key} holds a password, and the cell file goes into every recording: write {{ env = \"NAME\" }} or \
+                     {{ file = \"PATH\" }} in its place"
+                ),
+            });
+        }
         let parsed = Self::parse(&cell, &name, DRIVERS)?;
         let urdf = path
             .parent()
@@ -248,6 +261,11 @@ impl Cell {
     /// Absolute name of a topic.
     pub fn topic(&self, name: &str) -> String {
         format!("/{}/{name}", self.cell.name)
+    }
+
+    /// What its rules of access to the bus leave open, a sentence each.
+    pub fn access_warnings(&self) -> Vec<String> {
+        access::warnings(self)
     }
 
     /// Each section of the cell file as it was written, in TOML, by its name.

@@ -53,6 +53,7 @@ pub mod inspection;
 pub mod linuxcnc;
 pub mod measuring;
 pub mod results;
+pub mod secret;
 pub mod simulator;
 pub mod sinumerik;
 pub mod text;

@@ -36,8 +36,10 @@ fn session_settings(cell: &Cell) -> anyhow::Result<serde_json::Value> {
     Ok(settings)
 }
 
-fn zenoh_settings(table: Option<&impl serde::Serialize>) -> anyhow::Result<serde_json::Value> {
+fn zenoh_settings(table: Option<&cell::secrets::Settings>) -> anyhow::Result<serde_json::Value> {
     Ok(table
+        .map(cell::secrets::resolved)
+        .transpose()?
         .map(serde_json::to_value)
         .transpose()?
         .unwrap_or_else(|| serde_json::json!({})))

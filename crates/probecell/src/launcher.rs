@@ -38,6 +38,9 @@ const READY_TIMEOUT: Duration = Duration::from_secs(30);
 /// Runs a cell until SIGINT or SIGTERM, or until one part is made.
 pub(crate) fn up(file: &Path, once: bool, recorded: bool) -> anyhow::Result<u8> {
     let cell = Cell::read(file)?;
+    for warning in cell.access_warnings() {
+        output::remark(&format!("warning: {warning}"));
+    }
     let end = signals::end_flag()?;
     let router = start_router(&cell)?;
     let bus = Bus::open(&bus_config(&cell)?, "operator", &cell.namespace())?;

@@ -10,6 +10,8 @@ use std::{
     time::{Duration, Instant},
 };
 
+use crate::secret::{Secret, SecretError};
+
 use super::protocol::{self, Get, Interpreter, Mode, Reply, RequestError, Set};
 use crate::text::{Lines, ParseError};
 
@@ -19,9 +21,9 @@ pub struct Address {
     /// Host and port, for example `127.0.0.1:5007`.
     pub host: String,
     /// Password of a session.
-    pub connect_password: String,
+    pub connect_password: Secret,
     /// Password of control.
-    pub enable_password: String,
+    pub enable_password: Secret,
     /// Longest wait for a connection.
     pub connect_timeout: Duration,
     /// Longest wait for a reply.
@@ -39,6 +41,9 @@ pub enum ClientError {
         /// What the system says.
         source: std::io::Error,
     },
+    /// A password is not where it is said to be.
+    #[error(transparent)]
+    Secret(#[from] SecretError),
     /// The connection ended.
     #[error("the controller is gone: its connection ended during {request:?}")]
     Gone {
@@ -144,7 +149,7 @@ impl Client {
             lines: Lines::default(),
             reply_timeout: address.reply_timeout,
         };
-        let hello = protocol::hello(&address.connect_password, "probecell")?;
+        let hello = protocol::hello(&address.connect_password.resolve()?, "probecell")?;
         // The password is not repeated in an error.
         client.send("hello", &hello)?;
         match client.reply("hello")? {
@@ -162,7 +167,7 @@ impl Client {
             &format!("{}\r\n{verbose}", Set::Echo(false).encode()?),
         )?;
         client.wait_for_line(&verbose, |text| text == "SET VERBOSE ACK")?;
-        client.set(&Set::Enable(address.enable_password.clone()))?;
+        client.set(&Set::Enable(address.enable_password.resolve()?))?;
         client.set(&Set::WaitReceived)?;
         Ok(client)
     }

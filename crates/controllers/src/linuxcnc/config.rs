@@ -1,5 +1,6 @@
 //! Settings of the driver, as written in the cell file and as checked.
 
+use crate::secret::Secret;
 use std::{
     cmp::Ordering,
     collections::{BTreeMap, BTreeSet},
@@ -21,10 +22,10 @@ pub struct RawConfig {
     pub address: String,
     /// Password of a session.
     #[serde(default = "default_connect_password")]
-    pub connect_password: String,
+    pub connect_password: Secret,
     /// Password of control.
     #[serde(default = "default_enable_password")]
-    pub enable_password: String,
+    pub enable_password: Secret,
     /// Longest wait for a connection or a reply.
     #[serde(default = "default_reply_timeout_s")]
     pub reply_timeout_s: f64,
@@ -108,12 +109,12 @@ fn default_address() -> String {
     "127.0.0.1:5007".to_owned()
 }
 
-fn default_connect_password() -> String {
-    "EMC".to_owned()
+fn default_connect_password() -> Secret {
+    Secret::Plain("EMC".to_owned())
 }
 
-fn default_enable_password() -> String {
-    "EMCTOO".to_owned()
+fn default_enable_password() -> Secret {
+    Secret::Plain("EMCTOO".to_owned())
 }
 
 fn default_reply_timeout_s() -> f64 {

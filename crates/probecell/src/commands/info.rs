@@ -8,7 +8,13 @@ use crate::{GOOD, LOSS, output};
 
 /// Prints the description.
 pub(crate) fn run(path: &Path, verify: bool, json: bool) -> anyhow::Result<u8> {
-    let info = Bag::open(path)?.info(verify);
+    let mut info = Bag::open(path)?.info(verify);
+    // A recording of an earlier version may hold the cell file with its passwords.
+    for (_, table) in &mut info.metadata {
+        for value in table.values_mut() {
+            *value = cell::secrets::redacted(value);
+        }
+    }
     if json {
         output::json(&info)?;
     } else {
