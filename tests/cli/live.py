@@ -220,6 +220,12 @@ def the_documented_policy_lets_the_cell_work_and_nobody_else_command_it(folder):
                 cell.put(requests, b"the last")
                 until("what the cell may say", lambda: b"the last" in inside)
                 assert b"by the screen" not in inside, inside
+                # A service is a query: answered to the cell's user, never seen by the service when the screen asks.
+                asked, key = [], "0/turn_mill/asked/by"
+                cell.declare_queryable(key, lambda query: (asked.append(str(query.parameters)), query.reply(key, b"yes")))
+                until("an answer", lambda: any(reply.ok for reply in cell.get(key + "?who=cell")))
+                assert not any(reply.ok for reply in screen.get(key + "?who=screen", timeout=2.0))
+                assert asked and "who=screen" not in asked, asked
     finally:
         del os.environ["PROBECELL_BUS_PASSWORD"]
     (bag,) = (folder / "recordings").glob("*")
