@@ -29,6 +29,7 @@ mod channel;
 mod container;
 mod damage;
 mod error;
+mod gaps;
 mod info;
 mod metadata;
 mod reader;
@@ -40,6 +41,7 @@ mod split;
 pub use channel::{Channel, Durability, History, Qos, Reliability};
 pub use damage::{Damage, DamageKind};
 pub use error::Error;
+pub use gaps::{Evidence, Gap};
 pub use info::{AttachmentInfo, FileInfo, Info, TopicInfo};
 pub use reader::{Attachment, Bag, Messages, Recorded, Stamped, Typed};
 pub use recorder::{

@@ -13,6 +13,7 @@ use crate::channel::Channel;
 use crate::container::{Contents, each_record};
 use crate::damage::{Damage, DamageKind};
 use crate::error::Error;
+use crate::gaps::Gap;
 use crate::metadata::FolderInformation;
 use crate::reader::Bag;
 use crate::split::{ChunkOptions, SplitFile};
@@ -26,6 +27,8 @@ pub struct Recovery {
     pub messages: u64,
     /// Attachments saved.
     pub attachments: u64,
+    /// Messages that are missing, by number.
+    pub gaps: Vec<Gap>,
     /// What is wrong with the original.
     pub damage: Vec<Damage>,
 }
@@ -36,13 +39,23 @@ impl Recovery {
         self.damage
             .iter()
             .any(|damage| damage.kind.loses_messages())
+            || !self.gaps.is_empty()
     }
 }
 
-/// Writes what can be read of `from` (a file or folder) into the new folder `to`, with its `metadata.yaml`.
-pub fn recover(from: impl AsRef<Path>, to: impl AsRef<Path>) -> Result<Recovery, Error> {
+/// Name of the MCAP metadata record with the missing messages: topic to ranges of their numbers.
+const GAPS_RECORD: &str = "probecell_gaps";
+
+/// Writes what can be read of `from` (a file or folder) into the new folder `to`, with its `metadata.yaml` and a table of
+/// what is missing; a recording begun later tells what was lost at the end.
+pub fn recover(
+    from: impl AsRef<Path>,
+    to: impl AsRef<Path>,
+    later: Option<&Path>,
+) -> Result<Recovery, Error> {
     let (from, to) = (from.as_ref(), to.as_ref());
     let bag = Bag::open(from)?;
+    let later = later.map(Bag::open).transpose()?;
     if to.exists() {
         return Err(Error::Exists {
             path: to.to_owned(),
@@ -64,6 +77,7 @@ pub fn recover(from: impl AsRef<Path>, to: impl AsRef<Path>) -> Result<Recovery,
         files: Vec::new(),
         messages: 0,
         attachments: 0,
+        gaps: bag.gaps(later.as_ref()),
         damage: bag.damage(),
     };
     let mut information = FolderInformation {
@@ -75,6 +89,9 @@ pub fn recover(from: impl AsRef<Path>, to: impl AsRef<Path>) -> Result<Recovery,
         let path = to.join(format!("{name}_{number}.mcap"));
         let mut split = SplitFile::create(&path, &chunks)?;
         copy(contents, &mut split, &mut recovery, &mut counts)?;
+        if number + 1 == bag.contents().len() && !recovery.gaps.is_empty() {
+            split.metadata(&gaps_record(&recovery.gaps))?;
+        }
         let mut so_far = information.clone();
         so_far.topics = counts
             .iter()
@@ -93,6 +110,25 @@ pub fn recover(from: impl AsRef<Path>, to: impl AsRef<Path>) -> Result<Recovery,
     information.topics = counts.into_iter().collect();
     information.write(to)?;
     Ok(recovery)
+}
+
+fn gaps_record(gaps: &[Gap]) -> Metadata {
+    let mut ranges: BTreeMap<String, String> = BTreeMap::new();
+    for gap in gaps {
+        let range = if gap.first == gap.last {
+            gap.first.to_string()
+        } else {
+            format!("{} to {}", gap.first, gap.last)
+        };
+        ranges
+            .entry(gap.topic.clone())
+            .and_modify(|known| *known = format!("{known}, {range}"))
+            .or_insert(range);
+    }
+    Metadata {
+        name: GAPS_RECORD.to_owned(),
+        metadata: ranges,
+    }
 }
 
 fn copy(

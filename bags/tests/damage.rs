@@ -225,7 +225,7 @@ fn recovery_saves_everything_readable_and_says_what_was_lost() {
     std::fs::write(&broken, &bytes).unwrap();
     let before = read_numbers(&broken);
     let whole = folder.path().join("whole");
-    let recovery = recover(&broken, &whole).unwrap();
+    let recovery = recover(&broken, &whole, None).unwrap();
     assert!(recovery.lost_messages());
     assert_eq!(recovery.damage.len(), 2, "{:?}", recovery.damage);
     assert_eq!(recovery.messages, before.len() as u64);
@@ -236,7 +236,7 @@ fn recovery_saves_everything_readable_and_says_what_was_lost() {
     assert_eq!(bag.attachments().next().unwrap().unwrap().data.len(), 300);
     assert_eq!(bag.channels(), Bag::open(&broken).unwrap().channels());
     assert!(
-        recover(&broken, &whole).is_err(),
+        recover(&broken, &whole, None).is_err(),
         "a recovery is never written over another"
     );
 }

@@ -109,7 +109,7 @@ fn fifty_killed_recordings_are_readable_and_hold_what_was_stated_durable() {
         }
         recorded += numbers.len();
         lost += pushed.len().saturating_sub(numbers.len());
-        let whole = recover(&path, folder.path().join("whole")).unwrap();
+        let whole = recover(&path, folder.path().join("whole"), None).unwrap();
         assert_eq!(whole.messages, numbers.len() as u64);
         assert_eq!(Bag::open(folder.path().join("whole")).unwrap().verify(), []);
     }

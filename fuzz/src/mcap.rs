@@ -43,7 +43,7 @@ pub fn target(data: &[u8]) {
     }
     let attached = bag.attachments().flatten().count();
     let to = folder.path().join("saved");
-    let recovery = recover(&file, &to).expect("what can be opened can be recovered");
+    let recovery = recover(&file, &to, None).expect("what can be opened can be recovered");
     assert_eq!(recovery.attachments, attached as u64);
     let saved = Bag::open(&to).expect("what was recovered can be opened");
     assert_eq!(saved.verify(), [], "what was recovered is whole");

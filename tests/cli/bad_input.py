@@ -808,7 +808,7 @@ MODELS = {
     "no_xml": ("X Y Z", "URDF"),
     "unclosed": ("<robot name='r'><link name='foundation'>", "URDF"),
     "no_probe_mount": (None, "probe_mount"),
-    "deep": ("<robot>" + "<a>" * 100_000, "URDF"),
+    "deep": ("<robot>" + "<a>" * 100_000, "100001 elements nested"),
 }
 for word, (model_text, about) in MODELS.items():
 

@@ -8,6 +8,7 @@ pub mod allowed;
 pub mod code;
 pub mod codegen;
 pub mod imports;
+pub mod licences;
 pub mod unused;
 
 /// Why writing into a `String` is not handled.

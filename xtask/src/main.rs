@@ -6,7 +6,7 @@ use std::{
 };
 
 use anyhow::{Result, bail};
-use xtask::{allowed::Allowed, code::Code, codegen, imports, unused, workspace_root};
+use xtask::{allowed::Allowed, code::Code, codegen, imports, licences, unused, workspace_root};
 
 const USAGE: &str = "\
 usage: cargo run --release -p xtask -- TASK
@@ -21,6 +21,8 @@ usage: cargo run --release -p xtask -- TASK
                      xtask/allowed.toml. Types are not inferred. It misses, so says nothing of: a function of a type
                      when some reached code uses any member of the same name; trait implementations of a type in use;
                      fields and variants; code behind conditions that never hold; items of generated.rs.
+  licences           Checks licences and sources of all dependencies against deny.toml, as cargo-deny does, which is not
+                     needed; exit status 1 if one does not fit.
 ";
 
 /// Packages that exist for development only: neither searched from nor reported.
@@ -36,8 +38,32 @@ fn main() -> Result<ExitCode> {
         ["bags", ..] => make_bags(&arguments[1..]),
         ["imports", ..] => print_imports(&arguments[1..]),
         ["unused"] => print_unused(),
+        ["licences"] => print_licences(),
         _ => bail!("{USAGE}"),
     }
+}
+
+fn print_licences() -> Result<ExitCode> {
+    let cargo = std::env::var("CARGO").unwrap_or_else(|_| "cargo".to_owned());
+    let root = workspace_root()?;
+    let told = Command::new(cargo)
+        .args(["metadata", "--locked", "--format-version", "1"])
+        .current_dir(&root)
+        .output()?;
+    if !told.status.success() {
+        bail!("cargo metadata: {}", String::from_utf8_lossy(&told.stderr));
+    }
+    let policy = licences::Policy::read(&std::fs::read_to_string(root.join("deny.toml"))?)?;
+    let refused = policy.refused(&serde_json::from_slice(&told.stdout)?);
+    let mut out = stdout().lock();
+    for sentence in &refused {
+        writeln!(out, "{sentence}")?;
+    }
+    Ok(if refused.is_empty() {
+        ExitCode::SUCCESS
+    } else {
+        ExitCode::FAILURE
+    })
 }
 
 /// Runs the example of the test crate that makes the samples: this crate imports none of ours.

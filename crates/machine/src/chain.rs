@@ -11,8 +11,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use nalgebra::{Isometry3, Matrix3, Translation3, Unit, UnitQuaternion, Vector3};
 
 use crate::{
-    description::{MOST_JOINTS, check_links, check_text},
+    description::MOST_JOINTS,
     motion::Motion,
+    urdf::{Link, RawJoint, Robot},
 };
 
 /// Root link of every machine.
@@ -183,10 +184,7 @@ impl Chain {
     /// # Errors
     /// [`ChainError`] names the link or joint that keeps the text from being a machine.
     pub fn from_urdf(text: &str) -> Result<Self, ChainError> {
-        check_text(text)?;
-        let robot =
-            urdf_rs::read_from_string(text).map_err(|error| ChainError::Urdf(error.to_string()))?;
-        check_links(robot.links.len(), robot.joints.len())?;
+        let robot = Robot::read(text)?;
         let links = named_links(&robot)?;
         let parents = parents(&robot, &links)?;
         if let Some(missing) = [FOUNDATION, WORKPIECE, PROBE_MOUNT]
@@ -217,7 +215,7 @@ impl Chain {
             .map(|&index| {
                 joint(
                     &robot.joints[index],
-                    &robot.links[links[robot.joints[index].child.link.as_str()]],
+                    &robot.links[links[robot.joints[index].child.as_str()]],
                 )
             })
             .collect::<Result<Vec<_>, _>>()?;
@@ -305,7 +303,7 @@ impl Chain {
     }
 }
 
-fn named_links(robot: &urdf_rs::Robot) -> Result<BTreeMap<&str, usize>, ChainError> {
+fn named_links(robot: &Robot) -> Result<BTreeMap<&str, usize>, ChainError> {
     let mut links = BTreeMap::new();
     for (index, link) in robot.links.iter().enumerate() {
         if links.insert(link.name.as_str(), index).is_some() {
@@ -329,12 +327,12 @@ fn named_links(robot: &urdf_rs::Robot) -> Result<BTreeMap<&str, usize>, ChainErr
 
 /// For each link that hangs on a joint, that joint.
 fn parents<'a>(
-    robot: &'a urdf_rs::Robot,
+    robot: &'a Robot,
     links: &BTreeMap<&str, usize>,
 ) -> Result<BTreeMap<&'a str, usize>, ChainError> {
     let mut parents = BTreeMap::new();
     for (index, joint) in robot.joints.iter().enumerate() {
-        for link in [&joint.parent.link, &joint.child.link] {
+        for link in [&joint.parent, &joint.child] {
             if !links.contains_key(link.as_str()) {
                 return Err(ChainError::UnknownLink {
                     joint: joint.name.clone(),
@@ -342,15 +340,15 @@ fn parents<'a>(
                 });
             }
         }
-        if parents.insert(joint.child.link.as_str(), index).is_some() {
-            return Err(ChainError::Loop(joint.child.link.clone()));
+        if parents.insert(joint.child.as_str(), index).is_some() {
+            return Err(ChainError::Loop(joint.child.clone()));
         }
     }
     Ok(parents)
 }
 
 fn climb(
-    robot: &urdf_rs::Robot,
+    robot: &Robot,
     parents: &BTreeMap<&str, usize>,
     end: &str,
 ) -> Result<Vec<usize>, ChainError> {
@@ -374,57 +372,52 @@ fn climb(
                 most: MOST_JOINTS,
             });
         }
-        link = &robot.joints[index].parent.link;
+        link = &robot.joints[index].parent;
     }
     path.reverse();
     Ok(path)
 }
 
-fn joint(joint: &urdf_rs::Joint, child: &urdf_rs::Link) -> Result<Joint, ChainError> {
+fn joint(joint: &RawJoint, child: &Link) -> Result<Joint, ChainError> {
     let name = joint.name.clone();
     let bad = |what| ChainError::BadNumber {
         joint: name.clone(),
         what,
     };
-    let kind = match &joint.joint_type {
-        urdf_rs::JointType::Fixed => JointKind::Fixed,
-        urdf_rs::JointType::Prismatic => JointKind::Prismatic,
-        urdf_rs::JointType::Revolute | urdf_rs::JointType::Continuous => JointKind::Revolute,
-        other => {
+    let kind = match joint.kind.as_str() {
+        "fixed" => JointKind::Fixed,
+        "prismatic" => JointKind::Prismatic,
+        "revolute" | "continuous" => JointKind::Revolute,
+        _ => {
             return Err(ChainError::JointType {
                 joint: name,
-                kind: format!("{other:?}").to_lowercase(),
+                kind: joint.kind.clone(),
             });
         }
     };
-    if joint.mimic.is_some() {
+    if joint.mimics {
         return Err(ChainError::Mimic(name));
     }
-    let axis = Vector3::from(*joint.axis.xyz);
+    let axis = joint.axis;
     let axis = match kind {
         JointKind::Fixed => Vector3::x_axis(),
         // The squares of a huge axis overflow, and a division by infinity would leave no direction.
         _ if axis.norm().is_finite() => Unit::try_new(axis, 1e-9).ok_or_else(|| bad("axis"))?,
         _ => return Err(bad("axis")),
     };
-    let origin = isometry(&joint.origin).ok_or_else(|| bad("origin"))?;
-    let centre = isometry(&child.inertial.origin).ok_or_else(|| bad("centre of mass"))?;
-    let about = &child.inertial.inertia;
-    let body = Matrix3::new(
-        about.ixx, about.ixy, about.ixz, about.ixy, about.iyy, about.iyz, about.ixz, about.iyz,
-        about.izz,
-    );
+    let origin = joint.origin.isometry().ok_or_else(|| bad("origin"))?;
+    let centre = child.origin.isometry().ok_or_else(|| bad("centre of mass"))?;
     let turn = centre.rotation.to_rotation_matrix();
-    let inertia = turn * body * turn.transpose();
-    let mass = child.inertial.mass.value;
+    let inertia = turn * child.inertia * turn.transpose();
+    let mass = child.mass;
     if !mass.is_finite() || !inertia.iter().all(|value| value.is_finite()) {
         return Err(bad("inertia"));
     }
-    let (lower, upper, speed) = (joint.limit.lower, joint.limit.upper, joint.limit.velocity);
+    let [lower, upper, speed] = joint.limit;
     if !(lower.is_finite() && upper.is_finite()) {
         return Err(bad("limit"));
     }
-    let limited = joint.joint_type != urdf_rs::JointType::Continuous && lower < upper;
+    let limited = joint.kind != "continuous" && lower < upper;
     Ok(Joint {
         kind,
         origin,
@@ -436,18 +429,4 @@ fn joint(joint: &urdf_rs::Joint, child: &urdf_rs::Link) -> Result<Joint, ChainEr
         inertia,
         name,
     })
-}
-
-fn isometry(pose: &urdf_rs::Pose) -> Option<Isometry3<f64>> {
-    let [x, y, z] = *pose.xyz;
-    let [roll, pitch, yaw] = *pose.rpy;
-    [x, y, z, roll, pitch, yaw]
-        .iter()
-        .all(|value| value.is_finite())
-        .then(|| {
-            Isometry3::from_parts(
-                Translation3::new(x, y, z),
-                UnitQuaternion::from_euler_angles(roll, pitch, yaw),
-            )
-        })
 }

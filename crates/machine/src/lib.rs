@@ -55,6 +55,7 @@ pub mod links;
 pub mod models;
 pub mod motion;
 pub mod travel;
+mod urdf;
 pub mod volumetric;
 
 pub use access::{Access, TouchPose};

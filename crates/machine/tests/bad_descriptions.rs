@@ -133,3 +133,39 @@ fn what_is_larger_than_any_machine_is_refused_before_it_is_followed() {
     let refused = Chain::from_urdf(&comment).unwrap_err().to_string();
     assert!(refused.contains("bytes, more than 16777216"), "{refused}");
 }
+
+#[test]
+fn what_the_format_requires_is_named_where_it_is_lacking() {
+    for (wrong, expected) in [
+        (TOOL.replace(" type=\"prismatic\"", ""), "joint `Z` has no attribute `type` in its `joint`"),
+        (TOOL.replace("<parent link=\"foundation\"/>", ""), "joint `Z` has no `parent`"),
+        (TOOL.replace("velocity=\"1\"", ""), "joint `Z` has no attribute `velocity` in its `limit`"),
+        (TOOL.replace("lower=\"-1\"", "lower=\"low\""), "joint `Z` has lower=\"low\" in its `limit`, expected 1 numbers"),
+        (TOOL.replace("0 0 1", "0 0"), "joint `Z` has xyz=\"0 0\" in its `axis`, expected 3 numbers"),
+    ] {
+        check(&format!("{LINKS}{PART}{wrong}"), expected);
+    }
+    let heavy = LINKS.replace(
+        "<link name=\"probe_mount\"/>",
+        "<link name=\"probe_mount\"><inertial><mass value=\"1\"/></inertial></link>",
+    );
+    check(&format!("{heavy}{PART}{TOOL}"), "link `probe_mount` has no `inertia` in its `inertial`");
+    let other = Chain::from_urdf("<robots/>").unwrap_err().to_string();
+    assert!(other.contains("its root is `robots`, not `robot`"), "{other}");
+}
+
+/// A frame turned by a quarter about Z, as angles and as a quaternion.
+#[test]
+fn a_turn_may_be_written_as_angles_or_as_a_quaternion() {
+    let turned = |origin: &str| {
+        let tool = TOOL.replace("<axis", &format!("<origin xyz=\"1 2 3\" {origin}/><axis"));
+        let text = format!("<robot name=\"r\" version=\"1.2\">{LINKS}{PART}{tool}</robot>");
+        let chain = Chain::from_urdf(&text).unwrap();
+        chain.axis(0).origin.to_homogeneous()
+    };
+    let half = 0.5_f64.sqrt();
+    let by_angles = turned("rpy=\"0 0 1.5707963267948966\"");
+    let by_quaternion = turned(&format!("quat_xyzw=\"0 0 {half} {half}\""));
+    assert!((by_angles - by_quaternion).abs().max() < 1e-12);
+    assert!((by_angles[(1, 0)] - 1.0).abs() < 1e-12 && (by_angles[(2, 3)] - 3.0).abs() < 1e-12);
+}

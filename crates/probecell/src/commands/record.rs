@@ -132,12 +132,7 @@ impl RecorderService<'_> {
         if let Some((_, folder)) = &self.current {
             return refused(format!("{} is being recorded", folder.display()));
         }
-        // One name: nothing on the way to it can be a link that leads out, and the recorder makes the folder itself, which
-        // fails where anything stands.
-        let mut parts = Path::new(uri).components();
-        let is_one = |part: Option<Component<'_>>| matches!(part, None | Some(Component::Normal(_)));
-        let plain = is_one(parts.next()) && parts.next().is_none() && !uri.contains('/');
-        if !plain || uri.chars().any(is_unprintable) {
+        if !(uri.is_empty() || is_folder_name(uri)) {
             return refused(format!(
                 "{uri:?} is not a name inside the cell's folder of recordings"
             ));
@@ -188,6 +183,14 @@ impl RecorderService<'_> {
             text,
         }
     }
+}
+
+/// One printable name: nothing on the way to it can be a link that leads out, and the recorder makes the folder itself, which
+/// fails where anything stands, a link included.
+fn is_folder_name(text: &str) -> bool {
+    let mut parts = Path::new(text).components();
+    let one = matches!((parts.next(), parts.next()), (Some(Component::Normal(_)), None));
+    one && !text.contains('/') && !text.chars().any(is_unprintable)
 }
 
 /// Offers the services; a call waits for the main thread to carry it out.
@@ -272,4 +275,32 @@ fn settings(cell: &Cell, folder: PathBuf) -> anyhow::Result<RecordingSettings> {
         ],
         provenance: (PROVENANCE.to_owned(), provenance(cell)),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use bags::{Recorder, RecorderOptions};
+
+    use super::*;
+
+    #[test]
+    fn a_recording_is_named_and_no_path_or_link_leads_out_of_its_folder() {
+        for name in ["again", "punch 7", "..again"] {
+            assert!(is_folder_name(name), "{name}");
+        }
+        for name in ["", ".", "..", "../out", "/tmp/out", "link/out", "a/", "a\u{1b}[2J"] {
+            assert!(!is_folder_name(name), "{name:?}");
+        }
+        let folder = tempfile::tempdir().expect("a folder");
+        let (inside, outside) = (folder.path().join("recordings"), folder.path().join("outside"));
+        for made in [&inside, &outside] {
+            std::fs::create_dir(made).expect("a folder");
+        }
+        // To a folder, and to one that is not there yet.
+        for (name, target) in [("link", outside.clone()), ("dangling", outside.join("new"))] {
+            std::os::unix::fs::symlink(target, inside.join(name)).expect("a link");
+            assert!(Recorder::start(RecorderOptions::new(inside.join(name))).is_err(), "{name}");
+        }
+        assert_eq!(std::fs::read_dir(&outside).expect("the folder").count(), 0);
+    }
 }
