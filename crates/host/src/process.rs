@@ -19,7 +19,7 @@ use probecell_msgs::to_cdr;
 use tracing::{error, warn};
 
 use crate::{
-    bus::{Bus, BusError, Lost, Publisher, Received, Subscription, TypeId},
+    bus::{self, Bus, BusError, Lost, Publisher, Received, Subscription, TypeId},
     topology::{bus_qos, now, wait_for_subscriptions},
 };
 
@@ -27,6 +27,9 @@ use crate::{
 const JOURNAL_STEPS: usize = 256;
 /// s after which a batch goes out even if it is small.
 const JOURNAL_AGE: f64 = 0.1;
+/// Batches that a publisher keeps for a recorder behind a link that is cut: two minutes of a node that is always busy. Kept
+/// by number of steps they would grow for a quarter of an hour, half a megabyte a minute.
+const JOURNAL_KEPT: usize = 1_200;
 /// Most messages taken before timers are checked again.
 const BURST: usize = 256;
 /// Timeout of the start, in which the other processes of the cell subscribe.
@@ -130,7 +133,10 @@ impl Process {
         let journal_publisher = bus.publisher(
             &absolute(&topics::journal_name(node.name())),
             message,
-            bus_qos(qos),
+            bus::Qos {
+                history: bus::History::KeepLast(JOURNAL_KEPT),
+                ..bus_qos(qos)
+            },
         )?;
         let mut subscriptions = Vec::new();
         for (port, topic) in node.inputs().iter().enumerate() {
@@ -319,5 +325,25 @@ impl Process {
     /// Ends the subscriptions before the bus is closed.
     fn leave(&mut self) {
         self.subscriptions.clear();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use probecell_msgs::StepJournal;
+
+    use super::*;
+
+    /// Two minutes of batches at their usual rate, and at most 8 MiB where every batch is full.
+    #[test]
+    fn journals_kept_for_recovery_are_bounded_in_time_and_bytes() {
+        let full = StepJournal {
+            now: vec![0; JOURNAL_STEPS],
+            port: vec![0; JOURNAL_STEPS],
+            sequence: vec![0; JOURNAL_STEPS],
+            ..StepJournal::default()
+        };
+        assert!(JOURNAL_KEPT as f64 * JOURNAL_AGE >= 119.9);
+        assert!(to_cdr(&full).len() * JOURNAL_KEPT <= 8 << 20);
     }
 }

@@ -166,6 +166,9 @@ enum Command {
         bag: PathBuf,
         /// Output folder; must not exist.
         to: PathBuf,
+        /// Recording of the same session begun after it, which tells what was lost at its end.
+        #[arg(long, value_name = "BAG")]
+        later: Option<PathBuf>,
     },
     /// Plan the measuring order of a cell's part, or of the plan in a recording.
     Plan {
@@ -293,7 +296,7 @@ fn run(command: Command) -> anyhow::Result<u8> {
         Command::Play(arguments) => commands::play::run(&arguments),
         Command::Replay { bag, json } => commands::replay::run(&bag, json),
         Command::Info { bag, verify, json } => commands::info::run(&bag, verify, json),
-        Command::Recover { bag, to } => commands::recover::run(&bag, &to),
+        Command::Recover { bag, to, later } => commands::recover::run(&bag, &to, later.as_deref()),
         Command::Plan { source, json } => commands::plan::run(&source, json),
         Command::Program(arguments) => commands::program::run(&arguments),
         Command::Results(arguments) => commands::results::run(&arguments),

@@ -5,8 +5,8 @@ use std::path::Path;
 use crate::{GOOD, LOSS, output};
 
 /// Writes the copy and prints what was lost.
-pub(crate) fn run(from: &Path, to: &Path) -> anyhow::Result<u8> {
-    let recovery = bags::recover(from, to)?;
+pub(crate) fn run(from: &Path, to: &Path, later: Option<&Path>) -> anyhow::Result<u8> {
+    let recovery = bags::recover(from, to, later)?;
     output::line(&format!(
         "{} messages and {} attachments recovered to {}",
         recovery.messages,
@@ -15,6 +15,9 @@ pub(crate) fn run(from: &Path, to: &Path) -> anyhow::Result<u8> {
     ));
     for damage in &recovery.damage {
         output::line(&format!("damage    {damage}"));
+    }
+    for gap in &recovery.gaps {
+        output::line(&format!("missing   {gap}"));
     }
     Ok(if recovery.lost_messages() { LOSS } else { GOOD })
 }
