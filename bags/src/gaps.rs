@@ -48,7 +48,9 @@ impl std::fmt::Display for Gap {
             Evidence::SameRecording => "later numbers are there",
             Evidence::LaterRecording => "the later recording begins after them",
         };
-        let Self { topic, first, last, .. } = self;
+        let Self {
+            topic, first, last, ..
+        } = self;
         if first == last {
             write!(f, "{topic}: message {first} is missing: {by}")
         } else {
@@ -95,7 +97,10 @@ impl Bag {
         for message in self.messages().flatten() {
             let of_topic = lives.entry(message.channel.topic.clone()).or_default();
             let (number, published) = (message.sequence, message.publish_time);
-            if of_topic.last().is_none_or(|life| life.ends_before(number, published)) {
+            if of_topic
+                .last()
+                .is_none_or(|life| life.ends_before(number, published))
+            {
                 of_topic.push(Life::default());
             }
             if let Some(life) = of_topic.last_mut() {
@@ -113,7 +118,12 @@ impl Bag {
         for (topic, lives) in self.lives() {
             let mut gap = |first: u32, last: u32, evidence| {
                 let topic = topic.clone();
-                gaps.push(Gap { topic, first, last, evidence });
+                gaps.push(Gap {
+                    topic,
+                    first,
+                    last,
+                    evidence,
+                });
             };
             for life in &lives {
                 let numbers: Vec<u32> = life.numbers.keys().copied().collect();
@@ -126,8 +136,13 @@ impl Bag {
             let Some(next) = after.get(&topic).and_then(|lives| lives.first()) else {
                 continue;
             };
-            let (known, latest) = lives.last().map_or((None, 0), |life| (life.last(), life.latest));
-            let fresh = next.numbers.iter().find(|(_, published)| **published > latest);
+            let (known, latest) = lives
+                .last()
+                .map_or((None, 0), |life| (life.last(), life.latest));
+            let fresh = next
+                .numbers
+                .iter()
+                .find(|(_, published)| **published > latest);
             let begin = known.map_or(0, |last| last.saturating_add(1));
             if let Some((&first, _)) = fresh
                 && first > begin

@@ -38,7 +38,9 @@ fn run(folder: &Path) -> (Vec<u8>, Vec<(u64, usize)>) {
     for _ in 0..SYNCS {
         for _ in 0..3 {
             let payload = number.to_le_bytes().repeat(6);
-            recorder.push(channel, number, number, number, payload).unwrap();
+            recorder
+                .push(channel, number, number, number, payload)
+                .unwrap();
             number += 1;
         }
         while recorder.durable_messages() < number {
@@ -62,7 +64,10 @@ fn readable(folder: &Path, bytes: &[u8]) -> u64 {
     let numbers: Vec<u64> = (bag.messages().filter_map(Result::ok))
         .map(|message| u64::from(message.sequence))
         .collect();
-    assert!(numbers.iter().copied().eq(0..numbers.len() as u64), "{numbers:?}");
+    assert!(
+        numbers.iter().copied().eq(0..numbers.len() as u64),
+        "{numbers:?}"
+    );
     numbers.len() as u64
 }
 
@@ -76,17 +81,30 @@ fn whatever_a_power_failure_leaves_what_was_stated_durable_is_there() {
     for cut in syncs[0].1..=bytes.len() {
         let &(durable, synced) = syncs.iter().rfind(|(_, size)| *size <= cut).unwrap();
         let prefix = &bytes[..cut];
-        let rubbish: Vec<u8> = (0..random.random_range(1..600)).map(|_| random.random()).collect();
+        let rubbish: Vec<u8> = (0..random.random_range(1..600))
+            .map(|_| random.random())
+            .collect();
         // The page that was being written is lost, the one after it is not.
         let mut holed = bytes[..(cut + 300).min(bytes.len())].to_vec();
         holed[synced..cut].fill(0);
-        for left in [prefix.to_vec(), [prefix, &[0; 512]].concat(), [prefix, &rubbish].concat(), holed] {
+        for left in [
+            prefix.to_vec(),
+            [prefix, &[0; 512]].concat(),
+            [prefix, &rubbish].concat(),
+            holed,
+        ] {
             let there = readable(folder.path(), &left);
-            assert!(there >= durable, "cut at {cut}: {durable} stated durable, {there} are there");
+            assert!(
+                there >= durable,
+                "cut at {cut}: {durable} stated durable, {there} are there"
+            );
             crashes += 1;
         }
     }
-    println!("{crashes} crashes of a recording of {} bytes, {SYNCS} syncs", bytes.len());
+    println!(
+        "{crashes} crashes of a recording of {} bytes, {SYNCS} syncs",
+        bytes.len()
+    );
 }
 
 /// A device that refuses: the limit of a file's size stands for a full disk, since that needs no rights. The recording ends
@@ -98,7 +116,12 @@ fn a_full_disk_ends_the_recording_with_a_failure() {
     use std::process::{Command, Stdio};
 
     let test = std::env::current_exe().unwrap();
-    let writer = test.parent().unwrap().parent().unwrap().join("examples/paced_writer");
+    let writer = test
+        .parent()
+        .unwrap()
+        .parent()
+        .unwrap()
+        .join("examples/paced_writer");
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run");
     let mut process = Command::new("bash")
@@ -121,9 +144,21 @@ fn a_full_disk_ends_the_recording_with_a_failure() {
     asking.join().unwrap();
     assert!(!ended.status.success());
     let said = String::from_utf8_lossy(&ended.stderr).into_owned();
-    assert!(said.contains("run_0.mcap") || said.contains("FileTooLarge"), "{said}");
-    let durable = lines.iter().filter_map(|line| line.split(' ').nth(1)?.parse::<usize>().ok());
+    assert!(
+        said.contains("run_0.mcap") || said.contains("FileTooLarge"),
+        "{said}"
+    );
+    let durable = lines
+        .iter()
+        .filter_map(|line| line.split(' ').nth(1)?.parse::<usize>().ok());
     let durable = durable.max().unwrap();
-    let there = Bag::open(&path).unwrap().messages().filter_map(Result::ok).count();
-    assert!(durable > 0 && there >= durable, "{durable} stated durable, {there} are there");
+    let there = Bag::open(&path)
+        .unwrap()
+        .messages()
+        .filter_map(Result::ok)
+        .count();
+    assert!(
+        durable > 0 && there >= durable,
+        "{durable} stated durable, {there} are there"
+    );
 }

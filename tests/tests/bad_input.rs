@@ -4,8 +4,8 @@ use cell::{Cell, CellText};
 use cell_tests::{cell, instance, launch_scripts, make_part, messages, session::Session};
 use graph::{Instance, Published, Stamp, topics};
 use probecell_msgs::{
-    ControllerStatus, Correction, Fault, InspectionPlan, OperatorReply, PartReport, ProbeEvent, ProbeTrigger,
-    TouchDeviation, Verdict, sensor_msgs::JointState,
+    ControllerStatus, Correction, Fault, InspectionPlan, OperatorReply, PartReport, ProbeEvent,
+    ProbeTrigger, TouchDeviation, Verdict, sensor_msgs::JointState,
 };
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg32;
@@ -548,13 +548,25 @@ fn a_spoilt_message_never_becomes_a_correction() {
 #[test]
 fn a_name_that_cannot_be_printed_is_refused() {
     let said = refused("id = \"hexagonal_punch\"", "id = \"punch\\u001b[2J\"");
-    assert!(said.contains("part.id = \"punch\\u{1b}[2J\" holds a character"), "{said}");
+    assert!(
+        said.contains("part.id = \"punch\\u{1b}[2J\" holds a character"),
+        "{said}"
+    );
     let mut session = Session::new(&cell("turn_mill.toml", str::to_owned));
-    for name in ["punch\u{1b}[2J", "punch\n", "\u{202e}hcnup", &"p".repeat(201)] {
+    for name in [
+        "punch\u{1b}[2J",
+        "punch\n",
+        "\u{202e}hcnup",
+        &"p".repeat(201),
+    ] {
         session.ask_for(name);
         session.run_s(0.1);
         let reply: OperatorReply = session.last(topics::RUN_REPLIES);
         assert!(!reply.accepted, "{name:?}");
-        assert!(reply.text.starts_with("the name of the part"), "{}", reply.text);
+        assert!(
+            reply.text.starts_with("the name of the part"),
+            "{}",
+            reply.text
+        );
     }
 }

@@ -24,7 +24,9 @@ fn leaves(value: &Value) -> usize {
 
 fn kept(executor: &Executor) -> BTreeMap<&'static str, usize> {
     let nodes = executor.nodes().iter();
-    nodes.map(|node| (node.name(), leaves(&node.snapshot()))).collect()
+    nodes
+        .map(|node| (node.name(), leaves(&node.snapshot())))
+        .collect()
 }
 
 #[test]
@@ -47,6 +49,9 @@ fn what_nodes_keep_is_bounded_over_a_million_messages() {
     let (first, last) = (first.expect("looked at"), kept(&executor));
     for (node, before) in first {
         let after = last[node];
-        assert!(after <= before + SLACK, "{node}: {before} values after {FIRST} samples, {after} after {samples}");
+        assert!(
+            after <= before + SLACK,
+            "{node}: {before} values after {FIRST} samples, {after} after {samples}"
+        );
     }
 }

@@ -19,7 +19,12 @@ fn finished(file: &str, seed: u64) -> Vec<(f64, f64)> {
     let mut decisions: Vec<PassDecision> = messages(&log, topics::PASS_DECISIONS.name);
     decisions.retain(|one| one.decision != PassDecision::REVOKED);
     let last = decisions.pop().expect("a decision");
-    assert_eq!(last.decision, PassDecision::NEXT, "seed {seed}: {}", last.text);
+    assert_eq!(
+        last.decision,
+        PassDecision::NEXT,
+        "seed {seed}: {}",
+        last.text
+    );
     let results: Vec<FeatureResult> = messages(&log, topics::FEATURE_RESULTS.name);
     let reference = messages::<ReferenceMeasurement>(&log, topics::REFERENCE.name)
         .pop()
@@ -156,7 +161,9 @@ fn each_correction_is_bounded_sourced_approved_and_acknowledged() {
 fn a_reference_that_contradicts_the_readings_stops_the_series() {
     let cuts = |session: &Session| {
         let requests: Vec<OperationRequest> = session.all(topics::OPERATION_REQUESTS);
-        let cuts = requests.iter().filter(|one| one.kind == OperationRequest::CUT);
+        let cuts = requests
+            .iter()
+            .filter(|one| one.kind == OperationRequest::CUT);
         cuts.count()
     };
     let mut session = Session::new(&cell("turn_mill_uncalibrated.toml", str::to_owned));
@@ -165,14 +172,21 @@ fn a_reference_that_contradicts_the_readings_stops_the_series() {
     assert!(report.text.contains("by CMM"), "{}", report.text);
     let verdicts: Vec<Verdict> = session.all(topics::VERDICTS);
     for size in SIZES {
-        let last = verdicts.iter().rfind(|one| one.feature_id == size).expect("a verdict");
+        let last = verdicts
+            .iter()
+            .rfind(|one| one.feature_id == size)
+            .expect("a verdict");
         assert_eq!(last.verdict, Verdict::CONTRADICTED, "{size}: {}", last.text);
     }
     let before = cuts(&session);
     session.ask_for("second");
     session.run_s(60.0);
     let reply: OperatorReply = session.last(topics::RUN_REPLIES);
-    assert!(!reply.accepted && reply.text.starts_with("no part is made"), "{}", reply.text);
+    assert!(
+        !reply.accepted && reply.text.starts_with("no part is made"),
+        "{}",
+        reply.text
+    );
     assert_eq!(cuts(&session), before);
 
     let mut session = Session::new(&cell("turn_mill.toml", str::to_owned));
@@ -197,7 +211,10 @@ fn a_reference_that_comes_late_stops_the_part_that_is_being_made() {
     session.send(topics::REFERENCE, &late);
     session.run_s(1.0);
     let reports: Vec<PartReport> = session.all(topics::PART_REPORTS);
-    let ends: Vec<(&str, u8)> = reports.iter().map(|one| (one.part_id.as_str(), one.verdict)).collect();
+    let ends: Vec<(&str, u8)> = reports
+        .iter()
+        .map(|one| (one.part_id.as_str(), one.verdict))
+        .collect();
     let expected = [
         ("punch", PartReport::QUALIFIED),
         ("second", PartReport::STOPPED),

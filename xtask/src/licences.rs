@@ -82,7 +82,9 @@ impl Policy {
             };
             match &package.license {
                 Some(expression) if satisfied(expression, &fits) => {}
-                Some(expression) => refused.push(format!("{name}: the licence {expression:?} is not allowed")),
+                Some(expression) => {
+                    refused.push(format!("{name}: the licence {expression:?} is not allowed"))
+                }
                 None => refused.push(format!("{name} has no licence")),
             }
             // Ours have no source.
@@ -99,7 +101,10 @@ impl Policy {
 
 /// True if an SPDX expression can be satisfied by licences that fit; false for one that cannot be read.
 fn satisfied(expression: &str, fits: &impl Fn(&str) -> bool) -> bool {
-    let spaced = expression.replace('(', " ( ").replace(')', " ) ").replace('/', " OR ");
+    let spaced = expression
+        .replace('(', " ( ")
+        .replace(')', " ) ")
+        .replace('/', " OR ");
     let words: Vec<&str> = spaced.split_whitespace().collect();
     let mut rest = words.as_slice();
     any(&mut rest, fits) == Some(true) && rest.is_empty()
@@ -153,7 +158,8 @@ mod tests {
 
     #[test]
     fn an_expression_is_satisfied_as_spdx_says() {
-        let fits = |licence: &str| ["MIT", "ISC", "Apache-2.0 WITH LLVM-exception"].contains(&licence);
+        let fits =
+            |licence: &str| ["MIT", "ISC", "Apache-2.0 WITH LLVM-exception"].contains(&licence);
         for (expression, expected) in [
             ("MIT", true),
             ("GPL-3.0-only", false),

@@ -25,16 +25,31 @@ fn rules(settings: &Table) -> Option<(Vec<Rule<'_>>, bool)> {
     if control.get("enabled").and_then(toml::Value::as_bool) != Some(true) {
         return None;
     }
-    let text = |table: &'_ Table, key: &str| table.get(key).and_then(toml::Value::as_str).map(str::to_owned);
+    let text = |table: &'_ Table, key: &str| {
+        table
+            .get(key)
+            .and_then(toml::Value::as_str)
+            .map(str::to_owned)
+    };
     let open = text(control, "default_permission").as_deref() == Some("allow");
     let listed = control.get("rules").and_then(toml::Value::as_array);
-    let listed = listed.into_iter().flatten().filter_map(toml::Value::as_table);
+    let listed = listed
+        .into_iter()
+        .flatten()
+        .filter_map(toml::Value::as_table);
     let rules = listed.map(|rule| {
         let keys = rule.get("key_exprs").and_then(toml::Value::as_array);
         Rule {
-            id: rule.get("id").and_then(toml::Value::as_str).unwrap_or_default(),
+            id: rule
+                .get("id")
+                .and_then(toml::Value::as_str)
+                .unwrap_or_default(),
             allows: text(rule, "permission").as_deref() == Some("allow"),
-            keys: keys.into_iter().flatten().filter_map(toml::Value::as_str).collect(),
+            keys: keys
+                .into_iter()
+                .flatten()
+                .filter_map(toml::Value::as_str)
+                .collect(),
         }
     });
     Some((rules.collect(), open))
@@ -49,7 +64,8 @@ pub(crate) fn check(cell: &Cell) -> Result<(), String> {
         let Some((rules, open)) = settings.and_then(rules) else {
             continue;
         };
-        let allowed = |rule: &Rule<'_>| rule.allows && rule.keys.iter().any(|key| key.starts_with(TOKENS));
+        let allowed =
+            |rule: &Rule<'_>| rule.allows && rule.keys.iter().any(|key| key.starts_with(TOKENS));
         if !open && !rules.iter().any(allowed) {
             return Err(format!(
                 "{section}.access_control allows nothing on \"{TOKENS}/**\", which \"**\" does not match: no process of the \

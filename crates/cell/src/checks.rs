@@ -82,7 +82,10 @@ fn recorder(cell: &Cell) -> Result<(), String> {
 
 /// Names go into messages, file names and onto terminals.
 fn printable(cell: &Cell) -> Result<(), String> {
-    let part = [("cell.part", cell.cell.part.as_str()), ("part.id", cell.part.id.as_str())];
+    let part = [
+        ("cell.part", cell.cell.part.as_str()),
+        ("part.id", cell.part.id.as_str()),
+    ];
     let features = cell.part.features.iter();
     let features = features.map(|one| ("part.features.id", one.id.as_str()));
     let operations = cell.part.operations.iter();
@@ -94,7 +97,9 @@ fn printable(cell: &Cell) -> Result<(), String> {
     let named = part.into_iter().chain(features).chain(operations);
     for (key, name) in named.chain(composed).chain(passes) {
         if name.chars().any(is_unprintable) {
-            return Err(format!("{key} = {name:?} holds a character that cannot be printed"));
+            return Err(format!(
+                "{key} = {name:?} holds a character that cannot be printed"
+            ));
         }
     }
     Ok(())

@@ -38,8 +38,8 @@ mod driver;
 mod model;
 mod nodes;
 mod numbers;
-mod sections;
 pub mod secrets;
+mod sections;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

@@ -18,16 +18,31 @@ const NOT_SHOWN: &str = "(not shown)";
 /// True for the key of a value that nobody else may know.
 fn is_secret(key: &str) -> bool {
     let key = key.to_ascii_lowercase();
-    let ends = ["password", "passphrase", "secret", "token", "key_base64", "key_pem", "private_key_data"];
+    let ends = [
+        "password",
+        "passphrase",
+        "secret",
+        "token",
+        "key_base64",
+        "key_pem",
+        "private_key_data",
+    ];
     ends.iter().any(|end| key.ends_with(end))
 }
 
 /// True for a locator or another text that carries a password within it.
 fn carries_secret(text: &str) -> bool {
     let text = text.to_ascii_lowercase();
-    ["password=", "passphrase=", "key_base64=", "key_pem=", "begin private key", "begin rsa private key"]
-        .iter()
-        .any(|mark| text.contains(mark))
+    [
+        "password=",
+        "passphrase=",
+        "key_base64=",
+        "key_pem=",
+        "begin private key",
+        "begin rsa private key",
+    ]
+    .iter()
+    .any(|mark| text.contains(mark))
 }
 
 /// Key and value of the first password that stands in a cell file.
@@ -109,7 +124,9 @@ fn visit(value: &mut Value, path: String, found: &mut impl FnMut(&str, &mut Stri
                     format!("{path}.{key}")
                 };
                 match value {
-                    Value::String(text) if is_secret(key) && !PUBLISHED.contains(&text.as_str()) => {
+                    Value::String(text)
+                        if is_secret(key) && !PUBLISHED.contains(&text.as_str()) =>
+                    {
                         found(&path, text);
                     }
                     other => visit(other, path, found),
@@ -138,7 +155,10 @@ mod tests {
         let first = first_literal(WITH).expect("a password");
         assert_eq!(first.0, "bus.zenoh.transport.auth.usrpwd.password");
         let shown = redacted(WITH);
-        assert!(!shown.contains("hunter") && shown.contains("user = \"cell\""), "{shown}");
+        assert!(
+            !shown.contains("hunter") && shown.contains("user = \"cell\""),
+            "{shown}"
+        );
         for text in [
             "listen = [\"tls/[::]:7447#listen_private_key_base64=AAAA\"]",
             "connect_private_key_base64 = \"AAAA\"",
@@ -163,8 +183,13 @@ mod tests {
         assert_eq!(first_literal(&text), None);
         let settings: Table = text.parse().expect("TOML");
         let found = resolved(&settings).expect("resolved");
-        assert_eq!(found["auth"]["usrpwd"]["password"].as_str(), Some("hunter2"));
-        let absent: Table = "password = { env = \"PROBECELL_NO_SUCH_VARIABLE\" }".parse().expect("TOML");
+        assert_eq!(
+            found["auth"]["usrpwd"]["password"].as_str(),
+            Some("hunter2")
+        );
+        let absent: Table = "password = { env = \"PROBECELL_NO_SUCH_VARIABLE\" }"
+            .parse()
+            .expect("TOML");
         let refused = resolved(&absent).expect_err("not set").to_string();
         assert!(refused.contains("PROBECELL_NO_SUCH_VARIABLE"), "{refused}");
     }

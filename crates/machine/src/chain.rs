@@ -406,7 +406,10 @@ fn joint(joint: &RawJoint, child: &Link) -> Result<Joint, ChainError> {
         _ => return Err(bad("axis")),
     };
     let origin = joint.origin.isometry().ok_or_else(|| bad("origin"))?;
-    let centre = child.origin.isometry().ok_or_else(|| bad("centre of mass"))?;
+    let centre = child
+        .origin
+        .isometry()
+        .ok_or_else(|| bad("centre of mass"))?;
     let turn = centre.rotation.to_rotation_matrix();
     let inertia = turn * child.inertia * turn.transpose();
     let mass = child.mass;

@@ -98,7 +98,10 @@ mod tests {
             ("<a/>", 0),
             ("<a></a><a></a>", 1),
             ("<a><b/><b x='>'><c/></b></a>", 2),
-            ("<?xml version='1.0'?><!DOCTYPE a><a><!-- <x><y> --><![CDATA[<z><z>]]></a>", 1),
+            (
+                "<?xml version='1.0'?><!DOCTYPE a><a><!-- <x><y> --><![CDATA[<z><z>]]></a>",
+                1,
+            ),
             ("<a b=\"</a>\"><c d='\"'></c></a>", 2),
         ] {
             assert_eq!(nesting(text), deepest, "{text}");

@@ -69,18 +69,24 @@ impl Pose {
     /// As a transformation; `None` where it is none.
     pub(crate) fn isometry(&self) -> Option<Isometry3<f64>> {
         let rotation = match self.turn {
-            Turn::Angles(rpy) => rpy.iter().all(|value| value.is_finite()).then(|| {
-                UnitQuaternion::from_euler_angles(rpy.x, rpy.y, rpy.z)
-            }),
+            Turn::Angles(rpy) => rpy
+                .iter()
+                .all(|value| value.is_finite())
+                .then(|| UnitQuaternion::from_euler_angles(rpy.x, rpy.y, rpy.z)),
             Turn::Quaternion([x, y, z, w]) => {
                 let quaternion = Quaternion::new(w, x, y, z);
                 let finite = quaternion.norm().is_finite();
-                finite.then(|| UnitQuaternion::try_new(quaternion, 1e-9)).flatten()
+                finite
+                    .then(|| UnitQuaternion::try_new(quaternion, 1e-9))
+                    .flatten()
             }
         };
         let finite = self.xyz.iter().all(|value| value.is_finite());
         finite.then_some(())?;
-        Some(Isometry3::from_parts(Translation3::from(self.xyz), rotation?))
+        Some(Isometry3::from_parts(
+            Translation3::from(self.xyz),
+            rotation?,
+        ))
     }
 }
 
@@ -98,9 +104,12 @@ impl Robot {
         let robot = document.root_element();
         if robot.tag_name().name() != "robot" {
             let name = robot.tag_name().name();
-            return Err(ChainError::Urdf(format!("its root is `{name}`, not `robot`")));
+            return Err(ChainError::Urdf(format!(
+                "its root is `{name}`, not `robot`"
+            )));
         }
-        let of_kind = |kind: &'static str| robot.children().filter(move |one| one.has_tag_name(kind));
+        let of_kind =
+            |kind: &'static str| robot.children().filter(move |one| one.has_tag_name(kind));
         check_links(of_kind("link").count(), of_kind("joint").count())?;
         Ok(Self {
             name: robot.attribute("name").unwrap_or_default().to_owned(),
@@ -125,7 +134,11 @@ fn child<'a, 'i>(of: Node<'a, 'i>, tag: &str) -> Option<Node<'a, 'i>> {
 }
 
 /// An attribute that must be there.
-fn attribute<'a>(of: Node<'_, '_>, element: Node<'a, '_>, key: &str) -> Result<&'a str, ChainError> {
+fn attribute<'a>(
+    of: Node<'_, '_>,
+    element: Node<'a, '_>,
+    key: &str,
+) -> Result<&'a str, ChainError> {
     let tag = element.tag_name().name();
     let absent = || wrong(of, &format!("has no attribute `{key}` in its `{tag}`"));
     element.attribute(key).ok_or_else(absent)
@@ -140,10 +153,18 @@ fn numbers<const N: usize>(
     let Some(text) = element.attribute(key) else {
         return Ok(None);
     };
-    let values: Option<Vec<f64>> = text.split_whitespace().map(|word| word.parse().ok()).collect();
+    let values: Option<Vec<f64>> = text
+        .split_whitespace()
+        .map(|word| word.parse().ok())
+        .collect();
     let values = values.and_then(|values| <[f64; N]>::try_from(values).ok());
     let tag = element.tag_name().name();
-    let refused = || wrong(of, &format!("has {key}={text:?} in its `{tag}`, expected {N} numbers"));
+    let refused = || {
+        wrong(
+            of,
+            &format!("has {key}={text:?} in its `{tag}`, expected {N} numbers"),
+        )
+    };
     values.map(Some).ok_or_else(refused)
 }
 
@@ -208,7 +229,11 @@ fn joint(of: Node<'_, '_>) -> Result<RawJoint, ChainError> {
             let bound = |key: &str| -> Result<f64, ChainError> {
                 Ok(numbers::<1>(of, limit, key)?.map_or(0.0, |[value]| value))
             };
-            [bound("lower")?, bound("upper")?, number(of, limit, "velocity")?]
+            [
+                bound("lower")?,
+                bound("upper")?,
+                number(of, limit, "velocity")?,
+            ]
         }
     };
     Ok(RawJoint {

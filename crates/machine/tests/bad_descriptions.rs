@@ -113,12 +113,20 @@ fn unusable_joints_are_named() {
 #[test]
 fn what_is_larger_than_any_machine_is_refused_before_it_is_followed() {
     let nested = format!("{}{}", "<link>".repeat(100_000), "</link>".repeat(100_000));
-    check(&nested, "has 100001 elements nested in one another, more than 100");
-    check(&"<link>".repeat(100_000), "has 100001 elements nested in one another, more than 100");
+    check(
+        &nested,
+        "has 100001 elements nested in one another, more than 100",
+    );
+    check(
+        &"<link>".repeat(100_000),
+        "has 100001 elements nested in one another, more than 100",
+    );
     let chain = |count: usize| {
         let mut text = LINKS.to_owned();
         for index in 0..count {
-            let parent = index.checked_sub(1).map_or("foundation".to_owned(), |one| format!("l{one}"));
+            let parent = index
+                .checked_sub(1)
+                .map_or("foundation".to_owned(), |one| format!("l{one}"));
             text += &format!(
                 r#"<link name="l{index}"/><joint name="j{index}" type="fixed"><parent link="{parent}"/><child link="l{index}"/></joint>"#
             );
@@ -126,7 +134,10 @@ fn what_is_larger_than_any_machine_is_refused_before_it_is_followed() {
         text + &PART.replace("foundation", &format!("l{}", count - 1)) + TOOL
     };
     check(&chain(10_000), "has 10003 links, more than 2000");
-    check(&chain(200), "has 51 joints on the way to one link, more than 50");
+    check(
+        &chain(200),
+        "has 51 joints on the way to one link, more than 50",
+    );
     let text = format!("<robot name=\"r\">{}</robot>", chain(20));
     assert!(Chain::from_urdf(&text).is_ok());
     let comment = format!("<robot name=\"r\"><!--{}--></robot>", "x".repeat(17 << 20));
@@ -137,11 +148,26 @@ fn what_is_larger_than_any_machine_is_refused_before_it_is_followed() {
 #[test]
 fn what_the_format_requires_is_named_where_it_is_lacking() {
     for (wrong, expected) in [
-        (TOOL.replace(" type=\"prismatic\"", ""), "joint `Z` has no attribute `type` in its `joint`"),
-        (TOOL.replace("<parent link=\"foundation\"/>", ""), "joint `Z` has no `parent`"),
-        (TOOL.replace("velocity=\"1\"", ""), "joint `Z` has no attribute `velocity` in its `limit`"),
-        (TOOL.replace("lower=\"-1\"", "lower=\"low\""), "joint `Z` has lower=\"low\" in its `limit`, expected 1 numbers"),
-        (TOOL.replace("0 0 1", "0 0"), "joint `Z` has xyz=\"0 0\" in its `axis`, expected 3 numbers"),
+        (
+            TOOL.replace(" type=\"prismatic\"", ""),
+            "joint `Z` has no attribute `type` in its `joint`",
+        ),
+        (
+            TOOL.replace("<parent link=\"foundation\"/>", ""),
+            "joint `Z` has no `parent`",
+        ),
+        (
+            TOOL.replace("velocity=\"1\"", ""),
+            "joint `Z` has no attribute `velocity` in its `limit`",
+        ),
+        (
+            TOOL.replace("lower=\"-1\"", "lower=\"low\""),
+            "joint `Z` has lower=\"low\" in its `limit`, expected 1 numbers",
+        ),
+        (
+            TOOL.replace("0 0 1", "0 0"),
+            "joint `Z` has xyz=\"0 0\" in its `axis`, expected 3 numbers",
+        ),
     ] {
         check(&format!("{LINKS}{PART}{wrong}"), expected);
     }
@@ -149,9 +175,15 @@ fn what_the_format_requires_is_named_where_it_is_lacking() {
         "<link name=\"probe_mount\"/>",
         "<link name=\"probe_mount\"><inertial><mass value=\"1\"/></inertial></link>",
     );
-    check(&format!("{heavy}{PART}{TOOL}"), "link `probe_mount` has no `inertia` in its `inertial`");
+    check(
+        &format!("{heavy}{PART}{TOOL}"),
+        "link `probe_mount` has no `inertia` in its `inertial`",
+    );
     let other = Chain::from_urdf("<robots/>").unwrap_err().to_string();
-    assert!(other.contains("its root is `robots`, not `robot`"), "{other}");
+    assert!(
+        other.contains("its root is `robots`, not `robot`"),
+        "{other}"
+    );
 }
 
 /// A frame turned by a quarter about Z, as angles and as a quaternion.

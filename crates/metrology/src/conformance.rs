@@ -142,9 +142,13 @@ pub fn contradiction(
     accepted: Option<f64>,
 ) -> Option<f64> {
     let pairs = reading.0.iter().zip(reference.0);
-    let scores = pairs.map(|(own, other)| normalised_error((*own, reading.1), (*other, reference.1)));
+    let scores =
+        pairs.map(|(own, other)| normalised_error((*own, reading.1), (*other, reference.1)));
     let score = scores.fold(0.0, f64::max);
-    let largest = reference.0.iter().fold(0.0, |most: f64, one| most.max(one.abs()));
+    let largest = reference
+        .0
+        .iter()
+        .fold(0.0, |most: f64, one| most.max(one.abs()));
     let outside = accepted.is_some_and(|tolerance| largest > tolerance + reference.1);
     (score > 1.0 || outside).then_some(score)
 }
@@ -218,16 +222,23 @@ mod tests {
                 let t = (x - value) / standard;
                 (-0.5 * t * t).exp() / (standard * std::f64::consts::TAU.sqrt())
             };
-            (0..steps).map(|i| width * density(SIZE.upper + width * f64::from(i))).sum::<f64>()
+            (0..steps)
+                .map(|i| width * density(SIZE.upper + width * f64::from(i)))
+                .sum::<f64>()
         };
         for rule in [
             DecisionRule::Iso14253,
             DecisionRule::SimpleAcceptance,
-            DecisionRule::GuardBand { consumers_risk: 0.01 },
+            DecisionRule::GuardBand {
+                consumers_risk: 0.01,
+            },
         ] {
             let limit = SIZE.upper - rule.guard_bands(standard, 2.0).acceptance;
             let (stated, integrated) = (rule.largest_risk(2.0), outside(limit));
-            assert!((stated - integrated).abs() < 1e-4, "{rule:?}: {stated}, {integrated}");
+            assert!(
+                (stated - integrated).abs() < 1e-4,
+                "{rule:?}: {stated}, {integrated}"
+            );
             let risk = nonconformity_probability(limit, standard, &SIZE);
             assert!((risk - stated).abs() < 1e-6, "{rule:?}: {risk}");
         }

@@ -347,7 +347,11 @@ mod tests {
                 rejection_guard: guard,
                 ..DecisionLimits::default()
             };
-            let decision = decide(&case(Side::Outer, size_mm, 0.0, 0), &limits, Policy::Compensate);
+            let decision = decide(
+                &case(Side::Outer, size_mm, 0.0, 0),
+                &limits,
+                Policy::Compensate,
+            );
             let decision = decision.unwrap();
             (decision.verdict, decision.action)
         };

@@ -11,4 +11,4 @@ mod provenance;
 mod touches;
 
 pub use self::diagnosis::{add_diagnosis, diagnosis_page};
-pub use part::{PartSession, ShortDiagnosis, SizeRecord, size_records, part_page, table_entries};
+pub use part::{PartSession, ShortDiagnosis, SizeRecord, part_page, size_records, table_entries};

@@ -19,7 +19,9 @@ use crate::{
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ReferenceError {
     /// It measures another plan.
-    #[error("the reference of {instrument:?} is of plan {plan_id:?}, which was not measured here lately")]
+    #[error(
+        "the reference of {instrument:?} is of plan {plan_id:?}, which was not measured here lately"
+    )]
     Plan {
         /// Who measured.
         instrument: String,

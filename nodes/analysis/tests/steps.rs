@@ -425,10 +425,14 @@ fn a_reference_that_tells_nothing_is_a_fault_that_says_why() {
         for input in [Input::Plan(plan()), Input::Reference(reference)] {
             AnalysisNode::step(&config(), &mut state, Stamp(0), input, &mut out);
         }
-        let said: Vec<String> = out.messages().iter().map(|output| match output {
-            Output::Fault(fault) => fault.text.clone(),
-            other => line(other),
-        }).collect();
+        let said: Vec<String> = out
+            .messages()
+            .iter()
+            .map(|output| match output {
+                Output::Fault(fault) => fault.text.clone(),
+                other => line(other),
+            })
+            .collect();
         said.join("; ")
     };
     let sound = reference("p", [0.0; 6]);
@@ -438,11 +442,26 @@ fn a_reference_that_tells_nothing_is_a_fault_that_says_why() {
         refused(wrong)
     };
     for (said, expected) in [
-        (with(|one| one.plan_id = "x".to_owned()), "of plan \"x\", which was not measured here lately"),
-        (with(|one| one.point_index[5] = 6), "point 6 is not in plan \"p\""),
-        (with(|one| one.deviation[1] = f64::NAN), "the deviation of point 1 is NaN"),
-        (with(|one| one.standard_uncertainty = 0.0), "its standard uncertainty is 0 m"),
-        (with(|one| drop(one.deviation.pop())), "has 6 points and 5 deviations"),
+        (
+            with(|one| one.plan_id = "x".to_owned()),
+            "of plan \"x\", which was not measured here lately",
+        ),
+        (
+            with(|one| one.point_index[5] = 6),
+            "point 6 is not in plan \"p\"",
+        ),
+        (
+            with(|one| one.deviation[1] = f64::NAN),
+            "the deviation of point 1 is NaN",
+        ),
+        (
+            with(|one| one.standard_uncertainty = 0.0),
+            "its standard uncertainty is 0 m",
+        ),
+        (
+            with(|one| drop(one.deviation.pop())),
+            "has 6 points and 5 deviations",
+        ),
     ] {
         assert!(said.contains(expected), "{said}");
     }

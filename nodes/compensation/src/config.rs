@@ -195,7 +195,9 @@ pub enum ConfigError {
         validity: f64,
     },
     /// A risk that is none.
-    #[error("compensation.decision_rule.guard_band.consumers_risk = {0} must be above 0 and at most 0.5")]
+    #[error(
+        "compensation.decision_rule.guard_band.consumers_risk = {0} must be above 0 and at most 0.5"
+    )]
     Risk(f64),
     /// A number that is not positive.
     #[error("compensation.{key} = {value} must be a finite number above 0")]
@@ -303,7 +305,9 @@ fn set_final_passes(characteristics: &mut [Characteristic], passes: u32) {
     for index in 0..characteristics.len() {
         let id = characteristics[index].id.clone();
         let own = || characteristics.iter().filter(|size| size.id == id);
-        let last = (0..passes).rev().find(|pass| own().any(|size| size.passes.include(*pass)));
+        let last = (0..passes)
+            .rev()
+            .find(|pass| own().any(|size| size.passes.include(*pass)));
         characteristics[index].final_pass = last.unwrap_or(0);
     }
 }

@@ -193,7 +193,8 @@ fn conclude(
     judgements: &[Judgement],
 ) -> Conclusion {
     use decision::Verdict::{
-        Compensable, Indeterminate, MeasurementInvalid, NotConverged, OvercutNotCompensable, Qualified, ToolWorn,
+        Compensable, Indeterminate, MeasurementInvalid, NotConverged, OvercutNotCompensable,
+        Qualified, ToolWorn,
     };
     let verdicts = (sizes.iter().map(|size| size.verdict))
         .chain(judgements.iter().map(|judgement| judgement.verdict));

@@ -80,12 +80,12 @@ mod volumetric;
 mod wear;
 mod work_offset;
 
-pub use rule::RawDecisionRule;
 pub use config::{
     Characteristic, Config, ConfigError, PathCorrection, RawCharacteristic, RawConfig,
 };
 pub use passes::{Passes, UnknownPass};
 pub use path::Paths;
+pub use rule::RawDecisionRule;
 pub use state::State;
 pub use step::{CompensationFault, CompensationNode, Input, Output};
 pub use touches::Touches;

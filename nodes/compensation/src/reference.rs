@@ -57,17 +57,28 @@ pub(crate) fn judged(
         if let Some(reference) = state.references.iter().rev().find(of_it) {
             compare(&judged, reference, now, out);
         }
-        state.judged.retain(|one| !is_of(&one.result, &judged.result));
+        state
+            .judged
+            .retain(|one| !is_of(&one.result, &judged.result));
         keep(&mut state.judged, judged);
     }
 }
 
 /// Keeps a feature as an instrument finds it, and compares it with the verdict on it.
-pub(crate) fn refer(state: &mut State, now: Stamp, reference: FeatureResult, out: &mut Outbox<Output>) {
+pub(crate) fn refer(
+    state: &mut State,
+    now: Stamp,
+    reference: FeatureResult,
+    out: &mut Outbox<Output>,
+) {
     if reference.decision == FeatureResult::INVALID {
         return;
     }
-    if let Some(judged) = state.judged.iter().find(|one| is_of(&one.result, &reference)) {
+    if let Some(judged) = state
+        .judged
+        .iter()
+        .find(|one| is_of(&one.result, &reference))
+    {
         compare(judged, &reference, now, out);
     }
     keep(&mut state.references, reference);

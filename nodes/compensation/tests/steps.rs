@@ -629,7 +629,12 @@ fn what_the_uncertainty_leaves_open_is_never_qualified_by_the_default_rule() {
     let strict = by_rule(RawDecisionRule::default(), &["finish"]);
     let simple = by_rule(RawDecisionRule::SimpleAcceptance, &["finish"]);
     // 2.326 u = 2.3 µm: the quantile of 99 %.
-    let guarded = by_rule(RawDecisionRule::GuardBand { consumers_risk: 0.01 }, &["finish"]);
+    let guarded = by_rule(
+        RawDecisionRule::GuardBand {
+            consumers_risk: 0.01,
+        },
+        &["finish"],
+    );
     let verdict = |config: &Config, size_mm: f64| {
         let inputs = vec![offsets(0.0), measure("p/1"), strict_result("p/1", size_mm)];
         let mut state = CompensationNode::start(config);
@@ -649,9 +654,21 @@ fn what_the_uncertainty_leaves_open_is_never_qualified_by_the_default_rule() {
         (19.7881, "indeterminate", "overcut", "overcut"),
         (19.7879, "overcut", "overcut", "overcut"),
     ] {
-        assert_eq!(verdict(&strict, size_mm), format!("D1 {by_strict}"), "{size_mm}");
-        assert_eq!(verdict(&simple, size_mm), format!("D1 {by_simple}"), "{size_mm}");
-        assert_eq!(verdict(&guarded, size_mm), format!("D1 {by_guarded}"), "{size_mm}");
+        assert_eq!(
+            verdict(&strict, size_mm),
+            format!("D1 {by_strict}"),
+            "{size_mm}"
+        );
+        assert_eq!(
+            verdict(&simple, size_mm),
+            format!("D1 {by_simple}"),
+            "{size_mm}"
+        );
+        assert_eq!(
+            verdict(&guarded, size_mm),
+            format!("D1 {by_guarded}"),
+            "{size_mm}"
+        );
     }
     check(
         &strict,
@@ -696,11 +713,19 @@ fn a_verdict_and_its_decision_name_rule_and_risk() {
         ]
     );
     let raw = RawConfig {
-        decision_rule: RawDecisionRule::GuardBand { consumers_risk: 0.6 },
+        decision_rule: RawDecisionRule::GuardBand {
+            consumers_risk: 0.6,
+        },
         ..raw(true, false)
     };
-    let refused = raw.check(&chain(), &["finish"], false).expect_err("no risk").to_string();
-    assert!(refused.contains("consumers_risk = 0.6 must be above 0 and at most 0.5"), "{refused}");
+    let refused = raw
+        .check(&chain(), &["finish"], false)
+        .expect_err("no risk")
+        .to_string();
+    assert!(
+        refused.contains("consumers_risk = 0.6 must be above 0 and at most 0.5"),
+        "{refused}"
+    );
 }
 
 /// The same feature as an instrument finds it, U = 6 µm.
@@ -721,12 +746,22 @@ fn a_reading_that_a_reference_refutes_is_revoked_whichever_comes_first() {
     let revoked = ["D1 contradicted", "revoked []"];
     check(
         &config,
-        vec![offsets(0.0), measure("p/1"), strict_result("p/1", 19.8), reference("p/1", 19.729)],
+        vec![
+            offsets(0.0),
+            measure("p/1"),
+            strict_result("p/1", 19.8),
+            reference("p/1", 19.729),
+        ],
         &revoked,
     );
     check(
         &config,
-        vec![offsets(0.0), measure("p/1"), reference("p/1", 19.729), strict_result("p/1", 19.8)],
+        vec![
+            offsets(0.0),
+            measure("p/1"),
+            reference("p/1", 19.729),
+            strict_result("p/1", 19.8),
+        ],
         &["D1 qualified", "D1 contradicted", "revoked []", "next []"],
     );
     // Of an earlier plan, when the next is measured already.
@@ -745,7 +780,12 @@ fn a_reading_that_a_reference_refutes_is_revoked_whichever_comes_first() {
     // √(2² + 6²) = 6.3 µm: no contradiction.
     check(
         &config,
-        vec![offsets(0.0), measure("p/1"), strict_result("p/1", 19.8), reference("p/1", 19.794)],
+        vec![
+            offsets(0.0),
+            measure("p/1"),
+            strict_result("p/1", 19.8),
+            reference("p/1", 19.794),
+        ],
         &[],
     );
 }

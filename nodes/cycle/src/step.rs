@@ -85,7 +85,10 @@ fn invalidates_measurements(fault: &Fault) -> bool {
 
 /// A name that can be printed on one line and kept in a file; empty where a request names nothing.
 fn is_name(text: &str) -> bool {
-    text.chars().count() <= 200 && !text.chars().any(|letter| probecell_msgs::is_unprintable(letter))
+    text.chars().count() <= 200
+        && !text
+            .chars()
+            .any(|letter| probecell_msgs::is_unprintable(letter))
 }
 
 fn handle_run_request(
@@ -103,7 +106,9 @@ fn handle_run_request(
             Some("a part is being measured")
         }
         Some(_) => Some("a part is being made"),
-        None if !is_name(&asked.subject) => Some("the name of the part holds a character that cannot be printed, or more than 200"),
+        None if !is_name(&asked.subject) => {
+            Some("the name of the part holds a character that cannot be printed, or more than 200")
+        }
         None if asked.plan_id.is_empty() && state.refuted.is_some() => Some(REFUTED),
         None => match &last {
             Some(run) if asked.subject.is_empty() || asked.subject == run.part_id => None,
@@ -353,7 +358,9 @@ fn handle_decision(
             recut_when_corrected(config, state, now, out);
         }
         PassDecisionCode::Scrap => end(state, now, PartReport::SCRAP, &decision.text, out),
-        PassDecisionCode::Stop | PassDecisionCode::Revoked => end(state, now, PartReport::STOPPED, &decision.text, out),
+        PassDecisionCode::Stop | PassDecisionCode::Revoked => {
+            end(state, now, PartReport::STOPPED, &decision.text, out)
+        }
     }
 }
 

@@ -307,7 +307,9 @@ fn a_part_that_a_reference_refutes_is_not_qualified_and_the_series_stops() {
     check(with(qualified("p", 0), vec![revoked(), revoked()]), &[]);
     check(
         with(qualified("p", 0), vec![revoked(), run("q")]),
-        &["accepted false: no part is made until the cause is found and the cell started again: so decided"],
+        &[
+            "accepted false: no part is made until the cause is found and the cell started again: so decided",
+        ],
     );
     // Touches of the same part may help to find the cause.
     let touches = Input::Run(OperatorRequest {

@@ -50,7 +50,9 @@ pub enum PlanningError {
     #[error("the plan has {0} touches, more than {MOST_TOUCHES} in one order")]
     TooManyTouches(usize),
     /// A rotary position that no machine turns to.
-    #[error("point {point}: rotary axis {axis:?} would turn to {degrees:.0}°, more than {MOST_TURNS} turns")]
+    #[error(
+        "point {point}: rotary axis {axis:?} would turn to {degrees:.0}°, more than {MOST_TURNS} turns"
+    )]
     Turns {
         /// Index of the point.
         point: usize,

@@ -1,9 +1,7 @@
 //! Points that may be touched at several poses: against every order at every choice of poses, timed by the formula here.
 
 use machine::Chain;
-use path_planning::{
-    Config, OrderRequest, Planned, PlanningError, RawConfig, Task, part::RawPart,
-};
+use path_planning::{Config, OrderRequest, Planned, PlanningError, RawConfig, Task, part::RawPart};
 use probecell_msgs::InspectionPlan;
 
 /// A table that turns the part about Z, and a probe on three axes whose ball's centre is the mount's origin.

@@ -189,7 +189,10 @@ impl RecorderService<'_> {
 /// fails where anything stands, a link included.
 fn is_folder_name(text: &str) -> bool {
     let mut parts = Path::new(text).components();
-    let one = matches!((parts.next(), parts.next()), (Some(Component::Normal(_)), None));
+    let one = matches!(
+        (parts.next(), parts.next()),
+        (Some(Component::Normal(_)), None)
+    );
     one && !text.contains('/') && !text.chars().any(is_unprintable)
 }
 
@@ -288,18 +291,33 @@ mod tests {
         for name in ["again", "punch 7", "..again"] {
             assert!(is_folder_name(name), "{name}");
         }
-        for name in ["", ".", "..", "../out", "/tmp/out", "link/out", "a/", "a\u{1b}[2J"] {
+        for name in [
+            "",
+            ".",
+            "..",
+            "../out",
+            "/tmp/out",
+            "link/out",
+            "a/",
+            "a\u{1b}[2J",
+        ] {
             assert!(!is_folder_name(name), "{name:?}");
         }
         let folder = tempfile::tempdir().expect("a folder");
-        let (inside, outside) = (folder.path().join("recordings"), folder.path().join("outside"));
+        let (inside, outside) = (
+            folder.path().join("recordings"),
+            folder.path().join("outside"),
+        );
         for made in [&inside, &outside] {
             std::fs::create_dir(made).expect("a folder");
         }
         // To a folder, and to one that is not there yet.
         for (name, target) in [("link", outside.clone()), ("dangling", outside.join("new"))] {
             std::os::unix::fs::symlink(target, inside.join(name)).expect("a link");
-            assert!(Recorder::start(RecorderOptions::new(inside.join(name))).is_err(), "{name}");
+            assert!(
+                Recorder::start(RecorderOptions::new(inside.join(name))).is_err(),
+                "{name}"
+            );
         }
         assert_eq!(std::fs::read_dir(&outside).expect("the folder").count(), 0);
     }

@@ -9,8 +9,8 @@ use diagnosis::Options;
 use graph::{Topic, topics};
 use probecell_msgs::{Fault, InspectionPlan, LossReport, Message, ReferenceMeasurement};
 
-use super::{diagnose, report_sizes};
 use super::record::PROVENANCE;
+use super::{diagnose, report_sizes};
 use crate::output;
 
 /// What the user asks for.
@@ -79,8 +79,12 @@ fn gather(bag: &Bag, path: &Path) -> anyhow::Result<PartSession> {
         );
     }
     let recorded: Vec<ReferenceMeasurement> = reader.all(topics::REFERENCE)?;
-    let (references, unusable_references) =
-        report_sizes::by_reference(bag, &reader.all(topics::ROBOT_DESCRIPTION)?, &plans, &recorded)?;
+    let (references, unusable_references) = report_sizes::by_reference(
+        bag,
+        &reader.all(topics::ROBOT_DESCRIPTION)?,
+        &plans,
+        &recorded,
+    )?;
     let mut faults: Vec<Fault> = Vec::new();
     let reporting = topics::ALL.iter();
     for topic in reporting.filter(|topic| topic.message.name == Fault::TYPE.name) {
@@ -388,10 +392,16 @@ mod tests {
         let page = Document::parse_with_options(&html, options).expect("a well-formed page");
         let all = text(page.root());
         assert!(all.contains("Part punch is not qualified"), "{all}");
-        assert!(!all.contains("is qualified") && !all.contains("all sizes qualified"), "{all}");
+        assert!(
+            !all.contains("is qualified") && !all.contains("all sizes qualified"),
+            "{all}"
+        );
         let finish = rows(&page, "Sizes by reference");
         let mut gaps: Vec<f64> = Vec::new();
-        for row in finish.iter().filter(|row| row[7] == "contradict each other") {
+        for row in finish
+            .iter()
+            .filter(|row| row[7] == "contradict each other")
+        {
             assert_eq!(row[1], "by CMM");
             gaps.push(metres(&row[5]));
         }

@@ -24,7 +24,8 @@ pub(super) fn by_reference(
         (Some(cell), _) => cell.analysis.check(cell.chain()?)?,
         (None, Some(machine)) => RawConfig::default().check(Chain::from_urdf(&machine.data)?)?,
         (None, None) => {
-            let text = "a reference was recorded without the robot description that it is evaluated with";
+            let text =
+                "a reference was recorded without the robot description that it is evaluated with";
             return Ok((Vec::new(), vec![text.to_owned()]));
         }
     };

@@ -123,7 +123,9 @@ fn latest(session: &PartSession) -> PartSession {
     keep_last(&mut session.decisions, |one| one.plan_id.clone());
     keep_last(&mut session.references, feature);
     // A part that was found wrong later is told as it was found last.
-    keep_last(&mut session.parts, |one| (one.part_id.clone(), one.plan_id.clone()));
+    keep_last(&mut session.parts, |one| {
+        (one.part_id.clone(), one.plan_id.clone())
+    });
     session
 }
 
@@ -283,7 +285,12 @@ fn troubles(page: &mut Page, session: &PartSession) {
             format!("{count} {noun} of {topic} {verb} missing from the recording.")
         })
         .collect();
-    losses.extend(session.unusable_references.iter().map(|one| format!("{one}.")));
+    losses.extend(
+        session
+            .unusable_references
+            .iter()
+            .map(|one| format!("{one}.")),
+    );
     losses.extend(session.damage.iter().map(|damage| format!("{damage}.")));
     if losses.is_empty() {
         page.paragraph("Nothing is missing from the recording.");

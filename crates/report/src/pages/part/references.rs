@@ -38,15 +38,19 @@ pub(super) fn record<'a>(session: &'a PartSession, result: &'a FeatureResult) ->
     let mut verdicts = session.verdicts.iter();
     let verdict = verdicts.rfind(|one| same(&one.plan_id, &one.feature_id));
     let mut references = session.references.iter();
-    let reference = references.rfind(|one| {
-        same(&one.plan_id, &one.feature_id) && one.decision != FeatureResult::INVALID
-    });
+    let reference = references
+        .rfind(|one| same(&one.plan_id, &one.feature_id) && one.decision != FeatureResult::INVALID);
     let valid = result.decision != FeatureResult::INVALID;
     let refuted = reference.filter(|_| valid).is_some_and(|reference| {
         let accepted = verdict.filter(|one| one.verdict == Verdict::QUALIFIED);
         let (own, found) = (compared(result), compared(reference));
         let accepted = accepted.map(|one| one.tolerance);
-        contradiction((&own, expanded(result)), (&found, expanded(reference)), accepted).is_some()
+        contradiction(
+            (&own, expanded(result)),
+            (&found, expanded(reference)),
+            accepted,
+        )
+        .is_some()
     });
     let said = verdict.is_some_and(|one| one.verdict == Verdict::CONTRADICTED);
     SizeRecord {
