@@ -35,13 +35,6 @@ pub struct Gap {
     pub evidence: Evidence,
 }
 
-impl Gap {
-    /// How many messages.
-    pub fn count(&self) -> u64 {
-        u64::from(self.last - self.first) + 1
-    }
-}
-
 impl std::fmt::Display for Gap {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let by = match self.evidence {
