@@ -56,7 +56,7 @@ fn run(folder: &Path) -> (Vec<u8>, Vec<(u64, usize)>) {
     (bytes, syncs)
 }
 
-/// Messages that can be read of a file; their numbers must be the first ones.
+/// The first messages that can be read of a file, up to the first that cannot.
 fn readable(folder: &Path, bytes: &[u8]) -> u64 {
     let file = folder.join("crashed.mcap");
     std::fs::write(&file, bytes).unwrap();
@@ -64,11 +64,9 @@ fn readable(folder: &Path, bytes: &[u8]) -> u64 {
     let numbers: Vec<u64> = (bag.messages().filter_map(Result::ok))
         .map(|message| u64::from(message.sequence))
         .collect();
-    assert!(
-        numbers.iter().copied().eq(0..numbers.len() as u64),
-        "{numbers:?}"
-    );
-    numbers.len() as u64
+    // What stands behind a lost page may be read as well.
+    let first = numbers.iter().zip(0..).take_while(|(number, expected)| **number == *expected);
+    first.count() as u64
 }
 
 #[test]

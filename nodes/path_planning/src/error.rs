@@ -3,9 +3,9 @@
 use machine::DeviationError;
 
 /// Most touches of one order: the times between all pairs of them are kept.
-pub const MOST_TOUCHES: usize = 3_000;
+pub(crate) const MOST_TOUCHES: usize = 3_000;
 /// Most turns of a rotary axis from its zero.
-pub const MOST_TURNS: f64 = 10.0;
+pub(crate) const MOST_TURNS: f64 = 10.0;
 
 /// A plan that cannot be measured on this machine.
 #[derive(Debug, thiserror::Error)]

@@ -174,5 +174,6 @@ pub(crate) fn row(verdict: Verdict) -> f64 {
         Verdict::ToolWorn => 3.0,
         Verdict::NotConverged => 4.0,
         Verdict::Compensable => 5.0,
+        Verdict::Indeterminate => panic!("the table knows no uncertainty"),
     }
 }
