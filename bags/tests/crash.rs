@@ -65,7 +65,10 @@ fn readable(folder: &Path, bytes: &[u8]) -> u64 {
         .map(|message| u64::from(message.sequence))
         .collect();
     // What stands behind a lost page may be read as well.
-    let first = numbers.iter().zip(0..).take_while(|(number, expected)| **number == *expected);
+    let first = numbers
+        .iter()
+        .zip(0..)
+        .take_while(|(number, expected)| **number == *expected);
     first.count() as u64
 }
 

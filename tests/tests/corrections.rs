@@ -485,7 +485,11 @@ fn an_uncalibrated_probe_makes_a_sound_tool_look_worn() {
     let mut session = Session::new(&cell("turn_mill_uncalibrated.toml", str::to_owned));
     // Qualified by its readings, until the reference contradicts them.
     let report = session.make("punch");
-    assert!(report.text.contains("the reference contradicts"), "{}", report.text);
+    assert!(
+        report.text.contains("the reference contradicts"),
+        "{}",
+        report.text
+    );
     for (tool, (lower, higher)) in wear(&session).1.iter().zip(&with).enumerate() {
         assert!(
             (higher - lower - 65e-6).abs() < 5e-6,
@@ -521,7 +525,10 @@ fn elastic(operations: &str) -> (PartReport, Session) {
         steady(&text)
             .replace("error_um = 20.0", "error_um = 0.0")
             .replace("spring_back = 0.0", "spring_back = 0.035")
-            .replace("max_corrections = 5", "max_corrections = 5\ndecision_rule = \"simple_acceptance\"")
+            .replace(
+                "max_corrections = 5",
+                "max_corrections = 5\ndecision_rule = \"simple_acceptance\"",
+            )
     })
 }
 
