@@ -20,7 +20,8 @@ use cell_tests::{
 };
 use graph::{Published, START, topics};
 use probecell_msgs::{
-    Correction, InspectionPlan, MachineState, OperatorRequest, ProbeEvent, from_cdr, to_cdr,
+    Correction, InspectionPlan, MachineState, OperatorRequest, ProbeEvent, ReferenceMeasurement,
+    from_cdr, to_cdr,
 };
 use serde_json::Value;
 
@@ -109,6 +110,23 @@ fn refuted() -> (Cell, Vec<Published>) {
     let cell = cell("turn_mill_uncalibrated.toml", str::to_owned);
     let mut session = Session::new(&cell);
     session.make("punch");
+    session.ask_for("second");
+    session.run_s(1.0);
+    (cell, session.finish())
+}
+
+/// The reference comes when the part has been reported as qualified, and the next is asked for in vain.
+fn refuted_later() -> (Cell, Vec<Published>) {
+    let cell = turn_mill(str::to_owned);
+    let mut session = Session::new(&cell);
+    session.make("punch");
+    let mut late: ReferenceMeasurement = session.last(topics::REFERENCE);
+    for deviation in &mut late.deviation {
+        *deviation -= 35e-6;
+    }
+    session.run_s(1.0);
+    session.send(topics::REFERENCE, &late);
+    session.run_s(1.0);
     session.ask_for("second");
     session.run_s(1.0);
     (cell, session.finish())
@@ -338,6 +356,7 @@ fn sessions() -> Vec<(Cell, Vec<Published>)> {
         too_early(),
         again(),
         refuted(),
+        refuted_later(),
         refuted_late(&[topics::REFERENCE_RESULTS], 2.0),
         refuted_late(&[topics::FEATURE_RESULTS], 100.0),
     ];
