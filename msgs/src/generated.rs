@@ -35,6 +35,8 @@ pub struct ControllerCommand {
     pub entries: Vec<String>,
     /// m or rad, absolute new value of each entry
     pub values: Vec<f64>,
+    /// RUN_OPERATION, RUN_MEASUREMENT: the run of the part that it belongs to
+    pub run_id: String,
 }
 
 impl ControllerCommand {
@@ -78,7 +80,7 @@ impl Message for ControllerCommand {
     const TYPE: &'static MessageType = &MessageType {
         name: "probecell_msgs/msg/ControllerCommand",
         dds_name: "probecell_msgs::msg::dds_::ControllerCommand_",
-        type_hash: "RIHS01_c9bfb56e96e0fc1ebc4e38fb3223b0f90b19ca47a869cba3a8629987a5b6f863",
+        type_hash: "RIHS01_727999f5d5171d9f26aad1f5299b5273b112505b4a8ea94806afe79e8228e0ee",
         definition: concat!(
             include_str!("../msg/ControllerCommand.msg"),
             "================================================================================\nMSG: std_msgs/Header\n",
@@ -654,6 +656,35 @@ impl Message for GapReport {
     };
 }
 
+/// A sign of life of machine_state, the gate, ten times a second. A driver whose machine moves stops it when it falls silent.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct GateHeartbeat {
+    pub header: crate::std_msgs::Header,
+    /// session of the driver that it supervises; empty before the first sample of a controller
+    pub session: String,
+    /// ns since 1970, start of the process: another value is another process
+    pub started: u64,
+    /// from 1 in a process, without gaps
+    pub count: u64,
+}
+
+impl Message for GateHeartbeat {
+    const TYPE: &'static MessageType = &MessageType {
+        name: "probecell_msgs/msg/GateHeartbeat",
+        dds_name: "probecell_msgs::msg::dds_::GateHeartbeat_",
+        type_hash: "RIHS01_878df513d1882e854527c51a71c25ae1247060f4277e40a2eb6f59eb760ae359",
+        definition: concat!(
+            include_str!("../msg/GateHeartbeat.msg"),
+            "================================================================================\nMSG: std_msgs/Header\n",
+            include_str!("../standard/std_msgs/msg/Header.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg")
+        ),
+        describe: crate::describe::of::<GateHeartbeat>,
+        canonical: crate::cdr::canonical::<GateHeartbeat>,
+    };
+}
+
 /// A nominal feature of the part, in the part frame.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct InspectionFeature {
@@ -999,7 +1030,7 @@ impl Message for MeasurementOrder {
     };
 }
 
-/// The outcome of an OperationRequest.
+/// The outcome of an OperationRequest, or that it is under way.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct OperationReport {
     pub header: crate::std_msgs::Header,
@@ -1014,6 +1045,8 @@ impl OperationReport {
     pub const DONE: u8 = 0;
     pub const REFUSED: u8 = 1;
     pub const FAILED: u8 = 2;
+    /// taken; it will be answered. Repeated once a second
+    pub const UNDERWAY: u8 = 3;
 }
 
 crate::code::codes! {
@@ -1025,6 +1058,8 @@ crate::code::codes! {
         Refused = 1,
         /// `FAILED`.
         Failed = 2,
+        /// taken; it will be answered. Repeated once a second
+        Underway = 3,
     }
 }
 
@@ -1045,7 +1080,7 @@ impl Message for OperationReport {
     };
 }
 
-/// What the machine is to do next.
+/// What the machine is to do next. It is repeated under the same request_id until it is answered, and taken once.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct OperationRequest {
     pub header: crate::std_msgs::Header,
@@ -1060,6 +1095,8 @@ pub struct OperationRequest {
     pub pass_number: u32,
     /// MEASURE: outside the part program; nothing is decided or corrected from it
     pub only_measure: bool,
+    /// the run that it belongs to, as in PartStatus
+    pub run_id: String,
 }
 
 impl OperationRequest {
@@ -1084,7 +1121,7 @@ impl Message for OperationRequest {
     const TYPE: &'static MessageType = &MessageType {
         name: "probecell_msgs/msg/OperationRequest",
         dds_name: "probecell_msgs::msg::dds_::OperationRequest_",
-        type_hash: "RIHS01_65de79bd420cca47b911889eaaa79dfbd2a844939e86ba8c90b14dcd1a384648",
+        type_hash: "RIHS01_551c5b8a314a5b93c7afd4e8abc77b0318fd0101a7bf0a0f5cfbdb96bc1e4a8f",
         definition: concat!(
             include_str!("../msg/OperationRequest.msg"),
             "================================================================================\nMSG: std_msgs/Header\n",
@@ -1140,13 +1177,15 @@ pub struct OperatorRequest {
     pub plan_id: String,
     /// plan: points to touch in place of the part's, or to touch again; empty: the part's
     pub points: Vec<InspectionPoint>,
+    /// run: refused after this instant by the clock of the cell; 0: never
+    pub expires: crate::builtin_interfaces::Time,
 }
 
 impl Message for OperatorRequest {
     const TYPE: &'static MessageType = &MessageType {
         name: "probecell_msgs/msg/OperatorRequest",
         dds_name: "probecell_msgs::msg::dds_::OperatorRequest_",
-        type_hash: "RIHS01_4dc75455d177b7c022b99f5f0d3f6f2987aa0cbb1e9b4ec9f561a9c55f1fff1a",
+        type_hash: "RIHS01_8a0751c1f5d0985cca579bb38fd2cc5fc75644de56fa2dd464439e87df970844",
         definition: concat!(
             include_str!("../msg/OperatorRequest.msg"),
             "================================================================================\nMSG: std_msgs/Header\n",
@@ -1239,6 +1278,8 @@ pub struct PartReport {
     pub text: String,
     /// MEASURED: the plan; else empty
     pub plan_id: String,
+    /// identity of the run, unique in the session
+    pub run_id: String,
 }
 
 impl PartReport {
@@ -1267,7 +1308,7 @@ impl Message for PartReport {
     const TYPE: &'static MessageType = &MessageType {
         name: "probecell_msgs/msg/PartReport",
         dds_name: "probecell_msgs::msg::dds_::PartReport_",
-        type_hash: "RIHS01_134c28b9efe1215b9f6de54cfe89a0403315b1a87a7c11996cfc4656dadeaa92",
+        type_hash: "RIHS01_e0ecbe9d9c0a294226f87977d9f1d2e5d178628ffa0dcac15e8e80b0417fb499",
         definition: concat!(
             include_str!("../msg/PartReport.msg"),
             "================================================================================\nMSG: std_msgs/Header\n",
@@ -1277,6 +1318,79 @@ impl Message for PartReport {
         ),
         describe: crate::describe::of::<PartReport>,
         canonical: crate::cdr::canonical::<PartReport>,
+    };
+}
+
+/// The part that is being made, as cycle has it, at every change and once a second while it is made. On supervised_part the
+/// same as machine_state has it.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct PartStatus {
+    pub header: crate::std_msgs::Header,
+    /// one of the constants above
+    pub stage: u8,
+    /// number of the run in this session of the cell, from 1; 0: none so far
+    pub run_number: u64,
+    /// identity of the run, unique in the session; begins with the name of the part
+    pub run_id: String,
+    /// name that the operator gave the part
+    pub part_id: String,
+    /// number of the machining pass, from 0
+    pub pass_number: u32,
+    /// CUTTING: the operation
+    pub operation: String,
+    /// the plan measured or decided on; empty while cutting
+    pub plan_id: String,
+    /// begin of the stage
+    pub since: crate::builtin_interfaces::Time,
+    /// the part is stopped when the stage lasts longer
+    pub deadline: crate::builtin_interfaces::Time,
+}
+
+impl PartStatus {
+    /// no part is being made
+    pub const NONE: u8 = 0;
+    pub const CUTTING: u8 = 1;
+    pub const MEASURING: u8 = 2;
+    /// measured; the decision is awaited
+    pub const DECIDING: u8 = 3;
+    /// the acknowledgements of corrections are awaited
+    pub const CORRECTING: u8 = 4;
+    /// the machine has been told to stop; its confirmation is awaited
+    pub const STOPPING: u8 = 5;
+}
+
+crate::code::codes! {
+    /// Values of `PartStatus.stage`.
+    pub enum PartStatusStage of "PartStatus.stage" {
+        /// no part is being made
+        None = 0,
+        /// `CUTTING`.
+        Cutting = 1,
+        /// `MEASURING`.
+        Measuring = 2,
+        /// measured; the decision is awaited
+        Deciding = 3,
+        /// the acknowledgements of corrections are awaited
+        Correcting = 4,
+        /// the machine has been told to stop; its confirmation is awaited
+        Stopping = 5,
+    }
+}
+
+impl Message for PartStatus {
+    const TYPE: &'static MessageType = &MessageType {
+        name: "probecell_msgs/msg/PartStatus",
+        dds_name: "probecell_msgs::msg::dds_::PartStatus_",
+        type_hash: "RIHS01_482c33732ce626ba60f1925c37cc6e5923aec4a260ea0d98e08010e787210e29",
+        definition: concat!(
+            include_str!("../msg/PartStatus.msg"),
+            "================================================================================\nMSG: std_msgs/Header\n",
+            include_str!("../standard/std_msgs/msg/Header.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg")
+        ),
+        describe: crate::describe::of::<PartStatus>,
+        canonical: crate::cdr::canonical::<PartStatus>,
     };
 }
 
@@ -1489,13 +1603,15 @@ pub struct ProbeTrigger {
     pub axis_positions: Vec<f64>,
     /// m/s, programmed
     pub feed: f64,
+    /// from 0 in a session of the driver, no gaps; the number of the touch everywhere
+    pub sequence: u64,
 }
 
 impl Message for ProbeTrigger {
     const TYPE: &'static MessageType = &MessageType {
         name: "probecell_msgs/msg/ProbeTrigger",
         dds_name: "probecell_msgs::msg::dds_::ProbeTrigger_",
-        type_hash: "RIHS01_049ac9e76fd806bfb2da77c51d5a2f49057fa5fee1d1ea4651754c68bf97ed53",
+        type_hash: "RIHS01_0b967c8507dabe54841772d908a64e985f24bc28589a0eadf62fb66bbd380bca",
         definition: concat!(
             include_str!("../msg/ProbeTrigger.msg"),
             "================================================================================\nMSG: std_msgs/Header\n",
@@ -1554,6 +1670,54 @@ impl Message for ProbingMove {
         definition: include_str!("../msg/ProbingMove.msg"),
         describe: crate::describe::of::<ProbingMove>,
         canonical: crate::cdr::canonical::<ProbingMove>,
+    };
+}
+
+/// Whether the cell is recorded, at every change and once a second. Without a recording no operation starts.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct RecordingStatus {
+    pub header: crate::std_msgs::Header,
+    /// one of the constants above
+    pub state: u8,
+    /// folder that is being written
+    pub uri: String,
+    /// s after its arrival for which it holds; 0: until the next
+    pub validity: f64,
+}
+
+impl RecordingStatus {
+    pub const STOPPED: u8 = 0;
+    pub const RECORDING: u8 = 1;
+    /// the operator has started the cell without a recorder
+    pub const WAIVED: u8 = 2;
+}
+
+crate::code::codes! {
+    /// Values of `RecordingStatus.state`.
+    pub enum RecordingStatusState of "RecordingStatus.state" {
+        /// `STOPPED`.
+        Stopped = 0,
+        /// `RECORDING`.
+        Recording = 1,
+        /// the operator has started the cell without a recorder
+        Waived = 2,
+    }
+}
+
+impl Message for RecordingStatus {
+    const TYPE: &'static MessageType = &MessageType {
+        name: "probecell_msgs/msg/RecordingStatus",
+        dds_name: "probecell_msgs::msg::dds_::RecordingStatus_",
+        type_hash: "RIHS01_f450c3ee2011c913a745501c99f9fbfc780adfb5db8d4ceabf1f06f66e7cce70",
+        definition: concat!(
+            include_str!("../msg/RecordingStatus.msg"),
+            "================================================================================\nMSG: std_msgs/Header\n",
+            include_str!("../standard/std_msgs/msg/Header.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg")
+        ),
+        describe: crate::describe::of::<RecordingStatus>,
+        canonical: crate::cdr::canonical::<RecordingStatus>,
     };
 }
 
@@ -2633,7 +2797,7 @@ pub mod srv {
         const TYPE: &'static ServiceType = &ServiceType {
             name: "probecell_msgs/srv/Run",
             dds_name: "probecell_msgs::srv::dds_::Run_",
-            type_hash: "RIHS01_05e448e5223f0d8f75cf9bd0d263763e0ddacf0176d2373b451073a6417daae9",
+            type_hash: "RIHS01_62772bfb98cedf241360ec6b5c57fa67a03b0711e4d6566e0b51bf0ceaee5ff4",
             request: RunRequest::TYPE,
             response: RunResponse::TYPE,
         };
@@ -2646,14 +2810,20 @@ pub mod srv {
         pub part_id: String,
         /// empty: make a part. A plan accepted by the service plan: measure it. The plan measured last: resume the part
         pub plan_id: String,
+        /// nothing is started after this instant by the clock of the cell (service status); 0: 8 s after its arrival
+        pub expires: crate::builtin_interfaces::Time,
     }
 
     impl Message for RunRequest {
         const TYPE: &'static MessageType = &MessageType {
             name: "probecell_msgs/srv/Run_Request",
             dds_name: "probecell_msgs::srv::dds_::Run_Request_",
-            type_hash: "RIHS01_5e4d41af86c3b88c48346eeb8c14864c6c3497212e318d0dbb8b957970711c10",
-            definition: "# Make one part; or, with a plan_id, only measure, or resume the measurement with which the last part ended.\nstring part_id               # may be empty when resuming\nstring plan_id               # empty: make a part. A plan accepted by the service plan: measure it. The plan measured last: resume the part\n",
+            type_hash: "RIHS01_bc544d50a0720badb44eac05169f0a3921958cfa51dea2ce792030553c214c9d",
+            definition: concat!(
+                "# Make one part; or, with a plan_id, only measure, or resume the measurement with which the last part ended.\nstring part_id               # may be empty when resuming\nstring plan_id               # empty: make a part. A plan accepted by the service plan: measure it. The plan measured last: resume the part\nbuiltin_interfaces/Time expires   # nothing is started after this instant by the clock of the cell (service status); 0: 8 s after its arrival\n",
+                "================================================================================\nMSG: builtin_interfaces/Time\n",
+                include_str!("../standard/builtin_interfaces/msg/Time.msg")
+            ),
             describe: crate::describe::of::<RunRequest>,
             canonical: crate::cdr::canonical::<RunRequest>,
         };
@@ -2729,6 +2899,139 @@ pub mod srv {
             definition: "bool accepted\nstring uri                   # folder that is written\nstring text\n",
             describe: crate::describe::of::<StartRecordingResponse>,
             canonical: crate::cdr::canonical::<StartRecordingResponse>,
+        };
+    }
+
+    /// What the cell is doing.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub struct Status;
+
+    impl Service for Status {
+        type Request = StatusRequest;
+        type Response = StatusResponse;
+        const TYPE: &'static ServiceType = &ServiceType {
+            name: "probecell_msgs/srv/Status",
+            dds_name: "probecell_msgs::srv::dds_::Status_",
+            type_hash: "RIHS01_8aab5e1cf825917647ee2a2947e89e5f805dbf68d1a0de57cd022279ccdb399d",
+            request: StatusRequest::TYPE,
+            response: StatusResponse::TYPE,
+        };
+    }
+
+    /// Asks [`Status`].
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct StatusRequest {
+        /// Always 0: CDR has no empty structures.
+        pub structure_needs_at_least_one_member: u8,
+    }
+
+    impl Message for StatusRequest {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "probecell_msgs/srv/Status_Request",
+            dds_name: "probecell_msgs::srv::dds_::Status_Request_",
+            type_hash: "RIHS01_3a8c79be9bf61361ab23b7d8da6940919a59560f3f8c39ddc7c4efb1a6d35a88",
+            definition: "# What the cell is doing.\n",
+            describe: crate::describe::of::<StatusRequest>,
+            canonical: crate::cdr::canonical::<StatusRequest>,
+        };
+    }
+
+    /// Answers [`Status`].
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct StatusResponse {
+        /// stamp: instant of the answer, by the clock of the cell
+        pub header: crate::std_msgs::Header,
+        /// MachineState.EXECUTION_*
+        pub execution: u8,
+        /// texts of the active alarms
+        pub alarms: Vec<String>,
+        /// the machine has reported its state within the last seconds
+        pub machine_known: bool,
+        /// the part that is being made
+        pub part: crate::PartStatus,
+        pub recording: crate::RecordingStatus,
+        /// processes of the cell
+        pub processes: Vec<String>,
+        /// each of them runs
+        pub running: Vec<bool>,
+        /// times that each was started
+        pub starts: Vec<u32>,
+        /// the last faults, newest last, `node: code: text`
+        pub faults: Vec<String>,
+    }
+
+    impl Message for StatusResponse {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "probecell_msgs/srv/Status_Response",
+            dds_name: "probecell_msgs::srv::dds_::Status_Response_",
+            type_hash: "RIHS01_e43e7740bdc6bd6dd02f121e0c8a2db7e02d3da5017da0c8f285fa08f1b5c636",
+            definition: concat!(
+                "std_msgs/Header header       # stamp: instant of the answer, by the clock of the cell\nuint8 execution              # MachineState.EXECUTION_*\nstring[] alarms              # texts of the active alarms\nbool machine_known           # the machine has reported its state within the last seconds\nPartStatus part              # the part that is being made\nRecordingStatus recording\nstring[] processes           # processes of the cell\nbool[] running               # each of them runs\nuint32[] starts              # times that each was started\nstring[] faults              # the last faults, newest last, `node: code: text`\n",
+                "================================================================================\nMSG: std_msgs/Header\n",
+                include_str!("../standard/std_msgs/msg/Header.msg"),
+                "================================================================================\nMSG: builtin_interfaces/Time\n",
+                include_str!("../standard/builtin_interfaces/msg/Time.msg"),
+                "================================================================================\nMSG: probecell_msgs/PartStatus\n",
+                include_str!("../msg/PartStatus.msg"),
+                "================================================================================\nMSG: probecell_msgs/RecordingStatus\n",
+                include_str!("../msg/RecordingStatus.msg")
+            ),
+            describe: crate::describe::of::<StatusResponse>,
+            canonical: crate::cdr::canonical::<StatusResponse>,
+        };
+    }
+
+    /// Stop the machine and the part that is being made.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub struct Stop;
+
+    impl Service for Stop {
+        type Request = StopRequest;
+        type Response = StopResponse;
+        const TYPE: &'static ServiceType = &ServiceType {
+            name: "probecell_msgs/srv/Stop",
+            dds_name: "probecell_msgs::srv::dds_::Stop_",
+            type_hash: "RIHS01_c40b5a992f4f0e49ab09c0b48bf1ad802ae8f89630ee2652ce7a020a6810d82f",
+            request: StopRequest::TYPE,
+            response: StopResponse::TYPE,
+        };
+    }
+
+    /// Asks [`Stop`].
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct StopRequest {
+        /// who stops it
+        pub operator_name: String,
+    }
+
+    impl Message for StopRequest {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "probecell_msgs/srv/Stop_Request",
+            dds_name: "probecell_msgs::srv::dds_::Stop_Request_",
+            type_hash: "RIHS01_ea1a21d375dca8a1c55e2ae3e7d89b504a4c59cd24986bb2a93553dcdf2c678c",
+            definition: "# Stop the machine and the part that is being made.\nstring operator_name         # who stops it\n",
+            describe: crate::describe::of::<StopRequest>,
+            canonical: crate::cdr::canonical::<StopRequest>,
+        };
+    }
+
+    /// Answers [`Stop`].
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct StopResponse {
+        /// the machine has confirmed that it stands
+        pub accepted: bool,
+        /// why it has not
+        pub text: String,
+    }
+
+    impl Message for StopResponse {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "probecell_msgs/srv/Stop_Response",
+            dds_name: "probecell_msgs::srv::dds_::Stop_Response_",
+            type_hash: "RIHS01_d0aebe4c9566cf7c36c6ae8b6d00e714f59bb3bd97c94e65eb3cb8f64a2cf229",
+            definition: "bool accepted                # the machine has confirmed that it stands\nstring text                  # why it has not\n",
+            describe: crate::describe::of::<StopResponse>,
+            canonical: crate::cdr::canonical::<StopResponse>,
         };
     }
 
@@ -2811,6 +3114,7 @@ pub(crate) static MESSAGES: &[&MessageType] = &[
     <FeatureResult as Message>::TYPE,
     <GapEffect as Message>::TYPE,
     <GapReport as Message>::TYPE,
+    <GateHeartbeat as Message>::TYPE,
     <InspectionFeature as Message>::TYPE,
     <InspectionPlan as Message>::TYPE,
     <InspectionPoint as Message>::TYPE,
@@ -2824,11 +3128,13 @@ pub(crate) static MESSAGES: &[&MessageType] = &[
     <OperatorRequest as Message>::TYPE,
     <PartAlignment as Message>::TYPE,
     <PartReport as Message>::TYPE,
+    <PartStatus as Message>::TYPE,
     <PassDecision as Message>::TYPE,
     <PlanProgress as Message>::TYPE,
     <ProbeEvent as Message>::TYPE,
     <ProbeTrigger as Message>::TYPE,
     <ProbingMove as Message>::TYPE,
+    <RecordingStatus as Message>::TYPE,
     <ReferenceMeasurement as Message>::TYPE,
     <StepJournal as Message>::TYPE,
     <Stylus as Message>::TYPE,
@@ -2843,8 +3149,12 @@ pub(crate) static MESSAGES: &[&MessageType] = &[
     <srv::RunResponse as Message>::TYPE,
     <srv::StartRecordingRequest as Message>::TYPE,
     <srv::StartRecordingResponse as Message>::TYPE,
+    <srv::StatusRequest as Message>::TYPE,
+    <srv::StatusResponse as Message>::TYPE,
     <srv::StopRecordingRequest as Message>::TYPE,
     <srv::StopRecordingResponse as Message>::TYPE,
+    <srv::StopRequest as Message>::TYPE,
+    <srv::StopResponse as Message>::TYPE,
     <rosgraph_msgs::Clock as Message>::TYPE,
     <sensor_msgs::CompressedImage as Message>::TYPE,
     <sensor_msgs::JointState as Message>::TYPE,
@@ -2865,5 +3175,7 @@ pub(crate) static SERVICES: &[&ServiceType] = &[
     <srv::Plan as crate::schema::Service>::TYPE,
     <srv::Run as crate::schema::Service>::TYPE,
     <srv::StartRecording as crate::schema::Service>::TYPE,
+    <srv::Status as crate::schema::Service>::TYPE,
+    <srv::Stop as crate::schema::Service>::TYPE,
     <srv::StopRecording as crate::schema::Service>::TYPE,
 ];

@@ -13,6 +13,7 @@ import os
 import pathlib
 import re
 import signal
+import struct
 import subprocess
 import sys
 import tempfile
@@ -24,7 +25,7 @@ import zenoh
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 CELL = ROOT / "launch-scripts" / "turn_mill.toml"
 PATIENCE = 60  # s
-ASKING = {"run_requests", "operation_requests", "controller_commands", "plan_requests", "approvals"}
+ASKING = {"run_requests", "operation_requests", "controller_commands", "plan_requests", "approvals", "stop_requests"}
 FORBIDDEN = """
 [bus.router_zenoh.access_control]
 enabled = true
@@ -44,9 +45,10 @@ def until(what, ready):
 
 
 @contextlib.contextmanager
-def started(*words, folder, errors=subprocess.PIPE):
+def started(*words, folder, errors=subprocess.PIPE, environment=None):
     process = subprocess.Popen(
-        [BINARY, *map(str, words)], cwd=folder, stdout=subprocess.PIPE, stderr=errors, stdin=subprocess.DEVNULL, text=True
+        [BINARY, *map(str, words)], cwd=folder, stdout=subprocess.PIPE, stderr=errors, stdin=subprocess.DEVNULL, text=True,
+        env=environment,
     )
     try:
         yield process
@@ -71,25 +73,181 @@ def recorded(folder):
     return {}
 
 
-def kill_node(launcher, name):
+def process_of(launcher, name):
+    """Number of the process of a node, or of the recorder."""
     children = pathlib.Path(f"/proc/{launcher.pid}/task/{launcher.pid}/children").read_text().split()
     for child in children:
-        if pathlib.Path(f"/proc/{child}/cmdline").read_bytes().split(b"\0")[1:3] == [b"node", name.encode()]:
-            subprocess.run(["kill", "-KILL", child], check=True)
-            return
+        words = pathlib.Path(f"/proc/{child}/cmdline").read_bytes().split(b"\0")
+        if words[1:3] == [b"node", name.encode()]:
+            return int(child)
     raise AssertionError(f"no process of {name} among {children}")
+
+
+@contextlib.contextmanager
+def paused(launcher, name):
+    process = process_of(launcher, name)
+    os.kill(process, signal.SIGSTOP)
+    try:
+        yield
+    finally:
+        os.kill(process, signal.SIGCONT)
+
+
+def own_cell(folder, edit=lambda text: text, name="cell.toml"):
+    """The turn-mill in a folder of its own, with a first cut of eight seconds."""
+    text = CELL.read_text().replace("duration_s = 2.0", "duration_s = 8.0", 1)
+    (folder / name).write_text(edit(text))
+    (folder / "turn_mill.urdf").write_text((CELL.parent / "turn_mill.urdf").read_text())
+    return folder / name
+
+
+def asked(*words, folder):
+    told = subprocess.run([BINARY, *map(str, words)], cwd=folder, capture_output=True, text=True, timeout=PATIENCE)
+    return told.returncode, told.stdout, told.stderr
+
+
+def status(cell, folder):
+    code, output, errors = asked("status", "--json", "--cell", cell, folder=folder)
+    assert output, (code, errors)
+    return json.loads(output)
+
+
+@contextlib.contextmanager
+def cell_that_is_ready(cell, folder, errors=subprocess.DEVNULL, **how):
+    with started("up", cell, folder=folder, errors=errors, **how) as up:
+        line = up.stdout.readline()
+        assert "is ready" in line, line
+        yield up
+
+
+def cutting(cell, folder):
+    code, output, errors = asked("run", "punch", "--cell", cell, folder=folder)
+    assert code == 0, (output, errors)
+    until("a cut", lambda: (status(cell, folder)["part"] or {}).get("stage") == "cutting")
+
+
+@contextlib.contextmanager
+def samples_of_the_driver(name="turn_mill"):
+    """When the driver last said that a program runs, and when it last said anything: by its own samples (CDR)."""
+    config = zenoh.Config()
+    config.insert_json5("mode", '"client"')
+    config.insert_json5("connect/endpoints", '["tcp/127.0.0.1:7447"]')
+    config.insert_json5("scouting/multicast/enabled", "false")
+    seen = {"running": 0.0, "any": 0.0}
+
+    def text(data, at):
+        at = (at + 3) & ~3
+        (length,) = struct.unpack_from("<I", data, at)
+        return at + 4 + length
+
+    def hear(sample):
+        data = bytes(sample.payload)[4:]
+        after = text(data, text(data, 8))  # stamp, frame, session
+        seen["any"] = time.monotonic()
+        if data[after + 1] == 1:  # mode, execution
+            seen["running"] = seen["any"]
+
+    with zenoh.open(config) as session:
+        session.declare_subscriber(f"0/{name}/controller_status/**", hear)
+        yield seen
+
+
+def a_machine_stops_when_its_gate_is_paused(folder):
+    cell = own_cell(folder)
+    with cell_that_is_ready(cell, folder) as up, samples_of_the_driver() as seen:
+        cutting(cell, folder)
+        until("samples", lambda: seen["running"] > 0)
+        with paused(up, "machine_state"):
+            begun = time.monotonic()
+            until("a machine that stands", lambda: seen["any"] - max(seen["running"], begun) > 1)
+            # The cut would have lasted for eight seconds.
+            assert seen["running"] - begun < 4, seen["running"] - begun
+
+
+def an_operator_stops_a_part_and_ctrl_c_the_cell(folder):
+    cell = own_cell(folder)
+    with cell_that_is_ready(cell, folder) as up:
+        cutting(cell, folder)
+        code, output, errors = asked("recording", "stop", "--cell", cell, folder=folder)
+        assert code == 1 and "is being made" in output, (code, output, errors)
+        code, output, errors = asked("stop", "--operator", "Ada", "--cell", cell, folder=folder)
+        assert code == 0 and "stands" in output, (code, output, errors)
+        until("no part", lambda: status(cell, folder)["part"] is None)
+        assert status(cell, folder)["machine"] == "idle"
+        cutting(cell, folder)
+        up.send_signal(signal.SIGINT)
+        code, output, errors = ended(up)
+    assert code == 0 and output.count("part punch: stopped") == 2, (code, output)
+    (bag,) = (folder / "recordings").glob("*")
+    assert recorded(folder)["part_reports"] == 2 and recorded(folder)["stop_requests"] == 2, recorded(folder)
+    code, output, errors = asked("replay", bag, folder=folder)
+    assert code == 0, (output, errors)
+
+
+def a_paused_cycle_starts_nothing_late(folder):
+    cell = own_cell(folder)
+    with cell_that_is_ready(cell, folder) as up:
+        with paused(up, "cycle"):
+            code, output, errors = asked("run", "punch", "--cell", cell, folder=folder)
+            assert code == 1 and "no node answered" in output + errors, (code, output, errors)
+        until("an answer of cycle", lambda: recorded(folder).get("run_replies", 0) == 1)
+        assert status(cell, folder)["part"] is None
+        assert recorded(folder).get("operation_requests", 0) == 0
+        cutting(cell, folder)
+
+
+def the_same_cell_is_not_started_twice_and_another_outlives_its_router(folder):
+    first, second = folder / "first", folder / "second"
+    for one in (first, second):
+        one.mkdir()
+    cell = own_cell(first)
+    other = own_cell(second, lambda text: text.replace('name = "turn_mill"', 'name = "other"', 1))
+    with cell_that_is_ready(cell, first) as up:
+        code, output, errors = asked("up", cell, folder=first)
+        assert code == 2 and "runs on this bus already" in errors, (code, output, errors)
+        assert len(list((first / "recordings").glob("*"))) == 1
+        with cell_that_is_ready(other, second) as survivor:
+            up.send_signal(signal.SIGKILL)
+            up.wait()
+            until("a router", lambda: asked("status", "--cell", other, folder=second)[0] == 0)
+            os.kill(process_of(survivor, "probe_events"), signal.SIGKILL)
+            told = lambda: {one["name"]: (one["running"], one["starts"]) for one in status(other, second)["processes"]}
+            until("a second process", lambda: told()["probe_events"] == (True, 2))
+            code, output, errors = asked("run", "punch", "--cell", other, folder=second)
+            assert code == 0, (output, errors)
+            until("the end of the part", lambda: "part punch: " in survivor.stdout.readline())
+
+
+def a_wall_clock_set_back_is_a_recorded_fault(folder):
+    library = next(iter(pathlib.Path("/usr/lib").glob("*/faketime/libfaketime.so.1")), None)
+    assert library, "libfaketime is not installed"
+    cell, clock = own_cell(folder, lambda text: text.replace("duration_s = 8.0", "duration_s = 2.0")), folder / "clock"
+    clock.write_text("+0\n")
+    environment = os.environ | {
+        "LD_PRELOAD": str(library), "FAKETIME_TIMESTAMP_FILE": str(clock), "FAKETIME_NO_CACHE": "1",
+        "FAKETIME_DONT_FAKE_MONOTONIC": "1", "DONT_FAKE_MONOTONIC": "1",
+    }
+    with cell_that_is_ready(cell, folder, environment=environment) as up:
+        code, output, errors = asked("run", "punch", "--cell", cell, folder=folder)
+        assert code == 0, (output, errors)
+        until("a touch", lambda: recorded(folder).get("probe_events", 0) > 0)
+        clock.write_text("-3600\n")
+        until("a fault", lambda: recorded(folder).get("launcher/faults", 0) == 1)
+        until("the end of the part", lambda: "part punch: qualified" in up.stdout.readline())
+        assert any("clock_set" in fault for fault in status(cell, folder)["faults"])
 
 
 def killed_while_a_part_is_made(folder, name):
     with started("up", CELL, "--once", folder=folder) as up:
         until("a touch", lambda: recorded(folder).get("probe_events", 0) > 0)
-        kill_node(up, name)
+        os.kill(process_of(up, name), signal.SIGKILL)
         return ended(up)
 
 
-def a_killed_cycle_ends_the_cell(folder):
+def the_part_of_a_killed_cycle_is_reported(folder):
     status, output, errors = killed_while_a_part_is_made(folder, "cycle")
-    assert status == 1 and "cycle ended while the part was made" in errors, (status, output, errors)
+    assert status == 1 and "cycle was restarted while the part was made" in output, (status, output, errors)
+    assert recorded(folder)["part_reports"] == 1
 
 
 def a_killed_gate_stops_the_part(folder):
@@ -239,8 +397,11 @@ def main():
     with tempfile.TemporaryDirectory(prefix="probecell_live_") as scratch:
         folders = {}
         for check in (
-            a_killed_cycle_ends_the_cell, a_killed_gate_stops_the_part, access_control_binds_processes_of_one_machine,
+            the_part_of_a_killed_cycle_is_reported, a_killed_gate_stops_the_part, access_control_binds_processes_of_one_machine,
             the_documented_policy_lets_the_cell_work_and_nobody_else_command_it,
+            a_machine_stops_when_its_gate_is_paused, an_operator_stops_a_part_and_ctrl_c_the_cell,
+            a_paused_cycle_starts_nothing_late, the_same_cell_is_not_started_twice_and_another_outlives_its_router,
+            a_wall_clock_set_back_is_a_recorded_fault,
         ):
             folders[check] = pathlib.Path(scratch) / check.__name__
             folders[check].mkdir()
@@ -254,7 +415,7 @@ def main():
 
 
 if __name__ == "__main__":
-    if len(sys.argv) != 2:
+    if len(sys.argv) < 2:
         raise SystemExit(__doc__)
     BINARY = str(pathlib.Path(sys.argv[1]).resolve())
     main()

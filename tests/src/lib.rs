@@ -14,7 +14,9 @@ use graph::{
     replay::{Factory, Recording},
     topics,
 };
-use probecell_msgs::{Message, OperatorRequest, PartReport, from_cdr, to_cdr};
+use probecell_msgs::{
+    Message, OperatorRequest, PartReport, RecordingStatus, from_cdr, to_cdr,
+};
 
 /// When every virtual session begins: 2026-01-01 00:00 UTC.
 pub const BEGIN: Stamp = Stamp(1_767_225_600_000_000_000);
@@ -46,7 +48,18 @@ pub fn cell(file: &str, edit: impl Fn(&str) -> String) -> Cell {
 /// An executor of the cell at the beginning of a session.
 pub fn executor(cell: &Cell) -> Executor {
     let nodes = cell.nodes(false).unwrap_or_else(|error| panic!("{error}"));
-    Executor::new(nodes, BEGIN).unwrap_or_else(|error| panic!("{error}"))
+    begin(nodes)
+}
+
+/// The nodes at the beginning of a session whose log is kept by the executor, not by a recorder.
+pub fn begin(nodes: Vec<Box<dyn Instance>>) -> Executor {
+    let mut executor = Executor::new(nodes, BEGIN).unwrap_or_else(|error| panic!("{error}"));
+    let waived = RecordingStatus {
+        state: RecordingStatus::WAIVED,
+        ..RecordingStatus::default()
+    };
+    executor.inject(BEGIN, topics::RECORDING_STATUS.name, to_cdr(&waived));
+    executor
 }
 
 /// Asks for a part one second after the beginning.

@@ -4,7 +4,7 @@ use cell::Cell;
 use graph::{Executor, Published, Stamp, Topic, topics};
 use probecell_msgs::{Correction, Fault, Message, OperatorRequest, PartReport, to_cdr};
 
-use crate::{BEGIN, executor, instance, messages};
+use crate::{BEGIN, begin, executor, instance, messages};
 
 /// Longest virtual time that anything may take, s.
 const LIMIT: f64 = 600.0;
@@ -24,7 +24,7 @@ impl Session {
     /// The same with nodes started for a recording.
     pub fn replayed(cell: &Cell) -> Self {
         let nodes = cell.nodes(true).unwrap_or_else(|error| panic!("{error}"));
-        Self::begin(Executor::new(nodes, BEGIN).unwrap_or_else(|error| panic!("{error}")))
+        Self::begin(begin(nodes))
     }
 
     fn begin(executor: Executor) -> Self {
@@ -59,6 +59,18 @@ impl Session {
             "nothing on {} within {LIMIT} s of virtual time",
             topic.name
         );
+        self.log.append(&mut self.executor.take_log());
+    }
+
+    /// Ends the process of a node; nothing starts it again but [`Session::restart`].
+    pub fn kill(&mut self, name: &str) {
+        self.executor.kill(name);
+        self.log.append(&mut self.executor.take_log());
+    }
+
+    /// Starts the process of a node again, as the launcher does.
+    pub fn restart(&mut self, cell: &Cell, name: &str) {
+        self.executor.restart(instance(cell, name));
         self.log.append(&mut self.executor.take_log());
     }
 

@@ -216,6 +216,18 @@ fn an_approval_limit_beyond_the_validity_of_a_correction_is_refused() {
 }
 
 #[test]
+fn a_part_that_waits_for_its_corrections_no_longer_than_operators_may_take_is_refused() {
+    let sentence = refused(
+        "automatic_approval = true",
+        "automatic_approval = false\nvalidity_s = 900",
+    );
+    assert!(
+        sentence.contains("correction_limit_s = 900.0 must be longer than the 900.0 s"),
+        "{sentence}"
+    );
+}
+
+#[test]
 fn a_volumetric_table_that_cannot_be_found_or_written_is_refused_by_name() {
     let path = cell_tests::launch_scripts().join("five_axis_calibrate.toml");
     let original = Cell::read(&path).unwrap_or_else(|error| panic!("{error}"));

@@ -427,7 +427,9 @@ fn every_topic_of_the_cell_has_one_producer_and_every_input_a_speaker() {
             "approvals",
             "launcher/faults",
             "plan_requests",
-            "run_requests"
+            "recording_status",
+            "run_requests",
+            "stop_requests"
         ]
     );
 }

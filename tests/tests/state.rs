@@ -20,8 +20,8 @@ use cell_tests::{
 };
 use graph::{Published, START, topics};
 use probecell_msgs::{
-    Correction, InspectionPlan, MachineState, OperatorRequest, ProbeEvent, ReferenceMeasurement,
-    from_cdr, to_cdr,
+    Correction, InspectionPlan, MachineState, OperationRequest, OperatorRequest, PartReport,
+    ProbeEvent, ReferenceMeasurement, from_cdr, to_cdr,
 };
 use serde_json::Value;
 
@@ -56,6 +56,37 @@ fn automatic() -> (Cell, Vec<Published>) {
     }
     session.make("second");
     (cell, session.finish())
+}
+
+/// Every request of the cycle comes twice; an operator stops the second part.
+fn twice() -> (Cell, Vec<Published>) {
+    let cell = turn_mill(str::to_owned);
+    let mut session = Session::new(&cell);
+    let mut seen = 0;
+    for (part, reports) in [("punch", 1), ("second", 2)] {
+        session.ask_for(part);
+        while session.all::<PartReport>(topics::PART_REPORTS).len() < reports {
+            session.run_s(0.05);
+            let requests: Vec<OperationRequest> = session.all(topics::OPERATION_REQUESTS);
+            if let Some(request) = requests.get(seen) {
+                session.send(topics::OPERATION_REQUESTS, request);
+                seen += 2;
+            }
+            if reports == 2 && request_to_measure(&requests) {
+                let stop = OperatorRequest {
+                    operator_name: "Ada".to_owned(),
+                    ..OperatorRequest::default()
+                };
+                session.send(topics::STOP_REQUESTS, &stop);
+            }
+        }
+    }
+    (cell, session.finish())
+}
+
+/// The last request is to measure.
+fn request_to_measure(requests: &[OperationRequest]) -> bool {
+    (requests.last()).is_some_and(|last| last.kind == OperationRequest::MEASURE)
 }
 
 /// Corrections wait for an operator, who approves one twice.
@@ -345,6 +376,7 @@ static SESSIONS: LazyLock<Vec<(Cell, Vec<Published>)>> = LazyLock::new(sessions)
 fn sessions() -> Vec<(Cell, Vec<Published>)> {
     let mut sessions = vec![
         AUTOMATIC.clone(),
+        twice(),
         approved(),
         unanswered(),
         not_converging(),

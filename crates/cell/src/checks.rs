@@ -38,7 +38,22 @@ pub(crate) fn sections(cell: &Cell) -> Result<(), String> {
     access::check(cell)?;
     recorder(cell)?;
     printable(cell)?;
+    limits(cell)?;
     names(cell)
+}
+
+/// A part waits longer for its corrections than operators have for an approval.
+fn limits(cell: &Cell) -> Result<(), String> {
+    let compensation = &cell.compensation;
+    let patience = (compensation.approval_limit_s).unwrap_or(compensation.validity_s);
+    let limit = cell.cycle.correction_limit_s;
+    if limit <= patience {
+        return Err(format!(
+            "cycle.correction_limit_s = {limit:?} must be longer than the {patience:?} s that an operator has for an approval \
+             (compensation.approval_limit_s)"
+        ));
+    }
+    Ok(())
 }
 
 /// A locator of Zenoh: protocol, address and, for the protocols of the internet, a port.

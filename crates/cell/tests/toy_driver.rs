@@ -94,6 +94,8 @@ impl Connection for ToyConnection {
         self.commands.push(command);
     }
 
+    fn stop(&mut self, _why: &str) {}
+
     fn poll(&mut self, _now: i64) -> Vec<DriverOutput> {
         let status = ControllerStatus {
             session: self.session.clone(),

@@ -119,6 +119,10 @@ pub trait Connection {
     /// is ignored.
     fn command(&mut self, command: ControllerCommand);
 
+    /// Ends with the next poll what is under way, because nobody supervises it any more; `why` is a sentence. Nothing happens
+    /// when nothing is under way.
+    fn stop(&mut self, why: &str);
+
     /// Samples the controller, continues what is under way, and gives what is to be published; `now` is ns since 1970.
     fn poll(&mut self, now: i64) -> Vec<DriverOutput>;
 }

@@ -4,7 +4,7 @@
 //! subscriber at the instant it is made, subscribers in the order the nodes were given. The run is therefore a function
 //! of the configurations and of what is injected, and two runs are equal byte for byte.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use probecell_msgs::to_cdr;
 
@@ -129,8 +129,10 @@ pub struct Executor {
     counts: BTreeMap<String, u64>,
     now: Stamp,
     log: Vec<Published>,
-    /// Length of the log at the last start of each node.
-    started_at: Vec<usize>,
+    /// Latched messages of each topic, number and payload, oldest first; they end with the process of their producer.
+    retained: BTreeMap<String, VecDeque<(u64, Vec<u8>)>>,
+    /// Nodes whose process has ended and has not been started again.
+    ended: BTreeSet<usize>,
 }
 
 impl Executor {
@@ -142,7 +144,6 @@ impl Executor {
             .map(|node| Journal::new(node.name(), 0))
             .collect();
         let mut executor = Self {
-            started_at: vec![0; nodes.len()],
             nodes,
             wiring,
             journals,
@@ -151,6 +152,8 @@ impl Executor {
             counts: BTreeMap::new(),
             now: start,
             log: Vec::new(),
+            retained: BTreeMap::new(),
+            ended: BTreeSet::new(),
         };
         for node in 0..executor.nodes.len() {
             executor.schedule(start, Event::Timer { node, id: START });
@@ -182,8 +185,29 @@ impl Executor {
         Ok(())
     }
 
+    /// Ends the process of a node at this instant, as SIGKILL does: its state, its timers and its latched messages are lost, and
+    /// nothing reaches it until [`Executor::restart`].
+    pub fn kill(&mut self, name: &str) {
+        let Some(node) = self.nodes.iter().position(|node| node.name() == name) else {
+            return;
+        };
+        // What it has published is delivered.
+        self.run_until(self.now);
+        let journal = topics::journal_name(name);
+        if let Some(message) = self.journals[node].take() {
+            self.record(&journal, to_cdr(&message));
+        }
+        for topic in self.nodes[node].outputs() {
+            self.retained.remove(topic.name);
+        }
+        self.queue.retain(
+            |_, event| !matches!(event, Event::Timer { node: owner, .. } if *owner == node),
+        );
+        self.ended.insert(node);
+    }
+
     /// Restarts a node, as the launcher does when its process has ended: its state, its timers and its latched messages
-    /// are lost, and its publications are numbered from 1 again. It receives the latched messages that are in the log.
+    /// are lost, and its publications are numbered from 1 again. It receives the latched messages of the others.
     pub fn restart(&mut self, fresh: Box<dyn Instance>) {
         let Some(node) = self
             .nodes
@@ -192,49 +216,24 @@ impl Executor {
         else {
             return;
         };
-        // The publications of the old process are delivered before the new one makes a step.
-        self.run_until(self.now);
+        self.kill(fresh.name());
+        self.ended.remove(&node);
         self.now = Stamp(self.now.0 + 1);
         let journal = topics::journal_name(fresh.name());
-        if let Some(message) = self.journals[node].take() {
-            self.record(&journal, to_cdr(&message));
-        }
         self.journals[node] = Journal::new(fresh.name(), self.journals[node].incarnation() + 1);
         for topic in fresh.outputs() {
             self.counts.remove(topic.name);
         }
         self.counts.remove(&journal);
-        self.queue.retain(
-            |_, event| !matches!(event, Event::Timer { node: owner, .. } if *owner == node),
-        );
-        self.started_at[node] = self.log.len();
         self.nodes[node] = fresh;
         self.run_timer(node, START);
         for port in 0..self.nodes[node].inputs().len() {
-            for (sequence, payload) in self.latched(self.nodes[node].inputs()[port]) {
+            let topic = self.nodes[node].inputs()[port].name;
+            let latched = self.retained.get(topic).cloned().unwrap_or_default();
+            for (sequence, payload) in latched {
                 self.deliver((node, port), sequence, &payload);
             }
         }
-    }
-
-    /// The messages that a latched topic gives a late subscriber.
-    fn latched(&self, topic: Topic) -> Vec<(u64, Vec<u8>)> {
-        let started_at = self
-            .wiring
-            .producer(topic.name)
-            .map_or(0, |node| self.started_at[node]);
-        let depth = topic.qos.depth.filter(|_| topic.qos.transient_local);
-        let mut last: Vec<_> = self
-            .log
-            .iter()
-            .skip(started_at)
-            .rev()
-            .filter(|published| published.topic == topic.name)
-            .take(depth.unwrap_or(0) as usize)
-            .map(|published| (published.sequence, published.payload.clone()))
-            .collect();
-        last.reverse();
-        last
     }
 
     /// Publishes a message from outside the graph at `at` (never before [`Executor::now`]).
@@ -282,7 +281,6 @@ impl Executor {
                 self.record(&topic, to_cdr(&message));
             }
         }
-        self.started_at.fill(0);
         std::mem::take(&mut self.log)
     }
 
@@ -313,6 +311,9 @@ impl Executor {
     }
 
     fn deliver(&mut self, (node, port): (usize, usize), sequence: u64, payload: &[u8]) {
+        if self.ended.contains(&node) {
+            return;
+        }
         // A payload that the node cannot read makes no step: the live process refuses it in the same way.
         if let Ok(emitted) = self.nodes[node].deliver(self.now, port, payload) {
             self.journals[node].push(Step {
@@ -356,8 +357,25 @@ impl Executor {
 
     fn publish(&mut self, topic: &str, payload: &[u8]) {
         let sequence = self.record(topic, payload.to_vec());
+        self.retain(topic, sequence, payload);
         for listener in self.wiring.subscribers(topic).to_vec() {
             self.deliver(listener, sequence, payload);
+        }
+    }
+
+    /// Keeps a message of a latched topic for late subscribers.
+    fn retain(&mut self, topic: &str, sequence: u64, payload: &[u8]) {
+        let declared = self.nodes.iter().flat_map(|node| node.outputs());
+        let declared = declared.copied().find(|known| known.name == topic);
+        let Some(qos) = topics::by_name(topic).or(declared).map(|topic| topic.qos) else {
+            return;
+        };
+        if let (true, Some(depth)) = (qos.transient_local, qos.depth) {
+            let kept = self.retained.entry(topic.to_owned()).or_default();
+            kept.push_back((sequence, payload.to_vec()));
+            while kept.len() > depth as usize {
+                kept.pop_front();
+            }
         }
     }
 

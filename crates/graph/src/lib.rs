@@ -105,6 +105,7 @@ pub mod journal;
 mod node;
 pub mod replay;
 mod stamp;
+pub mod supervision;
 pub mod topics;
 
 pub use executor::{Executor, Published, Wiring, WiringError};

@@ -7,9 +7,9 @@
 use crate::Instance;
 use probecell_msgs::{
     ControllerCommand, ControllerReply, ControllerStatus, Correction, CorrectionAcknowledgement,
-    Fault, FeatureResult, GapReport, InspectionPlan, LossReport, MachineState, MeasurementOrder,
+    Fault, FeatureResult, GapReport, GateHeartbeat, InspectionPlan, LossReport, MachineState, MeasurementOrder,
     Message, MessageType, OperationReport, OperationRequest, OperatorReply, OperatorRequest,
-    PartAlignment, PartReport, PassDecision, PlanProgress, ProbeEvent, ProbeTrigger,
+    PartAlignment, PartReport, PartStatus, PassDecision, RecordingStatus, PlanProgress, ProbeEvent, ProbeTrigger,
     ReferenceMeasurement, StepJournal, ToolOffsets, TouchDeviation, Verdict,
     sensor_msgs::JointState, std_msgs,
 };
@@ -93,6 +93,7 @@ declare_topics! {
     PLAN_REQUESTS = "operator", "plan_requests", OperatorRequest, Qos::KEEP_ALL;
     RUN_REQUESTS = "operator", "run_requests", OperatorRequest, Qos::KEEP_ALL;
     LAUNCHER_FAULTS = "operator", "launcher/faults", Fault, Qos::KEEP_ALL;
+    STOP_REQUESTS = "operator", "stop_requests", OperatorRequest, Qos::KEEP_ALL;
     APPROVALS = "operator", "approvals", OperatorRequest, Qos::KEEP_ALL;
 
     ROBOT_DESCRIPTION = "machine_state", "robot_description", std_msgs::String, Qos::latched(1);
@@ -103,6 +104,9 @@ declare_topics! {
     CONTROLLER_COMMANDS = "machine_state", "controller_commands", ControllerCommand, Qos::KEEP_ALL;
     OPERATION_REPORTS = "machine_state", "operation_reports", OperationReport, Qos::KEEP_ALL;
     CORRECTION_ACKNOWLEDGEMENTS = "machine_state", "correction_acknowledgements", CorrectionAcknowledgement, Qos::latched(64);
+    GATE_HEARTBEAT = "machine_state", "gate_heartbeat", GateHeartbeat, Qos::reliable(10);
+    SUPERVISED_PART = "machine_state", "supervised_part", PartStatus, Qos::latched(1);
+    STOP_REPLIES = "machine_state", "stop_replies", OperatorReply, Qos::KEEP_ALL;
     MACHINE_STATE_FAULTS = "machine_state", "machine_state/faults", Fault, Qos::KEEP_ALL;
 
     PROBE_EVENTS = "probe_events", "probe_events", ProbeEvent, Qos::KEEP_ALL;
@@ -127,11 +131,13 @@ declare_topics! {
     COMPENSATION_FAULTS = "compensation", "compensation/faults", Fault, Qos::KEEP_ALL;
 
     OPERATION_REQUESTS = "cycle", "operation_requests", OperationRequest, Qos::KEEP_ALL;
+    PART_STATUS = "cycle", "part_status", PartStatus, Qos::latched(1);
     PART_REPORTS = "cycle", "part_reports", PartReport, Qos::latched(1);
     RUN_REPLIES = "cycle", "run_replies", OperatorReply, Qos::KEEP_ALL;
 
     GAP_REPORT = "gap", "gap_report", GapReport, Qos::latched(1);
     GAP_FAULTS = "gap", "gap/faults", Fault, Qos::KEEP_ALL;
+    RECORDING_STATUS = "recorder", "recording_status", RecordingStatus, Qos::latched(1);
     LOSS_REPORTS = "recorder", "loss_reports", LossReport, Qos::latched(64);
 }
 

@@ -9,54 +9,126 @@ use std::{
 };
 
 use controllers::driver::{Connection, DriverOutput};
-use graph::{Topic, topics};
+use graph::{Stamp, Topic, supervision::GateWatch, topics};
 use probecell_msgs::{
-    ControllerCommand, InspectionPlan, MeasurementOrder, Message, from_cdr, to_cdr,
+    ControllerCommand, GateHeartbeat, InspectionPlan, MeasurementOrder, Message, from_cdr, to_cdr,
 };
 use tracing::error;
 
 use crate::{
-    bus::{Bus, BusError, Publisher, Received, Subscription},
-    topology::{bus_qos, now},
+    bus::{Bus, BusError, Publisher, Received, Subscription, TypeId},
+    clock::now,
+    topology::bus_qos,
 };
 
 /// Polling period: 100 Hz, twice what the contract asks for.
 const POLL: Duration = Duration::from_millis(10);
+/// Polls between two looks whether the gate is still on the bus.
+const LOOK: u64 = 10;
+/// Polls in which a connection ends what is under way when the driver ends.
+const LAST_POLLS: u32 = 20;
 /// Timeout of the end, in which what was published is written out.
 const CLOSE_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Topics that a driver subscribes to.
-pub const SUBSCRIBED: [Topic; 3] = [
+pub const SUBSCRIBED: [Topic; 4] = [
     topics::CONTROLLER_COMMANDS,
+    topics::GATE_HEARTBEAT,
     topics::INSPECTION_PLAN,
     topics::MEASUREMENT_ORDER,
 ];
 
 enum Incoming {
     Command(Box<ControllerCommand>),
+    Beat(GateHeartbeat),
     Plan(Box<InspectionPlan>),
     Order(Box<MeasurementOrder>),
 }
 
-/// Runs a connection to a controller on `bus` until `stopped` returns true.
+/// The topics that a driver publishes.
+struct Outputs {
+    status: Publisher,
+    triggers: Publisher,
+    replies: Publisher,
+}
+
+impl Outputs {
+    fn announce(bus: &Bus, namespace: &str) -> Result<Self, BusError> {
+        let publisher = |topic: Topic| {
+            let name = format!("{namespace}/{}", topic.name);
+            bus.publisher(&name, topic.message, bus_qos(topic.qos))
+        };
+        Ok(Self {
+            status: publisher(topics::CONTROLLER_STATUS)?,
+            triggers: publisher(topics::PROBE_TRIGGERS)?,
+            replies: publisher(topics::CONTROLLER_REPLIES)?,
+        })
+    }
+
+    /// Polls the connection once and publishes what it gives.
+    fn poll(&self, driver: &mut dyn Connection) -> Result<(), BusError> {
+        let instant = now().0;
+        for output in driver.poll(instant) {
+            match output {
+                DriverOutput::Status(message) => publish(&self.status, &message, instant)?,
+                DriverOutput::Trigger(message) => publish(&self.triggers, &message, instant)?,
+                DriverOutput::Reply(message) => publish(&self.replies, &message, instant)?,
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Whether `machine_state` is there: by its heartbeats, and by its announcement on the bus, which ends with its process.
+struct Gate {
+    watch: GateWatch,
+    commands: String,
+    polls: u64,
+    present: bool,
+}
+
+impl Gate {
+    fn new(namespace: &str) -> Self {
+        Self {
+            watch: GateWatch::default(),
+            commands: format!("{namespace}/{}", topics::CONTROLLER_COMMANDS.name),
+            polls: 0,
+            present: false,
+        }
+    }
+
+    /// Why nothing may go on at the machine.
+    fn missing(&mut self, bus: &Bus) -> Option<&'static str> {
+        self.polls += 1;
+        if self.polls.is_multiple_of(LOOK) {
+            let ty = TypeId::from(topics::CONTROLLER_COMMANDS.message);
+            let was = self.present;
+            self.present = bus.graph().publishers(&self.commands, &ty) > 0;
+            if was && !self.present {
+                return Some("machine_state has left the bus");
+            }
+        }
+        let silent = self.watch.is_silent(now());
+        silent.then_some("machine_state has fallen silent")
+    }
+}
+
+/// Runs a connection to a controller on `bus` until `stopped` returns true. What is under way at the machine ends when
+/// `machine_state` is no longer there, and with this process.
 pub fn run_driver(
     bus: Bus,
     mut driver: Box<dyn Connection>,
     namespace: &str,
     stopped: &dyn Fn() -> bool,
 ) -> Result<(), BusError> {
-    let absolute = |topic: &Topic| format!("{namespace}/{}", topic.name);
-    let publisher =
-        |topic: Topic| bus.publisher(&absolute(&topic), topic.message, bus_qos(topic.qos));
-    let status = publisher(topics::CONTROLLER_STATUS)?;
-    let triggers = publisher(topics::PROBE_TRIGGERS)?;
-    let replies = publisher(topics::CONTROLLER_REPLIES)?;
+    let outputs = Outputs::announce(&bus, namespace)?;
     let (sender, receiver) = channel();
-    let [commands, plans, orders] = SUBSCRIBED;
+    let [commands, beats, plans, orders] = SUBSCRIBED;
     let subscriptions = [
         subscribe(&bus, namespace, commands, &sender, |message| {
             Incoming::Command(Box::new(message))
         })?,
+        subscribe(&bus, namespace, beats, &sender, Incoming::Beat)?,
         subscribe(&bus, namespace, plans, &sender, |message| {
             Incoming::Plan(Box::new(message))
         })?,
@@ -64,20 +136,22 @@ pub fn run_driver(
             Incoming::Order(Box::new(message))
         })?,
     ];
+    let mut gate = Gate::new(namespace);
     let mut next = Instant::now();
     while !stopped() {
-        let instant = now().0;
-        for output in driver.poll(instant) {
-            match output {
-                DriverOutput::Status(message) => publish(&status, &message, instant)?,
-                DriverOutput::Trigger(message) => publish(&triggers, &message, instant)?,
-                DriverOutput::Reply(message) => publish(&replies, &message, instant)?,
-            }
+        if let Some(why) = gate.missing(&bus) {
+            driver.stop(why);
         }
+        outputs.poll(driver.as_mut())?;
         next = (next + POLL).max(Instant::now());
         loop {
             match receiver.recv_timeout(next.saturating_duration_since(Instant::now())) {
-                Ok(Incoming::Command(command)) => driver.command(*command),
+                Ok(Incoming::Command(command)) => {
+                    gate.watch.command(now());
+                    gate.present = true;
+                    driver.command(*command);
+                }
+                Ok(Incoming::Beat(beat)) => take_beat(&mut gate, driver.as_mut(), now(), &beat),
                 Ok(Incoming::Plan(plan)) => driver.plan(*plan),
                 Ok(Incoming::Order(order)) => driver.order(*order),
                 Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => break,
@@ -85,7 +159,17 @@ pub fn run_driver(
         }
     }
     drop(subscriptions);
+    driver.stop("the driver was ended");
+    for _ in 0..LAST_POLLS {
+        outputs.poll(driver.as_mut())?;
+    }
     bus.close(CLOSE_TIMEOUT)
+}
+
+fn take_beat(gate: &mut Gate, driver: &mut dyn Connection, now: Stamp, beat: &GateHeartbeat) {
+    if gate.watch.beat(now, beat) {
+        driver.stop("machine_state is another process than before");
+    }
 }
 
 fn publish(publisher: &Publisher, message: &impl Message, instant: i64) -> Result<(), BusError> {

@@ -15,6 +15,7 @@
 //! | [`process`] | drives one node by messages and timers, and publishes its step journal |
 //! | [`driver`] | polls the connection to a controller |
 //! | [`recording`] | the recorder |
+//! | [`clock`] | stamps on the monotonic clock |
 //!
 //! ```
 //! use std::{sync::mpsc::channel, time::{Duration, Instant}};
@@ -50,12 +51,14 @@
 //! ```
 
 pub mod bus;
+pub mod clock;
 pub mod driver;
 pub mod process;
 pub mod recording;
 mod topology;
 
+pub use clock::now;
 pub use driver::{SUBSCRIBED, run_driver};
 pub use process::{NodeProcess, ProcessError, Stop, run_node};
 pub use recording::{RecorderProcess, RecordingSettings};
-pub use topology::{bus_qos, endpoint_answers, now, wait_for_subscriptions};
+pub use topology::{bus_qos, endpoint_answers, wait_for_subscriptions};

@@ -20,7 +20,8 @@ use tracing::{error, warn};
 
 use crate::{
     bus::{self, Bus, BusError, Lost, Publisher, Received, Subscription, TypeId},
-    topology::{bus_qos, now, wait_for_subscriptions},
+    clock::now,
+    topology::{bus_qos, wait_for_subscriptions},
 };
 
 /// Steps after which a batch of the journal goes out.

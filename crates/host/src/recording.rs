@@ -12,7 +12,8 @@ use tracing::error;
 
 use crate::{
     bus::{Bus, BusError, Publisher, Received, Subscription},
-    topology::{bus_qos, now},
+    clock::now,
+    topology::bus_qos,
 };
 
 /// Settings of a recording.

@@ -1,11 +1,9 @@
-//! What processes of one cell share: quality of service on the wire, the clock, and waiting for one another.
+//! What processes of one cell share: quality of service on the wire, and waiting for one another.
 
 use std::{
     net::{TcpStream, ToSocketAddrs},
-    time::{Duration, Instant, SystemTime, UNIX_EPOCH},
+    time::{Duration, Instant},
 };
-
-use graph::Stamp;
 
 use crate::bus::{Bus, Durability, History, Qos, Reliability, TypeId};
 
@@ -29,14 +27,6 @@ pub fn bus_qos(qos: graph::Qos) -> Qos {
             .depth
             .map_or(History::KeepAll, |depth| History::KeepLast(depth as usize)),
     }
-}
-
-/// The instant now.
-pub fn now() -> Stamp {
-    let since = SystemTime::now()
-        .duration_since(UNIX_EPOCH)
-        .unwrap_or_default();
-    Stamp(i64::try_from(since.as_nanos()).unwrap_or(i64::MAX))
 }
 
 /// Waits until each of `wanted` (absolute topic, type, number) has that many subscriptions; returns the first topic that lacks

@@ -23,7 +23,7 @@ use host::{
     bus_qos, run_driver,
 };
 use probecell_msgs::{
-    ControllerCommand, ControllerReply, InspectionPlan, MeasurementOrder, from_cdr, to_cdr,
+    ControllerCommand, ControllerReply, GateHeartbeat, InspectionPlan, MeasurementOrder, from_cdr, to_cdr,
 };
 
 /// Long enough for any machine; the test ends as soon as the answer is there.
@@ -33,6 +33,7 @@ const TIMEOUT: Duration = Duration::from_secs(20);
 struct Toy {
     commands: Vec<ControllerCommand>,
     seen: Sender<&'static str>,
+    stopped: Sender<String>,
 }
 
 impl Connection for Toy {
@@ -45,7 +46,14 @@ impl Connection for Toy {
     }
 
     fn command(&mut self, command: ControllerCommand) {
+        // Nobody listens in the tests that are not about it.
+        self.seen.send("command").unwrap_or_default();
         self.commands.push(command);
+    }
+
+    fn stop(&mut self, why: &str) {
+        // Nobody listens in the tests that are not about it.
+        drop(self.stopped.send(why.to_owned()));
     }
 
     fn poll(&mut self, _now: i64) -> Vec<DriverOutput> {
@@ -57,6 +65,88 @@ impl Connection for Toy {
         });
         replies.collect()
     }
+}
+
+/// A bus of its own; opens sessions on it.
+fn bus() -> (Router, BusConfig) {
+    let probe = TcpListener::bind("127.0.0.1:0").unwrap();
+    let endpoint = format!("tcp/{}", probe.local_addr().unwrap());
+    drop(probe);
+    let router = Router::start(&RouterConfig {
+        listen: vec![endpoint.clone()],
+        ..RouterConfig::default()
+    });
+    let config = BusConfig {
+        endpoints: vec![endpoint],
+        connect_timeout: TIMEOUT,
+        ..BusConfig::default()
+    };
+    (router.unwrap(), config)
+}
+
+#[test]
+fn what_is_under_way_is_stopped_when_the_gate_leaves_the_bus_and_when_it_falls_silent() {
+    let (_router, config) = bus();
+    let open = |name| Bus::open(&config, name, "/cell").unwrap();
+    let (driver_bus, gate_bus, beat_bus) = (open("toy"), open("gate"), open("heart"));
+    let (seen, seen_by_toy) = channel();
+    let (stopped, stops) = channel();
+    let toy = Toy {
+        commands: Vec::new(),
+        seen,
+        stopped,
+    };
+    let (end, beating) = (
+        Arc::new(AtomicBool::new(false)),
+        Arc::new(AtomicBool::new(true)),
+    );
+    let ended = Arc::clone(&end);
+    let driver = std::thread::spawn(move || {
+        run_driver(driver_bus, Box::new(toy), "/cell", &|| {
+            ended.load(Ordering::SeqCst)
+        })
+    });
+    let deadline = Instant::now() + TIMEOUT;
+    let publisher = |bus: &Bus, topic: graph::Topic| {
+        let name = format!("/cell/{}", topic.name);
+        let publisher = bus.publisher(&name, TypeId::from(topic.message), bus_qos(topic.qos));
+        let publisher = publisher.unwrap();
+        assert!(bus.wait_for_subscribers(&publisher, 1, deadline), "{name}");
+        publisher
+    };
+    let commands = publisher(&gate_bus, topics::CONTROLLER_COMMANDS);
+    let beats = publisher(&beat_bus, topics::GATE_HEARTBEAT);
+    let still = Arc::clone(&beating);
+    let heart = std::thread::spawn(move || {
+        let mut count = 0;
+        while still.load(Ordering::SeqCst) {
+            count += 1;
+            let beat = GateHeartbeat {
+                started: 1,
+                count,
+                ..GateHeartbeat::default()
+            };
+            beats.publish(to_cdr(&beat), 1).unwrap();
+            std::thread::sleep(Duration::from_millis(50));
+        }
+    });
+    let until = |wanted: &str| {
+        while !stops.recv_timeout(TIMEOUT).unwrap().contains(wanted) {}
+    };
+    until("has fallen silent");
+    let command = to_cdr(&ControllerCommand::default());
+    commands.publish(command, 1).unwrap();
+    assert_eq!(seen_by_toy.recv_timeout(TIMEOUT), Ok("command"));
+    // Its signs of life go on, but the process that commands is gone.
+    drop(commands);
+    gate_bus.close(TIMEOUT).unwrap();
+    until("has left the bus");
+    beating.store(false, Ordering::SeqCst);
+    heart.join().unwrap();
+    until("has fallen silent");
+    end.store(true, Ordering::SeqCst);
+    driver.join().unwrap().unwrap();
+    until("the driver was ended");
 }
 
 #[test]
@@ -77,9 +167,11 @@ fn a_command_reaches_the_connection_and_its_reply_the_bus() {
     let open = |name| Bus::open(&config, name, "/cell").unwrap();
     let (driver_bus, cell_bus) = (open("toy"), open("cell"));
     let (seen, seen_by_toy) = channel();
+    let (stopped, _) = channel();
     let toy = Toy {
         commands: Vec::new(),
         seen,
+        stopped,
     };
     let end = Arc::new(AtomicBool::new(false));
     let ended = Arc::clone(&end);
@@ -120,6 +212,7 @@ fn a_command_reaches_the_connection_and_its_reply_the_bus() {
     };
     let messages = [
         to_cdr(&command),
+        to_cdr(&GateHeartbeat::default()),
         to_cdr(&InspectionPlan::default()),
         to_cdr(&MeasurementOrder::default()),
     ];
@@ -127,9 +220,9 @@ fn a_command_reaches_the_connection_and_its_reply_the_bus() {
         publisher.publish(message, 1).unwrap();
     }
     assert_eq!(replies.recv_timeout(TIMEOUT).unwrap().command_id, 41);
-    let mut seen = [0; 2].map(|_| seen_by_toy.recv_timeout(TIMEOUT).unwrap());
+    let mut seen = [0; 3].map(|_| seen_by_toy.recv_timeout(TIMEOUT).unwrap());
     seen.sort_unstable();
-    assert_eq!(seen, ["order", "plan"]);
+    assert_eq!(seen, ["command", "order", "plan"]);
     end.store(true, Ordering::SeqCst);
     process.join().unwrap().unwrap();
 }

@@ -17,8 +17,8 @@ use crate::{
     output,
 };
 
-/// Timeout of a service, and of a plan that the cell keeps for late joiners.
-const REPLY_TIMEOUT: Duration = Duration::from_secs(10);
+/// Timeout of a service, longer than the cell waits for its nodes, and of a plan that the cell keeps for late joiners.
+const REPLY_TIMEOUT: Duration = Duration::from_secs(15);
 /// Timeout of a whole plan; the cell itself answers when its progress stalls.
 const PLAN_TIMEOUT: Duration = Duration::from_secs(1800);
 

@@ -1,10 +1,13 @@
 //! Starts a cell, supervises its processes, and stops it.
 //!
-//! The launcher embeds the Zenoh router, so that nothing else has to be installed or started. Each node is a process of its
-//! own; one that dies is restarted after a delay that doubles each time. At the end the nodes are stopped first and the
-//! recorder last, so that every message is in the bag.
+//! The launcher embeds the Zenoh router, so that nothing else has to be installed or started, or uses the one that answers
+//! at its endpoint and takes its place when it is gone. Each node is a process of its own, in a process group of its own, so
+//! that Ctrl-C reaches the launcher alone; one that dies is restarted after a delay that doubles each time. At the end the
+//! part that is being made is stopped and reported, then the nodes are stopped, and the recorder last, so that every message
+//! is in the bag.
 
 use std::{
+    os::unix::process::CommandExt,
     path::{Path, PathBuf},
     process::{Child, Command},
     sync::{Arc, atomic::AtomicBool, atomic::Ordering},
@@ -12,15 +15,20 @@ use std::{
 };
 
 use anyhow::Context;
-use cell::{Cell, TransportName};
-use host::bus::{Bus, Router};
+use cell::Cell;
+use host::{
+    bus::Bus,
+    clock::WallClock,
+};
 use rustix::process::{Pid, Signal, kill_process};
 
 use crate::{
     FAILED, GOOD, LOSS,
-    cell_bus::{CellFailure, bus_config, new_recording, router_config},
+    cell_bus::{CellFailure, bus_config, new_recording},
     operator::{Operator, ProcessState},
-    output, signals,
+    output,
+    routing::Routing,
+    signals,
 };
 
 /// Name of the process that records.
@@ -32,19 +40,26 @@ const FIRST_DELAY: Duration = Duration::from_millis(200);
 const LONGEST_DELAY: Duration = Duration::from_secs(10);
 /// A process that does not end within this time is killed.
 const END_TIMEOUT: Duration = Duration::from_secs(10);
+/// Time in which a session that has joined discovers the other nodes.
+const DISCOVERY: Duration = Duration::from_secs(1);
 /// Timeout of a cell to become ready for its first part.
 const READY_TIMEOUT: Duration = Duration::from_secs(30);
 
-/// Runs a cell until SIGINT or SIGTERM, or until one part is made.
+/// Runs a cell until SIGINT or SIGTERM, or until one part is made. A part that is being made is stopped first, and its end
+/// is recorded.
 pub(crate) fn up(file: &Path, once: bool, recorded: bool) -> anyhow::Result<u8> {
     let cell = Cell::read(file)?;
     for warning in cell.access_warnings() {
         output::remark(&format!("warning: {warning}"));
     }
     let end = signals::end_flag()?;
-    let router = start_router(&cell)?;
+    let mut routing = Routing::start(&cell)?;
     let bus = Bus::open(&bus_config(&cell)?, "operator", &cell.namespace())?;
-    if router.is_none() && cell.bus.transport == TransportName::Zenoh {
+    // Nobody else is on a bus whose router has only just been started.
+    if !routing.is_own() {
+        refuse_second(&bus, &cell)?;
+    }
+    if routing.is_foreign() {
         let endpoint = &cell.bus.router_endpoint;
         output::remark(&format!(
             "a router answers at {endpoint}: this cell uses it"
@@ -58,49 +73,85 @@ pub(crate) fn up(file: &Path, once: bool, recorded: bool) -> anyhow::Result<u8> 
     for name in cell.node_names().into_iter().chain(cell.driver_process()) {
         processes.start(name)?;
     }
-    let operator = Operator::join(bus, &cell)?;
-    let outcome = watch(&mut processes, &operator, &cell, once, &end);
+    let mut operator = Operator::join(bus, &cell)?;
+    if !recorded {
+        operator.waive_recording(&cell.namespace())?;
+    }
+    let outcome = watch(&mut processes, &operator, &cell, &mut routing, once, &end);
+    end_part(&mut processes, &operator);
     let lost = processes.end_all()?;
     operator.leave()?;
-    if let Some(router) = router {
-        router.close()?;
-    }
+    routing.close()?;
     if let Some(folder) = &recording {
         output::line(&format!("recorded in {}", folder.display()));
     }
     outcome.map(|status| if lost && status == GOOD { LOSS } else { status })
 }
 
-fn start_router(cell: &Cell) -> anyhow::Result<Option<Router>> {
-    if cell.bus.transport == TransportName::Dds {
-        return Ok(None);
+/// A cell of this name that runs on the bus already would share every topic with this one.
+fn refuse_second(bus: &Bus, cell: &Cell) -> anyhow::Result<()> {
+    let own = format!("{}/operator", cell.namespace());
+    let deadline = Instant::now() + DISCOVERY;
+    while Instant::now() < deadline {
+        let nodes = bus.graph().nodes();
+        if nodes.iter().filter(|name| **name == own).count() > 1 {
+            anyhow::bail!(
+                "{}: cell.name = {:?}: a cell of this name runs on this bus already",
+                cell.text().name,
+                cell.cell.name
+            );
+        }
+        std::thread::sleep(PERIOD);
     }
-    let config = router_config(cell)?;
-    // A router may run there already: zenohd, rmw_zenoh's router, that of another cell, or one on another machine.
-    if host::endpoint_answers(&cell.bus.router_endpoint) {
-        return Ok(None);
+    Ok(())
+}
+
+/// Stops the part that is being made, and waits for its report.
+fn end_part(processes: &mut Processes, operator: &Operator) {
+    if !operator.is_making() {
+        return;
     }
-    Ok(Some(Router::start(&config)?))
+    if let Err(failure) = operator.stop("up, which ends") {
+        output::remark(&format!(
+            "the machine has not confirmed that it stands: {failure}"
+        ));
+    }
+    let deadline = Instant::now() + END_TIMEOUT;
+    while operator.is_making() && Instant::now() < deadline {
+        // A process that ends now is not started again.
+        if processes.supervise(false).is_err() {
+            return;
+        }
+        std::thread::sleep(PERIOD);
+    }
 }
 
 fn watch(
     processes: &mut Processes,
     operator: &Operator,
     cell: &Cell,
+    routing: &mut Routing,
     once: bool,
     end: &Arc<AtomicBool>,
 ) -> anyhow::Result<u8> {
     let mut requested = false;
     let deadline = Instant::now() + READY_TIMEOUT;
+    let mut wall = WallClock::read();
     while !end.load(Ordering::SeqCst) {
-        for (name, text) in processes.supervise()? {
+        for (name, text) in processes.supervise(true)? {
             operator.report_ended(&name, &text);
         }
-        let states = processes.states();
-        operator.publish_diagnostics(&states);
-        if once && requested {
-            check_cycle(&states)?;
+        routing.supervise();
+        if let Some(step) = wall.stepped() {
+            let direction = if step > 0.0 { "forward" } else { "back" };
+            let text = format!(
+                "the wall clock was set {direction} by {:.1} s; stamps of this cell go on without a step",
+                step.abs()
+            );
+            output::remark(&text);
+            operator.warn("clock_set", &text);
         }
+        operator.publish_diagnostics(&processes.states());
         if let Some(verdict) = operator.part_ended().filter(|_| once) {
             return Ok(if verdict.qualified { GOOD } else { FAILED });
         }
@@ -126,17 +177,6 @@ fn watch(
         std::thread::sleep(PERIOD);
     }
     Ok(if once { FAILED } else { GOOD })
-}
-
-/// Without this node the part under way is lost, and its end is never reported.
-fn check_cycle(states: &[ProcessState]) -> anyhow::Result<()> {
-    let mut states = states.iter();
-    let cycle = states.find(|state| state.name == "cycle");
-    if cycle.is_some_and(|cycle| !cycle.running || cycle.starts > 1) {
-        let text = "cycle ended while the part was made; the part is lost".to_owned();
-        return Err(CellFailure(text).into());
-    }
-    Ok(())
 }
 
 struct Supervised {
@@ -187,9 +227,12 @@ impl Processes {
                 "--supervised",
                 "--incarnation",
                 &incarnation.to_string(),
+                "--clock",
+                &host::clock::offset().to_string(),
                 "--cell",
             ])
-            .arg(&self.file);
+            .arg(&self.file)
+            .process_group(0);
         if !self.recorded {
             command.arg("--no-record");
         }
@@ -201,7 +244,14 @@ impl Processes {
     fn start_recorder(&mut self, folder: &Path) -> anyhow::Result<()> {
         let mut command = Command::new(std::env::current_exe()?);
         command
-            .args(["record", "--supervised", "--cell"])
+            .args([
+                "record",
+                "--supervised",
+                "--clock",
+                &host::clock::offset().to_string(),
+                "--cell",
+            ])
+            .process_group(0)
             .arg(&self.file)
             .arg("--folder")
             .arg(folder);
@@ -217,9 +267,9 @@ impl Processes {
         Ok(())
     }
 
-    /// Finds processes that have died, and restarts nodes when their delay is over. Gives the name of each that has died since
-    /// the last call, with a sentence.
-    fn supervise(&mut self) -> anyhow::Result<Vec<(String, String)>> {
+    /// Finds processes that have died, and restarts nodes when their delay is over, if they are to be. Gives the name of each
+    /// that has died since the last call, with a sentence.
+    fn supervise(&mut self, restarted: bool) -> anyhow::Result<Vec<(String, String)>> {
         let mut ended = Vec::new();
         for index in 0..self.nodes.len() {
             let node = &mut self.nodes[index];
@@ -241,7 +291,7 @@ impl Processes {
                         node.delay = (node.delay * 2).min(LONGEST_DELAY);
                     }
                 }
-                Some(at) if Instant::now() >= at => {
+                Some(at) if restarted && Instant::now() >= at => {
                     let (name, starts) = (node.name.clone(), node.starts);
                     let child = self.spawn_node(&name, starts)?;
                     let node = &mut self.nodes[index];

@@ -23,6 +23,7 @@ mod commands;
 mod launcher;
 mod operator;
 mod output;
+mod routing;
 mod signals;
 
 use std::{io::IsTerminal, path::PathBuf, process::ExitCode};
@@ -79,6 +80,9 @@ enum Command {
         /// Exit when the parent process exits.
         #[arg(long, hide = true)]
         supervised: bool,
+        /// Clock of the cell: ns from the monotonic clock of the system to stamps.
+        #[arg(long, hide = true, allow_hyphen_values = true)]
+        clock: Option<i64>,
     },
     /// Run a Zenoh router, for a cell that spans machines.
     Router {
@@ -100,6 +104,9 @@ enum Command {
         /// Exit when the parent process exits.
         #[arg(long, hide = true)]
         supervised: bool,
+        /// Clock of the cell: ns from the monotonic clock of the system to stamps.
+        #[arg(long, hide = true, allow_hyphen_values = true)]
+        clock: Option<i64>,
     },
     /// Start or stop the recording of a running cell.
     #[command(subcommand)]
@@ -111,6 +118,24 @@ enum Command {
         /// Cell file.
         #[arg(long, default_value = DEFAULT_CELL)]
         cell: PathBuf,
+    },
+    /// Stop the machine of a running cell, and the part that is being made.
+    Stop {
+        /// Name of the operator who stops it.
+        #[arg(long, default_value = "operator")]
+        operator: String,
+        /// Cell file.
+        #[arg(long, default_value = DEFAULT_CELL)]
+        cell: PathBuf,
+    },
+    /// Print what a running cell is doing.
+    Status {
+        /// Cell file.
+        #[arg(long, default_value = DEFAULT_CELL)]
+        cell: PathBuf,
+        /// Print JSON.
+        #[arg(long)]
+        json: bool,
     },
     /// Resume an interrupted measurement of a running cell, or repeat points of it; the part then continues.
     #[command(group(clap::ArgGroup::new("what").required(true)))]
@@ -264,6 +289,17 @@ fn main() -> ExitCode {
     }
 }
 
+/// A process of a cell ends with the launcher, and has its clock.
+fn begin_process(supervised: bool, clock: Option<i64>) -> anyhow::Result<()> {
+    if supervised {
+        signals::end_with_parent()?;
+    }
+    if let Some(offset) = clock {
+        host::clock::set_offset(offset);
+    }
+    Ok(())
+}
+
 fn run(command: Command) -> anyhow::Result<u8> {
     match command {
         Command::Up {
@@ -277,15 +313,25 @@ fn run(command: Command) -> anyhow::Result<u8> {
             incarnation,
             no_record,
             supervised,
-        } => commands::node::run(&name, &cell, incarnation, !no_record, supervised),
+            clock,
+        } => {
+            begin_process(supervised, clock)?;
+            commands::node::run(&name, &cell, incarnation, !no_record)
+        }
         Command::Router { listen, join } => commands::router::run(&listen, &join),
         Command::Record {
             cell,
             folder,
             supervised,
-        } => commands::record::run(&cell, folder, supervised),
+            clock,
+        } => {
+            begin_process(supervised, clock)?;
+            commands::record::run(&cell, folder, supervised)
+        }
         Command::Recording(command) => commands::recording::run(&command),
         Command::Run { part, cell } => commands::run::run(&cell, &part),
+        Command::Stop { operator, cell } => commands::stop::run(&cell, &operator),
+        Command::Status { cell, json } => commands::status::run(&cell, json),
         Command::Measure { again, cell, .. } => commands::measure::run(&cell, &again),
         Command::Approve {
             correction,

@@ -2,7 +2,9 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
-use probecell_msgs::{Correction, FeatureResult, PartAlignment, RunId, ToolOffsets};
+use probecell_msgs::{
+    Correction, FeatureResult, OperationRequest, PartAlignment, RunId, ToolOffsets,
+};
 use serde::{Deserialize, Serialize};
 
 use crate::{decide::Measurement, path::Paths, reference::Judged, touches::Touches};
@@ -12,6 +14,8 @@ use crate::{decide::Measurement, path::Paths, reference::Judged, touches::Touche
 pub struct State {
     /// The measurement that is decided on: plan and pass.
     pub measurement: Option<(String, u32)>,
+    /// The request for it: a repeated one is taken once.
+    pub taken: Option<OperationRequest>,
     /// Its results so far.
     pub results: BTreeMap<String, FeatureResult>,
     /// Results that arrived before the request for their measurement.

@@ -136,9 +136,10 @@ fn begin(
     request: OperationRequest,
     out: &mut Outbox<Output>,
 ) {
-    if request.kind != OperationRequest::MEASURE {
+    if request.kind != OperationRequest::MEASURE || state.taken.as_ref() == Some(&request) {
         return;
     }
+    state.taken = Some(request.clone());
     state.results.clear();
     state.proposed.clear();
     state.withdrawn.clear();

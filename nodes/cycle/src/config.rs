@@ -12,10 +12,31 @@ pub struct RawConfig {
     /// A measurement without a decision within this time stops the part.
     #[serde(default = "default_decision_limit")]
     pub decision_limit_s: f64,
+    /// An operation or a measurement that lasts longer stops the part.
+    #[serde(default = "default_operation_limit")]
+    pub operation_limit_s: f64,
+    /// Corrections that are not acknowledged within this time stop the part; longer than operators have for an approval.
+    #[serde(default = "default_correction_limit")]
+    pub correction_limit_s: f64,
+    /// A part is stopped when `machine_state` says nothing for longer of what was requested of it.
+    #[serde(default = "default_answer_limit")]
+    pub answer_limit_s: f64,
 }
 
 fn default_decision_limit() -> f64 {
     30.0
+}
+
+fn default_operation_limit() -> f64 {
+    4.0 * 3600.0
+}
+
+fn default_correction_limit() -> f64 {
+    900.0
+}
+
+fn default_answer_limit() -> f64 {
+    10.0
 }
 
 /// One machining pass: what is cut before it is measured.
@@ -42,6 +63,12 @@ pub struct Config {
     pub passes: Vec<Pass>,
     /// s; a measurement without a decision within this time stops the part.
     pub decision_limit: f64,
+    /// s; longest operation or measurement.
+    pub operation_limit: f64,
+    /// s; longest time until corrections are acknowledged.
+    pub correction_limit: f64,
+    /// s; longest silence of `machine_state` on what was requested of it.
+    pub answer_limit: f64,
 }
 
 /// A setting that cannot be used.
@@ -54,8 +81,8 @@ pub enum ConfigError {
     #[error("cycle.passes: name = {0:?} is reserved for supplements of a plan")]
     Reserved(String),
     /// A time that is not positive and finite.
-    #[error("cycle.decision_limit_s = {0} must be a positive finite number")]
-    DecisionLimit(f64),
+    #[error("cycle.{0} = {1} must be a positive finite number")]
+    Limit(&'static str, f64),
     /// An allowance that is negative or not finite.
     #[error(
         "cycle.passes: allowance_mm = {value} of pass {pass:?} must be a finite number that is not negative"
@@ -74,8 +101,15 @@ impl RawConfig {
         if self.passes.is_empty() {
             return Err(ConfigError::NoPass);
         }
-        if !(self.decision_limit_s.is_finite() && self.decision_limit_s > 0.0) {
-            return Err(ConfigError::DecisionLimit(self.decision_limit_s));
+        for (key, value) in [
+            ("decision_limit_s", self.decision_limit_s),
+            ("operation_limit_s", self.operation_limit_s),
+            ("correction_limit_s", self.correction_limit_s),
+            ("answer_limit_s", self.answer_limit_s),
+        ] {
+            if !(value.is_finite() && value > 0.0) {
+                return Err(ConfigError::Limit(key, value));
+            }
         }
         for pass in &self.passes {
             let first = PlanId::measurement(RunId::new("part", &pass.name), 2);
@@ -92,6 +126,9 @@ impl RawConfig {
         Ok(Config {
             passes: self.passes.clone(),
             decision_limit: self.decision_limit_s,
+            operation_limit: self.operation_limit_s,
+            correction_limit: self.correction_limit_s,
+            answer_limit: self.answer_limit_s,
         })
     }
 }

@@ -3,7 +3,7 @@
 use graph::{inputs, outputs, topics};
 use probecell_msgs::{
     CorrectionAcknowledgement, Fault, OperationReport, OperationRequest, OperatorReply,
-    OperatorRequest, PartReport, PassDecision,
+    OperatorRequest, PartReport, PartStatus, PassDecision,
 };
 
 inputs! {
@@ -15,6 +15,10 @@ inputs! {
         Report(OperationReport) = topics::OPERATION_REPORTS,
         /// What follows from a measurement.
         Decision(PassDecision) = topics::PASS_DECISIONS,
+        /// The part that is being made, as `machine_state` knows it.
+        Supervised(PartStatus) = topics::SUPERVISED_PART,
+        /// An operator stops the machine, and with it the part.
+        Stop(OperatorRequest) = topics::STOP_REQUESTS,
         /// The outcome of a correction.
         Acknowledgement(CorrectionAcknowledgement) = topics::CORRECTION_ACKNOWLEDGEMENTS,
         /// Faults of `machine_state`.
@@ -35,6 +39,8 @@ outputs! {
     pub enum Output {
         /// What the machine is to do next.
         Request(OperationRequest) = topics::OPERATION_REQUESTS,
+        /// The part that is being made.
+        Status(PartStatus) = topics::PART_STATUS,
         /// The end of a part.
         Part(PartReport) = topics::PART_REPORTS,
         /// The reply to an operator.

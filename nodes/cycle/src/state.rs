@@ -2,7 +2,8 @@
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
-use probecell_msgs::{PassDecision, PlanId, RunId};
+use graph::Stamp;
+use probecell_msgs::{OperationRequest, PassDecision, PlanId, RunId};
 use serde::{Deserialize, Serialize};
 
 /// The state of `cycle`.
@@ -12,6 +13,14 @@ pub struct State {
     pub run: Option<Run>,
     /// The last part, where it ended with a measurement that can be resumed: nothing was cut or corrected since.
     pub last: Option<Run>,
+    /// Runs in this session of the cell so far, as far as they are known.
+    pub runs: u64,
+    /// `machine_state` has told which runs there were before this process.
+    pub informed: bool,
+    /// Identities of the runs of this process.
+    pub used: BTreeSet<String>,
+    /// A check of the part is under way.
+    pub ticking: bool,
     /// Number of the next operation request.
     pub next_request: u64,
     /// Outcome and text of each correction of this part that the machine has acknowledged.
@@ -25,8 +34,18 @@ pub struct State {
 /// A part that is being made.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Run {
-    /// The part.
+    /// Its name; several parts may have the same.
     pub part_id: String,
+    /// Identity of the run, unique in the session of the cell.
+    pub run_id: String,
+    /// Number of the run in the session of the cell, from 1.
+    pub number: u64,
+    /// Begin of the stage.
+    pub since: Stamp,
+    /// What was requested last of the machine.
+    pub asked: Option<Asked>,
+    /// When the status was published last.
+    pub told: Stamp,
     /// Index of the pass.
     pub pass: u32,
     /// Measurements of this pass so far.
@@ -35,6 +54,19 @@ pub struct Run {
     pub cuts: u32,
     /// What the machine does.
     pub stage: Stage,
+    /// The machine has been told to stop: the part ends when that is confirmed.
+    pub stopping: Option<Stopping>,
+}
+
+/// A part that is being stopped.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Stopping {
+    /// Number of the request to stop.
+    pub request_id: u64,
+    /// Why.
+    pub text: String,
+    /// A process has lost its state, or the axes may have another origin: the measurement cannot be resumed.
+    pub void: bool,
 }
 
 /// What the machine does for a part.
@@ -72,6 +104,19 @@ pub enum Stage {
         /// Corrections not acknowledged yet.
         awaited: BTreeSet<String>,
     },
+}
+
+/// A request to the machine.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Asked {
+    /// The request, repeated as it is until it is taken.
+    pub request: OperationRequest,
+    /// It has been taken.
+    pub taken: bool,
+    /// When the machine said something of it last, or when it was sent first.
+    pub heard: Stamp,
+    /// When it was sent last.
+    pub sent: Stamp,
 }
 
 impl Stage {

@@ -3,19 +3,19 @@
 use graph::{NoFaults, Node, Outbox, START, Stamp};
 use probecell_msgs::{
     CorrectionAcknowledgement, Fault, OperationReport, OperationRequest, OperatorReply,
-    OperatorRequest, PartReport, PassDecision, PassDecisionCode, PlanId, RunId,
+    OperatorRequest, PartReport, PartStatus, PassDecision, PassDecisionCode, PlanId, RunId,
 };
 
 use crate::{
+    asking,
     config::Config,
     ports::{Input, Output},
-    state::{Run, Stage, State},
+    run::{REFUTED, begin, measure, refusal, resume},
+    state::{Run, Stage, State, Stopping},
 };
 
 /// Parts kept that a reference may refute yet.
 const QUALIFIED_LIMIT: usize = 64;
-/// Why no part is begun after a reference has refuted a measurement; a further measurement is made.
-const REFUTED: &str = "no part is made until the cause is found and the cell started again";
 
 /// The node.
 pub struct CycleNode;
@@ -39,41 +39,72 @@ impl Node for CycleNode {
         input: Input,
         out: &mut Outbox<Output>,
     ) {
+        let before = asking::stage(state);
         match input {
             // A restarted process must not take reports on the requests of its predecessor for its own.
             Input::Timer(START) => state.next_request = now.0.unsigned_abs(),
-            Input::Timer(id) => handle_timeout(state, now, id, out),
+            Input::Timer(_) => asking::tick(config, state, now, out),
             Input::Run(request) => handle_run_request(config, state, now, &request, out),
             Input::Report(report) => handle_report(config, state, now, &report, out),
             Input::Decision(decision) => handle_decision(config, state, now, &decision, out),
             Input::Acknowledgement(answer) => {
                 handle_acknowledgement(config, state, now, answer, out);
             }
+            Input::Supervised(status) => {
+                let first = !state.informed;
+                handle_supervised(state, now, &status, out);
+                if first {
+                    // Only now a part can be asked for.
+                    asking::publish(config, state, now, out);
+                }
+            }
+            Input::Stop(request) => {
+                let text = format!("stopped by {}", request.operator_name);
+                asking::stop(state, now, &text, out);
+            }
             Input::MachineFault(fault)
             | Input::ProbeFault(fault)
             | Input::PlanningFault(fault)
             | Input::AnalysisFault(fault)
-            | Input::LauncherFault(fault) => {
-                let invalidates = invalidates_measurements(&fault);
-                if fault.severity == Fault::ERROR && state.run.is_some() {
-                    request(
-                        state,
-                        now,
-                        OperationRequest {
-                            kind: OperationRequest::STOP,
-                            ..OperationRequest::default()
-                        },
-                        out,
-                    );
-                    let text = format!("{}: {}: {}", fault.node, fault.code, fault.text);
-                    end(state, now, PartReport::STOPPED, &text, out);
-                }
-                if invalidates {
-                    state.last = None;
-                }
-            }
+            | Input::LauncherFault(fault) => handle_fault(state, now, &fault, out),
+        }
+        if asking::stage(state) != before {
+            asking::publish(config, state, now, out);
+        }
+        asking::wake(state, now, out);
+    }
+}
+
+/// A fault of severity ERROR stops machine and part.
+fn handle_fault(state: &mut State, now: Stamp, fault: &Fault, out: &mut Outbox<Output>) {
+    if fault.severity == Fault::ERROR {
+        let text = format!("{}: {}: {}", fault.node, fault.code, fault.text);
+        asking::stop(state, now, &text, out);
+    }
+    if invalidates_measurements(fault) {
+        state.last = None;
+        if let Some(stopping) = state.run.as_mut().and_then(|run| run.stopping.as_mut()) {
+            stopping.void = true;
         }
     }
+}
+
+/// What `machine_state` knows of the parts: an earlier process of this node may have left one behind, whose end is
+/// reported here.
+fn handle_supervised(state: &mut State, now: Stamp, known: &PartStatus, out: &mut Outbox<Output>) {
+    state.informed = true;
+    state.runs = state.runs.max(known.run_number);
+    if known.stage == PartStatus::NONE || state.used.contains(&known.run_id) {
+        return;
+    }
+    out.send(Output::Part(PartReport {
+        header: now.header(""),
+        part_id: known.part_id.clone(),
+        run_id: known.run_id.clone(),
+        verdict: PartReport::STOPPED,
+        text: "cycle was restarted while the part was made".to_owned(),
+        ..PartReport::default()
+    }));
 }
 
 /// After some faults earlier touches cannot be evaluated together with later ones: a process has lost its state, or the
@@ -81,14 +112,6 @@ impl Node for CycleNode {
 fn invalidates_measurements(fault: &Fault) -> bool {
     let codes = [Fault::PROCESS_ENDED, Fault::CONTROLLER_RESTARTED];
     fault.severity == Fault::ERROR && codes.contains(&fault.code.as_str())
-}
-
-/// A name that can be printed on one line and kept in a file; empty where a request names nothing.
-fn is_name(text: &str) -> bool {
-    text.chars().count() <= 200
-        && !text
-            .chars()
-            .any(|letter| probecell_msgs::is_unprintable(letter))
 }
 
 fn handle_run_request(
@@ -101,22 +124,7 @@ fn handle_run_request(
     let asked_plan = PlanId::from(&asked.plan_id);
     let measured = |run: &&Run| run.stage.plan_id() == Some(&asked_plan);
     let last = state.last.as_ref().filter(measured).cloned();
-    let refusal = match &state.run {
-        Some(run) if matches!(run.stage, Stage::OnlyMeasuring { .. }) => {
-            Some("a part is being measured")
-        }
-        Some(_) => Some("a part is being made"),
-        None if !is_name(&asked.subject) => {
-            Some("the name of the part holds a character that cannot be printed, or more than 200")
-        }
-        None if asked.plan_id.is_empty() && state.refuted.is_some() => Some(REFUTED),
-        None => match &last {
-            Some(run) if asked.subject.is_empty() || asked.subject == run.part_id => None,
-            Some(_) => Some("the plan belongs to another part"),
-            None if asked.subject.is_empty() => Some("the request names no part"),
-            None => None,
-        },
-    };
+    let refusal = refusal(state, now, asked, last.as_ref());
     out.send(Output::Reply(OperatorReply {
         header: now.header(""),
         request_id: asked.request_id,
@@ -134,70 +142,17 @@ fn handle_run_request(
     if let Some(run) = last {
         return resume(state, now, run, out);
     }
-    let only = !asked.plan_id.is_empty();
-    let stage = if only {
-        let request_id = measure(state, now, &asked_plan, 0, only, out);
-        Stage::OnlyMeasuring {
-            plan_id: asked_plan,
-            request_id,
-        }
-    } else {
-        Stage::Cutting {
-            index: 0,
-            request_id: 0,
-        }
+    let mut run = begin(state, now, &asked.subject);
+    if asked.plan_id.is_empty() {
+        state.run = Some(run);
+        return cut(config, state, now, 0, out);
+    }
+    let request_id = measure(state, now, &mut run, &asked_plan, true, out);
+    run.stage = Stage::OnlyMeasuring {
+        plan_id: asked_plan,
+        request_id,
     };
-    state.run = Some(Run {
-        part_id: asked.subject.clone(),
-        pass: 0,
-        attempt: 0,
-        cuts: 0,
-        stage,
-    });
-    if !only {
-        cut(config, state, now, 0, out);
-    }
-}
-
-/// Resumes the measurement with which a part ended.
-fn resume(state: &mut State, now: Stamp, mut run: Run, out: &mut Outbox<Output>) {
-    match &mut run.stage {
-        Stage::Measuring {
-            plan_id,
-            request_id,
-            done,
-            decision,
-        } => {
-            *request_id = measure(state, now, plan_id, run.pass, false, out);
-            *done = false;
-            *decision = None;
-        }
-        Stage::OnlyMeasuring {
-            plan_id,
-            request_id,
-        } => *request_id = measure(state, now, plan_id, run.pass, true, out),
-        Stage::Cutting { .. } | Stage::Correcting { .. } => return,
-    }
     state.run = Some(run);
-}
-
-/// Requests a measurement and returns the number of the request.
-fn measure(
-    state: &mut State,
-    now: Stamp,
-    plan_id: &PlanId,
-    pass_number: u32,
-    only_measure: bool,
-    out: &mut Outbox<Output>,
-) -> u64 {
-    let asked = OperationRequest {
-        kind: OperationRequest::MEASURE,
-        plan_id: plan_id.to_string(),
-        pass_number,
-        only_measure,
-        ..OperationRequest::default()
-    };
-    request(state, now, asked, out)
 }
 
 /// Cuts operation `index` of the pass, or measures when all are cut.
@@ -214,13 +169,13 @@ fn cut(config: &Config, state: &mut State, now: Stamp, index: usize, out: &mut O
             pass_number: run.pass,
             ..OperationRequest::default()
         };
-        let request_id = request(state, now, asked, out);
+        let request_id = asking::request(state, now, &mut run, asked, out);
         run.stage = Stage::Cutting { index, request_id };
     } else {
         run.cuts += u32::from(!pass.operations.is_empty());
         run.attempt += 1;
-        let plan_id = PlanId::measurement(RunId::new(&run.part_id, &pass.name), run.attempt);
-        let request_id = measure(state, now, &plan_id, run.pass, false, out);
+        let plan_id = PlanId::measurement(RunId::new(&run.run_id, &pass.name), run.attempt);
+        let request_id = measure(state, now, &mut run, &plan_id, false, out);
         run.stage = Stage::Measuring {
             plan_id,
             request_id,
@@ -239,6 +194,20 @@ fn handle_report(
     out: &mut Outbox<Output>,
 ) {
     let Some(run) = &mut state.run else { return };
+    if !asking::hear(run, now, report) {
+        return;
+    }
+    if let Some(Stopping { request_id, text, .. }) = &run.stopping {
+        if *request_id == report.request_id {
+            let text = if report.outcome == OperationReport::DONE {
+                text.clone()
+            } else {
+                format!("{text}; the machine has not confirmed that it stands: {}", report.text)
+            };
+            end(state, now, PartReport::STOPPED, &text, out);
+        }
+        return;
+    }
     let (mut early, mut measured) = (None, false);
     let next = match &mut run.stage {
         Stage::Cutting { index, request_id } if *request_id == report.request_id => {
@@ -262,7 +231,12 @@ fn handle_report(
     };
     if report.outcome != OperationReport::DONE {
         let text = format!("the machine did not complete an operation: {}", report.text);
-        end(state, now, PartReport::STOPPED, &text, out);
+        if report.outcome == OperationReport::REFUSED {
+            // Nothing was begun.
+            end(state, now, PartReport::STOPPED, &text, out);
+        } else {
+            asking::stop(state, now, &text, out);
+        }
         return;
     }
     match (next, early) {
@@ -272,36 +246,8 @@ fn handle_report(
         }
         (Some(index), _) => cut(config, state, now, index, out),
         (None, Some(decision)) => handle_decision(config, state, now, &decision, out),
-        // Numbered by the request, so that the timer of an earlier measurement does not end this one.
-        (None, None) => out.wake_at(
-            now.after_s(config.decision_limit),
-            timer_of(report.request_id),
-        ),
-    }
-}
-
-/// The timer of a request: never [`START`].
-fn timer_of(request_id: u64) -> u32 {
-    (request_id & 0x7fff_ffff) as u32 + 1
-}
-
-fn handle_timeout(state: &mut State, now: Stamp, timer: u32, out: &mut Outbox<Output>) {
-    let Some(Run {
-        stage:
-            Stage::Measuring {
-                request_id,
-                done: true,
-                plan_id,
-                ..
-            },
-        ..
-    }) = &state.run
-    else {
-        return;
-    };
-    if timer_of(*request_id) == timer {
-        let text = format!("no decision on {plan_id} arrived in time");
-        end(state, now, PartReport::STOPPED, &text, out);
+        // The decision is awaited.
+        (None, None) => {}
     }
 }
 
@@ -322,7 +268,7 @@ fn handle_decision(
         }
         Stage::Cutting { .. } | Stage::OnlyMeasuring { .. } => false,
     };
-    if !current {
+    if !current || run.stopping.is_some() {
         return;
     }
     if let Stage::Measuring {
@@ -355,6 +301,7 @@ fn handle_decision(
                 plan_id: PlanId::from(&decision.plan_id),
                 awaited,
             };
+            run.since = now;
             recut_when_corrected(config, state, now, out);
         }
         PassDecisionCode::Scrap => end(state, now, PartReport::SCRAP, &decision.text, out),
@@ -368,17 +315,16 @@ fn handle_decision(
 /// none is begun any more.
 fn revoke(state: &mut State, now: Stamp, decision: &PassDecision, out: &mut Outbox<Output>) {
     let run_id = PlanId::from(&decision.plan_id).run();
-    if state.run.is_some() {
-        let stop = OperationRequest {
-            kind: OperationRequest::STOP,
-            ..OperationRequest::default()
-        };
-        request(state, now, stop, out);
-        end(state, now, PartReport::STOPPED, &decision.text, out);
+    asking::stop(state, now, &decision.text, out);
+    if let Some(stopping) = state.run.as_mut().and_then(|run| run.stopping.as_mut()) {
+        stopping.void = true;
     }
     if let Some(index) = state.qualified.iter().rposition(|(run, ..)| *run == run_id)
-        && let Some((_, part_id, passes)) = state.qualified.remove(index)
+        && let Some((run, part_id, passes)) = state.qualified.remove(index)
     {
+        // The run of a measurement is that of the part, and the pass.
+        let run = run.to_string();
+        let run = run.rsplit_once('/').map_or(run.as_str(), |(run, _)| run);
         out.send(Output::Part(PartReport {
             header: now.header(""),
             part_id,
@@ -386,6 +332,7 @@ fn revoke(state: &mut State, now: Stamp, decision: &PassDecision, out: &mut Outb
             passes,
             text: format!("not qualified any more: {}", decision.text),
             plan_id: String::new(),
+            run_id: run.to_owned(),
         }));
     }
     state.last = None;
@@ -420,6 +367,7 @@ fn recut_when_corrected(config: &Config, state: &mut State, now: Stamp, out: &mu
         run:
             Some(Run {
                 stage: Stage::Correcting { awaited, .. },
+                stopping: None,
                 ..
             }),
         acknowledged,
@@ -448,23 +396,8 @@ fn recut_when_corrected(config: &Config, state: &mut State, now: Stamp, out: &mu
     }
 }
 
-fn request(
-    state: &mut State,
-    now: Stamp,
-    asked: OperationRequest,
-    out: &mut Outbox<Output>,
-) -> u64 {
-    let request_id = state.next_request;
-    state.next_request += 1;
-    out.send(Output::Request(OperationRequest {
-        header: now.header(""),
-        request_id,
-        ..asked
-    }));
-    request_id
-}
-
-fn end(state: &mut State, now: Stamp, verdict: u8, text: &str, out: &mut Outbox<Output>) {
+/// Ends the part with a report.
+pub(crate) fn end(state: &mut State, now: Stamp, verdict: u8, text: &str, out: &mut Outbox<Output>) {
     if let Some(run) = state.run.take() {
         let plan_id = match &run.stage {
             Stage::OnlyMeasuring { plan_id, .. } => plan_id.to_string(),
@@ -477,9 +410,11 @@ fn end(state: &mut State, now: Stamp, verdict: u8, text: &str, out: &mut Outbox<
             passes: run.cuts,
             text: text.to_owned(),
             plan_id,
+            run_id: run.run_id.clone(),
         }));
         // A decision that asked for corrections is carried out or void.
-        state.last = run.stage.plan_id().is_some().then_some(run);
+        let void = run.stopping.as_ref().is_some_and(|stopping| stopping.void);
+        state.last = (run.stage.plan_id().is_some() && !void).then_some(run);
     }
     state.acknowledged.clear();
 }

@@ -4,7 +4,7 @@ use cycle::{Config, CycleNode, Input, Output, Pass};
 use graph::{Node, Outbox, Stamp};
 use probecell_msgs::{
     CorrectionAcknowledgement as Ack, Fault, OperationReport, OperationRequest, OperatorRequest,
-    PartReport, PassDecision,
+    PartReport, PartStatus, PassDecision,
 };
 
 /// A rough pass of two operations and a finishing pass of one.
@@ -21,6 +21,9 @@ fn config() -> Config {
     Config {
         passes: vec![pass("rough", &["turn", "mill"]), pass("finish", &["face"])],
         decision_limit: 30.0,
+        operation_limit: 600.0,
+        correction_limit: 60.0,
+        answer_limit: 10.0,
     }
 }
 
@@ -29,6 +32,8 @@ fn check(inputs: Vec<Input>, expected: &[&str]) {
     let config = config();
     let mut state = CycleNode::start(&config);
     let mut said = Vec::new();
+    let informed = Input::Supervised(PartStatus::default());
+    CycleNode::step(&config, &mut state, Stamp(0), informed, &mut Outbox::default());
     for (second, input) in inputs.into_iter().enumerate() {
         let mut out = Outbox::default();
         CycleNode::step(
@@ -38,13 +43,14 @@ fn check(inputs: Vec<Input>, expected: &[&str]) {
             input,
             &mut out,
         );
-        said = out.messages().iter().map(line).collect();
+        said = out.messages().iter().filter_map(line).collect();
     }
     assert_eq!(said, expected);
 }
 
-fn line(output: &Output) -> String {
-    match output {
+fn line(output: &Output) -> Option<String> {
+    Some(match output {
+        Output::Status(_) => return None,
         Output::Request(one) if one.kind == OperationRequest::CUT => {
             format!("{} cut {}", one.request_id, one.operation)
         }
@@ -67,7 +73,7 @@ fn line(output: &Output) -> String {
             )
         }
         Output::Reply(one) => format!("accepted {}: {}", one.accepted, one.text),
-    }
+    })
 }
 
 fn run(part: &str) -> Input {
@@ -78,11 +84,21 @@ fn run(part: &str) -> Input {
 }
 
 fn done(request_id: u64) -> Input {
+    report(request_id, OperationReport::DONE, "")
+}
+
+fn report(request_id: u64, outcome: u8, text: &str) -> Input {
     Input::Report(OperationReport {
         request_id,
-        outcome: OperationReport::DONE,
+        outcome,
+        text: text.to_owned(),
         ..OperationReport::default()
     })
+}
+
+/// So many checks, a second apart.
+fn ticks(count: usize) -> Vec<Input> {
+    (0..count).map(|_| Input::Timer(1)).collect()
 }
 
 fn decision(plan_id: &str, decision: u8, corrections: &[&str]) -> Input {
@@ -248,35 +264,65 @@ fn a_fault_stops_machine_and_part_and_a_warning_does_not() {
     check(with(measured(), vec![fault(Fault::WARNING)]), &[]);
     check(
         with(measured(), vec![fault(Fault::ERROR)]),
-        &[
-            "3 stop",
-            "p stopped after 1 passes: probe_events: probe_dead: no trigger",
-        ],
+        &["3 stop"],
+    );
+    // The part ends when the machine has confirmed that it stands, or has not.
+    let told = |last: Input| with(measured(), vec![fault(Fault::ERROR), last]);
+    let stopped = "p stopped after 1 passes: probe_events: probe_dead: no trigger";
+    check(told(done(3)), &[stopped]);
+    check(told(done(2)), &[]);
+    check(told(fault(Fault::ERROR)), &[]);
+    let unconfirmed = report(3, OperationReport::FAILED, "silence");
+    let text = format!("{stopped}; the machine has not confirmed that it stands: silence");
+    check(told(unconfirmed), &[&text]);
+    let text = format!("{stopped}; the machine has not confirmed within 10 s that it stands");
+    check(
+        with(
+            with(measured(), vec![fault(Fault::ERROR)]),
+            ticks(11),
+        ),
+        &[&text],
     );
     check(vec![fault(Fault::ERROR)], &[]);
 }
 
 #[test]
+fn a_request_is_repeated_until_it_is_taken_and_silence_of_the_machine_stops_the_part() {
+    check(with(vec![run("p")], ticks(1)), &["0 cut turn"]);
+    check(with(vec![run("p")], ticks(2)), &["0 cut turn"]);
+    let taken = || report(0, OperationReport::UNDERWAY, "");
+    check(with(vec![run("p"), taken()], ticks(1)), &[]);
+    check(with(vec![run("p"), taken()], ticks(10)), &[]);
+    check(with(vec![run("p"), taken()], ticks(11)), &["1 stop"]);
+    // As long as the machine says that it is under way, it may take its time.
+    let mut long = vec![run("p")];
+    for _ in 0..50 {
+        long.extend(with(vec![taken()], ticks(5)));
+    }
+    check(with(long, vec![done(0)]), &["1 cut mill"]);
+}
+
+#[test]
 fn a_decision_that_does_not_come_stops_the_part_but_only_for_its_own_measurement() {
+    check(with(with(measured(), vec![done(2)]), ticks(30)), &[]);
+    let late = || with(with(measured(), vec![done(2)]), ticks(31));
+    check(late(), &["3 stop"]);
     let overdue = "p stopped after 1 passes: no decision on p/rough/1 arrived in time";
-    check(with(measured(), vec![done(2), Input::Timer(3)]), &[overdue]);
-    check(with(measured(), vec![Input::Timer(3)]), &[]);
-    check(with(measured(), vec![done(2), Input::Timer(2)]), &[]);
+    check(with(late(), vec![done(3)]), &[overdue]);
+    let recut = || decision("p/rough/1", PassDecision::RECUT, &["a"]);
+    let correcting = || with(measured(), vec![done(2), recut()]);
+    check(with(correcting(), ticks(60)), &[]);
+    check(with(correcting(), ticks(61)), &["3 stop"]);
 }
 
 #[test]
 fn an_operation_that_fails_stops_the_part() {
-    let outcome = OperationReport::FAILED;
-    let failed = OperationReport {
-        request_id: 0,
-        outcome,
-        text: "no tool".to_owned(),
-        ..OperationReport::default()
-    };
-    check(
-        vec![run("p"), Input::Report(failed)],
-        &["p stopped after 0 passes: the machine did not complete an operation: no tool"],
-    );
+    let text = "p stopped after 0 passes: the machine did not complete an operation: no tool";
+    let refused = report(0, OperationReport::REFUSED, "no tool");
+    check(vec![run("p"), refused], &[text]);
+    let failed = || report(0, OperationReport::FAILED, "no tool");
+    check(vec![run("p"), failed()], &["1 stop"]);
+    check(vec![run("p"), failed(), done(1)], &[text]);
 }
 
 /// The finishing pass of `part`, whose requests begin at `first`, up to its decision.

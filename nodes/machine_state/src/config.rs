@@ -16,6 +16,8 @@ pub struct RawConfig {
     /// A correction that the driver does not answer within this time has failed, and so has an operation whose outcome it
     /// does not report for so long while the controller is idle.
     pub reply_limit_s: f64,
+    /// A part of which `cycle` says nothing for longer is abandoned: the machine is stopped, and nothing is written for it.
+    pub part_limit_s: f64,
     /// No wear offset is ever written outside plus or minus this.
     pub wear_limit_mm: f64,
     /// No point of a tool path is ever offset by more.
@@ -35,6 +37,7 @@ impl Default for RawConfig {
             silence_limit_s: 1.0,
             order_limit_s: 10.0,
             reply_limit_s: 30.0,
+            part_limit_s: 3.0,
             wear_limit_mm: 0.5,
             path_limit_mm: 0.5,
             work_offset_limit_mm: 2.0,
@@ -58,6 +61,8 @@ pub struct Config {
     /// s; a correction that the driver does not answer within this time has failed, and so has an operation whose outcome
     /// it does not report for so long while the controller is idle.
     pub reply_limit: f64,
+    /// s; a part of which `cycle` says nothing for longer is abandoned.
+    pub part_limit: f64,
     /// No wear offset is written outside plus or minus this.
     pub wear_limit: Length,
     /// No point of a tool path is offset by more.
@@ -92,6 +97,7 @@ impl RawConfig {
             ("silence_limit_s", self.silence_limit_s),
             ("order_limit_s", self.order_limit_s),
             ("reply_limit_s", self.reply_limit_s),
+            ("part_limit_s", self.part_limit_s),
             ("wear_limit_mm", self.wear_limit_mm),
             ("path_limit_mm", self.path_limit_mm),
             ("work_offset_limit_mm", self.work_offset_limit_mm),
@@ -113,6 +119,7 @@ impl RawConfig {
             silence_limit: self.silence_limit_s,
             order_limit: self.order_limit_s,
             reply_limit: self.reply_limit_s,
+            part_limit: self.part_limit_s,
             wear_limit: Length::from_mm(self.wear_limit_mm),
             path_limit: Length::from_mm(self.path_limit_mm),
             work_offset_limit: Length::from_mm(self.work_offset_limit_mm),

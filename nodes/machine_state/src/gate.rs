@@ -8,6 +8,7 @@ use quantity::Length;
 
 use crate::{
     config::Config,
+    part,
     refusal::{Refusal, refusal, refuse},
     state::{Controller, State},
     table,
@@ -40,6 +41,7 @@ pub(crate) fn check(
         return refuse(Ack::REFUSED_STALE, "it has expired");
     }
     check_source(state, correction)?;
+    part::check(config, state, now, correction)?;
     let kind = CorrectionKind::try_from(correction.kind);
     let kind = kind.or_else(|unknown| refuse(Ack::FAILED, unknown.to_string()))?;
     let held = match kind {

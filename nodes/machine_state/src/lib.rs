@@ -14,11 +14,13 @@
 //! |---|---|
 //! | `controller_status`, `controller_replies` | `robot_description`, `joint_states`, `joint_commands`, `machine_state`, `tool_offsets` |
 //! | `operation_requests`, `plan_progress`, `measurement_order` | `controller_commands`, `operation_reports` |
-//! | `corrections`, `part_reports` | `correction_acknowledgements` |
-//! | | `machine_state/faults`: `controller_lost`, `controller_restarted`, `estop`, `controller_alarm`, `unplanned_touch`, `status_not_finite`, `probe_stuck`, `machine_off`, `stopped` |
+//! | `corrections`, `part_reports`, `part_status` | `correction_acknowledgements`, `supervised_part` |
+//! | `stop_requests`, `recording_status` | `stop_replies`, `gate_heartbeat` |
+//! | | `machine_state/faults`: `controller_lost`, `controller_restarted`, `estop`, `controller_alarm`, `unplanned_touch`, `status_not_finite`, `probe_stuck`, `machine_off`, `stopped`, `unsupervised_motion`, `cycle_lost`, `gate_lost` |
 //!
 //! Invariants: nothing else publishes `controller_commands`; a correction is written at most once; a command names the
-//! session of the driver that runs now; no correction rests on a part that ended other than qualified. A driver that does
+//! session of the driver that runs now; no correction rests on a part that ended other than qualified, and none is written for
+//! a part that is not being made. The first command to a session is STOP. A request is taken once; without a recording none is. A driver that does
 //! not answer a correction in time has failed it, and an operation has failed when the controller stays idle without a
 //! report. A volumetric table is written as a whole, and applied only when every entry is read back.
 
@@ -26,12 +28,14 @@ mod command;
 mod config;
 mod gate;
 mod operation;
+mod part;
 mod ports;
 mod refusal;
 mod standing;
 mod state;
 mod status;
 mod step;
+mod stop;
 mod table;
 mod writing;
 

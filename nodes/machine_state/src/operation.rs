@@ -3,7 +3,7 @@
 use graph::{FaultCode, Outbox, Stamp};
 use probecell_msgs::{
     ControllerCommand, ControllerReply, MachineState, OperationReport, OperationRequest,
-    OperationRequestKind,
+    OperationRequestKind, RecordingStatus,
 };
 
 use crate::{
@@ -11,8 +11,8 @@ use crate::{
     config::Config,
     ports::{MachineFault, Output},
     standing::{clear, raise},
-    state::{Awaited, Operation, State, Writing},
-    writing,
+    state::{Asker, Awaited, Operation, State, Writing},
+    stop, writing,
 };
 
 /// Why the machine accepts no request at all.
@@ -28,7 +28,61 @@ pub(crate) fn refusal(config: &Config, state: &State) -> Option<&'static str> {
     }
 }
 
+/// Why nothing may be cut or measured now.
+fn unrecorded(state: &State, now: Stamp) -> Option<&'static str> {
+    let Some((status, at)) = &state.recording else {
+        return Some("no recorder has reported: the cell must not run unrecorded");
+    };
+    let holds = status.validity == 0.0 || now.since_s(*at) <= status.validity;
+    match status.state {
+        RecordingStatus::RECORDING | RecordingStatus::WAIVED if holds => None,
+        RecordingStatus::RECORDING => {
+            Some("the recorder has fallen silent: the cell must not run unrecorded")
+        }
+        _ => Some("nothing is recorded: start a recording first"),
+    }
+}
+
+/// Takes a request once. One that is repeated is answered by the last report on it.
 pub(crate) fn request(
+    config: &Config,
+    state: &mut State,
+    now: Stamp,
+    request: OperationRequest,
+    out: &mut Outbox<Output>,
+) {
+    match &state.taken {
+        Some((taken, _)) if *taken > request.request_id => return,
+        Some((taken, answer)) if *taken == request.request_id => {
+            match answer {
+                Some(answer) => out.send(Output::Report(answer.clone())),
+                None => underway(state, now, out),
+            }
+            return;
+        }
+        _ => state.taken = Some((request.request_id, None)),
+    }
+    carry_out(config, state, now, request, out);
+    if matches!(state.taken, Some((_, None))) {
+        underway(state, now, out);
+    }
+}
+
+/// Reports that the request taken last is under way.
+pub(crate) fn underway(state: &mut State, now: Stamp, out: &mut Outbox<Output>) {
+    if let Some((request_id, None)) = state.taken {
+        state.told = now;
+        out.send(Output::Report(OperationReport {
+            header: now.header(""),
+            request_id,
+            outcome: OperationReport::UNDERWAY,
+            text: String::new(),
+        }));
+    }
+}
+
+/// Begins what was requested, or waits for the order of a measurement.
+pub(crate) fn carry_out(
     config: &Config,
     state: &mut State,
     now: Stamp,
@@ -37,16 +91,25 @@ pub(crate) fn request(
 ) {
     // A request that is not understood stops the machine.
     let kind = OperationRequestKind::try_from(request.kind);
-    let kind = kind.unwrap_or(OperationRequestKind::Stop);
-    let busy = kind != OperationRequestKind::Stop && state.operation.is_some();
-    let refusal = refusal(config, state).or(busy.then_some("the machine is busy"));
+    let kind = match kind.unwrap_or(OperationRequestKind::Stop) {
+        OperationRequestKind::Cut => ControllerCommand::RUN_OPERATION,
+        OperationRequestKind::Measure => ControllerCommand::RUN_MEASUREMENT,
+        OperationRequestKind::Stop => {
+            return stop::stop(config, state, now, Asker::Cycle(request.request_id), out);
+        }
+    };
+    let busy = state.operation.is_some() || state.awaited.is_some();
+    let refusal = refusal(config, state)
+        .or_else(|| unrecorded(state, now))
+        .or(busy.then_some("the machine is busy"));
     if let Some(text) = refusal {
         state.order = None;
-        report(now, request.request_id, OperationReport::REFUSED, text, out);
+        let id = request.request_id;
+        report(state, now, id, OperationReport::REFUSED, text, out);
         return;
     }
     let mut order = Vec::new();
-    if kind == OperationRequestKind::Measure {
+    if kind == ControllerCommand::RUN_MEASUREMENT {
         // Taken: the same plan, measured again, has another order.
         match state.order.take() {
             Some((plan, indices)) if plan == request.plan_id => order = indices,
@@ -64,16 +127,12 @@ pub(crate) fn request(
             state.measured.insert(request.plan_id.clone(), asked);
         }
     }
-    let kind = match kind {
-        OperationRequestKind::Cut => ControllerCommand::RUN_OPERATION,
-        OperationRequestKind::Measure => ControllerCommand::RUN_MEASUREMENT,
-        OperationRequestKind::Stop => ControllerCommand::STOP,
-    };
     let command = ControllerCommand {
         kind,
         operation: request.operation,
         plan_id: request.plan_id,
         order,
+        run_id: request.run_id,
         ..ControllerCommand::default()
     };
     let command_id = command::send(state, now, command, out);
@@ -98,6 +157,9 @@ pub(crate) fn answer(
     {
         return;
     }
+    if stop::confirm(state, now, reply, out) {
+        return;
+    }
     if let Some(Writing { correction, .. }) = state.writing.remove(&reply.command_id) {
         return writing::reply(state, now, &correction, reply, out);
     }
@@ -116,7 +178,7 @@ pub(crate) fn answer(
             raise(state, now, fault, text, out);
             clear(state, fault);
         }
-        report(now, operation.request_id, outcome, &reply.text, out);
+        report(state, now, operation.request_id, outcome, &reply.text, out);
     }
 }
 
@@ -134,28 +196,30 @@ fn driver_fault(text: &str) -> Option<(MachineFault, &str)> {
 
 pub(crate) fn fail(state: &mut State, now: Stamp, text: &str, out: &mut Outbox<Output>) {
     if let Some(operation) = state.operation.take() {
-        report(
-            now,
-            operation.request_id,
-            OperationReport::FAILED,
-            text,
-            out,
-        );
+        let id = operation.request_id;
+        report(state, now, id, OperationReport::FAILED, text, out);
     }
 }
 
+/// Answers a request; the answer is kept for the case that the request is repeated.
 pub(crate) fn report(
+    state: &mut State,
     now: Stamp,
     request_id: u64,
     outcome: u8,
     text: &str,
     out: &mut Outbox<Output>,
 ) {
-    let header = now.header("");
-    out.send(Output::Report(OperationReport {
-        header,
+    let report = OperationReport {
+        header: now.header(""),
         request_id,
         outcome,
         text: text.to_owned(),
-    }));
+    };
+    if let Some((taken, answer)) = &mut state.taken
+        && *taken == request_id
+    {
+        *answer = Some(report.clone());
+    }
+    out.send(Output::Report(report));
 }

@@ -3,8 +3,8 @@
 use graph::{faults, inputs, outputs, topics};
 use probecell_msgs::{
     ControllerCommand, ControllerReply, ControllerStatus, Correction, CorrectionAcknowledgement,
-    Fault, MachineState, MeasurementOrder, OperationReport, OperationRequest, PartReport,
-    PlanProgress, ToolOffsets, sensor_msgs::JointState, std_msgs,
+    Fault, GateHeartbeat, MachineState, MeasurementOrder, OperationReport, OperationRequest,
+    OperatorReply, OperatorRequest, PartReport, PartStatus, PlanProgress, RecordingStatus, ToolOffsets, sensor_msgs::JointState, std_msgs,
 };
 
 inputs! {
@@ -22,6 +22,12 @@ inputs! {
         Correction(Correction) = topics::CORRECTIONS,
         /// The end of a part; corrections proposed for it become void.
         Part(PartReport) = topics::PART_REPORTS,
+        /// The part that is being made, as `cycle` has it.
+        PartStatus(PartStatus) = topics::PART_STATUS,
+        /// An operator stops the machine.
+        Stop(OperatorRequest) = topics::STOP_REQUESTS,
+        /// Whether the cell is recorded.
+        Recording(RecordingStatus) = topics::RECORDING_STATUS,
         /// Progress of path planning.
         Progress(PlanProgress) = topics::PLAN_PROGRESS,
     }
@@ -46,6 +52,12 @@ outputs! {
         Report(OperationReport) = topics::OPERATION_REPORTS,
         /// The outcome of a correction.
         Acknowledgement(CorrectionAcknowledgement) = topics::CORRECTION_ACKNOWLEDGEMENTS,
+        /// A sign of life for the driver.
+        Heartbeat(GateHeartbeat) = topics::GATE_HEARTBEAT,
+        /// The part that is being made, as it is known here.
+        Supervised(PartStatus) = topics::SUPERVISED_PART,
+        /// The answer to an operator who has stopped the machine.
+        Stopped(OperatorReply) = topics::STOP_REPLIES,
         /// A fault.
         Fault(Fault) = topics::MACHINE_STATE_FAULTS,
     }
@@ -66,6 +78,12 @@ faults! {
         UnplannedTouch = ERROR "unplanned_touch",
         /// A sample has an axis position that is missing or not a finite number.
         StatusNotFinite = ERROR "status_not_finite",
+        /// The machine was executing a program when the gate started: nobody has supervised it.
+        UnsupervisedMotion = ERROR "unsupervised_motion",
+        /// `cycle` says nothing any more of the part that is being made.
+        CycleLost = ERROR "cycle_lost",
+        /// Driver: the gate has fallen silent, or it is another process than before.
+        GateLost = ERROR "gate_lost",
         /// Driver: the probe was tripped before a move began.
         ProbeStuck = ERROR "probe_stuck",
         /// Driver: the machine was switched off.

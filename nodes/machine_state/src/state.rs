@@ -3,16 +3,32 @@
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use graph::Stamp;
-use probecell_msgs::{ControllerStatus, Correction, OperationRequest};
+use probecell_msgs::{
+    ControllerStatus, Correction, OperationReport, OperationRequest, PartStatus, RecordingStatus,
+};
 use serde::{Deserialize, Serialize};
 
 /// The state of `machine_state`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct State {
+    /// ns since 1970, start of this process; 0 before it.
+    pub started: u64,
+    /// Signs of life given so far.
+    pub beats: u64,
     /// The driver that runs now, and its last sample.
     pub controller: Option<Controller>,
     /// Number of the next command to this driver.
     pub next_command: u64,
+    /// The last request taken, and the last report on it: a repeated request is answered by it.
+    pub taken: Option<(u64, Option<OperationReport>)>,
+    /// When a request under way was last reported to be.
+    pub told: Stamp,
+    /// Commands to stop that the driver has not confirmed, by number.
+    pub stops: BTreeMap<u64, Stop>,
+    /// The part that is being made.
+    pub part: Part,
+    /// What is known of the recording, and when it arrived.
+    pub recording: Option<(RecordingStatus, Stamp)>,
     /// The operation under way.
     pub operation: Option<Operation>,
     /// A measurement that waits for its order.
@@ -86,4 +102,35 @@ pub struct Awaited {
     pub request: OperationRequest,
     /// When it fails for want of an answer.
     pub until: Stamp,
+}
+
+/// The part that is being made, as `cycle` reports it.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Part {
+    /// Its last status; of another part than this only once its end is known.
+    pub status: PartStatus,
+    /// When it arrived.
+    pub at: Stamp,
+    /// `cycle` says nothing of it any more, or another process does.
+    pub abandoned: bool,
+}
+
+/// A command to stop that the driver has not confirmed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Stop {
+    /// Who waits for the confirmation.
+    pub asked_by: Asker,
+    /// When it has failed for want of an answer.
+    pub until: Stamp,
+}
+
+/// Who has stopped the machine.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Asker {
+    /// The gate itself; nobody waits.
+    Gate,
+    /// `cycle`, with a request of this number.
+    Cycle(u64),
+    /// An operator, with a request of this number.
+    Operator(u64),
 }

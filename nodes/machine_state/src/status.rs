@@ -10,8 +10,12 @@ use crate::{
     operation,
     ports::{MachineFault, Output},
     standing::{clear, raise},
-    state::{Controller, State},
+    state::{Asker, Controller, State},
+    stop,
 };
+
+/// s between two reports of a request under way.
+const UNDERWAY_PERIOD: f64 = 1.0;
 
 /// Part of the alarm text with which a controller reports a touch outside a measuring move.
 const UNPLANNED_TOUCH: &str = "probe tripped during non-probe";
@@ -48,14 +52,19 @@ pub(crate) fn sample(
             out,
         );
         clear(state, MachineFault::ControllerRestarted);
-        let standing = std::mem::take(&mut state.standing);
         *state = State {
+            started: state.started,
+            beats: state.beats,
             next_command: state.next_command,
+            taken: state.taken.take(),
+            part: std::mem::take(&mut state.part),
+            recording: state.recording.take(),
             order: state.order.take(),
-            standing,
+            standing: std::mem::take(&mut state.standing),
             ..State::default()
         };
     }
+    let greeted = state.controller.is_some() || state.started == 0;
     report_faults(state, now, &status, out);
     publish(config, state, &status, out);
     if let Some(operation) = &mut state.operation {
@@ -68,6 +77,29 @@ pub(crate) fn sample(
         lost: false,
     });
     clear(state, MachineFault::ControllerLost);
+    if !greeted {
+        take_over(config, state, now, out);
+    }
+}
+
+/// The first word to a driver is to stop: what its machine does, nobody has supervised.
+fn take_over(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Output>) {
+    let known = state.controller.as_ref().map(|known| &known.status);
+    let at_work = [
+        MachineState::EXECUTION_RUNNING,
+        MachineState::EXECUTION_HOLD,
+    ];
+    if let Some(status) = known.filter(|status| {
+        at_work.contains(&status.execution) && !status.program.is_empty()
+    }) {
+        let text = format!(
+            "the machine was executing {:?} and is told to stop: nobody has supervised it",
+            status.program
+        );
+        raise(state, now, MachineFault::UnsupervisedMotion, &text, out);
+        clear(state, MachineFault::UnsupervisedMotion);
+    }
+    stop::stop(config, state, now, Asker::Gate, out);
 }
 
 fn report_faults(
@@ -222,12 +254,10 @@ pub(crate) fn watch(config: &Config, state: &mut State, now: Stamp, out: &mut Ou
             "no measuring order for plan {:?} arrived in time",
             awaited.request.plan_id
         );
-        operation::report(
-            now,
-            awaited.request.request_id,
-            OperationReport::FAILED,
-            &text,
-            out,
-        );
+        let id = awaited.request.request_id;
+        operation::report(state, now, id, OperationReport::FAILED, &text, out);
+    }
+    if matches!(state.taken, Some((_, None))) && now.since_s(state.told) >= UNDERWAY_PERIOD {
+        operation::underway(state, now, out);
     }
 }

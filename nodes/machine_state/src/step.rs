@@ -1,20 +1,20 @@
 //! The rules of `machine_state`.
 
 use graph::{Node, Outbox, START, Stamp};
-use probecell_msgs::{PartReport, PlanProgress, std_msgs};
+use probecell_msgs::{GateHeartbeat, PlanProgress, std_msgs};
 
 use crate::{
     config::Config,
-    operation,
+    operation, part,
     ports::{Input, MachineFault, Output},
-    state::{Awaited, State},
-    status, writing,
+    state::{Asker, Awaited, State},
+    status, stop, writing,
 };
 
 /// Timer of the check of timeouts.
 const WATCH: u32 = 1;
 /// s between two checks.
-const WATCH_PERIOD: f64 = 0.1;
+const WATCH_PERIOD: f64 = graph::supervision::HEARTBEAT_PERIOD;
 
 /// The node.
 pub struct MachineStateNode;
@@ -43,12 +43,17 @@ impl Node for MachineStateNode {
                 if id == START {
                     // The driver may still answer commands of an earlier process.
                     state.next_command = now.0.unsigned_abs();
+                    state.started = now.0.unsigned_abs();
                     let description = std_msgs::String {
                         data: config.robot_description.clone(),
                     };
                     out.send(Output::RobotDescription(description));
+                    part::publish(state, now, out);
                 }
+                beat(state, now, out);
                 status::watch(config, state, now, out);
+                part::watch(config, state, now, out);
+                stop::expire(state, now, out);
                 writing::expire(config, state, now, out);
                 writing::write_deferred(config, state, now, out);
                 out.wake_at(now.after_s(WATCH_PERIOD), WATCH);
@@ -69,7 +74,7 @@ impl Node for MachineStateNode {
                     state.order = Some((order.plan_id, order.order));
                 }
                 if let Some(awaited) = state.awaited.take() {
-                    operation::request(config, state, now, awaited.request, out);
+                    operation::carry_out(config, state, now, awaited.request, out);
                 }
             }
             Input::Progress(progress) => {
@@ -82,11 +87,25 @@ impl Node for MachineStateNode {
                 }
             }
             Input::Correction(correction) => writing::correct(config, state, now, correction, out),
-            Input::Part(report) => {
-                if [PartReport::STOPPED, PartReport::SCRAP].contains(&report.verdict) {
-                    state.ended = state.ended.max(Some(Stamp::from(&report.header.stamp)));
-                }
+            Input::Part(report) => part::ended(state, now, &report, out),
+            Input::PartStatus(status) => part::status(config, state, now, status, out),
+            Input::Stop(request) => {
+                let asked_by = Asker::Operator(request.request_id);
+                stop::stop(config, state, now, asked_by, out);
             }
+            Input::Recording(status) => state.recording = Some((status, now)),
         }
     }
+}
+
+/// Gives a sign of life.
+fn beat(state: &mut State, now: Stamp, out: &mut Outbox<Output>) {
+    state.beats += 1;
+    let session = state.controller.as_ref().map(|known| &known.status.session);
+    out.send(Output::Heartbeat(GateHeartbeat {
+        header: now.header(""),
+        session: session.cloned().unwrap_or_default(),
+        started: state.started,
+        count: state.beats,
+    }));
 }

@@ -26,6 +26,11 @@ pub(crate) fn correct(
     correction: Correction,
     out: &mut Outbox<Output>,
 ) {
+    // Made before this process began: whether its predecessor has written it is not known here, and the part has been
+    // stopped. It is neither written nor answered a second time.
+    if Stamp::from(&correction.header.stamp).0 < state.started as i64 {
+        return;
+    }
     let inert = [Correction::APPROVAL_NONE, Correction::APPROVAL_REJECTED];
     let known = |other: &Correction| other.correction_id == correction.correction_id;
     if inert.contains(&correction.approval)

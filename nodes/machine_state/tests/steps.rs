@@ -5,7 +5,7 @@ use machine_state::{Config, Input, MachineStateNode, Output, RawConfig};
 use probecell_msgs::{
     ControllerCommand, ControllerReply, ControllerStatus, Correction,
     CorrectionAcknowledgement as Ack, MachineState, MeasurementOrder, OperationReport,
-    OperationRequest, PartReport, PlanProgress, builtin_interfaces::Time,
+    OperationRequest, PartReport, PartStatus, PlanProgress, RecordingStatus, builtin_interfaces::Time,
 };
 
 fn config() -> Config {
@@ -93,6 +93,23 @@ fn correction() -> Correction {
     }
 }
 
+/// The cell is recorded, and the part whose measurement is `p/1` waits for its corrections.
+fn context() -> [Input; 2] {
+    let recording = RecordingStatus {
+        state: RecordingStatus::RECORDING,
+        ..RecordingStatus::default()
+    };
+    let part = PartStatus {
+        stage: PartStatus::CORRECTING,
+        run_number: 1,
+        run_id: "p".to_owned(),
+        part_id: "p".to_owned(),
+        plan_id: "p/1".to_owned(),
+        ..PartStatus::default()
+    };
+    [Input::Recording(recording), Input::PartStatus(part)]
+}
+
 /// Gives the inputs 0.1 s apart; what the last one makes the node say, a line each, readings of the axes left out.
 fn check(inputs: Vec<Input>, expected: &[&str]) {
     let config = config();
@@ -100,6 +117,10 @@ fn check(inputs: Vec<Input>, expected: &[&str]) {
     let mut said = Vec::new();
     for (index, input) in inputs.into_iter().enumerate() {
         let mut out = Outbox::default();
+        for context in context() {
+            let now = Stamp(index as i64 * 100_000_000);
+            MachineStateNode::step(&config, &mut state, now, context, &mut Outbox::default());
+        }
         MachineStateNode::step(
             &config,
             &mut state,
@@ -114,7 +135,12 @@ fn check(inputs: Vec<Input>, expected: &[&str]) {
 
 fn line(output: &Output) -> Option<String> {
     Some(match output {
-        Output::JointStates(_) | Output::JointCommands(_) => return None,
+        Output::JointStates(_)
+        | Output::JointCommands(_)
+        | Output::Heartbeat(_)
+        | Output::Supervised(_) => return None,
+        Output::Report(one) if one.outcome == OperationReport::UNDERWAY => return None,
+        Output::Stopped(one) => format!("stop {}: {}", one.accepted, one.text),
         Output::RobotDescription(one) => format!("robot {}", one.data),
         Output::State(one) => format!("{} execution {}", one.machine_id, one.execution),
         Output::ToolOffsets(one) if !one.volumetric_entries.is_empty() => {

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use probecell_msgs::{InspectionPlan, MeasurementOrder};
+use probecell_msgs::{InspectionPlan, MeasurementOrder, OperationRequest};
 use serde::{Deserialize, Serialize};
 
 use crate::{job::Job, resume::Measurement};
@@ -18,6 +18,8 @@ pub struct State {
     pub measured: BTreeSet<String>,
     /// The measurement that was requested last; `None` once something is cut, or another plan is published.
     pub measurement: Option<Measurement>,
+    /// The last request of the cycle: a repeated one is taken once.
+    pub taken: Option<OperationRequest>,
     /// The measurement that the machine makes now: number of its request, and its plan.
     pub running: Option<(u64, String)>,
     /// Where the axes stand, in the order of the chain's axes: m, rad.

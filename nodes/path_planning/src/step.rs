@@ -1,7 +1,7 @@
 //! What each input of `path_planning` does.
 
 use graph::{Node, Outbox, Stamp};
-use probecell_msgs::OperationRequest;
+use probecell_msgs::{OperationReport, OperationRequest};
 
 use crate::{
     config::Config,
@@ -49,6 +49,8 @@ impl Node for PathPlanningNode {
                 let positions = config.chain.positions(&joints.name, &joints.position);
                 state.here = positions.ok().or(state.here.take());
             }
+            Input::Report(report) if report.outcome == OperationReport::UNDERWAY => {}
+            Input::Request(request) if state.taken.as_ref() == Some(&request) => {}
             Input::Report(report) => {
                 state
                     .running
@@ -57,6 +59,7 @@ impl Node for PathPlanningNode {
                 work::cancel(state, now, is_for_it, "its measurement has ended", out);
             }
             Input::Request(request) => {
+                state.taken = Some(request.clone());
                 // What the machine did before has ended, or is given up by the cycle.
                 state.running = (request.kind == OperationRequest::MEASURE)
                     .then(|| (request.request_id, request.plan_id.clone()));

@@ -1,8 +1,8 @@
-//! Decides which raw triggers are touches, and numbers them.
+//! Decides which raw triggers are touches.
 //!
 //! ```text
 //!  driver         probe_triggers ──┐  ┌─────────────────────────────┐
-//!                                  ├─>│ pair a trigger with its plan│──> probe_events         (numbered from 0, no gaps)
+//!                                  ├─>│ pair a trigger with its plan│──> probe_events         (numbered by the driver) 
 //!  path_planning  inspection_plan ─┘  │ ball centre by the chain    │──> probe_events/faults
 //!                                     └─────────────────────────────┘
 //! ```
@@ -12,7 +12,8 @@
 //! | `probe_triggers`, `inspection_plan` | `probe_events` |
 //! | | `probe_events/faults`: `no_contact`, `probe_dead`, `probe_stuck`, `trigger_not_usable` |
 //!
-//! Every trigger of a known plan becomes exactly one event; events are numbered from 0 without gaps. A move that ended
+//! Every trigger of a known plan becomes exactly one event, with the number that the driver gave the trigger: from 0 in its
+//! session, without gaps, whatever becomes of this process. A number that is missing is a touch that was lost. A move that ended
 //! without a trigger, or that began with the probe already tripped, is an event too, but never one that a size can be
 //! made of. Triggers may arrive before their plan does: they wait for it.
 //!

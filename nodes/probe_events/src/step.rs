@@ -53,8 +53,6 @@ const DEAD_AFTER: u32 = 2;
 /// The state of `probe_events`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct State {
-    /// Number of the next event.
-    pub next_sequence: u64,
     /// The last plan received.
     pub plan: Option<InspectionPlan>,
     /// Triggers whose plan has not arrived yet.
@@ -157,7 +155,7 @@ fn take(
         .ball_in_part(&positions, &part.part_pose, &part.ball);
     out.send(Output::Event(ProbeEvent {
         header: Stamp::from(&trigger.header.stamp).header("part"),
-        sequence: state.next_sequence,
+        sequence: trigger.sequence,
         plan_id: plan.plan_id.clone(),
         point_index: trigger.point_index,
         outcome,
@@ -171,7 +169,6 @@ fn take(
         approach: approach(nominal),
         feed: trigger.feed,
     }));
-    state.next_sequence += 1;
 }
 
 /// The approach opposes the outward normal, as in every measuring program.

@@ -6,6 +6,7 @@ use probecell_msgs::{ControllerCommand, ControllerReply, ControllerStatus, Machi
 use crate::{
     config::Config,
     motion::{self, Builder},
+    plant,
     ports::Output,
     state::{State, Then},
 };
@@ -78,6 +79,10 @@ fn start_cut(
         out.send(refused(state, now, &command, text));
         return;
     };
+    if command.run_id != state.run_id {
+        plant::renew(config, state);
+        state.run_id.clone_from(&command.run_id);
+    }
     state.tool = operation.tool_number;
     let mut builder = Builder::new(now, &state.position);
     builder.push(

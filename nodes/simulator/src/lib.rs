@@ -9,7 +9,7 @@
 //!
 //! | subscribes to | publishes |
 //! |---|---|
-//! | `controller_commands` | `controller_status`, `controller_replies` |
+//! | `controller_commands`, `gate_heartbeat` | `controller_status`, `controller_replies` |
 //! | `inspection_plan`, `measurement_order` | `probe_triggers`, `reference` |
 //!
 //! It knows what the cell must find out: the true stylus, the true sizes, how a tool really cuts
@@ -18,7 +18,7 @@
 //! kinematic chain; between the given points of a surface it is interpolated. The controller holds wear offsets, work
 //! offsets and a volumetric table, reports them and accepts new ones; with the table it corrects the axes, while it reports
 //! positions of the programme. Every run begins with the offsets of the cell file. All randomness comes from a seed, and
-//! time is an argument of `step`.
+//! time is an argument of `step`. A cut of another run than before begins with a new bar; a program ends when the gate is silent.
 
 mod config;
 mod controller;

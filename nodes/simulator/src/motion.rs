@@ -190,6 +190,7 @@ fn touch(
         axis_names: config.chain.axis_names().map(str::to_owned).collect(),
         axis_positions: end.clone(),
         feed: step.feed,
+        ..ProbeTrigger::default()
     };
     builder.push(end.clone(), seconds * share, Then::Touch(trigger));
     builder.push(end, DWELL, Then::Go);

@@ -23,6 +23,16 @@ pub(crate) fn normal(random: &mut impl Rng, standard_deviation: f64) -> f64 {
     standard_deviation * random.sample::<f64, _>(StandardNormal)
 }
 
+/// The bar of a new part: nothing is cut yet, and what the process delivers is as at the start.
+pub(crate) fn renew(config: &Config, state: &mut State) {
+    let stock = config.raw.sizes.iter();
+    state.sizes = stock
+        .map(|size| (size.id.clone(), size.stock_mm * 1e-3))
+        .collect();
+    state.turned.clear();
+    state.surfaces.clear();
+}
+
 /// Cuts the sizes of an operation.
 pub(crate) fn cut(config: &Config, state: &mut State, operation: &str) {
     let Some(operation) = config.raw.operations.iter().find(|raw| raw.id == operation) else {

@@ -2,8 +2,8 @@
 
 use graph::{inputs, outputs, topics};
 use probecell_msgs::{
-    ControllerCommand, ControllerReply, ControllerStatus, InspectionPlan, MeasurementOrder,
-    ProbeTrigger, ReferenceMeasurement,
+    ControllerCommand, ControllerReply, ControllerStatus, GateHeartbeat, InspectionPlan,
+    MeasurementOrder, ProbeTrigger, ReferenceMeasurement,
 };
 
 inputs! {
@@ -11,6 +11,8 @@ inputs! {
     pub enum Input {
         /// A command.
         Command(ControllerCommand) = topics::CONTROLLER_COMMANDS,
+        /// A sign of life of the gate.
+        Heartbeat(GateHeartbeat) = topics::GATE_HEARTBEAT,
         /// What is measured.
         Plan(InspectionPlan) = topics::INSPECTION_PLAN,
         /// In which order, by which moves.

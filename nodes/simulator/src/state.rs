@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
-use graph::Stamp;
+use graph::{Stamp, supervision::GateWatch};
 use machine::motion::Profile;
 use probecell_msgs::{
     ControllerCommand, ControllerReply, InspectionPlan, MeasurementOrder, ProbeTrigger,
@@ -54,6 +54,12 @@ pub struct State {
     pub silent: bool,
     /// Touches of this run.
     pub touches: u32,
+    /// Triggers published in this session.
+    pub triggers: u64,
+    /// The run whose part was cut last: another one begins with a new bar.
+    pub run_id: String,
+    /// What is known of the gate.
+    pub gate: GateWatch,
 }
 
 /// A program under execution.

@@ -1,7 +1,7 @@
 //! The rules of the simulated machine.
 
 use graph::{NoFaults, Node, Outbox, START, Stamp};
-use probecell_msgs::{ControllerCommand, ControllerReply};
+use probecell_msgs::{ControllerCommand, ControllerReply, ProbeTrigger};
 use rand::SeedableRng;
 use rand_pcg::Pcg32;
 
@@ -61,6 +61,9 @@ impl Node for SimulatorNode {
             estop: false,
             silent: false,
             touches: 0,
+            triggers: 0,
+            run_id: String::new(),
+            gate: graph::supervision::GateWatch::default(),
         }
     }
 
@@ -77,6 +80,9 @@ impl Node for SimulatorNode {
                     state.session = format!("simulator-{}", now.0);
                 }
                 run(config, state, now, out);
+                if state.gate.is_silent(now) {
+                    give_up(state, now, "machine_state has fallen silent", out);
+                }
                 sample(config, state, now, out);
                 out.wake_at(now.after_s(SAMPLE_PERIOD), SAMPLE);
             }
@@ -88,9 +94,22 @@ impl Node for SimulatorNode {
                 state.order = Some(order);
                 measure_when_ready(config, state, now, out);
             }
-            Input::Command(command) => obey(config, state, now, command, out),
+            Input::Heartbeat(beat) => {
+                if state.gate.beat(now, &beat) {
+                    give_up(state, now, "machine_state is another process than before", out);
+                }
+            }
+            Input::Command(command) => {
+                state.gate.command(now);
+                obey(config, state, now, command, out);
+            }
         }
     }
+}
+
+/// Stops what nobody supervises any more.
+fn give_up(state: &mut State, now: Stamp, why: &str, out: &mut Outbox<Output>) {
+    abort(state, now, &format!("gate_lost: {why}"), out);
 }
 
 /// Carries out the segments that have ended by now.
@@ -104,6 +123,11 @@ fn run(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Output>)
         match segment.then {
             Then::Go => {}
             Then::Touch(trigger) => {
+                let trigger = ProbeTrigger {
+                    sequence: state.triggers,
+                    ..trigger
+                };
+                state.triggers += 1;
                 // A sample at the very instant of the latch: what is interpolated there is what was latched.
                 sample(config, state, segment.end, out);
                 out.send(Output::Trigger(trigger));

@@ -3,7 +3,7 @@
 use graph::{Node, Outbox, START, Stamp};
 use machine::{AxisLimits, Chain, Motion};
 use probecell_msgs::{
-    ControllerCommand, ControllerReply, InspectionPlan, MachineState, MeasurementOrder,
+    ControllerCommand, ControllerReply, GateHeartbeat, InspectionPlan, MachineState, MeasurementOrder,
     ProbingMove, Stylus,
 };
 use simulator::{Config, Input, Output, RawConfig, SimulatorNode, State};
@@ -42,17 +42,35 @@ fn config(error_um: f64, spring_back: f64) -> Config {
 struct Machine {
     config: Config,
     state: State,
+    beats: u64,
 }
 
 impl Machine {
     fn new(config: Config) -> Self {
         let state = SimulatorNode::start(&config);
-        let mut machine = Self { config, state };
+        let mut machine = Self {
+            config,
+            state,
+            beats: 0,
+        };
         machine.step(0.0, Input::Timer(START));
         machine
     }
 
+    /// A step while the gate gives its signs of life.
     fn step(&mut self, seconds: f64, input: Input) -> Vec<Output> {
+        self.beats += 1;
+        let beat = Input::Heartbeat(GateHeartbeat {
+            started: 1,
+            count: self.beats,
+            ..GateHeartbeat::default()
+        });
+        let mut out = self.step_alone(seconds, beat);
+        out.append(&mut self.step_alone(seconds, input));
+        out
+    }
+
+    fn step_alone(&mut self, seconds: f64, input: Input) -> Vec<Output> {
         let mut out = Outbox::default();
         SimulatorNode::step(
             &self.config,

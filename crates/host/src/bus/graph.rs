@@ -91,6 +91,11 @@ impl Graph {
         self.count(EntityKind::Subscription, topic, ty)
     }
 
+    /// Number of publishers of `topic` with this type.
+    pub(crate) fn publishers(&self, topic: &str, ty: &TypeId) -> usize {
+        self.count(EntityKind::Publisher, topic, ty)
+    }
+
     pub(crate) fn count(&self, kind: EntityKind, name: &str, ty: &TypeId) -> usize {
         self.entities
             .iter()

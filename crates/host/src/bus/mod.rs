@@ -332,9 +332,7 @@ impl Client {
     }
 }
 
-/// Wall time, ns since 1970.
+/// The instant now, ns since 1970, by the clock of the cell.
 pub(crate) fn wall_ns() -> i64 {
-    std::time::SystemTime::now()
-        .duration_since(std::time::UNIX_EPOCH)
-        .map_or(0, |since| since.as_nanos() as i64)
+    crate::clock::now().0
 }

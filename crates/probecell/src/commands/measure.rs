@@ -34,6 +34,7 @@ pub(crate) fn run(file: &Path, again: &[u32]) -> anyhow::Result<u8> {
         let request = srv::RunRequest {
             part_id: String::new(),
             plan_id,
+            ..srv::RunRequest::default()
         };
         let started = client.call::<srv::Run>("run", &request)?;
         status = print_reply(started.accepted, &started.text);

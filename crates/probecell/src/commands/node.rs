@@ -15,11 +15,7 @@ pub(crate) fn run(
     file: &Path,
     incarnation: u32,
     recorded: bool,
-    supervised: bool,
 ) -> anyhow::Result<u8> {
-    if supervised {
-        signals::end_with_parent()?;
-    }
     let cell = Cell::read(file)?;
     if let Role::Process(controller) = cell.driver_role()
         && name == cell.driver.source

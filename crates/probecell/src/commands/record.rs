@@ -3,17 +3,24 @@
 use std::{
     collections::BTreeMap,
     path::{Component, Path, PathBuf},
-    sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel},
-    time::Duration,
+    sync::{
+        Arc, Mutex, PoisonError,
+        mpsc::{Receiver, RecvTimeoutError, Sender, channel},
+    },
+    time::{Duration, Instant},
 };
 
 use bags::{SplitAt, Statistics};
 use cell::Cell;
+use graph::topics;
 use host::{
     RecorderProcess, RecordingSettings,
-    bus::{Bus, Server},
+    bus::{Bus, Publisher, Received, Server, Subscription},
+    bus_qos,
 };
-use probecell_msgs::{Service, from_cdr, is_unprintable, srv, to_cdr};
+use probecell_msgs::{
+    PartStatus, RecordingStatus, Service, from_cdr, is_unprintable, srv, to_cdr,
+};
 
 use crate::{GOOD, LOSS, cell_bus, output, signals};
 
@@ -26,6 +33,12 @@ pub(crate) const ROBOT_FILE: &str = "robot.urdf";
 
 /// Timeout of the recorder to answer a service.
 const REPLY_TIMEOUT: Duration = Duration::from_secs(30);
+
+/// s for which the cell takes itself for recorded when it hears nothing more: longer than a link is cut for, since a recorder
+/// behind it fetches what it has missed.
+const VALIDITY: f64 = 30.0;
+/// Between two messages that the cell is recorded.
+const STATUS_PERIOD: Duration = Duration::from_secs(1);
 
 /// Requests to the recorder's main thread.
 enum Request {
@@ -40,25 +53,69 @@ struct RecorderService<'a> {
     cell: &'a Cell,
     current: Option<(RecorderProcess, PathBuf)>,
     missing: u64,
+    /// Tells the cell whether it is recorded.
+    status: Publisher,
+    /// When that was told last.
+    told: Instant,
+    making: Making,
+}
+
+/// The part that is being made: its recording is not stopped.
+struct Making {
+    part: Arc<Mutex<PartStatus>>,
+    _subscription: Subscription,
+}
+
+impl Making {
+    fn follow(bus: &Bus, cell: &Cell) -> anyhow::Result<Self> {
+        let topic = topics::PART_STATUS;
+        let part = Arc::new(Mutex::new(PartStatus::default()));
+        let known = Arc::clone(&part);
+        let on_sample = move |received: Received<'_>| {
+            if let Ok(status) = from_cdr::<PartStatus>(&received.payload) {
+                *known.lock().unwrap_or_else(PoisonError::into_inner) = status;
+            }
+        };
+        let subscription = bus.subscribe(
+            &cell.topic(topic.name),
+            topic.message,
+            bus_qos(topic.qos),
+            Box::new(on_sample),
+            Box::new(|_| {}),
+        )?;
+        Ok(Self {
+            part,
+            _subscription: subscription,
+        })
+    }
+
+    /// Name of the part that is being made.
+    fn part(&self) -> Option<String> {
+        let part = self.part.lock().unwrap_or_else(PoisonError::into_inner);
+        (part.stage != PartStatus::NONE).then(|| part.part_id.clone())
+    }
 }
 
 /// Records until SIGINT or SIGTERM; the services `start_recording` and `stop_recording` end one recording and begin
 /// another.
 pub(crate) fn run(file: &Path, folder: Option<PathBuf>, supervised: bool) -> anyhow::Result<u8> {
-    if supervised {
-        signals::end_with_parent()?;
-    }
     let cell = Cell::read(file)?;
     let (sender, requests) = channel();
     let end = sender.clone();
     // The receiver is gone once the recorder has ended.
     signals::on_end(move || end.send(Request::End).unwrap_or_default())?;
     let bus = Bus::open(&cell_bus::bus_config(&cell)?, "recorder", &cell.namespace())?;
+    let topic = topics::RECORDING_STATUS;
+    let status = bus.publisher(&cell.topic(topic.name), topic.message, bus_qos(topic.qos))?;
+    let making = Making::follow(&bus, &cell)?;
     let mut service = RecorderService {
         bus: &bus,
         cell: &cell,
         current: None,
         missing: 0,
+        status,
+        told: Instant::now(),
+        making,
     };
     service.begin(folder.unwrap_or_else(|| cell_bus::new_recording(&cell)))?;
     let servers = serve(&bus, &cell, &sender)?;
@@ -90,6 +147,25 @@ impl RecorderService<'_> {
         }
         let process = RecorderProcess::start(self.bus, settings(self.cell, folder.clone())?)?;
         self.current = Some((process, folder));
+        self.tell()
+    }
+
+    /// Tells the cell whether it is recorded.
+    fn tell(&mut self) -> anyhow::Result<()> {
+        let instant = host::now();
+        let folder = self.current.as_ref().map(|(_, folder)| folder);
+        let status = RecordingStatus {
+            header: instant.header(""),
+            state: if folder.is_some() {
+                RecordingStatus::RECORDING
+            } else {
+                RecordingStatus::STOPPED
+            },
+            uri: folder.map_or(String::new(), |folder| folder.display().to_string()),
+            validity: VALIDITY,
+        };
+        self.status.publish(to_cdr(&status), instant.0)?;
+        self.told = Instant::now();
         Ok(())
     }
 
@@ -119,6 +195,9 @@ impl RecorderService<'_> {
                 .and_then(|(process, _)| process.failure())
             {
                 return Err(failure.into());
+            }
+            if self.told.elapsed() >= STATUS_PERIOD {
+                self.tell()?;
             }
         }
     }
@@ -153,6 +232,12 @@ impl RecorderService<'_> {
     }
 
     fn stop(&mut self) -> srv::StopRecordingResponse {
+        if let Some(part) = self.making.part() {
+            return srv::StopRecordingResponse {
+                text: format!("part {part:?} is being made: its recording is not stopped"),
+                ..srv::StopRecordingResponse::default()
+            };
+        }
         let (accepted, uri, messages, text) = match self.finish() {
             Ok(Some((folder, statistics))) => {
                 let missing = statistics.missing();
@@ -175,6 +260,10 @@ impl RecorderService<'_> {
                 "nothing is being recorded".to_owned(),
             ),
             Err(error) => (false, String::new(), 0, format!("{error:#}")),
+        };
+        let text = match self.tell() {
+            Ok(()) => text,
+            Err(error) => format!("{text} {error:#}"),
         };
         srv::StopRecordingResponse {
             accepted,

@@ -221,6 +221,11 @@ mod tests {
             ..OperatorRequest::default()
         };
         let asked = topics::RUN_REQUESTS.name;
+        let waived = probecell_msgs::RecordingStatus {
+            state: probecell_msgs::RecordingStatus::WAIVED,
+            ..Default::default()
+        };
+        executor.inject(BEGIN, topics::RECORDING_STATUS.name, to_cdr(&waived));
         executor.inject(BEGIN.after_s(1.0), asked, to_cdr(&request));
         let limit = BEGIN.after_s(600.0);
         assert!(executor.run_until_published(topics::PART_REPORTS.name, limit));

@@ -2,16 +2,24 @@
 
 use std::path::Path;
 
+use graph::Stamp;
 use probecell_msgs::srv;
 
-use crate::cell_client::{call_once, print_reply};
+use crate::cell_client::{CellClient, print_reply};
 
-/// Calls the service `run`.
+/// s after which a request that no process took in the meantime starts nothing any more; shorter than the client waits.
+const VALIDITY: f64 = 8.0;
+
+/// Calls the service `run`. The request expires, by the cell's own clock, before this command gives up.
 pub(crate) fn run(file: &Path, part: &str) -> anyhow::Result<u8> {
+    let client = CellClient::connect(file)?;
+    let status = client.call::<srv::Status>("status", &srv::StatusRequest::default())?;
     let request = srv::RunRequest {
         part_id: part.to_owned(),
         plan_id: String::new(),
+        expires: Stamp::from(&status.header.stamp).after_s(VALIDITY).time(),
     };
-    let response = call_once::<srv::Run>(file, "run", &request)?;
+    let response = client.call::<srv::Run>("run", &request)?;
+    client.close()?;
     Ok(print_reply(response.accepted, &response.text))
 }

@@ -188,6 +188,7 @@ impl RunningCell {
         let request = srv::RunRequest {
             part_id: plan.part_id.clone(),
             plan_id: plan_id.to_owned(),
+            ..srv::RunRequest::default()
         };
         let begun: srv::RunResponse = self.call::<srv::Run>("run", &request)?;
         self.accepted(begun.accepted, begun.text)

@@ -52,19 +52,26 @@ impl Diagnostics {
 
     /// A fault for a process that has ended.
     pub(super) fn publish_ended(&self, name: &str, text: &str) {
+        let severity = if name == "gap" {
+            Fault::WARNING
+        } else {
+            Fault::ERROR
+        };
+        self.publish_fault(name, severity, Fault::PROCESS_ENDED, text);
+    }
+
+    /// A warning of the launcher itself.
+    pub(super) fn publish_warning(&self, code: &str, text: &str) {
+        self.publish_fault("launcher", Fault::WARNING, code, text);
+    }
+
+    fn publish_fault(&self, node: &str, severity: u8, code: &str, text: &str) {
         let instant = host::now();
         let fault = Fault {
-            header: std_msgs::Header {
-                stamp: instant.time(),
-                frame_id: String::new(),
-            },
-            node: name.to_owned(),
-            severity: if name == "gap" {
-                Fault::WARNING
-            } else {
-                Fault::ERROR
-            },
-            code: Fault::PROCESS_ENDED.to_owned(),
+            header: instant.header(""),
+            node: node.to_owned(),
+            severity,
+            code: code.to_owned(),
             text: text.to_owned(),
         };
         if let Err(error) = self.faults.publish(to_cdr(&fault), instant.0) {

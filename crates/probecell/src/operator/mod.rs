@@ -2,7 +2,7 @@
 //!
 //! | module | content |
 //! |---|---|
-//! | [`services`] | `plan`, `run`, `approve_correction`: a call enters the graph as a numbered message, so that it is recorded and a replay can repeat it |
+//! | [`services`] | `plan`, `run`, `stop`, `approve_correction`: a call enters the graph as a numbered message, so that it is recorded and a replay can repeat it |
 //! | [`state`] | what was received, by the callbacks of the bus |
 //! | [`console`] | what a person reads while a part is made |
 //! | [`diagnostics`] | `/diagnostics`, and faults of processes that ended |
@@ -21,12 +21,13 @@ use anyhow::bail;
 use cell::Cell;
 use graph::{Topic, topics};
 use host::{
-    bus::{Bus, Received, Server, Subscription, TypeId},
+    bus::{Bus, Publisher, Received, Server, Subscription, TypeId},
     bus_qos,
 };
 use probecell_msgs::{
     Correction, CorrectionAcknowledgement, Fault, MachineState, Message, OperatorReply,
-    OperatorRequest, PartReport, PassDecision, PlanProgress, Verdict, from_cdr,
+    OperatorRequest, PartReport, PartStatus, PassDecision, PlanProgress, RecordingStatus, Verdict,
+    from_cdr, to_cdr,
 };
 
 pub(crate) use self::diagnostics::ProcessState;
@@ -52,6 +53,7 @@ pub(crate) struct Operator {
     state: Arc<Mutex<OperatorState>>,
     requests: Arc<RequestPublishers>,
     diagnostics: Diagnostics,
+    waiver: Option<Publisher>,
     subscriptions: Vec<Subscription>,
     servers: Vec<Server>,
 }
@@ -65,6 +67,7 @@ impl Operator {
         let mut operator = Self {
             diagnostics: Diagnostics::new(&bus, cell)?,
             servers: Vec::new(),
+            waiver: None,
             bus,
             namespace,
             state,
@@ -80,7 +83,16 @@ impl Operator {
     fn subscribe_to_all(&mut self, file: &str) -> anyhow::Result<()> {
         self.subscribe(topics::MACHINE_STATE, |state, machine: MachineState| {
             state.machine_idle = machine.execution == MachineState::EXECUTION_IDLE;
+            state.machine = Some((machine, Instant::now()));
         })?;
+        self.subscribe(topics::PART_STATUS, |state, status: PartStatus| {
+            state.informed = true;
+            state.making = status;
+        })?;
+        self.subscribe(
+            topics::RECORDING_STATUS,
+            |state, status: RecordingStatus| state.recording = status,
+        )?;
         self.subscribe(topics::VERDICTS, |state, verdict: Verdict| {
             state.verdict(verdict);
         })?;
@@ -106,11 +118,15 @@ impl Operator {
             .iter()
             .filter(|topic| topic.name.ends_with("/faults") && topic.producer != "operator")
         {
-            self.subscribe(*topic, |_, fault: Fault| print_fault(&fault))?;
+            self.subscribe(*topic, |state, fault: Fault| {
+                state.fault(&fault.node, &fault.code, &fault.text);
+                print_fault(&fault);
+            })?;
         }
         for topic in [
             topics::PLAN_REPLIES,
             topics::RUN_REPLIES,
+            topics::STOP_REPLIES,
             topics::APPROVAL_REPLIES,
         ] {
             self.subscribe(topic, move |state, reply: OperatorReply| {
@@ -156,7 +172,52 @@ impl Operator {
             &format!("{}/{}", self.namespace, topic.name),
             &TypeId::from(topic.message),
         );
-        lock(&self.state).machine_idle && subscribers > 0
+        let state = lock(&self.state);
+        state.machine_idle && state.informed && subscribers > 0
+    }
+
+    /// A part is being made.
+    pub(crate) fn is_making(&self) -> bool {
+        lock(&self.state).making.stage != PartStatus::NONE
+    }
+
+    /// Stops machine and part; an error says that the machine has not confirmed it.
+    pub(crate) fn stop(&self, operator: &str) -> Result<(), CellFailure> {
+        let request = OperatorRequest {
+            operator_name: operator.to_owned(),
+            ..OperatorRequest::default()
+        };
+        let reply = self.requests.call(topics::STOP_REPLIES.name, request);
+        match reply {
+            Ok(reply) if reply.accepted => Ok(()),
+            Ok(reply) => Err(CellFailure(reply.text)),
+            Err(text) => Err(CellFailure(text)),
+        }
+    }
+
+    /// Declares that the operator wants no recording: operations start without one.
+    pub(crate) fn waive_recording(&mut self, namespace: &str) -> anyhow::Result<()> {
+        let topic = topics::RECORDING_STATUS;
+        let name = format!("{namespace}/{}", topic.name);
+        let publisher = self
+            .bus
+            .publisher(&name, topic.message, bus_qos(topic.qos))?;
+        let instant = host::now();
+        let waived = RecordingStatus {
+            header: instant.header(""),
+            state: RecordingStatus::WAIVED,
+            ..RecordingStatus::default()
+        };
+        publisher.publish(to_cdr(&waived), instant.0)?;
+        // Late joiners ask it for the message.
+        self.waiver = Some(publisher);
+        Ok(())
+    }
+
+    /// Publishes a warning of the launcher itself.
+    pub(crate) fn warn(&self, code: &str, text: &str) {
+        lock(&self.state).fault("launcher", code, text);
+        self.diagnostics.publish_warning(code, text);
     }
 
     /// Why the cell is not ready.
@@ -176,6 +237,7 @@ impl Operator {
         let request = OperatorRequest {
             subject: part.to_owned(),
             operator_name: "up".to_owned(),
+            expires: services::expiry().time(),
             ..OperatorRequest::default()
         };
         let reply = self
@@ -201,12 +263,14 @@ impl Operator {
 
     /// Publishes a fault for a process that has ended. The part under way is stopped, unless that process only observes.
     pub(crate) fn report_ended(&self, name: &str, text: &str) {
+        lock(&self.state).fault(name, Fault::PROCESS_ENDED, text);
         self.diagnostics.publish_ended(name, text);
     }
 
     /// Publishes the states of the processes on `/diagnostics`, once a second.
     pub(crate) fn publish_diagnostics(&self, processes: &[ProcessState]) {
         let mut state = lock(&self.state);
+        state.processes = processes.to_vec();
         if state
             .diagnosed
             .is_some_and(|last| last.elapsed() < diagnostics::PERIOD)

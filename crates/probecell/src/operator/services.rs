@@ -6,22 +6,33 @@ use std::{
 };
 
 use cell::Cell;
-use graph::{Topic, topics};
+use graph::{Stamp, Topic, topics};
 use host::{
     bus::{Bus, Publisher, Server},
     bus_qos,
 };
-use probecell_msgs::{OperatorReply, OperatorRequest, Service, from_cdr, srv, std_msgs, to_cdr};
+use probecell_msgs::{
+    OperatorReply, OperatorRequest, Service, builtin_interfaces::Time, from_cdr, srv, std_msgs, to_cdr,
+};
 
 use super::state::{OperatorState, lock};
 
 /// Timeout of a reply, restarted by each progress message of a plan.
 const REPLY_TIMEOUT: Duration = Duration::from_secs(10);
 
+/// s after which a request for a part that no node took starts nothing: the caller is told so after [`REPLY_TIMEOUT`].
+const VALIDITY: f64 = 8.0;
+
+/// When a request for a part that is made now expires.
+pub(super) fn expiry() -> Stamp {
+    host::now().after_s(VALIDITY)
+}
+
 /// Publishes operators' calls into the graph.
 pub(super) struct RequestPublishers {
     plan: Publisher,
     run: Publisher,
+    stop: Publisher,
     approve: Publisher,
     state: Arc<Mutex<OperatorState>>,
 }
@@ -39,6 +50,7 @@ impl RequestPublishers {
         Ok(Self {
             plan: publisher(topics::PLAN_REQUESTS)?,
             run: publisher(topics::RUN_REQUESTS)?,
+            stop: publisher(topics::STOP_REQUESTS)?,
             approve: publisher(topics::APPROVALS)?,
             state: Arc::clone(state),
         })
@@ -53,6 +65,7 @@ impl RequestPublishers {
         let publisher = match reply_topic {
             name if name == topics::PLAN_REPLIES.name => &self.plan,
             name if name == topics::RUN_REPLIES.name => &self.run,
+            name if name == topics::STOP_REPLIES.name => &self.stop,
             _ => &self.approve,
         };
         let (sender, receiver) = channel();
@@ -92,7 +105,7 @@ impl RequestPublishers {
     }
 }
 
-/// Serves `plan`, `run` and `approve_correction`.
+/// Serves `plan`, `run`, `stop`, `status` and `approve_correction`.
 pub(super) fn serve(
     bus: &Bus,
     namespace: &str,
@@ -120,10 +133,25 @@ pub(super) fn serve(
             |request| OperatorRequest {
                 subject: request.part_id,
                 plan_id: request.plan_id,
+                expires: if request.expires == Time::default() {
+                    expiry().time()
+                } else {
+                    request.expires
+                },
                 ..OperatorRequest::default()
             },
             |accepted, text| srv::RunResponse { accepted, text },
         )?,
+        service.offer::<srv::Stop>(
+            "stop",
+            topics::STOP_REPLIES,
+            |request| OperatorRequest {
+                operator_name: request.operator_name,
+                ..OperatorRequest::default()
+            },
+            |accepted, text| srv::StopResponse { accepted, text },
+        )?,
+        service.offer_status()?,
         service.offer::<srv::ApproveCorrection>(
             "approve_correction",
             topics::APPROVAL_REPLIES,
@@ -145,6 +173,16 @@ struct Services<'a> {
 }
 
 impl Services<'_> {
+    /// Answered here: what was received is known, and nothing is asked of a node.
+    fn offer_status(&self) -> anyhow::Result<Server> {
+        let state = Arc::clone(&self.requests.state);
+        let handler = move |_: &[u8]| Ok(to_cdr(&lock(&state).status()));
+        let name = format!("{}/status", self.namespace);
+        Ok(self
+            .bus
+            .serve(&name, srv::Status::TYPE, Box::new(handler))?)
+    }
+
     fn offer<S: Service>(
         &self,
         name: &str,

@@ -1,21 +1,41 @@
 //! What the operator has received of the cell.
 
 use std::{
-    collections::BTreeMap,
+    collections::{BTreeMap, VecDeque},
     sync::{Mutex, MutexGuard, PoisonError, mpsc::Sender},
-    time::Instant,
+    time::{Duration, Instant},
 };
 
 use cell::Cell;
-use probecell_msgs::{OperatorReply, PartReport, PassDecision, Verdict};
+use probecell_msgs::{
+    MachineState, OperatorReply, PartReport, PartStatus, PassDecision, RecordingStatus, Verdict,
+    srv, std_msgs,
+};
 
-use super::console::print_measurement;
+use super::{console::print_measurement, diagnostics::ProcessState};
+
+/// Faults kept for the service `status`.
+const FAULTS: usize = 8;
+/// A machine that has said nothing for longer is not known.
+const KNOWN: Duration = Duration::from_secs(2);
 
 /// State that the callbacks of subscriptions and services share.
 #[derive(Default)]
 pub(super) struct OperatorState {
     /// The machine is idle.
     pub(super) machine_idle: bool,
+    /// The last state of the machine, and when it was received.
+    pub(super) machine: Option<(MachineState, Instant)>,
+    /// `cycle` has said whether a part is being made.
+    pub(super) informed: bool,
+    /// The part that is being made.
+    pub(super) making: PartStatus,
+    /// Whether the cell is recorded.
+    pub(super) recording: RecordingStatus,
+    /// The last faults, newest last.
+    pub(super) faults: VecDeque<String>,
+    /// The processes of the cell.
+    pub(super) processes: Vec<ProcessState>,
     verdicts: BTreeMap<String, Vec<Verdict>>,
     decisions: BTreeMap<String, PassDecision>,
     /// Number of characteristics that decide in each pass: so many verdicts belong to each decision.
@@ -66,6 +86,36 @@ impl OperatorState {
         let plan_id = decision.plan_id.clone();
         self.decisions.insert(plan_id.clone(), decision);
         self.print_when_complete(&plan_id);
+    }
+
+    /// Takes a fault of a node or of a process.
+    pub(super) fn fault(&mut self, node: &str, code: &str, text: &str) {
+        if self.faults.len() == FAULTS {
+            self.faults.pop_front();
+        }
+        self.faults.push_back(format!("{node}: {code}: {text}"));
+    }
+
+    /// What the cell is doing.
+    pub(super) fn status(&self) -> srv::StatusResponse {
+        let known = self.machine.as_ref();
+        let known = known.filter(|(_, at)| at.elapsed() < KNOWN);
+        let instant = host::now();
+        srv::StatusResponse {
+            header: std_msgs::Header {
+                stamp: instant.time(),
+                frame_id: String::new(),
+            },
+            execution: known.map_or(0, |(machine, _)| machine.execution),
+            alarms: known.map_or(Vec::new(), |(machine, _)| machine.alarms.clone()),
+            machine_known: known.is_some(),
+            part: self.making.clone(),
+            recording: self.recording.clone(),
+            processes: self.processes.iter().map(|one| one.name.clone()).collect(),
+            running: self.processes.iter().map(|one| one.running).collect(),
+            starts: self.processes.iter().map(|one| one.starts).collect(),
+            faults: self.faults.iter().cloned().collect(),
+        }
     }
 
     /// Takes the reply to a call.

@@ -10,7 +10,8 @@ use diagnosis::Session;
 use graph::{Executor, Published, Stamp, Topic, topics};
 use probecell_msgs::{
     FeatureResult, InspectionPlan, Message, OperatorRequest, PartReport, PassDecision, ProbeEvent,
-    ReferenceMeasurement, ToolOffsets, TouchDeviation, Verdict, from_cdr, std_msgs, to_cdr,
+    RecordingStatus, ReferenceMeasurement, ToolOffsets, TouchDeviation, Verdict, from_cdr, std_msgs,
+    to_cdr,
 };
 
 use crate::scenarios::ScenarioError;
@@ -80,6 +81,11 @@ pub(crate) fn make(
         operator_name: "scenario".to_owned(),
         ..OperatorRequest::default()
     };
+    let waived = RecordingStatus {
+        state: RecordingStatus::WAIVED,
+        ..RecordingStatus::default()
+    };
+    executor.inject(BEGIN, topics::RECORDING_STATUS.name, to_cdr(&waived));
     executor.inject(
         BEGIN.after_s(1.0),
         topics::RUN_REQUESTS.name,

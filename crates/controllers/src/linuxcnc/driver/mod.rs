@@ -106,9 +106,13 @@ pub struct LinuxCncConnection {
     /// Requests that put the modal state right after a job broke off.
     restore: VecDeque<Set>,
     trail: Trail,
+    /// Triggers of this session so far.
+    triggers: u64,
     alarms: Vec<String>,
     tool_wear: Vec<f64>,
     last: Option<Sample>,
+    /// Why the work under way is to end with the next poll.
+    unsupervised: Option<String>,
     /// A job was lost with the last connection: its program must not continue unsupervised.
     orphaned: bool,
 }
@@ -145,9 +149,11 @@ impl LinuxCncConnection {
             files: None,
             restore: VecDeque::new(),
             trail: Trail::default(),
+            triggers: 0,
             alarms: Vec::new(),
             tool_wear: Vec::new(),
             last: None,
+            unsupervised: None,
             orphaned: false,
             config,
         };
@@ -181,6 +187,9 @@ impl LinuxCncConnection {
         if self.orphaned {
             self.abort()?;
             self.orphaned = false;
+        }
+        if let Some(why) = self.unsupervised.take() {
+            self.give_up(now, &why, out)?;
         }
         self.power_up()?;
         self.take_commands(now, &sample, out)?;
@@ -380,7 +389,9 @@ impl LinuxCncConnection {
                 axis_names: self.axis_names(),
                 axis_positions: latched,
                 feed: touch.feed,
+                sequence: self.triggers,
             }));
+            self.triggers += 1;
         }
     }
 
@@ -418,6 +429,7 @@ impl LinuxCncConnection {
         self.connections += 1;
         self.session = format!("{}.{}", self.name, self.connections);
         self.next_command = 0;
+        self.triggers = 0;
         self.alarms.clear();
         self.trail.clear();
         self.last = None;
@@ -436,6 +448,10 @@ impl Connection for LinuxCncConnection {
 
     fn command(&mut self, command: ControllerCommand) {
         self.commands.push_back(command);
+    }
+
+    fn stop(&mut self, why: &str) {
+        self.unsupervised = Some(why.to_owned());
     }
 
     fn poll(&mut self, now: i64) -> Vec<DriverOutput> {

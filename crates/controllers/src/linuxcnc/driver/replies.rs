@@ -163,7 +163,7 @@ impl LinuxCncConnection {
     }
 
     /// A controller that refuses to begin a probing move writes no line to the log.
-    fn tell_stuck(&self, now: i64, sample: &Sample, out: &mut Vec<DriverOutput>) {
+    fn tell_stuck(&mut self, now: i64, sample: &Sample, out: &mut Vec<DriverOutput>) {
         let Some(Job {
             command,
             work:
@@ -193,7 +193,9 @@ impl LinuxCncConnection {
             axis_names: self.axis_names(),
             axis_positions: self.readings(sample),
             feed: touch.feed,
+            sequence: self.triggers,
         }));
+        self.triggers += 1;
     }
 
     /// Ends the job under way as failed, if there is one: `code: text`, and where it was.

@@ -50,7 +50,12 @@ impl LinuxCncConnection {
                 // The clearing up after the last command takes a few polls.
                 waiting.push_back(command);
             } else {
+                let first = self.next_command == 0;
                 self.next_command = command.command_id + 1;
+                if command.kind == ControllerCommand::STOP && self.power_on.is_some() {
+                    self.stop_start_up(now, &command, first, out)?;
+                    continue;
+                }
                 self.take(now, sample, command, out)?;
             }
         }
@@ -95,6 +100,44 @@ impl LinuxCncConnection {
         let text = format!("stopped by command {}", command.command_id);
         self.fail(now, "stopped", &text, out);
         self.job = Some(Job::new(command, Work::Stop, None));
+        Ok(())
+    }
+
+    /// A stop while the machine is made ready. The first command of a session is the gate's, before anything was asked for:
+    /// it ends what an earlier driver has left running, and does not break off the homing that this one has begun.
+    fn stop_start_up(
+        &mut self,
+        now: i64,
+        command: &ControllerCommand,
+        first: bool,
+        out: &mut Vec<DriverOutput>,
+    ) -> Result<(), ClientError> {
+        let homing = self.power_on.as_ref().is_some_and(|one| one.homing);
+        if !(first && homing) {
+            self.abort()?;
+        }
+        if !first {
+            self.power_on = None;
+            self.alarm("the machine was stopped while it was made ready".to_owned());
+        }
+        Self::reply(now, command, ControllerReply::DONE, None, "", out);
+        Ok(())
+    }
+
+    /// Ends what is under way because nobody supervises it any more.
+    pub(super) fn give_up(
+        &mut self,
+        now: i64,
+        why: &str,
+        out: &mut Vec<DriverOutput>,
+    ) -> Result<(), ClientError> {
+        for command in std::mem::take(&mut self.commands) {
+            Self::reply(now, &command, ControllerReply::REFUSED, None, why, out);
+        }
+        if self.job.is_some() {
+            self.abort()?;
+            self.fail(now, "gate_lost", why, out);
+        }
         Ok(())
     }
 

@@ -38,7 +38,9 @@ impl LinuxCncConnection {
             })
             .collect();
         let axis_positions = self.readings(&sample);
-        let program = sample.program.unwrap_or_default();
+        // Homing is no program.
+        let program = sample.program.filter(|_| self.power_on.is_none());
+        let program = program.unwrap_or_default();
         ControllerStatus {
             header: header(instant),
             session: self.session.clone(),

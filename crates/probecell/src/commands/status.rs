@@ -1,0 +1,113 @@
+//! `probecell status`: what a running cell is doing.
+
+use std::path::Path;
+
+use graph::Stamp;
+use probecell_msgs::{MachineState, PartStatus, RecordingStatus, srv};
+use serde_json::json;
+
+use crate::{FAILED, GOOD, cell_client::call_once, output};
+
+/// Calls the service `status`. Fails when a process does not run, or the machine says nothing or shows an alarm.
+pub(crate) fn run(file: &Path, as_json: bool) -> anyhow::Result<u8> {
+    let status = call_once::<srv::Status>(file, "status", &srv::StatusRequest::default())?;
+    let sound = status.machine_known
+        && status.alarms.is_empty()
+        && status.running.iter().all(|&running| running);
+    if as_json {
+        output::json(&report(&status))?;
+    } else {
+        print(&status);
+    }
+    Ok(if sound { GOOD } else { FAILED })
+}
+
+fn machine(status: &srv::StatusResponse) -> &'static str {
+    match status.execution {
+        _ if !status.machine_known => "unknown",
+        MachineState::EXECUTION_IDLE => "idle",
+        MachineState::EXECUTION_RUNNING => "running",
+        MachineState::EXECUTION_HOLD => "hold",
+        MachineState::EXECUTION_ALARM => "alarm",
+        _ => "emergency stop",
+    }
+}
+
+fn stage(part: &PartStatus) -> &'static str {
+    match part.stage {
+        PartStatus::CUTTING => "cutting",
+        PartStatus::MEASURING => "measuring",
+        PartStatus::DECIDING => "awaiting the decision",
+        PartStatus::CORRECTING => "awaiting corrections",
+        PartStatus::STOPPING => "stopping",
+        _ => "none",
+    }
+}
+
+fn recording(status: &RecordingStatus) -> &'static str {
+    match status.state {
+        RecordingStatus::RECORDING => "recording",
+        RecordingStatus::WAIVED => "waived by the operator",
+        _ => "stopped",
+    }
+}
+
+/// s since the stage began.
+fn since(status: &srv::StatusResponse) -> f64 {
+    Stamp::from(&status.header.stamp).since_s(Stamp::from(&status.part.since))
+}
+
+fn report(status: &srv::StatusResponse) -> serde_json::Value {
+    let part = &status.part;
+    let made = (part.stage != PartStatus::NONE).then(|| {
+        json!({
+            "part_id": part.part_id, "run_id": part.run_id, "stage": stage(part), "pass_number": part.pass_number,
+            "operation": part.operation, "plan_id": part.plan_id, "since_s": since(status),
+        })
+    });
+    let processes = status.processes.iter().zip(&status.running);
+    let processes = processes.zip(&status.starts).map(|((name, running), starts)| {
+        json!({ "name": name, "running": running, "starts": starts })
+    });
+    json!({
+        "schema": "probecell/status/1",
+        "machine": machine(status),
+        "alarms": status.alarms,
+        "part": made,
+        "recording": { "state": recording(&status.recording), "uri": status.recording.uri },
+        "processes": processes.collect::<Vec<_>>(),
+        "faults": status.faults,
+    })
+}
+
+fn print(status: &srv::StatusResponse) {
+    output::line(&format!("machine: {}", machine(status)));
+    for alarm in &status.alarms {
+        output::line(&format!("  alarm: {alarm}"));
+    }
+    let part = &status.part;
+    if part.stage == PartStatus::NONE {
+        output::line("part: none");
+    } else {
+        let what = [&part.operation, &part.plan_id].map(String::as_str).concat();
+        output::line(&format!(
+            "part: {} (run {}), {} {what} for {:.0} s",
+            part.part_id,
+            part.run_id,
+            stage(part),
+            since(status)
+        ));
+    }
+    let uri = &status.recording.uri;
+    output::line(format!("recording: {} {uri}", recording(&status.recording)).trim_end());
+    let processes = status.processes.iter().zip(&status.running);
+    for ((name, running), starts) in processes.zip(&status.starts) {
+        if !running || *starts > 1 {
+            let state = if *running { "runs" } else { "has ended" };
+            output::line(&format!("process {name}: {state}, started {starts} times"));
+        }
+    }
+    for fault in &status.faults {
+        output::line(&format!("fault: {fault}"));
+    }
+}
