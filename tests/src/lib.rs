@@ -14,9 +14,7 @@ use graph::{
     replay::{Factory, Recording},
     topics,
 };
-use probecell_msgs::{
-    Message, OperatorRequest, PartReport, RecordingStatus, from_cdr, to_cdr,
-};
+use probecell_msgs::{Message, OperatorRequest, PartReport, RecordingStatus, from_cdr, to_cdr};
 
 /// When every virtual session begins: 2026-01-01 00:00 UTC.
 pub const BEGIN: Stamp = Stamp(1_767_225_600_000_000_000);

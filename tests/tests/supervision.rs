@@ -60,11 +60,7 @@ fn a_machine_whose_gate_is_killed_stops_by_itself_within_two_seconds() {
     // The part does not hang either, although nobody says that a process has ended.
     let report: PartReport = session.last(topics::PART_REPORTS);
     assert_eq!(report.verdict, PartReport::STOPPED);
-    assert!(
-        report.text.contains("has not confirmed"),
-        "{}",
-        report.text
-    );
+    assert!(report.text.contains("has not confirmed"), "{}", report.text);
 }
 
 #[test]
@@ -82,7 +78,11 @@ fn the_first_word_of_a_gate_is_stop_and_another_gate_ends_what_the_former_began(
     assert!(last.since_s(killed) < 0.2, "{} s", last.since_s(killed));
     let report: PartReport = session.last(topics::PART_REPORTS);
     assert_eq!(report.verdict, PartReport::STOPPED, "{}", report.text);
-    assert!(!report.text.contains("has not confirmed"), "{}", report.text);
+    assert!(
+        !report.text.contains("has not confirmed"),
+        "{}",
+        report.text
+    );
 }
 
 #[test]
@@ -200,12 +200,7 @@ fn an_operator_stops_machine_and_part_and_is_told_that_it_stands() {
 
 #[test]
 fn a_part_whose_cycle_is_killed_is_stopped_gets_no_correction_and_is_reported() {
-    let cell = slow(|text| {
-        text.replace(
-            "automatic_approval = true",
-            "automatic_approval = false",
-        )
-    });
+    let cell = slow(|text| text.replace("automatic_approval = true", "automatic_approval = false"));
     let mut session = Session::new(&cell);
     session.ask_for("punch");
     session.run_to(topics::CORRECTIONS);
@@ -275,7 +270,11 @@ fn parts_of_one_name_are_runs_of_their_own_and_the_bar_of_each_is_new() {
     session.ask_for("punch#2");
     session.run_s(0.1);
     let reply: OperatorReply = session.last(topics::RUN_REPLIES);
-    assert!(!reply.accepted && reply.text.contains('#'), "{}", reply.text);
+    assert!(
+        !reply.accepted && reply.text.contains('#'),
+        "{}",
+        reply.text
+    );
 }
 
 #[test]
@@ -334,7 +333,11 @@ fn no_operation_starts_while_nothing_is_recorded() {
     };
     tell(&mut session, RecordingStatus::STOPPED, 0.0);
     let report = session.make("unrecorded");
-    assert!(report.text.contains("nothing is recorded"), "{}", report.text);
+    assert!(
+        report.text.contains("nothing is recorded"),
+        "{}",
+        report.text
+    );
     tell(&mut session, RecordingStatus::RECORDING, 2.0);
     session.run_s(2.0);
     let report = session.make("recorder silent");
@@ -351,7 +354,8 @@ fn a_gate_that_is_started_again_does_not_answer_corrections_of_before() {
     session.make("punch");
     let before: Vec<CorrectionAcknowledgement> = session.all(topics::CORRECTION_ACKNOWLEDGEMENTS);
     assert!(!before.is_empty());
-    let applied = |one: &CorrectionAcknowledgement| one.outcome == CorrectionAcknowledgement::APPLIED;
+    let applied =
+        |one: &CorrectionAcknowledgement| one.outcome == CorrectionAcknowledgement::APPLIED;
     assert!(before.iter().all(applied));
     session.restart(&cell, "machine_state");
     session.run_s(5.0);

@@ -7,11 +7,11 @@
 use crate::Instance;
 use probecell_msgs::{
     ControllerCommand, ControllerReply, ControllerStatus, Correction, CorrectionAcknowledgement,
-    Fault, FeatureResult, GapReport, GateHeartbeat, InspectionPlan, LossReport, MachineState, MeasurementOrder,
-    Message, MessageType, OperationReport, OperationRequest, OperatorReply, OperatorRequest,
-    PartAlignment, PartReport, PartStatus, PassDecision, RecordingStatus, PlanProgress, ProbeEvent, ProbeTrigger,
-    ReferenceMeasurement, StepJournal, ToolOffsets, TouchDeviation, Verdict,
-    sensor_msgs::JointState, std_msgs,
+    Fault, FeatureResult, GapReport, GateHeartbeat, InspectionPlan, LossReport, MachineState,
+    MeasurementOrder, Message, MessageType, OperationReport, OperationRequest, OperatorReply,
+    OperatorRequest, PartAlignment, PartReport, PartStatus, PassDecision, PlanProgress, ProbeEvent,
+    ProbeTrigger, RecordingStatus, ReferenceMeasurement, StepJournal, ToolOffsets, TouchDeviation,
+    Verdict, sensor_msgs::JointState, std_msgs,
 };
 
 /// Quality of service of a topic, in ROS 2 terms.

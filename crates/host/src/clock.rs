@@ -86,10 +86,16 @@ mod tests {
         let second = 1_000_000_000;
         let mut clock = WallClock { ahead: 0 };
         assert_eq!(clock.step_to(10 * second, Stamp(10 * second)), None);
-        assert_eq!(clock.step_to(11 * second + 5_000_000, Stamp(11 * second)), None);
+        assert_eq!(
+            clock.step_to(11 * second + 5_000_000, Stamp(11 * second)),
+            None
+        );
         let back = clock.step_to((12 - 3600) * second, Stamp(12 * second));
         assert!(back.is_some_and(|step| (step + 3600.0).abs() < 0.01));
-        assert_eq!(clock.step_to((13 - 3600) * second, Stamp(13 * second)), None);
+        assert_eq!(
+            clock.step_to((13 - 3600) * second, Stamp(13 * second)),
+            None
+        );
     }
 
     #[test]

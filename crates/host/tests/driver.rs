@@ -23,7 +23,8 @@ use host::{
     bus_qos, run_driver,
 };
 use probecell_msgs::{
-    ControllerCommand, ControllerReply, GateHeartbeat, InspectionPlan, MeasurementOrder, from_cdr, to_cdr,
+    ControllerCommand, ControllerReply, GateHeartbeat, InspectionPlan, MeasurementOrder, from_cdr,
+    to_cdr,
 };
 
 /// Long enough for any machine; the test ends as soon as the answer is there.

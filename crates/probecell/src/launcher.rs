@@ -16,10 +16,7 @@ use std::{
 
 use anyhow::Context;
 use cell::Cell;
-use host::{
-    bus::Bus,
-    clock::WallClock,
-};
+use host::{bus::Bus, clock::WallClock};
 use rustix::process::{Pid, Signal, kill_process};
 
 use crate::{

@@ -125,8 +125,9 @@ pub(crate) fn wake(state: &mut State, now: Stamp, out: &mut Outbox<Output>) {
 fn overdue(config: &Config, run: &Run, now: Stamp) -> Option<String> {
     let late = |since: Stamp, limit: f64| now.since_s(since) > limit;
     if run.stopping.is_some() {
-        return late(run.since, STOP_LIMIT)
-            .then(|| format!("the machine has not confirmed within {STOP_LIMIT} s that it stands"));
+        return late(run.since, STOP_LIMIT).then(|| {
+            format!("the machine has not confirmed within {STOP_LIMIT} s that it stands")
+        });
     }
     if let Some(asked) = &run.asked
         && late(asked.heard, config.answer_limit)
@@ -138,7 +139,11 @@ fn overdue(config: &Config, run: &Run, now: Stamp) -> Option<String> {
     }
     let limit = limit(config, run);
     late(run.since, limit).then(|| match &run.stage {
-        Stage::Measuring { plan_id, done: true, .. } => {
+        Stage::Measuring {
+            plan_id,
+            done: true,
+            ..
+        } => {
             format!("no decision on {plan_id} arrived in time")
         }
         Stage::Correcting { awaited, .. } => {

@@ -10,7 +10,8 @@ use crate::{
 };
 
 /// Why no part is begun after a reference has refuted a measurement; a further measurement is made.
-pub(crate) const REFUTED: &str = "no part is made until the cause is found and the cell started again";
+pub(crate) const REFUTED: &str =
+    "no part is made until the cause is found and the cell started again";
 /// Stands between the name of a part and the number of its run; no name contains it.
 const MARK: char = '#';
 

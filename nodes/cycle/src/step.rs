@@ -197,12 +197,18 @@ fn handle_report(
     if !asking::hear(run, now, report) {
         return;
     }
-    if let Some(Stopping { request_id, text, .. }) = &run.stopping {
+    if let Some(Stopping {
+        request_id, text, ..
+    }) = &run.stopping
+    {
         if *request_id == report.request_id {
             let text = if report.outcome == OperationReport::DONE {
                 text.clone()
             } else {
-                format!("{text}; the machine has not confirmed that it stands: {}", report.text)
+                format!(
+                    "{text}; the machine has not confirmed that it stands: {}",
+                    report.text
+                )
             };
             end(state, now, PartReport::STOPPED, &text, out);
         }
@@ -397,7 +403,13 @@ fn recut_when_corrected(config: &Config, state: &mut State, now: Stamp, out: &mu
 }
 
 /// Ends the part with a report.
-pub(crate) fn end(state: &mut State, now: Stamp, verdict: u8, text: &str, out: &mut Outbox<Output>) {
+pub(crate) fn end(
+    state: &mut State,
+    now: Stamp,
+    verdict: u8,
+    text: &str,
+    out: &mut Outbox<Output>,
+) {
     if let Some(run) = state.run.take() {
         let plan_id = match &run.stage {
             Stage::OnlyMeasuring { plan_id, .. } => plan_id.to_string(),

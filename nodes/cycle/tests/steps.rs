@@ -33,7 +33,13 @@ fn check(inputs: Vec<Input>, expected: &[&str]) {
     let mut state = CycleNode::start(&config);
     let mut said = Vec::new();
     let informed = Input::Supervised(PartStatus::default());
-    CycleNode::step(&config, &mut state, Stamp(0), informed, &mut Outbox::default());
+    CycleNode::step(
+        &config,
+        &mut state,
+        Stamp(0),
+        informed,
+        &mut Outbox::default(),
+    );
     for (second, input) in inputs.into_iter().enumerate() {
         let mut out = Outbox::default();
         CycleNode::step(
@@ -262,10 +268,7 @@ fn a_fault_stops_machine_and_part_and_a_warning_does_not() {
         })
     };
     check(with(measured(), vec![fault(Fault::WARNING)]), &[]);
-    check(
-        with(measured(), vec![fault(Fault::ERROR)]),
-        &["3 stop"],
-    );
+    check(with(measured(), vec![fault(Fault::ERROR)]), &["3 stop"]);
     // The part ends when the machine has confirmed that it stands, or has not.
     let told = |last: Input| with(measured(), vec![fault(Fault::ERROR), last]);
     let stopped = "p stopped after 1 passes: probe_events: probe_dead: no trigger";
@@ -277,10 +280,7 @@ fn a_fault_stops_machine_and_part_and_a_warning_does_not() {
     check(told(unconfirmed), &[&text]);
     let text = format!("{stopped}; the machine has not confirmed within 10 s that it stands");
     check(
-        with(
-            with(measured(), vec![fault(Fault::ERROR)]),
-            ticks(11),
-        ),
+        with(with(measured(), vec![fault(Fault::ERROR)]), ticks(11)),
         &[&text],
     );
     check(vec![fault(Fault::ERROR)], &[]);

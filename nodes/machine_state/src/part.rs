@@ -75,13 +75,7 @@ pub(crate) fn watch(config: &Config, state: &mut State, now: Stamp, out: &mut Ou
     }
 }
 
-fn abandon(
-    config: &Config,
-    state: &mut State,
-    now: Stamp,
-    why: &str,
-    out: &mut Outbox<Output>,
-) {
+fn abandon(config: &Config, state: &mut State, now: Stamp, why: &str, out: &mut Outbox<Output>) {
     if state.part.abandoned {
         return;
     }
@@ -109,7 +103,10 @@ pub(crate) fn check(
         );
     }
     if now.since_s(part.at) > config.part_limit {
-        let text = format!("cycle has said nothing of the part for {} s", config.part_limit);
+        let text = format!(
+            "cycle has said nothing of the part for {} s",
+            config.part_limit
+        );
         return refuse(Ack::REFUSED_STALE, text);
     }
     Ok(())

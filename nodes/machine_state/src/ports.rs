@@ -4,7 +4,8 @@ use graph::{faults, inputs, outputs, topics};
 use probecell_msgs::{
     ControllerCommand, ControllerReply, ControllerStatus, Correction, CorrectionAcknowledgement,
     Fault, GateHeartbeat, MachineState, MeasurementOrder, OperationReport, OperationRequest,
-    OperatorReply, OperatorRequest, PartReport, PartStatus, PlanProgress, RecordingStatus, ToolOffsets, sensor_msgs::JointState, std_msgs,
+    OperatorReply, OperatorRequest, PartReport, PartStatus, PlanProgress, RecordingStatus,
+    ToolOffsets, sensor_msgs::JointState, std_msgs,
 };
 
 inputs! {

@@ -89,9 +89,9 @@ fn take_over(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Ou
         MachineState::EXECUTION_RUNNING,
         MachineState::EXECUTION_HOLD,
     ];
-    if let Some(status) = known.filter(|status| {
-        at_work.contains(&status.execution) && !status.program.is_empty()
-    }) {
+    if let Some(status) =
+        known.filter(|status| at_work.contains(&status.execution) && !status.program.is_empty())
+    {
         let text = format!(
             "the machine was executing {:?} and is told to stop: nobody has supervised it",
             status.program

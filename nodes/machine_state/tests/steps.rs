@@ -5,7 +5,8 @@ use machine_state::{Config, Input, MachineStateNode, Output, RawConfig};
 use probecell_msgs::{
     ControllerCommand, ControllerReply, ControllerStatus, Correction,
     CorrectionAcknowledgement as Ack, MachineState, MeasurementOrder, OperationReport,
-    OperationRequest, PartReport, PartStatus, PlanProgress, RecordingStatus, builtin_interfaces::Time,
+    OperationRequest, PartReport, PartStatus, PlanProgress, RecordingStatus,
+    builtin_interfaces::Time,
 };
 
 fn config() -> Config {

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!  driver         probe_triggers ──┐  ┌─────────────────────────────┐
-//!                                  ├─>│ pair a trigger with its plan│──> probe_events         (numbered by the driver) 
+//!                                  ├─>│ pair a trigger with its plan│──> probe_events         (numbered by the driver)
 //!  path_planning  inspection_plan ─┘  │ ball centre by the chain    │──> probe_events/faults
 //!                                     └─────────────────────────────┘
 //! ```

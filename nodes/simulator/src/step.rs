@@ -96,7 +96,12 @@ impl Node for SimulatorNode {
             }
             Input::Heartbeat(beat) => {
                 if state.gate.beat(now, &beat) {
-                    give_up(state, now, "machine_state is another process than before", out);
+                    give_up(
+                        state,
+                        now,
+                        "machine_state is another process than before",
+                        out,
+                    );
                 }
             }
             Input::Command(command) => {

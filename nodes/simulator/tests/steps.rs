@@ -3,8 +3,8 @@
 use graph::{Node, Outbox, START, Stamp};
 use machine::{AxisLimits, Chain, Motion};
 use probecell_msgs::{
-    ControllerCommand, ControllerReply, GateHeartbeat, InspectionPlan, MachineState, MeasurementOrder,
-    ProbingMove, Stylus,
+    ControllerCommand, ControllerReply, GateHeartbeat, InspectionPlan, MachineState,
+    MeasurementOrder, ProbingMove, Stylus,
 };
 use simulator::{Config, Input, Output, RawConfig, SimulatorNode, State};
 

@@ -28,6 +28,6 @@ pub(crate) mod router;
 pub(crate) mod run;
 mod running_cell;
 pub(crate) mod scenario;
+mod session_bag;
 pub(crate) mod status;
 pub(crate) mod stop;
-mod session_bag;

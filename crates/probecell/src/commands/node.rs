@@ -10,12 +10,7 @@ use host::{NodeProcess, bus::Bus, run_driver, run_node};
 use crate::{GOOD, cell_bus, signals};
 
 /// Runs the node until SIGINT or SIGTERM.
-pub(crate) fn run(
-    name: &str,
-    file: &Path,
-    incarnation: u32,
-    recorded: bool,
-) -> anyhow::Result<u8> {
+pub(crate) fn run(name: &str, file: &Path, incarnation: u32, recorded: bool) -> anyhow::Result<u8> {
     let cell = Cell::read(file)?;
     if let Role::Process(controller) = cell.driver_role()
         && name == cell.driver.source

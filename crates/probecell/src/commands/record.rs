@@ -18,9 +18,7 @@ use host::{
     bus::{Bus, Publisher, Received, Server, Subscription},
     bus_qos,
 };
-use probecell_msgs::{
-    PartStatus, RecordingStatus, Service, from_cdr, is_unprintable, srv, to_cdr,
-};
+use probecell_msgs::{PartStatus, RecordingStatus, Service, from_cdr, is_unprintable, srv, to_cdr};
 
 use crate::{GOOD, LOSS, cell_bus, output, signals};
 

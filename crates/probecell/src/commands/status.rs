@@ -66,9 +66,9 @@ fn report(status: &srv::StatusResponse) -> serde_json::Value {
         })
     });
     let processes = status.processes.iter().zip(&status.running);
-    let processes = processes.zip(&status.starts).map(|((name, running), starts)| {
-        json!({ "name": name, "running": running, "starts": starts })
-    });
+    let processes = processes.zip(&status.starts).map(
+        |((name, running), starts)| json!({ "name": name, "running": running, "starts": starts }),
+    );
     json!({
         "schema": "probecell/status/1",
         "machine": machine(status),
@@ -89,7 +89,9 @@ fn print(status: &srv::StatusResponse) {
     if part.stage == PartStatus::NONE {
         output::line("part: none");
     } else {
-        let what = [&part.operation, &part.plan_id].map(String::as_str).concat();
+        let what = [&part.operation, &part.plan_id]
+            .map(String::as_str)
+            .concat();
         output::line(&format!(
             "part: {} (run {}), {} {what} for {:.0} s",
             part.part_id,

@@ -4,11 +4,7 @@ use std::path::Path;
 
 use probecell_msgs::srv;
 
-use crate::{
-    FAILED, GOOD,
-    cell_client::call_once,
-    output,
-};
+use crate::{FAILED, GOOD, cell_client::call_once, output};
 
 /// Calls the service `stop`; succeeds when the machine has confirmed that it stands.
 pub(crate) fn run(file: &Path, operator: &str) -> anyhow::Result<u8> {

@@ -12,7 +12,8 @@ use host::{
     bus_qos,
 };
 use probecell_msgs::{
-    OperatorReply, OperatorRequest, Service, builtin_interfaces::Time, from_cdr, srv, std_msgs, to_cdr,
+    OperatorReply, OperatorRequest, Service, builtin_interfaces::Time, from_cdr, srv, std_msgs,
+    to_cdr,
 };
 
 use super::state::{OperatorState, lock};

@@ -10,8 +10,8 @@ use diagnosis::Session;
 use graph::{Executor, Published, Stamp, Topic, topics};
 use probecell_msgs::{
     FeatureResult, InspectionPlan, Message, OperatorRequest, PartReport, PassDecision, ProbeEvent,
-    RecordingStatus, ReferenceMeasurement, ToolOffsets, TouchDeviation, Verdict, from_cdr, std_msgs,
-    to_cdr,
+    RecordingStatus, ReferenceMeasurement, ToolOffsets, TouchDeviation, Verdict, from_cdr,
+    std_msgs, to_cdr,
 };
 
 use crate::scenarios::ScenarioError;
