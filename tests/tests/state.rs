@@ -331,7 +331,7 @@ fn late(node: &str, topics: &[graph::Topic], seconds: f64) -> (Cell, Vec<Publish
     (cell.clone(), alone(cell, node, log, topics, seconds))
 }
 
-/// The first measurement of that part by `gap`, which is quiet in the other sessions. Its clocks disagree and the part
+/// The measurement of that finished part by `gap`, which is quiet in the other sessions. Its clocks disagree and the part
 /// grows warm, so that the answer holds what the axes and the machine were at each touch.
 fn gap(topics: &[graph::Topic], seconds: f64) -> (Cell, Vec<Published>) {
     let cell = turn_mill(|text| text.replace("at_end_of_plan = false", "at_end_of_plan = true"));
@@ -341,9 +341,18 @@ fn gap(topics: &[graph::Topic], seconds: f64) -> (Cell, Vec<Published>) {
         .position(|published| published.topic == topics::REFERENCE.name)
         .expect("a reference");
     let end = log[measured].at.after_s(1.0);
+    // From its plan on: the rough one would only be more to search.
+    let planned = log[..measured]
+        .iter()
+        .rfind(|published| published.topic == topics::INSPECTION_PLAN.name)
+        .expect("a plan");
+    let begin = planned.at.after_s(-6.0);
     let log: Vec<Published> = log
         .iter()
-        .filter(|published| published.at <= end)
+        .filter(|published| {
+            let of_it = (begin..=end).contains(&published.at);
+            of_it || published.topic == topics::ROBOT_DESCRIPTION.name
+        })
         .map(|published| Published {
             payload: disturbed(published),
             ..published.clone()
