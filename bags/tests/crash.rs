@@ -126,8 +126,8 @@ fn a_full_disk_ends_the_recording_with_a_failure() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run");
     let mut process = Command::new("bash")
-        // 64 KiB, in units of 1 KiB.
-        .args(["-c", "trap '' XFSZ; ulimit -f 64; exec \"$0\" \"$@\""])
+        // 1 MiB, in units of 1 KiB.
+        .args(["-c", "trap '' XFSZ; ulimit -f 1024; exec \"$0\" \"$@\""])
         .arg(&writer)
         .arg(&path)
         .arg("5")
