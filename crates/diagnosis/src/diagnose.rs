@@ -19,9 +19,9 @@ use metrology::statistics::rms;
 use crate::attribution::candidate_pool::Shapes;
 use crate::drives::diagnose_drives_with_residuals;
 use crate::physical::Impossible;
-use crate::referenced;
+use crate::referenced::{self, Parted, Told};
 use crate::report::Report;
-use crate::report::residuals::{Residuals, TouchResiduals};
+use crate::report::residuals::Residuals;
 use explain::explain;
 use reporter::Reporter;
 
@@ -70,20 +70,25 @@ pub fn diagnose_with_residuals(
         report_part(session, observations, variants, (options.next, covered))
     };
     let mut impossible = Impossible::default();
-    let (whole, touches) = loop {
+    let whole = loop {
         let variants = impossible.left_out(variants(&observations, options)?);
         let found = report_part(session, &observations, &variants, (options.next, 0.0));
-        if !impossible.found_in(&found.0, &offered) {
+        if !impossible.found_in(&found.report, &offered) {
             break found;
         }
     };
-    let parted =
-        referenced::part(&observations).filter(|parted| referenced::is_better(parted, &whole));
-    let Some(parted) = parted else {
-        return Ok((whole, Residuals::Touches(vec![touches])));
-    };
-    let (report, touches) = referenced::report(session, &parted, &options.without, explain);
-    Ok((report, Residuals::Touches(touches)))
+    let doubtful = |parted: &Parted| referenced::is_doubtful(parted, &whole.report);
+    if let Some(parted) = referenced::part(&observations).filter(doubtful) {
+        let (report, touches, evidence) =
+            referenced::report(session, &parted, &options.without, explain);
+        // The joint model sees weighted references: their density in metres.
+        let weights = observations.rows.iter().map(|row| row.weight.ln());
+        let joint = whole.log_evidence + weights.sum::<f64>();
+        if referenced::is_better(&parted, evidence, joint) {
+            return Ok((report, Residuals::Touches(touches)));
+        }
+    }
+    Ok((whole.report, Residuals::Touches(vec![whole.touches])))
 }
 
 /// The variants of the library that are offered.
@@ -126,16 +131,22 @@ fn report_part(
     observations: &Observations,
     variants: &[Variant],
     (next, covered): (ProposalOptions, f64),
-) -> (Report, TouchResiduals) {
+) -> Told {
     let shapes = Shapes::new(observations, variants);
-    Reporter {
+    let explained = explain(&shapes);
+    let reporter = Reporter {
         session,
         next,
         observations,
         variants,
         shapes: &shapes,
-        explained: &explain(&shapes),
+        explained: &explained,
         covered,
+    };
+    let (report, touches) = reporter.report();
+    Told {
+        report,
+        touches,
+        log_evidence: explained.score,
     }
-    .report()
 }
