@@ -26,6 +26,8 @@ use scene::Scene;
 
 /// Correlation of one touch's noise with the next one's in [`Content::Correlated`].
 const CORRELATION: f64 = 0.7;
+/// Draws of a cause asked for by name that may show in no touch, before any other outside the vocabulary is taken.
+const FRUITLESS: usize = 60;
 /// Share of stray touches in [`Content::Stray`].
 const STRAY: f64 = 0.03;
 
@@ -189,12 +191,16 @@ fn hide(stage: &Stage, random: &mut Pcg64Mcg, content: Content) -> Hidden {
     let mut causes: Vec<Cause> = Vec::new();
     let mut sizes = Vec::new();
     let still = Plant::new(&scene, &[]).deviations();
+    let mut fruitless = 0;
     while causes.len() < known + strange {
         let outside = causes.len() >= known;
         let mut cause = match (outside, asked) {
             (false, _) => Cause::random(random, &scene, false),
-            (true, None) => Cause::random(random, &scene, true),
-            (true, Some(outsider)) => Cause::outsider(random, &scene, outsider),
+            (true, Some(outsider)) if fruitless < FRUITLESS => {
+                fruitless += 1;
+                Cause::outsider(random, &scene, outsider)
+            }
+            (true, _) => Cause::random(random, &scene, true),
         };
         if causes.iter().any(|other| other.id() == cause.id()) || !cause.shows_as_itself(&scene) {
             continue;
