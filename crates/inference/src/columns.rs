@@ -20,15 +20,6 @@ pub struct Rows {
 }
 
 impl Rows {
-    /// Rows of white noise.
-    pub fn plain(active: &[bool]) -> Self {
-        Self {
-            active: active.to_vec(),
-            touches: 0,
-            lag1_correlation: 0.0,
-        }
-    }
-
     /// Values of the rows in use, whitened.
     pub fn white(&self, values: &[f64]) -> Vec<f64> {
         whitened(values, &self.active, self.touches, self.lag1_correlation)
