@@ -423,6 +423,7 @@ impl Drives {
             ci95_after: interval(&after.squares),
             held_out: true,
             indistinguishable_from,
+            group: Vec::new(),
             alternatives: Vec::new(),
             placebo_rms_after: None,
             sessions: after.of_sessions(before),
@@ -514,9 +515,10 @@ impl Drives {
             .map(|effect| Rejected {
                 effect: effect.effect.to_owned(),
                 probability: 0.0,
+                reason: None,
             })
             .collect();
-        Ok(Report {
+        let report = Report {
             schema: SCHEMA.to_owned(),
             bag: session.name.clone(),
             fitted: self.names.0.clone(),
@@ -530,6 +532,10 @@ impl Drives {
                 .map(|axis| axis.centred.len())
                 .sum(),
             verdict,
+            channel: match self.channel {
+                Channel::Motion => "motion".to_owned(),
+                Channel::Effort => "effort".to_owned(),
+            },
             gap: Gap {
                 unit: self.unit.clone(),
                 rms: nothing.rms,
@@ -559,7 +565,8 @@ impl Drives {
                 Channel::Motion => "judged by motion".to_owned(),
                 Channel::Effort => "judged by effort".to_owned(),
             }],
-        })
+        };
+        Ok(report.finished())
     }
 
     /// Noise of the samples, from what the low-pass leaves of it and how coarse the derivatives are; mean over the axes.

@@ -11,7 +11,7 @@ mod cross_validation;
 pub mod rows;
 mod selection;
 
-use effects::discrepancy::discrepancies;
+use effects::discrepancy::{discrepancies, within_sessions};
 use effects::library;
 use effects::session::{DiagnoseError, Session};
 use inference::discrepancy::{Discrepancy, Kind};
@@ -187,9 +187,10 @@ impl Reporter<'_> {
             judged = judge.prefixes(self.pool, &gram, &set);
         }
         let variance = solution.variance();
-        let floor = variance.sqrt();
-        let (unexplained, unknown) = self.unknown(&gram, &solution);
-        let verdict = match (unknown, set.members.is_empty()) {
+        let unknown = self.unknown(&gram, &solution);
+        let floor =
+            (unknown.as_ref()).map_or(variance.sqrt(), |one| one.noise.min(variance.sqrt()));
+        let verdict = match (unknown.is_some(), set.members.is_empty()) {
             (true, true) => Verdict::Unexplained,
             (true, false) => Verdict::PartlyExplained,
             (false, true) => Verdict::NoGap,
@@ -212,6 +213,7 @@ impl Reporter<'_> {
             }),
             samples: used.len(),
             verdict,
+            channel: "touch".to_owned(),
             gap: Gap {
                 unit: "m".to_owned(),
                 rms: size,
@@ -226,11 +228,11 @@ impl Reporter<'_> {
                 .map(|effect| declared::report_entry(effect, None))
                 .collect(),
             effects,
-            unexplained,
+            unexplained: unknown.map_or_else(nothing, |one| one.unexplained),
             next_measurement: Vec::new(),
             warnings: self.warnings(),
         };
-        (report, touches)
+        (report.finished(), touches)
     }
 
     /// Held-out residuals of the judging touches without any effect and with the named ones.
@@ -316,6 +318,7 @@ impl Reporter<'_> {
                 ci95_after: after.all.ci95,
                 held_out: true,
                 indistinguishable_from: equals,
+                group: Vec::new(),
                 alternatives: Vec::new(),
                 placebo_rms_after: None,
                 sessions: after.of_sessions(before, &self.names_judged()),
@@ -371,6 +374,7 @@ impl Reporter<'_> {
                 None => rejected.push(Rejected {
                     effect: block.effect.clone(),
                     probability,
+                    reason: None,
                 }),
             }
         }
@@ -379,8 +383,8 @@ impl Reporter<'_> {
         rejected
     }
 
-    /// Smooth discrepancies beside the set: whether one of them acts, how large it is and on what it depends.
-    fn unknown(&self, gram: &Gram, solution: &Solution) -> (Unexplained, bool) {
+    /// The discrepancy that acts beside the set, if one does: how large it is, on what it depends, and the noise beside it.
+    fn unknown(&self, gram: &Gram, solution: &Solution) -> Option<Unknown> {
         let observations = &self.joined.observations;
         let active = self.rows.active;
         let all = self.rows.columns(self.pool);
@@ -402,6 +406,8 @@ impl Reporter<'_> {
         let (known, groups): (Vec<Discrepancy>, Vec<Vec<Vec<f64>>>) =
             discrepancies(observations, active)
                 .into_iter()
+                .filter(|discrepancy| discrepancy.kind != Kind::Time)
+                .chain(within_sessions(observations, active, &self.joined.session))
                 .filter_map(|discrepancy| {
                     let columns = discrepancy.columns()?;
                     Some((
@@ -413,44 +419,61 @@ impl Reporter<'_> {
         let kinds = known.len().max(1) as f64;
         let slices: Vec<&[Vec<f64>]> = groups.iter().map(Vec::as_slice).collect();
         let gains = gram.gains_of(solution, &all, &slices, self.rows.y, active);
-        // Times of different sessions have nothing in common; what depends on a covariate is left to the effects here.
+        let least = (kinds.ln() + UNKNOWN).max(selection::least(gram));
+        // What depends on a covariate is left to the effects here; over time only what no place says as well.
+        let over_time = |index: usize| known[index].kind == Kind::Time;
         let best = (gains.into_iter().enumerate())
-            .filter(|(index, _)| !matches!(known[*index].kind, Kind::Time | Kind::Covariate(_)))
-            .max_by(|a, b| a.1.0.total_cmp(&b.1.0));
-        let nothing = Unexplained {
-            rms: 0.0,
-            place: Vec::new(),
-            ladder: Vec::new(),
-        };
-        let Some((index, (gain, size))) = best else {
-            return (nothing, false);
-        };
+            .filter(|(index, _)| !matches!(known[*index].kind, Kind::Covariate(_)))
+            .max_by(|a, b| {
+                let placed = |of: &(usize, (f64, f64))| !over_time(of.0) && of.1.0 >= least;
+                placed(a).cmp(&placed(b)).then(a.1.0.total_cmp(&b.1.0))
+            });
+        let (index, (gain, size)) = best?;
         let columns = &groups[index];
-        if gain < (kinds.ln() + UNKNOWN).max(selection::least(gram)) {
-            return (nothing, false);
+        if gain < least {
+            return None;
         }
         let residuals = self
             .rows
             .residuals(self.pool, &solution.columns, solution.mean.as_slice());
         let chosen: Vec<&Vec<f64>> = columns.iter().collect();
         let matrix = active_columns(&chosen, active);
-        let mut normal = matrix.tr_mul(&matrix);
+        let products = matrix.tr_mul(&matrix);
+        let mut normal = products.clone();
         for diagonal in 0..columns.len() {
             normal[(diagonal, diagonal)] += 1.0 / size;
         }
-        let right = matrix.tr_mul(&nalgebra::DVector::from_vec(active_values(
-            &residuals, active,
-        )));
-        let Some(factor) = nalgebra::Cholesky::new(normal) else {
-            return (nothing, false);
-        };
-        let part = combination(&chosen, factor.solve(&right).as_slice());
-        let unexplained = Unexplained {
-            rms: rms(&active_values(&part, active)),
-            place: localisation::of_discrepancy(observations, &known[index].kind, &part, 1.0),
-            ladder: Vec::new(),
-        };
-        (unexplained, true)
+        let left = nalgebra::DVector::from_vec(active_values(&residuals, active));
+        let factor = nalgebra::Cholesky::new(normal)?;
+        let part = combination(&chosen, factor.solve(&matrix.tr_mul(&left)).as_slice());
+        let own = active_values(&part, active);
+        let beside: Vec<f64> = left.iter().zip(&own).map(|(all, own)| all - own).collect();
+        // Degrees of freedom that the process takes up beside those of the effects.
+        let taken = factor.solve(&products).trace() + solution.columns.len() as f64;
+        let free = (1.0 - taken / beside.len() as f64).max(1.0 / beside.len() as f64);
+        Some(Unknown {
+            noise: rms(&beside) / free.sqrt(),
+            unexplained: Unexplained {
+                rms: rms(&own),
+                place: localisation::of_discrepancy(observations, &known[index].kind, &part, 1.0),
+                ladder: Vec::new(),
+            },
+        })
+    }
+}
+
+/// Something unknown beside a set of effects.
+struct Unknown {
+    unexplained: Unexplained,
+    /// Standard deviation of the noise beside it, m.
+    noise: f64,
+}
+
+fn nothing() -> Unexplained {
+    Unexplained {
+        rms: 0.0,
+        place: Vec::new(),
+        ladder: Vec::new(),
     }
 }
 

@@ -34,7 +34,7 @@
 //! ```
 //! assert_eq!(
 //!     diagnosis::in_shop_units("dx", 3.5e-6, "m", Some([3.4e-6, 3.6e-6])),
-//!     "dx = 3.5000 ± 0.1000 µm"
+//!     "dx = 3.50 ± 0.10 µm"
 //! );
 //! ```
 
@@ -49,6 +49,6 @@ pub mod report;
 pub use diagnose::{Options, diagnose, diagnose_with_residuals};
 pub use effects::{DeclaredEffect, DeclaredError, DiagnoseError, Session};
 pub use joint::diagnose_together_with_residuals;
+pub use report::numbers::in_shop_units;
 pub use report::residuals::{self, Residuals};
-pub use report::summary::in_shop_units;
 pub use report::{Report, Verdict};

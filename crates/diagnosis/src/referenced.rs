@@ -259,7 +259,7 @@ pub(crate) fn report(
         compared,
         ..touches
     });
-    (report, named.collect(), of_reading + of_part)
+    (report.finished(), named.collect(), of_reading + of_part)
 }
 
 fn remarks(session: &Session, parted: &Parted) -> Vec<String> {

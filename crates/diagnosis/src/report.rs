@@ -3,8 +3,10 @@
 //! SI units throughout; `summary` renders it as text.
 
 pub(crate) mod declared;
+mod finish;
 pub(crate) mod localisation;
 pub mod noise;
+pub(crate) mod numbers;
 pub mod residuals;
 pub(crate) mod summary;
 
@@ -53,6 +55,9 @@ pub struct Report {
     pub samples: usize,
     /// The verdict.
     pub verdict: Verdict,
+    /// What was judged: `touch`, or of drives `effort` or `motion`.
+    #[serde(default = "touches")]
+    pub channel: String,
     /// Size of the gap.
     pub gap: Gap,
     /// The noise of a touch with its interval: of all, and by feed and by direction where there are enough touches.
@@ -171,6 +176,10 @@ pub struct Noise {
     pub ci95: [f64; 2],
 }
 
+fn touches() -> String {
+    "touch".to_owned()
+}
+
 fn metres() -> String {
     "m".to_owned()
 }
@@ -211,6 +220,9 @@ pub struct Effect {
     pub held_out: bool,
     /// Its equivalence class: effects that are indistinguishable from it in this session.
     pub indistinguishable_from: Vec<String>,
+    /// All of which one acts and these data cannot tell which, itself first: what a headline names.
+    #[serde(default)]
+    pub group: Vec<String>,
     /// Parameters of each of those in its place, where they can be fitted.
     #[serde(skip_serializing_if = "Vec::is_empty", default)]
     pub alternatives: Vec<Alternative>,
@@ -278,4 +290,7 @@ pub struct Rejected {
     pub effect: String,
     /// Probability that it acts.
     pub probability: f64,
+    /// Why it is not named although it is probable.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub reason: Option<String>,
 }

@@ -106,6 +106,29 @@ pub fn discrepancies(observations: &Observations, active: &[bool]) -> Vec<Discre
     discrepancies
 }
 
+/// Discrepancies over time within each session: times of different sessions have nothing in common. `session` of each row.
+pub fn within_sessions(
+    observations: &Observations,
+    active: &[bool],
+    session: &[usize],
+) -> Vec<Discrepancy> {
+    let kernels = time(observations);
+    let log_prior = -(kernels.len().max(1) as f64).ln();
+    let made = kernels.into_iter().filter_map(|kernel| {
+        let own: Kernel<'_> = Box::new(move |rows, with, column| {
+            let first = column.len();
+            kernel(rows, with, column);
+            for (value, &row) in column[first..].iter_mut().zip(rows) {
+                if session[row] != session[with] {
+                    *value = 0.0;
+                }
+            }
+        });
+        factor(observations, active, &own, Kind::Time, log_prior)
+    });
+    made.collect()
+}
+
 /// The rounding of positions read on a coarse grid: every touch in the same cell of an axis errs alike.
 pub fn grid(observations: &Observations, active: &[bool]) -> Option<Discrepancy> {
     let step = observations.grid.filter(|&step| step > FINE)?;

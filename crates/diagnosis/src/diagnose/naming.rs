@@ -16,6 +16,9 @@ const SURE_BESIDE_UNKNOWN: f64 = 0.99;
 /// An effect that the others reproduce to within half the noise is named only when it is this probable.
 const SURE_THOUGH_REPLACEABLE: f64 = 0.993;
 
+/// An effect that is named for all that are probable is at least this probable.
+const LIKELY: f64 = 0.05;
+
 /// Named effects in the order in which they close the gap.
 pub(super) struct Named {
     pub(super) effects: Vec<Effect>,
@@ -61,7 +64,11 @@ impl Reporter<'_> {
                 offered.probability = self.probability(names);
             }
         }
-        members.retain(|offered| offered.sure || stands_for_all);
+        // What stands for all that are probable is not itself improbable, unless nothing else stands.
+        let likely = members.iter().any(|offered| offered.probability > LIKELY);
+        members.retain(|offered| {
+            offered.sure || (stands_for_all && (offered.probability > LIKELY || !likely))
+        });
         members.sort_by(|a, b| b.size.total_cmp(&a.size));
         self.describe(members)
     }
@@ -142,6 +149,7 @@ impl Reporter<'_> {
                     &equivalent,
                 ),
                 indistinguishable_from: equivalent,
+                group: Vec::new(),
                 placebo_rms_after: self.placebo(&set, index, &held_out),
                 sessions: Vec::new(),
             });

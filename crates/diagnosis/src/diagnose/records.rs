@@ -103,6 +103,7 @@ fn plain(
         ci95_after: [after, after],
         held_out: false,
         indistinguishable_from: Vec::new(),
+        group: Vec::new(),
         alternatives: Vec::new(),
         placebo_rms_after: None,
         sessions: Vec::new(),

@@ -33,6 +33,11 @@ const PERHAPS_UNKNOWN: f64 = 0.2;
 /// An effect is named only when its set is this many times as probable as the set without it.
 pub(super) const REFUTED: f64 = 10.0;
 
+/// The named effects leave more than the noise where the held-out rms is this many times as large.
+const LEFT: f64 = 1.5;
+/// Effects that are listed as rejected at most, those of a named group included.
+const MOST_REJECTED: usize = 24;
+
 /// The noise of the touches.
 struct NoiseOf {
     /// Standard deviation, m.
@@ -73,7 +78,11 @@ impl Reporter<'_> {
         let noise = self.noise(best);
         let (named, unsupported) = self.name_supported(best, beside_unknown, noise.deviation);
         let Named { mut effects, set } = named;
-        let beside_unknown = beside_unknown || !unsupported.is_empty();
+        // Where what is sure leaves far more than the noise, the rest is unknown, however unsure its kind.
+        let left = effects.iter().rfind(|effect| effect.held_out);
+        let unfinished = unknown > PERHAPS_UNKNOWN
+            && left.is_some_and(|last| last.rms_after > LEFT * noise.deviation);
+        let beside_unknown = beside_unknown || !unsupported.is_empty() || unfinished;
         let grid = self.grid(best, noise.deviation, &mut effects);
         self.records(noise.deviation, beside_unknown, &mut effects);
         let verdict = match (beside_unknown, effects.is_empty()) {
@@ -99,6 +108,7 @@ impl Reporter<'_> {
             )),
             samples: self.observations.touches(),
             verdict,
+            channel: "touch".to_owned(),
             gap: Gap {
                 unit: "m".to_owned(),
                 rms,
@@ -126,7 +136,7 @@ impl Reporter<'_> {
             effects,
             warnings,
         };
-        (report, self.residuals(&set))
+        (report.finished(), self.residuals(&set))
     }
 
     /// The noise beside a model, of all touches and of groups of them.
@@ -363,10 +373,11 @@ impl Reporter<'_> {
             rejected.push(Rejected {
                 effect: variant.effect.clone(),
                 probability,
+                reason: None,
             });
         }
         rejected.sort_by(|a, b| b.probability.total_cmp(&a.probability));
-        rejected.truncate(12);
+        rejected.truncate(MOST_REJECTED);
         rejected
     }
 }

@@ -5,6 +5,7 @@ use std::fmt;
 
 use effects::vocabulary;
 
+use crate::report::numbers::in_shop_units;
 use crate::report::{Declared, Effect, NextMeasurement, ParameterEstimate, Place, Report, Verdict};
 
 impl fmt::Display for Report {
@@ -16,6 +17,10 @@ impl fmt::Display for Report {
             Verdict::Unexplained => "gap not explained: no known effect accounts for it",
         };
         writeln!(to, "{}: {verdict}", self.bag)?;
+        for (number, effect) in self.effects.iter().enumerate() {
+            let by = if number == 0 { "by" } else { "and" };
+            writeln!(to, "  {by} {}", group_text(effect))?;
+        }
         let micro = |value: f64| match self.gap.unit.as_str() {
             "m" => format!("{:.2} µm", value * 1e6),
             "rad" => format!("{:.2} µrad", value * 1e6),
@@ -78,6 +83,18 @@ impl fmt::Display for Report {
                 writeln!(to, "    {}: {before} -> {after}", rung.effect)?;
             }
         }
+        let probable = self
+            .rejected
+            .iter()
+            .filter_map(|one| Some((one, one.reason.as_ref()?)));
+        for (one, reason) in probable {
+            let probability = probability_text(one.probability);
+            writeln!(
+                to,
+                "  not named: {} (probability {probability}): {reason}",
+                one.effect
+            )?;
+        }
         for next in &self.next_measurement {
             write_next(to, next)?;
         }
@@ -94,11 +111,15 @@ fn write_effect(
     micro: &dyn Fn(f64) -> String,
 ) -> fmt::Result {
     let (before, after) = (micro(effect.rms_before), micro(effect.rms_after));
+    let name = group_text(effect);
+    let probability = probability_text(effect.probability);
     writeln!(
         to,
-        "  {} (probability {:.3}): {before} -> {after}",
-        effect.effect, effect.probability
+        "  {name} (probability {probability}): {before} -> {after}"
     )?;
+    if effect.group.len() > 1 {
+        writeln!(to, "    as {}:", effect.effect)?;
+    }
     for parameter in &effect.parameters {
         writeln!(to, "    {}", parameter_text(parameter))?;
     }
@@ -109,11 +130,26 @@ fn write_effect(
         return Ok(());
     }
     // Where the cause is ambiguous, so is what to do about it.
-    writeln!(
-        to,
-        "    indistinguishable in this session from {}",
-        effect.indistinguishable_from.join(", ")
-    )
+    writeln!(to, "    these data cannot tell which of them acts")
+}
+
+/// What may act, in words: the whole group, never one of it as certain.
+fn group_text(effect: &Effect) -> String {
+    match effect.group.as_slice() {
+        [] | [_] => effect.effect.clone(),
+        group => format!("one of {}", group.join(", ")),
+    }
+}
+
+/// A probability: never 1 or 0 by rounding.
+fn probability_text(value: f64) -> String {
+    if value > 0.9995 {
+        "> 0.999".to_owned()
+    } else if value < 0.0005 {
+        "< 0.001".to_owned()
+    } else {
+        format!("{value:.3}")
+    }
 }
 
 /// An effect of the declared model: its source, the reduction of the gap that it promised, and the one it achieves here.
@@ -194,33 +230,6 @@ fn parameter_text(parameter: &ParameterEstimate) -> String {
     in_shop_units(name, parameter.value, unit, Some(parameter.ci95))
 }
 
-/// A parameter as text: name, value, half width of its 95 % interval, in the units of the workshop.
-pub fn in_shop_units(name: &str, value: f64, unit: &str, ci95: Option<[f64; 2]>) -> String {
-    let (factor, unit) = match unit {
-        "m" if value.abs() >= 2e-3 => (1e3, "mm"),
-        "m" => (1e6, "µm"),
-        "rad" => (1e6, "µrad"),
-        "m/m" => (1e6, "µm/m"),
-        "rad/m" => (1e6, "µrad/m"),
-        "1/K" => (1e6, "µm/(m K)"),
-        "rad/(N m)" => (1e6, "µrad/(N m)"),
-        "m/N" => (1e6, "µm/N"),
-        "s" if value.abs() < 1.0 => (1e3, "ms"),
-        "1" => (1.0, ""),
-        other => (1.0, other),
-    };
-    let half = ci95.map_or(0.0, |[low, high]| 0.5 * (high - low) * factor);
-    let value = value * factor;
-    // A constant that was not fitted: the number of a tool, a chosen length.
-    let text = if half > 0.0 {
-        format!("{name} = {value:.4} ± {half:.4} {unit}")
-    } else {
-        // Six decimals: rounding errors of means are not printed.
-        format!("{name} = {} {unit}", (value * 1e6).round() / 1e6)
-    };
-    text.trim_end().to_owned()
-}
-
 fn place_text(place: &Place) -> String {
     let interval = match (place.from, place.to) {
         (Some(from), Some(to)) => format!(" from {from:.4} to {to:.4}"),
@@ -232,36 +241,4 @@ fn place_text(place: &Place) -> String {
         place.key,
         place.share * 100.0
     )
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn parameters_are_read_in_the_units_of_the_shop() {
-        let text = |name: &str, value: f64, unit: &str, half: f64| {
-            parameter_text(&ParameterEstimate {
-                name: name.to_owned(),
-                value,
-                unit: unit.to_owned(),
-                ci95: [value - half, value + half],
-            })
-        };
-        assert_eq!(text("dx", 3.5e-6, "m", 1e-7), "dx = 3.5000 ± 0.1000 µm");
-        assert_eq!(
-            text("rate", 1.4e-6, "m/m", 2e-7),
-            "rate = 1.4000 ± 0.2000 µm/m"
-        );
-        assert_eq!(
-            text("A2", 1.2e-6, "rad/(N m)", 3e-7),
-            "A2 = 1.2000 ± 0.3000 µrad/(N m)"
-        );
-        assert_eq!(text("length", 0.075, "m", 0.0), "length = 75 mm");
-        assert_eq!(text("tool", 2.0, "1", 0.0), "tool = 2");
-        assert_eq!(
-            text("exponent", 2.5, "1", 0.25),
-            "exponent = 2.5000 ± 0.2500"
-        );
-    }
 }

@@ -36,13 +36,23 @@ fn stops(pose: &Pose, point: V, normal: V, radius: f64) -> f64 {
 
 /// A bed of 0.5 × 0.4 m, row by row in a snake; `bow` is the sagitta of its middle along x, m.
 pub(crate) fn height_map(pose: &Pose, bow: f64, noise: f64, seed: u64) -> Session {
+    formed_bed(pose, |x, _| bow * (1.0 - (x / 0.25).powi(2)), noise, seed)
+}
+
+/// The same with any form, m above the plane at a place.
+pub(crate) fn formed_bed(
+    pose: &Pose,
+    form: impl Fn(f64, f64) -> f64,
+    noise: f64,
+    seed: u64,
+) -> Session {
     let mut chance = Chance(seed);
     let mut readings = Vec::new();
     for row in 0..11 {
         for step in 0..13 {
             let step = if row % 2 == 0 { step } else { 12 - step };
             let (x, y) = (f64::from(step - 6) * 0.25 / 6.0, f64::from(row - 5) * 0.04);
-            let formed = bow * (1.0 - (x / 0.25).powi(2));
+            let formed = form(x, y);
             let up = stops(pose, [x, y, 0.0], [0.0, 0.0, 1.0], 5e-4) + formed;
             readings.push(Reading {
                 feature: 0,

@@ -59,3 +59,28 @@ pub(crate) fn plate(errors: &Errors, seed: u64) -> Session {
         &readings,
     )
 }
+
+/// A row of 90 holes along x, measured once in the order of their place at an even pace.
+pub(crate) fn rail(errors: &Errors, seed: u64) -> Session {
+    let mut chance = Chance(seed);
+    let mut readings = Vec::new();
+    for column in 0..90 {
+        let x = 0.0071 * f64::from(column);
+        let seen = x * (1.0 + errors.scale[0]) + errors.noise * chance.normal();
+        readings.push(Reading {
+            feature: column as u32 / 6,
+            point: [seen, 0.0, 0.0],
+            normal: [1.0, 0.0, 0.0],
+            feed: 0.0,
+            axes: vec![x, 0.0, 0.1],
+            time: 5.0 * f64::from(column),
+        });
+    }
+    session(
+        "rail",
+        GANTRY,
+        &["X", "Y", "Z"],
+        ([0.0, 0.0, -0.1], 0.0),
+        &readings,
+    )
+}

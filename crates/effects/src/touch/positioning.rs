@@ -65,7 +65,8 @@ impl Effect for Positioning {
                 targets.filter_map(move |(targets, weight)| {
                     let of = Instance::on(&rows.chain.axis(axis).name);
                     let way = self.way(&rows.chain, &of, travel, targets)?;
-                    Some(way.with_prior_weight(weight))
+                    // Who reads each target repeatedly looks for such a table.
+                    Some(way.with_prior_weight(if repeated { 1.0 } else { weight }))
                 })
             })
             .collect()

@@ -54,6 +54,10 @@ impl Unit {
             "m/m" => Self::fixed(1e6, "µm/m"),
             "rad/m" => Self::fixed(1e6, "µrad/m"),
             "1/K" => Self::fixed(1e6, "µm/(m K)"),
+            "m/K" => Self::fixed(1e6, "µm/K"),
+            "m s/rad" => Self::fixed(1e6, "µm s/rad"),
+            "m/s" => Self::fixed(3.6e9, "µm/h"),
+            "rad/rad" => Self::fixed(1e6, "µrad/rad"),
             "rad/(N m)" => Self::fixed(1e6, "µrad/(N m)"),
             "m/N" => Self::fixed(1e6, "µm/N"),
             "1" => Self::ONE,
@@ -89,8 +93,17 @@ impl Unit {
         if !(half > 0.0 && half.is_finite()) {
             return self.signed(number(value));
         }
-        // Two digits of the interval are worth reading.
-        let decimals = (1 - half.log10().floor() as i32).clamp(0, 9) as usize;
+        // Two digits of the interval are worth reading, and the value to the same place (GUM 7.2.6).
+        let place = |of: f64| of.log10().floor() as i32 - 1;
+        let to = |number: f64, place: i32| {
+            let step = 10_f64.powi(place);
+            let rounded = (number / step).round() * step;
+            // Zero has no sign.
+            if rounded == 0.0 { 0.0 } else { rounded }
+        };
+        let place = place(to(half, place(half)));
+        let decimals = (-place).clamp(0, 9) as usize;
+        let (value, half) = (to(value, place), to(half, place));
         self.signed(format!("{value:.decimals$} ± {half:.decimals$}"))
     }
 
@@ -158,6 +171,14 @@ mod tests {
         assert_eq!(
             Unit::UM.text_with_interval(35.4567e-6, [5e-6, 65e-6]),
             "35 ± 30 µm"
+        );
+        assert_eq!(
+            Unit::UM.text_with_interval(1234.5e-6, [987.5e-6, 1481.5e-6]),
+            "1230 ± 250 µm"
+        );
+        assert_eq!(
+            Unit::UM.text_with_interval(-0.004e-6, [-0.314e-6, 0.306e-6]),
+            "0.00 ± 0.31 µm"
         );
         assert_eq!(Unit::S.text_with_interval(2.0, [f64::NAN, f64::NAN]), "2 s");
     }

@@ -40,10 +40,27 @@ pub(crate) fn verdict(report: &Report, samples: &str) -> String {
     }
 }
 
+/// What may act: of effects that these data cannot tell apart the whole group, never one as certain.
 fn causes(report: &Report) -> String {
     match report.effects.as_slice() {
+        [one] if one.group.len() > 1 => {
+            format!(
+                "one effect of a group that these data cannot tell apart: {}",
+                one.group.join(", ")
+            )
+        }
         [one] => format!("one effect, {}", vocabulary::describe(&one.effect)),
-        several => format!("{} effects", several.len()),
+        several => {
+            let named = several.iter().map(|effect| match effect.group.as_slice() {
+                [] | [_] => effect.effect.clone(),
+                group => format!("one of ({})", group.join(", ")),
+            });
+            format!(
+                "{} effects: {}",
+                several.len(),
+                named.collect::<Vec<_>>().join("; ")
+            )
+        }
     }
 }
 
@@ -64,6 +81,14 @@ fn finding(effect: &Effect) -> String {
     } else {
         format!(": {size}")
     };
+    if effect.group.len() > 1 {
+        return format!(
+            "One of {} acts, with probability {}; if it is {}{size}.",
+            effect.group.join(", "),
+            probability(effect.probability),
+            effect.effect
+        );
+    }
     format!(
         "{name} ({}){size}; probability {}.",
         effect.effect,

@@ -328,12 +328,13 @@ fn considered(page: &mut Page, report: &Report) {
         return;
     }
     page.heading("Rejected effects");
-    let mut table = Table::new("", &["effect", "description", "probability"]);
+    let mut table = Table::new("", &["effect", "description", "probability", "remark"]);
     for effect in &report.rejected {
         table.row(vec![
             effect.effect.clone(),
             vocabulary::describe(&effect.effect),
             probability(effect.probability),
+            effect.reason.clone().unwrap_or_default(),
         ]);
     }
     page.table(&table);

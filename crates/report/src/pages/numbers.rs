@@ -15,8 +15,9 @@ pub(crate) fn parameter(parameter: &ParameterEstimate) -> String {
     let unit = match parameter.unit.as_str() {
         "m" if !fitted && value.abs() >= 2e-3 => Unit::MM,
         "s" if value.abs() < 1.0 => Unit::MS,
+        "s" if value.abs() >= 600.0 => Unit::MIN,
         // A phase, not an error of an axis.
-        "rad" if value.abs() >= 0.02 => Unit::DEG,
+        "rad" if value.abs() >= 0.02 || parameter.name.contains("phase") => Unit::DEG,
         other => Unit::of_si(other),
     };
     let text = unit.text_with_interval(value, parameter.ci95);

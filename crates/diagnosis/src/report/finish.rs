@@ -1,0 +1,61 @@
+//! What holds of every report, whatever made it: groups are complete, and its numbers agree with one another.
+
+use crate::report::{Report, Verdict};
+
+/// Effects less probable than this are not worth a line.
+const IMPROBABLE: f64 = 0.005;
+/// From this probability on a reader wants to know why an effect is not named.
+const PROBABLE: f64 = 0.5;
+
+impl Report {
+    /// The report with the groups of its effects, and with numbers that agree: no effect begins with more than the gap, no
+    /// noise is larger than what the best explanation leaves.
+    pub(crate) fn finished(mut self) -> Self {
+        for effect in &mut self.effects {
+            let others = effect.indistinguishable_from.iter().cloned();
+            effect.group = std::iter::once(effect.effect.clone())
+                .chain(others)
+                .collect();
+            if effect.held_out && effect.rms_after <= effect.rms_before {
+                effect.rms_before = effect.rms_before.min(self.gap.rms);
+                effect.rms_after = effect.rms_after.min(effect.rms_before);
+                effect.ci95_after[0] = effect.ci95_after[0].min(effect.rms_after);
+            } else {
+                effect.rms_before = effect.rms_before.min(self.gap.rms);
+            }
+        }
+        let judged = self.effects.iter().rfind(|effect| effect.held_out);
+        let left = judged
+            .filter(|_| self.verdict == Verdict::Explained)
+            .map(|effect| effect.rms_after);
+        self.gap.noise_floor =
+            left.map_or(self.gap.noise_floor, |left| self.gap.noise_floor.min(left));
+        if self.gap.noise_floor > 0.0 {
+            self.gap.ratio = self.gap.rms / self.gap.noise_floor;
+        }
+        let grouped = |name: &String| {
+            self.effects
+                .iter()
+                .any(|effect| effect.group.contains(name))
+        };
+        self.rejected
+            .retain(|one| one.probability >= IMPROBABLE && !grouped(&one.effect));
+        let unknown = matches!(
+            self.verdict,
+            Verdict::PartlyExplained | Verdict::Unexplained
+        );
+        for one in self
+            .rejected
+            .iter_mut()
+            .filter(|one| one.probability >= PROBABLE)
+        {
+            let reason = if unknown {
+                "probable, not named because an unknown cause acts that may stand for it"
+            } else {
+                "probable, not named because the held-out gap is as small without it"
+            };
+            one.reason.get_or_insert_with(|| reason.to_owned());
+        }
+        self
+    }
+}
