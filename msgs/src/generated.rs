@@ -471,7 +471,7 @@ pub struct FeatureResult {
     pub size: f64,
     /// m
     pub nominal_size: f64,
-    /// m, size less nominal_size
+    /// m, size minus nominal_size
     pub size_deviation: f64,
     /// m, peak to valley of the residuals
     pub form: f64,
@@ -996,7 +996,7 @@ pub struct MeasurementOrder {
     pub plan_id: String,
     /// indices into the plan's points
     pub order: Vec<u32>,
-    /// s, moves between touches in this order: the slowest axis at its top speed
+    /// s, moves between touches in this order by the motion limits of the cell file
     pub air_time: f64,
     /// s, the same in the order in which the plan lists them
     pub given_air_time: f64,
@@ -1219,9 +1219,10 @@ pub struct PartAlignment {
     pub sequences: Vec<u64>,
     /// false: the part could not be aligned; text says why
     pub valid: bool,
+    /// A nominal point p of the part lies at R p + shift, with R the rotation by the vector below.
     /// m, of the part frame's origin
     pub shift: crate::geometry_msgs::Vector3,
-    /// rad, rotation vector of the part about that origin, in the part frame
+    /// rad, rotation vector of the part about the planned origin, planned part frame
     pub rotation: crate::geometry_msgs::Vector3,
     /// m or rad, products: 6 x 6 of shift and rotation, row by row; empty where not valid
     pub covariance: Vec<f64>,
@@ -1476,7 +1477,7 @@ pub struct PlanProgress {
 
 impl PlanProgress {
     /// computes collision-free paths between touches; no order is known yet
-    pub const WAYS: u8 = 0;
+    pub const TRANSITS: u8 = 0;
     /// searches for a shorter order
     pub const SEARCHING: u8 = 1;
     /// the order is published; last message of this job
@@ -1489,7 +1490,7 @@ crate::code::codes! {
     /// Values of `PlanProgress.phase`.
     pub enum PlanProgressPhase of "PlanProgress.phase" {
         /// computes collision-free paths between touches; no order is known yet
-        Ways = 0,
+        Transits = 0,
         /// searches for a shorter order
         Searching = 1,
         /// the order is published; last message of this job

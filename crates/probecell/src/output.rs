@@ -59,7 +59,7 @@ pub(crate) fn progress(progress: &PlanProgress) {
     };
     let (touches, percent) = (progress.touches, 100.0 * progress.share);
     let text = match progress.phase {
-        PlanProgress::WAYS => {
+        PlanProgress::TRANSITS => {
             format!("{plan}: {touches} touches, computing moves between them: {percent:.0} %")
         }
         PlanProgress::SEARCHING => format!(

@@ -176,7 +176,7 @@ impl Task {
         let mut progress = PlanProgress {
             plan_id: self.plan.plan_id.clone(),
             touches: self.points.len() as u32,
-            phase: PlanProgress::WAYS,
+            phase: PlanProgress::TRANSITS,
             ..PlanProgress::default()
         };
         if let Some(search) = &self.search {

@@ -164,7 +164,7 @@ fn every_stretch_tells_how_far_it_is_and_the_answer_is_that_of_one_run() {
     assert!(searching.len() >= 5, "{told:?}");
     let phases: Vec<u8> = told.iter().map(|one| one.phase).collect();
     assert!(
-        phases.is_sorted() && phases[0] == PlanProgress::WAYS,
+        phases.is_sorted() && phases[0] == PlanProgress::TRANSITS,
         "{phases:?}"
     );
     for pair in told.windows(2) {
