@@ -281,7 +281,7 @@ fn a_fault_stops_machine_and_part_and_a_warning_does_not() {
     let text = format!("{stopped}; the machine has not confirmed within 10 s that it stands");
     check(
         with(with(measured(), vec![fault(Fault::ERROR)]), ticks(11)),
-        &[&text],
+        &["3 stop", &text],
     );
     check(vec![fault(Fault::ERROR)], &[]);
 }
@@ -304,14 +304,14 @@ fn a_request_is_repeated_until_it_is_taken_and_silence_of_the_machine_stops_the_
 
 #[test]
 fn a_decision_that_does_not_come_stops_the_part_but_only_for_its_own_measurement() {
-    check(with(with(measured(), vec![done(2)]), ticks(30)), &[]);
+    check(with(with(measured(), vec![done(2)]), ticks(29)), &[]);
     let late = || with(with(measured(), vec![done(2)]), ticks(31));
     check(late(), &["3 stop"]);
     let overdue = "p stopped after 1 passes: no decision on p/rough/1 arrived in time";
     check(with(late(), vec![done(3)]), &[overdue]);
     let recut = || decision("p/rough/1", PassDecision::RECUT, &["a"]);
     let correcting = || with(measured(), vec![done(2), recut()]);
-    check(with(correcting(), ticks(60)), &[]);
+    check(with(correcting(), ticks(59)), &[]);
     check(with(correcting(), ticks(61)), &["3 stop"]);
 }
 

@@ -178,7 +178,7 @@ fn a_probe_that_was_tripped_before_the_move_is_stuck_whatever_it_says_afterwards
 }
 
 #[test]
-fn a_trigger_with_unusable_axes_or_point_takes_no_number() {
+fn a_trigger_with_unusable_axes_or_point_makes_no_event() {
     let mut inputs = vec![plan("a")];
     inputs.push(Input::Trigger(trigger("a", 3, 0.003)));
     inputs.push(Input::Trigger(trigger("a", 0, f64::NAN)));
@@ -199,7 +199,7 @@ fn a_trigger_with_unusable_axes_or_point_takes_no_number() {
             unusable,
             unusable,
             unusable,
-            "0 point 0 touched at 0.0030",
+            "4 point 0 touched at 0.0030",
         ],
     );
 }
