@@ -20,8 +20,8 @@ use cell_tests::{
 };
 use graph::{Published, START, topics};
 use probecell_msgs::{
-    Correction, InspectionPlan, MachineState, OperationRequest, OperatorRequest, PartReport,
-    ProbeEvent, ReferenceMeasurement, from_cdr, to_cdr,
+    Correction, FeatureResult, InspectionPlan, MachineState, OperationRequest, OperatorRequest,
+    PartReport, ProbeEvent, ReferenceMeasurement, from_cdr, to_cdr,
 };
 use serde_json::Value;
 
@@ -58,11 +58,13 @@ fn automatic() -> (Cell, Vec<Published>) {
     (cell, session.finish())
 }
 
-/// Every request of the cycle comes twice; an operator stops the second part.
+/// Every request of the cycle comes twice, one of them again when features have been measured; an operator stops the
+/// second part.
 fn twice() -> (Cell, Vec<Published>) {
     let cell = turn_mill(str::to_owned);
     let mut session = Session::new(&cell);
     let mut seen = 0;
+    let mut is_repeated = false;
     for (part, reports) in [("punch", 1), ("second", 2)] {
         session.ask_for(part);
         while session.all::<PartReport>(topics::PART_REPORTS).len() < reports {
@@ -71,6 +73,15 @@ fn twice() -> (Cell, Vec<Published>) {
             if let Some(request) = requests.get(seen) {
                 session.send(topics::OPERATION_REQUESTS, request);
                 seen += 2;
+            }
+            if !is_repeated
+                && !session
+                    .all::<FeatureResult>(topics::FEATURE_RESULTS)
+                    .is_empty()
+            {
+                is_repeated = true;
+                let last = requests.last().expect("what is measured was requested");
+                session.send(topics::OPERATION_REQUESTS, last);
             }
             if reports == 2 && request_to_measure(&requests) {
                 let stop = OperatorRequest {

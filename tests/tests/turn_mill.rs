@@ -219,8 +219,8 @@ fn a_reference_that_comes_late_stops_the_part_that_is_being_made() {
         .collect();
     let expected = [
         ("punch", PartReport::QUALIFIED),
-        ("second", PartReport::STOPPED),
         ("punch", PartReport::STOPPED),
+        ("second", PartReport::STOPPED),
     ];
     assert_eq!(ends, expected);
 }

@@ -3,7 +3,7 @@
 //!
 //! | subscribes to | publishes |
 //! |---|---|
-//! | `feature_results`, `operation_requests` | `verdicts`, `pass_decisions` |
+//! | `feature_results`, `reference_results`, `operation_requests` | `verdicts`, `pass_decisions` |
 //! | `tool_offsets`, `approvals`, `part_reports` | `corrections`, `approval_replies` |
 //! | for the volumetric table: `inspection_plan`, `probe_events`, `touch_deviations` | |
 //! | for work offsets: `inspection_plan`, `probe_events`, `part_alignment` | |
