@@ -67,8 +67,10 @@ fn a_calibrated_probe_leaves_what_the_reference_cannot_tell() {
             (2.0 * report.gap.rms - 6.2e-6).abs() < 1e-6,
             "seed {seed}: {report}"
         );
-        assert!(report.gap.ratio < 1.2, "seed {seed}: {report}");
         assert_eq!(report.verdict, Verdict::Explained, "{report}");
-        the_constant(&report);
+        let effect = the_constant(&report);
+        // The gap is as small as the CMM's 3 µm; no noise is told that is larger than what is left.
+        assert!(report.gap.noise_floor <= effect.rms_after, "{report}");
+        assert!(report.gap.rms < 1.2 * 3e-6, "{report}");
     }
 }

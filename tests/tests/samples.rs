@@ -50,14 +50,15 @@ fn a_sample_made_again_holds_the_same_messages() {
 fn the_part_of_a_sample_ends_as_its_recipe_says() {
     for (name, recipe, bag) in samples() {
         let log = sample::read(&sample::cell(&recipe), &bag);
-        let verdicts: Vec<String> = log
+        // A reference that comes late revokes what was reported before: the last report holds.
+        let verdict = log
             .iter()
             .filter(|published| published.topic == topics::PART_REPORTS.name)
             .flat_map(|published| sample::described(published).leaves())
             .filter(|(path, _)| path == "verdict")
             .map(|(_, verdict)| verdict)
-            .collect();
-        assert_eq!(verdicts, [recipe.part_verdict.to_string()], "{name}");
+            .last();
+        assert_eq!(verdict, Some(recipe.part_verdict.to_string()), "{name}");
     }
 }
 

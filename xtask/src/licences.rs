@@ -83,7 +83,7 @@ impl Policy {
             match &package.license {
                 Some(expression) if satisfied(expression, &fits) => {}
                 Some(expression) => {
-                    refused.push(format!("{name}: the licence {expression:?} is not allowed"))
+                    refused.push(format!("{name}: the licence {expression:?} is not allowed"));
                 }
                 None => refused.push(format!("{name} has no licence")),
             }

@@ -50,7 +50,7 @@ pub(crate) fn first_literal(text: &str) -> Option<(String, String)> {
     let table: Table = text.parse().ok()?;
     let mut found = None;
     let mut table = Value::Table(table);
-    visit(&mut table, String::new(), &mut |path, value| {
+    visit(&mut table, "", &mut |path, value| {
         found.get_or_insert_with(|| (path.to_owned(), value.clone()));
     });
     found
@@ -66,7 +66,7 @@ pub fn redacted(text: &str) -> String {
     };
     let mut changed = false;
     let mut table = Value::Table(table);
-    visit(&mut table, String::new(), &mut |_, value| {
+    visit(&mut table, "", &mut |_, value| {
         NOT_SHOWN.clone_into(value);
         changed = true;
     });
@@ -114,7 +114,7 @@ fn resolve(value: &mut Value) -> Result<(), SecretError> {
 }
 
 /// Calls `found` with the path and the text of every password within.
-fn visit(value: &mut Value, path: String, found: &mut impl FnMut(&str, &mut String)) {
+fn visit(value: &mut Value, path: &str, found: &mut impl FnMut(&str, &mut String)) {
     match value {
         Value::Table(table) => {
             for (key, value) in table.iter_mut() {
@@ -129,16 +129,16 @@ fn visit(value: &mut Value, path: String, found: &mut impl FnMut(&str, &mut Stri
                     {
                         found(&path, text);
                     }
-                    other => visit(other, path, found),
+                    other => visit(other, &path, found),
                 }
             }
         }
         Value::Array(values) => {
             for value in values {
-                visit(value, path.clone(), found);
+                visit(value, path, found);
             }
         }
-        Value::String(text) if carries_secret(text) => found(&path, text),
+        Value::String(text) if carries_secret(text) => found(path, text),
         _ => {}
     }
 }

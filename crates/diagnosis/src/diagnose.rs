@@ -14,14 +14,14 @@ use effects::observation::Observations;
 use effects::session::{DiagnoseError, Session, check_drives};
 use effects::{Variant, library, observe, vocabulary};
 use experiment::next::ProposalOptions;
-use metrology::statistics::rms;
+use metrology::statistics::{chi_squared_quantile, rms};
 
 use crate::attribution::candidate_pool::Shapes;
 use crate::drives::diagnose_drives_with_residuals;
 use crate::physical::Impossible;
-use crate::referenced::{self, Parted, Told};
+use crate::referenced;
 use crate::report::Report;
-use crate::report::residuals::Residuals;
+use crate::report::residuals::{Residuals, TouchResiduals};
 use explain::explain;
 use reporter::Reporter;
 
@@ -66,29 +66,24 @@ pub fn diagnose_with_residuals(
     let offered = variants(&observations, options)?;
     weigh_references(&mut observations, &offered);
     let explain = |session: &Session, observations: &Observations, variants: &[Variant]| {
-        let covered = observations.reference_uncertainty;
+        let covered = covered_by_reference(observations);
         report_part(session, observations, variants, (options.next, covered))
     };
     let mut impossible = Impossible::default();
-    let whole = loop {
+    let (whole, touches) = loop {
         let variants = impossible.left_out(variants(&observations, options)?);
         let found = report_part(session, &observations, &variants, (options.next, 0.0));
-        if !impossible.found_in(&found.report, &offered) {
+        if !impossible.found_in(&found.0, &offered) {
             break found;
         }
     };
-    let doubtful = |parted: &Parted| referenced::is_doubtful(parted, &whole.report);
-    if let Some(parted) = referenced::part(&observations).filter(doubtful) {
-        let (report, touches, evidence) =
-            referenced::report(session, &parted, &options.without, explain);
-        // The joint model sees weighted references: their density in metres.
-        let weights = observations.rows.iter().map(|row| row.weight.ln());
-        let joint = whole.log_evidence + weights.sum::<f64>();
-        if referenced::is_better(&parted, evidence, joint) {
-            return Ok((report, Residuals::Touches(touches)));
-        }
-    }
-    Ok((whole.report, Residuals::Touches(vec![whole.touches])))
+    let parted =
+        referenced::part(&observations).filter(|parted| referenced::is_better(parted, &whole));
+    let Some(parted) = parted else {
+        return Ok((whole, Residuals::Touches(vec![touches])));
+    };
+    let (report, touches) = referenced::report(session, &parted, &options.without, explain);
+    Ok((report, Residuals::Touches(touches)))
 }
 
 /// The variants of the library that are offered.
@@ -124,6 +119,16 @@ fn weigh_references(observations: &mut Observations, variants: &[Variant]) {
     }
 }
 
+/// The largest rms of a discrepancy (m) that errors of the reference, common to the points of each feature and of its standard
+/// uncertainty, exceed once in twenty times: their sum of squares is chi-squared with as many degrees of freedom as features.
+fn covered_by_reference(observations: &Observations) -> f64 {
+    let mut features: Vec<usize> = observations.rows.iter().map(|row| row.feature).collect();
+    features.sort_unstable();
+    features.dedup();
+    let freedom = features.len().max(1) as f64;
+    observations.reference_uncertainty * (chi_squared_quantile(0.95, freedom) / freedom).sqrt()
+}
+
 /// The report of the rows of a session, and the residuals of its touches; discrepancies whose rms is at most `covered` (m)
 /// may be the reference's own.
 fn report_part(
@@ -131,22 +136,16 @@ fn report_part(
     observations: &Observations,
     variants: &[Variant],
     (next, covered): (ProposalOptions, f64),
-) -> Told {
+) -> (Report, TouchResiduals) {
     let shapes = Shapes::new(observations, variants);
-    let explained = explain(&shapes);
-    let reporter = Reporter {
+    Reporter {
         session,
         next,
         observations,
         variants,
         shapes: &shapes,
-        explained: &explained,
+        explained: &explain(&shapes),
         covered,
-    };
-    let (report, touches) = reporter.report();
-    Told {
-        report,
-        touches,
-        log_evidence: explained.score,
     }
+    .report()
 }

@@ -4,11 +4,8 @@
 //! A controller that corrects itself drives its reading to the plan: the error of its probe and the material that it
 //! cut away for it cancel in what it reads, and the worn tool of its registers is a phantom
 //! (`docs/source_systems.md, A.4`). Reading − reference holds what probe and machine do while they measure; cutting
-//! is judged by the reference, or, where the loop has followed the reading, by the reading that it followed. What the
-//! machine does while it measures it also did while it cut: errors named in the reading are carried over to the part at the
-//! axis positions of the cut, with the same coefficients. Whether both parts explain more than one model of all rows is
-//! decided by their evidence.
-//! Discrepancies below the reference's standard uncertainty, which may be common to all points of a feature, are not
+//! is judged by the reference, or, where the loop has followed the reading, by the reading that it followed.
+//! Discrepancies that the reference's uncertainty, which may be common to all points of a feature, allows (0.95) are not
 //! distinguished from its own errors. Metres.
 
 use std::collections::BTreeMap;
@@ -16,11 +13,10 @@ use std::collections::BTreeMap;
 use crate::report::residuals::TouchResiduals;
 use crate::report::{Effect, Report, Verdict};
 use effects::effect::Subject;
-use effects::observation::{Observations, Row};
+use effects::observation::Observations;
 use effects::registry::acts_on;
 use effects::session::Session;
 use effects::{Variant, library};
-use inference::linear::add_scaled;
 use metrology::statistics::rms;
 
 /// Share of the touched points that the reference must know.
@@ -37,10 +33,6 @@ pub(crate) struct Parted {
     pub(crate) reading: Observations,
     /// Touches with the deviation of the machined surface.
     pub(crate) part: Observations,
-    /// The rows of the part as its deviations see the machine: cutting alone, or cutting and measuring.
-    machined: Observations,
-    /// True where the two parts hold just the data of touches and reference.
-    same_data: bool,
     /// Mean of the reference on the points of each tool, m; `None`: of no tool.
     tools: Vec<(Option<u32>, f64)>,
     /// True where reading and part err against each other.
@@ -63,23 +55,14 @@ pub(crate) fn part(observations: &Observations) -> Option<Parted> {
     if (pairs.len() as f64) < MOST * touches as f64 || pairs.is_empty() {
         return None;
     }
-    let with =
-        |deviations: Vec<f64>, declared: Vec<Vec<f64>>, seen: &dyn Fn(&Row) -> Row| Observations {
-            declared,
-            rows: (pairs.iter())
-                .map(|&(row, _)| seen(&observations.rows[row]))
-                .collect(),
-            deviations,
-            ..observations.clone()
-        };
-    // What the machine did while it cut stands in reading and reference alike.
-    let measuring = |row: &Row| Row {
-        cut: None,
-        ..row.clone()
-    };
-    let cutting = |row: &Row| Row {
-        pose: None,
-        ..row.clone()
+    let with = |deviations: Vec<f64>, declared: Vec<Vec<f64>>| Observations {
+        declared,
+        rows: pairs
+            .iter()
+            .map(|&(row, _)| observations.rows[row].clone())
+            .collect(),
+        deviations,
+        ..observations.clone()
     };
     let read = |row: usize| observations.deviations[row];
     let of_reference = |row: usize| {
@@ -99,30 +82,19 @@ pub(crate) fn part(observations: &Observations) -> Option<Parted> {
     let reading = with(
         pairs.iter().map(|&(row, r)| read(row) - r).collect(),
         declared(&|read, known| read - known),
-        &measuring,
     );
     let followed: Vec<f64> = pairs.iter().map(|&(row, _)| read(row)).collect();
     let size = rms(&reading.deviations);
     let opposed = size > CANCELS * rms(&followed);
     let cancels = opposed && size > 2.0 * observations.reference_uncertainty;
-    let (deviations, own) = if cancels {
-        (followed, declared(&|read, _| read))
+    let part = if cancels {
+        with(followed, declared(&|read, _| read))
     } else {
-        let measured = pairs.iter().map(|&(_, r)| r);
-        (measured.collect(), declared(&|_, known| known))
+        with(
+            pairs.iter().map(|&(_, r)| r).collect(),
+            declared(&|_, known| known),
+        )
     };
-    let part = with(deviations.clone(), own.clone(), &Row::clone);
-    let machined = if cancels {
-        part.clone()
-    } else {
-        with(deviations, own, &cutting)
-    };
-    let mut points: Vec<usize> = (pairs.iter())
-        .map(|&(row, _)| observations.rows[row].point)
-        .collect();
-    points.sort_unstable();
-    points.dedup();
-    let same_data = points.len() == pairs.len() && 2 * pairs.len() == observations.rows.len();
     let mut tools: BTreeMap<Option<u32>, (f64, f64)> = BTreeMap::new();
     for &(row, r) in &pairs {
         let sum = tools.entry(observations.rows[row].tool).or_default();
@@ -131,8 +103,6 @@ pub(crate) fn part(observations: &Observations) -> Option<Parted> {
     Some(Parted {
         reading,
         part,
-        machined,
-        same_data,
         tools: tools
             .into_iter()
             .map(|(tool, (sum, count))| (tool, sum / count))
@@ -142,8 +112,8 @@ pub(crate) fn part(observations: &Observations) -> Option<Parted> {
     })
 }
 
-/// True where the joint explanation may not hold: something is left, or the errors cancel in the reading.
-pub(crate) fn is_doubtful(parted: &Parted, joint: &Report) -> bool {
+/// True where the joint explanation does not hold: something is left, or the errors cancel in the reading.
+pub(crate) fn is_better(parted: &Parted, joint: &Report) -> bool {
     parted.opposed
         || matches!(
             joint.verdict,
@@ -151,44 +121,13 @@ pub(crate) fn is_doubtful(parted: &Parted, joint: &Report) -> bool {
         )
 }
 
-/// True where both parts together explain more than one model of all rows, whose log evidence is `joint`; also where the two
-/// cannot be compared, or the errors cancel in the reading, which no joint model foresees.
-pub(crate) fn is_better(parted: &Parted, evidence: f64, joint: f64) -> bool {
-    parted.opposed || !parted.same_data || evidence > joint
-}
-
-/// Deviations of the part that errors of the machine named in the reading have made while it cut.
-fn carried(parted: &Parted, report: &Report) -> Vec<f64> {
-    let mut sum = vec![0.0; parted.machined.rows.len()];
-    for effect in &report.effects {
-        let of_machine =
-            acts_on(&effect.effect).is_some_and(|acts| acts.subject == Subject::Machine);
-        // An error without coefficients cannot be carried over; the part is then judged with it.
-        if let (true, Ok(acting)) = (
-            of_machine,
-            report.declare(effect).acting(&parted.machined.chain),
-        ) {
-            add_scaled(&mut sum, 1.0, &acting.signature(&parted.machined));
-        }
-    }
-    sum
-}
-
-/// A report of some rows, the residuals of its touches, and the log evidence of its best model.
-pub(crate) struct Told {
-    pub(crate) report: Report,
-    pub(crate) touches: TouchResiduals,
-    pub(crate) log_evidence: f64,
-}
-
-/// The report of a parted session, the residuals of both parts, and the log evidence of both together. `explain` reports rows
-/// with the effects that it is given.
+/// The report of a parted session and the residuals of both parts. `explain` reports rows with the effects that it is given.
 pub(crate) fn report(
     session: &Session,
     parted: &Parted,
     without: &[String],
-    explain: impl Fn(&Session, &Observations, &[Variant]) -> Told,
-) -> (Report, Vec<TouchResiduals>, f64) {
+    explain: impl Fn(&Session, &Observations, &[Variant]) -> (Report, TouchResiduals),
+) -> (Report, Vec<TouchResiduals>) {
     let uncertainty = parted.reading.reference_uncertainty;
     let offered = |observations: &Observations, wanted: &dyn Fn(&str) -> bool| {
         let mut variants = library(observations);
@@ -198,25 +137,15 @@ pub(crate) fn report(
     let of_cutting =
         |effect: &str| acts_on(effect).is_some_and(|acts| acts.subject == Subject::Cutting);
     let reading = offered(&parted.reading, &|effect| !of_cutting(effect));
-    let Told {
-        mut report,
-        touches: reading_touches,
-        log_evidence: of_reading,
-    } = explain(session, &parted.reading, &reading);
+    let (mut report, reading_touches) = explain(session, &parted.reading, &reading);
     // Records (clocks, grids) belong to the reading and are reported there.
     let quiet = Session {
         events: Vec::new(),
         joint_states: Vec::new(),
         ..session.clone()
     };
-    let mut rest = parted.part.clone();
-    add_scaled(&mut rest.deviations, -1.0, &carried(parted, &report));
-    let cutting = offered(&rest, &of_cutting);
-    let Told {
-        report: part,
-        touches: part_touches,
-        log_evidence: of_part,
-    } = explain(&quiet, &rest, &cutting);
+    let cutting = offered(&parted.part, &of_cutting);
+    let (part, part_touches) = explain(&quiet, &parted.part, &cutting);
     for (own, of_part) in report.declared.iter_mut().zip(&part.declared) {
         if of_cutting(&own.effect) {
             own.clone_from(of_part);
@@ -259,7 +188,7 @@ pub(crate) fn report(
         compared,
         ..touches
     });
-    (report.finished(), named.collect(), of_reading + of_part)
+    (report.finished(), named.collect())
 }
 
 fn remarks(session: &Session, parted: &Parted) -> Vec<String> {

@@ -44,7 +44,7 @@ pub mod library;
 pub mod observation;
 pub mod record;
 pub mod registry;
-mod sensors;
+pub mod sensors;
 pub mod session;
 #[cfg(test)]
 mod specimen;

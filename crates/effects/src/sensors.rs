@@ -118,6 +118,7 @@ impl Series {
 
     fn new(name: String, mut readings: Vec<(f64, f64)>) -> Self {
         readings.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let readings = turning(&readings);
         let first = readings.first().map_or(0.0, |&(_, value)| value);
         let mut responded: Vec<(f64, f64, Response)> = Vec::with_capacity(readings.len());
         for (time, value) in readings {
@@ -154,6 +155,25 @@ impl Series {
     }
 }
 
+/// True where two states of a machine agree in every driver: a state between two others that agree with it changes no
+/// response and need not be kept.
+pub fn same_drivers(one: &MachineState, other: &MachineState) -> bool {
+    one.temperature_names == other.temperature_names
+        && one.temperatures == other.temperatures
+        && one.spindle_speed == other.spindle_speed
+}
+
+/// The readings without those that equal both neighbours, through which the line is the same.
+fn turning(readings: &[(f64, f64)]) -> Vec<(f64, f64)> {
+    let differs = |one: usize, other: Option<usize>| {
+        let other = other.and_then(|other| readings.get(other));
+        other.is_none_or(|other| other.1 != readings[one].1)
+    };
+    let kept = (0..readings.len())
+        .filter(|&index| differs(index, index.checked_sub(1)) || differs(index, Some(index + 1)));
+    kept.map(|index| readings[index]).collect()
+}
+
 /// The response after `span` (s), in which what it follows goes from one value to another on a straight line.
 fn advance(response: f64, (from, to): (f64, f64), span: f64, lag: f64) -> f64 {
     if span <= 0.0 {
@@ -186,6 +206,19 @@ mod tests {
             }
             let found = series.at(3333.0)[index];
             assert!((found - h).abs() < 0.02, "lag {lag}: {found} for {h}");
+        }
+    }
+
+    #[test]
+    fn readings_that_do_not_change_can_be_left_out() {
+        let steps = |time: i32| f64::from(time / 100 % 3);
+        let all: Vec<(f64, f64)> = (0..1000).map(|t| (f64::from(t), steps(t))).collect();
+        let few: Vec<(f64, f64)> = (all.iter().copied())
+            .filter(|(time, _)| matches!(*time as i32 % 100, 0 | 50 | 99))
+            .collect();
+        let [all, few] = [all, few].map(|readings| Series::new("bed".to_owned(), readings));
+        for time in (0..990).map(|t| f64::from(t) + 0.5) {
+            assert_eq!(all.at(time), few.at(time), "{time}");
         }
     }
 

@@ -127,9 +127,10 @@ fn what_is_larger_than_any_machine_is_refused_before_it_is_followed() {
             let parent = index
                 .checked_sub(1)
                 .map_or("foundation".to_owned(), |one| format!("l{one}"));
-            text += &format!(
+            let link = format!(
                 r#"<link name="l{index}"/><joint name="j{index}" type="fixed"><parent link="{parent}"/><child link="l{index}"/></joint>"#
             );
+            text += &link;
         }
         text + &PART.replace("foundation", &format!("l{}", count - 1)) + TOOL
     };

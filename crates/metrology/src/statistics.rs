@@ -11,7 +11,7 @@
 //! assert_eq!(format!("{:.2}", coverage_factor(0.95, f64::INFINITY)), "1.96");
 //! ```
 
-use statrs::distribution::{ContinuousCDF, Normal, StudentsT};
+use statrs::distribution::{ChiSquared, ContinuousCDF, Normal, StudentsT};
 
 /// Median absolute deviation to standard deviation of a normal distribution: 1/Φ⁻¹(3/4), with the four decimals that are
 /// usually printed (Rousseeuw and Croux 1993).
@@ -96,6 +96,15 @@ pub fn robust_deviation(values: &[f64], centre: f64) -> f64 {
     MAD_FACTOR * median(&deviations)
 }
 
+/// Quantile of the chi-squared distribution: the x with P(χ² ≤ x) = `probability`; NaN outside 0 < probability < 1 or
+/// degrees_of_freedom > 0.
+pub fn chi_squared_quantile(probability: f64, degrees_of_freedom: f64) -> f64 {
+    if !(probability > 0.0 && probability < 1.0 && degrees_of_freedom > 0.0) {
+        return f64::NAN;
+    }
+    ChiSquared::new(degrees_of_freedom).map_or(f64::NAN, |chi| chi.inverse_cdf(probability))
+}
+
 #[cfg(test)]
 mod tests {
     use rand::SeedableRng;
@@ -155,6 +164,28 @@ mod tests {
                 );
             }
         }
+    }
+
+    /// NIST/SEMATECH e-Handbook, 1.3.6.7.4, critical values of the chi-squared distribution.
+    #[test]
+    fn chi_squared_quantiles_are_those_of_the_nist_handbook() {
+        for (probability, freedom, printed) in [
+            (0.95, 1.0, 3.841),
+            (0.95, 2.0, 5.991),
+            (0.95, 10.0, 18.307),
+            (0.975, 10.0, 20.483),
+            (0.99, 30.0, 50.892),
+            (0.025, 10.0, 3.247),
+            (0.05, 100.0, 77.929),
+            (0.999, 5.0, 20.515),
+        ] {
+            let quantile = chi_squared_quantile(probability, freedom);
+            assert!(
+                (quantile - printed).abs() < 6e-4,
+                "χ²({probability}, {freedom}) = {quantile}, printed {printed}"
+            );
+        }
+        assert!(chi_squared_quantile(0.5, 0.0).is_nan());
     }
 
     /// GUM table G.2, fraction 95.45 %.

@@ -222,39 +222,6 @@ fn what_is_hidden_on_the_machine_and_plan_of_a_recording_is_found() {
     assert_eq!((right, all), (29, 30), "causes named, of all");
 }
 
-/// A part cut in its clamping with a reference beside: what the machine errs while it cuts stands in reading and reference.
-/// Neither two effects nor a bump on an axis make an innocent one seem to act.
-#[test]
-fn errors_while_cutting_are_told_from_those_while_measuring_by_a_reference() {
-    let Some(directory) = shared_data::path("trials/dev") else {
-        return;
-    };
-    let recorded = common::read(&directory.join("31_cut5_ref.mcap")).unwrap();
-    let stage = Stage::of(&recorded).unwrap();
-    let (mut explained, mut unexplained, mut innocent) = (0, 0, 0);
-    for number in 0..10 {
-        let (sealed, truth) = session_on(&stage, 7_700_910_000 + number, Content::Known(2));
-        let report = diagnose(&sealed, &Options::default()).unwrap();
-        let stands = |effect: &diagnosis::report::Effect, id: &String| {
-            effect.effect == *id || effect.indistinguishable_from.contains(id)
-        };
-        let named = |id: &String| report.effects.iter().any(|effect| stands(effect, id));
-        explained += usize::from(report.effects.len() == 2 && truth.effects.iter().all(named));
-        let blamed = |effect: &diagnosis::report::Effect| {
-            effect.effect != "data.outliers" && !truth.effects.iter().any(|id| stands(effect, id))
-        };
-        innocent += usize::from(report.effects.iter().any(blamed));
-        let bump = Content::Beside(0, Outsider::Bump);
-        let (sealed, _) = session_on(&stage, 7_700_965_000 + number, bump);
-        let report = diagnose(&sealed, &Options::default()).unwrap();
-        unexplained +=
-            usize::from(report.verdict == Verdict::Unexplained && report.effects.is_empty());
-    }
-    assert_eq!(innocent, 0, "innocent effects named");
-    assert!(explained >= 9, "{explained} of 10 pairs named");
-    assert!(unexplained >= 9, "{unexplained} of 10 bumps unexplained");
-}
-
 /// Sessions on a cell that has measured nothing yet: its plan is taken as measured in its order.
 #[test]
 fn a_plan_alone_is_enough_to_hide_something_on_it() {

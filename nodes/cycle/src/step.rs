@@ -312,7 +312,7 @@ fn handle_decision(
         }
         PassDecisionCode::Scrap => end(state, now, PartReport::SCRAP, &decision.text, out),
         PassDecisionCode::Stop | PassDecisionCode::Revoked => {
-            end(state, now, PartReport::STOPPED, &decision.text, out)
+            end(state, now, PartReport::STOPPED, &decision.text, out);
         }
     }
 }

@@ -3,7 +3,7 @@
 use std::collections::{BTreeSet, VecDeque};
 
 use diagnosis::{DiagnoseError, Session};
-use effects::session::joined::join;
+use effects::{sensors::same_drivers, session::joined::join};
 use graph::{Node, Outbox, Stamp, faults, inputs, outputs, topics};
 use probecell_msgs::{
     Fault, GapReport, InspectionPlan, MachineState, MeasurementOrder, PlanId, ProbeEvent,
@@ -75,7 +75,7 @@ pub struct State {
     pub references: Vec<ReferenceMeasurement>,
     /// Axis positions next to the touches.
     pub joints: Window<JointState>,
-    /// Machine states next to the touches.
+    /// Machine states next to the touches, and those at which temperatures or the spindle's speed change.
     pub states: Window<MachineState>,
     /// A diagnosis is due when the streams have passed this instant, ns since 1970.
     pub due: Option<i64>,
@@ -126,7 +126,7 @@ impl Node for GapNode {
             }
             Input::State(machine) => {
                 let at = nanoseconds(machine.header.stamp);
-                state.states.push(at, machine);
+                state.states.push_turning(at, machine, same_drivers);
             }
             Input::Reference(reference) => {
                 let of_plan = state

@@ -9,14 +9,19 @@ use serde::{Deserialize, Serialize};
 /// How long a sample is kept for an instant that may still arrive, ns.
 const KEPT: i64 = 5_000_000_000;
 
-/// The first sample, those on both sides of each instant, and those of the last five seconds.
+/// Most turning samples that are kept; beyond, every second one goes.
+const MOST_TURNING: usize = 10_000;
+
+/// The first sample, those on both sides of each instant, those at which a stream turns, and those of the last five seconds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Window<T> {
     first: Option<(i64, T)>,
     kept: Vec<(i64, T)>,
+    /// Samples that differ from one of their neighbours in what acts on after it has ended, of all plans.
+    turning: Vec<(i64, T)>,
     recent: VecDeque<(i64, T)>,
-    /// Stamp of the sample that was removed from `recent` last.
-    removed: Option<i64>,
+    /// The sample that was removed from `recent` last.
+    removed: Option<(i64, T)>,
     instants: BTreeSet<i64>,
 }
 
@@ -25,6 +30,7 @@ impl<T> Default for Window<T> {
         Self {
             first: None,
             kept: Vec::new(),
+            turning: Vec::new(),
             recent: VecDeque::new(),
             removed: None,
             instants: BTreeSet::new(),
@@ -33,18 +39,38 @@ impl<T> Default for Window<T> {
 }
 
 impl<T: Clone> Window<T> {
-    /// Adds a sample.
+    /// Adds a sample of a stream that acts at the instants alone.
     pub fn push(&mut self, at: i64, sample: T) {
+        self.push_turning(at, sample, |_, _| true);
+    }
+
+    /// Adds a sample of a stream that acts on; `same` is true for two samples that act alike.
+    pub fn push_turning(&mut self, at: i64, sample: T, same: impl Fn(&T, &T) -> bool) {
         if self.first.is_none() {
             self.first = Some((at, sample.clone()));
         }
         self.recent.push_back((at, sample));
         while self.recent.len() > 2 && self.recent[0].0 < at.saturating_sub(KEPT) {
-            let next = self.recent[1].0;
+            let (next, turns) = (
+                self.recent[1].0,
+                !same(&self.recent[0].1, &self.recent[1].1),
+            );
             let Some((stamp, sample)) = self.recent.pop_front() else {
                 break;
             };
-            let before = self.removed.replace(stamp).unwrap_or(i64::MIN);
+            let turned = (self.removed.as_ref()).is_some_and(|(_, before)| !same(before, &sample));
+            let removed = self.removed.replace((stamp, sample.clone()));
+            let before = removed.map_or(i64::MIN, |(stamp, _)| stamp);
+            if turns || turned {
+                self.turning.push((stamp, sample.clone()));
+                if self.turning.len() > MOST_TURNING {
+                    let mut index = 0;
+                    self.turning.retain(|_| {
+                        index += 1;
+                        index % 2 == 1
+                    });
+                }
+            }
             // An instant between the samples before and after this one has this one as its neighbour.
             if before <= next && self.instants.range(before..=next).next().is_some() {
                 self.kept.push((stamp, sample));
@@ -57,7 +83,7 @@ impl<T: Clone> Window<T> {
         self.instants.insert(at);
     }
 
-    /// Discards the instants and their samples when another plan begins; the first sample is kept.
+    /// Discards the instants and their samples when another plan begins; the first sample and the turning ones are kept.
     pub fn begin(&mut self) {
         self.kept.clear();
         self.instants.clear();
@@ -70,14 +96,15 @@ impl<T: Clone> Window<T> {
 
     /// The samples kept, in order.
     pub fn samples(&self) -> Vec<T> {
-        let oldest = self.kept.first().or(self.recent.front());
-        let first = self
-            .first
-            .iter()
-            .filter(|(stamp, _)| oldest.is_none_or(|oldest| *stamp < oldest.0));
-        first
+        let mut samples: Vec<&(i64, T)> = (self.first.iter())
             .chain(&self.kept)
+            .chain(&self.turning)
             .chain(&self.recent)
+            .collect();
+        samples.sort_by_key(|(stamp, _)| *stamp);
+        samples.dedup_by_key(|(stamp, _)| *stamp);
+        samples
+            .into_iter()
             .map(|(_, sample)| sample.clone())
             .collect()
     }

@@ -250,7 +250,7 @@ fn a_stop_and_the_report_on_it_end_the_work_on_a_measurement() {
             "{input:?}: a late timer is no work"
         );
         // It can be measured after all.
-        node.take(measure());
+        node.take(request(OperationRequest::MEASURE, 7, "p/1"));
         assert_eq!(words(&node.finish()), ["plan p/1", "order p/1"]);
     }
 }
@@ -319,7 +319,7 @@ fn what_is_left_of_a_measurement_is_planned_in_stretches_too() {
     }
     node.take(wish("p/1", &one));
     node.fire();
-    let said = node.take(measure());
+    let said = node.take(request(OperationRequest::MEASURE, 6, "p/1"));
     assert!(words(&said)[0].starts_with("false: planning of \"p/1\" was cancelled"));
     assert_eq!(
         words(&said)[1..],
@@ -327,7 +327,7 @@ fn what_is_left_of_a_measurement_is_planned_in_stretches_too() {
     );
     node.take(wish("p/1", &one));
     assert!(words(&node.finish())[0].starts_with("true: 30 touches"));
-    node.take(measure());
+    node.take(request(OperationRequest::MEASURE, 7, "p/1"));
     let said = node.finish();
     assert_eq!(words(&said), ["order p/1"]);
     assert_eq!(orders(&said)[0].order.len(), 30);

@@ -28,7 +28,7 @@ pub(super) struct Explained {
     /// Rows that were rejected as outliers.
     pub(super) rejected: Vec<usize>,
     /// Log posterior of the best model, the outliers included.
-    pub(super) score: f64,
+    score: f64,
 }
 
 impl Explained {

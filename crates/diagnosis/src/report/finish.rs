@@ -24,10 +24,12 @@ impl Report {
                 effect.rms_before = effect.rms_before.min(self.gap.rms);
             }
         }
+        for rung in &mut self.unexplained.ladder {
+            rung.rms_before = rung.rms_before.min(self.gap.rms);
+            rung.rms_after = rung.rms_after.min(rung.rms_before);
+        }
         let judged = self.effects.iter().rfind(|effect| effect.held_out);
-        let left = judged
-            .filter(|_| self.verdict == Verdict::Explained)
-            .map(|effect| effect.rms_after);
+        let left = judged.map(|effect| effect.rms_after);
         self.gap.noise_floor =
             left.map_or(self.gap.noise_floor, |left| self.gap.noise_floor.min(left));
         if self.gap.noise_floor > 0.0 {

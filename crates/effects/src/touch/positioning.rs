@@ -22,6 +22,8 @@ const REPEATED: (usize, usize) = (2, 4);
 const SHORTEST: f64 = 0.02;
 /// Largest number of inner targets that a declared table may have.
 const MOST: usize = 64;
+/// The constant that tells how many inner targets a table has; without it they are those whose errors are given.
+const TARGETS_TOLD: &str = "targets";
 
 pub(super) struct Positioning;
 
@@ -65,6 +67,7 @@ impl Effect for Positioning {
                 targets.filter_map(move |(targets, weight)| {
                     let of = Instance::on(&rows.chain.axis(axis).name);
                     let way = self.way(&rows.chain, &of, travel, targets)?;
+                    let way = way.with_constants(&all_constants(travel, targets));
                     // Who reads each target repeatedly looks for such a table.
                     Some(way.with_prior_weight(if repeated { 1.0 } else { weight }))
                 })
@@ -79,15 +82,39 @@ impl Effect for Positioning {
         constants: &Constants<'_>,
     ) -> Vec<Variant> {
         let travel = (constants.get("from", 0.0), constants.get("to", 1.0));
-        let declared = (1..=MOST).take_while(|target| constants.find(&name(*target)).is_some());
-        let targets = declared.count().max(1);
-        self.way(chain, of, travel, targets).into_iter().collect()
+        let is_told = |target: &usize| constants.find(&name(*target)).is_some();
+        let number = constants.find(TARGETS_TOLD);
+        let targets = number.map_or_else(
+            || (1..=MOST).take_while(is_told).count().max(1),
+            |number| (number as usize).clamp(1, MOST),
+        );
+        let Some(way) = self.way(chain, of, travel, targets) else {
+            return Vec::new();
+        };
+        if number.is_none() {
+            return vec![way];
+        }
+        // A target near which nothing was touched has no error in a report.
+        let told: Vec<usize> = (1..=targets).filter(is_told).map(|one| one - 1).collect();
+        vec![
+            way.with_only(&told)
+                .with_constants(&all_constants(travel, targets)),
+        ]
     }
 }
 
 /// Name of the error at an inner target, counted from 1.
 fn name(target: usize) -> String {
     format!("e{target}")
+}
+
+/// The travel and the number of inner targets.
+fn all_constants((from, to): (f64, f64), targets: usize) -> [(&'static str, f64, &'static str); 3] {
+    [
+        ("from", from, "m"),
+        ("to", to, "m"),
+        (TARGETS_TOLD, targets as f64, "1"),
+    ]
 }
 
 fn parameters(targets: usize) -> Vec<Parameter> {
