@@ -57,7 +57,7 @@ fn the_part_of_a_sample_ends_as_its_recipe_says() {
             .flat_map(|published| sample::described(published).leaves())
             .filter(|(path, _)| path == "verdict")
             .map(|(_, verdict)| verdict)
-            .last();
+            .next_back();
         assert_eq!(verdict, Some(recipe.part_verdict.to_string()), "{name}");
     }
 }

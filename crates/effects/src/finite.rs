@@ -7,24 +7,8 @@
 use machine::{Chain, ChainErrors};
 use nalgebra::Vector3;
 
-use crate::library::Variant;
+use crate::library::{ChainError, Variant};
 use crate::observation::Observations;
-
-/// The error of the chain that a parameter is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum ChainError {
-    /// A component of the part's displacement in its nominal frame, while probing.
-    Part(usize),
-    /// A component of a joint's location error, while probing and while cutting.
-    Location {
-        /// Index in [`Chain::joints`].
-        joint: usize,
-        /// Component of its twist.
-        component: usize,
-    },
-    /// A component of the ball's displacement in the frame of the mount, while probing.
-    Ball(usize),
-}
 
 /// Errors of the chain at definite values.
 pub struct FiniteErrors {

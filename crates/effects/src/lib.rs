@@ -48,6 +48,7 @@ pub mod sensors;
 pub mod session;
 #[cfg(test)]
 mod specimen;
+mod thermal;
 pub mod timing;
 pub mod touch;
 pub mod vocabulary;

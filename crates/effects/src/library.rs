@@ -6,7 +6,6 @@
 
 use machine::{Chain, JointKind, Side};
 
-use crate::finite::ChainError;
 use crate::observation::{Column, Observations};
 
 /// Fewest revolute axes that carry the probe of an arm.
@@ -33,6 +32,22 @@ impl Parameter {
             plausible,
         }
     }
+}
+
+/// The error of the chain that a parameter is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ChainError {
+    /// A component of the part's displacement in its nominal frame, while probing.
+    Part(usize),
+    /// A component of a joint's location error, while probing and while cutting.
+    Location {
+        /// Index in [`Chain::joints`].
+        joint: usize,
+        /// Component of its twist.
+        component: usize,
+    },
+    /// A component of the ball's displacement in the frame of the mount, while probing.
+    Ball(usize),
 }
 
 /// How the coefficients of a variant are reported.

@@ -11,7 +11,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use nalgebra::{Isometry3, Matrix3, Translation3, Unit, UnitQuaternion, Vector3};
 
 use crate::{
-    description::MOST_JOINTS,
+    description::{ChainError, MOST_JOINTS},
     motion::Motion,
     urdf::{Link, RawJoint, Robot},
 };
@@ -22,73 +22,6 @@ pub const FOUNDATION: &str = "foundation";
 pub const WORKPIECE: &str = "workpiece";
 /// Link that carries the probe: spindle nose or robot flange.
 pub const PROBE_MOUNT: &str = "probe_mount";
-
-/// Why a robot description is not a machine.
-#[derive(Debug, thiserror::Error)]
-pub enum ChainError {
-    /// The text is not a URDF.
-    #[error("robot description is not a valid URDF: {0}")]
-    Urdf(String),
-    /// More than is followed.
-    #[error("robot description has {given} {what}, more than {most}")]
-    TooLarge {
-        /// What there is too much of.
-        what: &'static str,
-        /// As given.
-        given: usize,
-        /// The limit.
-        most: usize,
-    },
-    /// A link of the contract is absent.
-    #[error("robot description has no link `{0}`")]
-    MissingLink(&'static str),
-    /// A joint names a link that is not there.
-    #[error("joint `{joint}` names link `{link}`, which the robot description lacks")]
-    UnknownLink {
-        /// The joint.
-        joint: String,
-        /// The link it names.
-        link: String,
-    },
-    /// Two joints, links with one name.
-    #[error("robot description has two {kind}s named `{name}`")]
-    Duplicate {
-        /// `link` or `joint`.
-        kind: &'static str,
-        /// The name used twice.
-        name: String,
-    },
-    /// A link hangs on two joints.
-    #[error("link `{0}` hangs on more than one joint: the chain has a loop")]
-    Loop(String),
-    /// The branch of a link does not begin at the foundation.
-    #[error("link `{link}` does not hang on `foundation` but on `{root}`")]
-    OtherRoot {
-        /// Link whose branch was followed.
-        link: String,
-        /// Where it ended.
-        root: String,
-    },
-    /// Neither fixed, prismatic, revolute nor continuous.
-    #[error("joint `{joint}` has type {kind}, expected fixed, prismatic, revolute or continuous")]
-    JointType {
-        /// The joint.
-        joint: String,
-        /// Its type.
-        kind: String,
-    },
-    /// A coupled joint is no axis of its own.
-    #[error("joint `{0}` mimics another joint, which the chain cannot represent")]
-    Mimic(String),
-    /// A number that is not finite, or an axis of no length.
-    #[error("joint `{joint}` has an unusable {what}")]
-    BadNumber {
-        /// The joint.
-        joint: String,
-        /// Which of its numbers.
-        what: &'static str,
-    },
-}
 
 /// What a joint lets move.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

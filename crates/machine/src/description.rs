@@ -1,7 +1,5 @@
 //! How large a robot description may be: what a parser that follows the nesting of elements, and a search that follows the
-//! chain of links, can carry.
-
-use crate::chain::ChainError;
+//! chain of links, can carry; and why a description is not a machine.
 
 /// Most bytes of a robot description.
 pub(crate) const MOST_BYTES: usize = 16 << 20;
@@ -11,6 +9,73 @@ pub(crate) const MOST_NESTED: usize = 100;
 pub(crate) const MOST_LINKS: usize = 2_000;
 /// Most joints from the foundation to the part or to the probe; a machine tool has about five.
 pub(crate) const MOST_JOINTS: usize = 50;
+
+/// Why a robot description is not a machine.
+#[derive(Debug, thiserror::Error)]
+pub enum ChainError {
+    /// The text is not a URDF.
+    #[error("robot description is not a valid URDF: {0}")]
+    Urdf(String),
+    /// More than is followed.
+    #[error("robot description has {given} {what}, more than {most}")]
+    TooLarge {
+        /// What there is too much of.
+        what: &'static str,
+        /// As given.
+        given: usize,
+        /// The limit.
+        most: usize,
+    },
+    /// A link of the contract is absent.
+    #[error("robot description has no link `{0}`")]
+    MissingLink(&'static str),
+    /// A joint names a link that is not there.
+    #[error("joint `{joint}` names link `{link}`, which the robot description lacks")]
+    UnknownLink {
+        /// The joint.
+        joint: String,
+        /// The link it names.
+        link: String,
+    },
+    /// Two joints, links with one name.
+    #[error("robot description has two {kind}s named `{name}`")]
+    Duplicate {
+        /// `link` or `joint`.
+        kind: &'static str,
+        /// The name used twice.
+        name: String,
+    },
+    /// A link hangs on two joints.
+    #[error("link `{0}` hangs on more than one joint: the chain has a loop")]
+    Loop(String),
+    /// The branch of a link does not begin at the foundation.
+    #[error("link `{link}` does not hang on `foundation` but on `{root}`")]
+    OtherRoot {
+        /// Link whose branch was followed.
+        link: String,
+        /// Where it ended.
+        root: String,
+    },
+    /// Neither fixed, prismatic, revolute nor continuous.
+    #[error("joint `{joint}` has type {kind}, expected fixed, prismatic, revolute or continuous")]
+    JointType {
+        /// The joint.
+        joint: String,
+        /// Its type.
+        kind: String,
+    },
+    /// A coupled joint is no axis of its own.
+    #[error("joint `{0}` mimics another joint, which the chain cannot represent")]
+    Mimic(String),
+    /// A number that is not finite, or an axis of no length.
+    #[error("joint `{joint}` has an unusable {what}")]
+    BadNumber {
+        /// The joint.
+        joint: String,
+        /// Which of its numbers.
+        what: &'static str,
+    },
+}
 
 /// Refuses a text that is too long or nested too deep, before any parser sees it.
 pub(crate) fn check_text(text: &str) -> Result<(), ChainError> {

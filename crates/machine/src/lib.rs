@@ -59,8 +59,9 @@ mod urdf;
 pub mod volumetric;
 
 pub use access::{Access, TouchPose};
-pub use chain::{Chain, ChainError, Joint, JointKind, Side};
+pub use chain::{Chain, Joint, JointKind, Side};
 pub use contact::Surface;
+pub use description::ChainError;
 pub use deviation::{DeviationError, Nominal, deviation, touch_positions};
 pub use head::{HEAD_AXES, SwivelHead};
 pub use inverse::{ReachError, Target};

@@ -6,10 +6,7 @@
 use nalgebra::{Isometry3, Matrix3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use roxmltree::{Document, Node, ParsingOptions};
 
-use crate::{
-    chain::ChainError,
-    description::{check_links, check_text},
-};
+use crate::description::{ChainError, check_links, check_text};
 
 /// Most elements, texts and comments.
 const MOST_NODES: u32 = 1_000_000;

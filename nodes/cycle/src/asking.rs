@@ -8,9 +8,9 @@ use probecell_msgs::{OperationReport, OperationRequest, PartReport, PartStatus, 
 
 use crate::{
     config::Config,
+    ending::end,
     ports::Output,
     state::{Asked, Run, Stage, State, Stopping},
-    step::end,
 };
 
 /// Timer of the checks of a part.

@@ -24,6 +24,7 @@
 
 mod asking;
 mod config;
+mod ending;
 mod ports;
 mod run;
 mod state;

@@ -17,8 +17,7 @@ const MARK: char = '#';
 
 /// A name that can be printed on one line and kept in a file; empty where a request names nothing.
 fn is_name(text: &str) -> bool {
-    text.chars().count() <= 200
-        && !text.chars().any(probecell_msgs::is_unprintable)
+    text.chars().count() <= 200 && !text.chars().any(probecell_msgs::is_unprintable)
 }
 
 /// Why a run does not begin: checked before anything moves.

@@ -9,6 +9,7 @@ use probecell_msgs::{
 use crate::{
     asking,
     config::Config,
+    ending::end,
     ports::{Input, Output},
     run::{REFUTED, begin, measure, refusal, resume},
     state::{Run, Stage, State, Stopping},
@@ -400,33 +401,4 @@ fn recut_when_corrected(config: &Config, state: &mut State, now: Stamp, out: &mu
     } else if corrected {
         cut(config, state, now, 0, out);
     }
-}
-
-/// Ends the part with a report.
-pub(crate) fn end(
-    state: &mut State,
-    now: Stamp,
-    verdict: u8,
-    text: &str,
-    out: &mut Outbox<Output>,
-) {
-    if let Some(run) = state.run.take() {
-        let plan_id = match &run.stage {
-            Stage::OnlyMeasuring { plan_id, .. } => plan_id.to_string(),
-            _ => String::new(),
-        };
-        out.send(Output::Part(PartReport {
-            header: now.header(""),
-            part_id: run.part_id.clone(),
-            verdict,
-            passes: run.cuts,
-            text: text.to_owned(),
-            plan_id,
-            run_id: run.run_id.clone(),
-        }));
-        // A decision that asked for corrections is carried out or void.
-        let void = run.stopping.as_ref().is_some_and(|stopping| stopping.void);
-        state.last = (run.stage.plan_id().is_some() && !void).then_some(run);
-    }
-    state.acknowledged.clear();
 }

@@ -1,7 +1,8 @@
 //! The attribution of a session of touches: outliers are rejected, curved surfaces corrected to second order. Metres.
 
 use effects::Variant;
-use effects::finite::{ChainError, FiniteErrors};
+use effects::finite::FiniteErrors;
+use effects::library::ChainError;
 use effects::observation::{Column, Observations};
 use inference::linear::add_scaled;
 use inference::outliers;

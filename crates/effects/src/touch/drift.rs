@@ -8,7 +8,7 @@ use machine::Chain;
 use crate::effect::{ActsOn, Constants, Coordinate, Effect, Instance, Subject};
 use crate::library::{Parameter, Variant};
 use crate::observation::Observations;
-use crate::sensors;
+use crate::thermal;
 
 pub(super) struct Drift;
 
@@ -40,7 +40,7 @@ impl Effect for Drift {
         if rows.span() <= 0.0 {
             return Vec::new();
         }
-        let driving = sensors::varying(rows);
+        let driving = thermal::varying(rows);
         let share = 1.0 / driving.len().max(1) as f64;
         let one = |sensor: String| after(sensor).with_prior_weight(share);
         std::iter::once(way())
@@ -61,17 +61,17 @@ const PREFIXES: [&str; 3] = ["x_", "y_", "z_"];
 /// A drift that follows a sensor.
 fn after(sensor: String) -> Variant {
     let parameters = PREFIXES
-        .map(|prefix| sensors::per_unit(prefix, &sensor))
+        .map(|prefix| thermal::per_unit(prefix, &sensor))
         .into();
     let build = move |rows: &Observations, tau: f64| {
         let column = |k: usize| {
             rows.machine_column(false, |pose, row| {
-                pose.sensitivity.part[k] * sensors::response(rows, row, &sensor, tau)
+                pose.sensitivity.part[k] * thermal::response(rows, row, &sensor, tau)
             })
         };
         [0, 1, 2].map(column).into()
     };
-    Variant::shaped("thermal.drift", parameters, sensors::lags(), build)
+    Variant::shaped("thermal.drift", parameters, thermal::lags(), build)
 }
 
 fn parameters() -> Vec<Parameter> {

@@ -7,8 +7,7 @@
 use machine::Chain;
 
 use crate::effect::{ActsOn, Constants, Effect, Instance, Registration, Subject};
-use crate::finite::ChainError;
-use crate::library::{Parameter, Variant};
+use crate::library::{ChainError, Parameter, Variant};
 use crate::observation::Observations;
 
 pub(super) struct FixtureTilt;

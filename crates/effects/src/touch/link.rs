@@ -6,8 +6,7 @@
 use machine::{Chain, JointKind};
 
 use crate::effect::{ActsOn, Constants, Effect, Instance, Subject};
-use crate::finite::ChainError;
-use crate::library::{Parameter, Variant};
+use crate::library::{ChainError, Parameter, Variant};
 use crate::observation::Observations;
 
 /// The spindle's own angle: a location error there is a stylus error by another name.

@@ -9,7 +9,8 @@ use machine::Chain;
 use crate::effect::{ActsOn, Constants, Coordinate, Effect, Instance, Subject};
 use crate::library::{Parameter, Shape, Variant, logspace};
 use crate::observation::Observations;
-use crate::sensors::{self, LAGS, SPINDLE_SPEED};
+use crate::sensors::{LAGS, SPINDLE_SPEED};
+use crate::thermal;
 
 pub(super) struct SpindleGrowth;
 
@@ -43,7 +44,7 @@ impl Effect for SpindleGrowth {
             return Vec::new();
         }
         let mut ways = vec![way(logspace(span / 40.0, span * 2.0, 14))];
-        let driving = sensors::varying(rows);
+        let driving = thermal::varying(rows);
         let share = 1.0 / driving.len().max(1) as f64;
         let one = |sensor: &String| after(sensor.clone()).with_prior_weight(share);
         ways.extend(driving.iter().map(one));
@@ -72,14 +73,14 @@ const ALL: f64 = 0.5;
 
 /// Growth after one sensor.
 fn after(sensor: String) -> Variant {
-    let parameters = vec![sensors::per_unit(PREFIX, &sensor)];
+    let parameters = vec![thermal::per_unit(PREFIX, &sensor)];
     Variant::shaped(
         "thermal.spindle_growth",
         parameters,
-        sensors::lags(),
+        thermal::lags(),
         move |rows, tau| {
             vec![rows.machine_column(false, |pose, row| {
-                pose.sensitivity.mount[2] * sensors::response(rows, row, &sensor, tau)
+                pose.sensitivity.mount[2] * thermal::response(rows, row, &sensor, tau)
             })]
         },
     )
@@ -89,12 +90,12 @@ fn after(sensor: String) -> Variant {
 fn by_all(driving: Vec<String>) -> Variant {
     let parameters = driving
         .iter()
-        .map(|sensor| sensors::per_unit(PREFIX, sensor))
+        .map(|sensor| thermal::per_unit(PREFIX, sensor))
         .collect();
     Variant::linear("thermal.spindle_growth", parameters, move |rows| {
         let column = |sensor: &String| {
             rows.machine_column(false, |pose, row| {
-                pose.sensitivity.mount[2] * sensors::response(rows, row, sensor, LAGS[0])
+                pose.sensitivity.mount[2] * thermal::response(rows, row, sensor, LAGS[0])
             })
         };
         driving.iter().map(column).collect()

@@ -10,7 +10,7 @@ use crate::{GOOD, LOSS, output};
 pub(crate) fn run(path: &Path, verify: bool, json: bool) -> anyhow::Result<u8> {
     let mut info = Bag::open(path)?.info(verify);
     // A recording of an earlier version may hold the cell file with its passwords.
-    for (_, table) in &mut info.metadata {
+    for table in info.metadata.values_mut() {
         for value in table.values_mut() {
             *value = cell::secrets::redacted(value);
         }

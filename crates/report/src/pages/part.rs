@@ -8,6 +8,7 @@ mod ledger;
 mod pictures;
 mod references;
 mod tables;
+mod wording;
 
 use std::collections::BTreeSet;
 

@@ -10,7 +10,8 @@ use probecell_msgs::{
     Correction, CorrectionAcknowledgement, OperatorRequest, builtin_interfaces::Time,
 };
 
-use super::tables::{answered, subject, um, um_size};
+use super::tables::{answered, subject};
+use super::wording::{um, um_size};
 use super::{PartSession, moment};
 
 /// One message about a correction.

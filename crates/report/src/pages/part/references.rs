@@ -8,7 +8,7 @@ use metrology::conformance::{contradiction, normalised_error};
 use probecell_msgs::{FeatureResult, Verdict};
 
 use super::PartSession;
-use super::tables::{judged, um, um_size};
+use super::wording::{judged, um, um_size};
 use crate::kit::Table;
 
 /// One size of a measurement: reading, verdict, and what an instrument finds.

@@ -9,40 +9,12 @@ use probecell_msgs::{
 };
 
 use super::references::{self, record};
+use super::wording::{fixed, judged, um, um_size};
 use super::{PartSession, moment};
 
 /// A length in mm, to 0.1 µm.
 fn mm(metres: f64) -> String {
     fixed(metres * 1e3, 4, "mm", false)
-}
-
-/// A deviation in µm with its sign, to 0.1 µm.
-pub(super) fn um(metres: f64) -> String {
-    fixed(metres * 1e6, 1, "µm", true)
-}
-
-/// A size of an uncertainty or a form in µm.
-pub(super) fn um_size(metres: f64) -> String {
-    fixed(metres * 1e6, 1, "µm", false)
-}
-
-fn fixed(value: f64, digits: usize, unit: &str, signed: bool) -> String {
-    if !value.is_finite() {
-        return "–".to_owned();
-    }
-    let text = if signed {
-        format!("{value:+.digits$}")
-    } else {
-        format!("{value:.digits$}")
-    };
-    // Neither plus nor minus before nothing.
-    let zero = text.trim_start_matches(['+', '-']);
-    let text = if zero.chars().all(|letter| matches!(letter, '0' | '.')) {
-        zero
-    } else {
-        &text
-    };
-    format!("{text} {unit}")
 }
 
 /// A line for each measurement: what it led to.
@@ -226,24 +198,6 @@ fn conformity(result: &FeatureResult) -> &'static str {
         FeatureResult::DOES_NOT_CONFORM => "does not conform",
         FeatureResult::INDETERMINATE => "indeterminate",
         _ => "invalid",
-    }
-}
-
-pub(super) fn judged(verdict: &Verdict) -> String {
-    let word = match verdict.verdict {
-        Verdict::QUALIFIED => "qualified",
-        Verdict::COMPENSABLE => "can be corrected",
-        Verdict::OVERCUT_NOT_COMPENSABLE => "overcut",
-        Verdict::TOOL_WORN => "tool worn",
-        Verdict::NOT_CONVERGED => "not converged",
-        Verdict::INDETERMINATE => "indeterminate",
-        Verdict::CONTRADICTED => "contradicted",
-        _ => "measurement invalid",
-    };
-    if verdict.text.is_empty() {
-        word.to_owned()
-    } else {
-        format!("{word}: {}", verdict.text)
     }
 }
 
