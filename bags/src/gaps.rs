@@ -11,6 +11,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use crate::reader::Bag;
+use crate::split::LIBRARY;
 
 /// What tells that messages are missing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -105,7 +106,12 @@ impl Bag {
 
     /// The messages that are missing, in the order of topics and numbers: between those that are there, and where `later`
     /// is a recording of the same session begun after this one, between both.
+    ///
+    /// None in a recording that another program wrote: what it numbers is not known.
     pub fn gaps(&self, later: Option<&Self>) -> Vec<Gap> {
+        if !self.library().starts_with(LIBRARY) {
+            return Vec::new();
+        }
         let after = later.map(Self::lives).unwrap_or_default();
         let mut gaps = Vec::new();
         for (topic, lives) in self.lives() {

@@ -16,6 +16,9 @@ use crate::channel::Channel;
 use crate::error::Error;
 use crate::metadata::FileInformation;
 
+/// Name of this program in the header of the files that it writes.
+pub(crate) const LIBRARY: &str = "probecell";
+
 /// A file that counts what was written to it.
 struct CountingFile {
     file: BufWriter<File>,
@@ -47,7 +50,7 @@ pub(crate) struct ChunkOptions {
 pub(crate) fn write_options(chunks: &ChunkOptions) -> WriteOptions {
     WriteOptions::new()
         .profile("ros2")
-        .library(concat!("probecell ", env!("CARGO_PKG_VERSION")))
+        .library(format!("{LIBRARY} {}", env!("CARGO_PKG_VERSION")))
         .compression(chunks.zstd.then_some(Compression::Zstd))
         .compression_level(chunks.zstd_level)
         .compression_threads(0)
