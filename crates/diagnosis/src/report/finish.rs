@@ -16,12 +16,11 @@ impl Report {
             effect.group = std::iter::once(effect.effect.clone())
                 .chain(others)
                 .collect();
-            if effect.held_out && effect.rms_after <= effect.rms_before {
-                effect.rms_before = effect.rms_before.min(self.gap.rms);
+            let is_closing = effect.held_out && effect.rms_after <= effect.rms_before;
+            effect.rms_before = effect.rms_before.min(self.gap.rms);
+            if is_closing {
                 effect.rms_after = effect.rms_after.min(effect.rms_before);
                 effect.ci95_after[0] = effect.ci95_after[0].min(effect.rms_after);
-            } else {
-                effect.rms_before = effect.rms_before.min(self.gap.rms);
             }
         }
         for rung in &mut self.unexplained.ladder {
