@@ -27,7 +27,10 @@ pub fn acts_on(id: &str) -> Option<ActsOn> {
 
 /// All variants of all effects that can act in a session, in the order in which equals are named.
 pub fn library(observations: &Observations) -> Vec<Variant> {
-    let offered = all().flat_map(|effect| effect.offer(observations));
+    // Touches that are known in the part frame only say nothing of the axes that made them.
+    let axes_known = !machine::is_part_frame(&observations.chain);
+    let sought = all().filter(|effect| axes_known || !effect.id().contains("<A>"));
+    let offered = sought.flat_map(|effect| effect.offer(observations));
     // What only a longer session could part from others comes last, so that the others lend their names.
     let (confounded, mut variants): (Vec<Variant>, Vec<Variant>) =
         offered.partition(|variant| variant.confounded);

@@ -185,6 +185,9 @@ enum Command {
         #[arg(long)]
         json: bool,
     },
+    /// Import files of other systems as a recorded session.
+    #[command(subcommand)]
+    Import(commands::import::Command),
     /// Recover the readable part of a damaged recording.
     Recover {
         /// Bag: a folder or an .mcap file.
@@ -342,6 +345,7 @@ fn run(command: Command) -> anyhow::Result<u8> {
         Command::Play(arguments) => commands::play::run(&arguments),
         Command::Replay { bag, json } => commands::replay::run(&bag, json),
         Command::Info { bag, verify, json } => commands::info::run(&bag, verify, json),
+        Command::Import(command) => commands::import::run(&command),
         Command::Recover { bag, to, later } => commands::recover::run(&bag, &to, later.as_deref()),
         Command::Plan { source, json } => commands::plan::run(&source, json),
         Command::Program(arguments) => commands::program::run(&arguments),

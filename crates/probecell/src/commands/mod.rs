@@ -10,6 +10,7 @@ pub(crate) mod diagnose;
 mod diagnose_refine;
 pub(crate) mod doctor;
 pub(crate) mod identifiability;
+pub(crate) mod import;
 pub(crate) mod info;
 pub(crate) mod man;
 pub(crate) mod measure;

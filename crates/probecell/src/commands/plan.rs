@@ -224,7 +224,15 @@ pub(crate) fn analyse(
     plan: &InspectionPlan,
     events: Vec<(Stamp, &ProbeEvent)>,
 ) -> anyhow::Result<(Vec<TouchDeviation>, Features)> {
-    let config = analysis::RawConfig::default().check(chain)?;
+    analyse_with(analysis::RawConfig::default().check(chain)?, plan, events)
+}
+
+/// As [`analyse`], by other settings.
+pub(crate) fn analyse_with(
+    config: analysis::Config,
+    plan: &InspectionPlan,
+    events: Vec<(Stamp, &ProbeEvent)>,
+) -> anyhow::Result<(Vec<TouchDeviation>, Features)> {
     let start = events
         .first()
         .map_or(Stamp(0), |(first, _)| *first)

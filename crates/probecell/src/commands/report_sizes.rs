@@ -41,6 +41,16 @@ pub(super) fn by_reference(
     Ok((found, unusable))
 }
 
+/// ISO 14253-1:2017 in a word.
+fn conformity(result: &FeatureResult) -> &'static str {
+    match result.decision {
+        FeatureResult::CONFORMS => "conforms",
+        FeatureResult::DOES_NOT_CONFORM => "does_not_conform",
+        FeatureResult::INDETERMINATE => "indeterminate",
+        _ => "invalid",
+    }
+}
+
 /// Parts and sizes of a session; lengths in m.
 pub(super) fn json(session: &PartSession) -> Value {
     let expanded = |one: &FeatureResult| one.coverage_factor * one.standard_uncertainty;
@@ -56,6 +66,8 @@ pub(super) fn json(session: &PartSession) -> Value {
                 "deviation": result.size_deviation,
                 "expanded_uncertainty": expanded(result),
                 "coverage_factor": result.coverage_factor,
+                "conformity": conformity(result),
+                "limits": session.limits(result).map(|limits| limits.map(|one| one.is_finite().then_some(one))),
                 "tolerance": one.verdict.map(|verdict| verdict.tolerance),
                 "verdict": one.judged(),
                 "decision_rule": one.verdict.map(|verdict| verdict.text.clone()),

@@ -1,14 +1,41 @@
 //! A made session, of a scenario or of the blind card, as a recording to the contract.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
-use bags::{Channel, ChannelId, Overflow, Qos, Recorder, RecorderOptions};
+use bags::{Channel, ChannelId, History, Overflow, Qos, Recorder, RecorderOptions};
 use diagnosis::Session;
+use graph::topics;
 use probecell_msgs::builtin_interfaces::Time;
-use probecell_msgs::{Message, std_msgs, to_cdr};
+use probecell_msgs::{FeatureResult, Message, PartReport, TouchDeviation, std_msgs, to_cdr};
+
+/// What a recording holds besides its session.
+#[derive(Default)]
+pub(crate) struct More<'a> {
+    /// Deviations of the touches.
+    pub(crate) touches: &'a [TouchDeviation],
+    /// Fitted features.
+    pub(crate) results: &'a [FeatureResult],
+    /// Ends of parts.
+    pub(crate) reports: &'a [PartReport],
+    /// Files: name, media type, content.
+    pub(crate) attachments: Vec<(String, &'static str, Vec<u8>)>,
+    /// Named tables.
+    pub(crate) tables: Vec<(&'static str, BTreeMap<String, String>)>,
+}
 
 /// Writes the session as an MCAP recording into `folder`, which must not exist, with topics under `/cell`.
 pub(crate) fn write(folder: &Path, cell: &str, session: &Session) -> anyhow::Result<()> {
+    write_with(folder, cell, session, &More::default())
+}
+
+/// As [`write`], with more than the session.
+pub(crate) fn write_with(
+    folder: &Path,
+    cell: &str,
+    session: &Session,
+    more: &More<'_>,
+) -> anyhow::Result<()> {
     let recorder = Recorder::start(RecorderOptions {
         overflow: Overflow::Block,
         ..RecorderOptions::new(folder)
@@ -50,7 +77,14 @@ pub(crate) fn write(folder: &Path, cell: &str, session: &Session) -> anyhow::Res
         .iter()
         .map(|one| (nanoseconds(one.header.stamp), one));
     writer.topic("reference", Qos::latched(), references)?;
+    writer.results(more, begin)?;
     writer.finish()?;
+    for (name, media_type, data) in &more.attachments {
+        recorder.attach(name, *media_type, begin, data.clone())?;
+    }
+    for (name, table) in &more.tables {
+        recorder.metadata(*name, table.clone())?;
+    }
     recorder.stop()?;
     Ok(())
 }
@@ -80,6 +114,23 @@ impl Writer<'_> {
                 .push((time, channel, sequence as u64 + 1, to_cdr(message)));
         }
         Ok(())
+    }
+
+    /// What was found of the touches stands behind them.
+    fn results(&mut self, more: &More<'_>, begin: u64) -> anyhow::Result<()> {
+        let touches = more.touches.iter();
+        let touches = touches.map(|one| (nanoseconds(one.header.stamp), one));
+        self.topic(topics::TOUCH_DEVIATIONS.name, Qos::default(), touches)?;
+        let end = self.waiting.iter().map(|(time, ..)| *time).max();
+        let end = end.unwrap_or(begin);
+        let latched = Qos {
+            history: History::KeepLast(64),
+            ..Qos::latched()
+        };
+        let results = more.results.iter().map(|one| (end, one));
+        self.topic(topics::FEATURE_RESULTS.name, latched, results)?;
+        let reports = more.reports.iter().map(|one| (end, one));
+        self.topic(topics::PART_REPORTS.name, latched, reports)
     }
 
     fn finish(mut self) -> anyhow::Result<()> {

@@ -74,6 +74,16 @@ pub struct PartSession {
     pub damage: Vec<String>,
 }
 
+impl PartSession {
+    /// Limits of the deviation of a size by its plan, m; none where the plan has no such feature, or no limits for it.
+    pub fn limits(&self, result: &FeatureResult) -> Option<[f64; 2]> {
+        let plan = (self.plans.iter()).find(|plan| plan.plan_id == result.plan_id)?;
+        let feature = (plan.features.iter()).find(|feature| feature.id == result.feature_id)?;
+        let limits = [feature.lower_tolerance, feature.upper_tolerance];
+        (limits.iter().any(|limit| limit.is_finite())).then_some(limits)
+    }
+}
+
 /// The diagnosis that belongs to a session, in short.
 #[derive(Clone, Copy, Debug)]
 pub enum ShortDiagnosis<'a> {
@@ -153,6 +163,11 @@ fn named(session: &PartSession) -> String {
 fn conclusion_of(session: &PartSession) -> String {
     let ends: Vec<String> = (session.parts.iter())
         .map(|part| {
+            if part.verdict == PartReport::MEASURED {
+                let text = Some(&part.text).filter(|text| !text.is_empty());
+                let text = text.map_or(String::new(), |text| format!(": {text}"));
+                return format!("Part {} was only measured{text}.", part.part_id);
+            }
             let prefix = format!("{}/", part.part_id);
             let refuted = references::contradicted(session, |plan| plan.starts_with(&prefix));
             let end = match part.verdict {

@@ -81,13 +81,21 @@ pub(super) fn sizes(session: &PartSession, plan_id: &str) -> Table {
             format!("{} (k = {})", um_size(expanded), result.coverage_factor),
             conformity(result).to_owned(),
             verdict.map_or_else(
-                || "–".to_owned(),
+                || limits(session, result),
                 |one| format!("± {}", um_size(one.tolerance)),
             ),
             record(session, result).judged(),
         ]);
     }
     table
+}
+
+/// The limits of the plan, where no verdict names a tolerance.
+fn limits(session: &PartSession, result: &FeatureResult) -> String {
+    session.limits(result).map_or_else(
+        || "–".to_owned(),
+        |[lower, upper]| format!("{} to {}", um(lower), um(upper)),
+    )
 }
 
 /// Form, position and orientation of every fitted feature of a measurement, each with its expanded uncertainty.

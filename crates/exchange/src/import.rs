@@ -1,0 +1,42 @@
+//! What comes in: files of other systems as the messages of a session.
+
+pub mod columns;
+pub mod features;
+pub mod frame;
+pub mod touches;
+
+use probecell_msgs::{InspectionPlan, MachineState, ProbeEvent, ReferenceMeasurement};
+
+use crate::ImportError;
+
+/// Messages of a session that was imported, and what became of each row.
+#[derive(Clone, Debug, Default)]
+pub struct Imported {
+    /// URDF of the machine.
+    pub robot_description: String,
+    /// What was measured.
+    pub plan: InspectionPlan,
+    /// Touches in the order of their numbers.
+    pub events: Vec<ProbeEvent>,
+    /// Temperatures over time, where the file has them.
+    pub machine_states: Vec<MachineState>,
+    /// What an outside instrument found.
+    pub references: Vec<ReferenceMeasurement>,
+    /// What became of the rows.
+    pub counts: Counts,
+    /// Rows that were refused.
+    pub refused: Vec<ImportError>,
+    /// What the user should know, a sentence each.
+    pub remarks: Vec<String>,
+}
+
+/// What became of the rows of a file; read and refused are all of them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Rows taken.
+    pub read: u64,
+    /// Rows refused.
+    pub refused: u64,
+    /// Blank lines, comments and the header.
+    pub passed_over: u64,
+}

@@ -1,0 +1,21 @@
+//! What does probecell take from other systems, and give to them? Formats only: text in, messages of the contract out, and
+//! the reverse.
+//!
+//! ```text
+//! CSV of touches ------------------------+
+//! QIF, DMIS, CSV of a CMM (reference) ---+--> import::Imported --> a session (written by the command)
+//! QIF, DMIS plans -----------------------+
+//! ISO 230-2, circular test, R-test ------+
+//!
+//! a session's record --> export::Record --> QIF 3, AQDEF .dfq, CSV, MTConnect
+//! ```
+//!
+//! Nothing is guessed and nothing is lost silently: units are named by the caller, a value that is wrong is named with line and
+//! column, and rows that are read and refused are counted. Lengths are m, angles rad, times s in every type of this crate.
+
+mod error;
+pub mod import;
+pub mod table;
+pub mod units;
+
+pub use error::ImportError;

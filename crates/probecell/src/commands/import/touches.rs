@@ -1,0 +1,230 @@
+//! `probecell import touches`: a table of touches, a row for each.
+
+use std::path::PathBuf;
+
+use anyhow::{Context, bail, ensure};
+use bags::Bag;
+use cell::{Cell, CellText};
+use exchange::import::{features, touches};
+use nalgebra::UnitQuaternion;
+use probecell_msgs::geometry_msgs::{Point, Pose, Quaternion};
+use probecell_msgs::{InspectionPlan, Stylus};
+
+use super::super::plan;
+use super::{OutArguments, Source, TableArguments, text_of, write};
+
+/// What the user asks for.
+#[derive(clap::Args)]
+#[command(
+    after_help = "Roles of columns: x, y, z (measured point on the surface), ball_x, ball_y, ball_z (measured centre of the ball), \
+nominal_x, nominal_y, nominal_z, i, j, k (outward normal), deviation, axis.NAME, feature, point (of --plan), time, outcome, \
+feed, temperature.NAME. See docs/exchange.md.\n\n\
+Examples:\n  \
+probecell import touches part.csv --columns nominal_x=X,nominal_y=Y,nominal_z=Z,i=NX,j=NY,k=NZ,deviation=Dev \\\n      \
+--units length=mm,deviation=um --out part_session\n  \
+probecell import touches log.csv --cell my_cell.toml --columns point=P,axis.X=X,axis.Z=Z,axis.C=C \\\n      \
+--units length=mm,angle=deg --out log_session"
+)]
+pub(crate) struct Arguments {
+    /// The table.
+    file: PathBuf,
+    /// Columns by role, ROLE=COLUMN,...; COLUMN is a name of the header, or #N for the N-th.
+    #[arg(long, required = true)]
+    columns: String,
+    #[command(flatten)]
+    table: TableArguments,
+    /// The machine whose axes the columns axis.NAME hold; without it the part frame is the machine.
+    #[arg(long, value_name = "FILE", conflicts_with = "cell")]
+    urdf: Option<PathBuf>,
+    /// Cell file with the machine, the part's place in it, the stylus, and the plan that the column `point` names.
+    #[arg(long, value_name = "CELL")]
+    cell: Option<PathBuf>,
+    /// Bag whose plan the column `point` names, with its machine.
+    #[arg(long, value_name = "BAG", conflicts_with_all = ["urdf", "cell"])]
+    plan: Option<PathBuf>,
+    /// With --urdf: position of the part frame in the link `workpiece`, X,Y,Z.
+    #[arg(
+        long,
+        value_name = "MM",
+        value_delimiter = ',',
+        num_args = 3,
+        requires = "urdf",
+        allow_hyphen_values = true
+    )]
+    part_position_mm: Vec<f64>,
+    /// With --urdf: rotation of the part frame about fixed x, y and z, in this order.
+    #[arg(
+        long,
+        value_name = "DEG",
+        value_delimiter = ',',
+        num_args = 3,
+        requires = "urdf",
+        allow_hyphen_values = true
+    )]
+    part_rotation_deg: Vec<f64>,
+    /// With --urdf: centre of the ball in the link `probe_mount`, X,Y,Z.
+    #[arg(
+        long,
+        value_name = "MM",
+        value_delimiter = ',',
+        num_args = 3,
+        requires = "urdf",
+        allow_hyphen_values = true
+    )]
+    stylus_mm: Vec<f64>,
+    /// Radius of the stylus ball.
+    #[arg(long, value_name = "MM")]
+    ball_radius_mm: Option<f64>,
+    /// Speed of the approach, where no column holds it; 0: the axes stood while an instrument was read.
+    #[arg(long, value_name = "MM_PER_MIN")]
+    feed_mm_per_min: Option<f64>,
+    /// Table of the nominal features, with the same units: id, kind, x, y, z, i, j, k, diameter, half_angle, lower, upper.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["plan"])]
+    features: Option<PathBuf>,
+    /// The part was cut on this machine in this clamping, so that no clamping error can show.
+    #[arg(long)]
+    machined_here: bool,
+    /// Refuse single rows that are wrong, instead of the file; they are listed, and the exit status is 3.
+    #[arg(long)]
+    skip_bad_rows: bool,
+    #[command(flatten)]
+    out: OutArguments,
+}
+
+/// Imports.
+pub(super) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
+    let mut settings = touches::Settings {
+        layout: arguments.table.layout()?,
+        columns: arguments.columns.clone(),
+        units: arguments.table.units()?,
+        machine: None,
+        ball_radius: positive(arguments.ball_radius_mm, "--ball-radius-mm")?,
+        feed: feed(arguments.feed_mm_per_min)?,
+        plan: None,
+        features: Vec::new(),
+        name: arguments.out.name(&arguments.file)?,
+        machined_on_this_machine: arguments.machined_here,
+        skip_bad_rows: arguments.skip_bad_rows,
+    };
+    let cell = machine(arguments, &mut settings)?;
+    if let Some(file) = &arguments.features {
+        let text = text_of(file)?;
+        settings.features = features::read(&text, settings.layout, &settings.units)
+            .with_context(|| file.display().to_string())?;
+    }
+    let text = text_of(&arguments.file)?;
+    let imported =
+        touches::read(&text, &settings).with_context(|| arguments.file.display().to_string())?;
+    let analysis = match (&cell, arguments.out.settings()) {
+        (_, Some(settings)) => Some(settings),
+        (Some(cell), None) => Some(cell.analysis.clone()),
+        (None, None) => None,
+    };
+    let mut files = vec![arguments.file.clone()];
+    files.extend(arguments.features.clone());
+    let source = Source {
+        kind: "touches",
+        files,
+        settings: vec![
+            ("columns", arguments.columns.clone()),
+            ("units", arguments.table.units.clone()),
+        ],
+        cell: cell.as_ref().map(|cell| CellText::clone(cell.text())),
+    };
+    write(&arguments.out.out, &imported, analysis.as_ref(), &source)
+}
+
+fn feed(value: Option<f64>) -> anyhow::Result<Option<f64>> {
+    if let Some(value) = value {
+        ensure!(
+            value.is_finite() && value >= 0.0,
+            "--feed-mm-per-min must be a speed that is not negative"
+        );
+    }
+    Ok(value.map(|value| value * 1e-3 / 60.0))
+}
+
+fn positive(value: Option<f64>, option: &str) -> anyhow::Result<Option<f64>> {
+    if let Some(value) = value {
+        ensure!(
+            value.is_finite() && value >= 0.0,
+            "{option} must be a length that is not negative"
+        );
+    }
+    Ok(value.map(|value| value * 1e-3))
+}
+
+/// Machine and plan of the settings; gives the cell where there is one.
+fn machine(
+    arguments: &Arguments,
+    settings: &mut touches::Settings,
+) -> anyhow::Result<Option<Cell>> {
+    let by_point = arguments
+        .columns
+        .split(',')
+        .any(|one| one.trim().starts_with("point="));
+    let mut placed = |urdf: String, plan: &InspectionPlan| {
+        settings.machine = Some(touches::Machine {
+            urdf,
+            part_pose: plan.part_pose,
+            stylus: plan.stylus.clone(),
+        });
+        if by_point {
+            settings.plan = Some(plan.clone());
+        }
+    };
+    if let Some(file) = &arguments.cell {
+        let cell = Cell::read(file)?;
+        placed(
+            cell.text().robot_description.clone(),
+            &plan::part_of(&cell, 0.0)?,
+        );
+        return Ok(Some(cell));
+    }
+    if let Some(path) = &arguments.plan {
+        let session = bags::Session::read_measurement(&Bag::open(path)?, &bags::Measurement::Last)?;
+        let plan = session
+            .plan
+            .with_context(|| format!("{} has no inspection plan", path.display()))?;
+        ensure!(
+            by_point,
+            "--plan needs the column `point` that names its points"
+        );
+        placed(session.robot_description, &plan);
+        return Ok(None);
+    }
+    if let Some(file) = &arguments.urdf {
+        let metres = |values: &[f64]| match values {
+            [x, y, z] => [x * 1e-3, y * 1e-3, z * 1e-3],
+            _ => [0.0; 3],
+        };
+        if settings.ball_radius.is_none() {
+            bail!(
+                "--urdf needs --ball-radius-mm: positions of axes say where the centre of the ball is"
+            );
+        }
+        let turn = match arguments.part_rotation_deg[..] {
+            [x, y, z] => {
+                UnitQuaternion::from_euler_angles(x.to_radians(), y.to_radians(), z.to_radians())
+            }
+            _ => UnitQuaternion::identity(),
+        };
+        settings.machine = Some(touches::Machine {
+            urdf: text_of(file)?,
+            part_pose: Pose {
+                position: Point::from(metres(&arguments.part_position_mm)),
+                orientation: Quaternion {
+                    x: turn.i,
+                    y: turn.j,
+                    z: turn.k,
+                    w: turn.w,
+                },
+            },
+            stylus: Stylus {
+                ball_center: Point::from(metres(&arguments.stylus_mm)),
+                ..Stylus::default()
+            },
+        });
+    }
+    Ok(None)
+}

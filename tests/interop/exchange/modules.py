@@ -1,0 +1,3 @@
+"""The files with checks, in the order in which they run."""
+
+import check_touches  # noqa: F401
