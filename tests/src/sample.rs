@@ -22,7 +22,7 @@ use serde_json::json;
 use crate::{BEGIN, launch_scripts, session::Session};
 
 /// Topics whose messages are too many or too long to be read; the twin counts them.
-const COUNTED_ONLY: [&str; 7] = [
+const COUNTED_ONLY: [&str; 10] = [
     "controller_status",
     "joint_commands",
     "joint_states",
@@ -30,6 +30,9 @@ const COUNTED_ONLY: [&str; 7] = [
     "plan_progress",
     "probe_triggers",
     "robot_description",
+    "tf",
+    "tf_static",
+    "touch_markers",
 ];
 
 /// How a sample is made, and what its test expects of it.

@@ -21,7 +21,7 @@ use cell_tests::{
 use graph::{Published, START, topics};
 use probecell_msgs::{
     Correction, FeatureResult, InspectionPlan, MachineState, OperationRequest, OperatorRequest,
-    PartReport, ProbeEvent, ReferenceMeasurement, from_cdr, to_cdr,
+    PartReport, ProbeEvent, ReferenceMeasurement, from_cdr, sensor_msgs::JointState, to_cdr,
 };
 use serde_json::Value;
 
@@ -339,6 +339,29 @@ fn late(node: &str, topics: &[graph::Topic], seconds: f64) -> (Cell, Vec<Publish
     (cell.clone(), alone(cell, node, log, topics, seconds))
 }
 
+/// `visualization`, where every second state of the joints names one that the machine does not have.
+fn odd_joints() -> (Cell, Vec<Published>) {
+    let (cell, log) = &*AUTOMATIC;
+    let mut states = 0;
+    let log: Vec<Published> = log
+        .iter()
+        .map(|published| {
+            let mut published = published.clone();
+            if published.topic == topics::JOINT_STATES.name {
+                states += 1;
+                let mut joints: JointState = from_cdr(&published.payload).expect("a state");
+                if states / 100 % 2 == 1 {
+                    joints.name[0] = "Q".to_owned();
+                }
+                published.payload = to_cdr(&joints);
+            }
+            published
+        })
+        .collect();
+    let log = alone(cell, "visualization", &log, &[], 0.0);
+    (cell.clone(), log)
+}
+
 /// The measurement of that finished part by `gap`, which is quiet in the other sessions. Its clocks disagree and the part
 /// grows warm, so that the answer holds what the axes and the machine were at each touch.
 fn gap(topics: &[graph::Topic], seconds: f64) -> (Cell, Vec<Published>) {
@@ -428,6 +451,8 @@ fn sessions() -> Vec<(Cell, Vec<Published>)> {
     sessions.push(late("simulator", &[topics::MEASUREMENT_ORDER], 0.005));
     sessions.push(late("machine_state", &[topics::MEASUREMENT_ORDER], 11.0));
     sessions.push(late("machine_state", &[topics::OPERATION_REQUESTS], 0.005));
+    sessions.push(late("visualization", &[topics::INSPECTION_PLAN], 0.005));
+    sessions.push(odd_joints());
     sessions.push(gap(&[topics::INSPECTION_PLAN], 20.0));
     sessions.push(gap(&[topics::MACHINE_STATE], 3.0));
     sessions.push(gap(&[topics::JOINT_STATES, topics::REFERENCE], 3.0));

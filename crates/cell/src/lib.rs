@@ -90,6 +90,8 @@ cell_file! {
             cycle: cycle::RawConfig => cycle::CycleNode, |raw, site| raw.check();
             #[serde(default)] gap: gap::RawConfig => gap::GapNode,
                 |raw, site| raw.check(&effects::vocabulary::identifiers(&site.chain), &site.cell.model.effects);
+            #[serde(default)] visualization: visualization::RawConfig => visualization::VisualizationNode,
+                |raw, site| raw.check(&site.robot_description());
         }
         /// Name, robot description, part.
         pub cell: CellSection,

@@ -11,7 +11,8 @@ use probecell_msgs::{
     MeasurementOrder, Message, MessageType, OperationReport, OperationRequest, OperatorReply,
     OperatorRequest, PartAlignment, PartReport, PartStatus, PassDecision, PlanProgress, ProbeEvent,
     ProbeTrigger, RecordingStatus, ReferenceMeasurement, StepJournal, ToolOffsets, TouchDeviation,
-    Verdict, sensor_msgs::JointState, std_msgs,
+    Verdict, sensor_msgs::JointState, std_msgs, tf2_msgs::TFMessage,
+    visualization_msgs::MarkerArray,
 };
 
 /// Quality of service of a topic, in ROS 2 terms.
@@ -137,6 +138,11 @@ declare_topics! {
 
     GAP_REPORT = "gap", "gap_report", GapReport, Qos::latched(1);
     GAP_FAULTS = "gap", "gap/faults", Fault, Qos::KEEP_ALL;
+    TF = "visualization", "tf", TFMessage, Qos::reliable(100);
+    TF_STATIC = "visualization", "tf_static", TFMessage, Qos::latched(1);
+    TOUCH_MARKERS = "visualization", "touch_markers", MarkerArray, Qos::latched(1);
+    VISUALIZATION_FAULTS = "visualization", "visualization/faults", Fault, Qos::KEEP_ALL;
+
     RECORDING_STATUS = "recorder", "recording_status", RecordingStatus, Qos::latched(1);
     LOSS_REPORTS = "recorder", "loss_reports", LossReport, Qos::latched(64);
 }

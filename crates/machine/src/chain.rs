@@ -311,7 +311,7 @@ fn climb(
     Ok(path)
 }
 
-fn joint(joint: &RawJoint, child: &Link) -> Result<Joint, ChainError> {
+pub(crate) fn joint(joint: &RawJoint, child: &Link) -> Result<Joint, ChainError> {
     let name = joint.name.clone();
     let bad = |what| ChainError::BadNumber {
         joint: name.clone(),

@@ -19,6 +19,7 @@
 //! | [`deviation`], [`contact`] | how far a touch is off its nominal surface |
 //! | [`links`], [`volumetric`] | geometric errors of the axes (ISO 230-1, ISO 230-7) and their compensation table |
 //! | [`motion`], [`travel`] | how long moves take, and whether they stay within the travels |
+//! | [`tree`] | where every link is, for viewers |
 //! | [`geometry`], [`access`] | what the stylus would hit |
 //!
 //! Metres, radians, seconds. Frames are those of the interface contract ("Frames and the machine model"): `foundation`,
@@ -56,6 +57,7 @@ pub mod models;
 pub mod motion;
 mod part_frame;
 pub mod travel;
+pub mod tree;
 mod urdf;
 pub mod volumetric;
 

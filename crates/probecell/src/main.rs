@@ -255,6 +255,15 @@ enum Command {
         #[arg(long)]
         json: bool,
     },
+    /// Write layouts of Foxglove, Lichtblick, RViz and PlotJuggler for the topics of a cell.
+    Layouts {
+        /// Cell file.
+        #[arg(default_value = DEFAULT_CELL)]
+        cell: PathBuf,
+        /// Output folder; created if it does not exist.
+        #[arg(long, default_value = "layouts")]
+        out: PathBuf,
+    },
     /// Print shell completions.
     Completions {
         /// Shell.
@@ -371,6 +380,7 @@ fn run(command: Command) -> anyhow::Result<u8> {
         Command::Correct(arguments) => commands::correct::run(&arguments),
         Command::Scenario(command) => commands::scenario::run(&command),
         Command::Doctor { cell, json } => commands::doctor::run(&cell, json),
+        Command::Layouts { cell, out } => commands::layouts::run(&cell, &out),
         Command::Man { folder } => commands::man::run(Arguments::command(), &folder),
         Command::Completions { shell } => {
             let mut script = Vec::new();

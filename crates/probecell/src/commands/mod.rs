@@ -12,6 +12,7 @@ pub(crate) mod doctor;
 pub(crate) mod identifiability;
 pub(crate) mod import;
 pub(crate) mod info;
+pub(crate) mod layouts;
 pub(crate) mod man;
 pub(crate) mod measure;
 pub(crate) mod node;

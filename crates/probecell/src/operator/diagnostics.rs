@@ -1,4 +1,4 @@
-//! The processes of the cell as ROS diagnostics, and a fault for each that ended.
+//! The processes of the cell and its health as ROS diagnostics, and a fault for each process that ended.
 
 use std::time::Duration;
 
@@ -12,6 +12,8 @@ use probecell_msgs::{Fault, Message, diagnostic_msgs, std_msgs, to_cdr};
 
 use crate::output;
 
+/// Processes whose end does not touch the part.
+const OBSERVERS: [&str; 2] = ["gap", "visualization"];
 /// Period of `/diagnostics`.
 pub(super) const PERIOD: Duration = Duration::from_secs(1);
 
@@ -52,7 +54,7 @@ impl Diagnostics {
 
     /// A fault for a process that has ended.
     pub(super) fn publish_ended(&self, name: &str, text: &str) {
-        let severity = if name == "gap" {
+        let severity = if OBSERVERS.contains(&name) {
             Fault::WARNING
         } else {
             Fault::ERROR
@@ -79,8 +81,13 @@ impl Diagnostics {
         }
     }
 
-    /// The states of all processes.
-    pub(super) fn publish(&self, namespace: &str, processes: &[ProcessState]) {
+    /// The states of all processes, and what else is to be known of the cell.
+    pub(super) fn publish(
+        &self,
+        namespace: &str,
+        processes: &[ProcessState],
+        health: Vec<diagnostic_msgs::DiagnosticStatus>,
+    ) {
         let instant = host::now();
         let status = processes.iter().map(|process| {
             let (level, message) = if process.running {
@@ -107,7 +114,7 @@ impl Diagnostics {
                 stamp: instant.time(),
                 frame_id: String::new(),
             },
-            status: status.collect(),
+            status: status.chain(health).collect(),
         };
         if let Err(error) = self.diagnostics.publish(to_cdr(&array), instant.0) {
             output::remark(&format!("diagnostics could not be published: {error}"));

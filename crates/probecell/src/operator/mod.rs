@@ -5,12 +5,15 @@
 //! | [`services`] | `plan`, `run`, `stop`, `approve_correction`: a call enters the graph as a numbered message, so that it is recorded and a replay can repeat it |
 //! | [`state`] | what was received, by the callbacks of the bus |
 //! | [`console`] | what a person reads while a part is made |
-//! | [`diagnostics`] | `/diagnostics`, and faults of processes that ended |
+//! | [`diagnostics`], [`health`] | `/diagnostics`, and faults of processes that ended |
+//! | [`transforms`] | the cell's frames on `/tf` and `/tf_static` |
 
 mod console;
 mod diagnostics;
+mod health;
 mod services;
 mod state;
+mod transforms;
 
 use std::{
     sync::{Arc, Mutex},
@@ -25,9 +28,9 @@ use host::{
     bus_qos,
 };
 use probecell_msgs::{
-    Correction, CorrectionAcknowledgement, Fault, MachineState, Message, OperatorReply,
-    OperatorRequest, PartReport, PartStatus, PassDecision, PlanProgress, RecordingStatus, Verdict,
-    from_cdr, to_cdr,
+    Correction, CorrectionAcknowledgement, Fault, GapReport, LossReport, MachineState, Message,
+    OperatorReply, OperatorRequest, PartReport, PartStatus, PassDecision, PlanProgress,
+    RecordingStatus, Verdict, from_cdr, to_cdr,
 };
 
 pub(crate) use self::diagnostics::ProcessState;
@@ -75,6 +78,8 @@ impl Operator {
             subscriptions: Vec::new(),
         };
         operator.subscribe_to_all(&cell.text().name)?;
+        let relayed = transforms::relay(&operator.bus, cell)?;
+        operator.subscriptions.extend(relayed);
         operator.servers = serve(&operator.bus, &operator.namespace, &operator.requests)?;
         Ok(operator)
     }
@@ -83,7 +88,7 @@ impl Operator {
     fn subscribe_to_all(&mut self, file: &str) -> anyhow::Result<()> {
         self.subscribe(topics::MACHINE_STATE, |state, machine: MachineState| {
             state.machine_idle = machine.execution == MachineState::EXECUTION_IDLE;
-            state.machine = Some((machine, Instant::now()));
+            state.health.machine(machine);
         })?;
         self.subscribe(topics::PART_STATUS, |state, status: PartStatus| {
             state.informed = true;
@@ -91,7 +96,7 @@ impl Operator {
         })?;
         self.subscribe(
             topics::RECORDING_STATUS,
-            |state, status: RecordingStatus| state.recording = status,
+            |state, status: RecordingStatus| state.health.recording = status,
         )?;
         self.subscribe(topics::VERDICTS, |state, verdict: Verdict| {
             state.verdict(verdict);
@@ -100,16 +105,27 @@ impl Operator {
             state.decision(decision);
         })?;
         let file = file.to_owned();
-        self.subscribe(topics::CORRECTIONS, move |_, correction: Correction| {
+        self.subscribe(topics::CORRECTIONS, move |state, correction: Correction| {
+            state.health.correction(&correction);
             print_correction(&correction, &file);
         })?;
         self.subscribe(
             topics::CORRECTION_ACKNOWLEDGEMENTS,
-            |_, answer: CorrectionAcknowledgement| print_acknowledgement(&answer),
+            |state, answer: CorrectionAcknowledgement| {
+                state.health.answered(&answer.correction_id);
+                print_acknowledgement(&answer);
+            },
         )?;
         self.subscribe(topics::PART_REPORTS, |state, part: PartReport| {
             print_part(&part);
+            state.health.part_ended();
             state.part = Some(part);
+        })?;
+        self.subscribe(topics::LOSS_REPORTS, |state, loss: LossReport| {
+            state.health.loss(&loss);
+        })?;
+        self.subscribe(topics::GAP_REPORT, |state, report: GapReport| {
+            state.health.gap(report);
         })?;
         self.subscribe(topics::PLAN_PROGRESS, |state, _: PlanProgress| {
             state.planning = Some(Instant::now());
@@ -278,8 +294,9 @@ impl Operator {
             return;
         }
         state.diagnosed = Some(Instant::now());
+        let health = state.health.entries(&self.namespace);
         drop(state);
-        self.diagnostics.publish(&self.namespace, processes);
+        self.diagnostics.publish(&self.namespace, processes, health);
     }
 
     /// Leaves the cell.

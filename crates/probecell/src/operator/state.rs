@@ -3,35 +3,32 @@
 use std::{
     collections::{BTreeMap, VecDeque},
     sync::{Mutex, MutexGuard, PoisonError, mpsc::Sender},
-    time::{Duration, Instant},
+    time::Instant,
 };
 
 use cell::Cell;
-use probecell_msgs::{
-    MachineState, OperatorReply, PartReport, PartStatus, PassDecision, RecordingStatus, Verdict,
-    srv, std_msgs,
-};
+use probecell_msgs::{OperatorReply, PartReport, PartStatus, PassDecision, Verdict, srv, std_msgs};
 
-use super::{console::print_measurement, diagnostics::ProcessState};
+use super::{
+    console::print_measurement,
+    diagnostics::ProcessState,
+    health::{Health, KNOWN},
+};
 
 /// Faults kept for the service `status`.
 const FAULTS: usize = 8;
-/// A machine that has said nothing for longer is not known.
-const KNOWN: Duration = Duration::from_secs(2);
 
 /// State that the callbacks of subscriptions and services share.
 #[derive(Default)]
 pub(super) struct OperatorState {
     /// The machine is idle.
     pub(super) machine_idle: bool,
-    /// The last state of the machine, and when it was received.
-    pub(super) machine: Option<(MachineState, Instant)>,
+    /// What `/diagnostics` says beside the processes.
+    pub(super) health: Health,
     /// `cycle` has said whether a part is being made.
     pub(super) informed: bool,
     /// The part that is being made.
     pub(super) making: PartStatus,
-    /// Whether the cell is recorded.
-    pub(super) recording: RecordingStatus,
     /// The last faults, newest last.
     pub(super) faults: VecDeque<String>,
     /// The processes of the cell.
@@ -98,7 +95,7 @@ impl OperatorState {
 
     /// What the cell is doing.
     pub(super) fn status(&self) -> srv::StatusResponse {
-        let known = self.machine.as_ref();
+        let known = self.health.machine.as_ref();
         let known = known.filter(|(_, at)| at.elapsed() < KNOWN);
         let instant = host::now();
         srv::StatusResponse {
@@ -110,7 +107,7 @@ impl OperatorState {
             alarms: known.map_or(Vec::new(), |(machine, _)| machine.alarms.clone()),
             machine_known: known.is_some(),
             part: self.making.clone(),
-            recording: self.recording.clone(),
+            recording: self.health.recording.clone(),
             processes: self.processes.iter().map(|one| one.name.clone()).collect(),
             running: self.processes.iter().map(|one| one.running).collect(),
             starts: self.processes.iter().map(|one| one.starts).collect(),

@@ -1,0 +1,33 @@
+//! Shows the cell to viewers that know nothing of it: RViz, Foxglove, Lichtblick, Rerun.
+//!
+//! ```text
+//!  machine_state  joint_states ───────┐  ┌────────────────────────────────┐
+//!  path_planning  inspection_plan ────┤  │ frames of all links by the      │──> tf, tf_static
+//!                 measurement_order ──┼─>│ nominal kinematics; the part's  │
+//!  analysis       touch_deviations ───┤  │ points, touches, deviations     │──> touch_markers
+//!  compensation   verdicts ───────────┘  └────────────────────────────────┘
+//! ```
+//!
+//! | subscribes to | publishes |
+//! |---|---|
+//! | `joint_states`, `inspection_plan` | `tf`, `tf_static` (tf2_msgs/TFMessage) |
+//! | `inspection_plan`, `measurement_order`, `touch_deviations`, `verdicts` | `touch_markers` (visualization_msgs/MarkerArray) |
+//!
+//! *Frames* are the links of the robot description, as `robot_state_publisher` gives them, at 20 Hz at most; `part` is the
+//! nominal frame of the part below `workpiece`, `stylus` the nominal centre of the ball below `probe_mount`. They are the cell's
+//! own. On `/tf` and `/tf_static`, which all cells of a bus share, the launcher repeats them with a prefix, by default the name of
+//! the cell and a slash (`turn_mill/part`).
+//!
+//! *Markers* stand in the frame `part`. Namespace `points`: the plan; `order`: the way between them; `touches`: points
+//! touched; `deviations`: a line along the normal, as long as the deviation times `magnification`; `features`: name and verdict
+//! of each feature; `characteristics`: verdicts on what is made of several. Green is a deviation within its expanded uncertainty (k = 2), orange material in excess, blue material
+//! missing. The whole set is published again with a plan, and at most a hundred points per second while touches come, so that
+//! a viewer that joins late sees all of it.
+
+mod config;
+mod markers;
+mod step;
+mod transforms;
+
+pub use config::{Config, RawConfig};
+pub use step::{Input, Output, State, VisualizationFault, VisualizationNode};
