@@ -71,23 +71,23 @@ impl Scene {
             ..draw.marker("", Marker::POINTS, 0.0)
         }];
         let points = &self.plan.points;
-        let all = points.iter().map(|point| (point.position.clone(), GREY));
+        let all = points.iter().map(|point| (point.position, GREY));
         markers.push(draw.list("points", Marker::SPHERE_LIST, 0.5, all));
         let ordered = self
             .order
             .iter()
             .filter_map(|&index| points.get(index as usize));
-        let way = ordered.map(|point| (point.position.clone(), GREY));
+        let way = ordered.map(|point| (point.position, GREY));
         markers.push(draw.list("order", Marker::LINE_STRIP, LINE / 2.0, way));
         let touched = || {
             let known = self.touches.iter();
             known.filter_map(|(&index, touch)| Some((points.get(index as usize)?, touch)))
         };
-        let spheres = touched().map(|(point, touch)| (point.position.clone(), colour(touch)));
+        let spheres = touched().map(|(point, touch)| (point.position, colour(touch)));
         markers.push(draw.list("touches", Marker::SPHERE_LIST, 1.0, spheres));
         let lines = touched().flat_map(|(point, touch)| {
             let end = along(point, touch.deviation * config.magnification);
-            [point.position.clone(), end].map(|at| (at, colour(touch)))
+            [point.position, end].map(|at| (at, colour(touch)))
         });
         markers.push(draw.list("deviations", Marker::LINE_LIST, LINE, lines));
         // A list without points is an error in RViz.
@@ -105,7 +105,7 @@ impl Scene {
                 .points
                 .iter()
                 .filter(|point| point.feature == id as u32);
-            let mut at = centre(of_it).unwrap_or_else(|| feature.origin.clone());
+            let mut at = centre(of_it).unwrap_or(feature.origin);
             at.z += 2.0 * draw.diameter;
             draw.label("features", id, at, &feature.id, verdict)
         })
@@ -120,7 +120,7 @@ impl Scene {
         let is_feature = |id: &String| self.plan.features.iter().any(|one| one.id == *id);
         let others = self.verdicts.iter().filter(move |(id, _)| !is_feature(id));
         (0..).zip(others).map(move |(number, (id, &verdict))| {
-            let mut at = at.clone();
+            let mut at = at;
             at.z += f64::from(number + 3) * 2.5 * draw.diameter;
             draw.label("characteristics", number, at, id, Some(verdict))
         })
