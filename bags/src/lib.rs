@@ -35,6 +35,7 @@ mod metadata;
 mod reader;
 mod recorder;
 mod recover;
+mod seal;
 mod session;
 mod split;
 
@@ -49,4 +50,5 @@ pub use recorder::{
     TopicStatistics,
 };
 pub use recover::{Recovery, recover};
+pub use seal::{Sealed, Sealer, verify as verify_seals};
 pub use session::{Measurement, Missing, Session, SessionError};

@@ -27,6 +27,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::channel::Channel;
 use crate::error::Error;
+use crate::seal::Sealer;
 use crate::split::ChunkOptions;
 use queue::{Entry, Queue};
 
@@ -75,6 +76,8 @@ pub struct RecorderOptions {
     pub ros_distro: String,
     /// `custom_data` of `metadata.yaml`.
     pub custom_data: BTreeMap<String, String>,
+    /// What signs the seals of the recording ([`crate::verify_seals`]); none: it has none.
+    pub sealer: Option<Sealer>,
 }
 
 impl RecorderOptions {
@@ -91,6 +94,7 @@ impl RecorderOptions {
             compression_level: 0,
             ros_distro: "jazzy".to_owned(),
             custom_data: BTreeMap::new(),
+            sealer: None,
         }
     }
 

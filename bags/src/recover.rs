@@ -87,7 +87,7 @@ pub fn recover(
     let mut counts: BTreeMap<Channel, u64> = BTreeMap::new();
     for (number, contents) in bag.contents().iter().enumerate() {
         let path = to.join(format!("{name}_{number}.mcap"));
-        let mut split = SplitFile::create(&path, &chunks)?;
+        let mut split = SplitFile::create(&path, &chunks, false)?;
         copy(contents, &mut split, &mut recovery, &mut counts)?;
         if number + 1 == bag.contents().len() && !recovery.gaps.is_empty() {
             split.metadata(&gaps_record(&recovery.gaps))?;
@@ -102,7 +102,7 @@ pub fn recover(
             name: "rosbag2".to_owned(),
             metadata: BTreeMap::from([("serialized_metadata".to_owned(), so_far.to_string())]),
         })?;
-        let (file, _) = split.finish()?;
+        let (file, ..) = split.finish()?;
         recovery.messages += file.message_count;
         recovery.files.push(path);
         information.files.push(file);

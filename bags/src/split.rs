@@ -5,16 +5,18 @@
 use std::fs::{File, OpenOptions};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use mcap::records::{MessageHeader, Metadata};
 use mcap::write::NoSeek;
 use mcap::{Compression, WriteOptions, Writer};
+use sha2::{Digest, Sha256};
 
 use crate::channel::Channel;
 use crate::error::Error;
 use crate::metadata::FileInformation;
+use crate::seal::hexadecimal;
 
 /// Name of this program in the header of the files that it writes.
 pub(crate) const LIBRARY: &str = "probecell";
@@ -23,12 +25,17 @@ pub(crate) const LIBRARY: &str = "probecell";
 struct CountingFile {
     file: BufWriter<File>,
     written: Arc<AtomicU64>,
+    digest: Arc<Mutex<Option<Sha256>>>,
 }
 
 impl Write for CountingFile {
     fn write(&mut self, buffer: &[u8]) -> io::Result<usize> {
         let count = self.file.write(buffer)?;
         self.written.fetch_add(count as u64, Ordering::Relaxed);
+        let mut digest = self.digest.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(digest) = digest.as_mut() {
+            digest.update(&buffer[..count]);
+        }
         Ok(count)
     }
 
@@ -63,6 +70,8 @@ pub(crate) struct SplitFile {
     writer: Writer<NoSeek<CountingFile>>,
     file: File,
     written: Arc<AtomicU64>,
+    /// Of everything written so far, where the recording is sealed.
+    digest: Arc<Mutex<Option<Sha256>>>,
     path: PathBuf,
     /// MCAP channel id of each of the recorder's channels already named in this file.
     ids: Vec<Option<u16>>,
@@ -70,7 +79,12 @@ pub(crate) struct SplitFile {
 }
 
 impl SplitFile {
-    pub(crate) fn create(path: &Path, chunks: &ChunkOptions) -> Result<Self, Error> {
+    /// Creates the file; `digested`: its digest is asked for.
+    pub(crate) fn create(
+        path: &Path,
+        chunks: &ChunkOptions,
+        digested: bool,
+    ) -> Result<Self, Error> {
         let failed = |source| Error::io("create the recording", path, source);
         let file = OpenOptions::new()
             .write(true)
@@ -78,9 +92,11 @@ impl SplitFile {
             .open(path)
             .map_err(failed)?;
         let written = Arc::new(AtomicU64::new(0));
+        let digest = Arc::new(Mutex::new(digested.then(Sha256::new)));
         let counting = CountingFile {
             file: BufWriter::with_capacity(1 << 16, file.try_clone().map_err(failed)?),
             written: Arc::clone(&written),
+            digest: Arc::clone(&digest),
         };
         let writer = write_options(chunks)
             .create(NoSeek::new(counting))
@@ -94,6 +110,7 @@ impl SplitFile {
             writer,
             file,
             written,
+            digest,
             path: path.to_owned(),
             ids: Vec::new(),
             information: FileInformation {
@@ -107,6 +124,13 @@ impl SplitFile {
     /// Bytes handed to the operating system or its buffer; an open chunk is not counted.
     pub(crate) fn written(&self) -> u64 {
         self.written.load(Ordering::Relaxed)
+    }
+
+    /// Length and SHA-256 digest of everything written so far, where they were asked for.
+    pub(crate) fn digest(&self) -> Option<(u64, String)> {
+        let digest = self.digest.lock().unwrap_or_else(PoisonError::into_inner);
+        let digest = digest.clone()?.finalize();
+        Some((self.written(), hexadecimal(&digest)))
     }
 
     /// Number of the channel in this file, naming it first if it is new here.
@@ -229,18 +253,18 @@ impl SplitFile {
             .map_err(|source| Error::io("sync the recording", &self.path, source))
     }
 
-    /// Writes summary and footer, durably.
-    pub(crate) fn finish(mut self) -> Result<(FileInformation, u64), Error> {
+    /// Writes summary and footer, durably; gives the digest of the whole, too.
+    pub(crate) fn finish(mut self) -> Result<(FileInformation, u64, Option<(u64, String)>), Error> {
         self.writer
             .finish()
             .map_err(|source| Error::mcap(&self.path, source))?;
-        let written = self.written();
+        let (written, digest) = (self.written(), self.digest());
         // Dropping the stream would hide a failure of its last write.
         let mut stream = self.writer.into_inner().into_inner();
         let failed = |source| Error::io("write the recording", &self.path, source);
         stream.flush().map_err(failed)?;
         self.file.sync_all().map_err(failed)?;
-        Ok((self.information, written))
+        Ok((self.information, written, digest))
     }
 
     /// Gives the file up after a failure: what is on disk stays, nothing more is written.

@@ -264,6 +264,12 @@ pub struct Correction {
     pub value_limits: Vec<f64>,
     /// m or rad, standard uncertainty of each new value; 0 where the entry was not estimated
     pub value_uncertainties: Vec<f64>,
+    /// instant of the approval or rejection, by the clock of the cell
+    pub approved_at: crate::builtin_interfaces::Time,
+    /// what who approves was shown: text, or `sha256:` and its digest
+    pub shown: String,
+    /// ed25519, 64 bytes: see docs/approvals.md. Empty: not signed
+    pub signature: Vec<u8>,
 }
 
 impl Correction {
@@ -312,7 +318,7 @@ impl Message for Correction {
     const TYPE: &'static MessageType = &MessageType {
         name: "probecell_msgs/msg/Correction",
         dds_name: "probecell_msgs::msg::dds_::Correction_",
-        type_hash: "RIHS01_3050b977f3bea7e8f52f47e30bf8fca43df60e275f766354c9faf4f55abb826d",
+        type_hash: "RIHS01_f37a9f4aa6f210055581c6aced2694d05e41b1b9239092d7ec7d17bd8a10a646",
         definition: concat!(
             include_str!("../msg/Correction.msg"),
             "================================================================================\nMSG: std_msgs/Header\n",
@@ -1134,6 +1140,39 @@ impl Message for OperationRequest {
     };
 }
 
+/// The keys of the operators whose approvals count, signed by the key of the cell.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct OperatorKeys {
+    pub header: crate::std_msgs::Header,
+    /// greater than that of every earlier list of the cell
+    pub number: u64,
+    /// operators; a name may stand here again after a key of it was withdrawn
+    pub names: Vec<String>,
+    /// ed25519 public key of each, 64 hexadecimal digits
+    pub keys: Vec<String>,
+    /// each: its approvals are refused
+    pub withdrawn: Vec<bool>,
+    /// of the cell's key, 64 bytes: see docs/approvals.md
+    pub signature: Vec<u8>,
+}
+
+impl Message for OperatorKeys {
+    const TYPE: &'static MessageType = &MessageType {
+        name: "probecell_msgs/msg/OperatorKeys",
+        dds_name: "probecell_msgs::msg::dds_::OperatorKeys_",
+        type_hash: "RIHS01_1d31cbf8f67b8092e2bf10ec95e566c799bf949c6caee014d15175654e90cf9b",
+        definition: concat!(
+            include_str!("../msg/OperatorKeys.msg"),
+            "================================================================================\nMSG: std_msgs/Header\n",
+            include_str!("../standard/std_msgs/msg/Header.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg")
+        ),
+        describe: crate::describe::of::<OperatorKeys>,
+        canonical: crate::cdr::canonical::<OperatorKeys>,
+    };
+}
+
 /// The answer of the node that serves an OperatorRequest.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct OperatorReply {
@@ -1179,13 +1218,19 @@ pub struct OperatorRequest {
     pub points: Vec<InspectionPoint>,
     /// run: refused after this instant by the clock of the cell; 0: never
     pub expires: crate::builtin_interfaces::Time,
+    /// instant of the act, by the clock of the cell
+    pub signed_at: crate::builtin_interfaces::Time,
+    /// what the operator was shown: text, or `sha256:` and its digest
+    pub shown: String,
+    /// ed25519, 64 bytes: see docs/approvals.md. Empty: not signed
+    pub signature: Vec<u8>,
 }
 
 impl Message for OperatorRequest {
     const TYPE: &'static MessageType = &MessageType {
         name: "probecell_msgs/msg/OperatorRequest",
         dds_name: "probecell_msgs::msg::dds_::OperatorRequest_",
-        type_hash: "RIHS01_8a0751c1f5d0985cca579bb38fd2cc5fc75644de56fa2dd464439e87df970844",
+        type_hash: "RIHS01_cd7d8626df0aeb10e7c91e550b02a8718e2249b69b8ab29fd50501e22d79f700",
         definition: concat!(
             include_str!("../msg/OperatorRequest.msg"),
             "================================================================================\nMSG: std_msgs/Header\n",
@@ -2672,7 +2717,7 @@ pub mod srv {
 
     use crate::schema::{Message, MessageType, Service, ServiceType};
 
-    /// Approve or reject a proposed correction.
+    /// Approve or reject a proposed correction. Without a signature it is refused, unless the cell file allows that.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub struct ApproveCorrection;
 
@@ -2682,7 +2727,7 @@ pub mod srv {
         const TYPE: &'static ServiceType = &ServiceType {
             name: "probecell_msgs/srv/ApproveCorrection",
             dds_name: "probecell_msgs::srv::dds_::ApproveCorrection_",
-            type_hash: "RIHS01_375ecc7a6105b48f81375df9bafda215aa8734ddbf35e5b8c3fe66d91c1d3e07",
+            type_hash: "RIHS01_0a7f077683d94d64d3939e9838f0fa7866f8d1f21fe0b86f93dfb72b3e438c09",
             request: ApproveCorrectionRequest::TYPE,
             response: ApproveCorrectionResponse::TYPE,
         };
@@ -2694,14 +2739,24 @@ pub mod srv {
         pub correction_id: String,
         pub operator_name: String,
         pub approve: bool,
+        /// instant of the act, by the clock of the cell (service status)
+        pub signed_at: crate::builtin_interfaces::Time,
+        /// what the operator was shown: text, or `sha256:` and its digest
+        pub shown: String,
+        /// ed25519, 64 bytes: see docs/approvals.md. Empty: not signed
+        pub signature: Vec<u8>,
     }
 
     impl Message for ApproveCorrectionRequest {
         const TYPE: &'static MessageType = &MessageType {
             name: "probecell_msgs/srv/ApproveCorrection_Request",
             dds_name: "probecell_msgs::srv::dds_::ApproveCorrection_Request_",
-            type_hash: "RIHS01_0d3d4a4ed546302a30573d39cc01be137fa5ba3a4e2ae8e2aa32ccf0026a5e78",
-            definition: "# Approve or reject a proposed correction.\nstring correction_id\nstring operator_name\nbool approve\n",
+            type_hash: "RIHS01_278412bcb2741c62878faef7c9f58ad1301d12754eab7a4bfd41d8c8a429e502",
+            definition: concat!(
+                "# Approve or reject a proposed correction. Without a signature it is refused, unless the cell file allows that.\nstring correction_id\nstring operator_name\nbool approve\nbuiltin_interfaces/Time signed_at   # instant of the act, by the clock of the cell (service status)\nstring shown                 # what the operator was shown: text, or `sha256:` and its digest\nuint8[] signature            # ed25519, 64 bytes: see docs/approvals.md. Empty: not signed\n",
+                "================================================================================\nMSG: builtin_interfaces/Time\n",
+                include_str!("../standard/builtin_interfaces/msg/Time.msg")
+            ),
             describe: crate::describe::of::<ApproveCorrectionRequest>,
             canonical: crate::cdr::canonical::<ApproveCorrectionRequest>,
         };
@@ -2798,7 +2853,7 @@ pub mod srv {
         const TYPE: &'static ServiceType = &ServiceType {
             name: "probecell_msgs/srv/Run",
             dds_name: "probecell_msgs::srv::dds_::Run_",
-            type_hash: "RIHS01_62772bfb98cedf241360ec6b5c57fa67a03b0711e4d6566e0b51bf0ceaee5ff4",
+            type_hash: "RIHS01_439b45b8dd5d8abc3d880db1fab806bf4b60318201ca2d74f3d79487e0cd68a2",
             request: RunRequest::TYPE,
             response: RunResponse::TYPE,
         };
@@ -2813,15 +2868,23 @@ pub mod srv {
         pub plan_id: String,
         /// nothing is started after this instant by the clock of the cell (service status); 0: 8 s after its arrival
         pub expires: crate::builtin_interfaces::Time,
+        /// who has it made; may be empty
+        pub operator_name: String,
+        /// instant of the act, by the clock of the cell (service status)
+        pub signed_at: crate::builtin_interfaces::Time,
+        /// what the operator was shown: text, or `sha256:` and its digest
+        pub shown: String,
+        /// ed25519, 64 bytes: see docs/approvals.md. Empty: not signed
+        pub signature: Vec<u8>,
     }
 
     impl Message for RunRequest {
         const TYPE: &'static MessageType = &MessageType {
             name: "probecell_msgs/srv/Run_Request",
             dds_name: "probecell_msgs::srv::dds_::Run_Request_",
-            type_hash: "RIHS01_bc544d50a0720badb44eac05169f0a3921958cfa51dea2ce792030553c214c9d",
+            type_hash: "RIHS01_54db4fbd6bc02f7eb194d2770019e37da998895ace01f030e37ac7dc7884429a",
             definition: concat!(
-                "# Make one part; or, with a plan_id, only measure, or resume the measurement with which the last part ended.\nstring part_id               # may be empty when resuming\nstring plan_id               # empty: make a part. A plan accepted by the service plan: measure it. The plan measured last: resume the part\nbuiltin_interfaces/Time expires   # nothing is started after this instant by the clock of the cell (service status); 0: 8 s after its arrival\n",
+                "# Make one part; or, with a plan_id, only measure, or resume the measurement with which the last part ended.\nstring part_id               # may be empty when resuming\nstring plan_id               # empty: make a part. A plan accepted by the service plan: measure it. The plan measured last: resume the part\nbuiltin_interfaces/Time expires   # nothing is started after this instant by the clock of the cell (service status); 0: 8 s after its arrival\nstring operator_name         # who has it made; may be empty\nbuiltin_interfaces/Time signed_at   # instant of the act, by the clock of the cell (service status)\nstring shown                 # what the operator was shown: text, or `sha256:` and its digest\nuint8[] signature            # ed25519, 64 bytes: see docs/approvals.md. Empty: not signed\n",
                 "================================================================================\nMSG: builtin_interfaces/Time\n",
                 include_str!("../standard/builtin_interfaces/msg/Time.msg")
             ),
@@ -2992,7 +3055,7 @@ pub mod srv {
         const TYPE: &'static ServiceType = &ServiceType {
             name: "probecell_msgs/srv/Stop",
             dds_name: "probecell_msgs::srv::dds_::Stop_",
-            type_hash: "RIHS01_c40b5a992f4f0e49ab09c0b48bf1ad802ae8f89630ee2652ce7a020a6810d82f",
+            type_hash: "RIHS01_a1864f646148aa9470b235edc1d067f81bcbc2010f357369bfac13d601c120c3",
             request: StopRequest::TYPE,
             response: StopResponse::TYPE,
         };
@@ -3003,14 +3066,24 @@ pub mod srv {
     pub struct StopRequest {
         /// who stops it
         pub operator_name: String,
+        /// instant of the act, by the clock of the cell (service status)
+        pub signed_at: crate::builtin_interfaces::Time,
+        /// what the operator was shown: text, or `sha256:` and its digest
+        pub shown: String,
+        /// ed25519, 64 bytes: see docs/approvals.md. Empty: not signed
+        pub signature: Vec<u8>,
     }
 
     impl Message for StopRequest {
         const TYPE: &'static MessageType = &MessageType {
             name: "probecell_msgs/srv/Stop_Request",
             dds_name: "probecell_msgs::srv::dds_::Stop_Request_",
-            type_hash: "RIHS01_ea1a21d375dca8a1c55e2ae3e7d89b504a4c59cd24986bb2a93553dcdf2c678c",
-            definition: "# Stop the machine and the part that is being made.\nstring operator_name         # who stops it\n",
+            type_hash: "RIHS01_b9a02d0090af3f5614a55674d98428394b45230f2b7a21fed51294878c5c6fdd",
+            definition: concat!(
+                "# Stop the machine and the part that is being made.\nstring operator_name         # who stops it\nbuiltin_interfaces/Time signed_at   # instant of the act, by the clock of the cell (service status)\nstring shown                 # what the operator was shown: text, or `sha256:` and its digest\nuint8[] signature            # ed25519, 64 bytes: see docs/approvals.md. Empty: not signed\n",
+                "================================================================================\nMSG: builtin_interfaces/Time\n",
+                include_str!("../standard/builtin_interfaces/msg/Time.msg")
+            ),
             describe: crate::describe::of::<StopRequest>,
             canonical: crate::cdr::canonical::<StopRequest>,
         };
@@ -3125,6 +3198,7 @@ pub(crate) static MESSAGES: &[&MessageType] = &[
     <MeasurementOrder as Message>::TYPE,
     <OperationReport as Message>::TYPE,
     <OperationRequest as Message>::TYPE,
+    <OperatorKeys as Message>::TYPE,
     <OperatorReply as Message>::TYPE,
     <OperatorRequest as Message>::TYPE,
     <PartAlignment as Message>::TYPE,

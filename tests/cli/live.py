@@ -184,6 +184,52 @@ def an_operator_stops_a_part_and_ctrl_c_the_cell(folder):
     assert code == 0, (output, errors)
 
 
+def corrections_are_approved_by_signature_and_a_withdrawn_key_is_refused(folder):
+    def edit(text):
+        return text.replace("automatic_approval = true", "automatic_approval = false").replace("duration_s = 8.0", "duration_s = 2.0")
+
+    cell = own_cell(folder, edit)
+    for name in ("ada", "grace"):
+        code, output, errors = asked("key", "new", name, "--cell", cell, folder=folder)
+        assert code == 0, (output, errors)
+    secret = KEYS / "probecell" / "operators" / "ada.key"
+    assert secret.stat().st_mode & 0o777 == 0o600
+    with cell_that_is_ready(cell, folder) as up:
+        code, output, errors = asked("run", "punch", "--cell", cell, folder=folder)
+        assert code == 0, (output, errors)
+        waiting = []
+        while len(waiting) < 2:
+            line = up.stdout.readline()
+            assert line, "the cell has ended"
+            waiting += re.findall(r"probecell approve (\S+) --operator", line)
+        approve = lambda name, one: asked("approve", one, "--operator", name, "--cell", cell, folder=folder)
+        code, output, errors = approve("nobody", waiting[0])
+        assert code == 2 and "probecell key new nobody" in errors, (code, output, errors)
+        assert asked("key", "revoke", "grace", "--cell", cell, folder=folder)[0] == 0
+        # The launcher tells the cell of it.
+        until("a second list of operators", lambda: recorded(folder).get("operator_keys", 0) == 2)
+        code, output, errors = approve("grace", waiting[0])
+        assert code == 1 and "the key of grace was withdrawn" in output, (code, output, errors)
+        # A key that is made while the cell runs.
+        assert asked("key", "new", "lise", "--cell", cell, folder=folder)[0] == 0
+        until("a third list of operators", lambda: recorded(folder).get("operator_keys", 0) == 3)
+        for name, one in zip(("ada", "lise"), waiting):
+            code, output, errors = approve(name, one)
+            assert code == 0 and one in output and "accepted" in output, (code, output, errors)
+        until("corrections that are written", lambda: recorded(folder).get("correction_acknowledgements", 0) >= 2)
+        secret.chmod(0o644)
+        code, output, errors = approve("ada", waiting[0])
+        assert code in (1, 2), (code, output, errors)
+    (bag,) = (folder / "recordings").glob("*")
+    private = [one.read_text().strip() for one in KEYS.glob("probecell/**/*.key")]
+    assert len(private) >= 4, private
+    content = b"".join(one.read_bytes() for one in bag.iterdir())
+    for key in private:
+        assert key.encode() not in content and bytes.fromhex(key) not in content
+    code, output, errors = asked("replay", bag, folder=folder)
+    assert code == 0, (output, errors)
+
+
 def a_paused_cycle_starts_nothing_late(folder):
     cell = own_cell(folder)
     with cell_that_is_ready(cell, folder) as up:
@@ -395,6 +441,9 @@ def the_documented_policy_lets_the_cell_work_and_nobody_else_command_it(folder):
 
 def main():
     with tempfile.TemporaryDirectory(prefix="probecell_live_") as scratch:
+        global KEYS  # keys of these tests, not of whoever runs them
+        KEYS = pathlib.Path(scratch) / "config"
+        os.environ["XDG_CONFIG_HOME"] = str(KEYS)
         folders = {}
         for check in (
             the_part_of_a_killed_cycle_is_reported, a_killed_gate_stops_the_part, access_control_binds_processes_of_one_machine,
@@ -402,6 +451,7 @@ def main():
             a_machine_stops_when_its_gate_is_paused, an_operator_stops_a_part_and_ctrl_c_the_cell,
             a_paused_cycle_starts_nothing_late, the_same_cell_is_not_started_twice_and_another_outlives_its_router,
             a_wall_clock_set_back_is_a_recorded_fault,
+            corrections_are_approved_by_signature_and_a_withdrawn_key_is_refused,
         ):
             folders[check] = pathlib.Path(scratch) / check.__name__
             folders[check].mkdir()

@@ -40,7 +40,8 @@ pub fn cell(file: &str, edit: impl Fn(&str) -> String) -> Cell {
         cell: edit(&original.text().cell),
         ..original.text().clone()
     };
-    Cell::from_text(text).unwrap_or_else(|error| panic!("{error}"))
+    let cell = Cell::from_text(text).unwrap_or_else(|error| panic!("{error}"));
+    cell.simulated()
 }
 
 /// An executor of the cell at the beginning of a session.

@@ -102,11 +102,11 @@ pub fn cell(recipe: &Recipe) -> Cell {
         );
         text = text.replace(from, to);
     }
-    Cell::from_text(CellText {
+    let cell = Cell::from_text(CellText {
         cell: text,
         ..original.text().clone()
-    })
-    .unwrap_or_else(|error| panic!("{error}"))
+    });
+    cell.unwrap_or_else(|error| panic!("{error}")).simulated()
 }
 
 /// Everything that is published while the part of the recipe is made, step journals included.
@@ -135,6 +135,7 @@ pub fn write(cell: &Cell, log: &[Published], file: &Path) {
     for (name, media, content) in [
         ("cell.toml", "application/toml", &text.cell),
         ("robot.urdf", "application/xml", &text.robot_description),
+        ("cell.pub", "text/plain", &text.key),
     ] {
         recorder
             .attach(name, media, BEGIN.0 as u64, content.clone().into_bytes())

@@ -2,12 +2,93 @@
 
 use cell::Cell;
 use graph::{Executor, Published, Stamp, Topic, topics};
-use probecell_msgs::{Correction, Fault, Message, OperatorRequest, PartReport, to_cdr};
+use probecell_msgs::{
+    Correction, Fault, Message, OperatorKeys, OperatorRequest, PartReport, to_cdr,
+};
+use trust::{SecretKey, approval, operators};
 
 use crate::{BEGIN, begin, executor, instance, messages};
 
 /// Longest virtual time that anything may take, s.
 const LIMIT: f64 = 600.0;
+
+/// Operators of every session, with private keys that are no secret. The key of the last one was withdrawn.
+pub const OPERATORS: [(&str, [u8; 32]); 3] = [
+    ("Ada", *b"Ada's key in tests: not a secret"),
+    ("Grace", *b"Grace's key in tests: no secret."),
+    ("Eve", *b"Eve's key in tests: not a secret"),
+];
+
+/// The private key of one of them.
+pub fn operator_key(name: &str) -> SecretKey {
+    let known = OPERATORS.iter().find(|(known, _)| *known == name);
+    let (_, seed) = known.unwrap_or_else(|| panic!("{name} is no operator of a session"));
+    SecretKey::from_seed(*seed)
+}
+
+/// The list of operators, as the launcher publishes it.
+pub fn operator_keys(number: u64, withdrawn: &[&str]) -> OperatorKeys {
+    let keys = OPERATORS.map(|(name, _)| operator_key(name).public().to_string());
+    let list = OperatorKeys {
+        number,
+        names: OPERATORS.map(|(name, _)| name.to_owned()).to_vec(),
+        keys: keys.to_vec(),
+        withdrawn: OPERATORS
+            .map(|(name, _)| withdrawn.contains(&name))
+            .to_vec(),
+        ..OperatorKeys::default()
+    };
+    operators::signed(&SecretKey::of_simulations(), list)
+}
+
+/// The correction with the signed approval of an operator, or of the policy.
+#[must_use]
+pub fn approved(correction: Correction, by: &str, now: Stamp) -> Correction {
+    let (approval, key) = if by == "policy" {
+        (Correction::APPROVAL_POLICY, SecretKey::of_simulations())
+    } else {
+        (Correction::APPROVAL_OPERATOR, operator_key(by))
+    };
+    let mut claimed = Correction {
+        approval,
+        approved_by: by.to_owned(),
+        approved_at: now.time(),
+        ..correction
+    };
+    sign(&mut claimed, &key);
+    claimed
+}
+
+/// Signs what the correction claims of its approval.
+pub fn sign(correction: &mut Correction, key: &SecretKey) {
+    let cell = SecretKey::of_simulations().public();
+    correction.signature = approval::sign(key, &cell, correction);
+}
+
+/// An operator's answer to a proposal, as `probecell approve` sends it.
+pub fn answer(correction: &Correction, by: &str, approve: bool, now: Stamp) -> OperatorRequest {
+    let mut claimed = Correction {
+        approval: if approve {
+            Correction::APPROVAL_OPERATOR
+        } else {
+            Correction::APPROVAL_REJECTED
+        },
+        approved_by: by.to_owned(),
+        approved_at: now.time(),
+        shown: format!("{} µm", correction.new_value * 1e6),
+        ..correction.clone()
+    };
+    sign(&mut claimed, &operator_key(by));
+    OperatorRequest {
+        subject: claimed.correction_id.clone(),
+        operator_name: by.to_owned(),
+        approve,
+        signed_at: claimed.approved_at,
+        signature: claimed.signature,
+        shown: claimed.shown,
+        ..OperatorRequest::default()
+    }
+}
 
 /// A session under way and everything published in it so far.
 pub struct Session {
@@ -32,6 +113,7 @@ impl Session {
             executor,
             log: Vec::new(),
         };
+        session.send(topics::OPERATOR_KEYS, &operator_keys(1, &["Eve"]));
         session.run_s(0.5);
         session
     }
@@ -131,12 +213,7 @@ impl Session {
 
     /// Approves or rejects a proposed correction.
     pub fn answer(&mut self, correction: &Correction, approve: bool) {
-        let request = OperatorRequest {
-            subject: correction.correction_id.clone(),
-            operator_name: "Ada".to_owned(),
-            approve,
-            ..OperatorRequest::default()
-        };
+        let request = answer(correction, "Ada", approve, self.now());
         self.send(topics::APPROVALS, &request);
         self.run_to(topics::APPROVAL_REPLIES);
         self.run_s(0.0);

@@ -14,7 +14,8 @@ fn again(cell: &Cell, text: &str, seed: u64) -> Cell {
         cell: text.replace("seed = 1\n", &format!("seed = {seed}\n")),
         ..cell.text().clone()
     };
-    Cell::from_text(text).unwrap_or_else(|error| panic!("{error}"))
+    let cell = Cell::from_text(text).unwrap_or_else(|error| panic!("{error}"));
+    cell.simulated()
 }
 
 /// The node's answer on the last plan of a session, which is that of its recording.

@@ -4,7 +4,10 @@
 use std::collections::BTreeMap;
 
 use cell::Cell;
-use cell_tests::{cell, session::Session};
+use cell_tests::{
+    cell,
+    session::{Session, approved, operator_key, sign},
+};
 use graph::topics;
 use probecell_msgs::{
     ControllerCommand, Correction, CorrectionAcknowledgement as Ack, InspectionPlan, OperatorReply,
@@ -195,11 +198,7 @@ type Spoil = Box<dyn Fn(&mut Correction)>;
 #[test]
 fn each_thing_that_a_correction_may_lack_has_its_own_refusal() {
     let (mut session, corrections) = proposed();
-    let good = Correction {
-        approval: Correction::APPROVAL_POLICY,
-        approved_by: "policy".to_owned(),
-        ..corrections[0].clone()
-    };
+    let good = approved(corrections[0].clone(), "Ada", session.now());
     let past = session.now().after_s(-0.001);
     let variants: Vec<(&str, u8, Spoil)> = vec![
         (
@@ -304,6 +303,8 @@ fn each_thing_that_a_correction_may_lack_has_its_own_refusal() {
             ..good.clone()
         };
         spoil(&mut bad);
+        // Somebody who may approve has approved even this.
+        sign(&mut bad, &operator_key("Ada"));
         session.send(topics::CORRECTIONS, &bad);
         session.run_s(0.1);
         let answer: Ack = session.last(topics::CORRECTION_ACKNOWLEDGEMENTS);
@@ -331,11 +332,7 @@ fn each_thing_that_a_correction_may_lack_has_its_own_refusal() {
 #[test]
 fn a_correction_that_comes_again_is_written_once() {
     let (mut session, corrections) = proposed();
-    let good = Correction {
-        approval: Correction::APPROVAL_POLICY,
-        approved_by: "policy".to_owned(),
-        ..corrections[0].clone()
-    };
+    let good = approved(corrections[0].clone(), "Ada", session.now());
     // Twice at once, and once more later.
     session.send(topics::CORRECTIONS, &good);
     session.send(topics::CORRECTIONS, &good);

@@ -426,6 +426,7 @@ fn every_topic_of_the_cell_has_one_producer_and_every_input_a_speaker() {
         [
             "approvals",
             "launcher/faults",
+            "operator_keys",
             "plan_requests",
             "recording_status",
             "run_requests",

@@ -134,11 +134,7 @@ fn unanswered() -> (Cell, Vec<Published>) {
     session.wait_for_report();
     let proposed: Correction = session.last(topics::CORRECTIONS);
     session.answer(&proposed, true);
-    let past = Correction {
-        approval: Correction::APPROVAL_OPERATOR,
-        approved_by: "Ada".to_owned(),
-        ..proposed
-    };
+    let past = cell_tests::session::approved(proposed, "Ada", session.now());
     session.send(topics::CORRECTIONS, &past);
     session.run_s(1.0);
     (cell, session.finish())

@@ -7,7 +7,7 @@
 use cell::Cell;
 use cell_tests::{
     cell, factories, make_part, messages, recording,
-    session::{Session, with_fault},
+    session::{Session, approved, operator_key, sign, with_fault},
 };
 use graph::{
     replay::{Verdict as Replayed, replay},
@@ -399,11 +399,7 @@ type Spoil = Box<dyn Fn(&mut Correction)>;
 fn each_thing_that_a_table_may_lack_has_its_own_refusal() {
     let (mut session, correction) = proposed();
     let before = held(&session);
-    let good = Correction {
-        approval: Correction::APPROVAL_POLICY,
-        approved_by: "policy".to_owned(),
-        ..correction
-    };
+    let good = approved(correction, "Ada", session.now());
     let past = session.now().after_s(-0.001);
     let bounds = Ack::REFUSED_OUT_OF_BOUNDS;
     let variants: Vec<(&str, u8, Spoil)> = vec![
@@ -528,6 +524,8 @@ fn each_thing_that_a_table_may_lack_has_its_own_refusal() {
             ..good.clone()
         };
         spoil(&mut bad);
+        // Somebody who may approve has approved even this.
+        sign(&mut bad, &operator_key("Ada"));
         session.send(topics::CORRECTIONS, &bad);
         session.run_s(0.1);
         let answer: Ack = session.last(topics::CORRECTION_ACKNOWLEDGEMENTS);

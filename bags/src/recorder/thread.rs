@@ -13,6 +13,7 @@ use super::{Losses, RecorderOptions, Statistics, TopicStatistics};
 use crate::channel::Channel;
 use crate::error::Error;
 use crate::metadata::{FolderInformation, sync_folder};
+use crate::seal::{Reach, Seals};
 use crate::split::SplitFile;
 
 /// Name of the MCAP metadata record with the losses so far: topic to JSON of [`Losses`]. The last one in a recording
@@ -48,6 +49,7 @@ pub(super) struct RecordingWriter {
     options: RecorderOptions,
     name: String,
     split: Option<SplitFile>,
+    seals: Option<Seals>,
     finished: FolderInformation,
     topics: Vec<Topic>,
     statistics: Statistics,
@@ -77,10 +79,14 @@ impl RecordingWriter {
             ros_distro: options.ros_distro.clone(),
             ..FolderInformation::default()
         };
+        let seals = (options.sealer.clone())
+            .map(|sealer| Seals::create(&options.folder, sealer))
+            .transpose()?;
         let mut writer = Self {
             options,
             name,
             split: None,
+            seals,
             finished,
             topics: Vec::new(),
             statistics: Statistics::default(),
@@ -97,7 +103,7 @@ impl RecordingWriter {
             self.name,
             self.statistics.files.len()
         ));
-        let mut split = SplitFile::create(&path, &self.options.chunks())?;
+        let mut split = SplitFile::create(&path, &self.options.chunks(), self.seals.is_some())?;
         split.sync()?;
         let folder = &self.options.folder;
         sync_folder(folder).map_err(|source| Error::io("sync the folder", folder, source))?;
@@ -133,7 +139,10 @@ impl RecordingWriter {
             name: ROSBAG2_RECORD.to_owned(),
             metadata: BTreeMap::from([("serialized_metadata".to_owned(), serialized)]),
         })?;
-        let (information, bytes) = split.finish()?;
+        let (information, bytes, digest) = split.finish()?;
+        if let (Some(seals), Some(digest)) = (&mut self.seals, digest) {
+            seals.add(&information.path, digest, Reach::Whole)?;
+        }
         self.finished.files.push(information);
         self.statistics.file_bytes += bytes;
         Ok(())
@@ -278,7 +287,12 @@ impl RecordingWriter {
 
     fn sync(&mut self, queue: &Queue) -> Result<(), Error> {
         self.write_losses(&queue.all_losses())?;
-        self.split.as_mut().map_or(Ok(()), SplitFile::sync)?;
+        if let Some(split) = &mut self.split {
+            split.sync()?;
+            if let (Some(seals), Some(digest)) = (&mut self.seals, split.digest()) {
+                seals.add(&split.information.path, digest, Reach::Prefix)?;
+            }
+        }
         queue.set_durable(self.topics.iter().map(|topic| topic.messages).sum());
         Ok(())
     }
@@ -287,6 +301,9 @@ impl RecordingWriter {
         let losses = queue.all_losses();
         self.close_split(&losses)?;
         self.write_folder_metadata()?;
+        if let Some(seals) = &mut self.seals {
+            seals.add_file(crate::metadata::FILE_NAME, Reach::Last)?;
+        }
         let mut statistics = std::mem::take(&mut self.statistics);
         statistics.queue_peak_bytes = queue.peak();
         statistics.topics = self

@@ -35,9 +35,11 @@
 mod access;
 mod checks;
 mod driver;
+pub mod keys;
 mod model;
 mod nodes;
 mod numbers;
+pub mod policy;
 pub mod secrets;
 mod sections;
 
@@ -55,7 +57,7 @@ use nodes::cell_file;
 pub use driver::DriverSection;
 pub use model::{AdoptError, Adopted, ModelSection, adopt, remove};
 pub use nodes::{NodeEntry, Site};
-pub use sections::{BusSection, CellSection, RecorderSection, TransportName};
+pub use sections::{ApprovalsSection, BusSection, CellSection, RecorderSection, TransportName};
 
 /// Text of a cell file and of the robot description that it names.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -66,6 +68,8 @@ pub struct CellText {
     pub cell: String,
     /// URDF.
     pub robot_description: String,
+    /// Public key of the cell; empty: it has none, and no correction is written.
+    pub key: String,
 }
 
 cell_file! {
@@ -75,7 +79,10 @@ cell_file! {
     pub struct Cell {
         nodes {
             #[serde(default)] machine_state: machine_state::RawConfig => machine_state::MachineStateNode,
-                |raw, site| raw.check(site.robot_description(), site.chain.name(), site.replayed);
+                |raw, site| {
+                    let config = raw.check(site.robot_description(), site.chain.name(), site.replayed);
+                    config.map(|config| config.with_trust(site.trust()))
+                };
             #[serde(default)] probe_events: probe_events::RawConfig => probe_events::ProbeEventsNode,
                 |raw, site| raw.check(site.chain.clone());
             #[serde(default)] path_planning: path_planning::RawConfig => path_planning::PathPlanningNode,
@@ -85,7 +92,10 @@ cell_file! {
             compensation: compensation::RawConfig => compensation::CompensationNode,
                 |raw, site| {
                     let config = raw.check(&site.chain, &site.passes(), site.replayed);
-                    config.map(|config| config.with_common(site.common_components()))
+                    config.map(|config| {
+                        let config = config.with_common(site.common_components());
+                        config.with_trust(site.trust(), site.signer())
+                    })
                 };
             cycle: cycle::RawConfig => cycle::CycleNode, |raw, site| raw.check();
             #[serde(default)] gap: gap::RawConfig => gap::GapNode,
@@ -101,6 +111,9 @@ cell_file! {
         /// Where and how recordings are made.
         #[serde(default)]
         pub recorder: RecorderSection,
+        /// Who may approve corrections.
+        #[serde(default)]
+        pub approvals: ApprovalsSection,
         /// What stands behind the driver's topics.
         pub driver: DriverSection,
         /// The part to make and measure.
@@ -116,6 +129,8 @@ cell_file! {
         added: Vec<NodeEntry>,
         #[serde(skip)]
         drivers: driver::Drivers,
+        #[serde(skip)]
+        trusted: keys::Trusted,
         #[serde(skip)]
         text: CellText,
     }
@@ -193,6 +208,7 @@ impl Cell {
             name,
             cell,
             robot_description,
+            key: String::new(),
         })
     }
 
@@ -208,6 +224,8 @@ impl Cell {
     ) -> Result<Self, CellError> {
         let mut cell = Self::parse(&text.cell, &text.name, drivers)?;
         cell.text = text;
+        let key = keys::Trusted::of_text(&cell.text.key);
+        cell.trusted = cell.setting(key)?;
         let selected = cell.drivers.select(&cell.driver.source);
         cell.setting(selected)?;
         cell.setting(checks::sections(&cell))?;

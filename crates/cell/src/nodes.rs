@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 
 use graph::Instance;
 use machine::Chain;
+use trust::{Signer, Trust};
 
 use crate::Cell;
 
@@ -31,6 +32,20 @@ impl Site<'_> {
             return BTreeMap::new();
         };
         analysis.common_components(&plan)
+    }
+
+    /// Whose approvals of corrections count.
+    pub(crate) fn trust(&self) -> Trust {
+        Trust {
+            cell: self.cell.trusted.key,
+            automatic: self.cell.compensation.automatic_approval,
+            unsigned_operators: self.cell.approvals.unsigned_operators,
+        }
+    }
+
+    /// What signs for the policy.
+    pub(crate) fn signer(&self) -> Signer {
+        self.cell.trusted.signer.clone()
     }
 
     /// Text of the robot description, URDF.

@@ -66,6 +66,16 @@ pub enum TransportName {
     Dds,
 }
 
+/// Section `[approvals]`.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ApprovalsSection {
+    /// Folder of the cell's keys; none: `probecell/cells/NAME` in the user's configuration folder.
+    pub key_folder: Option<PathBuf>,
+    /// Operators approve by their name alone, as a ROS 2 client without a key can. Each such approval is a recorded warning.
+    pub unsigned_operators: bool,
+}
+
 /// Section `[recorder]`.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields, default)]

@@ -8,10 +8,10 @@ use crate::Instance;
 use probecell_msgs::{
     ControllerCommand, ControllerReply, ControllerStatus, Correction, CorrectionAcknowledgement,
     Fault, FeatureResult, GapReport, GateHeartbeat, InspectionPlan, LossReport, MachineState,
-    MeasurementOrder, Message, MessageType, OperationReport, OperationRequest, OperatorReply,
-    OperatorRequest, PartAlignment, PartReport, PartStatus, PassDecision, PlanProgress, ProbeEvent,
-    ProbeTrigger, RecordingStatus, ReferenceMeasurement, StepJournal, ToolOffsets, TouchDeviation,
-    Verdict, sensor_msgs::JointState, std_msgs, tf2_msgs::TFMessage,
+    MeasurementOrder, Message, MessageType, OperationReport, OperationRequest, OperatorKeys,
+    OperatorReply, OperatorRequest, PartAlignment, PartReport, PartStatus, PassDecision,
+    PlanProgress, ProbeEvent, ProbeTrigger, RecordingStatus, ReferenceMeasurement, StepJournal,
+    ToolOffsets, TouchDeviation, Verdict, sensor_msgs::JointState, std_msgs, tf2_msgs::TFMessage,
     visualization_msgs::MarkerArray,
 };
 
@@ -96,6 +96,7 @@ declare_topics! {
     LAUNCHER_FAULTS = "operator", "launcher/faults", Fault, Qos::KEEP_ALL;
     STOP_REQUESTS = "operator", "stop_requests", OperatorRequest, Qos::KEEP_ALL;
     APPROVALS = "operator", "approvals", OperatorRequest, Qos::KEEP_ALL;
+    OPERATOR_KEYS = "operator", "operator_keys", OperatorKeys, Qos::latched(1);
 
     ROBOT_DESCRIPTION = "machine_state", "robot_description", std_msgs::String, Qos::latched(1);
     JOINT_STATES = "machine_state", "joint_states", JointState, Qos::reliable(10);

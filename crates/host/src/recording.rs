@@ -5,7 +5,7 @@
 
 use std::{collections::BTreeMap, path::PathBuf, sync::Arc, time::Duration};
 
-use bags::{Channel, Recorder, RecorderOptions, SplitAt, Statistics};
+use bags::{Channel, Recorder, RecorderOptions, Sealer, SplitAt, Statistics};
 use graph::{Stamp, Topic, topics};
 use probecell_msgs::{LossReport, MessageType, std_msgs, to_cdr};
 use tracing::error;
@@ -33,6 +33,8 @@ pub struct RecordingSettings {
     pub split: SplitAt,
     /// Name, media type and bytes of files to embed.
     pub attachments: Vec<(String, String, Vec<u8>)>,
+    /// What signs its seals.
+    pub sealer: Option<Sealer>,
     /// Name and content of a table that says what recorded: program, revision, configuration.
     pub provenance: (String, BTreeMap<String, String>),
 }
@@ -66,6 +68,7 @@ impl RecorderProcess {
         let mut options = RecorderOptions::new(&settings.folder);
         options.sync_interval = settings.sync_interval;
         options.split = settings.split;
+        options.sealer = settings.sealer;
         let recorder = Recorder::start(options)?;
         for (name, media_type, data) in settings.attachments {
             recorder.attach(name, media_type, now().0 as u64, data)?;

@@ -2,7 +2,10 @@
 
 use std::path::PathBuf;
 
-use cell::{Cell, TransportName};
+use cell::{
+    Cell, TransportName,
+    keys::{BusUsers, KeyError, KeyFolder},
+};
 use host::bus::{BusConfig, RouterConfig, Transport};
 
 /// A failure of the running cell, as opposed to wrong input.
@@ -10,8 +13,8 @@ use host::bus::{BusConfig, RouterConfig, Transport};
 #[error("{0}")]
 pub(crate) struct CellFailure(pub(crate) String);
 
-/// How a process of the cell joins the bus.
-pub(crate) fn bus_config(cell: &Cell) -> anyhow::Result<BusConfig> {
+/// How a process of the cell joins the bus; `node` is its name there.
+pub(crate) fn bus_config(cell: &Cell, node: &str) -> anyhow::Result<BusConfig> {
     Ok(BusConfig {
         transport: match cell.bus.transport {
             TransportName::Zenoh => Transport::Zenoh,
@@ -20,20 +23,32 @@ pub(crate) fn bus_config(cell: &Cell) -> anyhow::Result<BusConfig> {
         domain_id: cell.bus.domain_id,
         endpoints: vec![cell.bus.router_endpoint.clone()],
         listen: cell.bus.listen.clone(),
-        zenoh: session_settings(cell)?,
+        zenoh: session_settings(cell, node)?,
         ..BusConfig::default()
     })
 }
 
-/// Zenoh settings of every session. Where the router controls access, sessions are clients, which link to nothing but the
+/// Zenoh settings of a session. Where the router controls access, sessions are clients, which link to nothing but the
 /// router, so that no traffic bypasses it.
-fn session_settings(cell: &Cell) -> anyhow::Result<serde_json::Value> {
+fn session_settings(cell: &Cell, node: &str) -> anyhow::Result<serde_json::Value> {
+    if let Some(users) = users(cell)? {
+        return zenoh_settings(Some(&users.session(node, cell.bus.zenoh.as_ref())));
+    }
     let mut settings = zenoh_settings(cell.bus.zenoh.as_ref())?;
     let router = zenoh_settings(cell.bus.router_zenoh.as_ref())?;
     if router.get("access_control").is_some() && settings.get("mode").is_none() {
         settings["mode"] = "client".into();
     }
     Ok(settings)
+}
+
+/// Users of a cell that `probecell secure` has secured. Without a place for keys there are none.
+pub(crate) fn users(cell: &Cell) -> anyhow::Result<Option<BusUsers>> {
+    match KeyFolder::of(cell) {
+        Ok(folder) => Ok(folder.bus_users(cell)?),
+        Err(KeyError::NoHome) => Ok(None),
+        Err(error) => Err(error.into()),
+    }
 }
 
 fn zenoh_settings(table: Option<&cell::secrets::Settings>) -> anyhow::Result<serde_json::Value> {
@@ -47,10 +62,14 @@ fn zenoh_settings(table: Option<&cell::secrets::Settings>) -> anyhow::Result<ser
 
 /// The router that `up` embeds.
 pub(crate) fn router_config(cell: &Cell) -> anyhow::Result<RouterConfig> {
+    let zenoh = match users(cell)? {
+        Some(users) => zenoh_settings(Some(&users.router(cell)?))?,
+        None => zenoh_settings(cell.bus.router_zenoh.as_ref())?,
+    };
     Ok(RouterConfig {
         listen: vec![cell.bus.router_endpoint.clone()],
         connect: cell.bus.join.clone(),
-        zenoh: zenoh_settings(cell.bus.router_zenoh.as_ref())?,
+        zenoh,
     })
 }
 

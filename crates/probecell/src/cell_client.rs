@@ -1,15 +1,21 @@
 //! A client of a running cell's services.
 
-use std::{path::Path, sync::mpsc::channel, time::Duration};
+use std::{
+    path::Path,
+    sync::mpsc::channel,
+    time::{Duration, Instant},
+};
 
 use anyhow::Context;
 use cell::Cell;
-use graph::topics;
+use graph::{Topic, topics};
 use host::{
     bus::{Bus, Received},
     bus_qos,
 };
-use probecell_msgs::{InspectionPlan, PlanProgress, Service, from_cdr, srv, to_cdr};
+use probecell_msgs::{
+    Correction, InspectionPlan, Message, PlanProgress, Service, from_cdr, srv, to_cdr,
+};
 
 use crate::{
     FAILED, GOOD,
@@ -32,7 +38,11 @@ impl CellClient {
     /// Connects.
     pub(crate) fn connect(file: &Path) -> anyhow::Result<Self> {
         let cell = Cell::read(file)?;
-        let bus = Bus::open(&bus_config(&cell)?, "operator_call", &cell.namespace())?;
+        let bus = Bus::open(
+            &bus_config(&cell, "operator_call")?,
+            "operator_call",
+            &cell.namespace(),
+        )?;
         Ok(Self { cell, bus })
     }
 
@@ -56,11 +66,37 @@ impl CellClient {
 
     /// The plan that the cell published last.
     pub(crate) fn last_plan(&self) -> anyhow::Result<InspectionPlan> {
-        let topic = topics::INSPECTION_PLAN;
+        let plan = self.first(topics::INSPECTION_PLAN, |_| true)?;
+        plan.ok_or_else(|| {
+            let seconds = REPLY_TIMEOUT.as_secs();
+            let text =
+                format!("no plan was received within {seconds} s: the cell has measured nothing");
+            CellFailure(text).into()
+        })
+    }
+
+    /// The proposal of a correction, which the cell keeps for late joiners.
+    pub(crate) fn proposed(&self, correction_id: &str) -> anyhow::Result<Correction> {
+        let wanted = |one: &Correction| {
+            one.correction_id == correction_id && one.approval == Correction::APPROVAL_NONE
+        };
+        let proposed = self.first(topics::CORRECTIONS, wanted)?;
+        proposed.ok_or_else(|| {
+            let text = format!("the cell proposes no correction {correction_id:?}");
+            CellFailure(text).into()
+        })
+    }
+
+    /// The first message on a latched topic that is wanted; none within [`REPLY_TIMEOUT`].
+    fn first<M: Message + Send + 'static>(
+        &self,
+        topic: Topic,
+        wanted: impl Fn(&M) -> bool,
+    ) -> anyhow::Result<Option<M>> {
         let (sender, receiver) = channel();
         let on_sample = move |received: Received<'_>| {
             // The receiver may be satisfied already.
-            drop(sender.send(from_cdr::<InspectionPlan>(&received.payload)));
+            drop(sender.send(from_cdr::<M>(&received.payload)));
         };
         let subscription = self.bus.subscribe(
             &self.cell.topic(topic.name),
@@ -69,15 +105,25 @@ impl CellClient {
             Box::new(on_sample),
             Box::new(|_| {}),
         )?;
-        let received = receiver.recv_timeout(REPLY_TIMEOUT);
+        let deadline = Instant::now() + REPLY_TIMEOUT;
+        let mut found = None;
+        while let Ok(message) =
+            receiver.recv_timeout(deadline.saturating_duration_since(Instant::now()))
+        {
+            let message = message
+                .with_context(|| format!("a message on {} is not of its type", topic.name))?;
+            if wanted(&message) {
+                found = Some(message);
+                break;
+            }
+        }
         drop(subscription);
-        let plan = received.map_err(|_| {
-            let seconds = REPLY_TIMEOUT.as_secs();
-            CellFailure(format!(
-                "no plan was received within {seconds} s: the cell has measured nothing"
-            ))
-        })?;
-        plan.context("the plan received is not of its type")
+        Ok(found)
+    }
+
+    /// The cell that it is connected to.
+    pub(crate) fn cell(&self) -> &Cell {
+        &self.cell
     }
 
     /// Disconnects.

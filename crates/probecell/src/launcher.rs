@@ -15,13 +15,13 @@ use std::{
 };
 
 use anyhow::Context;
-use cell::Cell;
+use cell::{Cell, keys::KeyFolder};
 use host::{bus::Bus, clock::WallClock};
 use rustix::process::{Pid, Signal, kill_process};
 
 use crate::{
     FAILED, GOOD, LOSS,
-    cell_bus::{CellFailure, bus_config, new_recording},
+    cell_bus::{CellFailure, bus_config, new_recording, users},
     operator::{Operator, ProcessState},
     output,
     routing::Routing,
@@ -49,14 +49,28 @@ pub(crate) fn up(file: &Path, once: bool, recorded: bool) -> anyhow::Result<u8> 
     for warning in cell.access_warnings() {
         output::remark(&format!("warning: {warning}"));
     }
+    // Made before any process asks for them.
+    KeyFolder::of(&cell)?.private()?;
     let end = signals::end_flag()?;
     let mut routing = Routing::start(&cell)?;
-    let bus = Bus::open(&bus_config(&cell)?, "operator", &cell.namespace())?;
+    let bus = Bus::open(
+        &bus_config(&cell, "operator")?,
+        "operator",
+        &cell.namespace(),
+    )?;
     // Nobody else is on a bus whose router has only just been started.
     if !routing.is_own() {
         refuse_second(&bus, &cell)?;
     }
     if routing.is_foreign() {
+        if users(&cell)?.is_some() {
+            anyhow::bail!(
+                "{}: the cell is secured, but another router answers at {}, which does not have its policy: end that one, \
+                 or set bus.router_endpoint",
+                cell.text().name,
+                cell.bus.router_endpoint
+            );
+        }
         let endpoint = &cell.bus.router_endpoint;
         output::remark(&format!(
             "a router answers at {endpoint}: this cell uses it"
@@ -74,7 +88,20 @@ pub(crate) fn up(file: &Path, once: bool, recorded: bool) -> anyhow::Result<u8> 
     if !recorded {
         operator.waive_recording(&cell.namespace())?;
     }
-    let outcome = watch(&mut processes, &operator, &cell, &mut routing, once, &end);
+    operator.publish_keys();
+    if cell.approvals.unsigned_operators {
+        let text = "approvals.unsigned_operators = true: whoever reaches the bus approves corrections in any name";
+        output::remark(&format!("warning: {text}"));
+        operator.warn("approvals_unsigned", text);
+    }
+    let outcome = watch(
+        &mut processes,
+        &mut operator,
+        &cell,
+        &mut routing,
+        once,
+        &end,
+    );
     end_part(&mut processes, &operator);
     let lost = processes.end_all()?;
     operator.leave()?;
@@ -125,7 +152,7 @@ fn end_part(processes: &mut Processes, operator: &Operator) {
 
 fn watch(
     processes: &mut Processes,
-    operator: &Operator,
+    operator: &mut Operator,
     cell: &Cell,
     routing: &mut Routing,
     once: bool,
@@ -148,6 +175,7 @@ fn watch(
             output::remark(&text);
             operator.warn("clock_set", &text);
         }
+        operator.publish_keys();
         operator.publish_diagnostics(&processes.states());
         if let Some(verdict) = operator.part_ended().filter(|_| once) {
             return Ok(if verdict.qualified { GOOD } else { FAILED });

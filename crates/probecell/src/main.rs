@@ -150,7 +150,7 @@ enum Command {
         #[arg(long, default_value = DEFAULT_CELL)]
         cell: PathBuf,
     },
-    /// Approve or reject a correction that a running cell proposes.
+    /// Approve or reject a correction that a running cell proposes, with the signature of an operator.
     Approve {
         /// Identifier of the correction.
         correction: String,
@@ -163,6 +163,21 @@ enum Command {
         /// Cell file.
         #[arg(long, default_value = DEFAULT_CELL)]
         cell: PathBuf,
+    },
+    /// Make, list or withdraw the keys with which operators sign approvals.
+    #[command(subcommand)]
+    Key(commands::key::Command),
+    /// Secure the bus of a cell: a user and password for each process, and a policy that denies everything else.
+    Secure {
+        /// Cell file.
+        #[arg(default_value = DEFAULT_CELL)]
+        cell: PathBuf,
+        /// Folder of the session files for ROS 2; without it, that of the cell's keys.
+        #[arg(long)]
+        out: Option<PathBuf>,
+        /// Take it back.
+        #[arg(long)]
+        off: bool,
     },
     /// Play back a recording under another namespace. Commands, requests and approvals are never published.
     Play(commands::play::Arguments),
@@ -351,6 +366,8 @@ fn run(command: Command) -> anyhow::Result<u8> {
             reject,
             cell,
         } => commands::approve::run(&cell, &correction, &operator, !reject),
+        Command::Secure { cell, out, off } => commands::secure::run(&cell, out, off),
+        Command::Key(command) => commands::key::run(&command),
         Command::Play(arguments) => commands::play::run(&arguments),
         Command::Replay { bag, json } => commands::replay::run(&bag, json),
         Command::Info { bag, verify, json } => commands::info::run(&bag, verify, json),

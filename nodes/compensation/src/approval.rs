@@ -5,6 +5,7 @@
 
 use graph::{Outbox, Stamp};
 use probecell_msgs::{Correction, OperatorReply, OperatorRequest, PassDecision};
+use trust::Approval;
 
 use crate::{
     config::Config,
@@ -59,63 +60,111 @@ pub(crate) fn overdue(config: &Config, state: &mut State, now: Stamp, out: &mut 
     withdraw(state, now, "has expired");
 }
 
+/// Takes an operator's approval or rejection of a proposal; what is not signed by an operator of the cell is refused, and
+/// the proposal goes on waiting.
 pub(crate) fn approve(
+    config: &Config,
     state: &mut State,
     now: Stamp,
     request: &OperatorRequest,
     out: &mut Outbox<Output>,
 ) {
-    let mut reply = OperatorReply {
+    let taken = match answered(config, state, now, request) {
+        Ok((answer, approval)) => {
+            if approval == Approval::Unsigned {
+                let (by, id) = (&answer.approved_by, &answer.correction_id);
+                let text = format!(
+                    "{id} was answered in the name of {by} without a signature, which \
+                     approvals.unsigned_operators allows"
+                );
+                out.fault(now, CompensationFault::ApprovalUnsigned, text);
+            }
+            settle(state, now, answer, out)
+        }
+        Err(text) => Err(text),
+    };
+    out.send(Output::Reply(OperatorReply {
         header: now.header(""),
         request_id: request.request_id,
-        accepted: false,
-        text: format!("no correction {:?} waits for approval", request.subject),
-    };
-    if let Some(why) = state.withdrawn.get(&request.subject) {
-        reply.text = format!("correction {:?} {why}", request.subject);
-    }
+        accepted: taken.is_ok(),
+        text: taken.err().unwrap_or_default(),
+    }));
+}
+
+/// The proposal with the answer of an operator who may give it.
+fn answered(
+    config: &Config,
+    state: &State,
+    now: Stamp,
+    request: &OperatorRequest,
+) -> Result<(Correction, Approval), String> {
     if request.operator_name.is_empty() {
-        "an approval needs the name of the operator".clone_into(&mut reply.text);
-    } else if let Some((correction, pass)) = state.proposed.remove(&request.subject) {
-        let id = &correction.correction_id;
-        let end = if !request.approve {
-            Some(format!(
-                "{} rejected correction {id}",
-                request.operator_name
-            ))
-        } else if now > Stamp::from(&correction.expires) {
-            reply.text = format!("correction {id:?} has expired");
-            Some(format!("correction {id} was not approved: it has expired"))
-        } else {
-            None
-        };
-        let late = request.approve && end.is_some();
-        if let Some(text) = end {
-            // The part ends with it: nothing else that was proposed for it is to reach the machine.
-            withdraw(state, now, PART_ENDED);
-            out.send(Output::Decision(PassDecision {
-                header: now.header(""),
-                plan_id: correction.plan_id.clone(),
-                pass_number: pass,
-                decision: PassDecision::STOP,
-                text,
-                ..PassDecision::default()
-            }));
-        }
-        if !late {
-            reply.accepted = true;
-            reply.text = String::new();
-            out.send(Output::Correction(Correction {
-                header: now.header(""),
-                approval: if request.approve {
-                    Correction::APPROVAL_OPERATOR
-                } else {
-                    Correction::APPROVAL_REJECTED
-                },
-                approved_by: request.operator_name.clone(),
-                ..correction
-            }));
-        }
+        return Err("an approval needs the name of the operator".to_owned());
     }
-    out.send(Output::Reply(reply));
+    let Some((proposed, _)) = state.proposed.get(&request.subject) else {
+        return Err(match state.withdrawn.get(&request.subject) {
+            Some(why) => format!("correction {:?} {why}", request.subject),
+            None => format!("no correction {:?} waits for approval", request.subject),
+        });
+    };
+    let approval = if request.approve {
+        Correction::APPROVAL_OPERATOR
+    } else {
+        Correction::APPROVAL_REJECTED
+    };
+    let signed = !request.signature.is_empty();
+    let answer = Correction {
+        header: now.header(""),
+        approval,
+        approved_by: request.operator_name.clone(),
+        approved_at: if signed {
+            request.signed_at
+        } else {
+            now.time()
+        },
+        shown: request.shown.clone(),
+        signature: request.signature.clone(),
+        ..proposed.clone()
+    };
+    let approval = (config.trust.check(state.keys.as_ref(), &answer))
+        .and_then(|approval| trust::approval::is_fresh(now.0, &answer).map(|()| approval));
+    match approval {
+        Ok(approval) => Ok((answer, approval)),
+        Err(why) => Err(why.to_string()),
+    }
+}
+
+/// Publishes an answer; a rejection, and an approval that comes too late, end the part.
+fn settle(
+    state: &mut State,
+    now: Stamp,
+    answer: Correction,
+    out: &mut Outbox<Output>,
+) -> Result<(), String> {
+    let id = &answer.correction_id;
+    let pass = state.proposed.remove(id).map_or(0, |(_, pass)| pass);
+    let late =
+        answer.approval == Correction::APPROVAL_OPERATOR && now > Stamp::from(&answer.expires);
+    let end = if answer.approval == Correction::APPROVAL_REJECTED {
+        Some(format!("{} rejected correction {id}", answer.approved_by))
+    } else {
+        late.then(|| format!("correction {id} was not approved: it has expired"))
+    };
+    if let Some(text) = end {
+        // The part ends with it: nothing else that was proposed for it is to reach the machine.
+        withdraw(state, now, PART_ENDED);
+        out.send(Output::Decision(PassDecision {
+            header: now.header(""),
+            plan_id: answer.plan_id.clone(),
+            pass_number: pass,
+            decision: PassDecision::STOP,
+            text,
+            ..PassDecision::default()
+        }));
+    }
+    if late {
+        return Err(format!("correction {id:?} has expired"));
+    }
+    out.send(Output::Correction(answer));
+    Ok(())
 }

@@ -9,6 +9,7 @@ use metrology::{
 };
 use probecell_msgs::Correction;
 use serde::Deserialize;
+use trust::{Signer, Trust};
 
 use crate::{
     passes::{Passes, UnknownPass},
@@ -157,6 +158,10 @@ pub struct Config {
     /// Change of a size by one standard uncertainty of what all touches share, m with its sign, by feature, width or step;
     /// one that is not named shares nothing.
     pub common_components: BTreeMap<String, f64>,
+    /// Whose approvals count.
+    pub trust: Trust,
+    /// What signs for the policy.
+    pub signer: Signer,
     /// This graph runs on a recording.
     pub replayed: bool,
 }
@@ -262,6 +267,8 @@ impl RawConfig {
                 Policy::Compensate
             },
             common_components: BTreeMap::new(),
+            trust: Trust::default(),
+            signer: Signer::default(),
             replayed,
         })
     }
@@ -389,6 +396,16 @@ impl Config {
     /// True where the volumetric table or the position of the part is judged.
     pub(crate) fn uses_touches(&self) -> bool {
         self.volumetric.is_some() || self.work_offset.is_some()
+    }
+
+    /// The same with those whose approvals count, and what signs for the policy; without, the gate refuses every correction.
+    #[must_use]
+    pub fn with_trust(self, trust: Trust, signer: Signer) -> Self {
+        Self {
+            trust,
+            signer,
+            ..self
+        }
     }
 
     /// What a correction says of its approval as it is made.

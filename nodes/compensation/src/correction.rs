@@ -123,6 +123,10 @@ impl Proposal {
         };
         let id = fill(&mut message, self.change, first);
         message.correction_id = format!("{plan_id}/{id}");
+        if config.automatic_approval {
+            message.approved_at = now.time();
+            message.signature = config.signer.sign(&message);
+        }
         message
     }
 }

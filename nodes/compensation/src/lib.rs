@@ -4,10 +4,10 @@
 //! | subscribes to | publishes |
 //! |---|---|
 //! | `feature_results`, `reference_results`, `operation_requests` | `verdicts`, `pass_decisions` |
-//! | `tool_offsets`, `approvals`, `part_reports` | `corrections`, `approval_replies` |
+//! | `tool_offsets`, `approvals`, `operator_keys`, `part_reports` | `corrections`, `approval_replies` |
 //! | for the volumetric table: `inspection_plan`, `probe_events`, `touch_deviations` | |
 //! | for work offsets: `inspection_plan`, `probe_events`, `part_alignment` | |
-//! | | `compensation/faults`: `approval_overdue` |
+//! | | `compensation/faults`: `approval_overdue`, `approval_unsigned` |
 //!
 //! ```text
 //!   sizes ──────────── wear, path ───┐                          ┌─ next pass

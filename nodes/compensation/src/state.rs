@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, VecDeque};
 
 use probecell_msgs::{
-    Correction, FeatureResult, OperationRequest, PartAlignment, RunId, ToolOffsets,
+    Correction, FeatureResult, OperationRequest, OperatorKeys, PartAlignment, RunId, ToolOffsets,
 };
 use serde::{Deserialize, Serialize};
 
@@ -32,6 +32,8 @@ pub struct State {
     pub proposed: BTreeMap<String, (Correction, u32)>,
     /// Corrections of the last measurement that were withdrawn, and why.
     pub withdrawn: BTreeMap<String, String>,
+    /// The operators' keys in force.
+    pub keys: Option<OperatorKeys>,
     /// Offsets of the tool paths that were asked for in this session of the driver.
     pub paths: Paths,
     /// The touches that the volumetric table and the position of the part are judged by.

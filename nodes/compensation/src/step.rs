@@ -2,9 +2,9 @@
 
 use graph::{Node, Outbox, Stamp, faults, inputs, outputs, topics};
 use probecell_msgs::{
-    Correction, Fault, FeatureResult, InspectionPlan, OperationRequest, OperatorReply,
-    OperatorRequest, PartAlignment, PartReport, PassDecision, ProbeEvent, ToolOffsets,
-    TouchDeviation, Verdict,
+    Correction, Fault, FeatureResult, InspectionPlan, OperationRequest, OperatorKeys,
+    OperatorReply, OperatorRequest, PartAlignment, PartReport, PassDecision, ProbeEvent,
+    ToolOffsets, TouchDeviation, Verdict,
 };
 
 use crate::{
@@ -38,6 +38,8 @@ inputs! {
         Reference(FeatureResult) = topics::REFERENCE_RESULTS,
         /// The alignment of the part.
         Alignment(PartAlignment) = topics::PART_ALIGNMENT,
+        /// The operators' keys in force.
+        Keys(OperatorKeys) = topics::OPERATOR_KEYS,
     }
 }
 
@@ -62,6 +64,8 @@ faults! {
     pub enum CompensationFault of "compensation" {
         /// Nobody approved or rejected a proposed correction in time.
         ApprovalOverdue = ERROR "approval_overdue",
+        /// An approval that is not signed counts, for the cell file allows it.
+        ApprovalUnsigned = WARNING "approval_unsigned",
     }
 }
 
@@ -117,9 +121,12 @@ impl Node for CompensationNode {
                 state.touches.add_deviation(&touch);
                 decide_when_complete(config, state, now, out);
             }
+            Input::Keys(keys) => {
+                trust::operators::take(config.trust.cell.as_ref(), &mut state.keys, keys);
+            }
             Input::Reference(found) => reference::refer(state, now, found, out),
             Input::Feature(result) => take(config, state, now, result, out),
-            Input::Approval(request) => approval::approve(state, now, &request, out),
+            Input::Approval(request) => approval::approve(config, state, now, &request, out),
             Input::Part(report) if report.verdict == PartReport::MEASURED => {}
             Input::Part(report) => {
                 approval::withdraw(state, Stamp::from(&report.header.stamp), PART_ENDED);

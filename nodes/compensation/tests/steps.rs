@@ -7,9 +7,10 @@ use compensation::{
 use graph::{Node, Outbox, Stamp};
 use machine::Chain;
 use probecell_msgs::{
-    Correction, FeatureResult, OperationRequest, OperatorRequest, PartReport, PassDecision,
-    ToolOffsets, Verdict,
+    Correction, FeatureResult, OperationRequest, OperatorKeys, OperatorRequest, PartReport,
+    PassDecision, ToolOffsets, Verdict,
 };
+use trust::{SecretKey, Signer, Trust, approval};
 
 /// One outer diameter of 19.8 mm cut by tool 2, within 10 µm; the table's limits.
 fn raw(automatic_approval: bool, inner: bool) -> RawConfig {
@@ -46,8 +47,60 @@ fn chain() -> Chain {
 
 fn config(automatic_approval: bool, inner: bool) -> Config {
     let raw = raw(automatic_approval, inner);
-    raw.check(&chain(), &["finish"], false)
-        .expect("sound settings")
+    trusting(&raw)
+}
+
+fn trusting(raw: &RawConfig) -> Config {
+    let config = raw.check(&chain(), &["finish"], false);
+    let trust = Trust {
+        cell: Some(key(1).public()),
+        automatic: raw.automatic_approval,
+        unsigned_operators: false,
+    };
+    let config = config.expect("sound settings");
+    config.with_trust(trust, Signer::Key(key(1)))
+}
+
+/// Of the cell (1) and of Ada (2).
+fn key(seed: u8) -> SecretKey {
+    SecretKey::from_seed([seed; 32])
+}
+
+/// The node at its start, to which the operators are known.
+fn started(config: &Config) -> compensation::State {
+    let mut state = CompensationNode::start(config);
+    let keys = OperatorKeys {
+        number: 1,
+        names: vec!["Ada".to_owned()],
+        keys: vec![key(2).public().to_string()],
+        withdrawn: vec![false],
+        ..OperatorKeys::default()
+    };
+    let keys = Input::Keys(trust::operators::signed(&key(1), keys));
+    CompensationNode::step(config, &mut state, Stamp(0), keys, &mut Outbox::default());
+    state
+}
+
+/// An approval with Ada's signature on what is proposed; anything else as it is.
+fn signed(state: &compensation::State, now: Stamp, input: Input) -> Input {
+    let Input::Approval(mut request) = input else {
+        return input;
+    };
+    if let Some((proposed, _)) = state.proposed.get(&request.subject) {
+        let answer = Correction {
+            approval: if request.approve {
+                Correction::APPROVAL_OPERATOR
+            } else {
+                Correction::APPROVAL_REJECTED
+            },
+            approved_by: request.operator_name.clone(),
+            approved_at: now.time(),
+            ..proposed.clone()
+        };
+        request.signed_at = now.time();
+        request.signature = approval::sign(&key(2), &key(1).public(), &answer);
+    }
+    Input::Approval(request)
 }
 
 fn offsets(wear_um: f64) -> Input {
@@ -83,9 +136,10 @@ fn result(plan: &str, size_mm: f64) -> Input {
 
 /// What the last of the inputs makes the node say, a line each.
 fn check(config: &Config, inputs: Vec<Input>, expected: &[&str]) {
-    let mut state = CompensationNode::start(config);
+    let mut state = started(config);
     let mut said = Vec::new();
     for input in inputs {
+        let input = signed(&state, Stamp(0), input);
         let mut out = Outbox::default();
         CompensationNode::step(config, &mut state, Stamp(0), input, &mut out);
         said = out.messages().iter().map(line).collect();
@@ -359,12 +413,10 @@ fn a_proposal_that_nobody_answers_stops_the_part_at_the_limit() {
         approval_limit_s: Some(20.0),
         ..raw(false, false)
     };
-    let config = config
-        .check(&chain(), &["finish"], false)
-        .expect("sound settings");
+    let config = trusting(&config);
     let begin = Stamp(7_000_000_000);
     let proposed = || {
-        let mut state = CompensationNode::start(&config);
+        let mut state = started(&config);
         let mut out = Outbox::default();
         for input in [offsets(0.0), measure("p/1"), result("p/1", 19.83)] {
             CompensationNode::step(&config, &mut state, begin, input, &mut out);
@@ -374,7 +426,9 @@ fn a_proposal_that_nobody_answers_stops_the_part_at_the_limit() {
     };
     let said = |state: &mut compensation::State, after_s: f64, input: Input| -> Vec<String> {
         let mut out = Outbox::default();
-        CompensationNode::step(&config, state, begin.after_s(after_s), input, &mut out);
+        let now = begin.after_s(after_s);
+        let input = signed(state, now, input);
+        CompensationNode::step(&config, state, now, input, &mut out);
         out.messages().iter().map(line).collect()
     };
     let mut state = proposed();

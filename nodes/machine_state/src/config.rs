@@ -2,6 +2,7 @@
 
 use quantity::{Angle, Length};
 use serde::Deserialize;
+use trust::Trust;
 
 /// As written in the cell file, section `[machine_state]`.
 #[derive(Clone, Debug, Deserialize)]
@@ -73,8 +74,18 @@ pub struct Config {
     pub volumetric_length_limit: Length,
     /// No entry that is an angle is written outside plus or minus this.
     pub volumetric_angle_limit: Angle,
+    /// Whose approvals count.
+    pub trust: Trust,
     /// This graph runs on a recording: no command may reach a machine.
     pub replayed: bool,
+}
+
+impl Config {
+    /// The same with those whose approvals count; without, nobody's does.
+    #[must_use]
+    pub fn with_trust(self, trust: Trust) -> Self {
+        Self { trust, ..self }
+    }
 }
 
 /// A setting that cannot be used.
@@ -125,6 +136,7 @@ impl RawConfig {
             work_offset_limit: Length::from_mm(self.work_offset_limit_mm),
             volumetric_length_limit: Length::from_um(self.volumetric_limit_um),
             volumetric_angle_limit: Angle::from_urad(self.volumetric_limit_urad),
+            trust: Trust::default(),
             replayed,
         })
     }

@@ -24,12 +24,7 @@ pub(crate) fn check(
     if config.replayed || correction.replayed {
         return refuse(Ack::REFUSED_REPLAY, "it was made from a recording");
     }
-    if correction.approved_by.is_empty()
-        || ![Correction::APPROVAL_POLICY, Correction::APPROVAL_OPERATOR]
-            .contains(&correction.approval)
-    {
-        return refuse(Ack::REFUSED_NOT_APPROVED, "no approval is on record");
-    }
+    check_approval(config, state, correction)?;
     let controller = ready(state)?;
     if correction.session != controller.status.session {
         return refuse(
@@ -76,6 +71,22 @@ pub(crate) fn check(
     }
     check_bounds(config, kind, correction)?;
     Ok(kind)
+}
+
+/// The approval is signed by who may approve, for exactly this correction, and since this gate began. The word of the
+/// correction itself counts for nothing.
+pub(crate) fn check_approval(
+    config: &Config,
+    state: &State,
+    correction: &Correction,
+) -> Result<(), Refusal> {
+    let approved = config.trust.check(state.keys.as_ref(), correction);
+    approved.map_err(|why| refusal(Ack::REFUSED_NOT_APPROVED, why.to_string()))?;
+    if Stamp::from(&correction.approved_at).0 < state.started as i64 {
+        let text = "it was approved before this gate began: what was written then is not known";
+        return refuse(Ack::REFUSED_STALE, text);
+    }
+    Ok(())
 }
 
 /// Largest offset of the path of the correction's feature that was written in this session, m.

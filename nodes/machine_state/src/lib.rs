@@ -15,7 +15,7 @@
 //! | `controller_status`, `controller_replies` | `robot_description`, `joint_states`, `joint_commands`, `machine_state`, `tool_offsets` |
 //! | `operation_requests`, `plan_progress`, `measurement_order` | `controller_commands`, `operation_reports` |
 //! | `corrections`, `part_reports`, `part_status` | `correction_acknowledgements`, `supervised_part` |
-//! | `stop_requests`, `recording_status` | `stop_replies`, `gate_heartbeat` |
+//! | `stop_requests`, `recording_status`, `operator_keys` | `stop_replies`, `gate_heartbeat` |
 //! | | `machine_state/faults`: `controller_lost`, `controller_restarted`, `estop`, `controller_alarm`, `unplanned_touch`, `status_not_finite`, `probe_stuck`, `machine_off`, `stopped`, `unsupervised_motion`, `cycle_lost`, `gate_lost` |
 //!
 //! Invariants: nothing else publishes `controller_commands`; a correction is written at most once; a command names the

@@ -4,8 +4,8 @@ use graph::{faults, inputs, outputs, topics};
 use probecell_msgs::{
     ControllerCommand, ControllerReply, ControllerStatus, Correction, CorrectionAcknowledgement,
     Fault, GateHeartbeat, MachineState, MeasurementOrder, OperationReport, OperationRequest,
-    OperatorReply, OperatorRequest, PartReport, PartStatus, PlanProgress, RecordingStatus,
-    ToolOffsets, sensor_msgs::JointState, std_msgs,
+    OperatorKeys, OperatorReply, OperatorRequest, PartReport, PartStatus, PlanProgress,
+    RecordingStatus, ToolOffsets, sensor_msgs::JointState, std_msgs,
 };
 
 inputs! {
@@ -31,6 +31,8 @@ inputs! {
         Recording(RecordingStatus) = topics::RECORDING_STATUS,
         /// Progress of path planning.
         Progress(PlanProgress) = topics::PLAN_PROGRESS,
+        /// The operators' keys in force.
+        Keys(OperatorKeys) = topics::OPERATOR_KEYS,
     }
 }
 

@@ -4,7 +4,8 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use graph::Stamp;
 use probecell_msgs::{
-    ControllerStatus, Correction, OperationReport, OperationRequest, PartStatus, RecordingStatus,
+    ControllerStatus, Correction, OperationReport, OperationRequest, OperatorKeys, PartStatus,
+    RecordingStatus,
 };
 use serde::{Deserialize, Serialize};
 
@@ -39,6 +40,8 @@ pub struct State {
     pub measured: BTreeMap<String, Stamp>,
     /// End of the last part that was not qualified: measurements before it entitle to no correction.
     pub ended: Option<Stamp>,
+    /// The operators' keys in force.
+    pub keys: Option<OperatorKeys>,
     /// Corrections written to the controller and not yet answered, by command number.
     pub writing: BTreeMap<u64, Writing>,
     /// Approved corrections that wait until no program runs and the previous one is written, in order of arrival.

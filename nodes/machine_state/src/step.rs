@@ -94,6 +94,9 @@ impl Node for MachineStateNode {
                 stop::stop(config, state, now, asked_by, out);
             }
             Input::Recording(status) => state.recording = Some((status, now)),
+            Input::Keys(keys) => {
+                trust::operators::take(config.trust.cell.as_ref(), &mut state.keys, keys);
+            }
         }
     }
 }

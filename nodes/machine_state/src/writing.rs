@@ -39,6 +39,15 @@ pub(crate) fn correct(
     {
         return;
     }
+    // It may wait here for a program to end, but not on its way. What is refused whenever it was signed is not asked when.
+    let answered = state.applied.contains_key(&correction.correction_id)
+        || config.replayed
+        || correction.replayed;
+    if let (false, Err(why)) = (answered, trust::approval::is_fresh(now.0, &correction)) {
+        let outcome = CorrectionAcknowledgement::REFUSED_STALE;
+        let read = unread(&correction);
+        return acknowledge(now, &correction, outcome, read, &why.to_string(), out);
+    }
     state.deferred.push_back(correction);
     write_deferred(config, state, now, out);
 }
@@ -73,13 +82,7 @@ fn write(
     let kind = match gate::check(config, state, now, correction) {
         Ok(kind) => kind,
         Err(refusal) => {
-            // Nothing was read: the entries of a table stay unknown, a scalar is what the correction was computed from.
-            let held = correction.previous_value;
-            let read = ReadBack {
-                before: held,
-                after: held,
-                ..ReadBack::default()
-            };
+            let read = unread(correction);
             return acknowledge(now, correction, refusal.outcome, read, &refusal.text, out);
         }
     };
@@ -89,6 +92,16 @@ fn write(
         until: now.after_s(config.reply_limit),
     };
     state.writing.insert(command_id, writing);
+}
+
+/// Nothing was read: the entries of a table stay unknown, a scalar is what the correction was computed from.
+fn unread(correction: &Correction) -> ReadBack {
+    let held = correction.previous_value;
+    ReadBack {
+        before: held,
+        after: held,
+        ..ReadBack::default()
+    }
 }
 
 /// The command that writes a correction to the controller.

@@ -8,11 +8,32 @@ use probecell_msgs::{
     OperationRequest, PartReport, PartStatus, PlanProgress, RecordingStatus,
     builtin_interfaces::Time,
 };
+use trust::{SecretKey, Trust, approval};
 
 fn config() -> Config {
     RawConfig::default()
         .check("<robot/>".to_owned(), "mill", false)
         .expect("defaults")
+        .with_trust(Trust {
+            cell: Some(key().public()),
+            automatic: true,
+            unsigned_operators: false,
+        })
+}
+
+/// Of the cell.
+fn key() -> SecretKey {
+    SecretKey::from_seed([7; 32])
+}
+
+/// A correction with the signature of the cell's policy at that instant; anything else as it is.
+fn signed(input: Input, now: Stamp) -> Input {
+    let Input::Correction(mut correction) = input else {
+        return input;
+    };
+    correction.approved_at = now.time();
+    correction.signature = approval::sign(&key(), &key().public(), &correction);
+    Input::Correction(correction)
 }
 
 fn sample() -> ControllerStatus {
@@ -122,13 +143,8 @@ fn check(inputs: Vec<Input>, expected: &[&str]) {
             let now = Stamp(index as i64 * 100_000_000);
             MachineStateNode::step(&config, &mut state, now, context, &mut Outbox::default());
         }
-        MachineStateNode::step(
-            &config,
-            &mut state,
-            Stamp(index as i64 * 100_000_000),
-            input,
-            &mut out,
-        );
+        let now = Stamp(index as i64 * 100_000_000);
+        MachineStateNode::step(&config, &mut state, now, signed(input, now), &mut out);
         said = out.messages().iter().filter_map(line).collect();
     }
     assert_eq!(said, expected);

@@ -28,7 +28,7 @@ from rosbags.interfaces import Nodetype  # noqa: E402
 from messages import CONTRACT, Messages  # noqa: E402
 from peer import PATIENCE, Peer, check, until  # noqa: E402
 
-SERVICE = "probecell_msgs/srv/ApproveCorrection"
+SERVICE = "probecell_msgs/srv/StartRecording"
 
 
 class Idl:
@@ -265,8 +265,8 @@ def services(program, cyclone, messages):
     request_name, response_name = f"{SERVICE}_Request", f"{SERVICE}_Response"
     request_type = cyclone.idl.type(request_name, header)
     response_type = cyclone.idl.type(response_name, header)
-    request = messages.encode(messages.store.types[request_name](correction_id="P1", operator_name="Ada", approve=True), request_name)
-    response = messages.encode(messages.store.types[response_name](accepted=True, text="made"), response_name)
+    request = messages.encode(messages.store.types[request_name](uri="P1"), request_name)
+    response = messages.encode(messages.store.types[response_name](accepted=True, uri="", text="made"), response_name)
     qos = "reliable:10"
     with Peer(program, "server", transport="dds", services="cyclone", namespace="/cell") as ours:
         ours.ask("serving", "serve", "/cell/run", SERVICE, response.hex())
@@ -276,7 +276,7 @@ def services(program, cyclone, messages):
         answer = {}
 
         def answered():
-            writer.write(request_type(guid=0x1122334455667788, number=7, correction_id="P1", operator_name="Ada", approve=True))
+            writer.write(request_type(guid=0x1122334455667788, number=7, uri="P1"))
             answer.update({(reply.guid, reply.number): reply for reply in reader.take(N=10)})
             return answer
 
@@ -290,9 +290,9 @@ def services(program, cyclone, messages):
         writer = cyclone.writer("rr/cell/run_theirsReply", response_type, qos)
         ours.tell("call", "/cell/run_theirs", SERVICE, request.hex())
         (asked,) = take(reader)
-        check("request of ours", asked.correction_id, "P1")
+        check("request of ours", asked.uri, "P1")
         until("a match", lambda: writer.get_matched_subscriptions())
-        writer.write(response_type(guid=asked.guid, number=asked.number, accepted=True, text="made"))
+        writer.write(response_type(guid=asked.guid, number=asked.number, accepted=True, uri="", text="made"))
         check("response of theirs", unpadded(ours.take("response")["response"], response), response)
     with (
         Peer(program, "server", transport="dds", namespace="/cell") as server,

@@ -286,32 +286,32 @@ def late_joiners(program, endpoint, messages, sdk):
 
 def services_both_ways(program, endpoint, messages, root, sdk):
     """Requests and responses with the SDK on either side; the hash of the service is the SDK's own."""
-    request_name, response_name = "probecell_msgs/srv/ApproveCorrection_Request", "probecell_msgs/srv/ApproveCorrection_Response"
-    request = messages.store.types[request_name](correction_id="P1", operator_name="Ada", approve=True)
-    response = messages.store.types[response_name](accepted=True, text="made")
-    request_text, response_text = (root / "srv/ApproveCorrection.srv").read_text().split("---\n")
+    request_name, response_name = "probecell_msgs/srv/StartRecording_Request", "probecell_msgs/srv/StartRecording_Response"
+    request = messages.store.types[request_name](uri="P1")
+    response = messages.store.types[response_name](accepted=True, uri="", text="made")
+    request_text, response_text = (root / "srv/StartRecording.srv").read_text().split("---\n")
     common = {
-        "srv_type": "probecell_msgs/srv/ApproveCorrection", "request_definition": request_text,
+        "srv_type": "probecell_msgs/srv/StartRecording", "request_definition": request_text,
         "response_definition": response_text, **sdk,
     }
     with Peer(program, "server", endpoint=endpoint, namespace="/cell") as ours:
         cdr = messages.encode(response, response_name)
-        ours.ask("serving", "serve", "/cell/run", "probecell_msgs/srv/ApproveCorrection", cdr.hex())
+        ours.ask("serving", "serve", "/cell/run", "probecell_msgs/srv/StartRecording", cdr.hex())
         client = ROS2ServiceClient(service_name="/cell/run", timeout=PATIENCE, **common)
         for _ in range(3):
-            answer = client.call(correction_id="P1", operator_name="Ada", approve=True)
+            answer = client.call(uri="P1")
             check("response of ours", (answer.accepted, answer.text), (True, "made"))
             check("request", ours.take("request")["request"], messages.encode(request, request_name).hex())
         client.close()
 
         def handle(asked):
-            check("request of ours", asked.correction_id, "P1")
-            return type(answer)(accepted=False, text="nothing to make")
+            check("request of ours", asked.uri, "P1")
+            return type(answer)(accepted=False, uri="", text="nothing to make")
 
         server = ROS2ServiceServer(service_name="/cell/run_theirs", callback=handle, **common)
-        wanted = messages.store.types[response_name](accepted=False, text="nothing to make")
+        wanted = messages.store.types[response_name](accepted=False, uri="", text="nothing to make")
         for _ in range(3):
-            ours.tell("call", "/cell/run_theirs", "probecell_msgs/srv/ApproveCorrection", messages.encode(request, request_name).hex())
+            ours.tell("call", "/cell/run_theirs", "probecell_msgs/srv/StartRecording", messages.encode(request, request_name).hex())
             check("response of theirs", ours.take("response")["response"], messages.encode(wanted, response_name).hex())
         server.close()
 

@@ -123,6 +123,12 @@ impl Recording {
             });
     }
 
+    /// What was published on a topic, in CDR.
+    pub fn payloads(&self, topic: &str) -> impl Iterator<Item = &[u8]> {
+        let published = self.topics.get(topic).into_iter().flatten();
+        published.map(|one| one.payload.as_slice())
+    }
+
     /// Nodes with a journal.
     pub fn journaled(&self) -> impl Iterator<Item = &str> {
         self.journals.keys().map(String::as_str)

@@ -123,7 +123,7 @@ fn recordings(cell: &Cell) -> Result<String, String> {
 /// Zenoh accepts the settings of sessions and of the router, whether that router is needed now or not.
 fn settings(cell: &Cell) -> Result<String, String> {
     let text = |error: anyhow::Error| error.to_string();
-    let session = cell_bus::bus_config(cell).map_err(text)?;
+    let session = cell_bus::bus_config(cell, "doctor").map_err(text)?;
     let router = cell_bus::router_config(cell).map_err(text)?;
     session
         .check()
@@ -135,7 +135,7 @@ fn settings(cell: &Cell) -> Result<String, String> {
 }
 
 fn bus(cell: &Cell) -> Result<String, String> {
-    let mut config = cell_bus::bus_config(cell).map_err(|error| error.to_string())?;
+    let mut config = cell_bus::bus_config(cell, "doctor").map_err(|error| error.to_string())?;
     config.connect_timeout = Duration::from_secs(2);
     if cell.bus.transport == TransportName::Dds {
         return dds(cell, &config);

@@ -2,13 +2,78 @@
 
 use std::path::Path;
 
-use bags::Bag;
+use anyhow::Context;
+use bags::{Bag, Sealed, verify_seals};
+use serde::Serialize;
+use trust::PublicKey;
 
-use crate::{GOOD, LOSS, output};
+use super::record::{KEY_FILE, sealing};
+use crate::{FAILED, GOOD, LOSS, output};
+
+/// What the seals of a recording say.
+#[derive(Serialize)]
+struct Seals {
+    /// Public key of the cell that recorded, as the recording has it.
+    key: Option<String>,
+    /// What the seals say; nothing where there are none.
+    #[serde(flatten)]
+    sealed: Option<Sealed>,
+}
+
+impl Seals {
+    fn read(bag: &Bag) -> anyhow::Result<Self> {
+        let mut attached = bag
+            .attachments()
+            .flatten()
+            .filter(|one| one.name == KEY_FILE);
+        let key = attached.next().map(|one| -> anyhow::Result<PublicKey> {
+            let text = String::from_utf8_lossy(&one.data);
+            text.parse()
+                .with_context(|| format!("{KEY_FILE} of {}", bag.path().display()))
+        });
+        // One that is none fits no seal.
+        let key = key.and_then(Result::ok);
+        let is_signed = |seal: &[u8], signature: &[u8]| {
+            key.is_some_and(|key| key.verifies(&sealing(key, seal), signature))
+        };
+        Ok(Self {
+            sealed: verify_seals(bag.path(), &is_signed)?,
+            key: key.map(|key| key.to_string()),
+        })
+    }
+
+    fn is_changed(&self) -> bool {
+        (self.sealed.as_ref()).is_some_and(|sealed| !sealed.changes.is_empty())
+    }
+
+    fn print(&self) {
+        let Some(sealed) = &self.sealed else {
+            return output::line("seals     none: what was changed later cannot be told");
+        };
+        for change in &sealed.changes {
+            output::line(&format!("CHANGED   {change}"));
+        }
+        let key = self.key.as_deref().unwrap_or("no key");
+        let count = sealed.seals;
+        if !sealed.ended {
+            let bytes: u64 = sealed.unsealed.values().sum();
+            let text = "the recorder was killed, or the end was cut off";
+            output::line(&format!(
+                "seals     {count} by {key}, and no last one: {text}; {bytes} bytes are not sealed"
+            ));
+        } else if sealed.changes.is_empty() {
+            output::line(&format!(
+                "seals     {count} by {key}: nothing was changed since"
+            ));
+        }
+    }
+}
 
 /// Prints the description.
 pub(crate) fn run(path: &Path, verify: bool, json: bool) -> anyhow::Result<u8> {
-    let mut info = Bag::open(path)?.info(verify);
+    let bag = Bag::open(path)?;
+    let mut info = bag.info(verify);
+    let seals = verify.then(|| Seals::read(&bag)).transpose()?;
     // A recording of an earlier version may hold the cell file with its passwords.
     for table in info.metadata.values_mut() {
         for value in table.values_mut() {
@@ -16,7 +81,11 @@ pub(crate) fn run(path: &Path, verify: bool, json: bool) -> anyhow::Result<u8> {
         }
     }
     if json {
-        output::json(&info)?;
+        let mut value = serde_json::to_value(&info)?;
+        if let Some(seals) = &seals {
+            value["seals"] = serde_json::to_value(seals)?;
+        }
+        output::json(&value)?;
     } else {
         output::line(&format!("{}  ({})", info.path.display(), info.library));
         let seconds = info.duration_ns as f64 * 1e-9;
@@ -52,6 +121,12 @@ pub(crate) fn run(path: &Path, verify: bool, json: bool) -> anyhow::Result<u8> {
         for damage in &info.damage {
             output::line(&format!("damage    {damage}"));
         }
+        if let Some(seals) = &seals {
+            seals.print();
+        }
+    }
+    if seals.is_some_and(|seals| seals.is_changed()) {
+        return Ok(FAILED);
     }
     Ok(if info.damage.is_empty() { GOOD } else { LOSS })
 }

@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeMap, path::Path, sync::atomic::Ordering};
 
-use cell::Cell;
+use cell::{Cell, keys::KeyFolder};
 use controllers::driver::{Controller, Role};
 use graph::Wiring;
 use host::{NodeProcess, bus::Bus, run_driver, run_node};
@@ -17,8 +17,15 @@ pub(crate) fn run(name: &str, file: &Path, incarnation: u32, recorded: bool) -> 
     {
         return drive(&cell, controller);
     }
+    let folder = KeyFolder::of(&cell)?;
+    // The private key goes to the one node that signs, and to no other.
+    let cell = if name == "compensation" {
+        cell.with_private_key(folder.private()?)
+    } else {
+        cell.with_key(folder.public()?)
+    };
     let instance = cell.instance(name, cell.is_playback())?;
-    let bus = Bus::open(&cell_bus::bus_config(&cell)?, name, &cell.namespace())?;
+    let bus = Bus::open(&cell_bus::bus_config(&cell, name)?, name, &cell.namespace())?;
     let settings = NodeProcess {
         namespace: cell.namespace(),
         incarnation,
@@ -58,7 +65,7 @@ fn drive(cell: &Cell, controller: &dyn Controller) -> anyhow::Result<u8> {
     let connection = controller
         .connect(&session)
         .map_err(anyhow::Error::from_boxed)?;
-    let bus = Bus::open(&cell_bus::bus_config(cell)?, name, &cell.namespace())?;
+    let bus = Bus::open(&cell_bus::bus_config(cell, name)?, name, &cell.namespace())?;
     let end = signals::end_flag()?;
     run_driver(bus, connection, &cell.namespace(), &|| {
         end.load(Ordering::SeqCst)

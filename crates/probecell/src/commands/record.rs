@@ -10,15 +10,19 @@ use std::{
     time::{Duration, Instant},
 };
 
-use bags::{SplitAt, Statistics};
-use cell::Cell;
+use bags::{Sealer, SplitAt, Statistics};
+use cell::{Cell, keys::KeyFolder};
 use graph::topics;
 use host::{
     RecorderProcess, RecordingSettings,
     bus::{Bus, Publisher, Received, Server, Subscription},
     bus_qos,
 };
-use probecell_msgs::{PartStatus, RecordingStatus, Service, from_cdr, is_unprintable, srv, to_cdr};
+use probecell_msgs::{
+    PartStatus, RecordingStatus, Service, builtin_interfaces::Time, from_cdr, is_unprintable, srv,
+    to_cdr,
+};
+use trust::{Act, Kind, PublicKey, SecretKey};
 
 use crate::{GOOD, LOSS, cell_bus, output, signals};
 
@@ -28,6 +32,8 @@ pub(crate) const CELL_FILE: &str = "cell.toml";
 pub(super) const PROVENANCE: &str = "probecell";
 /// Name of the embedded robot description.
 pub(crate) const ROBOT_FILE: &str = "robot.urdf";
+/// Name of the embedded public key of the cell.
+pub(crate) const KEY_FILE: &str = "cell.pub";
 
 /// Timeout of the recorder to answer a service.
 const REPLY_TIMEOUT: Duration = Duration::from_secs(30);
@@ -49,6 +55,8 @@ enum Request {
 struct RecorderService<'a> {
     bus: &'a Bus,
     cell: &'a Cell,
+    /// Signs the seals of the recordings.
+    key: SecretKey,
     current: Option<(RecorderProcess, PathBuf)>,
     missing: u64,
     /// Tells the cell whether it is recorded.
@@ -98,17 +106,24 @@ impl Making {
 /// another.
 pub(crate) fn run(file: &Path, folder: Option<PathBuf>, supervised: bool) -> anyhow::Result<u8> {
     let cell = Cell::read(file)?;
+    let key = KeyFolder::of(&cell)?.private()?;
+    let cell = cell.with_key(key.public());
     let (sender, requests) = channel();
     let end = sender.clone();
     // The receiver is gone once the recorder has ended.
     signals::on_end(move || end.send(Request::End).unwrap_or_default())?;
-    let bus = Bus::open(&cell_bus::bus_config(&cell)?, "recorder", &cell.namespace())?;
+    let bus = Bus::open(
+        &cell_bus::bus_config(&cell, "recorder")?,
+        "recorder",
+        &cell.namespace(),
+    )?;
     let topic = topics::RECORDING_STATUS;
     let status = bus.publisher(&cell.topic(topic.name), topic.message, bus_qos(topic.qos))?;
     let making = Making::follow(&bus, &cell)?;
     let mut service = RecorderService {
         bus: &bus,
         cell: &cell,
+        key,
         current: None,
         missing: 0,
         status,
@@ -143,7 +158,8 @@ impl RecorderService<'_> {
         if let Some(parent) = folder.parent() {
             std::fs::create_dir_all(parent)?;
         }
-        let process = RecorderProcess::start(self.bus, settings(self.cell, folder.clone())?)?;
+        let process =
+            RecorderProcess::start(self.bus, settings(self.cell, &self.key, folder.clone())?)?;
         self.current = Some((process, folder));
         self.tell()
     }
@@ -341,7 +357,20 @@ fn provenance(cell: &Cell) -> BTreeMap<String, String> {
     table
 }
 
-fn settings(cell: &Cell, folder: PathBuf) -> anyhow::Result<RecordingSettings> {
+/// The act that a seal of a recording is.
+pub(super) fn sealing(cell: PublicKey, seal: &[u8]) -> Act<'static> {
+    Act {
+        cell,
+        kind: Kind::Recording,
+        by: "",
+        at: Time::default(),
+        shown: "",
+        subject: seal.to_vec(),
+    }
+}
+
+fn settings(cell: &Cell, key: &SecretKey, folder: PathBuf) -> anyhow::Result<RecordingSettings> {
+    let key = key.clone();
     let text = cell.text();
     let attachment = |name: &str, media: &str, data: &str| {
         (name.to_owned(), media.to_owned(), data.as_bytes().to_vec())
@@ -362,7 +391,11 @@ fn settings(cell: &Cell, folder: PathBuf) -> anyhow::Result<RecordingSettings> {
         attachments: vec![
             attachment(CELL_FILE, "application/toml", &text.cell),
             attachment(ROBOT_FILE, "application/xml", &text.robot_description),
+            attachment(KEY_FILE, "text/plain", &text.key),
         ],
+        sealer: Some(Sealer::new(move |seal| {
+            key.sign(&sealing(key.public(), seal))
+        })),
         provenance: (PROVENANCE.to_owned(), provenance(cell)),
     })
 }

@@ -11,9 +11,10 @@ use graph::{
     topics,
 };
 use indicatif::ProgressBar;
+use probecell_msgs::from_cdr;
 use serde_json::json;
 
-use super::record::{CELL_FILE, ROBOT_FILE};
+use super::record::{CELL_FILE, KEY_FILE, ROBOT_FILE};
 use crate::{FAILED, GOOD, LOSS, output};
 
 /// Replays the bag. A bag without step journals is computed from its plan and touches alone.
@@ -24,6 +25,9 @@ pub(crate) fn run(path: &Path, json: bool) -> anyhow::Result<u8> {
     };
     let begun = Instant::now();
     let recording = read(&bag, &cell)?;
+    let corrections = recording.payloads(topics::CORRECTIONS.name);
+    // One that cannot be read differs from what is computed again, and is reported as such.
+    let cell = cell.with_recorded_approvals(corrections.filter_map(|cdr| from_cdr(cdr).ok()));
     let factories: Vec<Factory> = cell
         .node_names()
         .into_iter()
@@ -61,6 +65,7 @@ pub(crate) fn embedded_cell(bag: &Bag) -> anyhow::Result<Option<Cell>> {
                 text.robot_description =
                     content.context("the embedded robot description is not text")?;
             }
+            KEY_FILE => text.key = content.context("the embedded key is not text")?,
             _ => {}
         }
     }

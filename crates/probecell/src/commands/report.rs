@@ -212,8 +212,10 @@ mod tests {
             name: "turn_mill".to_owned(),
             cell: file.replacen("[path_planning]\n", short, 1),
             robot_description: include_str!("../../../../launch-scripts/turn_mill.urdf").to_owned(),
+            ..CellText::default()
         })
-        .expect("a cell");
+        .expect("a cell")
+        .simulated();
         let mut executor = Executor::new(cell.nodes(false).expect("nodes"), BEGIN).expect("wiring");
         let request = OperatorRequest {
             subject: "punch".to_owned(),

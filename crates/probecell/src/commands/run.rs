@@ -18,6 +18,7 @@ pub(crate) fn run(file: &Path, part: &str) -> anyhow::Result<u8> {
         part_id: part.to_owned(),
         plan_id: String::new(),
         expires: Stamp::from(&status.header.stamp).after_s(VALIDITY).time(),
+        ..srv::RunRequest::default()
     };
     let response = client.call::<srv::Run>("run", &request)?;
     client.close()?;

@@ -69,8 +69,12 @@ impl RunningCell {
             cell: name.clone(),
             reason,
         };
-        let bus = Bus::open(&cell_bus::bus_config(cell)?, "refine", &cell.namespace())
-            .map_err(|error| none(error.to_string()))?;
+        let bus = Bus::open(
+            &cell_bus::bus_config(cell, "refine")?,
+            "refine",
+            &cell.namespace(),
+        )
+        .map_err(|error| none(error.to_string()))?;
         let (sender, messages) = channel();
         let mut running = Self {
             namespace: cell.namespace(),

@@ -10,6 +10,7 @@ use crate::{FAILED, GOOD, cell_client::call_once, output};
 pub(crate) fn run(file: &Path, operator: &str) -> anyhow::Result<u8> {
     let request = srv::StopRequest {
         operator_name: operator.to_owned(),
+        ..srv::StopRequest::default()
     };
     let response = call_once::<srv::Stop>(file, "stop", &request)?;
     if response.accepted {

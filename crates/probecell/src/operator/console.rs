@@ -53,6 +53,41 @@ fn verdict_word(verdict: u8) -> &'static str {
     }
 }
 
+/// What a correction changes.
+fn target(correction: &Correction) -> String {
+    match correction.kind {
+        Correction::TOOL_PATH => format!("tool path of {}", correction.feature_ids.join(", ")),
+        Correction::VOLUMETRIC => "volumetric table, largest displacement".to_owned(),
+        Correction::WORK_OFFSET => format!("the work offset of {}", correction.axis),
+        _ => format!("tool {}", correction.tool_number),
+    }
+}
+
+/// One line that says what an operator approves or rejects: what is changed, within which bounds, and why.
+pub(crate) fn described(correction: &Correction) -> String {
+    let um = |value: f64| value * 1e6;
+    let table = ::report::table_entries(correction);
+    let table: Vec<String> = table
+        .iter()
+        .map(|[name, from, to, ..]| format!("{name} {from} -> {to}"))
+        .collect();
+    format!(
+        "{}: {} from {:+.1} to {:+.1} µm (bounds {:+.1} to {:+.1} µm){}{}, for an error of {:+.1} µm (u {:.1} µm) of {} in {}",
+        correction.correction_id,
+        target(correction),
+        um(correction.previous_value),
+        um(correction.new_value),
+        um(correction.lower_bound),
+        um(correction.upper_bound),
+        if table.is_empty() { "" } else { "; " },
+        table.join(", "),
+        um(correction.measured_error),
+        um(correction.standard_uncertainty),
+        correction.feature_ids.join(", "),
+        correction.plan_id,
+    )
+}
+
 /// `file`: the cell file, for the command that the operator is to type.
 pub(super) fn print_correction(correction: &Correction, file: &str) {
     let (from, to) = (correction.previous_value * 1e6, correction.new_value * 1e6);
@@ -64,14 +99,9 @@ pub(super) fn print_correction(correction: &Correction, file: &str) {
         Correction::APPROVAL_REJECTED => format!("rejected by {}", correction.approved_by),
         _ => format!("approved by {}", correction.approved_by),
     };
-    let what = match correction.kind {
-        Correction::TOOL_PATH => format!("tool path of {}", correction.feature_ids.join(", ")),
-        Correction::VOLUMETRIC => "volumetric table, largest displacement".to_owned(),
-        Correction::WORK_OFFSET => format!("the work offset of {}", correction.axis),
-        _ => format!("tool {}", correction.tool_number),
-    };
     output::line(&format!(
-        "  correction of {what}: {from:+.1} -> {to:+.1} µm, {who}"
+        "  correction of {}: {from:+.1} -> {to:+.1} µm, {who}",
+        target(correction)
     ));
     for entry in ::report::table_entries(correction) {
         let [name, from, to, bound, u] = entry;

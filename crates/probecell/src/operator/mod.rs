@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`services`] | `plan`, `run`, `stop`, `approve_correction`: a call enters the graph as a numbered message, so that it is recorded and a replay can repeat it |
 //! | [`state`] | what was received, by the callbacks of the bus |
+//! | [`keys`] | the operators' keys in force, signed by the cell's |
 //! | [`console`] | what a person reads while a part is made |
 //! | [`diagnostics`], [`health`] | `/diagnostics`, and faults of processes that ended |
 //! | [`transforms`] | the cell's frames on `/tf` and `/tf_static` |
@@ -11,6 +12,7 @@
 mod console;
 mod diagnostics;
 mod health;
+mod keys;
 mod services;
 mod state;
 mod transforms;
@@ -33,10 +35,11 @@ use probecell_msgs::{
     RecordingStatus, Verdict, from_cdr, to_cdr,
 };
 
-pub(crate) use self::diagnostics::ProcessState;
+pub(crate) use self::{console::described, diagnostics::ProcessState};
 use self::{
     console::{print_acknowledgement, print_correction, print_fault, print_part},
     diagnostics::Diagnostics,
+    keys::Keys,
     services::{RequestPublishers, serve},
     state::{OperatorState, lock},
 };
@@ -56,6 +59,7 @@ pub(crate) struct Operator {
     state: Arc<Mutex<OperatorState>>,
     requests: Arc<RequestPublishers>,
     diagnostics: Diagnostics,
+    keys: Keys,
     waiver: Option<Publisher>,
     subscriptions: Vec<Subscription>,
     servers: Vec<Server>,
@@ -69,6 +73,7 @@ impl Operator {
         let requests = Arc::new(RequestPublishers::new(&bus, cell, &state)?);
         let mut operator = Self {
             diagnostics: Diagnostics::new(&bus, cell)?,
+            keys: Keys::new(&bus, cell)?,
             servers: Vec::new(),
             waiver: None,
             bus,
@@ -281,6 +286,13 @@ impl Operator {
     pub(crate) fn report_ended(&self, name: &str, text: &str) {
         lock(&self.state).fault(name, Fault::PROCESS_ENDED, text);
         self.diagnostics.publish_ended(name, text);
+    }
+
+    /// Publishes the operators' keys where they have changed.
+    pub(crate) fn publish_keys(&mut self) {
+        if let Some(trouble) = self.keys.publish_changes() {
+            self.warn("keys_not_read", &trouble);
+        }
     }
 
     /// Publishes the states of the processes on `/diagnostics`, once a second.

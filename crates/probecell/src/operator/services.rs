@@ -133,6 +133,10 @@ pub(super) fn serve(
             topics::RUN_REPLIES,
             |request| OperatorRequest {
                 subject: request.part_id,
+                operator_name: request.operator_name,
+                signed_at: request.signed_at,
+                shown: request.shown,
+                signature: request.signature,
                 plan_id: request.plan_id,
                 expires: if request.expires == Time::default() {
                     expiry().time()
@@ -148,6 +152,9 @@ pub(super) fn serve(
             topics::STOP_REPLIES,
             |request| OperatorRequest {
                 operator_name: request.operator_name,
+                signed_at: request.signed_at,
+                shown: request.shown,
+                signature: request.signature,
                 ..OperatorRequest::default()
             },
             |accepted, text| srv::StopResponse { accepted, text },
@@ -160,6 +167,9 @@ pub(super) fn serve(
                 subject: request.correction_id,
                 operator_name: request.operator_name,
                 approve: request.approve,
+                signed_at: request.signed_at,
+                shown: request.shown,
+                signature: request.signature,
                 ..OperatorRequest::default()
             },
             |accepted, text| srv::ApproveCorrectionResponse { accepted, text },

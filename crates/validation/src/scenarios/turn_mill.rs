@@ -74,7 +74,9 @@ pub(crate) fn make(
         name: "turn_mill".to_owned(),
         cell: edit(&text),
         robot_description: MACHINE.to_owned(),
-    })?;
+        ..CellText::default()
+    })?
+    .simulated();
     let mut executor = Executor::new(cell.nodes(false)?, BEGIN)?;
     let request = OperatorRequest {
         subject: "punch".to_owned(),

@@ -1,0 +1,235 @@
+//! Who may do what on the bus of a secured cell: a policy of Zenoh that denies what it does not allow, as a function of the
+//! cell's wiring.
+//!
+//! Every topic has one producer, so each process has a user of its own, who may put on the topics of that process and on no
+//! other, and announce itself under its own name and no other. Reading is allowed to every user of the cell. Services are
+//! served by the launcher and the recorder, and called by `console`, under whom an operator's commands run, and by `ros`.
+//!
+//! | user | may |
+//! |---|---|
+//! | a process of the cell | read; put on its own topics; the launcher and the recorder: serve |
+//! | `console` | read, call services |
+//! | `ros` | the same, from ROS 2 |
+//! | `screen` | read |
+//!
+//! Neither `*` nor `**` matches a chunk that begins with `@`: tokens of discovery (`@ros2_lv`) and what is fetched late
+//! (`…/@adv/…`) have rules of their own.
+
+use std::collections::BTreeMap;
+
+use graph::topics;
+use toml::{Table, Value};
+
+use crate::{Cell, CellError};
+
+/// Under whom an operator's commands join the bus.
+pub const CONSOLE: &str = "console";
+/// Under whom ROS 2 nodes join that may call services.
+pub const ROS: &str = "ros";
+/// Under whom whoever only reads joins.
+pub const SCREEN: &str = "screen";
+/// The launcher, which serves operators.
+pub const LAUNCHER: &str = "operator";
+/// The recorder.
+pub const RECORDER: &str = "recorder";
+
+/// Services, and the user who serves them.
+pub const SERVICES: [(&str, &str); 7] = [
+    ("plan", LAUNCHER),
+    ("run", LAUNCHER),
+    ("stop", LAUNCHER),
+    ("status", LAUNCHER),
+    ("approve_correction", LAUNCHER),
+    ("start_recording", RECORDER),
+    ("stop_recording", RECORDER),
+];
+
+/// Messages by which somebody is told something.
+const TOLD: [&str; 4] = ["put", "delete", "reply", "liveliness_token"];
+/// Messages by which somebody listens.
+const LISTEN: [&str; 3] = [
+    "declare_subscriber",
+    "liveliness_query",
+    "declare_liveliness_subscriber",
+];
+/// Messages by which a producer speaks, and serves what a link has dropped.
+const SPEAK: [&str; 5] = [
+    "put",
+    "delete",
+    "declare_queryable",
+    "reply",
+    "liveliness_token",
+];
+/// Every message.
+const ALL: [&str; 9] = [
+    "put",
+    "delete",
+    "query",
+    "reply",
+    "declare_subscriber",
+    "declare_queryable",
+    "liveliness_token",
+    "liveliness_query",
+    "declare_liveliness_subscriber",
+];
+
+/// Users of a secured cell.
+pub fn users(cell: &Cell) -> Result<Vec<String>, CellError> {
+    let processes = productions(cell)?;
+    let others = [CONSOLE, ROS, SCREEN].map(str::to_owned);
+    Ok(processes.into_keys().chain(others).collect())
+}
+
+/// Topics that each process produces, by absolute name without the first slash.
+pub fn productions(cell: &Cell) -> Result<BTreeMap<String, Vec<String>>, CellError> {
+    let name = &cell.cell.name;
+    let mut processes: BTreeMap<String, Vec<String>> = BTreeMap::new();
+    for node in cell.nodes(false)? {
+        let produced = processes.entry(node.name().to_owned()).or_default();
+        produced.extend((node.outputs().iter()).map(|topic| format!("{name}/{}", topic.name)));
+        produced.push(format!("{name}/{}", topics::journal_name(node.name())));
+    }
+    let of = |producer: &str| {
+        let made = topics::ALL
+            .iter()
+            .filter(move |topic| topic.producer == producer);
+        made.map(|topic| format!("{name}/{}", topic.name))
+            .collect::<Vec<_>>()
+    };
+    if let Some(driver) = cell.driver_process() {
+        processes.insert(driver.to_owned(), of("driver"));
+    }
+    // The launcher says that the recording is waived (`up --no-record`).
+    let waiver = format!("{name}/{}", topics::RECORDING_STATUS.name);
+    let mut launcher = of(LAUNCHER);
+    launcher.extend([waiver]);
+    launcher.extend(["diagnostics", "tf", "tf_static"].map(str::to_owned));
+    processes.insert(LAUNCHER.to_owned(), launcher);
+    processes.insert(RECORDER.to_owned(), of(RECORDER));
+    let made = |topic: &String| processes.values().any(|produced| produced.contains(topic));
+    let left: Vec<String> = of("instrument")
+        .into_iter()
+        .filter(|topic| !made(topic))
+        .collect();
+    if !left.is_empty() {
+        processes.insert("instrument".to_owned(), left);
+    }
+    Ok(processes)
+}
+
+/// The section `access_control` of the router of a secured cell.
+pub fn access_control(cell: &Cell) -> Result<Table, CellError> {
+    let domain = cell.bus.domain_id;
+    let everything = ["**", "**/@adv/**", "@ros2_lv/**"]
+        .map(str::to_owned)
+        .to_vec();
+    let mut policy = Policy::default();
+    policy.rule("listen", &["ingress"], &LISTEN, everything.clone());
+    // A query elsewhere is the call of a service.
+    policy.rule(
+        "fetch_late",
+        &["ingress"],
+        &["query"],
+        vec!["**/@adv/**".to_owned()],
+    );
+    policy.rule("be_told", &["egress"], &TOLD, everything.clone());
+    policy.rule("be_asked", &["egress"], &ALL, everything);
+    let services = |by: Option<&str>| -> Vec<String> {
+        let served = SERVICES
+            .iter()
+            .filter(|(_, server)| by.is_none_or(|by| by == *server));
+        served
+            .map(|(name, _)| format!("{domain}/{}/{name}/**", cell.cell.name))
+            .collect()
+    };
+    policy.rule("call", &["ingress"], &["query"], services(None));
+    let namespace = cell.namespace().replace('/', "%");
+    for (user, topics) in productions(cell)? {
+        let keys = topics.iter().flat_map(|topic| {
+            let key = format!("{domain}/{topic}/**");
+            let late = format!("{key}/@adv/**");
+            [key, late]
+        });
+        let mut keys: Vec<String> = keys.collect();
+        keys.extend(services(Some(&user)));
+        // Session, node, entity, kind, enclave; then namespace and name, and of an endpoint its topic.
+        keys.push(format!("@ros2_lv/{domain}/*/*/*/*/*/{namespace}/{user}/**"));
+        let speaks = format!("speak_as_{user}");
+        policy.rule(&speaks, &["ingress"], &SPEAK, keys);
+        policy.subject(
+            &user,
+            &["listen", "fetch_late", "be_told", "be_asked", &speaks],
+        );
+    }
+    // Nodes, subscriptions and clients of any name: not publishers and servers.
+    let tokens = |kinds: &[&str]| {
+        let token = |kind: &&str| format!("@ros2_lv/{domain}/*/*/*/{kind}/**");
+        kinds.iter().map(token).collect::<Vec<_>>()
+    };
+    policy.rule(
+        "show_reader",
+        &["ingress"],
+        &["liveliness_token"],
+        tokens(&["NN", "MS"]),
+    );
+    policy.rule(
+        "show_caller",
+        &["ingress"],
+        &["liveliness_token"],
+        tokens(&["NN", "MS", "SC"]),
+    );
+    for user in [CONSOLE, ROS] {
+        policy.subject(
+            user,
+            &["listen", "fetch_late", "be_told", "call", "show_caller"],
+        );
+    }
+    policy.subject(SCREEN, &["listen", "fetch_late", "be_told", "show_reader"]);
+    Ok(policy.table())
+}
+
+/// Rules, subjects and policies as Zenoh lists them.
+#[derive(Default)]
+struct Policy {
+    rules: Vec<Value>,
+    subjects: Vec<Value>,
+    policies: Vec<Value>,
+}
+
+impl Policy {
+    fn rule(&mut self, id: &str, flows: &[&str], messages: &[&str], keys: Vec<String>) {
+        let mut rule = Table::new();
+        rule.insert("id".to_owned(), id.into());
+        rule.insert("permission".to_owned(), "allow".into());
+        rule.insert("flows".to_owned(), list(flows));
+        rule.insert("messages".to_owned(), list(messages));
+        rule.insert("key_exprs".to_owned(), list(&keys));
+        self.rules.push(rule.into());
+    }
+
+    fn subject(&mut self, user: &str, rules: &[&str]) {
+        let mut subject = Table::new();
+        subject.insert("id".to_owned(), user.into());
+        subject.insert("usernames".to_owned(), list(&[user]));
+        self.subjects.push(subject.into());
+        let mut policy = Table::new();
+        policy.insert("rules".to_owned(), list(rules));
+        policy.insert("subjects".to_owned(), list(&[user]));
+        self.policies.push(policy.into());
+    }
+
+    fn table(self) -> Table {
+        let mut table = Table::new();
+        table.insert("enabled".to_owned(), true.into());
+        table.insert("default_permission".to_owned(), "deny".into());
+        table.insert("rules".to_owned(), self.rules.into());
+        table.insert("subjects".to_owned(), self.subjects.into());
+        table.insert("policies".to_owned(), self.policies.into());
+        table
+    }
+}
+
+fn list<T: AsRef<str>>(texts: &[T]) -> Value {
+    let texts = texts.iter().map(|text| Value::from(text.as_ref()));
+    Value::Array(texts.collect())
+}
