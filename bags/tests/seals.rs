@@ -38,7 +38,9 @@ fn verified(folder: &Path) -> Sealed {
     let signed = |seal: &[u8], signature: &[u8]| {
         let mut known = KNOWN.lock().expect("no panic");
         let asked = (seal.to_vec(), signature.to_vec());
-        *known.entry(asked).or_insert_with(|| key.verifies(&act(key, seal), signature))
+        *known
+            .entry(asked)
+            .or_insert_with(|| key.verifies(&act(key, seal), signature))
     };
     verify_seals(folder, &signed)
         .expect("readable")
