@@ -14,6 +14,7 @@
 //! column, and rows that are read and refused are counted. Lengths are m, angles rad, times s in every type of this crate.
 
 mod error;
+pub mod export;
 pub mod import;
 pub mod table;
 pub mod units;

@@ -203,6 +203,8 @@ enum Command {
     /// Import files of other systems as a recorded session.
     #[command(subcommand)]
     Import(commands::import::Command),
+    /// Write sizes and touches of a recording in the format of another system.
+    Export(commands::export::Arguments),
     /// Recover the readable part of a damaged recording.
     Recover {
         /// Bag: a folder or an .mcap file.
@@ -372,6 +374,7 @@ fn run(command: Command) -> anyhow::Result<u8> {
         Command::Replay { bag, json } => commands::replay::run(&bag, json),
         Command::Info { bag, verify, json } => commands::info::run(&bag, verify, json),
         Command::Import(command) => commands::import::run(&command),
+        Command::Export(arguments) => commands::export::run(&arguments),
         Command::Recover { bag, to, later } => commands::recover::run(&bag, &to, later.as_deref()),
         Command::Plan { source, json } => commands::plan::run(&source, json),
         Command::Program(arguments) => commands::program::run(&arguments),

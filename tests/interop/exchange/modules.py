@@ -1,3 +1,4 @@
 """The files with checks, in the order in which they run."""
 
 import check_touches  # noqa: F401
+import check_exports  # noqa: F401

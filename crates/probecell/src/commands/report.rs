@@ -59,7 +59,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
 }
 
 /// What the recording holds of its parts.
-fn gather(bag: &Bag, path: &Path) -> anyhow::Result<PartSession> {
+pub(super) fn gather(bag: &Bag, path: &Path) -> anyhow::Result<PartSession> {
     let namespace = namespace(bag, path)?;
     let reader = Reader {
         bag,
@@ -164,14 +164,17 @@ fn namespace(bag: &Bag, path: &Path) -> anyhow::Result<String> {
     }
 }
 
-struct Reader<'a> {
-    bag: &'a Bag,
-    namespace: &'a str,
+/// Reads the topics of a cell.
+pub(super) struct Reader<'a> {
+    /// The recording.
+    pub(super) bag: &'a Bag,
+    /// `/` and the name of the cell.
+    pub(super) namespace: &'a str,
 }
 
 impl Reader<'_> {
     /// All messages of a topic that can be read; none if it was not recorded.
-    fn all<M: Message>(&self, topic: Topic) -> anyhow::Result<Vec<M>> {
+    pub(super) fn all<M: Message>(&self, topic: Topic) -> anyhow::Result<Vec<M>> {
         let name = format!("{}/{}", self.namespace, topic.name);
         if self.bag.channels_of(&name).next().is_none() {
             return Ok(Vec::new());

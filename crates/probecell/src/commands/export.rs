@@ -1,0 +1,125 @@
+//! `probecell export`: sizes, touches and offsets of a recording in the formats of other systems.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use ::report::{PartSession, size_records};
+use anyhow::Context;
+use bags::Bag;
+use clap::ValueEnum;
+use exchange::export::{Record, Size, aqdef, mtconnect, qif, table};
+use graph::topics;
+use probecell_msgs::{FeatureResult, ProbeEvent, ToolOffsets};
+
+use super::report;
+use crate::output;
+
+/// A format that goes out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Format {
+    /// QIF 3.0 Results (ISO 23952): sizes with combined uncertainty and status, features, touches.
+    Qif,
+    /// AQDEF (.dfq): characteristics and their values.
+    Dfq,
+    /// CSV table of sizes.
+    Csv,
+    /// CSV table of touches, which `import touches` reads back.
+    CsvTouches,
+    /// MTConnect 2.7 Streams: feature measurements, tool and work offsets.
+    Mtconnect,
+    /// MTConnect 2.7 Devices: the model that belongs to them.
+    MtconnectDevices,
+}
+
+/// What the user asks for.
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  \
+probecell export recordings/turn_mill_1 --format qif --out punch.qif\n  \
+probecell export my_session --format dfq > punch.dfq\n\n\
+What each format carries, and what is lost in it: docs/exchange.md.")]
+pub(crate) struct Arguments {
+    /// Bag: a folder or an .mcap file.
+    bag: PathBuf,
+    /// Format.
+    #[arg(long, value_enum)]
+    format: Format,
+    /// File to write; without it the document goes to standard output.
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+}
+
+/// Writes the document.
+pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
+    let bag = Bag::open(&arguments.bag)?;
+    let damage = bag.verify();
+    let record = record(&bag, &arguments.bag)?;
+    let text = match arguments.format {
+        Format::Qif => qif::write(&record),
+        Format::Dfq => aqdef::write(&record),
+        Format::Csv => table::sizes(&record),
+        Format::CsvTouches => table::touches(&record),
+        Format::Mtconnect => mtconnect::streams(&record, false),
+        Format::MtconnectDevices => mtconnect::devices(&record),
+    };
+    match &arguments.out {
+        Some(file) => std::fs::write(file, text)
+            .with_context(|| format!("cannot write {}", file.display()))?,
+        None => output::bytes(text.as_bytes()),
+    }
+    Ok(output::damage(&damage))
+}
+
+/// What the recording holds for other systems.
+fn record(bag: &Bag, path: &Path) -> anyhow::Result<Record> {
+    let session = report::gather(bag, path)?;
+    let mut sizes: Vec<Size> = Vec::new();
+    let mut known: BTreeMap<(String, String), usize> = BTreeMap::new();
+    for one in size_records(&session) {
+        let size = Size {
+            limits: limits(
+                &session,
+                one.result,
+                one.verdict.map(|verdict| verdict.tolerance),
+            ),
+            text: one.judged(),
+            verdict: one.verdict.cloned(),
+            contradicted: one.contradicted,
+            result: one.result.clone(),
+        };
+        let key = (one.result.plan_id.clone(), one.result.feature_id.clone());
+        // Points that were measured again replace what was found before.
+        if let Some(&index) = known.get(&key) {
+            sizes[index] = size;
+        } else {
+            known.insert(key, sizes.len());
+            sizes.push(size);
+        }
+    }
+    let namespace = format!("/{}", session.cell);
+    let reader = report::Reader {
+        bag,
+        namespace: &namespace,
+    };
+    Ok(Record {
+        name: session.name.clone(),
+        cell: session.cell.clone(),
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        events: reader.all::<ProbeEvent>(topics::PROBE_EVENTS)?,
+        offsets: reader.all::<ToolOffsets>(topics::TOOL_OFFSETS)?.pop(),
+        plans: session.plans,
+        touches: session.touches,
+        sizes,
+    })
+}
+
+/// Limits of a deviation, m: those of the verdict, else of the plan; none where nothing is judged.
+fn limits(
+    session: &PartSession,
+    result: &FeatureResult,
+    tolerance: Option<f64>,
+) -> Option<[f64; 2]> {
+    match tolerance {
+        Some(half) => Some([-half, half]),
+        None => session.limits(result),
+    }
+}
