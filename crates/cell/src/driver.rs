@@ -107,6 +107,11 @@ impl Cell {
         matches!(self.driver_role(), Role::Playback)
     }
 
+    /// Others start and end the driver; the cell waits for it.
+    pub fn is_driver_external(&self) -> bool {
+        matches!(self.driver_role(), Role::External)
+    }
+
     /// Name of the driver's own process, where it has one beside the nodes.
     pub fn driver_process(&self) -> Option<&str> {
         matches!(self.driver_role(), Role::Process(_)).then_some(self.driver.source.as_str())
@@ -133,7 +138,7 @@ impl Cell {
             .get_key_value(self.driver.source.as_str())?;
         match settings.role() {
             Role::Node(machine) => Some((name, machine)),
-            Role::Process(_) | Role::Playback => None,
+            Role::Process(_) | Role::External | Role::Playback => None,
         }
     }
 

@@ -7,6 +7,7 @@
 //! ```text
 //! Driver --read([section])--> DriverSettings --role()--> Node      a simulated machine: journaled, recomputed by a replay
 //!   |                            |                       Process   a controller: connect() -> Connection, polled by host
+//!   |                            |                       External  a process that others start
 //!   name = driver.source         check(demands)          Playback  nothing: a bag is played onto the topics
 //! ```
 //!
@@ -28,10 +29,10 @@ use probecell_msgs::{
 };
 use serde::de::DeserializeOwned;
 
-use crate::{axes::Axis, bag::Bag, linuxcnc::LinuxCnc, simulator::Simulator};
+use crate::{axes::Axis, bag::Bag, external::External, linuxcnc::LinuxCnc, simulator::Simulator};
 
 /// Every driver of this crate.
-pub const DRIVERS: &[&dyn Driver] = &[&Simulator, &LinuxCnc, &Bag];
+pub const DRIVERS: &[&dyn Driver] = &[&Simulator, &LinuxCnc, &External, &Bag];
 
 /// A section of a cell file as it is written, with the positions of its values.
 pub type Section<'a> = toml::de::ValueDeserializer<'a>;
@@ -82,6 +83,8 @@ pub enum Role<'a> {
     Node(&'a dyn SimulatedMachine),
     /// A process that does I/O and decides nothing; what it publishes is external input.
     Process(&'a dyn Controller),
+    /// A process that is neither part of this project nor started by the launcher; what it publishes is external input.
+    External,
     /// Nothing: a recording is played, and no command reaches a machine.
     Playback,
 }

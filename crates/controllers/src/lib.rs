@@ -2,10 +2,10 @@
 //!
 //! ```text
 //!             driver::DRIVERS                                dialect::DIALECTS
-//!    simulator   linuxcnc   bag                 linuxcnc   fanuc   sinumerik   inspection
-//!        |          |        |                  programs: plan + order -> text
-//!      node      process   playback             results:  text -> touches, sizes
-//!        +----------+--------+                       ^                    |
+//!    simulator   linuxcnc   external   bag      linuxcnc   fanuc   sinumerik   inspection
+//!        |          |         |        |        programs: plan + order -> text
+//!      node      process   foreign  playback   results:  text -> touches, sizes
+//!        +----------+---------+--------+             ^                    |
 //!                   |                                |                    v
 //!   controller_status, probe_triggers,       probecell program     probecell results
 //!   controller_replies, controller_commands
@@ -19,7 +19,7 @@
 //! | [`driver`] | trait [`driver::Driver`] and its registry |
 //! | [`dialect`] | trait [`dialect::Dialect`] and its registry |
 //! | [`linuxcnc`] | LinuxCNC: driver over its remote shell, and G-code |
-//! | [`simulator`], [`bag`] | drivers: the simulated machine; a recording that is played |
+//! | [`simulator`], [`external`], [`bag`] | drivers: the simulated machine; a process of others; a recording that is played |
 //! | [`fanuc`], [`sinumerik`] | dialects: measuring and decision programs, results |
 //! | [`inspection`] | dialect without programs: results of measuring cycles and inspection software |
 //! | [`results`] | content of a result file, whatever its format |
@@ -48,6 +48,7 @@ pub mod bag;
 pub mod contour;
 pub mod dialect;
 pub mod driver;
+pub mod external;
 pub mod fanuc;
 pub mod inspection;
 pub mod linuxcnc;

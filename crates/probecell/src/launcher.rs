@@ -22,6 +22,7 @@ use rustix::process::{Pid, Signal, kill_process};
 use crate::{
     FAILED, GOOD, LOSS,
     cell_bus::{CellFailure, bus_config, new_recording, users},
+    external_driver::{ExternalDriver, News},
     operator::{Operator, ProcessState},
     output,
     routing::Routing,
@@ -159,7 +160,11 @@ fn watch(
     end: &Arc<AtomicBool>,
 ) -> anyhow::Result<u8> {
     let mut requested = false;
-    let deadline = Instant::now() + READY_TIMEOUT;
+    let mut driver = ExternalDriver::of(cell);
+    if let Some(driver) = &driver {
+        output::remark(&driver.waiting());
+    }
+    let mut deadline = Instant::now() + READY_TIMEOUT;
     let mut wall = WallClock::read();
     while !end.load(Ordering::SeqCst) {
         for (name, text) in processes.supervise(true)? {
@@ -176,7 +181,16 @@ fn watch(
             operator.warn("clock_set", &text);
         }
         operator.publish_keys();
-        operator.publish_diagnostics(&processes.states());
+        let mut states = processes.states();
+        if let Some(driver) = &mut driver {
+            follow(driver, operator);
+            // Others start it, whenever they like.
+            if !driver.is_present() {
+                deadline = Instant::now() + READY_TIMEOUT;
+            }
+            states.push(driver.state());
+        }
+        operator.publish_diagnostics(&states);
         if let Some(verdict) = operator.part_ended().filter(|_| once) {
             return Ok(if verdict.qualified { GOOD } else { FAILED });
         }
@@ -202,6 +216,23 @@ fn watch(
         std::thread::sleep(PERIOD);
     }
     Ok(if once { FAILED } else { GOOD })
+}
+
+/// Tells what has become of an external driver. When it leaves, the part that is being made ends as with the driver of this
+/// project.
+fn follow(driver: &mut ExternalDriver, operator: &Operator) {
+    match driver.look(|| operator.graph()) {
+        None => {}
+        Some(News::Joined(text)) => output::remark(&text),
+        Some(News::Left(text)) => {
+            output::remark(&text);
+            operator.report_ended(&driver.state().name, &text);
+        }
+        Some(News::Wrong(text)) => {
+            output::remark(&text);
+            operator.warn("driver_wrong", &text);
+        }
+    }
 }
 
 struct Supervised {

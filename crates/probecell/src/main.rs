@@ -6,6 +6,7 @@
 //!                operator         services, console, diagnostics of a running cell
 //!   run, measure, approve, recording --> cell_client   calls the services of a running cell
 //!   cell_bus                      how processes join the bus of a cell
+//!   external_driver               whether a driver that others start is on the bus
 //!   output                        standard output and standard error
 //! ```
 //!
@@ -20,6 +21,7 @@
 mod cell_bus;
 mod cell_client;
 mod commands;
+mod external_driver;
 mod launcher;
 mod operator;
 mod output;
@@ -263,6 +265,8 @@ enum Command {
     /// Run the register of known gaps between a cell and its model, and judge each against its source.
     #[command(subcommand)]
     Scenario(commands::scenario::Command),
+    /// Check a driver on the bus against the driver guide, in the place of the cell: its machine moves.
+    Conformance(commands::conformance::Arguments),
     /// Check the installation and the cell file.
     Doctor {
         /// Cell file.
@@ -399,6 +403,7 @@ fn run(command: Command) -> anyhow::Result<u8> {
         Command::Identifiability(arguments) => commands::identifiability::run(&arguments),
         Command::Correct(arguments) => commands::correct::run(&arguments),
         Command::Scenario(command) => commands::scenario::run(&command),
+        Command::Conformance(arguments) => commands::conformance::run(&arguments),
         Command::Doctor { cell, json } => commands::doctor::run(&cell, json),
         Command::Layouts { cell, out } => commands::layouts::run(&cell, &out),
         Command::Man { folder } => commands::man::run(Arguments::command(), &folder),

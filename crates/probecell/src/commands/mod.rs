@@ -4,6 +4,7 @@ pub(crate) mod adopt;
 pub(crate) mod approve;
 pub(crate) mod blind;
 pub(crate) mod blind_refine;
+pub(crate) mod conformance;
 mod controller_files;
 pub(crate) mod correct;
 pub(crate) mod diagnose;

@@ -26,7 +26,7 @@ use anyhow::bail;
 use cell::Cell;
 use graph::{Topic, topics};
 use host::{
-    bus::{Bus, Publisher, Received, Server, Subscription, TypeId},
+    bus::{Bus, Graph, Publisher, Received, Server, Subscription, TypeId},
     bus_qos,
 };
 use probecell_msgs::{
@@ -195,6 +195,11 @@ impl Operator {
         );
         let state = lock(&self.state);
         state.machine_idle && state.informed && subscribers > 0
+    }
+
+    /// What is announced on the bus.
+    pub(crate) fn graph(&self) -> Graph {
+        self.bus.graph()
     }
 
     /// A part is being made.

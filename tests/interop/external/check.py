@@ -1,0 +1,210 @@
+#!/usr/bin/env python3
+"""A driver that is not ours makes parts: end to end, with approval, STOP, and a restart; then its faults are found.
+
+    check.py PROBECELL [part|conformance|FAULT...]
+
+Runs in a network namespace of its own (the router's port is taken). The driver is templates/driver.py, over eclipse-zenoh.
+"""
+
+import contextlib
+import json
+import pathlib
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+
+import faulty
+
+ROOT = pathlib.Path(__file__).resolve().parents[3]
+HERE = pathlib.Path(__file__).resolve().parent
+PATIENCE = 120  # s
+
+
+def until(what, ready):
+    deadline = time.monotonic() + PATIENCE
+    while not (found := ready()):
+        assert time.monotonic() < deadline, f"{what}: not within {PATIENCE} s"
+        time.sleep(0.05)
+    return found
+
+
+class Process:
+    """A process whose lines are kept."""
+
+    def __init__(self, *words, folder):
+        self.process = subprocess.Popen(
+            [str(word) for word in words], cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+            stdin=subprocess.DEVNULL, text=True,
+        )
+        self.lines, self.seen = [], 0
+        self.reader = threading.Thread(target=self._read, daemon=True)
+        self.reader.start()
+
+    def _read(self):
+        for line in self.process.stdout:
+            self.lines.append(line.rstrip("\n"))
+
+    def says(self, text):
+        """The next line that holds a text."""
+
+        def found():
+            while self.seen < len(self.lines):
+                self.seen += 1
+                if re.search(text, self.lines[self.seen - 1]):
+                    return self.lines[self.seen - 1]
+            assert self.process.poll() is None or self.reader.is_alive(), "\n".join(self.lines)
+            return None
+
+        try:
+            return until(text, found)
+        except AssertionError as error:
+            raise AssertionError(f"{error}\n" + "\n".join(self.lines)) from None
+
+    def end(self, how=signal.SIGTERM):
+        if self.process.poll() is None:
+            self.process.send_signal(how)
+        code = self.process.wait(PATIENCE)
+        self.reader.join(PATIENCE)
+        return code
+
+
+@contextlib.contextmanager
+def running(*words, folder):
+    process = Process(*words, folder=folder)
+    try:
+        yield process
+    finally:
+        process.end()
+
+
+def driver(folder, *more):
+    return running(sys.executable, ROOT / "templates" / "driver.py", *more, folder=folder)
+
+
+def asked(*words, folder):
+    told = subprocess.run([BINARY, *map(str, words)], cwd=folder, capture_output=True, text=True, timeout=PATIENCE)
+    return told.returncode, told.stdout, told.stderr
+
+
+def own_cell(folder):
+    for name in ("external.toml", "three_axis.urdf"):
+        shutil.copy(ROOT / "launch-scripts" / name, folder)
+    return folder / "external.toml"
+
+
+def status(cell, folder):
+    code, output, errors = asked("status", "--json", "--cell", cell, folder=folder)
+    assert output, (code, errors)
+    return json.loads(output)
+
+
+def stage(cell, folder):
+    return (status(cell, folder)["part"] or {}).get("stage")
+
+
+def request(cell, folder, part):
+    # The gate greets a new session by STOP; a part is taken once the machine is idle.
+    code, output, errors = asked("run", part, "--cell", cell, folder=folder)
+    assert code == 0, (output, errors)
+
+
+def a_part_with_approval(up, cell, folder, part):
+    request(cell, folder, part)
+    line = up.says(r"probecell approve \S+")
+    correction = re.search(r"probecell approve (\S+)", line).group(1)
+    assert status(cell, folder)["machine"] == "idle"
+    code, output, errors = asked("approve", correction, "--operator", "Ada", "--cell", cell, folder=folder)
+    assert code == 0, (output, errors)
+    up.says(f"part {part}: qualified")
+
+
+def parts_end_to_end(folder):
+    cell = own_cell(folder)
+    with running(BINARY, "up", cell, folder=folder) as up:
+        up.says("waits for its external driver: nobody publishes /external/controller_status")
+        code, output, errors = asked("run", "early", "--cell", cell, folder=folder)
+        up.says("part early: stopped") if code == 0 else None
+        with driver(folder) as first:
+            up.says("the external driver is there$")
+            up.says("is ready")
+            a_part_with_approval(up, cell, folder, "first")
+            # STOP in mid-measurement.
+            request(cell, folder, "second")
+            until("a measurement", lambda: stage(cell, folder) == "measuring")
+            code, output, errors = asked("stop", "--operator", "Ada", "--cell", cell, folder=folder)
+            assert code == 0 and "stands" in output, (code, output, errors)
+            up.says("part second: stopped")
+            until("an idle machine", lambda: status(cell, folder)["machine"] == "idle")
+            # The driver is killed in mid-cut, and started again.
+            request(cell, folder, "third")
+            until("a cut", lambda: stage(cell, folder) == "cutting")
+            first.end(signal.SIGKILL)
+            up.says("the external driver has left the bus")
+            up.says("part third: stopped")
+            told = {one["name"]: (one["running"], one["starts"]) for one in status(cell, folder)["processes"]}
+            assert told["external"] == (False, 1), told
+        # One of another version is named, and nothing is made with it.
+        words = (sys.executable, HERE / "faulty.py", "--fault", "other_version")
+        with running(*words, folder=folder):
+            up.says("speaks another version: controller_replies is probecell_msgs/msg/ControllerReply RIHS01_")
+        with driver(folder):
+            up.says("the external driver is there again")
+            until("an idle machine", lambda: status(cell, folder)["machine"] == "idle")
+            a_part_with_approval(up, cell, folder, "fourth")
+            code = up.end(signal.SIGINT)
+            assert code == 0, (code, up.lines)
+    (bag,) = (folder / "recordings").glob("*")
+    code, output, errors = asked("replay", bag, folder=folder)
+    assert code == 0, (output, errors)
+    code, output, errors = asked("report", bag, "--json", folder=folder)
+    assert code == 0, (output, errors)
+
+
+def conformance(folder, *words):
+    """Status and lines of the conformance command beside a driver."""
+    with running(sys.executable, *words, folder=folder) as process:
+        command = [BINARY, "conformance", "--cell", own_cell(folder), "--cut", "bore"]
+        told = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=2 * PATIENCE)
+        assert process.process.poll() is None, process.lines
+    assert not told.stderr or "attachment" in told.stderr, told.stderr
+    return told.returncode, told.stdout.splitlines()
+
+
+def the_template_conforms(folder):
+    code, lines = conformance(folder, ROOT / "templates" / "driver.py")
+    assert code == 0 and not any(line.startswith("WRONG") for line in lines), (code, lines)
+
+
+def a_fault_is_named(folder, fault):
+    code, lines = conformance(folder, HERE / "faulty.py", "--fault", fault)
+    wrong = [line for line in lines if line.startswith("WRONG")]
+    named = [line for line in wrong if all(word in line for word in faulty.LINES[fault])]
+    assert code == 1 and named, (fault, code, lines)
+    print(f"  {fault}: {named[0]}", flush=True)
+
+
+def nobody_is_there(folder):
+    code, output, errors = asked("conformance", "--cell", own_cell(folder), "--wait", "1", folder=folder)
+    assert code == 1 and "WRONG  topics: controller_status: expected a publisher" in output, (code, output, errors)
+    code, output, errors = asked("conformance", "--cell", own_cell(folder), "--cut", "no", folder=folder)
+    assert code == 2 and 'operation' in errors, (code, output, errors)
+
+
+def main():
+    wanted = sys.argv[2:] or ["part", "conformance", *faulty.LINES]
+    for name in wanted:
+        checks = {"part": [parts_end_to_end], "conformance": [nobody_is_there, the_template_conforms]}
+        for check in checks.get(name, [lambda folder: a_fault_is_named(folder, name)]):
+            with tempfile.TemporaryDirectory() as folder:
+                check(pathlib.Path(folder))
+        print(f"{name}: good", flush=True)
+
+
+if __name__ == "__main__":
+    BINARY = str(pathlib.Path(sys.argv[1]).resolve())
+    main()
