@@ -54,7 +54,7 @@ class Machine:
 class Driver:
     def __init__(self, bus, machine):
         self.bus, self.machine, self.session, self.touches = bus, machine, f"template-{time.time_ns()}", 0
-        self.taken, self.order, self.command, self.program = set(), None, None, None
+        self.taken, self.order, self.command, self.program = set(), None, None, None  # under way: command and its program
         self.gate, self.heard, self.ended = (0, 0), -math.inf, False
 
     def header(self):
@@ -133,10 +133,8 @@ class Driver:
             self.program = self.measure()
         if self.program and next(self.program, self) is self:
             command, self.command, self.program = self.command, None, None
-            self.sample()
             self.reply(command, DONE)
-        else:
-            self.sample()
+        self.sample()
 
     def run(self):
         signal.signal(signal.SIGTERM, lambda *_: setattr(self, "ended", True))

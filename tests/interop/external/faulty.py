@@ -35,14 +35,14 @@ LINES = {
     "written_twice": ("wear of tool 1: controller_replies:", "delivered twice"),
     "busy_accepted": ("busy: controller_replies",),
     "order_of_plan": ("measurement: probe_triggers.point_index:", "order of the command"),
-    "counts_from_one": ("measurement after a STOP: probe_triggers.sequence:", "without gaps"),
+    "counts_from_one": ("probe_triggers.sequence:", "without gaps"),
     "latched_late": ("measurement: probe_triggers.axis_positions:",),
     "feed_per_minute": ("measurement: probe_triggers.feed:", "m/s"),
     "done_too_early": ("measurement: controller_replies.header.stamp:", "after its last touch"),
     "never_running": ("measurement: execution:", "never 1"),
-    "needs_its_order_first": ("STOP in mid-measurement: ", "REFUSED"),
-    "deaf_to_silence": ("silent gate: controller_replies:", "the machine goes on"),
-    "blind_to_another_gate": ("replaced gate: controller_replies:", "the machine goes on"),
+    "needs_its_order_first": ("controller_replies.outcome:", "came REFUSED", "no such order"),
+    "deaf_to_silence": ("silent gate: controller_replies",),
+    "blind_to_another_gate": ("replaced gate: controller_replies",),
     "lost_without_code": ("silent gate: controller_replies.text:", "gate_lost"),
 }
 
@@ -101,8 +101,8 @@ class FaultyDriver(Driver):
             return self.stop("stopped")
         if fault == "stop_confirmed_twice" and command.kind == STOP:
             self.reply(command, DONE)
-        if fault == "stop_runs_on" and command.kind == STOP:
-            self.running_on = self.program
+        if fault == "stop_runs_on" and command.kind == STOP and self.program:
+            self.running_on = self.machine.go([*self.machine.position[:2], 0.0], 0.01)
         if fault == "stopped_is_done" and command.kind == STOP and self.command:
             self.reply(self.command, DONE)
             self.command = self.program = None
@@ -151,7 +151,7 @@ class FaultyDriver(Driver):
     def tick(self):
         if self.fault == "deaf_to_silence":
             self.heard = time.monotonic()
-        if self.running_on and next(self.running_on, None) is not None:
+        if self.running_on and next(self.running_on, self) is self:
             self.running_on = None
         super().tick()
 

@@ -4,7 +4,9 @@ use std::{collections::BTreeSet, time::Duration};
 
 use cell::Cell;
 use graph::{Stamp, topics};
-use probecell_msgs::{ControllerCommand, ControllerReply, ControllerStatus, MachineState};
+use probecell_msgs::{
+    ControllerCommand, ControllerReply, ControllerStatus, MachineState, offset as offsets_of,
+};
 
 use super::{gate::Gate, judge::Judge};
 
@@ -16,12 +18,10 @@ const ANSWER_LIMIT: Duration = Duration::from_secs(10);
 const REPEAT: Duration = Duration::from_millis(500);
 /// m or rad by which offsets are moved, and moved back.
 const STEP: f64 = 1e-6;
-/// m or rad by which a value read back may differ: half the last digit of a controller that shows tenths of micrometres.
-const READ_BACK: f64 = 1e-7;
 /// A kind of command that does not exist.
 const NO_KIND: u8 = 200;
 /// In which an operation has to end.
-const CUT_LIMIT: Duration = Duration::from_hours(1);
+const CUT_LIMIT: Duration = Duration::from_secs(3600);
 
 /// The fields that every reply has.
 pub(super) fn reply_fields(
@@ -272,15 +272,14 @@ fn offset(
                 ("value", value, reply.value),
             ] {
                 judge.demand(
-                    (came - wanted).abs() <= READ_BACK,
+                    offsets_of::is_same(came, wanted),
                     &format!("controller_replies.{part}"),
                     format!("{wanted:e} m or rad"),
                     format!("{came:e}"),
                 );
             }
         }
-        let is_shown =
-            |gate: &Gate| shown(gate).is_some_and(|now| (now - value).abs() <= READ_BACK);
+        let is_shown = |gate: &Gate| shown(gate).is_some_and(|now| offsets_of::is_same(now, value));
         if !gate.hear(Duration::from_secs(2), is_shown) {
             judge.wrong(
                 &format!("controller_status.{field}"),
@@ -302,7 +301,7 @@ fn offset(
             format!("{count} replies"),
         );
         judge.demand(
-            shown(gate).is_some_and(|now| (now - held).abs() <= READ_BACK),
+            shown(gate).is_some_and(|now| offsets_of::is_same(now, held)),
             &format!("controller_status.{field}"),
             format!("{held:e}, since a command that is delivered twice is carried out once"),
             shown(gate).map_or("none".to_owned(), |now| format!("{now:e}")),

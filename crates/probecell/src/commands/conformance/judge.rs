@@ -9,6 +9,7 @@ use crate::output;
 pub(super) struct Judge {
     passed: usize,
     failed: usize,
+    skipped: usize,
     /// Fields found wrong in the check under way; each is printed once.
     wrong: BTreeSet<String>,
     check: String,
@@ -62,7 +63,8 @@ impl Judge {
     }
 
     /// A check that was not made.
-    pub(super) fn skip(&self, check: &str, why: &str) {
+    pub(super) fn skip(&mut self, check: &str, why: &str) {
+        self.skipped += 1;
         output::line(&format!("skip   {check}: {why}"));
     }
 
@@ -73,11 +75,12 @@ impl Judge {
 
     /// The last line.
     pub(super) fn summary(&self, finished: bool) -> String {
-        let text = format!("{} checks hold, {} do not", self.passed, self.failed);
+        let (passed, failed, skipped) = (self.passed, self.failed, self.skipped);
+        let text = format!("{passed} checks hold, {failed} do not, {skipped} were not made");
         if finished {
             text
         } else {
-            format!("{text}; the others cannot be made before these hold")
+            format!("{text}; the rest cannot be made before these hold")
         }
     }
 }

@@ -56,14 +56,22 @@ pub(super) fn check(gate: &mut Gate, judge: &mut Judge, cell: &Cell) -> anyhow::
         chain.axis_names().collect::<Vec<_>>().join(" ")
     );
     judge.end(&text);
-    // Commands need a session, and motion needs positions; the rest may be wrong.
+    // Commands need a session, and motion needs positions inside the travel; the rest may be wrong.
     let usable = |sample: &ControllerStatus| {
-        !sample.session.is_empty()
-            && chain
-                .positions(&sample.axis_names, &sample.axis_positions)
-                .is_ok()
+        let positions = chain.positions(&sample.axis_names, &sample.axis_positions);
+        !sample.session.is_empty() && positions.is_ok_and(|all| is_inside(&chain, &all))
     };
     Ok(samples.last().is_some_and(usable))
+}
+
+/// Positions of all axes lie inside their travel.
+fn is_inside(chain: &Chain, positions: &[f64]) -> bool {
+    let travels = (0..positions.len()).map(|index| chain.axis(index).limits);
+    travels.zip(positions).all(|(travel, position)| {
+        travel.is_none_or(|(lower, upper)| {
+            (lower - LIMIT_TOLERANCE..=upper + LIMIT_TOLERANCE).contains(position)
+        })
+    })
 }
 
 /// Numbers that are missing at the end of all checks, and messages that could not be read.
