@@ -19,9 +19,10 @@ class Bus:
         for path in sorted(pathlib.Path(arguments.messages).glob("*.msg")):
             types |= get_types_from_msg(path.read_text(), f"probecell_msgs/msg/{path.stem}")
         self.store.register({name: fields for name, fields in types.items() if name not in self.store.fielddefs})
-        config = zenoh.Config()
+        config = zenoh.Config.from_file(arguments.config) if arguments.config else zenoh.Config()
         config.insert_json5("mode", '"client"')
         config.insert_json5("connect/endpoints", f'["{arguments.endpoint}"]')
+        config.insert_json5("connect/timeout_ms", "-1")  # wait for the router
         config.insert_json5("scouting/multicast/enabled", "false")
         self.session, self.incoming, self.publishers = zenoh.open(config), queue.Queue(), {}
         lead = f"@ros2_lv/{arguments.domain}/{self.session.info.zid()}/0"
@@ -68,5 +69,6 @@ def arguments(parser):
     parser.add_argument("--cell", default="external")
     parser.add_argument("--endpoint", default="tcp/127.0.0.1:7447")
     parser.add_argument("--domain", type=int, default=0)
+    parser.add_argument("--config", help="settings of the session, as `probecell secure` writes them")
     parser.add_argument("--messages", default=pathlib.Path(__file__).resolve().parent.parent / "msgs" / "msg")
     return parser

@@ -88,11 +88,13 @@ impl Display for FolderInformation {
         writeln!(f, "starting_time:\n  nanoseconds_since_epoch: {start}")?;
         writeln!(f, "message_count: {count}")?;
         f.write_str("topics_with_message_count:")?;
-        if self.topics.is_empty() {
+        // A channel stands in a file with its first message only; a reader that finds fewer than listed refuses the bag.
+        let present = || self.topics.iter().filter(|(_, count)| *count > 0);
+        if present().next().is_none() {
             f.write_str(" []")?;
         }
         f.write_char('\n')?;
-        for (channel, count) in &self.topics {
+        for (channel, count) in present() {
             write_topic(f, channel, *count)?;
         }
         f.write_str("compression_format: \"\"\ncompression_mode: \"\"\nrelative_file_paths:")?;

@@ -5,13 +5,11 @@ use std::collections::BTreeSet;
 use analysis::feature::Criterion;
 use probecell_msgs::is_unprintable;
 
-use crate::{Cell, access};
+use crate::{Cell, access, sections::LAST_DOMAIN};
 
 /// s; shortest and longest time after which a recording is flushed.
 const FLUSH_INTERVAL: std::ops::RangeInclusive<f64> = 0.01..=3600.0;
 
-/// Greatest domain of ROS 2: DDS has no ports for more.
-const LAST_DOMAIN: u32 = 232;
 
 /// One sentence about the first thing that is wrong.
 pub(crate) fn sections(cell: &Cell) -> Result<(), String> {
@@ -23,10 +21,9 @@ pub(crate) fn sections(cell: &Cell) -> Result<(), String> {
         ));
     }
     let bus = &cell.bus;
-    if bus.domain_id > LAST_DOMAIN {
+    if let Some(domain) = bus.domain_id.filter(|domain| *domain > LAST_DOMAIN) {
         return Err(format!(
-            "bus.domain_id = {} must lie between 0 and {LAST_DOMAIN}",
-            bus.domain_id
+            "bus.domain_id = {domain} must lie between 0 and {LAST_DOMAIN}"
         ));
     }
     endpoint("router_endpoint", &bus.router_endpoint)?;

@@ -57,7 +57,10 @@ use nodes::cell_file;
 pub use driver::DriverSection;
 pub use model::{AdoptError, Adopted, ModelSection, adopt, remove};
 pub use nodes::{NodeEntry, Site};
-pub use sections::{ApprovalsSection, BusSection, CellSection, RecorderSection, TransportName};
+pub use sections::{
+    ApprovalsSection, BusSection, CellSection, RecorderSection, TransportName,
+    domain_of_environment,
+};
 
 /// Text of a cell file and of the robot description that it names.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

@@ -8,6 +8,7 @@
 //! | user | may |
 //! |---|---|
 //! | a process of the cell | read; put on its own topics; the launcher and the recorder: serve |
+//! | `driver`, where others start it | read; put on the driver's topics |
 //! | `console` | read, call services |
 //! | `ros` | the same, from ROS 2 |
 //! | `screen` | read |
@@ -30,6 +31,8 @@ pub const ROS: &str = "ros";
 pub const SCREEN: &str = "screen";
 /// The launcher, which serves operators.
 pub const LAUNCHER: &str = "operator";
+/// A driver that others start, and the name of its node.
+pub const DRIVER: &str = "driver";
 /// The recorder.
 pub const RECORDER: &str = "recorder";
 
@@ -97,7 +100,10 @@ pub fn productions(cell: &Cell) -> Result<BTreeMap<String, Vec<String>>, CellErr
             .collect::<Vec<_>>()
     };
     if let Some(driver) = cell.driver_process() {
-        processes.insert(driver.to_owned(), of("driver"));
+        processes.insert(driver.to_owned(), of(DRIVER));
+    }
+    if cell.is_driver_external() {
+        processes.insert(DRIVER.to_owned(), of(DRIVER));
     }
     // The launcher says that the recording is waived (`up --no-record`).
     let waiver = format!("{name}/{}", topics::RECORDING_STATUS.name);
@@ -119,7 +125,7 @@ pub fn productions(cell: &Cell) -> Result<BTreeMap<String, Vec<String>>, CellErr
 
 /// The section `access_control` of the router of a secured cell.
 pub fn access_control(cell: &Cell) -> Result<Table, CellError> {
-    let domain = cell.bus.domain_id;
+    let domain = cell.setting(cell.bus.domain())?;
     let everything = ["**", "**/@adv/**", "@ros2_lv/**"]
         .map(str::to_owned)
         .to_vec();

@@ -4,6 +4,9 @@ use std::path::PathBuf;
 
 use serde::Deserialize;
 
+/// The largest ROS domain that every transport has.
+pub(crate) const LAST_DOMAIN: u32 = 232;
+
 /// Section `[cell]`.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -27,8 +30,8 @@ fn default_part() -> String {
 pub struct BusSection {
     /// Zenoh in the format of rmw_zenoh, or DDS.
     pub transport: TransportName,
-    /// ROS domain.
-    pub domain_id: u32,
+    /// ROS domain; where it is not given, `ROS_DOMAIN_ID` of the environment, else 0.
+    pub domain_id: Option<u32>,
     /// The router that every process connects to; `up` carries it unless one answers there already.
     pub router_endpoint: String,
     /// Routers of other machines that the router of `up` joins.
@@ -46,7 +49,7 @@ impl Default for BusSection {
     fn default() -> Self {
         Self {
             transport: TransportName::Zenoh,
-            domain_id: 0,
+            domain_id: None,
             router_endpoint: "tcp/127.0.0.1:7447".to_owned(),
             join: Vec::new(),
             listen: vec!["tcp/127.0.0.1:0".to_owned()],
@@ -54,6 +57,33 @@ impl Default for BusSection {
             router_zenoh: None,
         }
     }
+}
+
+impl BusSection {
+    /// The ROS domain of the cell.
+    ///
+    /// # Errors
+    /// `ROS_DOMAIN_ID`, where it counts, is no domain.
+    pub fn domain(&self) -> Result<u32, String> {
+        self.domain_id.map_or_else(domain_of_environment, Ok)
+    }
+}
+
+/// The ROS domain that `ROS_DOMAIN_ID` names, as ROS 2 reads it; 0 where it is not set.
+///
+/// # Errors
+/// It is no domain.
+pub fn domain_of_environment() -> Result<u32, String> {
+    let Some(text) = std::env::var_os("ROS_DOMAIN_ID").filter(|text| !text.is_empty()) else {
+        return Ok(0);
+    };
+    let text = text.to_string_lossy();
+    let domain = text.trim().parse().ok();
+    domain
+        .filter(|domain| *domain <= LAST_DOMAIN)
+        .ok_or_else(|| {
+            format!("environment: ROS_DOMAIN_ID = {text:?} must be a number between 0 and {LAST_DOMAIN}")
+        })
 }
 
 /// The transports.

@@ -93,6 +93,7 @@ declare_topics! {
 
     PLAN_REQUESTS = "operator", "plan_requests", OperatorRequest, Qos::KEEP_ALL;
     RUN_REQUESTS = "operator", "run_requests", OperatorRequest, Qos::KEEP_ALL;
+    CELL_DESCRIPTION = "operator", "cell_description", std_msgs::String, Qos::latched(1);
     LAUNCHER_FAULTS = "operator", "launcher/faults", Fault, Qos::KEEP_ALL;
     STOP_REQUESTS = "operator", "stop_requests", OperatorRequest, Qos::KEEP_ALL;
     APPROVALS = "operator", "approvals", OperatorRequest, Qos::KEEP_ALL;

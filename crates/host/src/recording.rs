@@ -68,6 +68,7 @@ impl RecorderProcess {
         let mut options = RecorderOptions::new(&settings.folder);
         options.sync_interval = settings.sync_interval;
         options.split = settings.split;
+        options.ros_distro = ros_distro();
         options.sealer = settings.sealer;
         let recorder = Recorder::start(options)?;
         for (name, media_type, data) in settings.attachments {
@@ -184,6 +185,15 @@ impl Losses {
             error!("a loss could not be published: {error}");
         }
     }
+}
+
+/// The ROS 2 distribution of the environment, as rosbag2 names it.
+fn ros_distro() -> String {
+    let named = std::env::var("ROS_DISTRO").ok();
+    let is_name = |text: &String| {
+        !text.is_empty() && text.chars().all(|letter| letter.is_ascii_alphanumeric())
+    };
+    named.filter(is_name).unwrap_or("unknown".to_owned())
 }
 
 fn bag_qos(qos: graph::Qos) -> bags::Qos {

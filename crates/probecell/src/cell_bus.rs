@@ -20,7 +20,7 @@ pub(crate) fn bus_config(cell: &Cell, node: &str) -> anyhow::Result<BusConfig> {
             TransportName::Zenoh => Transport::Zenoh,
             TransportName::Dds => Transport::Dds,
         },
-        domain_id: cell.bus.domain_id,
+        domain_id: cell.bus.domain().map_err(anyhow::Error::msg)?,
         endpoints: vec![cell.bus.router_endpoint.clone()],
         listen: cell.bus.listen.clone(),
         zenoh: session_settings(cell, node)?,

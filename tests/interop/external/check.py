@@ -1,13 +1,14 @@
 #!/usr/bin/env python3
 """A driver that is not ours makes parts: end to end, with approval, STOP, and a restart; then its faults are found.
 
-    check.py PROBECELL [part|conformance|zenoh|dds|FAULT...]
+    check.py PROBECELL [part|secured|conformance|zenoh|dds|cyclone|FAULT...]
 
 Runs in a network namespace of its own (the router's port is taken). The driver is templates/driver.py, over eclipse-zenoh.
 """
 
 import contextlib
 import json
+import os
 import pathlib
 import re
 import shutil
@@ -39,7 +40,7 @@ class Process:
     def __init__(self, *words, folder):
         self.process = subprocess.Popen(
             [str(word) for word in words], cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-            stdin=subprocess.DEVNULL, text=True,
+            stdin=subprocess.DEVNULL, text=True, env=with_keys(folder),
         )
         self.lines, self.seen = [], 0
         self.reader = threading.Thread(target=self._read, daemon=True)
@@ -86,8 +87,24 @@ def driver(folder, *more):
     return running(sys.executable, ROOT / "templates" / "driver.py", *more, folder=folder)
 
 
+def driver_of_the_guide(folder):
+    """The template with definitions and wire format taken from the guide, by the guide's own lines: a folder without ours."""
+    guide = (ROOT / "docs" / "driver-guide.md").read_text()
+    (folder / "driver-guide.md").write_text(guide)
+    split, module = re.findall(r"```python\n(.*?)```\n", guide, flags=re.DOTALL)
+    subprocess.run([sys.executable, "-c", split], cwd=folder, check=True)
+    (folder / "rmw_zenoh.py").write_text(module)
+    shutil.copy(ROOT / "templates" / "driver.py", folder)
+    return running(sys.executable, folder / "driver.py", "--messages", folder / "messages", folder=folder)
+
+
+def with_keys(folder):
+    """Keys of operators and of the cell go into the folder of the check."""
+    return os.environ | {"XDG_CONFIG_HOME": str(folder / "config")}
+
+
 def asked(*words, folder):
-    told = subprocess.run([BINARY, *map(str, words)], cwd=folder, capture_output=True, text=True, timeout=PATIENCE)
+    told = subprocess.run([BINARY, *map(str, words)], cwd=folder, capture_output=True, text=True, timeout=PATIENCE, env=with_keys(folder))
     return told.returncode, told.stdout, told.stderr
 
 
@@ -116,7 +133,7 @@ def a_part_with_approval(up, cell, folder, part):
     request(cell, folder, part)
     line = up.says(r"probecell approve \S+")
     correction = re.search(r"probecell approve (\S+)", line).group(1)
-    code, output, errors = asked("approve", correction, "--operator", "Ada", "--cell", cell, folder=folder)
+    code, output, errors = asked("approve", correction, "--operator", "ada", "--cell", cell, folder=folder)
     assert code == 0, (output, errors)
     up.says(f"part {part}: qualified")
 
@@ -124,6 +141,8 @@ def a_part_with_approval(up, cell, folder, part):
 def parts_end_to_end(folder):
     cell = own_cell(folder)
     with running(BINARY, "up", cell, folder=folder) as up:
+        code, output, errors = asked("key", "new", "ada", "--cell", cell, folder=folder)
+        assert code == 0, (output, errors)
         up.says("waits for its external driver: nobody publishes /external/controller_status")
         code, output, errors = asked("run", "early", "--cell", cell, folder=folder)
         assert code == 0, (output, errors)
@@ -151,7 +170,7 @@ def parts_end_to_end(folder):
         words = (sys.executable, HERE / "faulty.py", "--fault", "other_version")
         with running(*words, folder=folder):
             up.says("speaks another version: controller_replies is probecell_msgs/msg/ControllerReply RIHS01_")
-        with driver(folder):
+        with driver_of_the_guide(folder):
             up.says("the external driver is there again")
             until("an idle machine", lambda: status(cell, folder)["machine"] == "idle")
             a_part_with_approval(up, cell, folder, "fourth")
@@ -164,11 +183,29 @@ def parts_end_to_end(folder):
     assert code == 0, (output, errors)
 
 
+def a_secured_cell_knows_its_driver(folder):
+    cell = own_cell(folder)
+    code, output, errors = asked("secure", cell, folder=folder)
+    assert code == 0, (output, errors)
+    (config,) = re.findall(r"ZENOH_SESSION_CONFIG_URI=(.*driver\.json5)", output)
+    with running(BINARY, "up", cell, folder=folder) as up:
+        up.says("waits for its external driver")
+        # A stranger does not get in, whoever comes first.
+        with driver(folder), driver(folder, "--config", config):
+            up.says("the external driver is there$")
+            until("an idle machine", lambda: status(cell, folder)["machine"] == "idle")
+            code, output, errors = asked("stop", "--operator", "ada", "--cell", cell, folder=folder)
+            assert code == 0 and "stands" in output, (code, output, errors)
+        assert not any("2 drivers" in line for line in up.lines), up.lines
+
+
 def conformance(folder, *words, cell=None, cut=("--cut", "bore")):
     """Status and lines of the conformance command beside a driver."""
     with running(sys.executable, *words, folder=folder) as process:
         command = [BINARY, "conformance", "--cell", cell or own_cell(folder), *cut]
-        told = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=2 * PATIENCE)
+        told = subprocess.run(
+            command, cwd=folder, capture_output=True, text=True, timeout=2 * PATIENCE, env=with_keys(folder)
+        )
         assert process.process.poll() is None, process.lines
     assert not told.stderr or "attachment" in told.stderr, told.stderr
     return told.returncode, told.stdout.splitlines()
@@ -179,18 +216,25 @@ def the_template_conforms(folder):
     assert code == 0 and not any(line.startswith("WRONG") for line in lines), (code, lines)
 
 
-def the_rust_template_conforms(folder, transport):
-    program = pathlib.Path(BINARY).parent / "examples" / "driver_template"
+def a_template_conforms(folder, name):
+    """The one in Rust over Zenoh and over DDS, and the one in Python over Cyclone DDS."""
+    program = [pathlib.Path(BINARY).parent / "examples" / "driver_template"]
+    transport = "zenoh" if name == "zenoh" else "dds"
     cell = own_cell(folder)
     cell.write_text(cell.read_text() + f'\n[bus]\ntransport = "{transport}"\n')
     command = [BINARY, "conformance", "--cell", cell, "--cut", "bore", "--wait", "30"]
     if transport == "dds":
-        with running(program, "dds", folder=folder):
-            told = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=2 * PATIENCE)
+        words = [sys.executable, HERE / "cyclone.py"] if name == "cyclone" else [*program, "dds"]
+        with running(*words, folder=folder):
+            told = subprocess.run(
+            command, cwd=folder, capture_output=True, text=True, timeout=2 * PATIENCE, env=with_keys(folder)
+        )
     else:
         # It joins a router that is there.
-        with running(BINARY, "router", folder=folder) as router, running(program, folder=folder):
-            told = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=2 * PATIENCE)
+        with running(BINARY, "router", folder=folder) as router, running(*program, folder=folder):
+            told = subprocess.run(
+            command, cwd=folder, capture_output=True, text=True, timeout=2 * PATIENCE, env=with_keys(folder)
+        )
             assert router.process.poll() is None, router.lines
     assert told.returncode == 0 and "WRONG" not in told.stdout, (told.stdout, told.stderr)
 
@@ -216,10 +260,11 @@ def nobody_is_there(folder):
 
 
 def main():
-    wanted = sys.argv[2:] or ["part", "conformance", "zenoh", "dds", *faulty.LINES]
+    wanted = sys.argv[2:] or ["part", "secured", "conformance", "zenoh", "dds", "cyclone", *faulty.LINES]
     for name in wanted:
         checks = {"part": [parts_end_to_end], "conformance": [nobody_is_there, the_template_conforms]}
-        checks |= {one: [lambda folder: the_rust_template_conforms(folder, name)] for one in ("zenoh", "dds")}
+        checks["secured"] = [a_secured_cell_knows_its_driver]
+        checks |= {one: [lambda folder: a_template_conforms(folder, name)] for one in ("zenoh", "dds", "cyclone")}
         for check in checks.get(name, [lambda folder: a_fault_is_named(folder, name)]):
             with tempfile.TemporaryDirectory() as folder:
                 check(pathlib.Path(folder))

@@ -13,7 +13,7 @@ use diagnosis::{
 use effects::session::joined::join;
 use probecell_msgs::PlanId;
 
-use super::{diagnose_refine, record::CELL_FILE};
+use super::{diagnose_refine, embedded};
 use crate::{GOOD, output};
 
 /// What the user asks for.
@@ -213,14 +213,11 @@ fn declared(bag: &Bag, model: Option<&Path>) -> anyhow::Result<Vec<DeclaredEffec
     if let Some(path) = model {
         return Ok(Cell::read(path)?.model.effects);
     }
-    for attachment in bag.attachments().flatten() {
-        if attachment.name == CELL_FILE {
-            let text = String::from_utf8_lossy(&attachment.data);
-            return match ModelSection::of_text(&text) {
-                Ok(model) => Ok(model.effects),
-                Err(error) => bail!("{CELL_FILE} of {}: {error}", bag.path().display()),
-            };
-        }
+    let Some(text) = embedded::text(bag)? else {
+        return Ok(Vec::new());
+    };
+    match ModelSection::of_text(&text.cell) {
+        Ok(model) => Ok(model.effects),
+        Err(error) => bail!("{}: {error}", text.name),
     }
-    Ok(Vec::new())
 }

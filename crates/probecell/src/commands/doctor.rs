@@ -195,7 +195,7 @@ fn dds(cell: &Cell, config: &BusConfig) -> Result<String, String> {
     if found {
         Ok(format!(
             "two participants find each other in domain {}; nodes seen: {nodes}",
-            cell.bus.domain_id
+            config.domain_id
         ))
     } else {
         Err(format!(

@@ -10,6 +10,7 @@ pub(crate) mod correct;
 pub(crate) mod diagnose;
 mod diagnose_refine;
 pub(crate) mod doctor;
+pub(crate) mod embedded;
 pub(crate) mod export;
 pub(crate) mod identifiability;
 pub(crate) mod import;

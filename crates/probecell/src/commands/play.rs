@@ -84,9 +84,9 @@ pub(crate) struct Arguments {
     /// Zenoh endpoint of the router.
     #[arg(long, default_value = bus::ROUTER_ENDPOINT)]
     router: String,
-    /// ROS domain.
-    #[arg(long, default_value_t = 0)]
-    domain_id: u32,
+    /// ROS domain [default: ROS_DOMAIN_ID of the environment, else 0].
+    #[arg(long)]
+    domain_id: Option<u32>,
 }
 
 enum PlayerCommand {
@@ -119,9 +119,10 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
             arguments.start_s
         );
     }
+    let domain = (arguments.domain_id).map_or_else(cell::domain_of_environment, Ok);
     let config = BusConfig {
         endpoints: vec![arguments.router.clone()],
-        domain_id: arguments.domain_id,
+        domain_id: domain.map_err(anyhow::Error::msg)?,
         ..BusConfig::default()
     };
     check_names(arguments, &bag)?;

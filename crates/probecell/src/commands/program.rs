@@ -15,8 +15,7 @@ use probecell_msgs::{InspectionPlan, MeasurementOrder};
 
 use super::{
     controller_files::{axes, touched_points},
-    plan,
-    replay::embedded_cell,
+    embedded, plan,
 };
 use crate::{GOOD, output};
 
@@ -190,7 +189,7 @@ impl Source {
         }
         let bag = Bag::open(&arguments.source)?;
         let chain = Chain::from_urdf(&Session::read(&bag)?.robot_description)?;
-        let clearance = match (clearance(arguments, &chain)?, embedded_cell(&bag)?) {
+        let clearance = match (clearance(arguments, &chain)?, embedded::cell(&bag)?) {
             (Some(clearance), _) => Some(clearance),
             (None, Some(cell)) => {
                 let config = cell

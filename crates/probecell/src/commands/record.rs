@@ -35,8 +35,8 @@ pub(crate) const ROBOT_FILE: &str = "robot.urdf";
 /// Name of the embedded public key of the cell.
 pub(crate) const KEY_FILE: &str = "cell.pub";
 
-/// Timeout of the recorder to answer a service.
-const REPLY_TIMEOUT: Duration = Duration::from_secs(30);
+/// Timeout of the recorder to answer a service; a client of this project waits for 15 s.
+const REPLY_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// s for which the cell takes itself for recorded when it hears nothing more: longer than a link is cut for, since a recorder
 /// behind it fetches what it has missed.
@@ -299,23 +299,33 @@ fn is_folder_name(text: &str) -> bool {
     one && !text.contains('/') && !text.chars().any(is_unprintable)
 }
 
-/// Offers the services; a call waits for the main thread to carry it out.
+/// Offers the services; a call waits for the main thread to carry it out. A ROS 2 client never hears of an error reply: a
+/// failure is answered in the service's type.
 fn serve(bus: &Bus, cell: &Cell, requests: &Sender<Request>) -> anyhow::Result<Vec<Server>> {
     let ask = |requests: Sender<Request>| {
         move |request: &[u8]| {
-            let request = from_cdr::<srv::StartRecordingRequest>(request)
-                .map_err(|error| error.to_string())?;
             let (sender, receiver) = channel();
-            let order = Request::Start(request.uri, sender);
-            let answer = wait(&requests, order, &receiver)?;
-            Ok(to_cdr(&answer))
+            let answer = from_cdr::<srv::StartRecordingRequest>(request)
+                .map_err(|error| format!("the request cannot be read: {error}"))
+                .and_then(|request| {
+                    wait(&requests, Request::Start(request.uri, sender), &receiver)
+                });
+            let refused = |text| srv::StartRecordingResponse {
+                text,
+                ..srv::StartRecordingResponse::default()
+            };
+            Ok(to_cdr(&answer.unwrap_or_else(refused)))
         }
     };
     let end = |requests: Sender<Request>| {
         move |_: &[u8]| {
             let (sender, receiver) = channel();
-            let answer = wait(&requests, Request::Stop(sender), &receiver)?;
-            Ok(to_cdr(&answer))
+            let refused = |text| srv::StopRecordingResponse {
+                text,
+                ..srv::StopRecordingResponse::default()
+            };
+            let answer = wait(&requests, Request::Stop(sender), &receiver);
+            Ok(to_cdr(&answer.unwrap_or_else(refused)))
         }
     };
     Ok(vec![

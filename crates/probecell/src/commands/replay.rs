@@ -4,7 +4,7 @@ use std::{path::Path, time::Instant};
 
 use anyhow::{Context, bail};
 use bags::Bag;
-use cell::{Cell, CellText};
+use cell::Cell;
 use graph::{
     Instance, Stamp,
     replay::{Difference, Factory, Recording, Report, Verdict, replay},
@@ -14,13 +14,13 @@ use indicatif::ProgressBar;
 use probecell_msgs::from_cdr;
 use serde_json::json;
 
-use super::record::{CELL_FILE, KEY_FILE, ROBOT_FILE};
+use super::embedded;
 use crate::{FAILED, GOOD, LOSS, output};
 
 /// Replays the bag. A bag without step journals is computed from its plan and touches alone.
 pub(crate) fn run(path: &Path, json: bool) -> anyhow::Result<u8> {
     let bag = Bag::open(path)?;
-    let Some(cell) = embedded_cell(&bag)? else {
+    let Some(cell) = embedded::cell(&bag)? else {
         return super::plan::replay_foreign(&bag, json);
     };
     let begun = Instant::now();
@@ -49,30 +49,6 @@ pub(crate) fn run(path: &Path, json: bool) -> anyhow::Result<u8> {
         Verdict::Different => FAILED,
         Verdict::Incomplete => LOSS,
     })
-}
-
-/// The cell that a recording carries, if it does.
-pub(crate) fn embedded_cell(bag: &Bag) -> anyhow::Result<Option<Cell>> {
-    let mut text = CellText {
-        name: format!("{} of {}", CELL_FILE, bag.path().display()),
-        ..CellText::default()
-    };
-    for attachment in bag.attachments().flatten() {
-        let content = String::from_utf8(attachment.data.to_vec());
-        match attachment.name.as_str() {
-            CELL_FILE => text.cell = content.context("the embedded cell file is not text")?,
-            ROBOT_FILE => {
-                text.robot_description =
-                    content.context("the embedded robot description is not text")?;
-            }
-            KEY_FILE => text.key = content.context("the embedded key is not text")?,
-            _ => {}
-        }
-    }
-    if text.cell.is_empty() {
-        return Ok(None);
-    }
-    Ok(Some(Cell::from_text(text)?))
 }
 
 fn factory(cell: &Cell, name: &'static str) -> Factory {

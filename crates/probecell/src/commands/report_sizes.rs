@@ -7,7 +7,7 @@ use machine::Chain;
 use probecell_msgs::{FeatureResult, InspectionPlan, PartReport, ReferenceMeasurement, std_msgs};
 use serde_json::{Value, json};
 
-use super::replay::embedded_cell;
+use super::embedded;
 
 /// The features of the plans as the instruments find them, by the fits of the recorded cell file (without one: by least
 /// squares), and a sentence for each reference that tells nothing.
@@ -20,7 +20,7 @@ pub(super) fn by_reference(
     if references.is_empty() {
         return Ok((Vec::new(), Vec::new()));
     }
-    let config = match (embedded_cell(bag)?, machines.last()) {
+    let config = match (embedded::cell(bag)?, machines.last()) {
         (Some(cell), _) => cell.analysis.check(cell.chain()?)?,
         (None, Some(machine)) => RawConfig::default().check(Chain::from_urdf(&machine.data)?)?,
         (None, None) => {

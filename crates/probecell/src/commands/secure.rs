@@ -32,7 +32,8 @@ pub(crate) fn run(file: &Path, out: Option<PathBuf>, off: bool) -> anyhow::Resul
     let users = folder.secure(&cell)?;
     let out = out.unwrap_or_else(|| folder.path().join("bus"));
     fs::create_dir_all(&out).with_context(|| format!("cannot make {}", out.display()))?;
-    for user in [policy::ROS, policy::SCREEN] {
+    let driver = cell.is_driver_external().then_some(policy::DRIVER);
+    for user in [policy::ROS, policy::SCREEN].into_iter().chain(driver) {
         let path = out.join(format!("{user}.json5"));
         write(&path, &session_of(&cell, &users, user)?)?;
         output::line(&format!("ZENOH_SESSION_CONFIG_URI={}", path.display()));

@@ -23,7 +23,7 @@ use std::{
 };
 
 use anyhow::bail;
-use cell::Cell;
+use cell::{Cell, keys::KeyFolder};
 use graph::{Topic, topics};
 use host::{
     bus::{Bus, Graph, Publisher, Received, Server, Subscription, TypeId},
@@ -32,7 +32,7 @@ use host::{
 use probecell_msgs::{
     Correction, CorrectionAcknowledgement, Fault, GapReport, LossReport, MachineState, Message,
     OperatorReply, OperatorRequest, PartReport, PartStatus, PassDecision, PlanProgress,
-    RecordingStatus, Verdict, from_cdr, to_cdr,
+    RecordingStatus, Verdict, from_cdr, std_msgs, to_cdr,
 };
 
 pub(crate) use self::{console::described, diagnostics::ProcessState};
@@ -43,7 +43,7 @@ use self::{
     services::{RequestPublishers, serve},
     state::{OperatorState, lock},
 };
-use crate::{cell_bus::CellFailure, output};
+use crate::{cell_bus::CellFailure, commands::embedded, output};
 
 /// How a part ended.
 #[derive(Clone, Copy, Debug)]
@@ -61,6 +61,8 @@ pub(crate) struct Operator {
     diagnostics: Diagnostics,
     keys: Keys,
     waiver: Option<Publisher>,
+    /// The cell file, for late joiners.
+    _description: Publisher,
     subscriptions: Vec<Subscription>,
     servers: Vec<Server>,
 }
@@ -76,6 +78,7 @@ impl Operator {
             keys: Keys::new(&bus, cell)?,
             servers: Vec::new(),
             waiver: None,
+            _description: describe(&bus, cell)?,
             bus,
             namespace,
             state,
@@ -323,4 +326,16 @@ impl Operator {
         self.bus.close(Duration::from_secs(2))?;
         Ok(())
     }
+}
+
+/// Publishes the cell file without passwords, below the public key of the cell, so that a recording by whomever holds what
+/// made the cell.
+fn describe(bus: &Bus, cell: &Cell) -> anyhow::Result<Publisher> {
+    let topic = topics::CELL_DESCRIPTION;
+    let publisher = bus.publisher(&cell.topic(topic.name), topic.message, bus_qos(topic.qos))?;
+    let description = std_msgs::String {
+        data: embedded::description(cell, &KeyFolder::of(cell)?.public()?.to_string()),
+    };
+    publisher.publish(to_cdr(&description), host::now().0)?;
+    Ok(publisher)
 }

@@ -202,10 +202,16 @@ impl Services<'_> {
         to_response: fn(bool, String) -> S::Response,
     ) -> anyhow::Result<Server> {
         let requests = Arc::clone(self.requests);
+        // A ROS 2 client never hears of an error reply: a failure is answered in the service's type.
         let handler = move |request: &[u8]| {
-            let request = from_cdr::<S::Request>(request).map_err(|error| error.to_string())?;
-            let reply = requests.call(reply.name, to_request(request))?;
-            Ok(to_cdr(&to_response(reply.accepted, reply.text)))
+            let answer = from_cdr::<S::Request>(request)
+                .map_err(|error| format!("the request cannot be read: {error}"))
+                .and_then(|request| requests.call(reply.name, to_request(request)));
+            let (accepted, text) = match answer {
+                Ok(reply) => (reply.accepted, reply.text),
+                Err(why) => (false, why),
+            };
+            Ok(to_cdr(&to_response(accepted, text)))
         };
         let name = format!("{}/{name}", self.namespace);
         Ok(self.bus.serve(&name, S::TYPE, Box::new(handler))?)

@@ -28,7 +28,12 @@ use cell::Cell;
 use host::bus::Bus;
 
 use self::{gate::Gate, judge::Judge};
-use crate::{DEFAULT_CELL, FAILED, GOOD, cell_bus::bus_config, output, routing::Routing};
+use crate::{
+    DEFAULT_CELL, FAILED, GOOD,
+    cell_bus::{bus_config, users},
+    output,
+    routing::Routing,
+};
 
 /// Time in which a session that has joined discovers the other nodes.
 const DISCOVERY: Duration = Duration::from_secs(1);
@@ -76,8 +81,15 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
             );
         }
     }
+    if users(&cell)?.is_some() {
+        bail!(
+            "{}: the cell is secured, and this command speaks for two of its processes: probecell secure --off takes that back",
+            arguments.cell.display()
+        );
+    }
     let routing = Routing::start(&cell)?;
-    let bus = Bus::open(&bus_config(&cell)?, "machine_state", &cell.namespace())?;
+    let config = bus_config(&cell, "machine_state")?;
+    let bus = Bus::open(&config, "machine_state", &cell.namespace())?;
     refuse_beside_a_cell(&bus, &cell)?;
     let mut judge = Judge::default();
     let mut gate = Gate::join(bus, &cell)?;
