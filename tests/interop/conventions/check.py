@@ -96,8 +96,8 @@ def tokens(opened, domain=0):
 
 def call(opened, service, request, response, **fields):
     """What rmw_zenoh_cpp does: it hears replies, and no error."""
-    (token,) = [one for one in tokens(opened) if f"/SS/%/%turn_mill/" in one and f"/%turn_mill%{service}/" in one]
-    kind, digest = token.split("/")[11:13]
+    (token,) = [one for one in tokens(opened) if "/SS/%/%turn_mill/" in one and f"/%turn_mill%{service}/" in one]
+    kind, digest = token.split("/")[10:12]
     payload = MESSAGES.encode(default(request, fields), request)
     replies = opened.get(
         f"0/turn_mill/{service}/{kind}/{digest}", payload=payload, attachment=struct.pack("<qqB", 1, 1, 16) + bytes(16),
