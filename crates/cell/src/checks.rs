@@ -10,7 +10,6 @@ use crate::{Cell, access, sections::LAST_DOMAIN};
 /// s; shortest and longest time after which a recording is flushed.
 const FLUSH_INTERVAL: std::ops::RangeInclusive<f64> = 0.01..=3600.0;
 
-
 /// One sentence about the first thing that is wrong.
 pub(crate) fn sections(cell: &Cell) -> Result<(), String> {
     let name = &cell.cell.name;

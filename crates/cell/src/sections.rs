@@ -82,7 +82,9 @@ pub fn domain_of_environment() -> Result<u32, String> {
     domain
         .filter(|domain| *domain <= LAST_DOMAIN)
         .ok_or_else(|| {
-            format!("environment: ROS_DOMAIN_ID = {text:?} must be a number between 0 and {LAST_DOMAIN}")
+            format!(
+                "environment: ROS_DOMAIN_ID = {text:?} must be a number between 0 and {LAST_DOMAIN}"
+            )
         })
 }
 
