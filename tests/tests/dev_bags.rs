@@ -180,6 +180,7 @@ fn each_plan_is_ordered_again_validly_and_no_longer_than_it_was_measured() {
         let rules = MotionRules {
             chain: &chain,
             clearance: None,
+            attitudes: None,
             overtravel: OVERTRAVEL,
             kicks: 2000,
         };

@@ -88,6 +88,7 @@ fn check(cell_file: &str) {
     let rules = MotionRules {
         chain: &chain,
         clearance: config.clearance,
+        attitudes: None,
         overtravel: config.overtravel,
         kicks: 100,
     };

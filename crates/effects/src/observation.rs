@@ -582,7 +582,8 @@ impl Builder<'_> {
     }
 }
 
-/// The machine with the tool, taken as long as the stylus, at a point; `rotary` as in the plan's operation.
+/// The machine with the tool, taken as long as the stylus, at a point; `rotary` as in the plan's operation. `None` where that
+/// does not say how the tool was held: the axes that are left can turn it (an arm).
 pub fn cut_pose(
     chain: &Chain,
     nominal: &Nominal,
@@ -593,6 +594,12 @@ pub fn cut_pose(
     let mut fixed = vec![None; chain.axes().len()];
     for (&axis, &position) in prescribed.iter().zip(rotary) {
         fixed[axis] = Some(position);
+    }
+    let turning = (0..fixed.len()).filter(|&axis| {
+        fixed[axis].is_none() && chain.axis(axis).kind == JointKind::Revolute
+    });
+    if turning.count() > 3 {
+        return None;
     }
     let start = vec![0.0; fixed.len()];
     let target = Target {

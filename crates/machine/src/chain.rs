@@ -8,12 +8,12 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use nalgebra::{Isometry3, Matrix3, Translation3, Unit, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Matrix3, Point3, Translation3, Unit, UnitQuaternion, Vector3};
 
 use crate::{
     description::{ChainError, MOST_JOINTS},
     motion::Motion,
-    urdf::{Link, RawJoint, Robot},
+    urdf::{Link, RawJoint, Robot, Round},
 };
 
 /// Root link of every machine.
@@ -55,6 +55,17 @@ pub struct Joint {
     pub centre_of_mass: Vector3<f64>,
     /// Inertia of the child link about its centre of mass, kg m².
     pub inertia: Matrix3<f64>,
+    /// Space that the child link fills, as far as the description tells it in cylinders and spheres.
+    pub capsules: Vec<Capsule>,
+}
+
+/// A shaft with round ends, in the frame of a joint after its motion.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Capsule {
+    /// Ends of its axis, m.
+    pub ends: [Point3<f64>; 2],
+    /// m
+    pub radius: f64,
 }
 
 impl Joint {
@@ -363,6 +374,21 @@ pub(crate) fn joint(joint: &RawJoint, child: &Link) -> Result<Joint, ChainError>
         mass,
         centre_of_mass: centre.translation.vector,
         inertia,
+        capsules: (child.rounds.iter())
+            .map(|round| capsule(round).ok_or_else(|| bad("collision geometry")))
+            .collect::<Result<_, _>>()?,
         name,
+    })
+}
+
+/// The capsule around a cylinder: its axis ends where the flat faces are, so that it covers the edges' circles but for the
+/// corners beyond its radius; `None` where a number is unusable.
+fn capsule(round: &Round) -> Option<Capsule> {
+    let origin = round.origin.isometry()?;
+    let usable = round.radius.is_finite() && round.length.is_finite();
+    let half = 0.5 * round.length;
+    (usable && round.radius > 0.0 && half >= 0.0).then(|| Capsule {
+        ends: [-half, half].map(|z| origin * Point3::new(0.0, 0.0, z)),
+        radius: round.radius,
     })
 }

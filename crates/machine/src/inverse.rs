@@ -3,7 +3,7 @@
 //! Metres and radians, part frame. Levenberg-Marquardt on the analytic derivatives of the chain, inside the travels
 //! of the robot description; axes with a prescribed position stay there. A five-axis machine has its rotary axes
 //! prescribed and three linear ones free; an arm has all free and the orientation of the probe prescribed.
-//! It finds one solution near the start, not all of them, and knows no collisions.
+//! It finds one solution near the start, not all of them ([`crate::postures`] does, for arms), and knows no collisions.
 
 use nalgebra::{DMatrix, DVector, Isometry3, Point3, UnitQuaternion};
 
@@ -128,6 +128,24 @@ impl Chain {
         }
     }
 
+    /// Derivatives of the ball's place and, at its lever, of the probe's attitude by the positions of free axes.
+    pub(crate) fn free_jacobian(
+        &self,
+        positions: &[f64],
+        free: &[usize],
+        part_pose: &Isometry3<f64>,
+        ball: &Point3<f64>,
+    ) -> DMatrix<f64> {
+        let sensitivity = self.sensitivity(positions, part_pose, ball);
+        let mut jacobian = DMatrix::zeros(6, free.len());
+        for (column, &axis) in free.iter().enumerate() {
+            let (place, turn) = (sensitivity.axes[axis], sensitivity.turns[axis] * LEVER);
+            jacobian.fixed_view_mut::<3, 1>(0, column).copy_from(&place);
+            jacobian.fixed_view_mut::<3, 1>(3, column).copy_from(&turn);
+        }
+        jacobian
+    }
+
     fn clamp(&self, index: usize, position: f64) -> f64 {
         self.axis(index)
             .limits
@@ -160,18 +178,9 @@ impl Problem<'_> {
     }
 
     fn jacobian(&self, positions: &[f64], rows: usize) -> DMatrix<f64> {
-        let sensitivity = self.chain.sensitivity(positions, self.part_pose, self.ball);
-        let mut jacobian = DMatrix::zeros(rows, self.free.len());
-        for (column, &axis) in self.free.iter().enumerate() {
-            jacobian
-                .fixed_view_mut::<3, 1>(0, column)
-                .copy_from(&sensitivity.axes[axis]);
-            if rows == 6 {
-                let turn = sensitivity.turns[axis] * LEVER;
-                jacobian.fixed_view_mut::<3, 1>(3, column).copy_from(&turn);
-            }
-        }
-        jacobian
+        let (part_pose, ball) = (self.part_pose, self.ball);
+        let all = self.chain.free_jacobian(positions, self.free, part_pose, ball);
+        all.rows(0, rows).into_owned()
     }
 
     fn solve(&self, mut positions: Vec<f64>) -> Result<Vec<f64>, ReachError> {

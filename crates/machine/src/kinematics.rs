@@ -120,7 +120,16 @@ impl Chain {
 
     /// Foundation from the end link of a branch. `positions` in the order of [`Self::axes`].
     pub fn end_pose(&self, side: Side, positions: &[f64]) -> Isometry3<f64> {
-        self.branch(side)
+        self.pose_along(self.branch(side), positions)
+    }
+
+    /// Foundation from the frame of a joint after its motion: that at a place in a branch.
+    pub(crate) fn pose_after(&self, side: Side, place: usize, positions: &[f64]) -> Isometry3<f64> {
+        self.pose_along(&self.branch(side)[..=place], positions)
+    }
+
+    fn pose_along(&self, joints: &[usize], positions: &[f64]) -> Isometry3<f64> {
+        joints
             .iter()
             .fold(Isometry3::identity(), |pose, &index| {
                 let joint = &self.joints()[index];

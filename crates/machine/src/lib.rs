@@ -15,16 +15,18 @@
 //!
 //! | module | answers |
 //! |---|---|
-//! | [`chain`], [`kinematics`], [`inverse`], [`head`] | where the ball is for axis positions, and the reverse |
+//! | [`chain`], [`kinematics`], [`inverse`], [`head`], [`postures`] | where the ball is for axis positions, and the reverse |
 //! | [`deviation`], [`contact`] | how far a touch is off its nominal surface |
 //! | [`links`], [`volumetric`] | geometric errors of the axes (ISO 230-1, ISO 230-7) and their compensation table |
+//! | [`frame`] | what a work offset moves |
+//! | [`Chain::gravity_efforts`] | how weight pulls at the axes |
 //! | [`motion`], [`travel`] | how long moves take, and whether they stay within the travels |
 //! | [`tree`] | where every link is, for viewers |
 //! | [`geometry`], [`access`] | what the stylus would hit |
 //!
 //! Metres, radians, seconds. Frames are those of the interface contract ("Frames and the machine model"): `foundation`,
 //! `workpiece`, `probe_mount`, and the part frame in which points and normals are given; formulas as in
-//! `docs/source_systems.md, D.2`. Axes are named after ISO 841. No dynamics, and no file or bus access; why a real machine
+//! `docs/source_systems.md, D.2`. Axes are named after ISO 841. No dynamics but weight, and no file or bus access; why a real machine
 //! differs from this model is the question of `diagnosis`.
 //!
 //! ```
@@ -48,7 +50,9 @@ pub mod chain;
 pub mod contact;
 mod description;
 pub mod deviation;
+pub mod frame;
 pub mod geometry;
+mod gravity;
 pub mod head;
 pub mod inverse;
 pub mod kinematics;
@@ -56,16 +60,18 @@ pub mod links;
 pub mod models;
 pub mod motion;
 mod part_frame;
+pub mod postures;
 pub mod travel;
 pub mod tree;
 mod urdf;
 pub mod volumetric;
 
 pub use access::{Access, TouchPose};
-pub use chain::{Chain, Joint, JointKind, Side};
+pub use chain::{Capsule, Chain, Joint, JointKind, Side};
 pub use contact::Surface;
 pub use description::ChainError;
 pub use deviation::{DeviationError, Nominal, deviation, touch_positions};
+pub use frame::WorkOffset;
 pub use head::{HEAD_AXES, SwivelHead};
 pub use inverse::{ReachError, Target};
 pub use kinematics::{ChainErrors, NO_TWIST, PositionError, Sensitivity, Twist, displacement};

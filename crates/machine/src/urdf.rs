@@ -1,6 +1,6 @@
 //! The part of a URDF that is a machine: links with their masses, joints with their limits.
 //!
-//! Everything else (shapes, colours, transmissions) is passed over. m, rad, kg. What the format requires and a text lacks
+//! Of shapes, cylinders and spheres of `collision` are read; everything else (visuals, transmissions) is passed over. m, rad, kg. What the format requires and a text lacks
 //! is named with its joint or link (<http://wiki.ros.org/urdf/XML>).
 
 use nalgebra::{Isometry3, Matrix3, Quaternion, Translation3, UnitQuaternion, Vector3};
@@ -25,6 +25,15 @@ pub(crate) struct Link {
     pub(crate) origin: Pose,
     pub(crate) mass: f64,
     pub(crate) inertia: Matrix3<f64>,
+    /// Cylinders and spheres of its `collision` elements.
+    pub(crate) rounds: Vec<Round>,
+}
+
+/// A cylinder about the z axis of its frame, or a sphere (of length 0), m.
+pub(crate) struct Round {
+    pub(crate) origin: Pose,
+    pub(crate) radius: f64,
+    pub(crate) length: f64,
 }
 
 /// A joint as it is written.
@@ -183,10 +192,33 @@ fn pose(of: Node<'_, '_>, parent: Node<'_, '_>) -> Result<Pose, ChainError> {
     Ok(Pose { xyz, turn })
 }
 
+/// Cylinders and spheres of a link's `collision` elements; boxes and meshes are not told.
+fn rounds(of: Node<'_, '_>) -> Result<Vec<Round>, ChainError> {
+    let mut rounds = Vec::new();
+    for collision in of.children().filter(|one| one.has_tag_name("collision")) {
+        let shape = child(collision, "geometry");
+        let shape = shape.and_then(|shape| shape.children().find(Node::is_element));
+        let Some(shape) = shape else { continue };
+        let length = match shape.tag_name().name() {
+            "cylinder" => number(of, shape, "length")?,
+            "sphere" => 0.0,
+            _ => continue,
+        };
+        rounds.push(Round {
+            origin: pose(of, collision)?,
+            radius: number(of, shape, "radius")?,
+            length,
+        });
+    }
+    Ok(rounds)
+}
+
 fn link(of: Node<'_, '_>) -> Result<Link, ChainError> {
     let name = attribute(of, of, "name")?.to_owned();
+    let rounds = rounds(of)?;
     let Some(inertial) = child(of, "inertial") else {
         return Ok(Link {
+            rounds,
             name,
             origin: Pose::default(),
             mass: 0.0,
@@ -201,6 +233,7 @@ fn link(of: Node<'_, '_>) -> Result<Link, ChainError> {
     let [xx, xy, xz] = [moment("ixx")?, moment("ixy")?, moment("ixz")?];
     let [yy, yz, zz] = [moment("iyy")?, moment("iyz")?, moment("izz")?];
     Ok(Link {
+        rounds,
         name,
         origin: pose(of, inertial)?,
         mass: number(of, required("mass")?, "value")?,

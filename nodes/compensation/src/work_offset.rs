@@ -3,12 +3,13 @@
 //! m and rad, part frame. `analysis` aligns the part by its datums or a best fit ([`PartAlignment`]). A point p of it is
 //! displaced by u = shift + rotation × p; the programme follows by changes Δ of the work offsets of linear axes with
 //! J Δ = u, J being the derivatives of the ball's position by these axes at the touches, in least squares over all of them.
-//! Linear axes rotate nothing: what remains of u is reported, and where it exceeds the tolerance the part has to be clamped
+//! An arm has no linear axes; its work offsets X, Y, Z shift the frame of its programme along the axes of the part frame
+//! ([`machine::frame`]). Neither rotates anything: what remains of u is reported, and where it exceeds the tolerance the part has to be clamped
 //! again. The offsets are absolute; they start from those that the controller reports.
 
 use std::collections::BTreeMap;
 
-use machine::{Chain, JointKind, Nominal};
+use machine::{Chain, Nominal};
 use metrology::decision::Verdict;
 use nalgebra::{DMatrix, DVector, Matrix3x6, Matrix6, Vector3};
 use probecell_msgs::{
@@ -98,10 +99,7 @@ impl RawWorkOffset {
             return Err(WorkOffsetError::NoAxes);
         }
         for (index, name) in self.axes.iter().enumerate() {
-            let linear = chain
-                .axis_index(name)
-                .is_some_and(|axis| chain.axis(axis).kind == JointKind::Prismatic);
-            if !linear || self.axes[..index].contains(name) {
+            if chain.work_offset(name).is_none() || self.axes[..index].contains(name) {
                 return Err(WorkOffsetError::Axis(name.clone()));
             }
         }
@@ -206,10 +204,10 @@ fn displacement(
     let covariance = alignment.covariance.iter().copied();
     let covariance = Matrix6::from_iterator(covariance.chain(std::iter::repeat(0.0)).take(36));
     let nominal = Nominal::from_plan(plan).map_err(|error| error.to_string())?;
-    let axes: Vec<usize> = rules
+    let axes: Vec<machine::WorkOffset> = rules
         .axes
         .iter()
-        .filter_map(|name| rules.chain.axis_index(name))
+        .filter_map(|name| rules.chain.work_offset(name))
         .collect();
     let (mut rows, mut displaced, mut points) = (Vec::new(), Vec::new(), Vec::new());
     let events = alignment.sequences.iter();
@@ -226,7 +224,10 @@ fn displacement(
             .sensitivity(&positions, &nominal.part_pose, &nominal.ball);
         rows.push(
             axes.iter()
-                .map(|&axis| sensitivity.axes[axis])
+                .map(|&moved| match moved {
+                    machine::WorkOffset::Axis(axis) => sensitivity.axes[axis],
+                    machine::WorkOffset::Frame(along) => Vector3::ith(along, 1.0),
+                })
                 .collect::<Vec<_>>(),
         );
         displaced.push(shift + rotation.cross(&point.coords));

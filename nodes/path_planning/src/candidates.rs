@@ -3,7 +3,8 @@
 //!
 //! A point may be touched at one of several poses: positions of the plan's rotary axes. A *candidate* is a point at one of
 //! them. Poses at which the point is out of reach, or at which the stylus would hit what the plan tells of the part
-//! ([`machine::access`]), are left out; the first one is prescribed by the plan and only has to be reached. Metres, radians.
+//! ([`machine::access`]), are left out; the first one is prescribed by the plan and only has to be reached. An arm has
+//! further candidates by the attitude of its probe ([`crate::attitudes`]). Metres, radians.
 
 use machine::{
     Nominal, Target,
@@ -13,7 +14,7 @@ use nalgebra::{Point3, UnitQuaternion};
 use probecell_msgs::InspectionPlan;
 use serde::{Deserialize, Serialize};
 
-use crate::{error::PlanningError, rules::MotionRules};
+use crate::{attitudes, error::PlanningError, rules::MotionRules};
 
 /// Positions (rad) of the plan's rotary axes at each of which a point may be touched, the one to beat first.
 pub type Poses = Vec<Vec<f64>>;
@@ -53,16 +54,17 @@ pub(crate) struct Candidate {
 }
 
 /// Inverse kinematics of one point after the other: each search starts where the last one ended.
-struct Solver<'a> {
-    rules: &'a MotionRules<'a>,
-    plan: &'a InspectionPlan,
-    part: &'a Nominal,
-    rotary: Vec<usize>,
+pub(crate) struct Solver<'a> {
+    pub(crate) rules: &'a MotionRules<'a>,
+    pub(crate) plan: &'a InspectionPlan,
+    pub(crate) part: &'a Nominal,
+    /// The plan's rotary axes.
+    pub(crate) rotary: Vec<usize>,
     last: Vec<f64>,
 }
 
 impl<'a> Solver<'a> {
-    fn new(
+    pub(crate) fn new(
         rules: &'a MotionRules<'a>,
         plan: &'a InspectionPlan,
         part: &'a Nominal,
@@ -71,32 +73,31 @@ impl<'a> Solver<'a> {
             let index = rules.chain.axis_index(name);
             index.ok_or_else(|| PlanningError::Rotary(name.clone()))
         };
-        let middle = |index: usize| {
-            let limits = rules.chain.axis(index).limits;
-            limits.map_or(0.0, |(lower, upper)| f64::midpoint(lower, upper))
-        };
         Ok(Self {
             rotary: plan
                 .rotary_names
                 .iter()
                 .map(axis)
                 .collect::<Result<_, _>>()?,
-            last: (0..rules.chain.axes().len()).map(middle).collect(),
+            last: middle(rules),
             rules,
             plan,
             part,
         })
     }
 
-    /// Targets of a point at a pose.
-    fn targets(
-        &mut self,
+    /// The middle of all travels.
+    pub(crate) fn middle(&self) -> Vec<f64> {
+        middle(self.rules)
+    }
+
+    /// Axes that stand still while a point is touched at a pose.
+    pub(crate) fn prescribed(
+        &self,
         point: usize,
         pose: &[f64],
-        seed: Option<&Seed>,
-    ) -> Result<Targets, PlanningError> {
-        let prescribed = &self.plan.points[point];
-        if prescribed.feature as usize >= self.plan.features.len() {
+    ) -> Result<Vec<Option<f64>>, PlanningError> {
+        if self.plan.points[point].feature as usize >= self.plan.features.len() {
             return Err(PlanningError::Feature(point));
         }
         if pose.len() != self.rotary.len() {
@@ -106,11 +107,23 @@ impl<'a> Solver<'a> {
                 axes: self.rotary.len(),
             });
         }
-        let distances = [prescribed.approach_distance, prescribed.retract_distance];
         let mut prescribed = vec![None; self.last.len()];
         for (&axis, &angle) in self.rotary.iter().zip(pose) {
             prescribed[axis] = Some(angle);
         }
+        Ok(prescribed)
+    }
+
+    /// Targets of a point at a pose.
+    pub(crate) fn targets(
+        &mut self,
+        point: usize,
+        pose: &[f64],
+        seed: Option<&Seed>,
+    ) -> Result<Targets, PlanningError> {
+        let prescribed = self.prescribed(point, pose)?;
+        let planned = &self.plan.points[point];
+        let distances = [planned.approach_distance, planned.retract_distance];
         let part = self.part;
         let mut start = seed.map_or_else(|| self.last.clone(), |seed| seed.positions.clone());
         let attitude = seed.and_then(|seed| seed.attitude);
@@ -129,7 +142,11 @@ impl<'a> Solver<'a> {
         let radius = part.ball_radius;
         let (approach_ball, approach) = target_at(radius + distances[0])?;
         let (_, touch) = target_at(radius - self.rules.overtravel)?;
-        let (retract_ball, retract) = target_at(radius + distances[1])?;
+        let (retract_ball, retract) = if attitude.is_some() && distances[0] == distances[1] {
+            (approach_ball, approach.clone())
+        } else {
+            target_at(radius + distances[1])?
+        };
         self.last.clone_from(&approach);
         Ok(Targets {
             approach,
@@ -143,6 +160,14 @@ impl<'a> Solver<'a> {
     }
 }
 
+fn middle(rules: &MotionRules<'_>) -> Vec<f64> {
+    let middle = |index: usize| {
+        let limits = rules.chain.axis(index).limits;
+        limits.map_or(0.0, |(lower, upper)| f64::midpoint(lower, upper))
+    };
+    (0..rules.chain.axes().len()).map(middle).collect()
+}
+
 /// The candidates of all points of a plan, by point. `poses` and `seeds` have one entry for each point, or are empty: the
 /// plan's own rotary positions, and an empty list of a point means the same.
 pub(crate) fn all(
@@ -152,6 +177,9 @@ pub(crate) fn all(
     poses: &[Poses],
     seeds: &[Seed],
 ) -> Result<Vec<Candidate>, PlanningError> {
+    if let Some(attitudes) = rules.attitudes.filter(|_| seeds.is_empty()) {
+        return attitudes::candidates(rules, attitudes, plan, part, poses);
+    }
     let mut solver = Solver::new(rules, plan, part)?;
     let mut all: Vec<Candidate> = Vec::with_capacity(plan.points.len());
     for (point, nominal) in plan.points.iter().enumerate() {
@@ -228,7 +256,7 @@ pub(crate) fn first_touches(
     Ok(candidates.into_iter().map(touch).collect())
 }
 
-fn touch_pose(
+pub(crate) fn touch_pose(
     plan: &InspectionPlan,
     part: &Nominal,
     point: usize,

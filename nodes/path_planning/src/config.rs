@@ -4,9 +4,13 @@ use machine::Chain;
 use serde::Deserialize;
 
 use crate::{
+    attitudes::Attitudes,
     part::{Part, PartError, RawPart},
     rules::MotionRules,
 };
+
+/// Most postures that each touch may be made at.
+const MOST_POSTURES: usize = 32;
 
 /// As written in the cell file, section `[path_planning]`.
 #[derive(Clone, Debug, Deserialize)]
@@ -20,6 +24,8 @@ pub struct RawConfig {
     pub kicks: u64,
     /// How far a probing move continues behind the nominal contact before it gives up.
     pub overtravel_mm: f64,
+    /// Of an arm: postures and turns that each touch may be made at, chosen from all that are possible.
+    pub postures: usize,
 }
 
 impl Default for RawConfig {
@@ -29,6 +35,7 @@ impl Default for RawConfig {
             clearance_mm: 0.0,
             kicks: 20_000,
             overtravel_mm: 2.0,
+            postures: 6,
         }
     }
 }
@@ -44,6 +51,8 @@ pub struct Config {
     pub allowances: Vec<f64>,
     /// Index of the axis that is moved clear first (in the chain's axes), and its clear position (m).
     pub clearance: Option<(usize, f64)>,
+    /// How an arm may hold the probe.
+    pub attitudes: Option<Attitudes>,
     /// Kicks of the local search.
     pub kicks: u64,
     /// m; how far a probing move continues behind the nominal contact.
@@ -56,6 +65,7 @@ impl Config {
         MotionRules {
             chain: &self.chain,
             clearance: self.clearance,
+            attitudes: self.attitudes.as_ref(),
             overtravel: self.overtravel,
             kicks: self.kicks,
         }
@@ -113,6 +123,18 @@ impl RawConfig {
                 more: " above 0",
             });
         }
+        if !(1..=MOST_POSTURES).contains(&self.postures) {
+            return Err(ConfigError::Number {
+                key: "postures",
+                value: self.postures as f64,
+                more: " from 1 to 32",
+            });
+        }
+        let held = part.held(&chain)?;
+        let attitudes = held.map(|features| Attitudes {
+            features,
+            kept: self.postures,
+        });
         let part = part.check(&chain)?;
         let overtravel = self.overtravel_mm * 1e-3;
         Ok(Config {
@@ -120,6 +142,7 @@ impl RawConfig {
             part,
             allowances,
             clearance,
+            attitudes,
             kicks: self.kicks,
             overtravel,
         })

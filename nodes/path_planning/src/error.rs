@@ -30,6 +30,22 @@ pub enum PlanningError {
         /// Why not at the first.
         source: machine::ReachError,
     },
+    /// A point that an arm touches in no attitude.
+    #[error(
+        "point {point} cannot be touched: of {attitudes} attitudes of the probe {postures} postures of the arm are within reach; {singular} of them are next to a singularity, and at {hitting} the stylus, the probe or the arm would hit the part"
+    )]
+    Attitudes {
+        /// Index of the point.
+        point: usize,
+        /// Attitudes tried.
+        attitudes: usize,
+        /// Postures of the arm in these attitudes.
+        postures: usize,
+        /// Postures next to a singularity.
+        singular: usize,
+        /// Postures in which something would hit the part.
+        hitting: usize,
+    },
     /// A rotary axis of the plan that the machine lacks.
     #[error("the plan prescribes rotary axis {0:?}, which the machine does not have")]
     Rotary(String),
@@ -103,6 +119,7 @@ impl PlanningError {
         match &mut self {
             Self::Reach { point, .. }
             | Self::Poses { point, .. }
+            | Self::Attitudes { point, .. }
             | Self::Rotaries { point, .. }
             | Self::Feature(point) => *point = index(*point) as usize,
             Self::NoTransit { from, to } => {

@@ -17,7 +17,8 @@
 //! The part comes from the cell file ([`part`]): nominal features, where to touch them, which operation cut them. For a
 //! measurement of a pass the nominal sizes are the drawing's plus the allowance that the pass leaves. The order is the
 //! shortest open path in time over the moves between touches ([`MotionRules::plan`]), never longer than the order in which
-//! the cell file lists the points; where a point may be touched at several poses, one is chosen with the order. Features
+//! the cell file lists the points; where a point may be touched at several poses, or an arm may hold the probe in several
+//! ways, one is chosen with the order. Features
 //! marked as a datum come first (ISO 5459), and every target is within the travel of its axis. No transit between touches
 //! leads through what the plan tells of the part ([`machine::geometry`]). An order is made in slices, each a step of the
 //! node, reported on `plan_progress` ([`Task`], [`Job`]).
@@ -29,6 +30,7 @@
 //!
 //! Lengths in m, angles in rad, times in s; contacts and normals in the part frame, targets as joint positions.
 
+mod attitudes;
 mod candidates;
 mod config;
 mod error;
@@ -48,6 +50,7 @@ mod task;
 mod transit;
 mod work;
 
+pub use attitudes::{Attitudes, Held};
 pub use candidates::{Poses, Seed};
 pub use config::{Config, ConfigError, RawConfig};
 pub use error::PlanningError;

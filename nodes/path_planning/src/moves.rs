@@ -38,7 +38,10 @@ pub(crate) fn first_transit(
     approach: &Station,
 ) -> Vec<Vec<f64>> {
     let Some((axis, clear)) = rules.clearance else {
-        return vec![approach.positions.clone()];
+        // An arm may come from anywhere: over the highest place above the first touch at which all is clear.
+        let over = approach.highest().filter(|_| rules.attitudes.is_some());
+        let over = over.filter(|over| **over != approach.positions).cloned();
+        return over.into_iter().chain([approach.positions.clone()]).collect();
     };
     let out = |at: &[f64]| {
         let mut out = at.to_vec();

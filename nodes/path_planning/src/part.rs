@@ -8,6 +8,7 @@
 
 mod error;
 mod features;
+mod held;
 mod numbers;
 mod poses;
 mod raw;

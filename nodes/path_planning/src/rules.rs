@@ -2,6 +2,8 @@
 
 use machine::{Chain, Motion};
 
+use crate::attitudes::Attitudes;
+
 /// The machine, and what its measuring programs keep to.
 #[derive(Clone, Debug)]
 pub struct MotionRules<'a> {
@@ -10,6 +12,8 @@ pub struct MotionRules<'a> {
     /// Axis that is moved clear of the part before the others move (index in the chain's axes), and its clear position
     /// (m); `None`: the probe withdraws along its stem.
     pub clearance: Option<(usize, f64)>,
+    /// How an arm may hold the probe; `None` where the axes that are free cannot turn it, or seeds say how.
+    pub attitudes: Option<&'a Attitudes>,
     /// How far a probing move continues behind the nominal contact, m.
     pub overtravel: f64,
     /// Kicks of the local search.

@@ -21,6 +21,8 @@ use crate::{
 /// Heights to which the probe may withdraw: this many from the middle of the part to where everything is clear, and half
 /// as many beyond, for axes that swing the part.
 const HEIGHTS: u32 = 8;
+/// Of these heights an arm, whose moves are dear to check, tries every third.
+const COARSE: u32 = 3;
 /// Charged where there is no transit, s: any other order is better.
 pub(crate) const NO_TRANSIT: f64 = 1e5;
 
@@ -37,7 +39,7 @@ pub(crate) struct Station {
 }
 
 impl Station {
-    fn highest(&self) -> Option<&Vec<f64>> {
+    pub(crate) fn highest(&self) -> Option<&Vec<f64>> {
         self.lifts.iter().flatten().next_back()
     }
 
@@ -102,7 +104,10 @@ impl<'a> Transits<'a> {
                     let exit = exit(chain, self.nominal, around, at, clearance);
                     (Vec::new(), exit)
                 }
-                None => (lifts(chain, self.nominal, around, at), None),
+                None => {
+                    let step = if self.rules.attitudes.is_some() { COARSE } else { 1 };
+                    (lifts(chain, self.nominal, around, at, step), None)
+                }
             };
             Station {
                 positions: positions.to_vec(),
@@ -111,10 +116,13 @@ impl<'a> Transits<'a> {
                 exit,
             }
         };
-        Ends {
-            approach: end(&targets.approach),
-            retract: end(&targets.retract),
-        }
+        let approach = end(&targets.approach);
+        let retract = if targets.retract == targets.approach {
+            approach.clone()
+        } else {
+            end(&targets.retract)
+        };
+        Ends { approach, retract }
     }
 
     /// Seconds from the retract of one candidate to the approach of another.
@@ -153,8 +161,12 @@ impl<'a> Transits<'a> {
         };
         // Out and back are known to be clear: what remains to be checked is the way across, with all axes at once or with
         // the rotary axes before or after the others.
-        let crossings = [Crossing::AtOnce, Crossing::TurnFirst, Crossing::TurnLast];
-        let across = crossings.into_iter().find_map(|crossing| {
+        let crossings = match self.rules.attitudes {
+            // All axes of an arm turn.
+            Some(_) => &[Crossing::AtOnce][..],
+            None => &[Crossing::AtOnce, Crossing::TurnFirst, Crossing::TurnLast],
+        };
+        let across = crossings.iter().copied().find_map(|crossing| {
             lifted().find_map(|(out, over)| {
                 let way = self.across(out, over, crossing);
                 let ends = [out, over].map(|at| self.around.clearances(at));
@@ -225,6 +237,7 @@ fn lifts(
     nominal: &Nominal,
     around: &Surroundings<'_>,
     (targets, positions, clearances): (&Targets, &[f64], &[f64]),
+    every: u32,
 ) -> Vec<Option<Vec<f64>>> {
     let (ball, stem) = around.probe(positions);
     let Some(stem) = stem.or_else(|| Unit::try_new(targets.ball[0] - around.centre(), 0.0)) else {
@@ -259,7 +272,8 @@ fn lifts(
             outside && around.is_clear(positions, std::slice::from_ref(&reached), [&start, &end]);
         clear.then_some(reached)
     };
-    (1..=HEIGHTS + HEIGHTS / 2).map(lift).collect()
+    let heights = 1..=HEIGHTS + HEIGHTS / 2;
+    heights.filter(|height| height % every == 0).map(lift).collect()
 }
 
 /// The straight way from one touch to the next cannot lead through the feature: points of one plane, or of one bore,

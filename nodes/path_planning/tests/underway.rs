@@ -202,6 +202,7 @@ fn every_stretch_tells_how_far_it_is_and_the_answer_is_that_of_one_run() {
     let rules = path_planning::MotionRules {
         chain: &config.chain,
         clearance: None,
+        attitudes: None,
         overtravel: config.overtravel,
         kicks: KICKS,
     };

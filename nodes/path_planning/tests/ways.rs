@@ -73,6 +73,7 @@ fn heights_between(boss: bool, clearance: Option<(usize, f64)>) -> Vec<f64> {
     let rules = MotionRules {
         chain: &chain,
         clearance,
+        attitudes: None,
         overtravel: 1e-3,
         kicks: 100,
     };
@@ -157,6 +158,7 @@ fn orders_are_shortest_in_the_time_that_the_declared_motion_takes() {
         let rules = MotionRules {
             chain: &chain,
             clearance: None,
+            attitudes: None,
             overtravel: 1e-3,
             kicks: 100,
         };

@@ -2,10 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use machine::Chain;
+use machine::{Chain, WorkOffset};
 use probecell_msgs::InspectionPlan;
 
 use crate::{
+    joint::Joint,
     points::{Cut, Place, places, points_of},
     probe,
     raw::{HomePosition, RawConfig},
@@ -33,8 +34,10 @@ pub struct Config {
     pub table: Truth,
     /// Displacement of the clamped part in its nominal frame: m along, rad about x, y, z.
     pub clamping: [f64; 6],
-    /// Indices of the axes (in the chain's axes) whose work offset the controller reports.
-    pub work_offset_axes: Vec<usize>,
+    /// What each work offset that the controller reports moves.
+    pub work_offset_axes: Vec<WorkOffset>,
+    /// Faults of the joints, in the order of the chain's axes.
+    pub joints: Vec<Joint>,
     /// Run-out of the tools that have one, by number.
     pub runout: BTreeMap<u32, Runout>,
     /// How each feature is cut point by point, by operation of the cell file and feature.
@@ -136,16 +139,16 @@ impl RawConfig {
         let table = Truth::table(&self.machine.table, &chain)?;
         let mut work_offset_axes = Vec::new();
         for name in &self.machine.work_offset_axes {
-            let axis = chain.axis_index(name);
-            let axis = axis.filter(|&axis| chain.axis(axis).kind == machine::JointKind::Prismatic);
-            let axis = axis.filter(|axis| !work_offset_axes.contains(axis));
-            work_offset_axes.push(axis.ok_or_else(|| ConfigError::WorkOffset(name.clone()))?);
+            let moved = chain.work_offset(name);
+            let moved = moved.filter(|moved| !work_offset_axes.contains(moved));
+            work_offset_axes.push(moved.ok_or_else(|| ConfigError::WorkOffset(name.clone()))?);
         }
         let mut config = Config {
             truth,
             table,
             clamping: self.machine.clamping.displacement(),
             work_offset_axes,
+            joints: Joint::of_chain(&self.machine.joints, &chain)?,
             runout: self
                 .tools
                 .iter()

@@ -1,10 +1,12 @@
 //! Features that are cut point by point: where the true machine leads the true tool.
 
-use machine::{Nominal, PositionError, Target};
+use machine::{JointKind, Nominal, PositionError, Surface, Target};
+use nalgebra::{Unit, UnitQuaternion, Vector3};
 use probecell_msgs::InspectionPlan;
 
 use crate::{
     config::{Config, ConfigError},
+    joint::Joint,
     points::{Cut, CutPoint, points_of},
     raw::RawOperation,
     truth::Truth,
@@ -16,20 +18,36 @@ impl Config {
         self.table.with_entries(values)
     }
 
-    /// Positions of the axes (m, rad) for programme positions with these work offsets (m).
-    pub(crate) fn offset(&self, positions: &[f64], work_offsets: &[f64]) -> Vec<f64> {
-        let mut offset = positions.to_vec();
-        for (&axis, value) in self.work_offset_axes.iter().zip(work_offsets) {
-            offset[axis] += value;
-        }
-        offset
+    /// Positions of the axes (m, rad) for programme positions with these work offsets (m); the programme's own where an arm
+    /// does not get to the displaced place.
+    pub(crate) fn offset(
+        &self,
+        positions: &[f64],
+        work_offsets: &[f64],
+        part: &Nominal,
+    ) -> Vec<f64> {
+        let offsets = self.work_offset_axes.iter().copied();
+        let offsets = offsets.zip(work_offsets.iter().copied());
+        (self.chain)
+            .with_work_offsets(positions, offsets, &part.part_pose, &part.ball)
+            .unwrap_or_else(|_| positions.to_vec())
     }
 
-    /// True errors at axis positions (m, rad): those of the axes, and of the clamping of the part.
-    pub(crate) fn errors(&self, positions: &[f64]) -> machine::ChainErrors {
+    /// True errors at axis positions (m, rad), on a move along `direction`: those of the axes and joints, and of the clamping
+    /// of the part.
+    pub(crate) fn errors(&self, positions: &[f64], direction: &[f64]) -> machine::ChainErrors {
         let mut errors = self.truth.at(&self.chain, positions);
         for (error, clamping) in errors.part.iter_mut().zip(self.clamping) {
             *error += clamping;
+        }
+        let off = Joint::errors(&self.joints, &self.chain, positions, direction);
+        for (axis, off) in off.into_iter().enumerate() {
+            let joint = self.chain.axis(axis);
+            let first = if joint.kind == JointKind::Revolute { 3 } else { 0 };
+            let motion = &mut errors.motion[self.chain.axes()[axis]];
+            for (component, share) in joint.axis.iter().enumerate() {
+                motion[first + component] += off * share;
+            }
         }
         errors
     }
@@ -45,13 +63,14 @@ impl Config {
     ) -> Result<Vec<f64>, PositionError> {
         let (part_pose, ball) = (&cut.part.part_pose, &cut.part.ball);
         let deviations = cut.points.iter().map(|point| {
-            let commanded = self.offset(&point.positions, work_offsets);
+            let commanded = self.offset(&point.positions, work_offsets, &cut.part);
             let positions = if cut.volumetric {
                 table.corrected(&self.chain, &commanded, part_pose, ball)?
             } else {
                 commanded
             };
-            let errors = self.errors(&positions);
+            // A tool is led over the surface from all sides: lost motion is not in what it leaves.
+            let errors = self.errors(&positions, &vec![0.0; positions.len()]);
             let tip = self
                 .chain
                 .ball_in_part_with(&positions, part_pose, ball, &errors);
@@ -90,14 +109,29 @@ impl Config {
                 }
             }
             let (position, normal) = part.points[point];
-            let target = Target {
-                ball: position,
-                orientation: None,
+            let positions = match operation.tool_direction {
+                Some(direction) => {
+                    let attitude = attitude(&part, direction, operation.tool_turn_deg)
+                        .ok_or_else(|| refused(point, "tool_direction is none".to_owned()))?;
+                    let at = (&position, &attitude);
+                    let (pose, ball) = (&part.part_pose, &part.ball);
+                    let postures = self.chain.postures(at, &prescribed, &start, pose, ball);
+                    let apart = |posture: &Vec<f64>| self.chain.motion().time(&start, posture);
+                    let nearest = postures.into_iter().min_by(|a, b| apart(a).total_cmp(&apart(b)));
+                    nearest.ok_or_else(|| {
+                        refused(point, "no posture of the arm holds the tool there".to_owned())
+                    })?
+                }
+                None => {
+                    let target = Target {
+                        ball: position,
+                        orientation: None,
+                    };
+                    self.chain
+                        .reach(&target, &prescribed, &start, &part.part_pose, &part.ball)
+                        .map_err(|error| refused(point, error.to_string()))?
+                }
             };
-            let positions = self
-                .chain
-                .reach(&target, &prescribed, &start, &part.part_pose, &part.ball)
-                .map_err(|error| refused(point, error.to_string()))?;
             let runout = self
                 .runout
                 .get(&operation.tool_number)
@@ -109,7 +143,9 @@ impl Config {
                 runout,
             });
         }
+        let surfaces = points_of(plan, feature).map(|point| part.surfaces[point]);
         let cut = Cut {
+            inner: surfaces.into_iter().any(|one| matches!(one, Surface::Bore(..))),
             part,
             volumetric: operation.volumetric,
             points,
@@ -118,4 +154,16 @@ impl Config {
             .map_err(|error| refused(0, error.to_string()))?;
         Ok(cut)
     }
+}
+
+/// Part from probe mount where the tool's shank points along `direction` (part frame), turned about it.
+fn attitude(part: &Nominal, direction: [f64; 3], turn_deg: f64) -> Option<UnitQuaternion<f64>> {
+    let shank = Unit::try_new(Vector3::from(direction), 1e-9)?;
+    let own = Unit::try_new(-part.ball.coords, 1e-9)?;
+    // Half a turn about any axis across it, where the directions are opposite.
+    let upright = UnitQuaternion::rotation_between_axis(&own, &shank).unwrap_or_else(|| {
+        let across = Unit::new_normalize(own.cross(&Vector3::ith(own.iamin(), 1.0)));
+        UnitQuaternion::from_axis_angle(&across, std::f64::consts::PI)
+    });
+    Some(UnitQuaternion::from_axis_angle(&shank, turn_deg.to_radians()) * upright)
 }

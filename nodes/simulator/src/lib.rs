@@ -23,6 +23,7 @@
 mod config;
 mod controller;
 mod cutting;
+mod joint;
 mod motion;
 mod plant;
 mod points;

@@ -224,7 +224,7 @@ impl Meeting<'_> {
     /// table.
     fn true_positions(&self, table: Option<&Truth>, positions: &[f64]) -> Vec<f64> {
         let (config, part) = (self.config, self.part);
-        let positions = config.offset(positions, self.work_offsets);
+        let positions = config.offset(positions, self.work_offsets, part);
         let by_table = |table: &Truth| {
             let corrected = table.corrected(&config.chain, &positions, &part.part_pose, &part.ball);
             corrected.ok()
@@ -235,13 +235,14 @@ impl Meeting<'_> {
 
     /// Share of the move at which the true ball touches the surface; `None` when it does not.
     fn contact(&self, from: &[f64], to: &[f64]) -> Option<f64> {
+        let direction: Vec<f64> = from.iter().zip(to).map(|(from, to)| to - from).collect();
         let clearance = |share: f64| {
             let positions: Vec<f64> = from
                 .iter()
-                .zip(to)
-                .map(|(from, to)| from + (to - from) * share)
+                .zip(&direction)
+                .map(|(from, way)| from + way * share)
                 .collect();
-            self.clearance(&positions)
+            self.clearance(&positions, &direction)
         };
         let (mut free, mut touching) = (0.0, 1.0);
         if clearance(free) <= 0.0 || clearance(touching) > 0.0 {
@@ -258,11 +259,11 @@ impl Meeting<'_> {
         Some(touching)
     }
 
-    /// Distance of the true ball from the true surface when the axes read `positions`, m.
-    fn clearance(&self, positions: &[f64]) -> f64 {
+    /// Distance of the true ball from the true surface when the axes read `positions` and move along `direction`, m.
+    fn clearance(&self, positions: &[f64], direction: &[f64]) -> f64 {
         let (config, part) = (self.config, self.part);
         let ball = part.ball + Vector3::from(config.center_error);
-        let mut errors = config.errors(positions);
+        let mut errors = config.errors(positions, direction);
         for (error, slip) in errors.part.iter_mut().zip(self.shift.as_slice()) {
             *error += slip;
         }

@@ -60,6 +60,8 @@ pub(crate) fn cut(config: &Config, state: &mut State, operation: &str) {
         }) else {
             continue;
         };
+        let inner = cut.is_some_and(|cut| cut.inner);
+        let wear = if inner { -wear } else { wear };
         let process = config.surfaces.get(id);
         let path = state.path_offsets.get(id).cloned();
         let surface = (0..deviations.len()).map(|number| {
@@ -69,7 +71,7 @@ pub(crate) fn cut(config: &Config, state: &mut State, operation: &str) {
                     .copied()
                     .unwrap_or(0.0)
             };
-            // The error of the tool is one of the size: half of it on each side.
+            // The error of the tool is one of the size, half of it on each side; wear offset enlarges an inner size.
             deviations[number]
                 + of(process)
                 + of(path.as_ref())

@@ -40,6 +40,8 @@ pub struct Cut {
     pub(crate) part: Nominal,
     /// The volumetric table of the controller is enabled.
     pub(crate) volumetric: bool,
+    /// An inner size: more wear offset makes it larger.
+    pub(crate) inner: bool,
     pub(crate) points: Vec<CutPoint>,
 }
 

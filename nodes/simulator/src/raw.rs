@@ -163,6 +163,12 @@ pub struct RawOperation {
     /// Features whose surface it generates where the machine, with its errors, leads the tool.
     #[serde(default)]
     pub features: Vec<String>,
+    /// Of an arm: direction from the tip of the tool to its shank while it cuts, part frame.
+    #[serde(default)]
+    pub tool_direction: Option<[f64; 3]>,
+    /// Turn of the spindle's housing about that direction.
+    #[serde(default)]
+    pub tool_turn_deg: f64,
     /// It begins with a new blank: material that an earlier cut removed is there again.
     #[serde(default)]
     pub new_blank: bool,

@@ -9,6 +9,8 @@ use machine::{Chain, ChainErrors, PositionError, Volumetric};
 use nalgebra::{Isometry3, Point3, Vector3};
 use serde::Deserialize;
 
+use crate::joint::RawJoint;
+
 /// Travel (m or rad) of an axis whose robot description gives none.
 const UNKNOWN_TRAVEL: f64 = 1.0;
 
@@ -27,7 +29,9 @@ pub struct RawMachine {
     pub slip: Option<RawSlip>,
     /// Error of the clamping, present from the start.
     pub clamping: RawClamping,
-    /// Linear axes whose work offset the controller reports and accepts.
+    /// Joints that yield under weight or have lost motion.
+    pub joints: Vec<RawJoint>,
+    /// Linear axes whose work offset the controller reports and accepts; of an arm X, Y, Z of its programme's frame.
     pub work_offset_axes: Vec<String>,
 }
 
@@ -114,6 +118,14 @@ pub enum TruthError {
         "machine.errors: {0:?} is not an error of an axis of this machine (such as \"EX0C\" or \"EYZ\")"
     )]
     Name(String),
+    /// A joint that the machine lacks, or that is listed twice.
+    #[error("machine.joints: {0:?} is not an axis of this machine, or it is listed twice")]
+    Joint(String),
+    /// A joint with values of the other kind of axis, or out of range.
+    #[error(
+        "machine.joints: {0}: values are _urad of a rotary and _um of a linear axis, from 0 to 10000"
+    )]
+    JointValue(String),
     /// An entry that the table lists twice.
     #[error("machine.table: {0:?} is listed twice")]
     Twice(String),

@@ -7,7 +7,8 @@ the simulator's controller and an interpolated rapid (G0 of LinuxCNC, G1 elsewhe
 the other (a positioning rapid without interpolation) are NOT covered.
 
 The stylus is the ball, and a stem of 0.75 of its radius (the thickest in the catalogues) from the ball's centre to the
-mount's origin. The probe's body, the table, clamps and the machine are in no plan, so they are not looked at.
+mount's origin. The probe's body, the table and clamps are in no plan, so they are not looked at. Of the machine, links that
+carry the probe and have a `collision` cylinder in the URDF (spindle, links of an arm) count as capsules about its axis.
 
 The part is surface that touches prove, a patch for each feature:
   plane            the convex hull of its touches, without the openings of bores
@@ -117,6 +118,7 @@ class Machine:
 
     def __init__(self, urdf, plan):
         self.above = {joint.find("child").get("link"): joint for joint in ElementTree.fromstring(urdf).findall("joint")}
+        self.links = {link.get("name"): link for link in ElementTree.fromstring(urdf).findall("link")}
         self.plan = plan
         moving = [joint for joint in self.above.values() if joint.get("type") != "fixed"]
         self.names = [joint.get("name") for joint in moving]
@@ -153,10 +155,10 @@ class Machine:
         roll, pitch, yaw = numbers(origin, "rpy", "0 0 0")
         placed = rotation(z, numpy.asarray(yaw)) @ rotation(y, numpy.asarray(pitch)) @ rotation(x, numpy.asarray(roll))
         at = numbers(origin, "xyz", "0 0 0")
-        axis = unit(numbers(joint.find("axis"), "xyz", "1 0 0"))
         turn, shift = numpy.broadcast_to(placed, (count, 3, 3)), numpy.broadcast_to(at, (count, 3))
         if joint.get("type") == "fixed":
             return turn, shift
+        axis = unit(numbers(joint.find("axis"), "xyz", "1 0 0"))
         position = positions[joint.get("name")]
         if joint.get("type") == "prismatic":
             return turn, shift + position[:, None] * (placed @ axis)
@@ -172,6 +174,39 @@ class Machine:
         mount_turn, mount_at = self.foundation_from("probe_mount", by_name)
         ball = mount_turn @ self.plan.ball + mount_at
         return tuple(numpy.einsum("nji,nj->ni", part_turn, point - part_at) for point in (ball, mount_at))
+
+
+    def carriers(self):
+        """(link, radius, ends of the axis in the link's frame) of each collision cylinder on the way to the probe that moves."""
+        found, link, moving = [], "probe_mount", []
+        while link in self.above:
+            moving.append(link)
+            link = self.above[link].find("parent").get("link")
+        while moving and self.above[moving[-1]].get("type") == "fixed":
+            moving.pop()
+        for link in moving:
+            for collision in self.links[link].findall("collision"):
+                cylinder = collision.find("geometry/cylinder")
+                if cylinder is None:
+                    continue
+                # As a fixed joint: its frame in the link's.
+                fixed = ElementTree.fromstring('<joint type="fixed"/>')
+                if collision.find("origin") is not None:
+                    fixed.append(collision.find("origin"))
+                turn, at = self.motion(fixed, {}, 1)
+                half = 0.5 * float(cylinder.get("length")) * turn[0][:, 2]
+                found.append((link, float(cylinder.get("radius")), (at[0] - half, at[0] + half)))
+        return found
+
+    def carrier(self, names, positions, link, ends):
+        """Both ends of a carrier's axis in the part frame, (n,3) each."""
+        by_name = {name: positions[:, column] for column, name in enumerate(names)}
+        part_turn, part_at = self.foundation_from("workpiece", by_name)
+        turn, at = self.plan.pose
+        part_at = part_turn @ at + part_at
+        part_turn = part_turn @ turn
+        own_turn, own_at = self.foundation_from(link, by_name)
+        return tuple(numpy.einsum("nji,nj->ni", part_turn, own_turn @ end + own_at - part_at) for end in ends)
 
 
 # --- what touches prove -----------------------------------------------------------------------------------------------
@@ -371,9 +406,10 @@ def run(plan, machine, order, complaints):
     return moves
 
 
-def walked(plan, obstacles, moves, stylus, exempt=lambda move, feature: False):
+def walked(plan, obstacles, moves, stylus, exempt=lambda move, feature: False, shapes=None):
     """{move: (feature of the patch, 'ball' or 'stem', how deep in m)} of what is hit worst. `stylus` gives ball and mount for
-    positions; `exempt` tells which feature is no obstacle on which move."""
+    positions; `exempt` tells which feature is no obstacle on which move; `shapes` are names and radii of what is between both
+    ends, where that is no stylus."""
     if not moves:
         return {}
     start, way = (numpy.array(part) for part in ([one.start for one in moves], [one.end - one.start for one in moves]))
@@ -388,15 +424,15 @@ def walked(plan, obstacles, moves, stylus, exempt=lambda move, feature: False):
     length = numpy.linalg.norm(path[0][:, 0] - path[1][:, 0], axis=1)
 
     worst = {}
-    for what, radius in (("ball", plan.radius), ("stem", STEM * plan.radius)):
-        if what == "stem" and length.max() < 1e-9:
+    for what, radius in shapes or (("ball", plan.radius), ("stem", STEM * plan.radius)):
+        if what != "ball" and length.max() < 1e-9:
             continue
         for feature, patch in obstacles:
             own = [what == "ball" and one.kind in (TOUCH, RETRACT) and plan.feature[one.point] == feature for one in moves]
             # Pieces of (move, middle and half width along the move, the same along the stem).
             move = numpy.array([index for index in range(len(moves)) if not own[index] and not exempt(index, feature)], int)
             s, ds = numpy.full(len(move), 0.5), numpy.full(len(move), 0.5)
-            t, dt = (numpy.full(len(move), 0.5 if what == "stem" else 0.0) for _ in range(2))
+            t, dt = (numpy.full(len(move), 0.0 if what == "ball" else 0.5) for _ in range(2))
             deepest = numpy.full(len(moves), TOLERANCE)
             while len(move):
                 ball, mount = stylus(start[move] + s[:, None] * way[move])
@@ -494,6 +530,10 @@ def complaints(plan, machine, order, given=None):
         return any((point, feature) in excused for point in near)
 
     hits = walked(plan, patches(plan), moves, lambda q: machine.stylus(names, q), exempt)
+    for link, radius, ends in machine.carriers():
+        # Nothing that carries the stylus may touch the part, on whatever move.
+        own = walked(plan, patches(plan), moves, lambda q: machine.carrier(names, q, link, ends), shapes=[(link, radius)])
+        hits = {**own, **hits}
     for move, (feature, what, depth) in sorted(hits.items()):
         kind = ("clearance", "approach", "touch", "retract")[moves[move].kind]
         found.append(f"{kind} move {move + 1} of point {moves[move].point}: the {what} enters {plan.names[feature]} by {1e3 * depth:.3f} mm")

@@ -3,6 +3,10 @@
 //! δq = a·sin(k·q + phase): eccentric scale (k = 1), two-per-turn gears, or the transmission of an arm's joint, whose
 //! period is 12–30° of joint angle, so k is profiled up to 36 where the session visits enough angles. Typical
 //! 10–500 µrad.
+//!
+//! A joint that yields under the weight it carries (an arm sags) is off by δq = compliance × effort of gravity, a harmonic in
+//! the angles of all joints behind it: where the robot description gives masses, that variant (constant `sag` 1) stands
+//! beside the harmonics. Typical 0.1–10 µrad per N m.
 
 use machine::{Chain, JointKind};
 
@@ -46,24 +50,57 @@ impl Effect for Indexing {
     }
 
     fn offer(&self, rows: &Observations) -> Vec<Variant> {
-        let axes = rows.chain.axis_names().enumerate();
-        axes.filter_map(|(axis, name)| {
+        let axes: Vec<(usize, &str)> = rows.chain.axis_names().enumerate().collect();
+        let harmonics = axes.iter().filter_map(|&(axis, name)| {
             let angles = distinct_angles(rows, axis);
             let highest = ((angles as f64 - 1.0) / 2.0)
                 .ceil()
                 .clamp(1.0, if angles > 40 { 36.0 } else { 4.0 });
             let way = self.way(&rows.chain, &Instance::on(name), highest)?;
             Some(way.confounded_where(angles < FEWEST))
-        })
-        .collect()
+        });
+        let sags = axes.iter().filter(|(axis, _)| is_weighed_down(rows, *axis));
+        let sags = sags.filter_map(|(_, name)| self.sag(&rows.chain, &Instance::on(name)));
+        harmonics.chain(sags).collect()
     }
 
     fn declared(&self, chain: &Chain, of: &Instance<'_>, _: &Constants<'_>) -> Vec<Variant> {
-        self.way(chain, of, 1.0).into_iter().collect()
+        let sag = self.sag(chain, of);
+        self.way(chain, of, 1.0).into_iter().chain(sag).collect()
     }
 }
 
+/// Change of the effort of gravity in a session below which a joint is not weighed down differently, N m.
+const WEIGHT: f64 = 1.0;
+
+/// True for a joint that carries changing weight.
+fn is_weighed_down(rows: &Observations, axis: usize) -> bool {
+    let poses = rows.rows.iter().filter_map(|row| row.pose.as_ref());
+    let efforts = poses.map(|pose| rows.chain.gravity_efforts(&pose.positions)[axis]);
+    let (least, most) = efforts.fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), one| {
+        (least.min(one), most.max(one))
+    });
+    most - least > WEIGHT
+}
+
 impl Indexing {
+    /// A joint that yields under the weight it carries.
+    fn sag(&self, chain: &Chain, of: &Instance<'_>) -> Option<Variant> {
+        let (axis, joint) = of.joint(chain)?;
+        let weighs = chain.joints().iter().any(|joint| joint.mass > 0.0);
+        if joint.kind != JointKind::Revolute || !weighs {
+            return None;
+        }
+        let parameters = vec![Parameter::new("compliance", "rad/(N m)", 1e-5)];
+        let variant = Variant::linear(of.id(self.id()), parameters, move |rows| {
+            vec![rows.machine_column(true, |pose, _| {
+                let effort = rows.chain.gravity_efforts(&pose.positions)[axis];
+                pose.sensitivity.axes[axis] * effort
+            })]
+        });
+        Some(variant.with_constants(&[("sag", 1.0, "1")]))
+    }
+
     fn way(&self, chain: &Chain, of: &Instance<'_>, highest: f64) -> Option<Variant> {
         let (axis, joint) = of.joint(chain)?;
         if joint.kind != JointKind::Revolute {

@@ -14,6 +14,8 @@ const RESOLUTION: f64 = 1e-4;
 /// A move that turns the stylus by more is halved whatever it is clear by, rad: what turns is off its chord by 1/80 of
 /// the chord at most.
 const TURN: f64 = 0.1;
+/// The same where it is known how far the move leaves its chord.
+const FAR_TURN: f64 = 1.5;
 /// Most positions looked at on one move; a move that needs more is too near to a body all along.
 const MOST_POSITIONS: u32 = 20_000;
 
@@ -27,6 +29,11 @@ pub(super) trait Move {
     fn stylus(&self, at: &Self::At) -> StylusPose;
     /// How far the stylus may turn between two positions, rad.
     fn turn(&self, from: &Self::At, to: &Self::At) -> f64;
+    /// How far it may leave its chord there, m, where turns about distant axes make that more than what its own turn does:
+    /// such a move may turn it farther before it is halved.
+    fn sagitta(&self, _from: &Self::At, _to: &Self::At) -> Option<f64> {
+        None
+    }
 }
 
 /// A move of the stylus along a straight line, without turning.
@@ -108,8 +115,13 @@ impl Passage<'_> {
         let distance = |a: &Point3<f64>, b: &Point3<f64>| (a - b).norm();
         let moved = distance(&seen[0].0[0], &seen[1].0[0]);
         let moved = moved.max(distance(&seen[0].0[1], &seen[1].0[1]));
-        let near = moved <= RESOLUTION || spare[0] + spare[1] >= moved;
-        if near && move_.turn(from, to) <= TURN {
+        let turn = move_.turn(from, to);
+        // What leaves its chord by no more than the resolution is on it.
+        let sagitta = move_.sagitta(from, to);
+        let off = sagitta.map_or(0.0, |off| 2.0 * (off - RESOLUTION).max(0.0));
+        let most = if sagitta.is_some() { FAR_TURN } else { TURN };
+        let near = moved + off <= RESOLUTION || spare[0] + spare[1] >= moved + off;
+        if near && turn <= most {
             return true;
         }
         if *budget == 0 {

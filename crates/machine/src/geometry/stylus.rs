@@ -45,6 +45,17 @@ impl Stylus {
         }
     }
 
+    /// A shaft with round ends from end to end, m.
+    pub fn capsule(radius: f64) -> Self {
+        Self {
+            ball_radius: radius,
+            shafts: vec![Shaft {
+                ends: [0.0, 1.0],
+                radius,
+            }],
+        }
+    }
+
     /// The ball of a plan, a stem half the way to the origin of the probe mount, and the probe's body; `None` where the
     /// ball is too near that origin to say in which direction its stem points.
     pub fn with_probe(nominal: &Nominal) -> Option<Self> {

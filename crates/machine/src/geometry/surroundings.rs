@@ -2,7 +2,8 @@
 //!
 //! A move keeps half the shortest approach or retract away from every body, or as far as its ends are, where they are
 //! nearer: such a body is smaller than it seems (a shaft with flats). The stylus is the ball and a stem to the mount's
-//! origin; the probe's body is not looked at.
+//! origin; the probe's body is not looked at. What carries the probe (spindle, links of an arm) must not hit the part
+//! either, as far as the robot description gives cylinders or spheres for it ([`crate::chain::Capsule`]).
 
 use nalgebra::{Isometry3, Point3, Unit, Vector3};
 use probecell_msgs::{InspectionPlan, InspectionPoint};
@@ -15,7 +16,7 @@ use super::{
     stylus::{Stylus, StylusPose},
 };
 use crate::{
-    chain::{Chain, JointKind},
+    chain::{Capsule, Chain, JointKind, Side},
     contact::Surface,
     deviation::Nominal,
 };
@@ -38,6 +39,10 @@ pub struct Surroundings<'a> {
     chain: &'a Chain,
     nominal: &'a Nominal,
     stylus: Stylus,
+    /// m; length of an arm from its first axis to the ball, stretched out; `None` for other machines.
+    lever: Option<f64>,
+    /// What carries it: the joint after whose motion it stands (place in the tool branch), and its shape.
+    carriers: Vec<(usize, Capsule, Stylus)>,
     bodies: Vec<Body>,
     /// m; kept away from every body.
     gap: f64,
@@ -75,6 +80,8 @@ impl<'a> Surroundings<'a> {
             chain,
             nominal,
             stylus: Stylus::with_stem(nominal),
+            lever: lever(chain, nominal),
+            carriers: carriers(chain),
             bodies: bodies(&contacts, approach, nominal.ball_radius),
             gap: 0.5 * approach.min(retract),
             centre: nalgebra::center(&low, &high),
@@ -109,38 +116,106 @@ impl<'a> Surroundings<'a> {
         [pose * self.nominal.ball, pose * Point3::origin()]
     }
 
-    /// How far the stylus is from each body, m.
-    pub fn clearances(&self, positions: &[f64]) -> Vec<f64> {
-        let pose = self.stylus_at(positions);
-        let bodies = self.bodies.iter();
-        bodies
-            .map(|body| self.stylus.clearance(body, &pose))
+    /// How far each rotary axis turns, rad.
+    fn turns(&self, from: &[f64], to: &[f64]) -> impl Iterator<Item = f64> {
+        let rotary = move |&axis: &usize| self.chain.axis(axis).kind == JointKind::Revolute;
+        let axes = (0..from.len()).filter(rotary);
+        axes.map(move |axis| (to[axis] - from[axis]).abs())
+    }
+
+    /// Where one of the carriers stands.
+    fn carrier_at(&self, carrier: usize, positions: &[f64]) -> StylusPose {
+        let (place, capsule, _) = &self.carriers[carrier];
+        let part = self.chain.end_pose(Side::Part, positions) * self.nominal.part_pose;
+        let pose = part.inverse() * self.chain.pose_after(Side::Tool, *place, positions);
+        capsule.ends.map(|end| pose * end)
+    }
+
+    /// Where the stylus and each of its carriers stand.
+    fn movers(&self, positions: &[f64]) -> Vec<StylusPose> {
+        let carriers = 0..self.carriers.len();
+        std::iter::once(self.stylus_at(positions))
+            .chain(carriers.map(|carrier| self.carrier_at(carrier, positions)))
             .collect()
     }
 
-    /// True when the stylus passes all bodies on the straight moves of the axes from a set of positions through the
-    /// targets of a way. `ends` are its clearances there and at the last target.
+    fn shapes(&self) -> impl Iterator<Item = &Stylus> {
+        std::iter::once(&self.stylus).chain(self.carriers.iter().map(|(_, _, shape)| shape))
+    }
+
+    /// How far the stylus is from each body, then each of what carries it, m.
+    pub fn clearances(&self, positions: &[f64]) -> Vec<f64> {
+        let movers = self.movers(positions);
+        let movers = self.shapes().zip(&movers);
+        movers
+            .flat_map(|(shape, pose)| self.bodies.iter().map(|body| shape.clearance(body, pose)))
+            .collect()
+    }
+
+    /// True when what carries the stylus (not the stylus itself) is outside all bodies.
+    pub fn is_carrier_clear(&self, positions: &[f64]) -> bool {
+        (self.carriers.iter().enumerate()).all(|(carrier, (_, _, shape))| {
+            let pose = self.carrier_at(carrier, positions);
+            self.bodies.iter().all(|body| shape.clearance(body, &pose) > 0.0)
+        })
+    }
+
+    /// True when the stylus and what carries it pass all bodies on the straight moves of the axes from a set of positions
+    /// through the targets of a way. `ends` are the clearances there and at the last target.
     pub fn is_clear(&self, from: &[f64], way: &[Vec<f64>], ends: [&[f64]; 2]) -> bool {
         let least: Vec<f64> = (ends[0].iter().zip(ends[1]))
             .map(|(from, to)| self.gap.min(*from).min(*to))
             .collect();
-        let passage = Passage {
-            stylus: &self.stylus,
-            bodies: &self.bodies,
-            least: &least,
-        };
-        let mut at = from.to_vec();
-        for target in way {
-            if !passage.is_clear(self, &at, target) {
-                return false;
-            }
-            at.clone_from(target);
-        }
-        true
+        let count = self.bodies.len();
+        (self.shapes().enumerate()).all(|(mover, shape)| {
+            let passage = Passage {
+                stylus: shape,
+                bodies: &self.bodies,
+                least: &least[mover * count..(mover + 1) * count],
+            };
+            let carried = Carried { around: self, mover };
+            let mut at = from.to_vec();
+            way.iter().all(|target| {
+                let clear = passage.is_clear(&carried, &at, target);
+                at.clone_from(target);
+                clear
+            })
+        })
     }
 }
 
-impl Move for Surroundings<'_> {
+/// Length from the first axis of an arm (three or more rotary axes carry the probe) to the ball, and to the part's side of its
+/// foundation, m.
+fn lever(chain: &Chain, nominal: &Nominal) -> Option<f64> {
+    let joints = chain.branch(Side::Tool).iter().map(|&index| &chain.joints()[index]);
+    let turning = joints.clone().filter(|joint| joint.kind == JointKind::Revolute);
+    let carried = joints.skip_while(|joint| !joint.moves()).skip(1);
+    let length: f64 = carried.map(|joint| joint.origin.translation.vector.norm()).sum();
+    (turning.count() > 3).then(|| length + nominal.ball.coords.norm())
+}
+
+/// Shapes of the tool branch that the part can meet.
+fn carriers(chain: &Chain) -> Vec<(usize, Capsule, Stylus)> {
+    let mut carriers = Vec::new();
+    let mut moved = false;
+    for (place, &index) in chain.branch(Side::Tool).iter().enumerate() {
+        let joint = &chain.joints()[index];
+        moved |= joint.moves();
+        if moved && chain.carries(index, Side::Tool) {
+            let shapes = joint.capsules.iter();
+            carriers.extend(shapes.map(|one| (place, *one, Stylus::capsule(one.radius))));
+        }
+    }
+    carriers
+}
+
+/// The stylus (0) or one of its carriers on a move of the axes.
+struct Carried<'a> {
+    around: &'a Surroundings<'a>,
+    mover: usize,
+}
+
+impl Move for Carried<'_> {
     type At = Vec<f64>;
 
     fn middle(&self, from: &Vec<f64>, to: &Vec<f64>) -> Vec<f64> {
@@ -151,13 +226,24 @@ impl Move for Surroundings<'_> {
     }
 
     fn stylus(&self, at: &Vec<f64>) -> StylusPose {
-        self.stylus_at(at)
+        match self.mover.checked_sub(1) {
+            None => self.around.stylus_at(at),
+            Some(carrier) => self.around.carrier_at(carrier, at),
+        }
     }
 
     fn turn(&self, from: &Vec<f64>, to: &Vec<f64>) -> f64 {
-        (0..from.len())
-            .filter(|&axis| self.chain.axis(axis).kind == JointKind::Revolute)
-            .map(|axis| (to[axis] - from[axis]).abs())
-            .fold(0.0, f64::max)
+        let turns = self.around.turns(from, to);
+        if self.around.lever.is_some() {
+            turns.sum()
+        } else {
+            turns.fold(0.0, f64::max)
+        }
+    }
+
+    /// Of an arm: an arc of all turns together at its whole length, θ²·r/8.
+    fn sagitta(&self, from: &Vec<f64>, to: &Vec<f64>) -> Option<f64> {
+        let all: f64 = self.around.turns(from, to).sum();
+        self.around.lever.map(|lever| all * all * lever / 8.0)
     }
 }

@@ -150,10 +150,9 @@ pub(crate) fn of_bag(
             bail!("a probe event names a point that is not in the plan");
         }
         let positions = chain.positions(&event.axis_names, &event.axis_positions)?;
-        // Without rotary axes in the plan (an arm) the probe keeps the attitude that it had.
-        let attitude = recorded
-            .rotary_names
-            .is_empty()
+        // Where the free axes can turn the probe (an arm), it keeps the attitude that it had.
+        let free = chain.axes().len().saturating_sub(recorded.rotary_names.len());
+        let attitude = (recorded.rotary_names.is_empty() || free > 3)
             .then(|| chain.part_from_mount(&positions, &part_pose).rotation);
         seeds.push(Seed {
             positions,
@@ -164,6 +163,7 @@ pub(crate) fn of_bag(
     let rules = MotionRules {
         chain: &chain,
         clearance,
+        attitudes: None,
         overtravel: OVERTRAVEL,
         kicks: KICKS,
     };

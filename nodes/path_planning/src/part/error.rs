@@ -106,6 +106,19 @@ pub enum PartError {
         /// Poses given.
         given: usize,
     },
+    /// Directions of the stem on a machine that cannot turn it freely.
+    #[error(
+        "part.stem_directions and stem_turns_deg are of an arm with six free rotary axes, but {0} are free here: rotary positions hold the probe"
+    )]
+    NoArm(usize),
+    /// An arm that is not told how to hold the probe.
+    #[error(
+        "feature {0:?}: the six free axes can turn the probe, so part.stem_directions (or its own) must say from where"
+    )]
+    NoStem(String),
+    /// A direction of the stem without length.
+    #[error("feature {0:?}: a stem direction must be a direction, not zero")]
+    Stem(String),
     /// A profile that is no curve.
     #[error("feature {feature:?}: {reason}")]
     Profile {

@@ -34,6 +34,13 @@ pub struct RawPart {
     /// Positions of `rotary_axes` at each of which every feature may be probed as well that gives no such list itself.
     #[serde(default)]
     pub rotary_alternatives_deg: Vec<Vec<f64>>,
+    /// Of an arm: directions from the ball along the stem, part frame, in which features are touched that give none
+    /// themselves.
+    #[serde(default)]
+    pub stem_directions: Vec<[f64; 3]>,
+    /// Of an arm: turns about the stem that are tried, evenly over a full turn.
+    #[serde(default = "default_stem_turns")]
+    pub stem_turns: u32,
     /// A point of the face at which the part is clamped, part frame.
     #[serde(default)]
     pub clamping_mm: [f64; 3],
@@ -51,6 +58,10 @@ pub struct RawPart {
     pub operations: Vec<RawOperation>,
     /// The features.
     pub features: Vec<RawFeature>,
+}
+
+fn default_stem_turns() -> u32 {
+    12
 }
 
 /// As written.
@@ -134,6 +145,12 @@ pub struct RawFeature {
     /// Positions of `part.rotary_axes` at each of which it may be probed as well; none: those of the part.
     #[serde(default)]
     pub rotary_alternatives_deg: Vec<Vec<f64>>,
+    /// Of an arm: directions from the ball along the stem, part frame; none: those of the part.
+    #[serde(default)]
+    pub stem_directions: Vec<[f64; 3]>,
+    /// Of an arm: turns about the stem; none: those of the part.
+    #[serde(default)]
+    pub stem_turns_deg: Vec<f64>,
     /// Touched before all features that are no datum.
     #[serde(default)]
     pub datum: bool,
