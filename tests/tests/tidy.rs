@@ -267,6 +267,7 @@ fn numeric_keys(table: &toml::Table, into: &mut Vec<String>) {
 fn cell_files_give_every_number_its_unit() {
     let units = [
         "_mm", "_um", "_deg", "_urad", "_s", "_rpm", "_min", "_s2", "_s3", "_c", "_n", "_per_m",
+        "_per_nm",
     ];
     // Counts, numbers that identify, directions, ratios.
     let without_dimension = [
@@ -277,10 +278,14 @@ fn cell_files_give_every_number_its_unit() {
         "joint",
         "max_corrections",
         "number",
+        "postures",
         "seed",
         "spring_back",
+        "stem_directions",
+        "stem_turns",
         "teeth",
         "tool_axis",
+        "tool_direction",
         "tool_number",
         "touches",
     ];

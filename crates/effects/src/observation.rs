@@ -595,9 +595,8 @@ pub fn cut_pose(
     for (&axis, &position) in prescribed.iter().zip(rotary) {
         fixed[axis] = Some(position);
     }
-    let turning = (0..fixed.len()).filter(|&axis| {
-        fixed[axis].is_none() && chain.axis(axis).kind == JointKind::Revolute
-    });
+    let turning = (0..fixed.len())
+        .filter(|&axis| fixed[axis].is_none() && chain.axis(axis).kind == JointKind::Revolute);
     if turning.count() > 3 {
         return None;
     }

@@ -10,7 +10,10 @@ const ARM: &str = include_str!("../../../launch-scripts/robot_arm.urdf");
 const PLACES: u32 = 10_000;
 
 fn main() {
-    let text = ARM.replace("xyz=\"-0.1 0 0.06\" rpy=\"0 1.570796327 0\"", "xyz=\"0 0 0\"");
+    let text = ARM.replace(
+        "xyz=\"-0.1 0 0.06\" rpy=\"0 1.570796327 0\"",
+        "xyz=\"0 0 0\"",
+    );
     assert_ne!(text, ARM, "the probe mount is the flange");
     let chain = Chain::from_urdf(&text).unwrap();
     // The part frame is the base of the arm.
@@ -19,7 +22,9 @@ fn main() {
     let (ball, mut number) = (Point3::origin(), 1_u64);
     for _ in 0..PLACES {
         let asked = [0, 1, 2, 3, 4, 5].map(|axis| {
-            number = number.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            number = number
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
             let share = (number >> 11) as f64 / (1_u64 << 53) as f64;
             let (lower, upper) = chain.axis(axis).limits.unwrap();
             lower + (upper - lower) * share
@@ -28,7 +33,10 @@ fn main() {
         let at = (&(mount * ball), &mount.rotation);
         let found = chain.postures(at, &[None; 6], &[0.0; 6], &part_pose, &ball);
         let matrix = mount.to_homogeneous();
-        let rows: Vec<Vec<f64>> = matrix.row_iter().map(|row| row.iter().copied().collect()).collect();
+        let rows: Vec<Vec<f64>> = matrix
+            .row_iter()
+            .map(|row| row.iter().copied().collect())
+            .collect();
         println!("{{\"flange\": {rows:?}, \"postures\": {found:?}}}");
     }
 }

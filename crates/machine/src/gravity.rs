@@ -32,12 +32,11 @@ impl Chain {
                 };
                 let direction = pose.rotation * joint.axis.into_inner();
                 let down = Vector3::new(0.0, 0.0, -STANDARD_GRAVITY);
-                efforts[axis] += match joint.kind {
-                    JointKind::Prismatic => direction.dot(&down) * mass,
-                    _ => {
-                        let lever = moment - pose.translation.vector * mass;
-                        direction.dot(&lever.cross(&down))
-                    }
+                efforts[axis] += if joint.kind == JointKind::Prismatic {
+                    direction.dot(&down) * mass
+                } else {
+                    let lever = moment - pose.translation.vector * mass;
+                    direction.dot(&lever.cross(&down))
                 };
             }
         }
@@ -81,7 +80,10 @@ mod tests {
                     energy(&chain, &at)
                 };
                 let slope = (slope(1e-5) - slope(-1e-5)) / 2e-5;
-                assert!((efforts[axis] + slope).abs() < 1e-6, "{axis} {efforts:?} {slope}");
+                assert!(
+                    (efforts[axis] + slope).abs() < 1e-6,
+                    "{axis} {efforts:?} {slope}"
+                );
             }
         }
     }
@@ -98,6 +100,9 @@ mod tests {
             + 3.989 * (a2 + a3 - 0.24)
             + (2.1 + 1.98 + 0.615) * (a2 + a3)
             + 6.0 * (a2 + a3 + 0.1 - 0.09);
-        assert!((effort.abs() - levers * STANDARD_GRAVITY).abs() < 1e-6, "{effort}");
+        assert!(
+            (effort.abs() - levers * STANDARD_GRAVITY).abs() < 1e-6,
+            "{effort}"
+        );
     }
 }

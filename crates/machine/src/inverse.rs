@@ -179,7 +179,9 @@ impl Problem<'_> {
 
     fn jacobian(&self, positions: &[f64], rows: usize) -> DMatrix<f64> {
         let (part_pose, ball) = (self.part_pose, self.ball);
-        let all = self.chain.free_jacobian(positions, self.free, part_pose, ball);
+        let all = self
+            .chain
+            .free_jacobian(positions, self.free, part_pose, ball);
         all.rows(0, rows).into_owned()
     }
 

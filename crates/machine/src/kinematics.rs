@@ -129,14 +129,12 @@ impl Chain {
     }
 
     fn pose_along(&self, joints: &[usize], positions: &[f64]) -> Isometry3<f64> {
-        joints
-            .iter()
-            .fold(Isometry3::identity(), |pose, &index| {
-                let joint = &self.joints()[index];
-                let mut pose = pose * joint.origin;
-                joint.advance(&mut pose, self.position_of(index, positions));
-                pose
-            })
+        joints.iter().fold(Isometry3::identity(), |pose, &index| {
+            let joint = &self.joints()[index];
+            let mut pose = pose * joint.origin;
+            joint.advance(&mut pose, self.position_of(index, positions));
+            pose
+        })
     }
 
     /// Foundation from the end link of a branch whose joints err.

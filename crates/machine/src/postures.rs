@@ -146,7 +146,12 @@ fn closed_form(
         second.direction.dot(&(wrist - first.point)),
     );
     let mut postures = Vec::new();
-    for back in in_plane(&arm_plane, &first.direction, &(reached - first.point), height) {
+    for back in in_plane(
+        &arm_plane,
+        &first.direction,
+        &(reached - first.point),
+        height,
+    ) {
         // Without the first joint.
         let to = first.moved(back, &reached);
         let rotation = turn(first, back) * wanted.rotation;
@@ -169,11 +174,7 @@ fn closed_form(
 }
 
 /// Positions of A2 and A3 that bring `point` (carried by A3) to `to`.
-fn behind_elbow(
-    arm: &[Screw; JOINTS],
-    point: &Vector3<f64>,
-    to: &Vector3<f64>,
-) -> Vec<[f64; 2]> {
+fn behind_elbow(arm: &[Screw; JOINTS], point: &Vector3<f64>, to: &Vector3<f64>) -> Vec<[f64; 2]> {
     let [_, second, third, ..] = arm;
     let (lever, base) = (point - third.point, second.point - third.point);
     // Only what lies across the axes turns.
@@ -196,10 +197,7 @@ fn wrist_angles(
 ) -> impl Iterator<Item = [f64; 3]> + use<> {
     let [_, _, _, fourth, fifth, sixth] = *arm;
     let left = *left;
-    let (h4, h6) = (
-        fourth.direction.into_inner(),
-        sixth.direction.into_inner(),
-    );
+    let (h4, h6) = (fourth.direction.into_inner(), sixth.direction.into_inner());
     let bends = in_plane(&h4, &fifth.direction, &h6, h4.dot(&(left * h6)));
     bends.into_iter().map(move |q5| {
         let q4 = about(&fourth.direction, &fifth.turned(q5, &h6), &(left * h6));
@@ -218,10 +216,7 @@ fn three_parallel(
 ) -> Vec<[f64; 5]> {
     let [_, second, third, fourth, fifth, sixth] = arm;
     let turn = |screw: &Screw, angle| UnitQuaternion::from_axis_angle(&screw.direction, angle);
-    let (h2, h6) = (
-        second.direction.into_inner(),
-        sixth.direction.into_inner(),
-    );
+    let (h2, h6) = (second.direction.into_inner(), sixth.direction.into_inner());
     let signs = [third, fourth].map(|axis| h2.dot(&axis.direction).signum());
     let mut postures = Vec::new();
     for q5 in in_plane(&h2, &fifth.direction, &h6, h2.dot(&(rotation * h6))) {
@@ -253,7 +248,9 @@ impl Chain {
         ball: &Point3<f64>,
     ) -> Vec<Vec<f64>> {
         let axes = self.axes().len();
-        let free: Vec<usize> = (0..axes).filter(|&axis| prescribed[axis].is_none()).collect();
+        let free: Vec<usize> = (0..axes)
+            .filter(|&axis| prescribed[axis].is_none())
+            .collect();
         let Ok(free) = <[usize; JOINTS]>::try_from(free) else {
             return Vec::new();
         };
@@ -288,8 +285,8 @@ impl Chain {
                 continue;
             }
             for &axis in &free {
-                found[axis] = (self.nearest_turn(axis, found[axis], near[axis]))
-                    .unwrap_or(found[axis]);
+                found[axis] =
+                    (self.nearest_turn(axis, found[axis], near[axis])).unwrap_or(found[axis]);
             }
             let same = |known: &Vec<f64>| {
                 let apart = known.iter().zip(&found).map(|(a, b)| (a - b).abs());
@@ -315,7 +312,11 @@ impl Chain {
             .filter(|&axis| prescribed[axis].is_none())
             .collect();
         let jacobian = self.free_jacobian(positions, &free, part_pose, ball);
-        jacobian.singular_values().iter().copied().fold(f64::INFINITY, f64::min)
+        jacobian
+            .singular_values()
+            .iter()
+            .copied()
+            .fold(f64::INFINITY, f64::min)
     }
 
     /// The six free joints at position 0, where all of them turn and carry the probe.

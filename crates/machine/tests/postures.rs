@@ -63,7 +63,10 @@ struct Numbers(u64);
 
 impl Numbers {
     fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        self.0 = self
+            .0
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
         (self.0 >> 11) as f64 / (1_u64 << 53) as f64
     }
 }
@@ -109,7 +112,10 @@ fn round_trips(chain: &Chain, prescribed: &[Option<f64>], count: u32) -> [u32; 1
         let found = chain.postures((&place, &attitude), prescribed, &asked, &pose, &BALL);
         for posture in &found {
             let reached = chain.part_from_mount(posture, &pose);
-            assert!((reached * BALL - place).norm() < 1e-9, "{asked:?} {posture:?}");
+            assert!(
+                (reached * BALL - place).norm() < 1e-9,
+                "{asked:?} {posture:?}"
+            );
             assert!(reached.rotation.angle_to(&attitude) < 1e-7);
             for (axis, position) in posture.iter().enumerate() {
                 let (lower, upper) = chain.axis(axis).limits.unwrap();
@@ -121,7 +127,10 @@ fn round_trips(chain: &Chain, prescribed: &[Option<f64>], count: u32) -> [u32; 1
             joints.map(|(a, b)| apart(*a, *b)).fold(0.0, f64::max) < 1e-6
         };
         let singular = chain.dexterity(&asked, prescribed, &pose, &BALL) < 1e-4;
-        assert!(singular || found.iter().any(|one| same(&one)), "{asked:?} {found:?}");
+        assert!(
+            singular || found.iter().any(|one| same(&one)),
+            "{asked:?} {found:?}"
+        );
         found_by_number[found.len().min(16)] += 1;
     }
     found_by_number
@@ -131,14 +140,22 @@ fn round_trips(chain: &Chain, prescribed: &[Option<f64>], count: u32) -> [u32; 1
 fn an_arm_with_three_parallel_axes_comes_back_from_ten_thousand_postures() {
     let chain = chain(THREE_PARALLEL);
     let found = round_trips(&chain, &[None; 6], 10_000);
-    assert_eq!(found[9..].iter().sum::<u32>(), 0, "at most eight: {found:?}");
+    assert_eq!(
+        found[9..].iter().sum::<u32>(),
+        0,
+        "at most eight: {found:?}"
+    );
     assert!(found[4..].iter().sum::<u32>() > 1_000, "{found:?}");
 }
 
 #[test]
 fn an_arm_with_a_spherical_wrist_comes_back_from_ten_thousand_postures() {
     let found = round_trips(&chain(&spherical_wrist()), &[None; 6], 10_000);
-    assert_eq!(found[9..].iter().sum::<u32>(), 0, "at most eight: {found:?}");
+    assert_eq!(
+        found[9..].iter().sum::<u32>(),
+        0,
+        "at most eight: {found:?}"
+    );
     assert!(found[4..].iter().sum::<u32>() > 1_000, "{found:?}");
 }
 
@@ -168,7 +185,13 @@ fn the_closed_form_misses_no_posture_that_a_search_finds() {
                 ball: mount * BALL,
                 orientation: Some(mount.rotation),
             };
-            let known = chain.postures((&target.ball, &mount.rotation), &[None; 6], &asked, &pose, &BALL);
+            let known = chain.postures(
+                (&target.ball, &mount.rotation),
+                &[None; 6],
+                &asked,
+                &pose,
+                &BALL,
+            );
             for _ in 0..60 {
                 let start = random(&chain, &mut numbers);
                 let Ok(found) = chain.reach(&target, &[None; 6], &start, &pose, &BALL) else {
@@ -179,7 +202,10 @@ fn the_closed_form_misses_no_posture_that_a_search_finds() {
                     joints.map(|(a, b)| apart(*a, *b)).fold(0.0, f64::max) < 1e-4
                 };
                 let singular = chain.dexterity(&found, &[None; 6], &pose, &BALL) < 1e-3;
-                assert!(singular || known.iter().any(same), "{found:?} is not among {known:?}");
+                assert!(
+                    singular || known.iter().any(same),
+                    "{found:?} is not among {known:?}"
+                );
             }
         }
     }
@@ -189,7 +215,10 @@ fn the_closed_form_misses_no_posture_that_a_search_finds() {
 #[test]
 fn in_singularities_the_dexterity_is_nil_and_a_posture_is_still_found() {
     let chain = chain(&spherical_wrist());
-    for asked in [[0.3, -0.9, 1.4, 0.4, 0.0, 0.2], [0.0, -1.2, 0.9, -0.7, 0.0, 0.9]] {
+    for asked in [
+        [0.3, -0.9, 1.4, 0.4, 0.0, 0.2],
+        [0.0, -1.2, 0.9, -0.7, 0.0, 0.9],
+    ] {
         let pose = part_pose();
         let mount = chain.part_from_mount(&asked, &pose);
         assert!(chain.dexterity(&asked, &[None; 6], &pose, &BALL) < 1e-9);
@@ -207,7 +236,10 @@ fn what_is_out_of_reach_or_no_arm_has_no_posture() {
     let (pose, up) = (Isometry3::identity(), UnitQuaternion::identity());
     let far = Point3::new(4.0, 0.0, 0.0);
     let arm = chain(THREE_PARALLEL);
-    assert!(arm.postures((&far, &up), &[None; 6], &[0.0; 6], &pose, &BALL).is_empty());
+    assert!(
+        arm.postures((&far, &up), &[None; 6], &[0.0; 6], &pose, &BALL)
+            .is_empty()
+    );
     let mill = chain(include_str!("../../../launch-scripts/three_axis.urdf"));
     let here = Point3::new(0.0, 0.0, 0.1);
     let found = mill.postures((&here, &up), &[None; 3], &[0.0; 3], &pose, &BALL);

@@ -73,7 +73,14 @@ pub(crate) fn candidates(
         let mut found = Vec::new();
         let mut tried = Tried::default();
         for pose in poses.unwrap_or(&own) {
-            of_pose(&mut solver, (&around, &access), (point, pose), held, &mut tried, &mut found)?;
+            of_pose(
+                &mut solver,
+                (&around, &access),
+                (point, pose),
+                held,
+                &mut tried,
+                &mut found,
+            )?;
         }
         if found.is_empty() {
             return Err(tried.error(point));
@@ -207,7 +214,11 @@ fn nearest_to_hubs(
     let mut left: Vec<usize> = (0..tables.len()).collect();
     for _ in 0..kept {
         let total = |table: &Vec<(f64, usize)>| -> f64 {
-            table.iter().zip(&best).map(|(one, best)| one.0.min(*best)).sum()
+            table
+                .iter()
+                .zip(&best)
+                .map(|(one, best)| one.0.min(*best))
+                .sum()
         };
         let least = (left.iter().enumerate())
             .map(|(at, &table)| (total(&tables[table]), at))
@@ -223,6 +234,10 @@ fn nearest_to_hubs(
     }
     let points = all.iter_mut().zip(keep);
     points
-        .flat_map(|(of, keep)| keep.into_iter().map(|at| of[at].clone()).collect::<Vec<_>>())
+        .flat_map(|(of, keep)| {
+            keep.into_iter()
+                .map(|at| of[at].clone())
+                .collect::<Vec<_>>()
+        })
         .collect()
 }

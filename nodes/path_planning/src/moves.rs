@@ -41,7 +41,10 @@ pub(crate) fn first_transit(
         // An arm may come from anywhere: over the highest place above the first touch at which all is clear.
         let over = approach.highest().filter(|_| rules.attitudes.is_some());
         let over = over.filter(|over| **over != approach.positions).cloned();
-        return over.into_iter().chain([approach.positions.clone()]).collect();
+        return over
+            .into_iter()
+            .chain([approach.positions.clone()])
+            .collect();
     };
     let out = |at: &[f64]| {
         let mut out = at.to_vec();

@@ -105,7 +105,11 @@ impl<'a> Transits<'a> {
                     (Vec::new(), exit)
                 }
                 None => {
-                    let step = if self.rules.attitudes.is_some() { COARSE } else { 1 };
+                    let step = if self.rules.attitudes.is_some() {
+                        COARSE
+                    } else {
+                        1
+                    };
                     (lifts(chain, self.nominal, around, at, step), None)
                 }
             };
@@ -273,7 +277,10 @@ fn lifts(
         clear.then_some(reached)
     };
     let heights = 1..=HEIGHTS + HEIGHTS / 2;
-    heights.filter(|height| height % every == 0).map(lift).collect()
+    heights
+        .filter(|height| height % every == 0)
+        .map(lift)
+        .collect()
 }
 
 /// The straight way from one touch to the next cannot lead through the feature: points of one plane, or of one bore,

@@ -43,7 +43,11 @@ impl Config {
         let off = Joint::errors(&self.joints, &self.chain, positions, direction);
         for (axis, off) in off.into_iter().enumerate() {
             let joint = self.chain.axis(axis);
-            let first = if joint.kind == JointKind::Revolute { 3 } else { 0 };
+            let first = if joint.kind == JointKind::Revolute {
+                3
+            } else {
+                0
+            };
             let motion = &mut errors.motion[self.chain.axes()[axis]];
             for (component, share) in joint.axis.iter().enumerate() {
                 motion[first + component] += off * share;
@@ -117,9 +121,14 @@ impl Config {
                     let (pose, ball) = (&part.part_pose, &part.ball);
                     let postures = self.chain.postures(at, &prescribed, &start, pose, ball);
                     let apart = |posture: &Vec<f64>| self.chain.motion().time(&start, posture);
-                    let nearest = postures.into_iter().min_by(|a, b| apart(a).total_cmp(&apart(b)));
+                    let nearest = postures
+                        .into_iter()
+                        .min_by(|a, b| apart(a).total_cmp(&apart(b)));
                     nearest.ok_or_else(|| {
-                        refused(point, "no posture of the arm holds the tool there".to_owned())
+                        refused(
+                            point,
+                            "no posture of the arm holds the tool there".to_owned(),
+                        )
                     })?
                 }
                 None => {
@@ -145,7 +154,9 @@ impl Config {
         }
         let surfaces = points_of(plan, feature).map(|point| part.surfaces[point]);
         let cut = Cut {
-            inner: surfaces.into_iter().any(|one| matches!(one, Surface::Bore(..))),
+            inner: surfaces
+                .into_iter()
+                .any(|one| matches!(one, Surface::Bore(..))),
             part,
             volumetric: operation.volumetric,
             points,

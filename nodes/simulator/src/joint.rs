@@ -82,7 +82,9 @@ impl Joint {
         } else {
             vec![0.0; joints.len()]
         };
-        let fastest = direction.iter().fold(0.0, |most: f64, one| most.max(one.abs()));
+        let fastest = direction
+            .iter()
+            .fold(0.0, |most: f64, one| most.max(one.abs()));
         let joints = joints.iter().zip(efforts.iter().zip(direction));
         joints
             .map(|(joint, (effort, moves))| {

@@ -11,6 +11,8 @@ const STEM: f64 = 0.7;
 const FREE: f64 = 0.5;
 /// Radius of a spindle probe's body, m: 40 mm across is the most common.
 const PROBE_BODY: f64 = 0.02;
+/// Share of the distance from a body to which that of a link is told.
+const COARSE: f64 = 0.2;
 /// Pieces of a shaft shorter than this are judged by their ends, m.
 const PIECE: f64 = 5e-4;
 
@@ -31,6 +33,8 @@ struct Shaft {
 pub struct Stylus {
     ball_radius: f64,
     shafts: Vec<Shaft>,
+    /// Pieces of a shaft shorter than this share of their distance from a body are bounded from below, not halved.
+    coarse: f64,
 }
 
 impl Stylus {
@@ -42,12 +46,14 @@ impl Stylus {
                 ends: [0.0, 1.0],
                 radius: STEM * nominal.ball_radius,
             }],
+            coarse: 0.0,
         }
     }
 
-    /// A shaft with round ends from end to end, m.
+    /// A shaft with round ends from end to end, m. What it is clear by is told to a tenth.
     pub fn capsule(radius: f64) -> Self {
         Self {
+            coarse: COARSE,
             ball_radius: radius,
             shafts: vec![Shaft {
                 ends: [0.0, 1.0],
@@ -71,6 +77,7 @@ impl Stylus {
         (length > 2.0 * nominal.ball_radius && length > 0.0).then(|| Self {
             ball_radius: nominal.ball_radius,
             shafts: vec![stem, body],
+            coarse: 0.0,
         })
     }
 
@@ -100,6 +107,7 @@ impl Stylus {
             let within = Axis {
                 body,
                 enough: clear + shaft.radius,
+                coarse: self.coarse,
             };
             let least = within.least((&start.0, start.1), (&end.0, end.1));
             clear = clear.min(least - shaft.radius);
@@ -113,6 +121,8 @@ struct Axis<'a> {
     body: &'a Body,
     /// m; a larger distance need not be known.
     enough: f64,
+    /// As that of the stylus.
+    coarse: f64,
 }
 
 impl Axis<'_> {
@@ -121,8 +131,12 @@ impl Axis<'_> {
     fn least(&self, a: (&Point3<f64>, f64), b: (&Point3<f64>, f64)) -> f64 {
         let length = (a.0 - b.0).norm();
         let ends = a.1.min(b.1);
-        if 0.5 * (a.1 + b.1 - length) >= self.enough || length <= PIECE {
+        let bound = 0.5 * (a.1 + b.1 - length);
+        if bound >= self.enough || length <= PIECE {
             return ends;
+        }
+        if length <= self.coarse * ends {
+            return bound;
         }
         let middle = nalgebra::center(a.0, b.0);
         let half = self.body.distance(&middle);

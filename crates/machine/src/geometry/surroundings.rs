@@ -156,7 +156,9 @@ impl<'a> Surroundings<'a> {
     pub fn is_carrier_clear(&self, positions: &[f64]) -> bool {
         (self.carriers.iter().enumerate()).all(|(carrier, (_, _, shape))| {
             let pose = self.carrier_at(carrier, positions);
-            self.bodies.iter().all(|body| shape.clearance(body, &pose) > 0.0)
+            self.bodies
+                .iter()
+                .all(|body| shape.clearance(body, &pose) > 0.0)
         })
     }
 
@@ -173,7 +175,10 @@ impl<'a> Surroundings<'a> {
                 bodies: &self.bodies,
                 least: &least[mover * count..(mover + 1) * count],
             };
-            let carried = Carried { around: self, mover };
+            let carried = Carried {
+                around: self,
+                mover,
+            };
             let mut at = from.to_vec();
             way.iter().all(|target| {
                 let clear = passage.is_clear(&carried, &at, target);
@@ -187,10 +192,17 @@ impl<'a> Surroundings<'a> {
 /// Length from the first axis of an arm (three or more rotary axes carry the probe) to the ball, and to the part's side of its
 /// foundation, m.
 fn lever(chain: &Chain, nominal: &Nominal) -> Option<f64> {
-    let joints = chain.branch(Side::Tool).iter().map(|&index| &chain.joints()[index]);
-    let turning = joints.clone().filter(|joint| joint.kind == JointKind::Revolute);
+    let joints = chain
+        .branch(Side::Tool)
+        .iter()
+        .map(|&index| &chain.joints()[index]);
+    let turning = joints
+        .clone()
+        .filter(|joint| joint.kind == JointKind::Revolute);
     let carried = joints.skip_while(|joint| !joint.moves()).skip(1);
-    let length: f64 = carried.map(|joint| joint.origin.translation.vector.norm()).sum();
+    let length: f64 = carried
+        .map(|joint| joint.origin.translation.vector.norm())
+        .sum();
     (turning.count() > 3).then(|| length + nominal.ball.coords.norm())
 }
 

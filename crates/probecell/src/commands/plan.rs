@@ -151,7 +151,10 @@ pub(crate) fn of_bag(
         }
         let positions = chain.positions(&event.axis_names, &event.axis_positions)?;
         // Where the free axes can turn the probe (an arm), it keeps the attitude that it had.
-        let free = chain.axes().len().saturating_sub(recorded.rotary_names.len());
+        let free = chain
+            .axes()
+            .len()
+            .saturating_sub(recorded.rotary_names.len());
         let attitude = (recorded.rotary_names.is_empty() || free > 3)
             .then(|| chain.part_from_mount(&positions, &part_pose).rotation);
         seeds.push(Seed {

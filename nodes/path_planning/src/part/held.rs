@@ -42,16 +42,27 @@ impl RawPart {
         let even: Vec<f64> = even.collect();
         let held = |raw: &super::RawFeature| {
             let own = &raw.stem_directions;
-            let directions = if own.is_empty() { &self.stem_directions } else { own };
+            let directions = if own.is_empty() {
+                &self.stem_directions
+            } else {
+                own
+            };
             if directions.is_empty() {
                 return Err(PartError::NoStem(raw.id.clone()));
             }
             turns("stem_turns_deg", &raw.stem_turns_deg)?;
             if raw.stem_turns_deg.len() > MOST_TURNS {
-                return Err(PartError::Number("stem_turns_deg".to_owned(), ", at most 72 of them"));
+                return Err(PartError::Number(
+                    "stem_turns_deg".to_owned(),
+                    ", at most 72 of them",
+                ));
             }
             let own = raw.stem_turns_deg.iter().map(|angle| angle.to_radians());
-            let turns = if raw.stem_turns_deg.is_empty() { even.clone() } else { own.collect() };
+            let turns = if raw.stem_turns_deg.is_empty() {
+                even.clone()
+            } else {
+                own.collect()
+            };
             let stems = directions.iter().map(|one| {
                 finite("stem_directions", one)?;
                 let unit = direction(*one).ok_or_else(|| PartError::Stem(raw.id.clone()))?;
@@ -60,6 +71,10 @@ impl RawPart {
             let stems = stems.collect::<Result<_, PartError>>()?;
             Ok(Held { stems, turns })
         };
-        self.features.iter().map(held).collect::<Result<Vec<_>, _>>().map(Some)
+        self.features
+            .iter()
+            .map(held)
+            .collect::<Result<Vec<_>, _>>()
+            .map(Some)
     }
 }
