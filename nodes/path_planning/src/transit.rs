@@ -99,19 +99,13 @@ impl<'a> Transits<'a> {
             let (chain, around) = (self.rules.chain, &self.around);
             let clearances = around.clearances(positions);
             let at = (targets, positions, &clearances[..]);
-            let (lifts, exit) = match self.rules.clearance {
-                Some(clearance) => {
-                    let exit = exit(chain, self.nominal, around, at, clearance);
-                    (Vec::new(), exit)
-                }
-                None => {
-                    let step = if self.rules.attitudes.is_some() {
-                        COARSE
-                    } else {
-                        1
-                    };
-                    (lifts(chain, self.nominal, around, at, step), None)
-                }
+            let (lifts, exit) = if let Some(clearance) = self.rules.clearance {
+                let exit = exit(chain, self.nominal, around, at, clearance);
+                (Vec::new(), exit)
+            } else {
+                let arm = self.rules.attitudes.is_some();
+                let every = if arm { COARSE } else { 1 };
+                (lifts(chain, self.nominal, around, at, every), None)
             };
             Station {
                 positions: positions.to_vec(),

@@ -1,7 +1,7 @@
 //! Features that are cut point by point: where the true machine leads the true tool.
 
 use machine::{JointKind, Nominal, PositionError, Surface, Target};
-use nalgebra::{Unit, UnitQuaternion, Vector3};
+use nalgebra::{Point3, Unit, UnitQuaternion, Vector3};
 use probecell_msgs::InspectionPlan;
 
 use crate::{
@@ -84,6 +84,36 @@ impl Config {
         deviations.collect()
     }
 
+    /// Programme positions of the axes (m, rad) that hold the tool of an operation at a point; an arm takes the posture nearest
+    /// to `start`.
+    fn cutting_positions(
+        &self,
+        operation: &RawOperation,
+        part: &Nominal,
+        point: Point3<f64>,
+        prescribed: &[Option<f64>],
+        start: &[f64],
+    ) -> Result<Vec<f64>, String> {
+        let (pose, ball) = (&part.part_pose, &part.ball);
+        let Some(direction) = operation.tool_direction else {
+            let target = Target {
+                ball: point,
+                orientation: None,
+            };
+            let reached = self.chain.reach(&target, prescribed, start, pose, ball);
+            return reached.map_err(|error| error.to_string());
+        };
+        let attitude = attitude(part, direction, operation.tool_turn_deg)
+            .ok_or("tool_direction is no direction, or the ball is in the origin of the mount")?;
+        let at = (&point, &attitude);
+        let postures = self.chain.postures(at, prescribed, start, pose, ball);
+        let apart = |posture: &Vec<f64>| self.chain.motion().time(start, posture);
+        let nearest = postures
+            .into_iter()
+            .min_by(|a, b| apart(a).total_cmp(&apart(b)));
+        nearest.ok_or_else(|| "no posture of the arm holds the tool there".to_owned())
+    }
+
     /// The poses in which an operation cuts the points of a feature.
     pub(crate) fn cut_by_machine(
         &self,
@@ -113,34 +143,9 @@ impl Config {
                 }
             }
             let (position, normal) = part.points[point];
-            let positions = match operation.tool_direction {
-                Some(direction) => {
-                    let attitude = attitude(&part, direction, operation.tool_turn_deg)
-                        .ok_or_else(|| refused(point, "tool_direction is none".to_owned()))?;
-                    let at = (&position, &attitude);
-                    let (pose, ball) = (&part.part_pose, &part.ball);
-                    let postures = self.chain.postures(at, &prescribed, &start, pose, ball);
-                    let apart = |posture: &Vec<f64>| self.chain.motion().time(&start, posture);
-                    let nearest = postures
-                        .into_iter()
-                        .min_by(|a, b| apart(a).total_cmp(&apart(b)));
-                    nearest.ok_or_else(|| {
-                        refused(
-                            point,
-                            "no posture of the arm holds the tool there".to_owned(),
-                        )
-                    })?
-                }
-                None => {
-                    let target = Target {
-                        ball: position,
-                        orientation: None,
-                    };
-                    self.chain
-                        .reach(&target, &prescribed, &start, &part.part_pose, &part.ball)
-                        .map_err(|error| refused(point, error.to_string()))?
-                }
-            };
+            let positions = self
+                .cutting_positions(operation, &part, position, &prescribed, &start)
+                .map_err(|reason| refused(point, reason))?;
             let runout = self
                 .runout
                 .get(&operation.tool_number)
