@@ -1,7 +1,11 @@
 //! Postures of the arm of `launch-scripts/robot_arm.urdf` for random places of its flange, one JSON object a line; for the
 //! comparison with another implementation, `tests/interop/plans/arm_postures.py`.
 
-#![expect(clippy::unwrap_used, reason = "the program of a test")]
+#![expect(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "the program of a test, which reads what it prints"
+)]
 
 use machine::{Chain, Side};
 use nalgebra::{Isometry3, Point3};
