@@ -25,7 +25,13 @@ pub(crate) const FILE_NAME: &str = "seals.txt";
 
 /// Signs seals.
 #[derive(Clone)]
-pub struct Sealer(Arc<dyn Fn(&[u8]) -> Vec<u8> + Send + Sync>);
+pub struct Sealer(Arc<Sign>);
+
+/// From the bytes of a seal to their signature.
+type Sign = dyn Fn(&[u8]) -> Vec<u8> + Send + Sync;
+
+/// Length of a file, and the SHA-256 digest of so much of it.
+pub(crate) type Digested = (u64, String);
 
 impl Sealer {
     /// By a function from the bytes of a seal to their signature.
@@ -97,7 +103,7 @@ impl Seals {
     pub(crate) fn add(
         &mut self,
         file: &str,
-        (bytes, sha256): (u64, String),
+        (bytes, sha256): Digested,
         reach: Reach,
     ) -> Result<(), Error> {
         let seal = Seal {
@@ -173,7 +179,8 @@ pub fn verify(
         .filter_map(|entry| Some(entry.ok()?.file_name().to_string_lossy().into_owned()))
         .collect();
     for name in &present {
-        let is_bag = name.ends_with(".mcap") || name == crate::metadata::FILE_NAME;
+        let is_bag = Path::new(name).extension().is_some_and(|end| end == "mcap")
+            || name == crate::metadata::FILE_NAME;
         if is_bag && !files.contains_key(name.as_str()) {
             let bytes = std::fs::metadata(folder.join(name)).map_or(0, |file| file.len());
             sealed.unsealed.insert(name.clone(), bytes);
@@ -284,7 +291,10 @@ fn compare(folder: &Path, name: &str, seals: &[&Seal], sealed: &mut Sealed) -> R
 
 /// Lower-case hexadecimal digits.
 pub(crate) fn hexadecimal(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+    let digit = |value: u8| char::from_digit(value.into(), 16).unwrap_or_default();
+    (bytes.iter())
+        .flat_map(|byte| [digit(byte >> 4), digit(byte & 15)])
+        .collect()
 }
 
 fn bytes(digits: &[u8]) -> Option<Vec<u8>> {

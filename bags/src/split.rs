@@ -16,7 +16,7 @@ use sha2::{Digest, Sha256};
 use crate::channel::Channel;
 use crate::error::Error;
 use crate::metadata::FileInformation;
-use crate::seal::hexadecimal;
+use crate::seal::{Digested, hexadecimal};
 
 /// Name of this program in the header of the files that it writes.
 pub(crate) const LIBRARY: &str = "probecell";
@@ -127,7 +127,7 @@ impl SplitFile {
     }
 
     /// Length and SHA-256 digest of everything written so far, where they were asked for.
-    pub(crate) fn digest(&self) -> Option<(u64, String)> {
+    pub(crate) fn digest(&self) -> Option<Digested> {
         let digest = self.digest.lock().unwrap_or_else(PoisonError::into_inner);
         let digest = digest.clone()?.finalize();
         Some((self.written(), hexadecimal(&digest)))
@@ -254,7 +254,7 @@ impl SplitFile {
     }
 
     /// Writes summary and footer, durably; gives the digest of the whole, too.
-    pub(crate) fn finish(mut self) -> Result<(FileInformation, u64, Option<(u64, String)>), Error> {
+    pub(crate) fn finish(mut self) -> Result<(FileInformation, u64, Option<Digested>), Error> {
         self.writer
             .finish()
             .map_err(|source| Error::mcap(&self.path, source))?;

@@ -17,6 +17,7 @@ pub fn target(data: &[u8]) {
         name: "cell.toml".to_owned(),
         cell: text.to_owned(),
         robot_description: URDF.to_owned(),
+        ..CellText::default()
     };
     let Ok(cell) = Cell::from_text(text) else {
         return;

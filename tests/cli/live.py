@@ -439,6 +439,50 @@ def the_documented_policy_lets_the_cell_work_and_nobody_else_command_it(folder):
     assert not any(b"secret of" in file.read_bytes() for file in bag.iterdir())
 
 
+def a_secured_cell_works_and_nobody_else_speaks(folder):
+    cell = own_cell(folder, lambda text: text.replace("duration_s = 8.0", "duration_s = 2.0").replace('name = "turn_mill"', 'name = "secured"', 1))
+    code, output, errors = asked("secure", cell, "--out", folder / "sessions", folder=folder)
+    assert code == 0, (output, errors)
+
+    def session_of(user):
+        return zenoh.Config.from_file(str(folder / "sessions" / f"{user}.json5"))
+
+    with cell_that_is_ready(cell, folder) as up:
+        try:
+            with visitor():
+                raise AssertionError("a session without a password was opened")
+        except zenoh.ZError:
+            pass
+        heard = set()
+        with zenoh.open(session_of("screen")) as screen, zenoh.open(session_of("ros")) as ros:
+            screen.declare_subscriber("0/secured/**", lambda sample: heard.add(str(sample.key_expr).split("/")[2]))
+            services = "0/secured/status/**"
+            until("an answer to ros", lambda: any(reply.ok for reply in ros.get(services, payload=bytes([0, 1, 0, 0]))))
+            assert not any(reply.ok for reply in screen.get(services, payload=bytes([0, 1, 0, 0]), timeout=2.0))
+            code, output, errors = asked("run", "punch", "--cell", cell, folder=folder)
+            assert code == 0, (output, errors)
+            until("the end of the part", lambda: "part punch: qualified" in up.stdout.readline())
+            until("what the screen may see", lambda: heard >= {"machine_state", "corrections", "part_reports", "probe_events"})
+        code, output, errors = asked("stop", "--cell", cell, folder=folder)
+        assert code == 0, (output, errors)
+        code, output, errors = asked("recording", "stop", "--cell", cell, folder=folder)
+        assert code == 0, (output, errors)
+    (bag,) = (folder / "recordings").glob("*")
+    code, output, errors = asked("replay", bag, folder=folder)
+    assert code == 0, (output, errors)
+    code, output, errors = asked("info", bag, "--verify", folder=folder)
+    assert code == 0 and "nothing was changed since" in output, (code, output, errors)
+    passwords = [line.split(":")[1] for line in (KEYS / "probecell/cells/secured/bus/users.txt").read_text().split()]
+    content = b"".join(one.read_bytes() for one in bag.iterdir())
+    assert len(passwords) > 10 and not any(word.encode() in content for word in passwords)
+    (changed,) = bag.glob("*.mcap")
+    content = bytearray(changed.read_bytes())
+    content[len(content) // 2] ^= 1
+    changed.write_bytes(content)
+    code, output, errors = asked("info", bag, "--verify", folder=folder)
+    assert code == 1 and "was changed between byte" in output, (code, output, errors)
+
+
 def main():
     with tempfile.TemporaryDirectory(prefix="probecell_live_") as scratch:
         global KEYS  # keys of these tests, not of whoever runs them
@@ -452,6 +496,7 @@ def main():
             a_paused_cycle_starts_nothing_late, the_same_cell_is_not_started_twice_and_another_outlives_its_router,
             a_wall_clock_set_back_is_a_recorded_fault,
             corrections_are_approved_by_signature_and_a_withdrawn_key_is_refused,
+            a_secured_cell_works_and_nobody_else_speaks,
         ):
             folders[check] = pathlib.Path(scratch) / check.__name__
             folders[check].mkdir()

@@ -140,6 +140,9 @@ pub fn access_control(cell: &Cell) -> Result<Table, CellError> {
     );
     policy.rule("be_told", &["egress"], &TOLD, everything.clone());
     policy.rule("be_asked", &["egress"], &ALL, everything);
+    // Who calls looks first whether anybody serves.
+    let offers = ["**", "**/@adv/**"].map(str::to_owned).to_vec();
+    policy.rule("be_offered", &["egress"], &["declare_queryable"], offers);
     let services = |by: Option<&str>| -> Vec<String> {
         let served = SERVICES
             .iter()

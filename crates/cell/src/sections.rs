@@ -34,6 +34,8 @@ pub struct BusSection {
     pub domain_id: Option<u32>,
     /// The router that every process connects to; `up` carries it unless one answers there already.
     pub router_endpoint: String,
+    /// A DDS cell starts although its sockets, which listen on all addresses, can be reached from other machines.
+    pub dds_on_all_addresses: bool,
     /// Routers of other machines that the router of `up` joins.
     pub join: Vec<String>,
     /// Where processes accept direct connections.
@@ -51,6 +53,7 @@ impl Default for BusSection {
             transport: TransportName::Zenoh,
             domain_id: None,
             router_endpoint: "tcp/127.0.0.1:7447".to_owned(),
+            dds_on_all_addresses: false,
             join: Vec::new(),
             listen: vec!["tcp/127.0.0.1:0".to_owned()],
             zenoh: None,

@@ -475,6 +475,29 @@ fn a_repeated_delivery_is_obeyed_once() {
 }
 
 #[test]
+fn a_wear_beyond_the_limit_of_the_driver_itself_is_refused_whoever_asks() {
+    let mut cell = Cell::new("wear_limit");
+    for (number, value) in [5e-3, -5e-3, f64::NAN].into_iter().enumerate() {
+        cell.driver.command(ControllerCommand {
+            session: "run.0".to_owned(),
+            command_id: number as u64,
+            kind: ControllerCommand::SET_TOOL_WEAR,
+            tool_number: 2,
+            value,
+            ..ControllerCommand::default()
+        });
+        let (_, reply, _) = cell.reply();
+        assert_eq!(reply.outcome, ControllerReply::REFUSED, "{}", reply.text);
+        assert!(
+            reply.text.contains("linuxcnc.wear_limit_mm = 1"),
+            "{}",
+            reply.text
+        );
+    }
+    assert!(!cell.shell.told().contains(&"set run".to_owned()));
+}
+
+#[test]
 fn a_wear_that_is_not_read_back_is_not_called_written() {
     let mut cell = Cell::new("wear");
     cell.driver.command(ControllerCommand {

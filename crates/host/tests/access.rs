@@ -6,7 +6,7 @@ use std::{
     net::TcpListener,
     path::Path,
     sync::{Arc, Mutex},
-    time::Duration,
+    time::{Duration, Instant},
 };
 
 use cell::{
@@ -16,7 +16,7 @@ use cell::{
 };
 use host::bus::{Router, RouterConfig};
 use serde_json::{Value, json};
-use zenoh::{Session, Wait, query::Query, sample::Sample};
+use zenoh::{Session, Wait, qos::CongestionControl, query::Query, sample::Sample};
 
 /// Longest wait for what must happen.
 const PATIENCE: Duration = Duration::from_secs(30);
@@ -106,6 +106,23 @@ fn sentinel(session: &Session, user: &str, topic: &str) -> String {
     key
 }
 
+/// Until the session reaches the sentinel, whose announcement may still be on its way.
+fn reach(session: &Session, sentinel: &str) {
+    let deadline = Instant::now() + PATIENCE;
+    loop {
+        let replies = session
+            .get(sentinel)
+            .timeout(PATIENCE)
+            .wait()
+            .expect("a question");
+        if replies.recv().is_ok_and(|reply| reply.result().is_ok()) {
+            return;
+        }
+        assert!(Instant::now() < deadline, "{sentinel} is not reached");
+        std::thread::yield_now();
+    }
+}
+
 fn ask(session: &Session, sentinel: &str) {
     let replies = session
         .get(sentinel)
@@ -132,8 +149,7 @@ fn each_user_puts_on_its_own_topics_and_on_no_other() {
         productions.len()
     );
     let witness = secured.session(policy::RECORDER);
-    let (heard, keep): (Heard, Heard) = Default::default();
-    drop(keep);
+    let heard = Heard::default();
     let into = Arc::clone(&heard);
     let subscriber = witness
         .declare_subscriber("0/**")
@@ -148,7 +164,7 @@ fn each_user_puts_on_its_own_topics_and_on_no_other() {
     let sentinel = sentinel(&witness, policy::RECORDER, "turn_mill/recording_status");
     for user in secured.names() {
         let session = secured.session(&user);
-        ask(&session, &sentinel);
+        reach(&session, &sentinel);
         for topic in &topics {
             session
                 .put(key(topic), "x")
@@ -201,7 +217,7 @@ fn each_user_announces_itself_and_nobody_else() {
     let processes = policy::productions(&secured.cell).expect("productions");
     for user in &names {
         let session = secured.session(user);
-        ask(&session, &sentinel);
+        reach(&session, &sentinel);
         let mut declared = Vec::new();
         for name in &names {
             for kind in ["NN", "MP", "MS", "SS", "SC"] {
@@ -281,7 +297,7 @@ fn services_are_called_by_operators_and_served_by_their_process_only() {
     for user in secured.names() {
         let session = secured.session(&user);
         for (_, sentinel) in &servers {
-            ask(&session, sentinel);
+            reach(&session, sentinel);
         }
         let mut asked = Vec::new();
         for (name, _) in policy::SERVICES {

@@ -15,6 +15,7 @@ pub(crate) struct CellFailure(pub(crate) String);
 
 /// How a process of the cell joins the bus; `node` is its name there.
 pub(crate) fn bus_config(cell: &Cell, node: &str) -> anyhow::Result<BusConfig> {
+    refuse_exposed_dds(cell)?;
     Ok(BusConfig {
         transport: match cell.bus.transport {
             TransportName::Zenoh => Transport::Zenoh,
@@ -26,6 +27,31 @@ pub(crate) fn bus_config(cell: &Cell, node: &str) -> anyhow::Result<BusConfig> {
         zenoh: session_settings(cell, node)?,
         ..BusConfig::default()
     })
+}
+
+/// DDS has no access control here, and RustDDS binds its sockets to all addresses whichever interface it is told to use.
+fn refuse_exposed_dds(cell: &Cell) -> anyhow::Result<()> {
+    if cell.bus.transport != TransportName::Dds || cell.bus.dds_on_all_addresses {
+        return Ok(());
+    }
+    let interfaces = interfaces_up();
+    if !interfaces.is_empty() {
+        anyhow::bail!(
+            "{}: bus.transport = \"dds\": sockets of DDS listen on all addresses, and this machine has the interface {}, by \
+             which anybody could command the cell: run it in a network namespace with lo alone, or set \
+             bus.dds_on_all_addresses = true",
+            cell.text().name,
+            interfaces.join(", ")
+        );
+    }
+    Ok(())
+}
+
+/// Network interfaces that are up and have an address, loopback left out.
+fn interfaces_up() -> Vec<String> {
+    let interfaces = pnet_datalink::interfaces().into_iter();
+    let reached = interfaces.filter(|one| one.is_up() && !one.is_loopback() && !one.ips.is_empty());
+    reached.map(|one| one.name).collect()
 }
 
 /// Zenoh settings of a session. Where the router controls access, sessions are clients, which link to nothing but the

@@ -7,7 +7,7 @@
 
 use probecell_msgs::{OperatorRequest, builtin_interfaces::Time, to_cdr};
 
-use crate::PublicKey;
+use crate::key::{PublicKey, SecretKey};
 
 /// What somebody does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -101,10 +101,23 @@ impl<'a> Act<'a> {
     }
 }
 
+impl SecretKey {
+    /// Signs an act: 64 bytes, the same ones each time (RFC 8032, 5.1.6).
+    pub fn sign(&self, act: &Act<'_>) -> Vec<u8> {
+        self.signature(&act.statement())
+    }
+}
+
+impl PublicKey {
+    /// True where the signature is this key's on exactly this act.
+    pub fn verifies(&self, act: &Act<'_>, signature: &[u8]) -> bool {
+        self.has_signed(&act.statement(), signature)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::SecretKey;
 
     #[test]
     fn a_signature_is_of_one_act_and_of_no_other() {

@@ -6,7 +6,11 @@ use probecell_msgs::{
     Correction, OperatorKeys, builtin_interfaces::Time, std_msgs::Header, to_cdr,
 };
 
-use crate::{Act, Kind, PublicKey, SecretKey, operators};
+use crate::{
+    act::{Act, Kind},
+    key::{PublicKey, SecretKey},
+    operators,
+};
 
 /// ns; an approval that reaches a node later than this after it was signed is none.
 const AGE_LIMIT: i64 = 60_000_000_000;

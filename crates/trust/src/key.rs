@@ -4,8 +4,6 @@ use std::{fmt, str::FromStr};
 
 use ed25519_dalek::{Signature, SigningKey, VerifyingKey};
 
-use crate::Act;
-
 /// Why a text is no key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum KeyError {
@@ -42,10 +40,10 @@ impl SecretKey {
         PublicKey(self.0.verifying_key())
     }
 
-    /// Signs an act: 64 bytes, the same ones each time (RFC 8032, 5.1.6).
-    pub fn sign(&self, act: &Act<'_>) -> Vec<u8> {
+    /// The signature on these bytes.
+    pub(crate) fn signature(&self, statement: &[u8]) -> Vec<u8> {
         use ed25519_dalek::Signer as _;
-        self.0.sign(&act.statement()).to_bytes().to_vec()
+        self.0.sign(statement).to_bytes().to_vec()
     }
 
     /// Its seed as text, for the file that it is kept in.
@@ -69,10 +67,10 @@ impl fmt::Debug for SecretKey {
 }
 
 impl PublicKey {
-    /// True where the signature is this key's on exactly this act.
-    pub fn verifies(&self, act: &Act<'_>, signature: &[u8]) -> bool {
+    /// True where the signature is this key's on these bytes.
+    pub(crate) fn has_signed(&self, statement: &[u8], signature: &[u8]) -> bool {
         Signature::from_slice(signature)
-            .is_ok_and(|signature| self.0.verify_strict(&act.statement(), &signature).is_ok())
+            .is_ok_and(|signature| self.0.verify_strict(statement, &signature).is_ok())
     }
 
     /// Its 32 bytes.
@@ -103,7 +101,10 @@ impl fmt::Debug for PublicKey {
 }
 
 fn hexadecimal(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+    let digit = |value: u8| char::from_digit(value.into(), 16).unwrap_or_default();
+    (bytes.iter())
+        .flat_map(|byte| [digit(byte >> 4), digit(byte & 15)])
+        .collect()
 }
 
 fn bytes(text: &str) -> Result<[u8; 32], KeyError> {

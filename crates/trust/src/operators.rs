@@ -2,7 +2,10 @@
 
 use probecell_msgs::{OperatorKeys, to_cdr};
 
-use crate::{Act, Kind, PublicKey, SecretKey};
+use crate::{
+    act::{Act, Kind},
+    key::{PublicKey, SecretKey},
+};
 
 /// Signs a list of keys with the cell's key.
 #[must_use]

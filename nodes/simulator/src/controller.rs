@@ -123,8 +123,19 @@ pub(crate) fn measure_when_ready(
     }
 }
 
+/// m; a control takes no larger wear offset of either sign, whoever sends it (as parameter 5013 of a FANUC control).
+const WEAR_LIMIT: f64 = 1e-3;
+
 fn set_wear(state: &mut State, now: Stamp, command: &ControllerCommand, out: &mut Outbox<Output>) {
     let answer = match state.wear.get_mut(&command.tool_number) {
+        Some(_) if command.value.abs() > WEAR_LIMIT => ControllerReply {
+            outcome: ControllerReply::REFUSED,
+            text: format!(
+                "wear {} m of tool {} is beyond the register's limit of {WEAR_LIMIT} m",
+                command.value, command.tool_number
+            ),
+            ..reply(state, now, command)
+        },
         Some(wear) if command.value.is_finite() => {
             let value_before = std::mem::replace(wear, command.value);
             ControllerReply {

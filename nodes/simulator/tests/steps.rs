@@ -203,6 +203,14 @@ fn a_command_for_another_run_for_a_busy_machine_or_for_nothing_there_is_refused(
         machine.tell(1.0, nothing),
         refused("tool 2 is unknown, or NaN is no wear offset")
     );
+    for value in [5e-3, -5e-3] {
+        let beyond = ControllerCommand {
+            value,
+            ..command(ControllerCommand::SET_TOOL_WEAR)
+        };
+        let says = format!("wear {value} m of tool 2 is beyond the register's limit of 0.001 m");
+        assert_eq!(machine.tell(1.0, beyond), refused(&says));
+    }
     machine.tell(1.0, command(ControllerCommand::RUN_OPERATION));
     assert_eq!(
         machine.tell(2.0, command(ControllerCommand::RUN_OPERATION)),

@@ -47,6 +47,9 @@ pub struct RawConfig {
     /// Tools whose wear the cell corrects.
     #[serde(default)]
     pub tools: Vec<RawTool>,
+    /// Largest wear offset that the driver writes, of either sign, whoever asks: its own limit, besides that of the gate.
+    #[serde(default = "default_wear_limit_mm")]
+    pub wear_limit_mm: f64,
     /// Work offset that the cell corrects: 54 to 59.
     #[serde(default = "default_work_offset")]
     pub work_offset: u8,
@@ -121,6 +124,10 @@ fn default_reply_timeout_s() -> f64 {
     2.0
 }
 
+fn default_wear_limit_mm() -> f64 {
+    1.0
+}
+
 fn default_work_offset() -> u8 {
     54
 }
@@ -152,6 +159,8 @@ pub struct Config {
     pub probe_tool: Option<u32>,
     /// Number, and diameter without wear (m), of each tool that is corrected.
     pub tools: Vec<(u32, f64)>,
+    /// m; largest wear offset that is written, of either sign.
+    pub wear_limit: f64,
     /// Work offset that is corrected, 1 for G54.
     pub work_offset: u8,
     /// Program of each operation.
@@ -237,6 +246,7 @@ impl RawConfig {
             power_on: self.power_on,
             probe_tool: self.probe_tool,
             tools,
+            wear_limit: positive("wear_limit_mm", self.wear_limit_mm)? * 1e-3,
             work_offset: self.work_offset - 53,
             operations: self.operations,
             touching,

@@ -23,6 +23,11 @@ pub(crate) fn run(path: &Path, json: bool) -> anyhow::Result<u8> {
     let Some(cell) = embedded::cell(&bag)? else {
         return super::plan::replay_foreign(&bag, json);
     };
+    if cell.key().is_none() {
+        output::remark(
+            "the recording holds no key of its cell: approvals cannot be verified, and the replay refuses what they entitled",
+        );
+    }
     let begun = Instant::now();
     let recording = read(&bag, &cell)?;
     let corrections = recording.payloads(topics::CORRECTIONS.name);

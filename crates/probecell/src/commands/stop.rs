@@ -2,15 +2,23 @@
 
 use std::path::Path;
 
-use probecell_msgs::srv;
+use cell::{
+    Cell,
+    keys::{KeyFolder, operator_key},
+};
+use probecell_msgs::{OperatorRequest, srv};
+use trust::{Act, Kind};
 
 use crate::{FAILED, GOOD, cell_client::call_once, output};
 
 /// Calls the service `stop`; succeeds when the machine has confirmed that it stands.
 pub(crate) fn run(file: &Path, operator: &str) -> anyhow::Result<u8> {
+    let signed = signed(file, operator);
     let request = srv::StopRequest {
         operator_name: operator.to_owned(),
-        ..srv::StopRequest::default()
+        signed_at: signed.signed_at,
+        shown: signed.shown,
+        signature: signed.signature,
     };
     let response = call_once::<srv::Stop>(file, "stop", &request)?;
     if response.accepted {
@@ -22,4 +30,21 @@ pub(crate) fn run(file: &Path, operator: &str) -> anyhow::Result<u8> {
         response.text
     ));
     Ok(FAILED)
+}
+
+/// The act with the operator's signature, where there is a key: nobody needs one to stop a machine.
+fn signed(file: &Path, operator: &str) -> OperatorRequest {
+    let act = OperatorRequest {
+        operator_name: operator.to_owned(),
+        signed_at: host::now().time(),
+        ..OperatorRequest::default()
+    };
+    let sign = || -> anyhow::Result<Vec<u8>> {
+        let cell = KeyFolder::of(&Cell::read(file)?)?.public()?;
+        Ok(operator_key(operator)?.sign(&Act::of_request(cell, Kind::Stop, &act)))
+    };
+    match sign() {
+        Ok(signature) => OperatorRequest { signature, ..act },
+        Err(_without) => OperatorRequest::default(),
+    }
 }

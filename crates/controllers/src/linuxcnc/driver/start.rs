@@ -260,6 +260,14 @@ impl LinuxCncConnection {
             .iter()
             .position(|&(number, _)| number == tool);
         let index = index.ok_or_else(|| format!("tool {tool} is not listed in linuxcnc.tools"))?;
+        // Written so that a value that is not a number is beyond it.
+        if !(command.value.abs() <= self.config.wear_limit) {
+            return Err(format!(
+                "wear {} m of tool {tool} is beyond the driver's own limit, linuxcnc.wear_limit_mm = {}",
+                command.value,
+                self.config.wear_limit * 1e3
+            ));
+        }
         let before = *self
             .read_tool_wear()
             .map_err(|error| error.to_string())?
