@@ -1,8 +1,14 @@
 //! What comes in: files of other systems as the messages of a session.
 
 pub mod columns;
+pub mod dmis;
 pub mod features;
-pub mod frame;
+mod frame;
+pub mod plan;
+pub mod qif;
+pub mod readings;
+pub mod reference;
+pub mod table_reference;
 pub mod touches;
 
 use probecell_msgs::{InspectionPlan, MachineState, ProbeEvent, ReferenceMeasurement};

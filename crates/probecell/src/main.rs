@@ -21,6 +21,8 @@
 mod cell_bus;
 mod cell_client;
 mod commands;
+mod default_cell;
+mod examples;
 mod external_driver;
 mod launcher;
 mod operator;
@@ -30,7 +32,7 @@ mod signals;
 
 use std::{io::IsTerminal, path::PathBuf, process::ExitCode};
 
-use clap::{CommandFactory, Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use tracing_subscriber::EnvFilter;
 
 /// Success.
@@ -285,6 +287,12 @@ enum Command {
         #[arg(long, default_value = "layouts")]
         out: PathBuf,
     },
+    /// Print the JSON Schema of what a command prints with --json, or list the schemas.
+    Schema {
+        /// Name of a schema.
+        #[arg(value_parser = commands::schema::names())]
+        name: Option<String>,
+    },
     /// Print shell completions.
     Completions {
         /// Shell.
@@ -305,7 +313,13 @@ fn main() -> ExitCode {
         .with_writer(std::io::stderr)
         .with_ansi(std::io::stderr().is_terminal())
         .init();
-    match run(Arguments::parse().command) {
+    let arguments =
+        Arguments::from_arg_matches(&examples::with_examples(Arguments::command()).get_matches());
+    let command = match arguments {
+        Ok(arguments) => arguments.command,
+        Err(error) => error.exit(),
+    };
+    match run(command) {
         Ok(status) => ExitCode::from(status),
         Err(error) => {
             tracing::debug!("{error:?}");
@@ -339,7 +353,10 @@ fn run(command: Command) -> anyhow::Result<u8> {
             cell,
             once,
             no_record,
-        } => launcher::up(&cell, once, !no_record),
+        } => {
+            default_cell::provide(&cell)?;
+            launcher::up(&cell, once, !no_record)
+        }
         Command::Node {
             name,
             cell,
@@ -406,7 +423,10 @@ fn run(command: Command) -> anyhow::Result<u8> {
         Command::Conformance(arguments) => commands::conformance::run(&arguments),
         Command::Doctor { cell, json } => commands::doctor::run(&cell, json),
         Command::Layouts { cell, out } => commands::layouts::run(&cell, &out),
-        Command::Man { folder } => commands::man::run(Arguments::command(), &folder),
+        Command::Schema { name } => Ok(commands::schema::run(name.as_deref())),
+        Command::Man { folder } => {
+            commands::man::run(examples::with_examples(Arguments::command()), &folder)
+        }
         Command::Completions { shell } => {
             let mut script = Vec::new();
             clap_complete::generate(shell, &mut Arguments::command(), "probecell", &mut script);

@@ -3,6 +3,9 @@
 //! Formats are read by the crate `exchange`; here a session is written, with the features evaluated where the uncertainty of
 //! a touch is known. Each file is attached to the recording as it was.
 
+mod plan;
+mod readings;
+mod reference;
 mod touches;
 mod write;
 
@@ -12,7 +15,8 @@ use anyhow::{Context, bail, ensure};
 use exchange::table::Layout;
 use exchange::units::Units;
 
-pub(super) use write::{Source, write};
+use write::write;
+pub(super) use write::{Source, write_session};
 
 /// A larger file is no table of touches, bytes.
 const LARGEST: u64 = 1 << 30;
@@ -22,12 +26,32 @@ const LARGEST: u64 = 1 << 30;
 pub(crate) enum Command {
     /// A table of touches, a row for each.
     Touches(touches::Arguments),
+    /// Features, tolerances and points of a QIF or DMIS file, as the plan of a session without touches.
+    Plan(plan::Arguments),
+    /// What an outside instrument found of the points of a recording: a QIF or DMIS result, or a table.
+    Reference(reference::Arguments),
+    /// A positioning test (ISO 230-2), a circular test (ISO 230-4) or an R-test.
+    Readings(readings::Arguments),
+}
+
+/// A format of other metrology systems.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub(super) enum Format {
+    /// QIF 3 (ISO 23952).
+    Qif,
+    /// DMIS (ISO 22093).
+    Dmis,
+    /// A table, with --columns and --units.
+    Csv,
 }
 
 /// Imports.
 pub(crate) fn run(command: &Command) -> anyhow::Result<u8> {
     match command {
         Command::Touches(arguments) => touches::run(arguments),
+        Command::Plan(arguments) => plan::run(arguments),
+        Command::Reference(arguments) => reference::run(arguments),
+        Command::Readings(arguments) => readings::run(arguments),
     }
 }
 
@@ -99,18 +123,7 @@ pub(super) struct OutArguments {
 impl OutArguments {
     /// Name of plan and part of a file.
     fn name(&self, file: &Path) -> anyhow::Result<String> {
-        let name = match &self.name {
-            Some(name) => name.clone(),
-            None => file
-                .file_stem()
-                .map(|stem| stem.to_string_lossy().into_owned())
-                .unwrap_or_default(),
-        };
-        ensure!(
-            !name.is_empty() && !name.chars().any(probecell_msgs::is_unprintable),
-            "--name must be a printable name"
-        );
-        Ok(name)
+        name_of(self.name.as_deref(), file)
     }
 
     fn settings(&self) -> Option<analysis::RawConfig> {
@@ -121,6 +134,23 @@ impl OutArguments {
             ..analysis::RawConfig::default()
         })
     }
+}
+
+/// The name given, else that of a file.
+fn name_of(given: Option<&str>, file: &Path) -> anyhow::Result<String> {
+    let of_file = || {
+        file.file_stem()
+            .map(|stem| stem.to_string_lossy().into_owned())
+    };
+    let name = given
+        .map(str::to_owned)
+        .or_else(of_file)
+        .unwrap_or_default();
+    ensure!(
+        !name.is_empty() && !name.chars().any(probecell_msgs::is_unprintable),
+        "--name must be a printable name"
+    );
+    Ok(name)
 }
 
 /// The text of a file.

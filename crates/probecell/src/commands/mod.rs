@@ -34,6 +34,7 @@ pub(crate) mod router;
 pub(crate) mod run;
 mod running_cell;
 pub(crate) mod scenario;
+pub(crate) mod schema;
 pub(crate) mod secure;
 mod session_bag;
 pub(crate) mod status;

@@ -42,7 +42,7 @@ pub(super) fn by_reference(
 }
 
 /// ISO 14253-1:2017 in a word.
-fn conformity(result: &FeatureResult) -> &'static str {
+pub(super) fn conformity(result: &FeatureResult) -> &'static str {
     match result.decision {
         FeatureResult::CONFORMS => "conforms",
         FeatureResult::DOES_NOT_CONFORM => "does_not_conform",

@@ -1,26 +1,29 @@
 //! `probecell results`: what a controller printed or wrote.
 //!
+//! With `--out` the touches become a session that `report`, `diagnose` and `adopt` take like any other.
+//!
 //! A file that is not what it should be is refused as a whole, with line and column: half a measurement is none.
 
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail, ensure};
 use bags::{Bag, Session};
-use cell::Cell;
+use cell::{Cell, CellText};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use controllers::{
     axes::Axis,
     dialect::{DIALECTS, formats},
     results::{Frame, Outcome, Results, ResultsFormat, Touch},
 };
+use exchange::import::{Counts, Imported};
 use graph::Stamp;
-use machine::Chain;
-use probecell_msgs::{InspectionPlan, ProbeEvent};
+use machine::{Chain, Nominal};
+use probecell_msgs::{FeatureResult, InspectionPlan, ProbeEvent};
 use serde_json::{Value, json};
 
 use super::{
     controller_files::{axes, read_results},
-    plan,
+    embedded, import, plan, report_sizes,
 };
 use crate::{GOOD, LOSS, output};
 
@@ -29,6 +32,9 @@ const AUTO: &str = "auto";
 
 /// What the user asks for.
 #[derive(clap::Args)]
+#[command(after_help = "Examples:\n  \
+probecell results O9000.txt --plan my_cell.toml\n  \
+probecell results O9000.txt --plan my_cell.toml --out my_session && probecell report my_session")]
 pub(crate) struct Arguments {
     /// Files written by the controller: one, or those of an interrupted program and of its continuation. A touch in a later
     /// file replaces that of the same point in an earlier one.
@@ -46,6 +52,12 @@ pub(crate) struct Arguments {
     /// Machining allowance left on the sizes of a cell's part.
     #[arg(long, value_name = "MM", default_value_t = 0.0)]
     allowance_mm: f64,
+    /// Standard uncertainty of one touch, from which U follows; default: that of the cell file.
+    #[arg(long, value_name = "UM", requires = "plan")]
+    touch_uncertainty_um: Option<f64>,
+    /// Folder of a recording to be written with plan, touches and sizes; must not exist.
+    #[arg(long, value_name = "FOLDER", requires = "plan")]
+    out: Option<PathBuf>,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -69,10 +81,17 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
         all.push(read_results(path, format)?);
     }
     let complete = all.last().is_some_and(|(_, found)| found.complete);
-    let sizes = match &arguments.plan {
-        Some(source) => Some(sizes(arguments, source, &all)?),
+    let measured = match &arguments.plan {
+        Some(source) => Some(measured(arguments, source, &all)?),
         None => None,
     };
+    let sizes = match &measured {
+        Some(measured) => Some(measured.sizes()?),
+        None => None,
+    };
+    if let (Some(measured), Some(folder)) = (&measured, &arguments.out) {
+        measured.write(folder, &arguments.files)?;
+    }
     if !complete {
         output::remark("warning: the program did not come to its end");
     }
@@ -97,8 +116,8 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
         for line in all.iter().flat_map(|(_, found)| &found.lines) {
             output::line(line);
         }
-        if let Some((_, features)) = &sizes {
-            plan::print_features(features);
+        if let (Some((_, features)), Some(measured)) = (&sizes, &measured) {
+            measured.print(features);
         }
     }
     Ok(if complete { GOOD } else { LOSS })
@@ -106,8 +125,69 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
 
 type Sizes = (Vec<probecell_msgs::TouchDeviation>, plan::Features);
 
-/// Deviations and sizes from the touches and the plan, as the cell's own analysis computes them.
-fn sizes(arguments: &Arguments, source: &Path, files: &[Found]) -> anyhow::Result<Sizes> {
+/// Touches of a plan on their machine, and how sizes follow from them.
+struct Measured {
+    imported: Imported,
+    analysis: analysis::RawConfig,
+    cell: Option<CellText>,
+}
+
+impl Measured {
+    /// Deviations and sizes, as the cell's own analysis computes them.
+    fn sizes(&self) -> anyhow::Result<Sizes> {
+        let chain = Chain::from_urdf(&self.imported.robot_description)?;
+        let stamped = (0..).map(Stamp).zip(&self.imported.events);
+        let config = self.analysis.check(chain)?;
+        plan::analyse_with(config, &self.imported.plan, stamped.collect())
+    }
+
+    /// A line for each size: deviation with U, limits and conformity.
+    fn print(&self, features: &plan::Features) {
+        for result in features.values() {
+            if result.decision == FeatureResult::INVALID {
+                output::line(&format!("  {:<20} {}", result.feature_id, result.text));
+                continue;
+            }
+            let nominal = self.imported.plan.features.iter();
+            let nominal = nominal.into_iter().find(|one| one.id == result.feature_id);
+            let limits = nominal.map(|one| [one.lower_tolerance, one.upper_tolerance]);
+            let limits = limits.filter(|limits| limits.iter().any(|limit| limit.is_finite()));
+            let judged = limits.map_or(String::new(), |[lower, upper]| {
+                format!(
+                    "  limits {:+.2} to {:+.2} µm  {}",
+                    lower * 1e6,
+                    upper * 1e6,
+                    report_sizes::conformity(result).replace('_', " ")
+                )
+            });
+            output::line(&format!(
+                "  {:<20} {:10.4} mm  {:+8.2} µm  U {:.2} µm (k = {})  form {:7.2} µm{judged}  {}",
+                result.feature_id,
+                result.size * 1e3,
+                result.size_deviation * 1e6,
+                result.coverage_factor * result.standard_uncertainty * 1e6,
+                result.coverage_factor,
+                result.form * 1e6,
+                result.text
+            ));
+        }
+    }
+
+    /// Writes the session.
+    fn write(&self, folder: &Path, files: &[PathBuf]) -> anyhow::Result<()> {
+        let source = import::Source {
+            kind: "results",
+            files: files.to_vec(),
+            settings: Vec::new(),
+            cell: self.cell.clone(),
+        };
+        import::write_session(folder, &self.imported, Some(&self.analysis), &source)?;
+        Ok(())
+    }
+}
+
+/// The touches of all files as events of the plan; a later file replaces points of an earlier one.
+fn measured(arguments: &Arguments, source: &Path, files: &[Found]) -> anyhow::Result<Measured> {
     let mut touches: Vec<&Touch> = Vec::new();
     for (_, found) in files {
         let replaced = |old: &Touch| {
@@ -125,21 +205,25 @@ fn sizes(arguments: &Arguments, source: &Path, files: &[Found]) -> anyhow::Resul
         touches.iter().all(|touch| touch.frame == Frame::Machine),
         "the touches are in work coordinates, from which the positions of the machine's axes do not follow"
     );
-    let (plan, chain, axes) = planned(arguments, source)?;
+    let planned = planned(arguments, source)?;
+    let (plan, chain) = (&planned.plan, &planned.chain);
+    let nominal = Nominal::from_plan(plan)?;
     let mut events = Vec::new();
     for (sequence, touch) in (0..).zip(touches) {
-        if touch.point_index as usize >= plan.points.len() {
+        let Some(point) = plan.points.get(touch.point_index as usize) else {
             bail!(
                 "touch {} is of point {}, but the plan has {} points",
                 touch.number,
                 touch.point_index,
                 plan.points.len()
             );
-        }
-        let (axis_names, axis_positions) = positions(touch, &axes)?;
-        chain
+        };
+        let (axis_names, axis_positions) = positions(touch, &planned.axes)?;
+        let all = chain
             .positions(&axis_names, &axis_positions)
             .with_context(|| format!("touch {}", touch.number))?;
+        let tip = chain.ball_in_part(&all, &nominal.part_pose, &nominal.ball);
+        let normal: [f64; 3] = point.normal.into();
         events.push(ProbeEvent {
             sequence,
             plan_id: plan.plan_id.clone(),
@@ -151,11 +235,32 @@ fn sizes(arguments: &Arguments, source: &Path, files: &[Found]) -> anyhow::Resul
             },
             axis_names,
             axis_positions,
+            tip: [tip.x, tip.y, tip.z].into(),
+            approach: normal.map(|part| -part).into(),
+            // The program approaches by the feed of the plan.
+            feed: point.feed,
             ..ProbeEvent::default()
         });
     }
-    let stamped = (0..).map(Stamp).zip(&events);
-    plan::analyse(chain, &plan, stamped.collect())
+    let mut analysis = planned.analysis;
+    if let Some(touch) = arguments.touch_uncertainty_um {
+        analysis.touch_standard_uncertainty_um = touch;
+    }
+    let counts = Counts {
+        read: events.len() as u64,
+        ..Counts::default()
+    };
+    Ok(Measured {
+        imported: Imported {
+            robot_description: planned.urdf,
+            plan: planned.plan,
+            events,
+            counts,
+            ..Imported::default()
+        },
+        analysis,
+        cell: planned.cell,
+    })
 }
 
 /// Names and positions (m, rad) of the axes of a touch.
@@ -187,14 +292,21 @@ fn positions(touch: &Touch, axes: &[Axis]) -> anyhow::Result<(Vec<String>, Vec<f
     Ok((names, values))
 }
 
-/// The plan that was measured, its machine, and the axes as the controller calls them.
-fn planned(
-    arguments: &Arguments,
-    source: &Path,
-) -> anyhow::Result<(InspectionPlan, Chain, Vec<Axis>)> {
+/// The plan that was measured, its machine, the axes as the controller calls them, and how sizes are evaluated.
+struct PlannedOn {
+    plan: InspectionPlan,
+    urdf: String,
+    chain: Chain,
+    axes: Vec<Axis>,
+    analysis: analysis::RawConfig,
+    cell: Option<CellText>,
+}
+
+fn planned(arguments: &Arguments, source: &Path) -> anyhow::Result<PlannedOn> {
     if plan::is_cell(source) {
         let cell = Cell::read(source)?;
-        let chain = Chain::from_urdf(&cell.text().robot_description)?;
+        let urdf = cell.text().robot_description.clone();
+        let chain = Chain::from_urdf(&urdf)?;
         let axes = match cell.controller_axes()? {
             Some(axes) => axes,
             None => axes(&chain, &arguments.axes)?,
@@ -203,14 +315,30 @@ fn planned(
             arguments.allowance_mm.is_finite(),
             "--allowance-mm must be a finite number"
         );
-        let plan = super::plan::part_of(&cell, arguments.allowance_mm * 1e-3)?;
-        return Ok((plan, chain, axes));
+        return Ok(PlannedOn {
+            plan: super::plan::part_of(&cell, arguments.allowance_mm * 1e-3)?,
+            urdf,
+            chain,
+            axes,
+            analysis: cell.analysis.clone(),
+            cell: Some(cell.text().clone()),
+        });
     }
-    let session = Session::read(&Bag::open(source)?)?;
+    let bag = Bag::open(source)?;
+    let session = Session::read(&bag)?;
     let chain = Chain::from_urdf(&session.robot_description)?;
-    let axes = axes(&chain, &arguments.axes)?;
-    let plan = session
-        .plan
-        .with_context(|| format!("{} has no inspection plan", source.display()))?;
-    Ok((plan, chain, axes))
+    let recorded = embedded::cell(&bag)?;
+    Ok(PlannedOn {
+        plan: session
+            .plan
+            .with_context(|| format!("{} has no inspection plan", source.display()))?,
+        urdf: session.robot_description,
+        axes: axes(&chain, &arguments.axes)?,
+        chain,
+        analysis: recorded
+            .as_ref()
+            .map(|cell| cell.analysis.clone())
+            .unwrap_or_default(),
+        cell: recorded.map(|cell| cell.text().clone()),
+    })
 }

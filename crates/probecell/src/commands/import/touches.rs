@@ -42,11 +42,10 @@ pub(crate) struct Arguments {
     /// Bag whose plan the column `point` names, with its machine.
     #[arg(long, value_name = "BAG", conflicts_with_all = ["urdf", "cell"])]
     plan: Option<PathBuf>,
-    /// With --urdf: position of the part frame in the link `workpiece`, X,Y,Z.
+    /// With --urdf: position of the part frame in the link `workpiece`: X Y Z.
     #[arg(
         long,
         value_name = "MM",
-        value_delimiter = ',',
         num_args = 3,
         requires = "urdf",
         allow_hyphen_values = true
@@ -56,17 +55,15 @@ pub(crate) struct Arguments {
     #[arg(
         long,
         value_name = "DEG",
-        value_delimiter = ',',
         num_args = 3,
         requires = "urdf",
         allow_hyphen_values = true
     )]
     part_rotation_deg: Vec<f64>,
-    /// With --urdf: centre of the ball in the link `probe_mount`, X,Y,Z.
+    /// With --urdf: centre of the ball in the link `probe_mount`: X Y Z.
     #[arg(
         long,
         value_name = "MM",
-        value_delimiter = ',',
         num_args = 3,
         requires = "urdf",
         allow_hyphen_values = true

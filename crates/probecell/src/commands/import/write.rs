@@ -45,13 +45,13 @@ fn evaluated(
 }
 
 /// Writes the session, prints what was read, and gives the exit status: 3 where rows were refused.
-pub(in super::super) fn write(
+pub(super) fn write(
     folder: &Path,
     imported: &Imported,
     settings: Option<&analysis::RawConfig>,
     source: &Source,
 ) -> anyhow::Result<u8> {
-    let (touches, results) = evaluated(imported, settings)?;
+    let results = write_session(folder, imported, settings, source)?;
     for remark in &imported.remarks {
         output::remark(&format!("note: {remark}"));
     }
@@ -61,6 +61,34 @@ pub(in super::super) fn write(
     if !imported.events.is_empty() && settings.is_none() {
         output::remark("note: no feature is evaluated, since --touch-uncertainty-um is not given");
     }
+    let (plan, counts) = (&imported.plan, imported.counts);
+    output::line(&format!(
+        "{}: {} rows read, {} refused, {} lines passed over; {} touches of {} points on {} features",
+        folder.display(),
+        counts.read,
+        counts.refused,
+        counts.passed_over,
+        imported.events.len(),
+        plan.points.len(),
+        plan.features.len()
+    ));
+    let named = results.into_iter().map(|one| (one.feature_id.clone(), one));
+    plan::print_features(&named.collect());
+    Ok(if imported.refused.is_empty() {
+        GOOD
+    } else {
+        LOSS
+    })
+}
+
+/// Writes the session; gives the features that were evaluated.
+pub(in super::super) fn write_session(
+    folder: &Path,
+    imported: &Imported,
+    settings: Option<&analysis::RawConfig>,
+    source: &Source,
+) -> anyhow::Result<Vec<FeatureResult>> {
+    let (touches, results) = evaluated(imported, settings)?;
     let plan = &imported.plan;
     let last = imported.events.last().map(|event| event.header.clone());
     let report = last.map(|header| PartReport {
@@ -88,28 +116,7 @@ pub(in super::super) fn write(
         tables: tables(imported, source),
     };
     session_bag::write_with(folder, "imported", &session, &more)?;
-    let counts = imported.counts;
-    output::line(&format!(
-        "{}: {} rows read, {} refused, {} lines passed over; {} touches of {} points on {} features",
-        folder.display(),
-        counts.read,
-        counts.refused,
-        counts.passed_over,
-        imported.events.len(),
-        plan.points.len(),
-        plan.features.len()
-    ));
-    plan::print_features(
-        &results
-            .into_iter()
-            .map(|one| (one.feature_id.clone(), one))
-            .collect(),
-    );
-    Ok(if imported.refused.is_empty() {
-        GOOD
-    } else {
-        LOSS
-    })
+    Ok(results)
 }
 
 fn names(files: &[PathBuf]) -> Vec<String> {
