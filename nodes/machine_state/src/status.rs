@@ -59,6 +59,7 @@ pub(crate) fn sample(
             taken: state.taken.take(),
             part: std::mem::take(&mut state.part),
             recording: state.recording.take(),
+            keys: state.keys.take(),
             order: state.order.take(),
             standing: std::mem::take(&mut state.standing),
             ..State::default()

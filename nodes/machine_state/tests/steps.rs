@@ -5,7 +5,7 @@ use machine_state::{Config, Input, MachineStateNode, Output, RawConfig};
 use probecell_msgs::{
     ControllerCommand, ControllerReply, ControllerStatus, Correction,
     CorrectionAcknowledgement as Ack, MachineState, MeasurementOrder, OperationReport,
-    OperationRequest, PartReport, PartStatus, PlanProgress, RecordingStatus,
+    OperationRequest, OperatorKeys, PartReport, PartStatus, PlanProgress, RecordingStatus,
     builtin_interfaces::Time,
 };
 use trust::{SecretKey, Trust, approval};
@@ -729,4 +729,27 @@ fn a_new_run_of_the_driver_voids_what_was_measured_and_what_was_under_way() {
         ),
         &[&stale],
     );
+}
+
+#[test]
+fn the_keys_of_the_operators_outlive_a_run_of_the_driver() {
+    let config = config();
+    let keys = OperatorKeys {
+        number: 1,
+        ..OperatorKeys::default()
+    };
+    let mut state = MachineStateNode::start(&config);
+    let restarted = ControllerStatus {
+        session: "run 2".to_owned(),
+        ..sample()
+    };
+    for input in [
+        status(),
+        Input::Keys(trust::operators::signed(&key(), keys)),
+        Input::Status(restarted),
+    ] {
+        let mut out = Outbox::default();
+        MachineStateNode::step(&config, &mut state, Stamp(1), input, &mut out);
+    }
+    assert_eq!(state.keys.map(|keys| keys.number), Some(1));
 }
