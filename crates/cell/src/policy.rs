@@ -190,7 +190,14 @@ pub fn access_control(cell: &Cell) -> Result<Table, CellError> {
     for user in [CONSOLE, ROS] {
         policy.subject(
             user,
-            &["listen", "fetch_late", "be_told", "call", "show_caller"],
+            &[
+                "listen",
+                "fetch_late",
+                "be_told",
+                "be_offered",
+                "call",
+                "show_caller",
+            ],
         );
     }
     policy.subject(SCREEN, &["listen", "fetch_late", "be_told", "show_reader"]);
