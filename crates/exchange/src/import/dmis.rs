@@ -162,7 +162,7 @@ pub fn plan(text: &str) -> Result<ForeignPlan, ImportError> {
                     .words
                     .iter()
                     .find_map(|word| labelled(word, "F"))
-                    .and_then(|name| index(&plan, &name))
+                    .and_then(|name| index(&plan, &name));
             }
             ("ENDMES", _) => measured = None,
             ("PTMEAS", _) => {

@@ -301,11 +301,12 @@ fn axes_only(readings: &[Reading]) -> Result<String, ImportError> {
         } else {
             format!("{name}_link")
         };
-        joints.push_str(&format!(
+        let joint = format!(
             "  <link name=\"{child}\"/>\n  <joint name=\"{name}\" type=\"prismatic\"><parent link=\"{parent}\"/>\
              <child link=\"{child}\"/><axis xyz=\"{direction}\"/>\
              <limit lower=\"-100\" upper=\"100\" effort=\"0\" velocity=\"1\"/></joint>\n"
-        ));
+        );
+        joints.push_str(&joint);
         parent = child;
     }
     Ok(format!(
