@@ -86,7 +86,7 @@ fn written(log: &[Published], kind: u8) -> Vec<ControllerCommand> {
 
 /// A casting off its place is bored by an arm: the frame of the programme follows it, the wear offset of the tool corrects the
 /// bore, and the part is qualified.
-fn check_part(file: &str, axes: &[&str]) {
+fn check_part(file: &str, axes: &[&str], place: f64) {
     let cell = cell(file, str::to_owned);
     let (report, log) = make_part(&cell, "casting_1");
     assert_eq!(report.verdict, PartReport::QUALIFIED, "{}", report.text);
@@ -123,21 +123,21 @@ fn check_part(file: &str, axes: &[&str]) {
     let mut bores = results.into_iter().filter(|one| one.feature_id == "bore");
     let bore = bores.next_back().expect("the bore was measured");
     assert_eq!(bore.aligned_to, ["A", "B", "C"]);
-    assert!(bore.position < 60e-6, "{:.1} µm", bore.position * 1e6);
+    assert!(bore.position < place, "{:.1} µm", bore.position * 1e6);
     check_replay(&cell, &log);
 }
 
 #[test]
 fn an_arm_makes_a_part_that_is_corrected_and_qualified_and_its_session_replays_equal() {
-    check_part("robot_cell.toml", &JOINTS);
+    check_part("robot_cell.toml", &JOINTS, 60e-6);
 }
 
 #[test]
 fn an_arm_and_a_rotary_table_make_a_part_and_their_session_replays_equal() {
-    check_part(
-        "robot_turntable.toml",
-        &["C", "A1", "A2", "A3", "A4", "A5", "A6"],
-    );
+    let axes = ["C", "A1", "A2", "A3", "A4", "A5", "A6"];
+    // The table turns the part against the errors of the arm (up to 230 µrad at 0.75 m), which datums and bore meet at
+    // different positions of it.
+    check_part("robot_turntable.toml", &axes, 350e-6);
 }
 
 #[test]
