@@ -22,6 +22,7 @@ use rustix::process::{Pid, Signal, kill_process};
 use crate::{
     FAILED, GOOD, LOSS,
     cell_bus::{CellFailure, bus_config, new_recording, users},
+    commands,
     external_driver::{ExternalDriver, News},
     operator::{Operator, ProcessState},
     output,
@@ -45,7 +46,7 @@ const READY_TIMEOUT: Duration = Duration::from_secs(30);
 
 /// Runs a cell until SIGINT or SIGTERM, or until one part is made. A part that is being made is stopped first, and its end
 /// is recorded.
-pub(crate) fn up(file: &Path, once: bool, recorded: bool) -> anyhow::Result<u8> {
+pub(crate) fn up(file: &Path, once: bool, recorded: bool, shown: bool) -> anyhow::Result<u8> {
     let cell = Cell::read(file)?;
     for warning in cell.access_warnings() {
         output::remark(&format!("warning: {warning}"));
@@ -81,6 +82,9 @@ pub(crate) fn up(file: &Path, once: bool, recorded: bool) -> anyhow::Result<u8> 
     let mut processes = Processes::new(file, recorded);
     if let Some(folder) = &recording {
         processes.start_recorder(folder)?;
+    }
+    if shown {
+        processes.start_dashboard()?;
     }
     for name in cell.node_names().into_iter().chain(cell.driver_process()) {
         processes.start(name)?;
@@ -249,6 +253,8 @@ struct Processes {
     recorded: bool,
     nodes: Vec<Supervised>,
     recorder: Option<Supervised>,
+    /// It only reads: the cell does not depend on it.
+    dashboard: Option<Child>,
 }
 
 impl Processes {
@@ -258,7 +264,19 @@ impl Processes {
             recorded,
             nodes: Vec::new(),
             recorder: None,
+            dashboard: None,
         }
+    }
+
+    /// The dashboard tells its address itself, or in a sentence why it does not run; the cell runs in any case.
+    fn start_dashboard(&mut self) -> anyhow::Result<()> {
+        let mut command = Command::new(std::env::current_exe()?);
+        command
+            .args(commands::dashboard::arguments(&self.file))
+            .process_group(0);
+        let child = command.spawn().context("cannot start the dashboard")?;
+        self.dashboard = Some(child);
+        Ok(())
     }
 
     fn start(&mut self, name: &str) -> anyhow::Result<()> {
@@ -388,6 +406,10 @@ impl Processes {
         for node in &mut self.nodes {
             wait_for_end(&mut node.child)?;
         }
+        if let Some(dashboard) = &mut self.dashboard {
+            terminate(dashboard);
+            wait_for_end(dashboard)?;
+        }
         let Some(recorder) = &mut self.recorder else {
             return Ok(false);
         };
@@ -399,11 +421,13 @@ impl Processes {
 
 impl Drop for Processes {
     fn drop(&mut self) {
-        for process in self.nodes.iter_mut().chain(&mut self.recorder) {
-            if matches!(process.child.try_wait(), Ok(None)) {
+        let supervised = self.nodes.iter_mut().chain(&mut self.recorder);
+        let children = supervised.map(|process| &mut process.child);
+        for child in children.chain(&mut self.dashboard) {
+            if matches!(child.try_wait(), Ok(None)) {
                 // Already gone, or not ours any more: nothing is left to do in either case.
-                drop(process.child.kill());
-                drop(process.child.wait());
+                drop(child.kill());
+                drop(child.wait());
             }
         }
     }

@@ -67,6 +67,9 @@ enum Command {
         /// Do not record.
         #[arg(long)]
         no_record: bool,
+        /// Do not serve the dashboard.
+        #[arg(long)]
+        no_dashboard: bool,
     },
     /// Run one node of a cell in this process.
     Node {
@@ -141,6 +144,8 @@ enum Command {
         #[arg(long)]
         json: bool,
     },
+    /// Serve every cell of the bus and every recording as web pages, read only.
+    Dashboard(commands::dashboard::Arguments),
     /// Resume an interrupted measurement of a running cell, or repeat points of it; the part then continues.
     #[command(group(clap::ArgGroup::new("what").required(true)))]
     Measure {
@@ -330,6 +335,7 @@ fn main() -> ExitCode {
                     .is_some_and(|error| !error.is_of_input())
                     || cause.is::<host::ProcessError>()
                     || cause.is::<cell_bus::CellFailure>()
+                    || cause.is::<dashboard::DashboardError>()
             });
             ExitCode::from(if failed { FAILED } else { BAD_INPUT })
         }
@@ -353,9 +359,10 @@ fn run(command: Command) -> anyhow::Result<u8> {
             cell,
             once,
             no_record,
+            no_dashboard,
         } => {
             default_cell::provide(&cell)?;
-            launcher::up(&cell, once, !no_record)
+            launcher::up(&cell, once, !no_record, !no_dashboard)
         }
         Command::Node {
             name,
@@ -382,6 +389,10 @@ fn run(command: Command) -> anyhow::Result<u8> {
         Command::Run { part, cell } => commands::run::run(&cell, &part),
         Command::Stop { operator, cell } => commands::stop::run(&cell, &operator),
         Command::Status { cell, json } => commands::status::run(&cell, json),
+        Command::Dashboard(arguments) => {
+            begin_process(arguments.supervised, arguments.clock)?;
+            commands::dashboard::run(arguments)
+        }
         Command::Measure { again, cell, .. } => commands::measure::run(&cell, &again),
         Command::Approve {
             correction,

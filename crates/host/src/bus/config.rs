@@ -185,7 +185,7 @@ fn is_loopback(endpoint: &str) -> bool {
 }
 
 /// Lays `over` on `base`: tables are merged, everything else is replaced.
-fn overlay(base: &mut Value, over: &Value) {
+pub(super) fn overlay(base: &mut Value, over: &Value) {
     match (base, over) {
         (Value::Object(base), Value::Object(over)) => {
             for (key, value) in over {

@@ -110,6 +110,13 @@ fn refine(arguments: &Arguments, options: &Options) -> anyhow::Result<u8> {
     Ok(GOOD)
 }
 
+/// The page of the last measurement of a recording.
+pub(super) fn html(bag: &Path) -> anyhow::Result<String> {
+    let session = read(bag, &Arguments::default())?;
+    let (result, residuals) = diagnose_with_residuals(&session, &Options::default())?;
+    Ok(::report::diagnosis_page(&result, &residuals)?.html())
+}
+
 fn write_page(file: &Path, result: &Report, residuals: &Residuals) -> anyhow::Result<()> {
     let page = ::report::diagnosis_page(result, residuals)?;
     std::fs::write(file, page.html()).with_context(|| format!("cannot write {}", file.display()))

@@ -7,6 +7,7 @@ pub(crate) mod blind_refine;
 pub(crate) mod conformance;
 mod controller_files;
 pub(crate) mod correct;
+pub(crate) mod dashboard;
 pub(crate) mod diagnose;
 mod diagnose_refine;
 pub(crate) mod doctor;

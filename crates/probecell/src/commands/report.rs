@@ -2,9 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use ::report::{PartSession, ShortDiagnosis, part_page};
+use ::report::{Page, PartSession, ShortDiagnosis, part_page};
 use anyhow::{Context, bail};
-use bags::Bag;
+use bags::{Bag, Damage};
 use diagnosis::Options;
 use graph::{Topic, topics};
 use probecell_msgs::{Fault, InspectionPlan, LossReport, Message, ReferenceMeasurement};
@@ -28,18 +28,39 @@ pub(crate) struct Arguments {
 
 /// Writes the page, or prints its text.
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
-    let bag = Bag::open(&arguments.bag)?;
-    let damage = bag.verify();
-    let session = PartSession {
-        damage: damage.iter().map(ToString::to_string).collect(),
-        ..gather(&bag, &arguments.bag)?
-    };
+    let (session, damage) = read(&arguments.bag)?;
     if arguments.json {
         output::json(&report_sizes::json(&session))?;
         return Ok(output::damage(&damage));
     }
+    let page = page(&arguments.bag, &session)?;
+    match &arguments.html {
+        Some(file) => std::fs::write(file, page.html())
+            .with_context(|| format!("cannot write {}", file.display()))?,
+        None => output::line(page.text().trim_end()),
+    }
+    Ok(output::damage(&damage))
+}
+
+/// The page of a recording.
+pub(super) fn html(bag: &Path) -> anyhow::Result<String> {
+    let (session, _) = read(bag)?;
+    Ok(page(bag, &session)?.html())
+}
+
+fn read(path: &Path) -> anyhow::Result<(PartSession, Vec<Damage>)> {
+    let bag = Bag::open(path)?;
+    let damage = bag.verify();
+    let session = PartSession {
+        damage: damage.iter().map(ToString::to_string).collect(),
+        ..gather(&bag, path)?
+    };
+    Ok((session, damage))
+}
+
+fn page(bag: &Path, session: &PartSession) -> anyhow::Result<Page> {
     let command = format!("probecell diagnose {} --html FILE", session.name);
-    let made = diagnose::read(&arguments.bag, &diagnose::Arguments::default())
+    let made = diagnose::read(bag, &diagnose::Arguments::default())
         .and_then(|session| Ok(diagnosis::diagnose(&session, &Options::default())?));
     let reason;
     let short = match &made {
@@ -49,13 +70,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
             ShortDiagnosis::None(&reason)
         }
     };
-    let page = part_page(&session, short)?;
-    match &arguments.html {
-        Some(file) => std::fs::write(file, page.html())
-            .with_context(|| format!("cannot write {}", file.display()))?,
-        None => output::line(page.text().trim_end()),
-    }
-    Ok(output::damage(&damage))
+    Ok(part_page(session, short)?)
 }
 
 /// What the recording holds of its parts.

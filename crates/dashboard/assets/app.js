@@ -1,0 +1,198 @@
+// Keeps a page as it is on the server: takes the parts that have changed from the event stream, and says when it could not.
+// Everything here is a help; the pages can be read without it.
+
+const body = document.body;
+const link = document.getElementById("link");
+const notice = document.getElementById("notice");
+const hall = body.classList.contains("hall");
+/** Time without any event after which the connection counts as cut; the server says something every half second. */
+const SILENCE_MS = 3000;
+/** After a touch of the screen, tiles stay where they are for this long. */
+const HOLD_MS = 30000;
+
+/** Puts the part with this id in place of the present one. @param {string} id @param {string} html */
+function put(id, html) {
+  const template = document.createElement("template");
+  template.innerHTML = html;
+  const fresh = template.content.firstElementChild;
+  if (!fresh) return;
+  const old = document.getElementById(id);
+  if (!old) {
+    if (!fresh.classList.contains("tile")) return;
+    document.getElementById("tiles")?.append(fresh);
+    document.querySelector(".empty")?.remove();
+    return;
+  }
+  // What a person has opened or is reading stays open, and the focus stays where it is.
+  const open = [...old.querySelectorAll("details")].map((one) => one.open);
+  fresh.querySelectorAll("details").forEach((one, index) => { if (index < open.length) one.open = open[index]; });
+  const focused = [...old.querySelectorAll("a, button, summary, [tabindex]")].indexOf(/** @type {Element} */ (document.activeElement));
+  old.replaceWith(fresh);
+  if (focused >= 0) /** @type {HTMLElement[]} */ ([...fresh.querySelectorAll("a, button, summary, [tabindex]")])[focused]?.focus({ preventScroll: true });
+}
+
+/** Says something that stays until it is closed. @param {string} text */
+function tell(text) {
+  if (!notice) return;
+  notice.textContent = text + " ";
+  const close = document.createElement("button");
+  close.type = "button";
+  close.textContent = "Close";
+  close.onclick = () => { notice.hidden = true; };
+  notice.append(close);
+  notice.hidden = false;
+}
+
+// --- order of the tiles ---------------------------------------------------------------------------------------------
+
+/** @type {string[] | null} */
+let wanted = null;
+let held = 0;
+const resort = document.getElementById("resort");
+
+function isHeld() {
+  const tiles = document.getElementById("tiles");
+  if (body.classList.contains("wall")) return false;
+  return matchMedia("(pointer: coarse)").matches || performance.now() < held || tiles?.matches(":hover") || tiles?.contains(document.activeElement);
+}
+
+/** Brings the tiles into the order of urgency: never under a finger or a pointer, except when asked. @param {boolean} asked */
+function sort(asked) {
+  const tiles = document.getElementById("tiles");
+  if (!wanted || !tiles) return;
+  for (const tile of [...tiles.children]) if (!wanted.includes(tile.id)) tile.remove();
+  const present = [...tiles.children].map((tile) => tile.id);
+  const target = wanted.filter((id) => present.includes(id));
+  const differs = target.some((id, index) => id !== present[index]);
+  if (differs && !asked && isHeld()) {
+    if (resort) resort.hidden = false;
+    return;
+  }
+  if (resort) resort.hidden = true;
+  if (differs) tiles.append(...target.map((id) => /** @type {Node} */ (document.getElementById(id))));
+}
+
+if (hall) {
+  addEventListener("pointerdown", () => { held = performance.now() + HOLD_MS; });
+  document.getElementById("tiles")?.addEventListener("pointerleave", () => sort(false));
+  resort?.addEventListener("click", () => sort(true));
+}
+
+// --- event stream ---------------------------------------------------------------------------------------------------
+
+/** @type {EventSource | null} */
+let source = null;
+let heard = performance.now();
+let cutSince = 0;
+let seen = body.dataset.seen ?? "";
+
+function follow() {
+  const address = body.dataset.stream;
+  if (!address) return;
+  source?.close();
+  source = new EventSource(address + (address.includes("?") ? "&" : "?") + "since=" + encodeURIComponent(seen));
+  /** @param {string} name @param {(data: any) => void} take */
+  const on = (name, take) => source?.addEventListener(name, (event) => {
+    const { data, lastEventId } = /** @type {MessageEvent} */ (event);
+    heard = performance.now();
+    seen = lastEventId || seen;
+    take(JSON.parse(data));
+    alive();
+  });
+  on("part", ({ id, html }) => put(id, html));
+  on("order", (order) => { wanted = order; setTimeout(() => sort(false), 0); });
+  on("beat", () => {});
+  on("gone", () => tell("This cell is not known any more: it left the bus a while ago."));
+  on("restarted", () => location.reload());
+  on("caught-up", caughtUp);
+  source.onerror = () => { if (source?.readyState === EventSource.CLOSED) setTimeout(follow, 1000); };
+}
+
+/** @param {{events: number, kinds: string[], lost: number}} missed */
+function caughtUp({ events, kinds, lost }) {
+  if (!cutSince) return;
+  const seconds = Math.round((performance.now() - cutSince) / 1000);
+  const got = events ? `Caught up on ${kinds.join(", ")}.` : "Nothing happened meanwhile.";
+  const gone = lost ? ` ${lost} older events are not held any more; what they led to is shown.` : "";
+  tell(`The connection was cut for ${seconds} s. ${got}${gone}`);
+}
+
+function alive() {
+  cutSince = 0;
+  if (!link || link.textContent === "Live") return;
+  link.textContent = "Live";
+  link.className = "";
+}
+
+/** What is shown is not said to be live when it is not. */
+function watch() {
+  const silent = performance.now() - heard;
+  if (silent < SILENCE_MS || !link || !source) return;
+  if (!cutSince) cutSince = heard;
+  link.className = "cut";
+  link.textContent = `No connection for ${Math.round(silent / 1000)} s: what you see is old`;
+  // A browser may keep a dead connection for minutes.
+  if (silent > 3 * SILENCE_MS && Math.round(silent / 1000) % 5 === 0) follow();
+}
+
+if (body.dataset.stream) {
+  follow();
+  setInterval(watch, 1000);
+}
+
+// --- turning the part, and the timeline of a session ------------------------------------------------------------------
+
+/** Fetches an address of this page and takes its parts over. @param {string} address */
+let asked = 0;
+async function take(address) {
+  const number = ++asked;
+  const answer = await fetch(address);
+  if (!answer.ok || number !== asked) return;
+  const fresh = new DOMParser().parseFromString(await answer.text(), "text/html");
+  const cards = fresh.querySelectorAll(".cards > .card");
+  const at = document.getElementById("at");
+  if (at && (!cards.length || !document.querySelector(".cards"))) at.replaceWith(/** @type {Node} */ (fresh.getElementById("at")));
+  else cards.forEach((card) => put(card.id, card.outerHTML));
+  for (const id of ["instant"]) {
+    const node = fresh.getElementById(id);
+    if (node) document.getElementById(id)?.replaceWith(node);
+  }
+  const steps = fresh.querySelector(".timeline .steps");
+  if (steps) document.querySelector(".timeline .steps")?.replaceWith(steps);
+  history.replaceState(null, "", address);
+  const stream = fresh.body.dataset.stream;
+  if (stream && stream !== body.dataset.stream) {
+    body.dataset.stream = stream;
+    follow();
+  }
+}
+
+addEventListener("click", (event) => {
+  const target = /** @type {Element} */ (event.target).closest?.(".turn a, .timeline .steps a");
+  if (!target || event.ctrlKey || event.metaKey || event.shiftKey) return;
+  event.preventDefault();
+  const address = /** @type {HTMLAnchorElement} */ (target).getAttribute("href") ?? "";
+  const time = new URL(address, location.href).searchParams.get("t");
+  const slider = /** @type {HTMLInputElement | null} */ (document.getElementById("t"));
+  if (slider && time && target.closest(".timeline")) slider.value = time;
+  take(address.replace(/#.*/, ""));
+});
+
+addEventListener("keydown", (event) => {
+  if (!document.getElementById("part")?.contains(document.activeElement)) return;
+  const button = document.querySelector(`.turn [data-key="${CSS.escape(event.key)}"]`);
+  if (!button) return;
+  event.preventDefault();
+  /** @type {HTMLElement} */ (button).click();
+});
+
+const slider = /** @type {HTMLInputElement | null} */ (document.getElementById("t"));
+let scrubbing = 0;
+slider?.addEventListener("input", () => {
+  cancelAnimationFrame(scrubbing);
+  scrubbing = requestAnimationFrame(() => {
+    const address = new URL(location.href);
+    address.searchParams.set("t", slider.value);
+    take(address.pathname + address.search);
+  });
+});

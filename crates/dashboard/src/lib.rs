@@ -1,0 +1,99 @@
+//! Which machine needs me, is this part good and how sure, why not, what do I do, did it help? Every cell of the bus and every
+//! recording of the host as web pages, read only.
+//!
+//! ```text
+//!  bus ── live ────────┐
+//!                      ├─► state::Hall ─► view (HTML, SVG) ─┬─► server (pages, /metrics)
+//!  bags ── recordings ─┘    a pure reducer                  └─► stream (what has changed)
+//! ```
+//!
+//! It publishes nothing, announces nothing and serves nothing on the bus, and it answers nothing but GET: no page can move a
+//! machine. Cells are found by what they publish; a session is shown by the reducer and the views of a live cell. Pages are
+//! written here, work without scripts as far as reading goes, and load nothing from elsewhere. Memory is bounded: see
+//! [`state`], [`CellState`](state::CellState), and the constants of each module.
+
+mod download;
+mod live;
+mod metrics;
+mod recordings;
+mod server;
+pub mod state;
+mod stream;
+pub mod view;
+
+use std::future::Future;
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use host::bus::BusConfig;
+use tokio::sync::Semaphore;
+
+pub use server::{MakePage, Pages};
+
+/// What the dashboard reads, and where it is served.
+pub struct Settings {
+    /// Address to listen on.
+    pub listen: SocketAddr,
+    /// How to reach each router.
+    pub buses: Vec<BusConfig>,
+    /// Folders of recordings.
+    pub recordings: Vec<PathBuf>,
+    /// Pages that the program makes of a recording.
+    pub pages: Pages,
+}
+
+/// Why the dashboard cannot run.
+#[derive(Debug, thiserror::Error)]
+pub enum DashboardError {
+    /// Somebody else listens there.
+    #[error(
+        "{0} is in use, perhaps by another dashboard, which shows every cell of its bus; choose another with --listen"
+    )]
+    AddressTaken(SocketAddr),
+    /// It cannot listen there.
+    #[error("cannot listen on {0}: {1}")]
+    Listen(SocketAddr, std::io::Error),
+    /// Anything else.
+    #[error("the dashboard failed: {0}")]
+    Failed(#[from] std::io::Error),
+}
+
+/// Runs the dashboard until `end`; `ready` is told the address once it is reachable.
+///
+/// # Errors
+/// [`DashboardError`], when it cannot listen or serve. A bus that is not reachable is no error: it is looked for until it is.
+pub fn run(
+    settings: Settings,
+    ready: impl FnOnce(SocketAddr),
+    end: impl Future<Output = ()> + Send + 'static,
+) -> Result<(), DashboardError> {
+    let runtime = tokio::runtime::Builder::new_multi_thread()
+        .worker_threads(2)
+        .enable_all()
+        .build()?;
+    runtime.block_on(async {
+        let address = settings.listen;
+        let listener = tokio::net::TcpListener::bind(address)
+            .await
+            .map_err(|error| match error.kind() {
+                std::io::ErrorKind::AddrInUse => DashboardError::AddressTaken(address),
+                _ => DashboardError::Listen(address, error),
+            })?;
+        let live = live::Live::new();
+        for bus in settings.buses {
+            live::read(Arc::clone(&live), bus)?;
+        }
+        ready(listener.local_addr()?);
+        let shared = server::Shared {
+            live,
+            recordings: Arc::new(recordings::Recordings::new(settings.recordings)),
+            pages: settings.pages,
+            epoch: host::now().0.unsigned_abs(),
+            clients: stream::Clients::default(),
+            making: Arc::new(Semaphore::new(1)),
+            made: Arc::default(),
+        };
+        Ok(server::serve(listener, shared, end).await?)
+    })
+}

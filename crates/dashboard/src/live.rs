@@ -1,0 +1,178 @@
+//! The bus: feeds the hall with what cells publish, and finds out which of them are there.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use host::bus::{BusConfig, EntityKind, Observed, Observer, OnMissed, OnObserved, Qos};
+use host::bus_qos;
+use tokio::sync::watch;
+
+use crate::state::{Hall, machine_state, read_topics, split};
+
+/// How often presence is looked at. It is well below the 3 s in which a cell that was killed must be seen as stale.
+const PRESENCE: Duration = Duration::from_millis(500);
+/// Wait between two attempts to reach a router.
+const AGAIN: Duration = Duration::from_secs(1);
+
+/// The hall as threads share it, and a signal for each change that a page shows at once.
+pub(crate) struct Live {
+    hall: Mutex<Hall>,
+    changed: watch::Sender<u64>,
+    /// Routers that answer, by endpoint.
+    routers: Mutex<BTreeMap<String, bool>>,
+    /// Messages that arrived.
+    pub(crate) received: AtomicU64,
+}
+
+impl Live {
+    pub(crate) fn new() -> Arc<Self> {
+        Arc::new(Self {
+            hall: Mutex::default(),
+            changed: watch::Sender::new(0),
+            routers: Mutex::default(),
+            received: AtomicU64::new(0),
+        })
+    }
+
+    /// The hall, locked: for as long as a page takes to be written at the most.
+    pub(crate) fn hall(&self) -> MutexGuard<'_, Hall> {
+        lock(&self.hall)
+    }
+
+    /// Wakes at each event.
+    pub(crate) fn changes(&self) -> watch::Receiver<u64> {
+        self.changed.subscribe()
+    }
+
+    /// What is wrong with the connection to the bus, in a sentence; empty when nothing is.
+    pub(crate) fn trouble(&self) -> String {
+        let routers = lock(&self.routers);
+        let silent: Vec<&str> = (routers.iter())
+            .filter(|(_, up)| !**up)
+            .map(|(endpoint, _)| endpoint.as_str())
+            .collect();
+        if silent.is_empty() {
+            String::new()
+        } else {
+            format!(
+                "No router answers at {}: cells behind it are not seen.",
+                silent.join(", ")
+            )
+        }
+    }
+
+    fn set_router(&self, endpoint: &str, up: bool) {
+        let changed = lock(&self.routers).insert(endpoint.to_owned(), up) != Some(up);
+        if changed {
+            self.changed.send_modify(|number| *number += 1);
+        }
+    }
+
+    fn take(&self, topic: &str, payload: &[u8]) {
+        self.received.fetch_add(1, Ordering::Relaxed);
+        let mut hall = self.hall();
+        let before = hall.last_event();
+        hall.apply(topic, payload, host::now());
+        let after = hall.last_event();
+        drop(hall);
+        if before != after {
+            self.changed.send_replace(after);
+        }
+    }
+}
+
+/// A panic of another thread leaves a hall behind that is whole: each message changes it in one step.
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn observed() -> Vec<Observed> {
+    let topics = read_topics();
+    topics
+        .iter()
+        .map(|topic| {
+            let fast = ["machine_state", "joint_states"].contains(&topic.name);
+            Observed {
+                name: topic.name.to_owned(),
+                ty: topic.message.into(),
+                // The newest is all that counts; what is missing of these is not fetched.
+                qos: if fast {
+                    Qos::best_effort(1)
+                } else {
+                    bus_qos(topic.qos)
+                },
+            }
+        })
+        .collect()
+}
+
+/// Reads one router for as long as the process runs, on a thread of its own.
+pub(crate) fn read(live: Arc<Live>, config: BusConfig) -> std::io::Result<()> {
+    std::thread::Builder::new()
+        .name("dashboard bus".to_owned())
+        .spawn(move || run(&live, &config))
+        .map(drop)
+}
+
+fn run(live: &Arc<Live>, config: &BusConfig) {
+    let endpoint = config.endpoints.join(", ");
+    let observer = loop {
+        match open(live, config) {
+            Ok(observer) => break observer,
+            Err(error) => {
+                tracing::debug!(%error, "no router yet");
+                live.set_router(&endpoint, false);
+                std::thread::sleep(AGAIN);
+            }
+        }
+    };
+    loop {
+        live.set_router(&endpoint, observer.is_connected());
+        let present = present(&observer);
+        let mut hall = live.hall();
+        let before = hall.last_event();
+        hall.set_present(&present, host::now());
+        let after = hall.last_event();
+        drop(hall);
+        if before != after {
+            live.changed.send_replace(after);
+        }
+        std::thread::sleep(PRESENCE);
+    }
+}
+
+fn open(live: &Arc<Live>, config: &BusConfig) -> Result<Observer, host::bus::BusError> {
+    let on_sample: OnObserved = Arc::new({
+        let live = Arc::clone(live);
+        move |topic, received| live.take(topic, &received.payload)
+    });
+    let on_missed: OnMissed = Arc::new({
+        let live = Arc::clone(live);
+        move |name, _session, count| {
+            let mut hall = live.hall();
+            hall.missed("", name, count, host::now());
+            let number = hall.last_event();
+            drop(hall);
+            live.changed.send_replace(number);
+        }
+    });
+    Observer::open(config, &observed(), &on_sample, &on_missed)
+}
+
+/// Names of the cells whose machine somebody publishes the state of.
+fn present(observer: &Observer) -> BTreeSet<String> {
+    let ty = machine_state();
+    let graph = observer.graph();
+    let publishers = graph
+        .entities()
+        .iter()
+        .filter(|one| one.kind == EntityKind::Publisher);
+    let channels = publishers.filter_map(|one| one.channel.as_ref());
+    let of_machines = channels.filter(|one| one.ty.dds_name() == ty.dds_name);
+    of_machines
+        .filter_map(|one| split(&one.name))
+        .map(|(cell, _)| cell.to_owned())
+        .collect()
+}

@@ -1,0 +1,279 @@
+//! Recordings in folders: listed, opened, and played up to an instant into the reducer that shows live cells.
+//!
+//! Names come from addresses, hence from anybody: a name is looked up in the list of what the folders hold and never made
+//! into a path; links are not followed. Bounds: 500 recordings listed, four of them open with at most 24 states each.
+
+use std::collections::VecDeque;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use bags::Bag;
+use graph::Stamp;
+
+use crate::state::{EventKind, Hall, is_read};
+use crate::view::Listed;
+
+/// Recordings listed, the newest.
+const LISTED: usize = 500;
+/// Recordings that stay open.
+const OPEN: usize = 4;
+/// States kept of each, evenly spread over its messages.
+const STATES: usize = 24;
+/// Marks on the timeline.
+const MARKS: usize = 400;
+
+/// What went wrong, in a sentence.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum RecordingError {
+    #[error("there is no recording {0}")]
+    Unknown(String),
+    #[error("{0} cannot be read: {1}")]
+    Unreadable(String, bags::Error),
+}
+
+/// The recordings of some folders.
+pub(crate) struct Recordings {
+    folders: Vec<PathBuf>,
+    open: Mutex<VecDeque<Arc<Opened>>>,
+}
+
+/// A recording that was opened, with states on the way through it.
+pub(crate) struct Opened {
+    pub(crate) listed: Listed,
+    path: PathBuf,
+    bag: Bag,
+    /// Log time (ns) of the last message taken, and the state then; in that order.
+    states: Vec<(u64, Hall)>,
+    /// What happened, s from the beginning.
+    pub(crate) marks: Vec<(f64, String)>,
+}
+
+impl Recordings {
+    pub(crate) fn new(folders: Vec<PathBuf>) -> Self {
+        Self {
+            folders,
+            open: Mutex::default(),
+        }
+    }
+
+    pub(crate) fn folder_count(&self) -> usize {
+        self.folders.len()
+    }
+
+    /// Names and paths, newest first by name of the folder's time stamp and else by name.
+    fn found(&self) -> Vec<(String, PathBuf)> {
+        let mut found = Vec::new();
+        for folder in &self.folders {
+            let Ok(entries) = fs::read_dir(folder) else {
+                continue;
+            };
+            for entry in entries.flatten() {
+                // Of the entry itself: a link is neither a file nor a folder.
+                let Ok(kind) = entry.file_type() else {
+                    continue;
+                };
+                let (name, path) = (
+                    entry.file_name().to_string_lossy().into_owned(),
+                    entry.path(),
+                );
+                let is_bag = if kind.is_dir() {
+                    !mcap_files(&path).is_empty()
+                } else {
+                    kind.is_file() && is_mcap(&path)
+                };
+                if is_bag && is_plain(&name) {
+                    let modified = entry.metadata().and_then(|one| one.modified()).ok();
+                    found.push((modified, name, path));
+                }
+            }
+        }
+        found.sort_by(|a, b| (&b.0, &a.1).cmp(&(&a.0, &b.1)));
+        let mut names = std::collections::BTreeSet::new();
+        found
+            .into_iter()
+            .filter(|(_, name, _)| names.insert(name.clone()))
+            .take(LISTED)
+            .map(|(_, name, path)| (name, path))
+            .collect()
+    }
+
+    /// All, newest first.
+    pub(crate) fn list(&self) -> Vec<Listed> {
+        self.found()
+            .into_iter()
+            .map(|(name, path)| listed(name, &path).0)
+            .collect()
+    }
+
+    /// Path of a recording.
+    pub(crate) fn path(&self, name: &str) -> Result<PathBuf, RecordingError> {
+        let found = self.found().into_iter().find(|(known, _)| known == name);
+        found
+            .map(|(_, path)| path)
+            .ok_or_else(|| RecordingError::Unknown(name.to_owned()))
+    }
+
+    /// File number `index` of a recording.
+    pub(crate) fn file(&self, name: &str, index: usize) -> Result<PathBuf, RecordingError> {
+        let path = self.path(name)?;
+        mcap_files(&path)
+            .into_iter()
+            .nth(index)
+            .ok_or_else(|| RecordingError::Unknown(name.to_owned()))
+    }
+
+    /// Opens a recording, or gives the one that is open. One that has grown since is opened again.
+    pub(crate) fn open(&self, name: &str) -> Result<Arc<Opened>, RecordingError> {
+        let path = self.path(name)?;
+        let (listed, bag) = listed(name.to_owned(), &path);
+        let mut open = self.open.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(known) = open
+            .iter()
+            .find(|one| one.path == path && one.listed == listed)
+        {
+            return Ok(Arc::clone(known));
+        }
+        let bag = bag.map_err(|error| RecordingError::Unreadable(name.to_owned(), error))?;
+        open.retain(|one| one.path != path);
+        if open.len() == OPEN {
+            open.pop_front();
+        }
+        let opened = Arc::new(Opened::read(listed, path, bag));
+        open.push_back(Arc::clone(&opened));
+        Ok(opened)
+    }
+}
+
+impl Opened {
+    fn read(listed: Listed, path: PathBuf, bag: Bag) -> Self {
+        let topics = wanted(&bag);
+        let topics: Vec<&str> = topics.iter().map(String::as_str).collect();
+        let total: u64 = (bag.channels().iter().zip(bag.counts()))
+            .filter(|(channel, _)| topics.contains(&channel.topic.as_str()))
+            .map(|(_, count)| count)
+            .sum();
+        let every = (total as usize / STATES).max(1);
+        let mut hall = Hall::default();
+        let mut states = vec![(0, hall.clone())];
+        for (number, message) in bag.messages_on(&topics).flatten().enumerate() {
+            let at = message.log_time;
+            hall.apply(&message.channel.topic, &message.payload, Stamp(at as i64));
+            if number % every == every - 1 && states.len() < STATES {
+                states.push((at, hall.clone()));
+            }
+        }
+        let begin = listed.bounds.map_or(Stamp(0), |(begin, _)| begin);
+        let (events, _) = hall.events_since(0, None);
+        let marks = events
+            .filter(|one| !matches!(one.kind, EventKind::Touch))
+            .map(|one| (one.at.since_s(begin), one.text.clone()))
+            .take(MARKS)
+            .collect();
+        Self {
+            listed,
+            path,
+            bag,
+            states,
+            marks,
+        }
+    }
+
+    /// The hall as it was at the instant `at`: every message received until then has been taken.
+    pub(crate) fn at(&self, at: Stamp) -> Hall {
+        let at = u64::try_from(at.0).unwrap_or(0);
+        let topics = wanted(&self.bag);
+        let topics: Vec<&str> = topics.iter().map(String::as_str).collect();
+        // The last state before the instant; messages of its own instant may be on both sides of it.
+        let (_, state) = self
+            .states
+            .iter()
+            .rev()
+            .find(|(taken, _)| *taken < at)
+            .unwrap_or(&self.states[0]);
+        let mut hall = state.clone();
+        let taken = hall.messages();
+        let rest = self.bag.messages_on(&topics).flatten().skip(taken as usize);
+        for message in rest.take_while(|one| one.log_time <= at) {
+            hall.apply(
+                &message.channel.topic,
+                &message.payload,
+                Stamp(message.log_time as i64),
+            );
+        }
+        hall
+    }
+}
+
+/// Topics of the recording that the dashboard reads.
+fn wanted(bag: &Bag) -> Vec<String> {
+    let channels = bag.channels().iter();
+    channels
+        .filter(|one| is_read(&one.topic, &one.type_name))
+        .map(|one| one.topic.clone())
+        .collect()
+}
+
+fn listed(name: String, path: &Path) -> (Listed, Result<Bag, bags::Error>) {
+    let files = mcap_files(path);
+    let bytes = files
+        .iter()
+        .filter_map(|file| fs::metadata(file).ok())
+        .map(|one| one.len())
+        .sum();
+    let names = files
+        .iter()
+        .filter_map(|file| file.file_name())
+        .map(|one| one.to_string_lossy().into_owned())
+        .collect();
+    let bag = Bag::open(path);
+    let (bounds, trouble) = match &bag {
+        Ok(bag) => {
+            let damage: Vec<String> = bag.damage().iter().map(ToString::to_string).collect();
+            (
+                bag.bounds()
+                    .map(|(a, b)| (Stamp(a as i64), Stamp(b as i64))),
+                damage.join("; "),
+            )
+        }
+        Err(error) => (None, error.to_string()),
+    };
+    (
+        Listed {
+            name,
+            bounds,
+            bytes,
+            trouble,
+            files: names,
+        },
+        bag,
+    )
+}
+
+/// Letters that stand in an address as they are.
+fn is_plain(name: &str) -> bool {
+    !name.starts_with('.')
+        && name
+            .chars()
+            .all(|one| one.is_ascii_alphanumeric() || "._-+".contains(one))
+}
+
+fn is_mcap(path: &Path) -> bool {
+    path.extension()
+        .is_some_and(|extension| extension == "mcap")
+}
+
+/// The files of a recording, sorted; a link is none.
+fn mcap_files(path: &Path) -> Vec<PathBuf> {
+    if is_mcap(path) && path.is_file() {
+        return vec![path.to_owned()];
+    }
+    let entries = fs::read_dir(path).into_iter().flatten().flatten();
+    let files = entries.filter(|entry| entry.file_type().is_ok_and(|kind| kind.is_file()));
+    let mut files: Vec<PathBuf> = files
+        .map(|entry| entry.path())
+        .filter(|path| is_mcap(path))
+        .collect();
+    files.sort();
+    files
+}

@@ -1,0 +1,196 @@
+//! The pages over HTTP. Every answer forbids content from elsewhere; nothing but GET is served.
+
+mod answer;
+mod recorded;
+
+use std::future::Future;
+use std::io;
+
+use axum::Router;
+use axum::extract::{Path, Query, RawQuery, Request, State};
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::middleware::{Next, from_fn};
+use axum::response::sse::Sse;
+use axum::response::{IntoResponse, Response};
+use axum::routing::get;
+
+use self::answer::{Look, missing, page};
+use self::recorded::{compare, diagnosis, download, report, session, sessions};
+use crate::metrics::{Process, metrics};
+use crate::stream::{Shown, seen_now, stream};
+use crate::view;
+
+pub(crate) use self::answer::Shared;
+pub use self::answer::{MakePage, Pages};
+
+/// Nothing from elsewhere, nothing inline.
+const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; form-action 'self'; base-uri 'none'; frame-ancestors 'none'";
+
+/// Serves until `end`.
+pub(crate) async fn serve(
+    listener: tokio::net::TcpListener,
+    shared: Shared,
+    end: impl Future<Output = ()> + Send + 'static,
+) -> io::Result<()> {
+    // Streams never end by themselves, hence no graceful end: nothing is being written.
+    tokio::select! {
+        ended = axum::serve(listener, router(shared)) => ended,
+        () = end => Ok(()),
+    }
+}
+
+fn router(shared: Shared) -> Router {
+    Router::new()
+        .route("/", get(hall))
+        .route("/cell/{*name}", get(cell))
+        .route("/events/hall", get(hall_events))
+        .route("/events/cell/{*name}", get(cell_events))
+        .route("/sessions", get(sessions))
+        .route("/session/{name}", get(session))
+        .route("/session/{name}/report", get(report))
+        .route("/session/{name}/diagnosis", get(diagnosis))
+        .route("/session/{name}/mcap/{index}", get(download))
+        .route("/compare", get(compare))
+        .route("/metrics", get(metrics_text))
+        .route(
+            "/assets/style.css",
+            get(|| {
+                asset(
+                    "text/css; charset=utf-8",
+                    include_str!("../assets/style.css"),
+                )
+            }),
+        )
+        .route(
+            "/assets/app.js",
+            get(|| {
+                asset(
+                    "text/javascript; charset=utf-8",
+                    include_str!("../assets/app.js"),
+                )
+            }),
+        )
+        .route(
+            "/assets/icon.svg",
+            get(|| asset("image/svg+xml", include_str!("../assets/icon.svg"))),
+        )
+        .fallback(|| async { missing("There is no such page.") })
+        .layer(from_fn(guarded))
+        .with_state(shared)
+}
+
+/// Headers of every answer.
+async fn guarded(request: Request, next: Next) -> Response {
+    let mut response = next.run(request).await;
+    let headers = response.headers_mut();
+    headers
+        .entry(header::CONTENT_SECURITY_POLICY)
+        .or_insert(HeaderValue::from_static(POLICY));
+    headers.insert(
+        header::X_CONTENT_TYPE_OPTIONS,
+        HeaderValue::from_static("nosniff"),
+    );
+    headers.insert(
+        header::REFERRER_POLICY,
+        HeaderValue::from_static("no-referrer"),
+    );
+    headers.insert(
+        "cross-origin-resource-policy",
+        HeaderValue::from_static("same-origin"),
+    );
+    headers
+        .entry(header::CACHE_CONTROL)
+        .or_insert(HeaderValue::from_static("no-store"));
+    response
+}
+
+async fn asset(kind: &'static str, content: &'static str) -> impl IntoResponse {
+    (
+        [
+            (header::CONTENT_TYPE, kind),
+            (header::CACHE_CONTROL, "no-cache"),
+        ],
+        content,
+    )
+}
+
+async fn hall(State(shared): State<Shared>, RawQuery(query): RawQuery) -> Response {
+    let wall = query.is_some_and(|query| {
+        query
+            .split('&')
+            .any(|one| one == "wall" || one.starts_with("wall="))
+    });
+    let seen = seen_now(&shared.live, shared.epoch);
+    let trouble = shared.live.trouble();
+    let hall = shared.live.hall();
+    page(view::hall_page(&hall, host::now(), wall, &seen, &trouble))
+}
+
+async fn cell(
+    State(shared): State<Shared>,
+    Path(name): Path<String>,
+    Query(look): Query<Look>,
+) -> Response {
+    let seen = seen_now(&shared.live, shared.epoch);
+    let hall = shared.live.hall();
+    match hall.cell(&name) {
+        Some(cell) => page(view::cell_page(
+            cell,
+            &hall,
+            host::now(),
+            look.view(),
+            &seen,
+        )),
+        None => missing(
+            "No cell of this name has been heard. It may not have started yet, or have left a while ago.",
+        ),
+    }
+}
+
+async fn hall_events(
+    State(shared): State<Shared>,
+    Query(look): Query<Look>,
+    headers: HeaderMap,
+) -> Response {
+    events(shared, Shown::Hall, &look, &headers)
+}
+
+async fn cell_events(
+    State(shared): State<Shared>,
+    Path(name): Path<String>,
+    Query(look): Query<Look>,
+    headers: HeaderMap,
+) -> Response {
+    let shown = Shown::Cell(name, look.view());
+    events(shared, shown, &look, &headers)
+}
+
+fn events(shared: Shared, shown: Shown, look: &Look, headers: &HeaderMap) -> Response {
+    let last = headers
+        .get("last-event-id")
+        .and_then(|value| value.to_str().ok());
+    let seen = last.or(look.since.as_deref());
+    match shared.clients.take() {
+        Some(seat) => {
+            Sse::new(stream(shared.live, shared.epoch, shown, seen, seat)).into_response()
+        }
+        None => (
+            StatusCode::SERVICE_UNAVAILABLE,
+            [(header::RETRY_AFTER, "10")],
+            "too many pages follow the dashboard",
+        )
+            .into_response(),
+    }
+}
+
+async fn metrics_text(State(shared): State<Shared>) -> Response {
+    let process = Process {
+        clients: shared.clients.count(),
+        received: shared
+            .live
+            .received
+            .load(std::sync::atomic::Ordering::Relaxed),
+    };
+    let text = metrics(&shared.live.hall(), host::now(), &process);
+    ([(header::CONTENT_TYPE, "text/plain; version=0.0.4")], text).into_response()
+}

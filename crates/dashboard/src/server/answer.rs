@@ -1,0 +1,69 @@
+//! What the handlers of all pages share.
+
+use std::path::{Path as FilePath, PathBuf};
+use std::sync::{Arc, Mutex};
+
+use axum::http::StatusCode;
+use axum::response::{Html, IntoResponse, Response};
+use serde::Deserialize;
+use tokio::sync::Semaphore;
+
+use crate::live::Live;
+use crate::recordings::Recordings;
+use crate::stream::Clients;
+use crate::view::{Place, View, message_page};
+
+/// Makes the page of a report or of a diagnosis of a recording; the error is a sentence.
+pub type MakePage = fn(&FilePath) -> Result<String, String>;
+
+/// Pages that other parts of the program make of a recording.
+#[derive(Clone, Copy)]
+pub struct Pages {
+    /// The record of its parts.
+    pub report: MakePage,
+    /// Why it differs from its model.
+    pub diagnosis: MakePage,
+}
+
+#[derive(Clone)]
+pub(crate) struct Shared {
+    pub(crate) live: Arc<Live>,
+    pub(crate) recordings: Arc<Recordings>,
+    pub(crate) pages: Pages,
+    /// Instant of the start: tells pages of another run of the program apart.
+    pub(crate) epoch: u64,
+    pub(crate) clients: Clients,
+    /// One page of a report at a time.
+    pub(crate) making: Arc<Semaphore>,
+    pub(crate) made: Arc<Mutex<Vec<(PathBuf, &'static str, u64, String)>>>,
+}
+
+/// A page as an answer.
+pub(super) fn page(markup: maud::Markup) -> Response {
+    Html(markup.into_string()).into_response()
+}
+
+/// There is none.
+pub(super) fn missing(text: &str) -> Response {
+    (
+        StatusCode::NOT_FOUND,
+        page(message_page("Not found", text, Place::Hall)),
+    )
+        .into_response()
+}
+
+/// Where the part is looked at from, and the instant of a session.
+#[derive(Deserialize)]
+pub(super) struct Look {
+    pub(super) az: Option<f64>,
+    pub(super) el: Option<f64>,
+    pub(super) t: Option<f64>,
+    pub(super) cell: Option<String>,
+    pub(super) since: Option<String>,
+}
+
+impl Look {
+    pub(super) fn view(&self) -> View {
+        View::of(self.az, self.el)
+    }
+}

@@ -1,0 +1,200 @@
+//! Pages of recordings.
+
+use std::sync::{Arc, PoisonError};
+
+use axum::extract::{Path, Query, State};
+use axum::http::{StatusCode, header};
+use axum::response::{Html, IntoResponse, Response};
+use graph::Stamp;
+use serde::Deserialize;
+
+use super::answer::{Look, MakePage, Shared, missing, page};
+use crate::recordings::{Opened, RecordingError};
+use crate::state::{CellState, Hall};
+use crate::view::{self, Compared, Place, SessionView, message_page};
+
+/// Pages of reports kept: a diagnosis takes seconds.
+const KEPT_PAGES: usize = 8;
+
+/// No content but styles, for the pages of reports, which carry their style and no script.
+const POLICY_REPORT: &str =
+    "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; frame-ancestors 'none'";
+
+pub(super) async fn sessions(State(shared): State<Shared>) -> Response {
+    let folders = shared.recordings.folder_count();
+    blocking(move || page(view::sessions_page(&shared.recordings.list(), folders))).await
+}
+
+/// Reading a recording blocks, hence on a thread for that.
+async fn blocking(work: impl FnOnce() -> Response + Send + 'static) -> Response {
+    tokio::task::spawn_blocking(work)
+        .await
+        .unwrap_or_else(|error| {
+            tracing::error!(%error, "a page could not be made");
+            (
+                StatusCode::INTERNAL_SERVER_ERROR,
+                "the page could not be made",
+            )
+                .into_response()
+        })
+}
+
+fn refused(error: &RecordingError) -> Response {
+    missing(&format!("{error}."))
+}
+
+/// The cell of that name, or the first.
+fn chosen<'a>(hall: &'a Hall, name: Option<&str>) -> Option<&'a CellState> {
+    name.and_then(|name| hall.cell(name))
+        .or_else(|| hall.cells().next())
+}
+
+fn instant(opened: &Opened, seconds: Option<f64>) -> Stamp {
+    let (begin, end) = opened.listed.bounds.unwrap_or((Stamp(0), Stamp(0)));
+    let at = seconds
+        .filter(|one| one.is_finite())
+        .map_or(end, |seconds| {
+            begin.after_s(seconds.clamp(0.0, end.since_s(begin)))
+        });
+    // A slider gives hundredths: its end is the end.
+    if end.since_s(at) < 0.05 { end } else { at }
+}
+
+pub(super) async fn session(
+    State(shared): State<Shared>,
+    Path(name): Path<String>,
+    Query(look): Query<Look>,
+) -> Response {
+    blocking(move || {
+        let opened = match shared.recordings.open(&name) {
+            Ok(opened) => opened,
+            Err(error) => return refused(&error),
+        };
+        let at = instant(&opened, look.t);
+        let hall = opened.at(at);
+        page(view::session_page(&SessionView {
+            listed: &opened.listed,
+            hall: &hall,
+            at,
+            cell: chosen(&hall, look.cell.as_deref()),
+            view: look.view(),
+            marks: &opened.marks,
+        }))
+    })
+    .await
+}
+
+#[derive(Deserialize)]
+pub(super) struct Two {
+    a: String,
+    b: String,
+}
+
+pub(super) async fn compare(State(shared): State<Shared>, Query(two): Query<Two>) -> Response {
+    blocking(move || {
+        let open = |name: &str| {
+            shared.recordings.open(name).map(|one| {
+                let end = instant(&one, None);
+                (one.at(end), one)
+            })
+        };
+        let (a, b) = match (open(&two.a), open(&two.b)) {
+            (Ok(a), Ok(b)) => (a, b),
+            (Err(error), _) | (_, Err(error)) => return refused(&error),
+        };
+        let empty = CellState::default();
+        let side = |hall: &'_ Hall| -> CellState { chosen(hall, None).unwrap_or(&empty).clone() };
+        let (cell_a, cell_b) = (side(&a.0), side(&b.0));
+        page(view::compare_page(
+            &Compared {
+                listed: &a.1.listed,
+                cell: &cell_a,
+            },
+            &Compared {
+                listed: &b.1.listed,
+                cell: &cell_b,
+            },
+        ))
+    })
+    .await
+}
+
+pub(super) async fn report(State(shared): State<Shared>, Path(name): Path<String>) -> Response {
+    let make = shared.pages.report;
+    made(shared, name, "report", make).await
+}
+
+pub(super) async fn diagnosis(State(shared): State<Shared>, Path(name): Path<String>) -> Response {
+    let make = shared.pages.diagnosis;
+    made(shared, name, "diagnosis", make).await
+}
+
+/// A page of a recording, made once for as long as the recording stays as it is.
+async fn made(shared: Shared, name: String, kind: &'static str, make: MakePage) -> Response {
+    // One at a time: a diagnosis takes a processor for seconds.
+    let Ok(_turn) = Arc::clone(&shared.making).acquire_owned().await else {
+        return missing("The dashboard is ending.");
+    };
+    blocking(move || {
+        let (path, bytes) = match (shared.recordings.path(&name), shared.recordings.open(&name)) {
+            (Ok(path), Ok(opened)) => (path, opened.listed.bytes),
+            (Err(error), _) | (_, Err(error)) => return refused(&error),
+        };
+        let lock = || shared.made.lock().unwrap_or_else(PoisonError::into_inner);
+        let known = lock()
+            .iter()
+            .find(|one| (&one.0, one.1, one.2) == (&path, kind, bytes))
+            .map(|one| one.3.clone());
+        let html = match known.map_or_else(|| make(&path), Ok) {
+            Ok(html) => html,
+            Err(text) => {
+                return page(message_page(
+                    "No such page of this session",
+                    &format!("{text}."),
+                    Place::Sessions,
+                ));
+            }
+        };
+        let mut pages = lock();
+        pages.retain(|one| (&one.0, one.1) != (&path, kind));
+        if pages.len() == KEPT_PAGES {
+            pages.remove(0);
+        }
+        pages.push((path, kind, bytes, html.clone()));
+        (
+            [(header::CONTENT_SECURITY_POLICY, POLICY_REPORT)],
+            Html(html),
+        )
+            .into_response()
+    })
+    .await
+}
+
+pub(super) async fn download(
+    State(shared): State<Shared>,
+    Path((name, index)): Path<(String, usize)>,
+) -> Response {
+    let found = tokio::task::spawn_blocking(move || shared.recordings.file(&name, index)).await;
+    let path = match found {
+        Ok(Ok(path)) => path,
+        Ok(Err(error)) => return refused(&error),
+        Err(_) => return missing("The recording cannot be read."),
+    };
+    match crate::download::body(&path).await {
+        Ok((length, body)) => {
+            let name = path
+                .file_name()
+                .map_or_else(String::new, |one| one.to_string_lossy().replace('"', ""));
+            let headers = [
+                (header::CONTENT_TYPE, "application/octet-stream".to_owned()),
+                (header::CONTENT_LENGTH, length.to_string()),
+                (
+                    header::CONTENT_DISPOSITION,
+                    format!("attachment; filename=\"{name}\""),
+                ),
+            ];
+            (headers, body).into_response()
+        }
+        Err(_) => missing("The recording cannot be read."),
+    }
+}

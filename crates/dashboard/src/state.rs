@@ -1,0 +1,19 @@
+//! What the dashboard knows: a pure reducer from messages to the state of cells. No transport, no clock, no disk.
+//!
+//! [`Hall::apply`] takes the name of a topic, its bytes and the instant of their reception; a live bus and a recording are
+//! read by the same code. Everything kept has a bound, which stands beside it.
+
+mod capability;
+mod cell;
+mod events;
+mod hall;
+mod ledger;
+mod reduce;
+pub(crate) mod wording;
+
+pub use capability::{Capability, capability};
+pub use cell::{Attention, CellState, Characteristic, Made, Section, Touch};
+pub use events::{Event, EventKind};
+pub use hall::{Hall, read_topics};
+pub(crate) use hall::{is_read, machine_state, split};
+pub use ledger::Entry;

@@ -1,0 +1,276 @@
+//! The state of one cell, as its topics tell it.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::sync::Arc;
+
+use diagnosis::Report;
+use graph::Stamp;
+use probecell_msgs::sensor_msgs::JointState;
+use probecell_msgs::{
+    Fault, FeatureResult, GapReport, InspectionPlan, LossReport, MachineState, MeasurementOrder,
+    PartReport, PartStatus, PassDecision, PlanProgress, RecordingStatus, Verdict, from_cdr,
+};
+
+use super::ledger::{Entry, Ledger};
+
+/// A cell that has said nothing for longer is stale: well above the period of `machine_state`, which speaks at least ten
+/// times a second.
+const STALE_S: f64 = 2.0;
+
+/// Parts of the page of a cell that change independently.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Section {
+    /// State, part, decision.
+    State,
+    /// The part with its touches.
+    Part,
+    /// Measuring order.
+    Order,
+    /// Sizes.
+    Sizes,
+    /// Run charts.
+    Runs,
+    /// Corrections.
+    Ledger,
+    /// Faults and losses.
+    Faults,
+    /// Gap report.
+    Gap,
+    /// Axes and temperatures.
+    Axes,
+}
+
+impl Section {
+    /// All, in the order of the page.
+    pub const ALL: [Self; 9] = [
+        Self::State,
+        Self::Part,
+        Self::Sizes,
+        Self::Gap,
+        Self::Ledger,
+        Self::Runs,
+        Self::Order,
+        Self::Faults,
+        Self::Axes,
+    ];
+}
+
+/// How much a cell needs a person; the most urgent first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Attention {
+    /// Alarm, emergency stop, or a part that ended badly.
+    Act,
+    /// A correction waits for approval, or a decision asks for somebody.
+    Decide,
+    /// Silent, or unsure: something should be looked at.
+    Look,
+    /// Working.
+    Working,
+    /// Nothing to do.
+    Idle,
+}
+
+/// The newest touch of a point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Touch {
+    /// Number of the event.
+    pub sequence: u64,
+    /// When it was received.
+    pub at: Stamp,
+    /// m, along the outward normal; material in excess is positive.
+    pub deviation: f64,
+    /// m.
+    pub standard_uncertainty: f64,
+}
+
+/// A deviation of size of one part, for a run chart.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Made {
+    /// The run, and the pass of it, that was measured last.
+    pub run: String,
+    /// m, size minus nominal.
+    pub deviation: f64,
+    /// m, expanded.
+    pub expanded: f64,
+}
+
+/// Characteristic whose values are comparable over parts: drawing, feature, nominal size (nm).
+pub type Characteristic = (String, String, i64);
+
+/// What is known of one cell. Bounds: one plan, order, report and joint state; 64 corrections; 48 faults and losses each; 200
+/// parts of 128 characteristics; results and touches of the plan only.
+#[derive(Clone, Debug, Default)]
+pub struct CellState {
+    /// Namespace without its first slash.
+    pub name: String,
+    /// First and last reception.
+    pub heard: Option<(Stamp, Stamp)>,
+    /// Instant from which on none of its processes was on the bus.
+    pub left: Option<Stamp>,
+    pub(super) machine_bytes: Vec<u8>,
+    pub(super) joints_bytes: Vec<u8>,
+    /// The part that is being made.
+    pub part: PartStatus,
+    /// The last parts that ended, newest last.
+    pub ended: VecDeque<PartReport>,
+    /// Parts that ended, by verdict of the report.
+    pub parts: BTreeMap<u8, u64>,
+    /// Verdicts, by code.
+    pub verdict_counts: BTreeMap<u8, u64>,
+    /// The plan.
+    pub plan: Option<Arc<InspectionPlan>>,
+    /// Its measuring order.
+    pub order: Option<Arc<MeasurementOrder>>,
+    /// Newest touch of each point of the plan.
+    pub touches: BTreeMap<u32, Touch>,
+    /// First touch of the plan.
+    pub first_touch: Option<Stamp>,
+    /// Touches since the cell was first heard.
+    pub touch_count: u64,
+    /// Results of the plan measured last, by feature.
+    pub results: BTreeMap<String, FeatureResult>,
+    /// Verdicts of the plan measured last, by feature.
+    pub verdicts: BTreeMap<String, Verdict>,
+    /// The newest verdict of all.
+    pub last_verdict: Option<Verdict>,
+    /// The newest decision on a pass.
+    pub decision: Option<PassDecision>,
+    /// Values over parts.
+    pub runs: BTreeMap<Characteristic, VecDeque<Made>>,
+    pub(super) ledger: Ledger,
+    /// The newest gap report.
+    pub gap: Option<Arc<GapReport>>,
+    /// The same in full, where it can be read.
+    pub report: Option<Arc<Report>>,
+    /// The newest faults.
+    pub faults: VecDeque<(Stamp, Fault)>,
+    /// The newest losses.
+    pub losses: VecDeque<(Stamp, LossReport)>,
+    /// Messages reported as lost and not recovered.
+    pub lost: u64,
+    /// Whether it is recorded.
+    pub recording: Option<RecordingStatus>,
+    /// Progress of planning.
+    pub progress: Option<PlanProgress>,
+    /// How often each section has changed.
+    pub revisions: BTreeMap<Section, u64>,
+    /// What this cell takes on next, as the events of it tell.
+    pub(super) alarms: Vec<String>,
+}
+
+impl CellState {
+    pub(super) fn new(name: &str) -> Self {
+        Self {
+            name: name.to_owned(),
+            ..Self::default()
+        }
+    }
+
+    pub(super) fn changed(&mut self, sections: &[Section]) {
+        for section in sections {
+            *self.revisions.entry(*section).or_default() += 1;
+        }
+    }
+
+    /// State of the machine.
+    pub fn machine(&self) -> Option<MachineState> {
+        from_cdr(&self.machine_bytes).ok()
+    }
+
+    /// Positions of the axes.
+    pub fn joints(&self) -> Option<JointState> {
+        from_cdr(&self.joints_bytes).ok()
+    }
+
+    /// s since the last message.
+    pub fn age_s(&self, now: Stamp) -> f64 {
+        self.heard
+            .map_or(f64::INFINITY, |(_, last)| now.since_s(last).max(0.0))
+    }
+
+    /// It has said nothing for two seconds, or none of its processes is on the bus.
+    pub fn is_stale(&self, now: Stamp) -> bool {
+        self.left.is_some() || self.age_s(now) > STALE_S
+    }
+
+    /// A part is being made.
+    pub fn is_making(&self) -> bool {
+        self.part.stage != PartStatus::NONE
+    }
+
+    /// Corrections, newest last.
+    pub fn corrections(&self) -> impl DoubleEndedIterator<Item = &Entry> {
+        self.ledger.entries.iter()
+    }
+
+    /// Corrections that wait for a person.
+    pub fn waiting(&self, now: Stamp) -> impl Iterator<Item = &Entry> {
+        self.corrections().filter(move |one| one.is_waiting(now))
+    }
+
+    /// Gap over noise; none without a report or without noise.
+    pub fn gap_ratio(&self) -> Option<f64> {
+        let gap = self.gap.as_ref()?;
+        let ratio = gap.rms / gap.noise_floor;
+        ratio.is_finite().then_some(ratio)
+    }
+
+    /// How much it needs a person, and why, in a few words.
+    pub fn attention(&self, now: Stamp) -> (Attention, String) {
+        let machine = self.machine();
+        let execution = machine.as_ref().map(|one| one.execution);
+        if self.is_stale(now) {
+            let what = if self.is_making() {
+                (
+                    Attention::Act,
+                    format!("silent while making {}", self.part.part_id),
+                )
+            } else if self.left.is_some() {
+                (Attention::Look, "left the bus".to_owned())
+            } else {
+                (Attention::Look, "silent".to_owned())
+            };
+            return what;
+        }
+        match (execution, self.alarms.first()) {
+            (_, Some(alarm)) => return (Attention::Act, alarm.clone()),
+            (Some(MachineState::EXECUTION_ALARM), _) => {
+                return (Attention::Act, "alarm".to_owned());
+            }
+            (Some(MachineState::EXECUTION_ESTOP), _) => {
+                return (Attention::Act, "emergency stop".to_owned());
+            }
+            _ => {}
+        }
+        if let Some(one) = self.waiting(now).next() {
+            let features = one.correction.feature_ids.join(", ");
+            return (
+                Attention::Decide,
+                format!("correction of {features} waits for approval"),
+            );
+        }
+        if !self.is_making()
+            && let Some(last) = self.ended.back()
+            && matches!(last.verdict, PartReport::SCRAP | PartReport::STOPPED)
+        {
+            let what = if last.verdict == PartReport::SCRAP {
+                "is scrap"
+            } else {
+                "was stopped"
+            };
+            return (Attention::Act, format!("{} {what}", last.part_id));
+        }
+        if self.report.as_ref().is_some_and(|one| {
+            matches!(
+                one.verdict,
+                diagnosis::Verdict::Unexplained | diagnosis::Verdict::PartlyExplained
+            )
+        }) {
+            return (Attention::Look, "the gap is not explained".to_owned());
+        }
+        if self.is_making() || execution == Some(MachineState::EXECUTION_RUNNING) {
+            return (Attention::Working, "nothing to do".to_owned());
+        }
+        (Attention::Idle, "nothing to do".to_owned())
+    }
+}

@@ -1,0 +1,219 @@
+//! All cells, and the journal of what happened in them.
+
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+
+use graph::{Stamp, topics};
+use probecell_msgs::{MachineState, Message, MessageType};
+
+use super::cell::CellState;
+use super::events::{Event, EventKind};
+
+/// Cells kept; a further one is counted and not shown.
+const CELLS: usize = 1000;
+/// Events kept.
+const EVENTS: usize = 4096;
+/// A cell that has left while no part was being made is forgotten after so many seconds.
+const FORGOTTEN_S: f64 = 60.0;
+/// One that has left in the middle of a part is kept for a day, unless it comes back: somebody must see it.
+const FORGOTTEN_MAKING_S: f64 = 86_400.0;
+
+/// Every cell that was heard.
+#[derive(Clone, Debug, Default)]
+pub struct Hall {
+    cells: BTreeMap<String, CellState>,
+    events: VecDeque<Event>,
+    /// Number of the newest event.
+    last_event: u64,
+    /// Cells that were not taken on because there were too many.
+    refused: BTreeSet<String>,
+    /// Messages that the bus could not deliver to the dashboard, by topic name.
+    missed: BTreeMap<String, u64>,
+    /// Messages taken.
+    messages: u64,
+}
+
+/// Names of topics that the dashboard reads, with their types. Faults are read on any `NODE/faults`.
+pub fn read_topics() -> Vec<graph::Topic> {
+    let wanted = [
+        topics::MACHINE_STATE,
+        topics::JOINT_STATES,
+        topics::PART_STATUS,
+        topics::PART_REPORTS,
+        topics::INSPECTION_PLAN,
+        topics::MEASUREMENT_ORDER,
+        topics::PLAN_PROGRESS,
+        topics::TOUCH_DEVIATIONS,
+        topics::FEATURE_RESULTS,
+        topics::VERDICTS,
+        topics::PASS_DECISIONS,
+        topics::CORRECTIONS,
+        topics::CORRECTION_ACKNOWLEDGEMENTS,
+        topics::GAP_REPORT,
+        topics::RECORDING_STATUS,
+        topics::LOSS_REPORTS,
+    ];
+    let faults = topics::ALL.iter().filter(|one| is_fault(one.name));
+    wanted.into_iter().chain(faults.copied()).collect()
+}
+
+fn is_fault(name: &str) -> bool {
+    name.ends_with("/faults")
+}
+
+/// Name of the cell, and of the topic below it.
+pub(crate) fn split(topic: &str) -> Option<(&str, &str)> {
+    let topic = topic.trim_start_matches('/');
+    let mut cut = topic.rfind('/')?;
+    if is_fault(topic) {
+        cut = topic[..cut].rfind('/')?;
+    }
+    Some((&topic[..cut], &topic[cut + 1..]))
+}
+
+/// The dashboard reads this topic with a message of this ROS name.
+pub(crate) fn is_read(topic: &str, message: &str) -> bool {
+    split(topic).is_some_and(|(_, name)| {
+        let known: Option<&MessageType> = topics::by_name(name).map(|one| one.message);
+        known.is_some_and(|known| known.name == message)
+            && read_topics().iter().any(|one| one.name == name)
+    })
+}
+
+impl Hall {
+    /// Takes the bytes (CDR) of a message on `topic` (absolute), received at `at`. A cell exists from its first message of
+    /// `machine_state` or of anything else that the dashboard reads.
+    pub fn apply(&mut self, topic: &str, bytes: &[u8], at: Stamp) {
+        let Some((cell, name)) = split(topic) else {
+            return;
+        };
+        self.messages += 1;
+        if !self.cells.contains_key(cell) {
+            if self.cells.len() >= CELLS {
+                if self.refused.len() < CELLS {
+                    self.refused.insert(cell.to_owned());
+                }
+                return;
+            }
+            self.cells.insert(cell.to_owned(), CellState::new(cell));
+            self.happened(cell, at, EventKind::Cell, "appeared".to_owned());
+        }
+        let Some(state) = self.cells.get_mut(cell) else {
+            return;
+        };
+        let came_back = state.left.is_some();
+        let happened = state.take(name, bytes, at);
+        if came_back {
+            self.happened(cell, at, EventKind::Cell, "came back".to_owned());
+        }
+        if let Some((kind, text)) = happened {
+            self.happened(cell, at, kind, text);
+        }
+    }
+
+    /// Takes which cells have a process on the bus that publishes the state of a machine, at the instant `now`; forgets
+    /// cells that left long ago.
+    pub fn set_present(&mut self, present: &BTreeSet<String>, now: Stamp) {
+        let mut left = Vec::new();
+        for (name, cell) in &mut self.cells {
+            // A cell whose announcement is slower than its messages has not left.
+            if !present.contains(name) && cell.left.is_none() && cell.is_stale(now) {
+                cell.left = Some(now);
+                left.push(name.clone());
+            }
+        }
+        for name in left {
+            self.happened(&name, now, EventKind::Cell, "left the bus".to_owned());
+        }
+        self.cells.retain(|_, cell| {
+            let kept = if cell.is_making() {
+                FORGOTTEN_MAKING_S
+            } else {
+                FORGOTTEN_S
+            };
+            cell.left.is_none_or(|left| now.since_s(left) < kept)
+        });
+    }
+
+    /// Counts messages that the bus could not deliver to the dashboard. `cell` is empty where it is not known.
+    pub fn missed(&mut self, cell: &str, name: &str, count: u64, at: Stamp) {
+        *self.missed.entry(name.to_owned()).or_default() += count;
+        let text = format!("{count} messages of {name} did not reach the dashboard");
+        self.happened(cell, at, EventKind::Loss, text);
+    }
+
+    fn happened(&mut self, cell: &str, at: Stamp, kind: EventKind, text: String) {
+        self.last_event += 1;
+        if self.events.len() == EVENTS {
+            self.events.pop_front();
+        }
+        self.events.push_back(Event {
+            number: self.last_event,
+            at,
+            cell: cell.to_owned(),
+            kind,
+            text,
+        });
+    }
+
+    /// The cell of that name.
+    pub fn cell(&self, name: &str) -> Option<&CellState> {
+        self.cells.get(name)
+    }
+
+    /// Cells by name.
+    pub fn cells(&self) -> impl Iterator<Item = &CellState> {
+        self.cells.values()
+    }
+
+    /// Cells, those that need a person first, then by name.
+    pub fn by_attention(&self, now: Stamp) -> Vec<&CellState> {
+        let mut cells: Vec<_> = self
+            .cells()
+            .map(|one| (one.attention(now).0, one))
+            .collect();
+        cells.sort_by(|a, b| (a.0, &a.1.name).cmp(&(b.0, &b.1.name)));
+        cells.into_iter().map(|(_, cell)| cell).collect()
+    }
+
+    /// Number of the newest event.
+    pub fn last_event(&self) -> u64 {
+        self.last_event
+    }
+
+    /// Events of a cell, or of all, that are newer than `number`, and how many of all are not held any more.
+    pub fn events_since<'a>(
+        &'a self,
+        number: u64,
+        cell: Option<&'a str>,
+    ) -> (impl DoubleEndedIterator<Item = &'a Event>, u64) {
+        let oldest = self
+            .events
+            .front()
+            .map_or(self.last_event + 1, |one| one.number);
+        let lost = oldest.saturating_sub(number + 1);
+        let held = self.events.iter().filter(move |one| {
+            one.number > number && cell.is_none_or(|cell| cell == one.cell || one.cell.is_empty())
+        });
+        (held, lost)
+    }
+
+    /// Cells that were not taken on because there were too many.
+    pub fn refused(&self) -> usize {
+        self.refused.len()
+    }
+
+    /// Messages that did not reach the dashboard.
+    pub fn missed_total(&self) -> u64 {
+        self.missed.values().sum()
+    }
+
+    /// Messages taken.
+    pub fn messages(&self) -> u64 {
+        self.messages
+    }
+}
+
+/// The type that makes a namespace a cell.
+pub(crate) fn machine_state() -> &'static MessageType {
+    <MachineState as Message>::TYPE
+}

@@ -1,0 +1,340 @@
+//! What each message changes in the state of its cell.
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+use graph::{Stamp, topics};
+use probecell_msgs::{
+    Correction, CorrectionAcknowledgement, Fault, FeatureResult, GapReport, InspectionPlan,
+    LossReport, MachineState, MeasurementOrder, Message, PartReport, PartStatus, PassDecision,
+    PlanId, PlanProgress, RecordingStatus, TouchDeviation, Verdict, from_cdr,
+};
+
+use super::cell::{CellState, Made, Section, Touch};
+use super::events::EventKind;
+use super::wording;
+
+/// Parts of a run chart.
+const PARTS: usize = 200;
+/// Characteristics with a run chart.
+const CHARACTERISTICS: usize = 128;
+/// Faults and losses kept, each.
+const TROUBLES: usize = 48;
+/// Parts that ended, kept.
+const ENDED: usize = 32;
+/// Bytes of a CDR message before which only its encapsulation and the stamp of its header stand.
+const STAMPED: usize = 12;
+
+/// What happened: kind and a sentence.
+pub(super) type Happened = Option<(EventKind, String)>;
+
+impl CellState {
+    /// Takes a message on the topic `name` below the cell's namespace. Bytes that are not of the topic's type change nothing.
+    pub(super) fn take(&mut self, name: &str, bytes: &[u8], at: Stamp) -> Happened {
+        let first = self.heard.map_or(at, |(first, _)| first);
+        self.heard = Some((first, at));
+        self.left = None;
+        match name {
+            n if n == topics::JOINT_STATES.name => {
+                bytes.clone_into(&mut self.joints_bytes);
+                self.changed(&[Section::Axes]);
+                None
+            }
+            n if n == topics::MACHINE_STATE.name => self.machine_said(bytes),
+            n if n == topics::PART_STATUS.name => self.part_said(read(bytes)?),
+            n if n == topics::PART_REPORTS.name => self.part_ended(read(bytes)?),
+            n if n == topics::INSPECTION_PLAN.name => self.planned(read(bytes)?),
+            n if n == topics::MEASUREMENT_ORDER.name => self.ordered(read(bytes)?),
+            n if n == topics::PLAN_PROGRESS.name => {
+                let progress: PlanProgress = read(bytes)?;
+                let over = progress.phase >= PlanProgress::DONE;
+                self.progress = (!over).then_some(progress);
+                self.changed(&[Section::State, Section::Order]);
+                None
+            }
+            n if n == topics::TOUCH_DEVIATIONS.name => self.touched(&read(bytes)?, at),
+            n if n == topics::FEATURE_RESULTS.name => self.resulted(read(bytes)?),
+            n if n == topics::VERDICTS.name => self.judged(read(bytes)?),
+            n if n == topics::PASS_DECISIONS.name => self.decided(read(bytes)?),
+            n if n == topics::CORRECTIONS.name => self.corrected(read(bytes)?, at),
+            n if n == topics::CORRECTION_ACKNOWLEDGEMENTS.name => self.acknowledged(read(bytes)?),
+            n if n == topics::GAP_REPORT.name => self.diagnosed(read(bytes)?),
+            n if n == topics::RECORDING_STATUS.name => {
+                let status: RecordingStatus = read(bytes)?;
+                if self.recording.as_ref().map(|one| (one.state, &one.uri))
+                    != Some((status.state, &status.uri))
+                {
+                    self.changed(&[Section::State]);
+                }
+                self.recording = Some(status);
+                None
+            }
+            n if n == topics::LOSS_REPORTS.name => self.lost(read(bytes)?, at),
+            n if n.ends_with("/faults") => self.failed(read(bytes)?, at),
+            _ => None,
+        }
+    }
+
+    fn machine_said(&mut self, bytes: &[u8]) -> Happened {
+        let body = |bytes: &[u8]| bytes.get(STAMPED..).map(<[u8]>::to_vec);
+        if body(bytes) == body(&self.machine_bytes) {
+            bytes.clone_into(&mut self.machine_bytes);
+            return None;
+        }
+        let new: MachineState = read(bytes)?;
+        let old = self.machine();
+        bytes.clone_into(&mut self.machine_bytes);
+        self.changed(&[Section::State, Section::Axes]);
+        let raised = new
+            .alarms
+            .iter()
+            .find(|one| !self.alarms.contains(one))
+            .cloned();
+        self.alarms.clone_from(&new.alarms);
+        if let Some(alarm) = raised {
+            self.changed(&[Section::Faults]);
+            return Some((EventKind::Fault, format!("alarm: {alarm}")));
+        }
+        let before = old.map(|one| one.execution);
+        (before != Some(new.execution)
+            && (new.execution >= MachineState::EXECUTION_ALARM
+                || before.is_some_and(|one| one >= MachineState::EXECUTION_ALARM)))
+        .then(|| {
+            (
+                EventKind::Fault,
+                format!("machine: {}", wording::execution(new.execution)),
+            )
+        })
+    }
+
+    fn part_said(&mut self, status: PartStatus) -> Happened {
+        let key = |one: &PartStatus| (one.stage, one.run_id.clone(), one.plan_id.clone());
+        let changed = key(&status) != key(&self.part);
+        self.part = status;
+        if !changed {
+            return None;
+        }
+        self.changed(&[Section::State, Section::Order]);
+        let stage = wording::stage(&self.part);
+        (self.part.stage != PartStatus::NONE)
+            .then(|| (EventKind::Part, format!("{}: {stage}", self.part.part_id)))
+    }
+
+    fn part_ended(&mut self, report: PartReport) -> Happened {
+        if self.ended.back() == Some(&report) {
+            return None;
+        }
+        *self.parts.entry(report.verdict).or_default() += 1;
+        let text = format!(
+            "{} {}: {}",
+            report.part_id,
+            wording::part_end(report.verdict),
+            report.text
+        );
+        push(&mut self.ended, report, ENDED);
+        self.changed(&[Section::State]);
+        Some((EventKind::Part, text))
+    }
+
+    fn planned(&mut self, plan: InspectionPlan) -> Happened {
+        if self
+            .plan
+            .as_ref()
+            .is_some_and(|known| known.plan_id == plan.plan_id)
+        {
+            self.plan = Some(Arc::new(plan));
+            self.changed(&[Section::Part, Section::Order, Section::Sizes]);
+            return None;
+        }
+        self.touches.clear();
+        self.first_touch = None;
+        self.plan = Some(Arc::new(plan));
+        self.changed(&[Section::Part, Section::Order, Section::Sizes]);
+        None
+    }
+
+    fn ordered(&mut self, order: MeasurementOrder) -> Happened {
+        self.order = Some(Arc::new(order));
+        self.changed(&[Section::Order]);
+        None
+    }
+
+    fn touched(&mut self, touch: &TouchDeviation, at: Stamp) -> Happened {
+        self.touch_count += 1;
+        let known = self
+            .plan
+            .as_ref()
+            .filter(|plan| plan.plan_id == touch.plan_id);
+        let point = known.and_then(|plan| {
+            let point = plan.points.get(touch.point_index as usize)?;
+            plan.features.get(point.feature as usize)
+        });
+        let feature = point.map(|feature| feature.id.clone());
+        if feature.is_some() {
+            self.first_touch.get_or_insert(at);
+            self.touches.insert(
+                touch.point_index,
+                Touch {
+                    sequence: touch.sequence,
+                    at,
+                    deviation: touch.deviation,
+                    standard_uncertainty: touch.standard_uncertainty,
+                },
+            );
+            self.changed(&[Section::Part, Section::Order]);
+        }
+        Some((
+            EventKind::Touch,
+            format!(
+                "point {} of {}: {}",
+                touch.point_index,
+                feature.as_deref().unwrap_or(&touch.plan_id),
+                wording::micrometres(touch.deviation)
+            ),
+        ))
+    }
+
+    fn resulted(&mut self, result: FeatureResult) -> Happened {
+        if self
+            .results
+            .values()
+            .any(|one| one.plan_id != result.plan_id)
+        {
+            self.results.clear();
+            self.verdicts.clear();
+        }
+        let run = PlanId::from(&result.plan_id).run().to_string();
+        let characteristic = (
+            result.part_id.clone(),
+            result.feature_id.clone(),
+            (result.nominal_size * 1e9).round() as i64,
+        );
+        if result.decision != FeatureResult::INVALID
+            && (self.runs.contains_key(&characteristic) || self.runs.len() < CHARACTERISTICS)
+        {
+            let made = Made {
+                run,
+                deviation: result.size_deviation,
+                expanded: result.coverage_factor * result.standard_uncertainty,
+            };
+            let parts = self.runs.entry(characteristic).or_default();
+            match parts.back_mut().filter(|last| last.run == made.run) {
+                Some(last) => *last = made,
+                None => push(parts, made, PARTS),
+            }
+            self.changed(&[Section::Runs]);
+        }
+        self.results.insert(result.feature_id.clone(), result);
+        self.changed(&[Section::Sizes, Section::Part]);
+        None
+    }
+
+    fn judged(&mut self, verdict: Verdict) -> Happened {
+        let known = self.verdicts.get(&verdict.feature_id);
+        if known == Some(&verdict) {
+            return None;
+        }
+        *self.verdict_counts.entry(verdict.verdict).or_default() += 1;
+        if self
+            .verdicts
+            .values()
+            .any(|one| one.plan_id != verdict.plan_id)
+        {
+            self.verdicts.clear();
+        }
+        if self.ledger.verdict(&verdict) {
+            self.changed(&[Section::Ledger]);
+        }
+        let text = format!(
+            "{} {}, {}",
+            verdict.feature_id,
+            wording::verdict(verdict.verdict),
+            wording::micrometres(verdict.error)
+        );
+        self.last_verdict = Some(verdict.clone());
+        self.verdicts.insert(verdict.feature_id.clone(), verdict);
+        self.changed(&[Section::State, Section::Sizes, Section::Part]);
+        Some((EventKind::Verdict, text))
+    }
+
+    fn decided(&mut self, decision: PassDecision) -> Happened {
+        if self.decision.as_ref() == Some(&decision) {
+            return None;
+        }
+        let text = format!(
+            "{}: {}",
+            wording::decision(decision.decision),
+            decision.text
+        );
+        self.decision = Some(decision);
+        self.changed(&[Section::State]);
+        Some((EventKind::Verdict, text))
+    }
+
+    fn corrected(&mut self, correction: Correction, at: Stamp) -> Happened {
+        let text = format!(
+            "correction of {}: {}",
+            correction.feature_ids.join(", "),
+            wording::approval(&correction)
+        );
+        let changed = self.ledger.correction(at, correction);
+        self.changed(&[Section::Ledger, Section::State]);
+        changed.then_some((EventKind::Correction, text))
+    }
+
+    fn acknowledged(&mut self, answer: CorrectionAcknowledgement) -> Happened {
+        let text = format!(
+            "correction {}: {}",
+            answer.correction_id,
+            wording::outcome(answer.outcome)
+        );
+        let changed = self.ledger.acknowledgement(answer);
+        self.changed(&[Section::Ledger, Section::State]);
+        changed.then_some((EventKind::Correction, text))
+    }
+
+    fn diagnosed(&mut self, report: GapReport) -> Happened {
+        if self.gap.as_deref() == Some(&report) {
+            return None;
+        }
+        self.report = serde_json::from_str(&report.json).ok().map(Arc::new);
+        let text = format!(
+            "gap of {}: {}, {} rms over a noise of {}",
+            report.plan_id,
+            wording::gap(report.verdict),
+            wording::micrometres(report.rms),
+            wording::micrometres(report.noise_floor)
+        );
+        self.gap = Some(Arc::new(report));
+        self.changed(&[Section::Gap, Section::State]);
+        Some((EventKind::Gap, text))
+    }
+
+    fn lost(&mut self, loss: LossReport, at: Stamp) -> Happened {
+        if !loss.recovered {
+            self.lost += loss.count;
+        }
+        let text = format!("{} messages of {}", loss.count, loss.topic);
+        push(&mut self.losses, (at, loss), TROUBLES);
+        self.changed(&[Section::Faults]);
+        Some((EventKind::Loss, text))
+    }
+
+    fn failed(&mut self, fault: Fault, at: Stamp) -> Happened {
+        let text = format!("{}: {}", fault.node, fault.text);
+        push(&mut self.faults, (at, fault), TROUBLES);
+        self.changed(&[Section::Faults, Section::State]);
+        Some((EventKind::Fault, text))
+    }
+}
+
+fn read<M: Message>(bytes: &[u8]) -> Option<M> {
+    from_cdr(bytes).ok()
+}
+
+fn push<T>(queue: &mut VecDeque<T>, one: T, bound: usize) {
+    if queue.len() == bound {
+        queue.pop_front();
+    }
+    queue.push_back(one);
+}

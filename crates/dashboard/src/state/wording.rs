@@ -1,0 +1,124 @@
+//! What codes and lengths are called by people.
+
+use probecell_msgs::{
+    Correction, CorrectionAcknowledgement, GapReport, MachineState, PartReport, PartStatus,
+    PassDecision, Verdict,
+};
+
+/// A length in µm with its sign, to a tenth.
+pub(crate) fn micrometres(metres: f64) -> String {
+    if !metres.is_finite() {
+        return "no value".to_owned();
+    }
+    // Avoids a negative zero.
+    let value = (metres * 1e7).round() / 10.0 + 0.0;
+    format!(
+        "{}{:.1} µm",
+        if value < 0.0 { "−" } else { "" },
+        value.abs()
+    )
+}
+
+/// State of the machine.
+pub(crate) fn execution(code: u8) -> &'static str {
+    match code {
+        MachineState::EXECUTION_IDLE => "idle",
+        MachineState::EXECUTION_RUNNING => "running",
+        MachineState::EXECUTION_HOLD => "feed hold",
+        MachineState::EXECUTION_ALARM => "alarm",
+        _ => "emergency stop",
+    }
+}
+
+/// Stage of a part.
+pub(crate) fn stage(part: &PartStatus) -> &'static str {
+    match part.stage {
+        PartStatus::CUTTING => "cutting",
+        PartStatus::MEASURING => "measuring",
+        PartStatus::DECIDING => "deciding",
+        PartStatus::CORRECTING => "correcting",
+        PartStatus::STOPPING => "stopping",
+        _ => "no part",
+    }
+}
+
+/// How a part ended.
+pub(crate) fn part_end(code: u8) -> &'static str {
+    match code {
+        PartReport::QUALIFIED => "qualified",
+        PartReport::SCRAP => "scrap",
+        PartReport::MEASURED => "measured only",
+        _ => "stopped",
+    }
+}
+
+/// A verdict.
+pub(crate) fn verdict(code: u8) -> &'static str {
+    match code {
+        Verdict::QUALIFIED => "qualified",
+        Verdict::COMPENSABLE => "to be corrected",
+        Verdict::OVERCUT_NOT_COMPENSABLE => "overcut",
+        Verdict::TOOL_WORN => "tool worn",
+        Verdict::NOT_CONVERGED => "not converged",
+        Verdict::MEASUREMENT_INVALID => "measurement invalid",
+        Verdict::INDETERMINATE => "indeterminate",
+        _ => "contradicted by the reference",
+    }
+}
+
+/// The decision on a pass.
+pub(crate) fn decision(code: u8) -> &'static str {
+    match code {
+        PassDecision::NEXT => "continue",
+        PassDecision::RECUT => "correct and cut again",
+        PassDecision::STOP => "stop: somebody must intervene",
+        PassDecision::SCRAP => "scrap",
+        _ => "revoked by the reference",
+    }
+}
+
+/// Who has approved a correction.
+pub(crate) fn approval(correction: &Correction) -> String {
+    match correction.approval {
+        Correction::APPROVAL_NONE => "waits for approval".to_owned(),
+        Correction::APPROVAL_POLICY => format!("approved by the {}", correction.approved_by),
+        Correction::APPROVAL_OPERATOR => format!("approved by {}", correction.approved_by),
+        _ => format!("rejected by {}", correction.approved_by),
+    }
+}
+
+/// What the machine answered to a correction.
+pub(crate) fn outcome(code: u8) -> &'static str {
+    match code {
+        CorrectionAcknowledgement::APPLIED => "applied",
+        CorrectionAcknowledgement::ALREADY_APPLIED => "already applied",
+        CorrectionAcknowledgement::REFUSED_NOT_APPROVED => "refused: not approved",
+        CorrectionAcknowledgement::REFUSED_STALE => "refused: out of date",
+        CorrectionAcknowledgement::REFUSED_OUT_OF_BOUNDS => "refused: out of bounds",
+        CorrectionAcknowledgement::REFUSED_REPLAY => "refused: from a recording",
+        CorrectionAcknowledgement::REFUSED_NO_SOURCE => "refused: no source measurement",
+        _ => "failed",
+    }
+}
+
+/// Verdict of a gap report.
+pub(crate) fn gap(code: u8) -> &'static str {
+    match code {
+        GapReport::NO_GAP => "no gap",
+        GapReport::EXPLAINED => "explained",
+        GapReport::PARTLY_EXPLAINED => "partly explained",
+        _ => "not explained",
+    }
+}
+
+/// Rule and risk of a verdict's text: what stands before the first comma, and the probability.
+pub(crate) fn rule_and_risk(text: &str) -> (String, Option<String>) {
+    let rule = text.split(", U =").next().unwrap_or(text).to_owned();
+    let risk = text.split_once("out of tolerance is ").map(|(_, rest)| {
+        rest.split(", at the limit")
+            .next()
+            .unwrap_or(rest)
+            .to_owned()
+    });
+    (rule, risk)
+}

@@ -1,0 +1,107 @@
+//! The gap report: how large, why, what to do, what to measure next.
+
+use diagnosis::{Report, Verdict, in_shop_units};
+use effects::vocabulary;
+use maud::{Markup, html};
+
+use super::numbers::{probability, um};
+use crate::state::{CellState, wording};
+
+/// Places shown of where the gap is.
+const PLACES: usize = 4;
+
+/// The section.
+pub(super) fn gap(cell: &CellState) -> Markup {
+    let Some(gap) = &cell.gap else {
+        return html! { p.none { "No measurement has been diagnosed yet." } };
+    };
+    html! {
+        p.headline {
+            b { (wording::gap(gap.verdict)) }
+            @if let Some(ratio) = cell.gap_ratio() { ", " b { (format!("{ratio:.1}")) " × noise" } }
+            small { (um(gap.rms)) " µm rms over a noise of " (um(gap.noise_floor)) " µm, " (gap.samples) " touches of " code { (gap.plan_id) } }
+        }
+        @if let Some(report) = &cell.report { (in_full(report)) }
+    }
+}
+
+fn in_full(report: &Report) -> Markup {
+    html! {
+        @for (number, effect) in report.effects.iter().enumerate() {
+            @let group = if effect.group.is_empty() { std::slice::from_ref(&effect.effect) } else { &effect.group };
+            div.cause {
+                h3 {
+                    @if group.len() > 1 { "One of " (group.len()) " causes" } @else { (capital(&vocabulary::describe(&effect.effect))) }
+                    small { "probability " (probability(effect.probability)) ", " (um(effect.rms_before)) " → " (um(effect.rms_after)) " µm on touches not used for the fit" }
+                }
+                @if group.len() > 1 {
+                    p.note { "These touches cannot tell which of them acts, so none of them is to be repaired or adopted yet." }
+                }
+                ul.group { @for one in group {
+                    li {
+                        (capital(&vocabulary::describe(one))) " " code { (one) }
+                        @for parameter in parameters(report, number, one) {
+                            small { (parameter) }
+                        }
+                        @if group.len() == 1 && let Some(remedy) = vocabulary::remedy(one) { p.remedy { b { "Remedy" } " " (remedy) } }
+                    }
+                } }
+            }
+        }
+        @if report.effects.is_empty() && report.verdict == Verdict::NoGap { p { "The cell does what its model says, as far as this measurement can see." } }
+        @if report.unexplained.rms > 0.0 { p { b { (um(report.unexplained.rms)) " µm rms" } " stay unexplained." } }
+        (place(report))
+        (next(report))
+        @for warning in &report.warnings { p.note { "Note: " (warning) "." } }
+    }
+}
+
+fn capital(text: &str) -> String {
+    let mut letters = text.chars();
+    letters.next().map_or_else(String::new, |first| {
+        first.to_uppercase().chain(letters).collect()
+    })
+}
+
+/// The parameters as if member `one` of the group of effect number `effect` were the cause.
+fn parameters(report: &Report, effect: usize, one: &str) -> Vec<String> {
+    let effect = &report.effects[effect];
+    let alternative = effect.alternatives.iter().find(|other| other.effect == one);
+    let own = (effect.effect == one).then_some(&effect.parameters);
+    let all = own.or(alternative.map(|other| &other.parameters));
+    let all = all.into_iter().flatten();
+    all.map(|one| in_shop_units(&one.name, one.value, &one.unit, Some(one.ci95)))
+        .collect()
+}
+
+fn place(report: &Report) -> Markup {
+    let shares: Vec<String> = (report.place.iter())
+        .filter(|one| one.share > 0.0)
+        .take(PLACES)
+        .map(|one| format!("{} {} {:.0} %", one.dimension, one.key, one.share * 100.0))
+        .collect();
+    html! { @if !shares.is_empty() { p { b { "Where" } " " (shares.join(", ")) } } }
+}
+
+fn next(report: &Report) -> Markup {
+    html! {
+        @for next in &report.next_measurement {
+            details.next open {
+                summary { b { "Measure next" } " " (next.points.len()) " touches: " (format!("{:.0} %", next.chance * 100.0)) " chance that one explanation remains" }
+                table.points {
+                    thead { tr { th scope="col" { "Feature" } th.number scope="col" { "Position" br; small { "mm" } } th.number scope="col" { "Rotary axes" br; small { "°" } } th.number scope="col" { "Feed" br; small { "mm/min" } } th scope="col" { "Why" } } }
+                    tbody { @for point in &next.points {
+                        tr {
+                            th scope="row" { (point.feature) }
+                            td.number { (point.position.map(|one| format!("{:.2}", one * 1e3)).join(", ").replace('-', "−")) }
+                            td.number { (point.rotary_positions.iter().map(|one| format!("{:.1}", one.to_degrees())).collect::<Vec<_>>().join(", ").replace('-', "−")) }
+                            td.number { (format!("{:.0}", point.feed * 6e4)) }
+                            td { (point.why) }
+                        }
+                    } }
+                }
+                @for pair in &next.inseparable { p.note { (pair.iter().map(|one| vocabulary::describe(one)).collect::<Vec<_>>().join(" and ")) " cannot be told apart by any reachable touch." } }
+            }
+        }
+    }
+}

@@ -1,0 +1,92 @@
+//! The ledger of corrections: promised against achieved.
+
+use graph::Stamp;
+use maud::{Markup, html};
+use probecell_msgs::{Correction, CorrectionAcknowledgement};
+
+use super::numbers::{clock, signed_um, um};
+use crate::state::{CellState, Entry, wording};
+
+/// The section, newest first.
+pub(super) fn ledger(cell: &CellState, now: Stamp) -> Markup {
+    let mut entries: Vec<&Entry> = cell.corrections().rev().collect();
+    // What waits for a person stands first.
+    entries.sort_by_key(|one| !one.is_waiting(now));
+    html! {
+        @if entries.is_empty() { p.none { "No correction has been proposed." } }
+        ol.ledger { @for entry in entries { (item(entry, now)) } }
+    }
+}
+
+fn what(correction: &Correction) -> String {
+    let features = correction.feature_ids.join(", ");
+    match correction.kind {
+        Correction::TOOL_WEAR => format!("Wear of tool {} for {features}", correction.tool_number),
+        Correction::WORK_OFFSET => format!("Work offset {} for {features}", correction.axis),
+        Correction::TOOL_PATH => {
+            format!("Tool path of {features}, tool {}", correction.tool_number)
+        }
+        _ => format!("Volumetric table, {} entries", correction.entries.len()),
+    }
+}
+
+/// A value of the correction: m unless the axis turns, which only a work offset could.
+fn value(metres: f64) -> String {
+    format!("{} µm", signed_um(metres))
+}
+
+fn item(entry: &Entry, now: Stamp) -> Markup {
+    let one = &entry.correction;
+    let waiting = entry.is_waiting(now);
+    let class = state_of(entry, now);
+    html! {
+        li.(class) {
+            h3 { (what(one)) }
+            p.change { b { (value(one.previous_value)) " → " (value(one.new_value)) } " within " (value(one.lower_bound)) " to " (value(one.upper_bound)) }
+            ol.steps {
+                li.done { b { "Proposed" } " " (clock(entry.proposed)) " from " code { (one.plan_id) } ", " (one.sequences.len()) " touches: error " (value(one.measured_error)) ", standard uncertainty " (um(one.standard_uncertainty)) " µm" }
+                li.(if waiting || one.approval == Correction::APPROVAL_NONE { "open" } else { "done" }) {
+                    b { "Approval" } " "
+                    @if waiting { "waits: " code { "probecell approve " (one.correction_id) " --operator NAME" } }
+                    @else if one.approval == Correction::APPROVAL_NONE && entry.acknowledgement.is_none() { "expired without one" }
+                    @else { (wording::approval(one)) }
+                }
+                @if let Some(answer) = &entry.acknowledgement {
+                    li.(if class == "bad" { "failed" } else { "done" }) {
+                        b { "Machine" } " " (wording::outcome(answer.outcome)) ", read back " (value(answer.value_after))
+                        @if !answer.text.is_empty() { ": " (answer.text) }
+                    }
+                }
+                (achieved(entry))
+            }
+        }
+    }
+}
+
+fn state_of(entry: &Entry, now: Stamp) -> &'static str {
+    let answered = entry.acknowledgement.as_ref().map(|one| one.outcome);
+    match answered {
+        _ if entry.is_waiting(now) => "unsure",
+        Some(CorrectionAcknowledgement::APPLIED | CorrectionAcknowledgement::ALREADY_APPLIED) => {
+            "good"
+        }
+        Some(_) => "bad",
+        None if entry.correction.approval == Correction::APPROVAL_REJECTED => "bad",
+        None => "",
+    }
+}
+
+/// A correction promises the error of its source to vanish; the next measurement of the same features says what came of it.
+fn achieved(entry: &Entry) -> Markup {
+    let one = &entry.correction;
+    let each: Vec<String> = (entry.achieved.iter())
+        .map(|(id, error)| format!("{id} {}", value(*error)))
+        .collect();
+    html! {
+        @if let Some(mean) = entry.achieved_error() {
+            li.done { b { "Promised" } " " (value(one.measured_error)) " → 0, " b { "achieved" } " → " b { (value(mean)) } " (" (each.join(", ")) ")" }
+        } @else if entry.acknowledgement.is_some() {
+            li.open { b { "Promised" } " " (value(one.measured_error)) " → 0; the next measurement will tell" }
+        }
+    }
+}

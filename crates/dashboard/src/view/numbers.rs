@@ -1,0 +1,128 @@
+//! Numbers, times and names for people.
+
+use graph::Stamp;
+
+/// mm to a thousandth.
+pub(super) fn mm(metres: f64) -> String {
+    if metres.is_finite() {
+        format!("{:.4}", metres * 1e3 + 0.0).replace('-', "−")
+    } else {
+        "no value".to_owned()
+    }
+}
+
+/// µm with its sign, without the unit.
+pub(super) fn signed_um(metres: f64) -> String {
+    if !metres.is_finite() {
+        return "no value".to_owned();
+    }
+    let value = (metres * 1e7).round() / 10.0 + 0.0;
+    let sign = match value {
+        v if v < 0.0 => "−",
+        v if v > 0.0 => "+",
+        _ => "",
+    };
+    format!("{sign}{:.1}", value.abs())
+}
+
+/// µm of a magnitude, without the unit.
+pub(super) fn um(metres: f64) -> String {
+    format!("{:.1}", (metres * 1e6).abs())
+}
+
+/// A span in s, as people say it.
+pub(super) fn span(seconds: f64) -> String {
+    if !seconds.is_finite() {
+        return "never".to_owned();
+    }
+    match seconds {
+        s if s < 10.0 => format!("{s:.1} s"),
+        s if s < 120.0 => format!("{s:.0} s"),
+        s if s < 7200.0 => format!("{:.0} min", s / 60.0),
+        s if s < 172_800.0 => format!("{:.0} h", s / 3600.0),
+        s => format!("{:.0} d", s / 86_400.0),
+    }
+}
+
+/// A silence in coarse steps, so that a page does not change with every second.
+pub(super) fn silence(seconds: f64) -> String {
+    match seconds {
+        s if s < 2.0 => "live".to_owned(),
+        s if s < 60.0 => format!(
+            "silent for {:.0} s",
+            (s / 5.0).floor() * 5.0 + if s < 5.0 { 2.0 } else { 0.0 }
+        ),
+        s => format!("silent for {}", span((s / 60.0).floor() * 60.0 + 0.5)),
+    }
+}
+
+/// Hour, minute, second, UTC.
+pub(super) fn clock(at: Stamp) -> String {
+    rfc3339(at).get(11..19).unwrap_or_default().to_owned()
+}
+
+/// Date and time, UTC, to the second.
+pub(super) fn date(at: Stamp) -> String {
+    rfc3339(at)
+        .replace('T', " ")
+        .trim_end_matches('Z')
+        .to_owned()
+}
+
+fn rfc3339(at: Stamp) -> String {
+    let since = std::time::Duration::from_nanos(u64::try_from(at.0).unwrap_or(0));
+    humantime::format_rfc3339_seconds(std::time::UNIX_EPOCH + since).to_string()
+}
+
+/// A probability as a percentage that does not pretend certainty.
+pub(super) fn probability(value: f64) -> String {
+    match value {
+        p if p > 0.999 => "> 99.9 %".to_owned(),
+        p if p < 0.001 => "< 0.1 %".to_owned(),
+        p => format!("{:.1} %", p * 100.0),
+    }
+}
+
+/// Name of a cell for people: the last part of its namespace, then where it is.
+pub(super) fn cell_title(name: &str) -> (&str, &str) {
+    name.rsplit_once('/').map_or(
+        (if name.is_empty() { "(root)" } else { name }, ""),
+        |(place, name)| (name, place),
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lengths_have_a_true_minus_and_no_negative_zero() {
+        assert_eq!(signed_um(-3.06e-6), "−3.1");
+        assert_eq!(signed_um(-4e-8), "0.0");
+        assert_eq!(signed_um(2.5e-6), "+2.5");
+        assert_eq!(signed_um(f64::NAN), "no value");
+        assert_eq!(mm(-0.00905), "−9.0500");
+    }
+
+    #[test]
+    fn spans_are_told_in_the_largest_unit_that_says_enough() {
+        for (seconds, text) in [
+            (0.42, "0.4 s"),
+            (61.0, "61 s"),
+            (600.0, "10 min"),
+            (9000.0, "2 h"),
+            (3e6, "35 d"),
+            (f64::INFINITY, "never"),
+        ] {
+            assert_eq!(span(seconds), text);
+        }
+        assert_eq!(
+            (silence(0.3), silence(3.0), silence(14.0)),
+            (
+                "live".into(),
+                "silent for 2 s".into(),
+                "silent for 10 s".into()
+            )
+        );
+    }
+}

@@ -1,0 +1,183 @@
+//! The smaller sections of a cell's page: state, measuring order, faults and losses, axes.
+
+use graph::Stamp;
+use maud::{Markup, html};
+use probecell_msgs::{
+    Fault, MeasurementOrder, PartStatus, PlanProgress, ProbingMove, RecordingStatus,
+};
+
+use super::hall::{attention_of, doing};
+use super::numbers::{clock, silence, span};
+use super::sizes::class_of;
+use crate::state::{CellState, EventKind, Hall, wording};
+
+/// Events shown.
+const EVENTS: usize = 40;
+
+/// State, part, decision.
+pub(super) fn state(cell: &CellState, now: Stamp) -> Markup {
+    let (attention, why) = cell.attention(now);
+    let (class, sign, name) = attention_of(attention);
+    let machine = cell.machine();
+    let part = &cell.part;
+    html! {
+        div.state.(class) {
+            p.badge { span.sign aria-hidden="true" { (sign) } " " span.sr { (name) ": " } (doing(cell, now)) }
+            p.why { (why) }
+            dl {
+                div { dt { "Part" } dd { @if part.stage == PartStatus::NONE { @if let Some(last) = cell.ended.back() { (last.part_id) ", " (wording::part_end(last.verdict)) small { (last.text) } } @else { "none yet" } } @else { (part.part_id) ", pass " (part.pass_number + 1) ", " (wording::stage(part)) small { (part.operation.replace('_', " ")) code { (part.plan_id) } } } } }
+                @if let Some(machine) = machine.as_ref().filter(|one| !one.program.is_empty()) { div { dt { "Program" } dd { (machine.program) " line " (machine.line) } } }
+                @if let Some(last) = &cell.last_verdict {
+                    @let (rule, risk) = wording::rule_and_risk(&last.text);
+                    div { dt { "Last verdict" } dd { span.verdict.(class_of(last.verdict)) { (last.feature_id) " " (wording::verdict(last.verdict)) ", " (wording::micrometres(last.error)) } small { (rule) @if let Some(risk) = risk { "; risk " (risk) } } } }
+                }
+                @if let Some(one) = &cell.decision { div { dt { "Decision" } dd { (wording::decision(one.decision)) small { (one.text) } } } }
+                div { dt { "Parts" } dd { @if cell.parts.is_empty() { "none ended" } @for (index, (code, count)) in cell.parts.iter().enumerate() { @if index > 0 { ", " } (count) " " (wording::part_end(*code)) } } }
+                @if let Some(one) = &cell.recording { div { dt { "Recording" } dd { (match one.state { RecordingStatus::RECORDING => "recording", RecordingStatus::WAIVED => "waived", _ => "stopped" }) } } }
+                div { dt { "Last word" } dd.age { (silence(cell.age_s(now))) } }
+            }
+            @if let Some(one) = &cell.progress { (planning(one)) }
+        }
+    }
+}
+
+fn planning(progress: &PlanProgress) -> Markup {
+    let what = if progress.phase == PlanProgress::TRANSITS {
+        "Planning: collision-free moves"
+    } else {
+        "Planning: shortest order"
+    };
+    html! { p.planning { label { (what) " of " (progress.touches) " touches " progress max="1" value=(format!("{:.2}", progress.share)) {} " " (format!("{:.0} %", progress.share * 100.0)) } } }
+}
+
+/// Measuring order with promised and elapsed time.
+pub(super) fn order(cell: &CellState, now: Stamp) -> Markup {
+    let Some(order) = cell.order.as_ref().filter(|order| {
+        cell.plan
+            .as_ref()
+            .is_some_and(|plan| plan.plan_id == order.plan_id)
+    }) else {
+        return html! { p.none { "No measuring order has been published for this plan." } };
+    };
+    let made = order
+        .order
+        .iter()
+        .filter(|point| cell.touches.contains_key(point))
+        .count();
+    let last = cell.touches.values().map(|one| one.at).max();
+    let elapsed = cell
+        .first_touch
+        .zip(last)
+        .map(|(first, last)| last.since_s(first));
+    let waiting =
+        cell.part.stage == PartStatus::MEASURING && made < order.order.len() && !cell.is_stale(now);
+    let next = order
+        .order
+        .iter()
+        .find(|point| !cell.touches.contains_key(point))
+        .filter(|_| waiting);
+    html! {
+        p { b { (made) " of " (order.order.len()) " touches" } ", " @if let Some(point) = next { "next: point " (point) " of " (feature_of(cell, *point)) } @else if made == order.order.len() { "complete" } @else { "not under way" } }
+        dl.times {
+            div { dt { "Promised" } dd { (span(order.air_time)) " of moves between touches" small { (if order.optimal { "proved to be the shortest order" } else { "shortest order found" }) "; as listed " (span(order.given_air_time)) } } }
+            div { dt { "Elapsed" } dd { @if let Some(elapsed) = elapsed { (span(elapsed)) " from the first to the newest touch" } @else { "no touch yet" } } }
+            div { dt { "Path" } dd { (format!("{:.2} m", order.air_length)) small { "as listed " (format!("{:.2} m", order.given_air_length)) ", " (clearances(order)) " moves clear of the part" } } }
+        }
+        (strip(cell, order))
+    }
+}
+
+fn clearances(order: &MeasurementOrder) -> usize {
+    order
+        .moves
+        .iter()
+        .filter(|one| one.kind == ProbingMove::CLEARANCE)
+        .count()
+}
+
+fn feature_of(cell: &CellState, point: u32) -> &str {
+    let plan = cell.plan.as_ref();
+    plan.and_then(|plan| {
+        let point = plan.points.get(point as usize)?;
+        plan.features.get(point.feature as usize)
+    })
+    .map_or("", |feature| &feature.id)
+}
+
+/// A box for each touch in the order in which they are made.
+fn strip(cell: &CellState, order: &MeasurementOrder) -> Markup {
+    html! {
+        ol.strip aria-label="Touches in measuring order" {
+            @for point in order.order.iter().take(400) {
+                @let touch = cell.touches.get(point);
+                li.(if touch.is_some() { "done" } else { "open" }) title={ "point " (point) " of " (feature_of(cell, *point)) @if let Some(one) = touch { ", " (wording::micrometres(one.deviation)) } } { (point) }
+            }
+        }
+    }
+}
+
+/// Faults, losses and what happened last.
+pub(super) fn faults(cell: &CellState, hall: &Hall) -> Markup {
+    let machine = cell.machine();
+    let alarms = machine.map(|one| one.alarms).unwrap_or_default();
+    let (events, _) = hall.events_since(0, Some(&cell.name));
+    let events: Vec<_> = events
+        .rev()
+        .filter(|one| one.kind != EventKind::Touch)
+        .take(EVENTS)
+        .collect();
+    html! {
+        @for alarm in &alarms { p.mark { b { "Alarm" } " " (alarm) } }
+        @if cell.faults.is_empty() && alarms.is_empty() { p.none { "No fault since the dashboard first heard of this cell." } }
+        @if !cell.faults.is_empty() {
+            ul.faults { @for (at, fault) in cell.faults.iter().rev() {
+                li.(if fault.severity == Fault::ERROR { "bad" } else { "unsure" }) { time { (clock(*at)) } " " b { (fault.node) } " " (fault.text) " " code { (fault.code) } }
+            } }
+        }
+        @if cell.losses.is_empty() { p.none { "No message of this cell was lost." } }
+        @if !cell.losses.is_empty() {
+            ul.faults { @for (at, loss) in cell.losses.iter().rev() {
+                li.(if loss.recovered { "" } else { "unsure" }) { time { (clock(*at)) } " " (loss.count) " messages of " (loss.topic) @if loss.recovered { " arrived late" } @else { " are lost" } ", noticed by " (loss.observer) }
+            } }
+        }
+        details.events {
+            summary { b { "What happened" } " (newest first, without touches)" }
+            ul { @for event in events { li { time { (clock(event.at)) } " " (event.text) } } }
+        }
+    }
+}
+
+/// Axes and temperatures.
+pub(super) fn axes(cell: &CellState) -> Markup {
+    let joints = cell.joints();
+    let machine = cell.machine();
+    html! {
+        @if let Some(joints) = &joints {
+            table.axes {
+                thead { tr { th scope="col" { "Axis" } th.number scope="col" { "Position" } } }
+                tbody { @for (name, position) in joints.name.iter().zip(&joints.position) {
+                    @let turns = is_rotary(name);
+                    tr { th scope="row" { (name) } td.number { @if turns { (format!("{:.3}°", position.to_degrees()).replace('-', "−")) } @else { (super::numbers::mm(*position)) " mm" } } }
+                } }
+            }
+        } @else { p.none { "No position of an axis has been received." } }
+        @if let Some(machine) = &machine {
+            table.axes {
+                thead { tr { th scope="col" { "Temperature" } th.number scope="col" { "°C" } } }
+                tbody { @for (name, value) in machine.temperature_names.iter().zip(&machine.temperatures) {
+                    tr { th scope="row" { (name) } td.number { (format!("{value:.2}").replace('-', "−")) } }
+                } }
+            }
+            dl.times {
+                div { dt { "Feed override" } dd { (format!("{:.0} %", machine.feed_override * 100.0)) } }
+                div { dt { "Spindle" } dd { (format!("{:.0} 1/min", machine.spindle_speed * 30.0 / std::f64::consts::PI)) } }
+                div { dt { "Tool" } dd { (machine.tool_number) } }
+            }
+        }
+    }
+}
+
+/// Axis names of the contract: A, B, C and the spindle turn, and so do the joints A1 to A6 of an arm.
+fn is_rotary(name: &str) -> bool {
+    name.starts_with(['A', 'B', 'C', 'S'])
+}

@@ -1,0 +1,103 @@
+//! Run charts over parts, with capability.
+
+use maud::{Markup, html};
+
+use super::numbers::{signed_um, um};
+use super::sizes::limits;
+use crate::state::{Capability, CellState, Characteristic, Made, capability};
+
+/// Charts shown.
+const CHARTS: usize = 24;
+const WIDTH: f64 = 420.0;
+const HEIGHT: f64 = 130.0;
+const LEFT: f64 = 44.0;
+const RIGHT: f64 = 8.0;
+const EDGE: f64 = 12.0;
+
+/// The section: a chart for every characteristic of the present measurement that more than one part has.
+pub(super) fn runs(cell: &CellState) -> Markup {
+    let shown: Vec<_> = (cell.runs.iter())
+        .filter(|(key, made)| made.len() > 1 && is_of_present(cell, key))
+        .take(CHARTS)
+        .collect();
+    html! {
+        @if shown.is_empty() {
+            p.none { "A run chart begins with the second part of the same drawing." }
+        }
+        div.charts {
+            @for (key, made) in shown {
+                @let limits = limits(cell, &key.1);
+                @let values: Vec<f64> = made.iter().map(|one| one.deviation).collect();
+                @let index = limits.and_then(|(lower, upper)| capability(&values, lower, upper));
+                figure {
+                    figcaption { b { (key.1) } " · " (made.len()) " parts" }
+                    (chart(&key.1, &made.iter().collect::<Vec<_>>(), limits))
+                    (index_of(index.as_ref(), made.len()))
+                }
+            }
+        }
+        @if cell.runs.values().any(|made| made.len() >= 8) {
+            p.note { "Cp, Cpk after ISO 22514-2:2017 with the standard deviation of the parts shown; 95 % intervals by the χ² distribution (Cp) and Bissell 1990 (Cpk). They hold for a stable process only." }
+        }
+    }
+}
+
+fn is_of_present(cell: &CellState, key: &Characteristic) -> bool {
+    cell.results.get(&key.1).is_some_and(|result| {
+        result.part_id == key.0 && (result.nominal_size * 1e9).round() as i64 == key.2
+    })
+}
+
+fn index_of(index: Option<&Capability>, parts: usize) -> Markup {
+    html! {
+        p.index {
+            @if let Some(one) = index {
+                "Cpk " b { (format!("{:.2}", one.cpk)) } " (" (format!("{:.2} to {:.2}", one.cpk_ci95[0], one.cpk_ci95[1])) "), Cp "
+                (format!("{:.2}", one.cp)) " (" (format!("{:.2} to {:.2}", one.cp_ci95[0], one.cp_ci95[1])) ")"
+                ", mean " (signed_um(one.mean)) " µm, s " (um(one.deviation)) " µm"
+            } @else { "No capability index from " (parts) " parts: 8 with limits and spread are needed." }
+        }
+    }
+}
+
+fn chart(name: &str, made: &[&Made], limits: Option<(f64, f64)>) -> Markup {
+    let mut values: Vec<f64> = made
+        .iter()
+        .flat_map(|one| [one.deviation - one.expanded, one.deviation + one.expanded])
+        .collect();
+    values.extend(limits.iter().flat_map(|(lower, upper)| [*lower, *upper]));
+    values.push(0.0);
+    let finite = values.iter().copied().filter(|one| one.is_finite());
+    let (low, high) = finite.fold((0.0_f64, 0.0_f64), |(low, high), one| {
+        (low.min(one), high.max(one))
+    });
+    let room = (high - low).max(1e-9);
+    let y = |value: f64| EDGE + (high - value) / room * (HEIGHT - 2.0 * EDGE);
+    let step = (WIDTH - LEFT - RIGHT) / (made.len().max(2) - 1) as f64;
+    let x = |index: usize| LEFT + step * index as f64;
+    let line: Vec<String> = made
+        .iter()
+        .enumerate()
+        .map(|(index, one)| format!("{:.1},{:.1}", x(index), y(one.deviation)))
+        .collect();
+    let last = made.last().map_or(0.0, |one| one.deviation);
+    html! {
+        svg.run viewBox={ "0 0 " (WIDTH) " " (HEIGHT) } role="img" aria-label={ "Deviation of " (name) " over " (made.len()) " parts, last " (signed_um(last)) " µm" } {
+            @if let Some((lower, upper)) = limits {
+                rect.zone x=(LEFT) width=(WIDTH - LEFT - RIGHT) y=(y(upper)) height=(y(lower) - y(upper)) {}
+                @for limit in [lower, upper] {
+                    line.limit x1=(LEFT) x2=(WIDTH - RIGHT) y1=(y(limit)) y2=(y(limit)) {}
+                    text.axis x=(LEFT - 5.0) y=(y(limit) + 4.0) text-anchor="end" { (signed_um(limit)) }
+                }
+            }
+            line.nominal x1=(LEFT) x2=(WIDTH - RIGHT) y1=(y(0.0)) y2=(y(0.0)) {}
+            text.axis x=(LEFT - 5.0) y=(y(0.0) + 4.0) text-anchor="end" { "0" }
+            polyline.course points=(line.join(" ")) {}
+            @for (index, one) in made.iter().enumerate() {
+                @let out = limits.is_some_and(|(lower, upper)| one.deviation < lower || one.deviation > upper);
+                line.spread x1=(x(index)) x2=(x(index)) y1=(y(one.deviation - one.expanded)) y2=(y(one.deviation + one.expanded)) {}
+                circle.value.(if out { "bad" } else { "good" }) cx=(x(index)) cy=(y(one.deviation)) r="3.5" { title { (one.run) ": " (signed_um(one.deviation)) " µm" } }
+            }
+        }
+    }
+}

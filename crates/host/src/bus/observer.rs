@@ -1,0 +1,200 @@
+//! Reads topics of every cell of a domain without being part of any: it publishes nothing, serves nothing and announces
+//! nothing, so that no node waits for it or counts it, and a router that lets strangers only read lets it in.
+//!
+//! Zenoh only. One subscription per topic name covers every namespace (`<domain>/**/<name>/<type>/<hash>`), hence a cell that
+//! appears needs no subscription of its own. It is a client of the router: what it reads leaves each node once, and a reader
+//! that is slow holds up the router's queue to it, not a node. The session reconnects by itself when the router comes back.
+
+use std::sync::Arc;
+
+use zenoh::Wait;
+use zenoh::pubsub::Subscriber;
+use zenoh::sample::{Sample, SampleKind};
+use zenoh_ext::{
+    AdvancedSubscriber, AdvancedSubscriberBuilderExt, HistoryConfig, RecoveryConfig,
+    SampleMissListener,
+};
+
+use super::config::{BusConfig, overlay};
+use super::error::without_source_lines;
+use super::graph::{Graph, LiveGraph};
+use super::qos::Qos;
+use super::types::TypeId;
+use super::wire::{Attachment, TOKEN_SPACE, data_key};
+use super::{BusError, Received, wall_ns};
+
+/// What to read: a topic name below any namespace, its type, and how.
+#[derive(Clone, Debug)]
+pub struct Observed {
+    /// Name below the namespace of a cell.
+    pub name: String,
+    /// Its type; topics of this name with another type are not read.
+    pub ty: TypeId,
+    /// Latched: its history is fetched. Reliable: what a link drops is fetched late, or reported as missed. Best effort: the
+    /// newest samples, as they come.
+    pub qos: Qos,
+}
+
+/// Called with the absolute name of a topic and each of its samples, on threads of the transport: it must not block.
+pub type OnObserved = Arc<dyn Fn(&str, Received<'_>) + Send + Sync>;
+
+/// Called with the name of a topic as in [`Observed`], the session (hexadecimal) of the publisher, and how many samples
+/// will never come.
+pub type OnMissed = Arc<dyn Fn(&str, &str, u64) + Send + Sync>;
+
+/// A reader of every cell of a domain; dropping it ends it.
+pub struct Observer {
+    session: zenoh::Session,
+    graph: LiveGraph,
+    _tokens: Subscriber<()>,
+    _subscriptions: Vec<Declared>,
+}
+
+#[expect(dead_code, reason = "held for their drop")]
+enum Declared {
+    Plain(Subscriber<()>),
+    Recovering(AdvancedSubscriber<()>, SampleMissListener<()>),
+}
+
+impl Observer {
+    /// Connects to the first router of the configuration that answers.
+    ///
+    /// # Errors
+    /// [`BusError::NoRouter`] when none answers within the connect timeout; [`BusError::Config`], [`BusError::Transport`].
+    pub fn open(
+        config: &BusConfig,
+        observed: &[Observed],
+        on_sample: &OnObserved,
+        on_missed: &OnMissed,
+    ) -> Result<Self, BusError> {
+        let mut config = config.clone();
+        overlay(
+            &mut config.zenoh,
+            &serde_json::json!({ "mode": "client", "listen": { "endpoints": [] } }),
+        );
+        let session =
+            zenoh::open(config.to_zenoh()?)
+                .wait()
+                .map_err(|reason| BusError::NoRouter {
+                    endpoints: config.endpoints.join(", "),
+                    seconds: config.connect_timeout.as_secs_f64(),
+                    reason: without_source_lines(&reason.to_string()),
+                })?;
+        let graph = LiveGraph::default();
+        let tokens = session
+            .liveliness()
+            .declare_subscriber(format!("{TOKEN_SPACE}/{}/**", config.domain_id))
+            .history(true)
+            .callback({
+                let graph = graph.clone();
+                move |sample| match sample.kind() {
+                    SampleKind::Put => graph.add(sample.key_expr().as_str()),
+                    SampleKind::Delete => graph.remove(sample.key_expr().as_str()),
+                }
+            })
+            .wait()
+            .map_err(|reason| BusError::transport("watch the graph", &reason))?;
+        let subscriptions = observed
+            .iter()
+            .map(|one| {
+                subscribe(&session, config.domain_id, one, on_sample, on_missed)
+                    .map_err(|reason| BusError::transport("declare a subscription", &reason))
+            })
+            .collect::<Result<_, _>>()?;
+        Ok(Self {
+            session,
+            graph,
+            _tokens: tokens,
+            _subscriptions: subscriptions,
+        })
+    }
+
+    /// What the nodes of the domain announce.
+    pub fn graph(&self) -> Graph {
+        self.graph.snapshot()
+    }
+
+    /// A router is connected.
+    pub fn is_connected(&self) -> bool {
+        self.session.info().routers_zid().wait().next().is_some()
+    }
+}
+
+fn subscribe(
+    session: &zenoh::Session,
+    domain_id: u32,
+    observed: &Observed,
+    on_sample: &OnObserved,
+    on_missed: &OnMissed,
+) -> zenoh::Result<Declared> {
+    let key = data_key(domain_id, &format!("**/{}", observed.name), &observed.ty);
+    let on_sample = Arc::clone(on_sample);
+    let builder = session
+        .declare_subscriber(key)
+        .callback(move |sample| deliver(&sample, &on_sample));
+    if !observed.qos.is_reliable() {
+        return Ok(Declared::Plain(builder.wait()?));
+    }
+    let mut builder = builder
+        .advanced()
+        .recovery(RecoveryConfig::default().heartbeat());
+    if observed.qos.is_latched() {
+        builder = builder.history(
+            HistoryConfig::default()
+                .detect_late_publishers()
+                .max_samples(observed.qos.depth(usize::MAX)),
+        );
+    }
+    let subscriber = builder.wait()?;
+    let (name, on_missed) = (observed.name.clone(), Arc::clone(on_missed));
+    let misses = subscriber
+        .sample_miss_listener()
+        .callback(move |miss| {
+            let session = miss.source().zid().to_string();
+            on_missed(&name, &session, u64::from(miss.nb()));
+        })
+        .wait()?;
+    Ok(Declared::Recovering(subscriber, misses))
+}
+
+fn deliver(sample: &Sample, on_sample: &OnObserved) {
+    let attachment = sample.attachment();
+    let attachment = attachment.and_then(|bytes| Attachment::from_bytes(&bytes.to_bytes()));
+    // Samples of plain Zenoh programs are none of ROS.
+    if let (Some(attachment), Some(topic)) = (attachment, topic_of(sample.key_expr().as_str())) {
+        let received = Received {
+            payload: sample.payload().to_bytes(),
+            sequence: attachment.sequence.max(0) as u64,
+            source_time_ns: attachment.source_time_ns,
+            received_ns: wall_ns(),
+            publisher: attachment.gid,
+        };
+        on_sample(&topic, received);
+    }
+}
+
+/// The topic in a data key `<domain>/<name>/<type>/<hash>`.
+fn topic_of(key: &str) -> Option<String> {
+    let (_, rest) = key.split_once('/')?;
+    let (rest, _) = rest.rsplit_once('/')?;
+    let (name, _) = rest.rsplit_once('/')?;
+    Some(format!("/{name}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_topic_of_a_key_is_what_the_key_was_made_of() {
+        let ty = TypeId::new("probecell_msgs::msg::dds_::MachineState_", "RIHS01_00ff");
+        for topic in ["/cell/machine_state", "/hall_2/cell/compensation/faults"] {
+            assert_eq!(
+                topic_of(&data_key(7, topic, &ty)).as_deref(),
+                Some(topic),
+                "{topic}"
+            );
+        }
+        assert_eq!(topic_of("0/chatter"), None);
+    }
+}
