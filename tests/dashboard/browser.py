@@ -193,13 +193,13 @@ def axe(page):
 def live_cells(browser, folder, cable):
     a, b = cell_file(folder, "mill_a"), cell_file(folder, "mill_b")
     with browser.page() as hall:
-        first = Process("up", a, folder=folder)
+        first = Process("up", a, "--dashboard", folder=folder)
         first.says(f"dashboard: http://{ADDRESS}/")
         hall.goto(f"http://{ADDRESS}/")
         hall.evaluate("window.sameDocument = true")
         hall.wait_for_selector("#tile-mill_a")
         print("hall: the cell that runs is there")
-        second = Process("up", b, folder=folder)
+        second = Process("up", b, "--dashboard", folder=folder)
         assert "is in use" in second.says(f"{ADDRESS} is in use")[0]
         hall.wait_for_selector("#tile-mill_b")
         assert hall.evaluate("window.sameDocument"), "the page was loaded again"

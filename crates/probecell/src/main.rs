@@ -67,9 +67,9 @@ enum Command {
         /// Do not record.
         #[arg(long)]
         no_record: bool,
-        /// Do not serve the dashboard.
+        /// Serve the dashboard as well, at 127.0.0.1:7480, and print its address.
         #[arg(long)]
-        no_dashboard: bool,
+        dashboard: bool,
     },
     /// Run one node of a cell in this process.
     Node {
@@ -359,10 +359,10 @@ fn run(command: Command) -> anyhow::Result<u8> {
             cell,
             once,
             no_record,
-            no_dashboard,
+            dashboard,
         } => {
             default_cell::provide(&cell)?;
-            launcher::up(&cell, once, !no_record, !no_dashboard)
+            launcher::up(&cell, once, !no_record, dashboard)
         }
         Command::Node {
             name,

@@ -68,10 +68,7 @@ pub(crate) fn run(arguments: Arguments) -> anyhow::Result<u8> {
                     "the dashboard reads Zenoh only: this cell speaks DDS and is not shown",
                 );
             }
-            BusConfig {
-                domain_id: cell.bus.domain_id,
-                ..bus_config(cell, cell::policy::SCREEN)?
-            }
+            bus_config(cell, cell::policy::SCREEN)?
         }
         None => BusConfig {
             domain_id: arguments.domain,
