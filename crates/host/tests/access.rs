@@ -16,7 +16,7 @@ use cell::{
 };
 use host::bus::{Router, RouterConfig};
 use serde_json::{Value, json};
-use zenoh::{Session, Wait, qos::CongestionControl, query::Query, sample::Sample};
+use zenoh::{Session, Wait, query::Query, sample::Sample};
 
 /// Longest wait for what must happen.
 const PATIENCE: Duration = Duration::from_secs(30);
