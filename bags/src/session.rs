@@ -8,7 +8,8 @@ mod error;
 
 use probecell_msgs::sensor_msgs::JointState;
 use probecell_msgs::{
-    InspectionPlan, MachineState, Message, ProbeEvent, ReferenceMeasurement, std_msgs,
+    InspectionPlan, MachineState, MeasurementOrder, Message, ProbeEvent, ReferenceMeasurement,
+    std_msgs,
 };
 
 use crate::damage::Damage;
@@ -88,6 +89,26 @@ impl Session {
                 Err(SessionError::SeveralCells(found.join(", ")))
             }
         }
+    }
+
+    /// The measuring orders of its plan; none where the bag holds no such topic. Damage is left to [`Session::damage`].
+    ///
+    /// # Errors
+    /// [`SessionError`] where the topic holds other messages, or numbers that are not finite.
+    pub fn orders(&self, bag: &Bag) -> Result<Vec<MeasurementOrder>, SessionError> {
+        let topic = format!("{}/measurement_order", self.namespace);
+        let orders = distinct(collect::<MeasurementOrder>(bag, &topic, &mut Vec::new())?);
+        let plan_id = self.plan.as_ref().map(|plan| &plan.plan_id);
+        let own = orders
+            .into_iter()
+            .filter(|order| Some(&order.plan_id) == plan_id);
+        let own: Vec<MeasurementOrder> = own.collect();
+        for (index, order) in own.iter().enumerate() {
+            for step in &order.moves {
+                finite(&topic, index, "axis_positions", &step.axis_positions)?;
+            }
+        }
+        Ok(own)
     }
 
     fn read_in(

@@ -37,6 +37,7 @@ mod checks;
 mod driver;
 pub mod keys;
 mod model;
+mod motion;
 mod nodes;
 mod numbers;
 pub mod policy;
@@ -56,6 +57,7 @@ use nodes::cell_file;
 
 pub use driver::DriverSection;
 pub use model::{AdoptError, Adopted, ModelSection, adopt, remove};
+pub use motion::{AdoptedMotion, adopt_motion, motion_of_text};
 pub use nodes::{NodeEntry, Site};
 pub use sections::{
     ApprovalsSection, BusSection, CellSection, RecorderSection, TransportName,

@@ -214,7 +214,7 @@ pub fn adopt(
     }
 }
 
-fn same_machine(cell: &Cell, chain: &Chain, report: &Report) -> Result<(), AdoptError> {
+pub(crate) fn same_machine(cell: &Cell, chain: &Chain, report: &Report) -> Result<(), AdoptError> {
     let expected = Machine::of(&cell.text().robot_description, chain.name());
     let found = report
         .machine
@@ -329,7 +329,7 @@ fn appended(text: &str, effects: &[DeclaredEffect]) -> Result<String, AdoptError
     Ok(document.to_string())
 }
 
-fn parse(text: &str) -> Result<DocumentMut, AdoptError> {
+pub(crate) fn parse(text: &str) -> Result<DocumentMut, AdoptError> {
     text.parse()
         .map_err(|error: toml_edit::TomlError| AdoptError::Text(error.message().to_owned()))
 }

@@ -230,6 +230,7 @@ impl Reporter<'_> {
             effects,
             unexplained: unknown.map_or_else(nothing, |one| one.unexplained),
             next_measurement: Vec::new(),
+            durations: None,
             warnings: self.warnings(),
         };
         (report.finished(), touches)

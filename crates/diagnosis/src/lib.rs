@@ -13,6 +13,7 @@
 //!
 //!   several sessions of touches:  joint   (blocks, forward selection, cross-validation)  -> Report
 //!   sessions of drives:           drives  (regression over time, cross-validation)       -> Report
+//!   time of the moves:            time     (measured less promised durations, limits of the motion model)  -> Report
 //!   part measured by a reference: referenced  (reading less reference, reference less plan, each diagnosed)
 //! ```
 //!
@@ -45,6 +46,7 @@ pub mod joint;
 mod physical;
 mod referenced;
 pub mod report;
+pub mod time;
 
 pub use diagnose::{Options, diagnose, diagnose_with_residuals};
 pub use effects::{DeclaredEffect, DeclaredError, DiagnoseError, Session};
@@ -52,3 +54,4 @@ pub use joint::diagnose_together_with_residuals;
 pub use report::numbers::in_shop_units;
 pub use report::residuals::{self, Residuals};
 pub use report::{Report, Verdict};
+pub use time::diagnose_time;

@@ -7,6 +7,7 @@ mod finish;
 pub(crate) mod localisation;
 pub mod noise;
 pub(crate) mod numbers;
+mod remedy;
 pub mod residuals;
 pub(crate) mod summary;
 
@@ -55,7 +56,7 @@ pub struct Report {
     pub samples: usize,
     /// The verdict.
     pub verdict: Verdict,
-    /// What was judged: `touch`, or of drives `effort` or `motion`.
+    /// What was judged: `touch`, of drives `effort` or `motion`, of the moves between touches `time`.
     #[serde(default = "touches")]
     pub channel: String,
     /// Size of the gap.
@@ -77,6 +78,9 @@ pub struct Report {
     pub rejected: Vec<Rejected>,
     /// Measurements that would discriminate the remaining explanations.
     pub next_measurement: Vec<NextMeasurement>,
+    /// Of the channel `time`: how long the compared moves were to take, and took.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub durations: Option<Durations>,
     /// Remarks on the input: skipped events, rejected outliers, approximations.
     pub warnings: Vec<String>,
 }
@@ -99,6 +103,17 @@ impl Machine {
             fingerprint: format!("{fingerprint:032x}"),
         }
     }
+}
+
+/// How long the compared moves of a session take together, s.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Durations {
+    /// By the declared model.
+    pub promised: f64,
+    /// By the stamps.
+    pub measured: f64,
+    /// By the model with the named effects.
+    pub explained: f64,
 }
 
 /// An effect of the declared model with its promised and its achieved reduction of the gap.
@@ -150,7 +165,7 @@ pub struct Sizes {
 /// Size of the gap.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Gap {
-    /// Unit of every root mean square of the report: `m`, `rad`, or that of an effort channel (`N`, `N m`, `A`).
+    /// Unit of every root mean square of the report: `m`, `rad`, or that of an effort channel (`N`, `N m`, `A`), or `s`.
     #[serde(default = "metres")]
     pub unit: String,
     /// Root mean square of the deviations.

@@ -9,6 +9,7 @@ use machine::{Chain, Joint, JointKind};
 
 use crate::drive::columns::{Drive, DriveEffect};
 use crate::library::{Parameter, Variant};
+use crate::motion::{Limit, Moves};
 use crate::observation::Observations;
 
 /// Components of a location error, as ISO 230-1 letters them.
@@ -52,6 +53,11 @@ pub trait Effect: Sync {
         None
     }
 
+    /// The numbers of the motion model that it may replace; none where the moves of the session cannot show it.
+    fn limits(&self, _: &Moves) -> Vec<Limit> {
+        Vec::new()
+    }
+
     /// Its columns over the samples of one axis; `before` are the effects of the same axis that come before it.
     fn drive(&self, _: &Drive<'_>, _before: &[DriveEffect]) -> Option<DriveEffect> {
         None
@@ -75,6 +81,8 @@ pub enum Subject {
     Record,
     /// The drive of one axis.
     Drive,
+    /// The time of moves.
+    Motion,
 }
 
 /// What is registered together in every clamping, so that a joint diagnosis fits it anew for each session.

@@ -41,6 +41,7 @@ pub mod effect;
 pub mod estimates;
 pub mod finite;
 pub mod library;
+pub mod motion;
 pub mod observation;
 pub mod record;
 pub mod registry;

@@ -16,7 +16,8 @@
 //! (an S-curve; L. Biagiotti and C. Melchiorri, "Trajectory Planning for Automatic Machines and Robots", Springer 2008,
 //! section 3.4), of which those are left out that the distance is too short for. All axes start together, so the slowest
 //! decides; what is slower by nature (a clamped rotary axis) adds its clamping time whenever it moves. Positions are m or
-//! rad, times s. Targets are approached with an exact stop: there is no look-ahead and no blending.
+//! rad, times s. Targets are approached with an exact stop unless blending is declared: then the controller begins a
+//! positioning move while the one before it still brakes, so that a share of the shorter of both ramps is saved.
 //!
 //! Top speeds come from the robot description (`<limit velocity="…">`), the rest from the section `[motion]` of the cell
 //! file. A machine that declares neither acceleration nor jerk is timed by its top speeds alone.
@@ -29,11 +30,11 @@
 //! assert!((axis.profile(0.2).duration() - (0.5 + 0.2 + 0.05)).abs() < 1e-12);
 //! ```
 
-use std::collections::BTreeMap;
+mod declared;
 
 use serde::{Deserialize, Serialize};
 
-use crate::chain::{Chain, JointKind};
+pub use declared::{MotionError, RawAxis, RawMotion};
 
 /// Speed assumed for an axis whose description gives none, m/s or rad/s: slow, so that it is avoided.
 const UNKNOWN_SPEED: f64 = 0.05;
@@ -189,12 +190,45 @@ impl Profile {
 pub struct Motion {
     axes: Vec<AxisLimits>,
     dwell: f64,
+    /// What holds of all axes.
+    pub program: Program,
+}
+
+/// How a controller runs a program: what lengthens or shortens its moves whatever axes take part.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Program {
+    /// Delay before each move, s.
+    pub latency: f64,
+    /// Standstill after each touch, s.
+    pub touch_dwell: f64,
+    /// Speed of rapid moves over the top speeds of the axes, ratio.
+    pub rapid_override: f64,
+    /// Speed of moves at a feed over the programmed feed, ratio.
+    pub feed_override: f64,
+    /// Share of the shorter of both ramps by which successive positioning moves overlap, 0 (exact stop) to 1.
+    pub blending: f64,
+}
+
+impl Default for Program {
+    fn default() -> Self {
+        Self {
+            latency: 0.0,
+            touch_dwell: 0.0,
+            rapid_override: 1.0,
+            feed_override: 1.0,
+            blending: 0.0,
+        }
+    }
 }
 
 impl Motion {
     /// Axes in the order of a position vector, and the standstill at every target (s).
     pub fn new(axes: Vec<AxisLimits>, dwell: f64) -> Self {
-        Self { axes, dwell }
+        Self {
+            axes,
+            dwell,
+            program: Program::default(),
+        }
     }
 
     /// By the top speeds of a robot description (m/s, rad/s), in the order of a position vector.
@@ -208,160 +242,83 @@ impl Motion {
         &self.axes
     }
 
+    /// The same, to be altered.
+    pub fn axes_mut(&mut self) -> &mut [AxisLimits] {
+        &mut self.axes
+    }
+
     /// Standstill at every target, s.
     pub fn dwell(&self) -> f64 {
         self.dwell
     }
 
-    /// Time from one set of positions to another (m, rad), with the standstill at the end: that of the slowest axis, s.
-    /// Where nothing moves, nothing stops.
+    /// The motion of one axis over a distance (m or rad), at the override of rapid moves.
+    fn rapid(&self, axis: &AxisLimits, distance: f64) -> Profile {
+        let velocity = axis.velocity * self.program.rapid_override;
+        AxisLimits { velocity, ..*axis }.profile(distance)
+    }
+
+    /// Time from one set of positions to another (m, rad), with what the controller waits before it and the standstill at
+    /// the end: that of the slowest axis, s. Where nothing moves, nothing stops.
     pub fn time(&self, from: &[f64], to: &[f64]) -> f64 {
         let times = self.axes.iter().zip(from.iter().zip(to));
         let slowest = times
-            .map(|(axis, (from, to))| axis.profile(to - from).duration())
+            .map(|(axis, (from, to))| self.rapid(axis, to - from).duration())
             .fold(0.0, f64::max);
         if slowest > 0.0 {
-            slowest + self.dwell
+            slowest + self.dwell + self.program.latency
         } else {
             slowest
         }
     }
 
-    /// Time along a sequence of targets from a set of positions, s.
-    pub fn time_along(&self, from: &[f64], targets: &[Vec<f64>]) -> f64 {
+    /// Time along a sequence of targets from a set of positions, s; successive moves overlap where blending is declared.
+    pub fn time_along<T: AsRef<[f64]>>(&self, from: &[f64], targets: &[T]) -> f64 {
         let mut at = from;
+        let mut before: Option<&[f64]> = None;
         let mut seconds = 0.0;
         for target in targets {
+            let target = target.as_ref();
             seconds += self.time(at, target);
+            seconds -= before.map_or(0.0, |before| self.overlap(before, at, target));
+            before = Some(at);
             at = target;
         }
         seconds
     }
 
+    /// Time by which the move from `via` to `to` begins before the one from `from` to `via` has ended, s.
+    pub fn overlap(&self, from: &[f64], via: &[f64], to: &[f64]) -> f64 {
+        if self.program.blending == 0.0 {
+            return 0.0;
+        }
+        let ramp = |from: &[f64], to: &[f64]| self.slowest(from, to).accelerating();
+        self.program.blending * ramp(from, via).min(ramp(via, to))
+    }
+
+    /// Time of a probing move over a distance of the ball (m) at a feed (m/s), with the delay before it and the standstill
+    /// after the touch, s.
+    pub fn touching(&self, distance: f64, feed: f64) -> f64 {
+        let program = &self.program;
+        let moving = distance / (feed * program.feed_override).max(1e-6);
+        program.latency + moving + program.touch_dwell
+    }
+
+    fn slowest(&self, from: &[f64], to: &[f64]) -> Profile {
+        let profiles = self.axes.iter().zip(from.iter().zip(to));
+        profiles
+            .map(|(axis, (from, to))| self.rapid(axis, to - from))
+            .max_by(|one, other| one.duration().total_cmp(&other.duration()))
+            .unwrap_or_default()
+    }
+
     /// The motion of the slowest axis, with which the others keep in step on the straight line between both sets of
     /// positions, before the standstill; `None` where that line is covered at constant speed without one.
     pub fn leading(&self, from: &[f64], to: &[f64]) -> Option<Profile> {
-        if self.dwell == 0.0 && self.axes.iter().all(AxisLimits::is_uniform) {
+        let waits = self.dwell + self.program.latency;
+        if waits == 0.0 && self.axes.iter().all(AxisLimits::is_uniform) {
             return None;
         }
-        let profiles = self.axes.iter().zip(from.iter().zip(to));
-        profiles
-            .map(|(axis, (from, to))| axis.profile(to - from))
-            .max_by(|one, other| one.duration().total_cmp(&other.duration()))
+        (!self.axes.is_empty()).then(|| self.slowest(from, to))
     }
-}
-
-/// Section `[motion]` of the cell file, as written.
-#[derive(Clone, Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct RawMotion {
-    /// Standstill at every target of a positioning move, before and after each touch included.
-    pub dwell_s: f64,
-    /// By name of the axis.
-    pub axes: BTreeMap<String, RawAxis>,
-}
-
-/// `[motion.axes.NAME]`, as written: a linear axis is limited in mm, a rotary one in degrees.
-#[derive(Clone, Copy, Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct RawAxis {
-    /// Of a linear axis.
-    pub acceleration_mm_per_s2: Option<f64>,
-    /// Of a linear axis.
-    pub jerk_mm_per_s3: Option<f64>,
-    /// Of a rotary axis.
-    pub acceleration_deg_per_s2: Option<f64>,
-    /// Of a rotary axis.
-    pub jerk_deg_per_s3: Option<f64>,
-    /// Time to release and to clamp the axis again whenever it moves.
-    pub clamping_s: f64,
-}
-
-/// A setting of `[motion]` that cannot be used.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum MotionError {
-    /// The machine has no such axis.
-    #[error("motion.axes.{0} is not an axis of the machine")]
-    Axis(String),
-    /// A linear axis with limits of a rotary one, or the reverse.
-    #[error("motion.axes.{axis}.{key} limits a {other} axis, but {axis} is a {kind} one")]
-    Kind {
-        /// The axis.
-        axis: String,
-        /// The key.
-        key: &'static str,
-        /// What the key is for.
-        other: &'static str,
-        /// What the axis is.
-        kind: &'static str,
-    },
-    /// A number out of range.
-    #[error("motion.{key} = {value} must be a finite number {bound}")]
-    Number {
-        /// The key, below `motion`.
-        key: String,
-        /// Its value.
-        value: f64,
-        /// What it must be.
-        bound: &'static str,
-    },
-}
-
-impl RawMotion {
-    /// The motion of a machine with these limits beside its top speeds.
-    ///
-    /// # Errors
-    /// [`MotionError`] names the first setting that cannot be used.
-    pub fn check(&self, chain: &Chain) -> Result<Motion, MotionError> {
-        let not_negative = |key: String, value: f64| {
-            let usable = value.is_finite() && value >= 0.0;
-            usable.then_some(value).ok_or(MotionError::Number {
-                key,
-                value,
-                bound: "not below 0",
-            })
-        };
-        let mut motion = chain.motion().clone();
-        motion.dwell = not_negative("dwell_s".to_owned(), self.dwell_s)?;
-        for (name, raw) in &self.axes {
-            let index = chain.axis_index(name);
-            let index = index.ok_or_else(|| MotionError::Axis(name.clone()))?;
-            let rotary = chain.axis(index).kind == JointKind::Revolute;
-            let limit = |key: &'static str, value: Option<f64>, of_rotary: bool| match value {
-                Some(_) if rotary != of_rotary => Err(MotionError::Kind {
-                    axis: name.clone(),
-                    key,
-                    other: kind(of_rotary),
-                    kind: kind(rotary),
-                }),
-                Some(value) if !(value.is_finite() && value > 0.0) => Err(MotionError::Number {
-                    key: format!("axes.{name}.{key}"),
-                    value,
-                    bound: "above 0",
-                }),
-                value if of_rotary => Ok(value.map(f64::to_radians)),
-                value => Ok(value.map(|mm| mm * 1e-3)),
-            };
-            let acceleration = [
-                limit("acceleration_mm_per_s2", raw.acceleration_mm_per_s2, false)?,
-                limit("acceleration_deg_per_s2", raw.acceleration_deg_per_s2, true)?,
-            ];
-            let jerk = [
-                limit("jerk_mm_per_s3", raw.jerk_mm_per_s3, false)?,
-                limit("jerk_deg_per_s3", raw.jerk_deg_per_s3, true)?,
-            ];
-            let clamping = not_negative(format!("axes.{name}.clamping_s"), raw.clamping_s)?;
-            motion.axes[index] = AxisLimits {
-                acceleration: acceleration.into_iter().flatten().next(),
-                jerk: jerk.into_iter().flatten().next(),
-                clamping,
-                ..motion.axes[index]
-            };
-        }
-        Ok(motion)
-    }
-}
-
-fn kind(rotary: bool) -> &'static str {
-    if rotary { "rotary" } else { "linear" }
 }

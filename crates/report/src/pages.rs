@@ -4,6 +4,7 @@
 mod conclusion;
 mod diagnosis;
 mod drives;
+mod moves;
 mod numbers;
 mod part;
 mod part_view;

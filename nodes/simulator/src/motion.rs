@@ -19,7 +19,7 @@ use crate::{
     truth::Truth,
 };
 
-/// The machine stands still for this long after a trigger, s.
+/// The machine stands still at least for this long after a trigger, s.
 const DWELL: f64 = 0.02;
 /// Halvings of the move in the search for the contact: 20 mm / 2^40 is far below any resolution.
 const HALVINGS: u32 = 40;
@@ -29,6 +29,8 @@ pub(crate) struct Builder {
     segments: std::collections::VecDeque<Segment>,
     at: Stamp,
     position: Vec<f64>,
+    /// Where the positioning move before this one began, if there is one.
+    before: Option<Vec<f64>>,
 }
 
 impl Builder {
@@ -37,14 +39,20 @@ impl Builder {
             segments: std::collections::VecDeque::new(),
             at: now,
             position: position.to_vec(),
+            before: None,
         }
     }
 
-    /// A positioning move, with the standstill at its target.
+    /// A positioning move, with the standstill at its target. One that is blended with the move before it is covered at
+    /// constant speed in the time that remains of it.
     fn position(&mut self, motion: &Motion, to: &[f64]) {
-        let profile = motion.leading(&self.position, to);
-        let seconds = motion.time(&self.position, to);
+        let from = self.position.clone();
+        let overlap =
+            (self.before.as_ref()).map_or(0.0, |before| motion.overlap(before, &from, to));
+        let profile = motion.leading(&from, to).filter(|_| overlap == 0.0);
+        let seconds = motion.time(&from, to) - overlap;
         self.push(to.to_vec(), seconds, Then::Go);
+        self.before = Some(from);
         if let Some(segment) = self.segments.back_mut() {
             segment.profile = profile;
         }
@@ -53,6 +61,7 @@ impl Builder {
     pub(crate) fn push(&mut self, to: Vec<f64>, seconds: f64, then: Then) -> Stamp {
         let end = self.at.after_s(seconds);
         let from = std::mem::replace(&mut self.position, to.clone());
+        self.before = None;
         self.segments.push_back(Segment {
             start: self.at,
             end,
@@ -147,7 +156,12 @@ fn touch(
         .map(|fault| fault.kind);
     state.touches += 1;
     let start = builder.position.clone();
-    let seconds = ball_distance(config, part, &start, &step.axis_positions) / step.feed.max(1e-6);
+    let program = config.chain.motion().program;
+    let feed = step.feed * program.feed_override;
+    let seconds = ball_distance(config, part, &start, &step.axis_positions) / feed.max(1e-6);
+    if program.latency > 0.0 {
+        builder.push(start.clone(), program.latency, Then::Go);
+    }
     let surface = plant::surface(config, state, plan, step.point_index as usize);
     let noise = plant::normal(&mut state.random, config.raw.probe.touch_sd_um * 1e-6);
     let stuck = fault == Some(Injected::StuckProbe);
@@ -193,7 +207,7 @@ fn touch(
         ..ProbeTrigger::default()
     };
     builder.push(end.clone(), seconds * share, Then::Touch(trigger));
-    builder.push(end, DWELL, Then::Go);
+    builder.push(end, program.touch_dwell.max(DWELL), Then::Go);
 }
 
 /// Path of the ball in the part frame between two positions of the axes, m.

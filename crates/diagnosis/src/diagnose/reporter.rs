@@ -134,6 +134,7 @@ impl Reporter<'_> {
                 &attribution.active,
             ),
             effects,
+            durations: None,
             warnings,
         };
         (report.finished(), self.residuals(&set))

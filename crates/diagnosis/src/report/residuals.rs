@@ -92,6 +92,36 @@ pub struct DriveResiduals {
     pub after: Vec<f64>,
 }
 
+/// The way from one touch to the next.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MoveResidual {
+    /// Points touched before and after.
+    pub points: [u32; 2],
+    /// Instant of the touch at its end, s from the first touch.
+    pub time: f64,
+    /// Travel of each axis, m or rad.
+    pub travel: Vec<f64>,
+    /// Duration by the declared model, s.
+    pub promised: f64,
+    /// Measured duration, s.
+    pub measured: f64,
+    /// Measured less promised, s.
+    pub before: f64,
+    /// Measured less the model with the named effects, s; `None` where the row was set aside.
+    pub after: Option<f64>,
+}
+
+/// The moves of one session.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MoveResiduals {
+    /// Name of the session.
+    pub session: String,
+    /// Name of each axis, and whether it turns.
+    pub axes: Vec<(String, bool)>,
+    /// In the order of time.
+    pub moves: Vec<MoveResidual>,
+}
+
 /// The samples behind a report.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Residuals {
@@ -99,6 +129,8 @@ pub enum Residuals {
     Touches(Vec<TouchResiduals>),
     /// Sessions of drives, axis by axis.
     Drives(Vec<DriveResiduals>),
+    /// The moves between the touches of a session, for the channel `time`.
+    Moves(MoveResiduals),
 }
 
 /// The touches of a table of rows. `before` and `after` hold one value per row; `session` names each row's.

@@ -3,8 +3,6 @@
 
 use std::fmt;
 
-use effects::vocabulary;
-
 use crate::report::numbers::in_shop_units;
 use crate::report::{Declared, Effect, NextMeasurement, ParameterEstimate, Place, Report, Verdict};
 
@@ -24,6 +22,7 @@ impl fmt::Display for Report {
         let micro = |value: f64| match self.gap.unit.as_str() {
             "m" => format!("{:.2} µm", value * 1e6),
             "rad" => format!("{:.2} µrad", value * 1e6),
+            "s" => format!("{:.1} ms", value * 1e3),
             unit => format!("{value:.4} {unit}"),
         };
         let (rms, floor) = (micro(self.gap.rms), micro(self.gap.noise_floor));
@@ -32,6 +31,13 @@ impl fmt::Display for Report {
             "  {} samples, gap {rms} rms, noise floor {floor}, ratio {:.1}",
             self.samples, self.gap.ratio
         )?;
+        if let Some(durations) = &self.durations {
+            writeln!(
+                to,
+                "  these moves: promised {:.1} s, measured {:.1} s, {:.1} s with the named effects",
+                durations.promised, durations.measured, durations.explained
+            )?;
+        }
         for together in self.declared.chunk_by(Declared::found_with) {
             for declared in together {
                 write_declared(to, declared, &micro)?;
@@ -124,7 +130,7 @@ fn write_effect(
         writeln!(to, "    {}", parameter_text(parameter))?;
     }
     if effect.indistinguishable_from.is_empty() {
-        if let Some(remedy) = vocabulary::remedy(&effect.effect) {
+        if let Some(remedy) = effect.remedy() {
             writeln!(to, "    remedy: {remedy}")?;
         }
         return Ok(());

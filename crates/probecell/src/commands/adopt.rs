@@ -54,10 +54,35 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
         output::line(&format!("removed {name} from the declared model{times}"));
     } else if let Some(path) = &arguments.report {
         let found = read(path)?;
+        if found.channel == "time" {
+            return adopt_motion(&cell, &found, arguments);
+        }
         let adopted = cell::adopt(&cell, &found, &arguments.picks, arguments.combine)
             .with_context(|| path.display().to_string())?;
         replace(&cell, &arguments.cell, &adopted.text)?;
         print(&adopted);
+    }
+    Ok(GOOD)
+}
+
+/// Declares the motion that a report of the channel `time` has found.
+fn adopt_motion(cell: &Cell, found: &Report, arguments: &Arguments) -> anyhow::Result<u8> {
+    if arguments.combine {
+        bail!(
+            "--combine is for effects on touches: a report on time replaces what [motion] declares"
+        );
+    }
+    let adopted =
+        cell::adopt_motion(cell, found, &arguments.picks).with_context(|| found.bag.clone())?;
+    replace(cell, &arguments.cell, &adopted.text)?;
+    for (key, value) in &adopted.written {
+        output::line(&format!("[motion] {key} = {value}"));
+    }
+    if let Some(durations) = &found.durations {
+        output::line(&format!(
+            "the moves of {} were promised {:.1} s and took {:.1} s; by the new limits they take {:.1} s",
+            found.bag, durations.promised, durations.measured, durations.explained
+        ));
     }
     Ok(GOOD)
 }

@@ -13,6 +13,7 @@ use diagnosis::{
 use effects::session::joined::join;
 use probecell_msgs::PlanId;
 
+use super::diagnose_time::Timed;
 use super::{diagnose_refine, embedded};
 use crate::{GOOD, output};
 
@@ -34,6 +35,9 @@ pub(crate) struct Arguments {
     /// Plan to diagnose; default: the last one measured.
     #[arg(long)]
     plan: Option<String>,
+    /// What to compare with the model: the touches, or the time of the moves between them.
+    #[arg(long, value_enum, default_value_t, conflicts_with_all = ["fit", "withhold", "refine"])]
+    channel: Channel,
     /// Exclude an effect from the library; may be repeated.
     #[arg(long)]
     without: Vec<String>,
@@ -58,6 +62,16 @@ pub(crate) struct Arguments {
     timeout_s: u64,
 }
 
+/// What is compared with the model.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+enum Channel {
+    /// Where the touches are; of a drive session its efforts or motion.
+    #[default]
+    Touch,
+    /// How long the moves between the touches take.
+    Time,
+}
+
 /// Diagnoses the bags together, or each.
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
     let options = Options {
@@ -72,6 +86,9 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
     } else {
         &arguments.fit
     };
+    if arguments.channel == Channel::Time {
+        return times(bags, arguments, &options);
+    }
     if arguments.each || (bags.len() == 1 && arguments.withhold.is_empty()) {
         for path in bags {
             let session = read(path, arguments)?;
@@ -89,6 +106,19 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
     let (fit, withheld) = (sessions(bags)?, sessions(&arguments.withhold)?);
     let (result, residuals) = diagnose_together_with_residuals(&fit, &withheld, &options)?;
     print(arguments, &result, &residuals)?;
+    Ok(GOOD)
+}
+
+/// Diagnoses the time of the moves of each bag.
+fn times(bags: &[PathBuf], arguments: &Arguments, options: &Options) -> anyhow::Result<u8> {
+    if bags.len() > 1 && !arguments.each {
+        bail!("--channel time takes one bag, or several with --each");
+    }
+    for path in bags {
+        let timed = Timed::read(path, arguments.plan.as_deref(), arguments.model.as_deref())?;
+        let (result, residuals) = timed.diagnose(options)?;
+        print(arguments, &result, &residuals)?;
+    }
     Ok(GOOD)
 }
 
@@ -171,6 +201,12 @@ fn read_measurement(
     arguments: &Arguments,
 ) -> anyhow::Result<Session> {
     let session = bags::Session::read_measurement(bag, measurement)?;
+    let declared = declared(bag, arguments.model.as_deref())?;
+    Ok(plain(bag, session, declared))
+}
+
+/// A session as the diagnosis takes it, without the stamps of its reception; what is missing is remarked.
+pub(super) fn plain(bag: &Bag, session: bags::Session, declared: Vec<DeclaredEffect>) -> Session {
     for damage in &session.damage {
         output::remark(&format!(
             "warning: {damage}: only the complete part is diagnosed"
@@ -179,7 +215,7 @@ fn read_measurement(
     for missing in &session.missing {
         output::remark(&format!("warning: {missing}"));
     }
-    Ok(Session {
+    Session {
         name: bag
             .path()
             .file_name()
@@ -211,8 +247,8 @@ fn read_measurement(
             .into_iter()
             .map(|stamped| stamped.message)
             .collect(),
-        declared: declared(bag, arguments.model.as_deref())?,
-    })
+        declared,
+    }
 }
 
 /// Effects of the declared model: of the named cell file, or of the one that the bag carries.

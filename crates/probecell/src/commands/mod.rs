@@ -10,6 +10,7 @@ pub(crate) mod correct;
 pub(crate) mod dashboard;
 pub(crate) mod diagnose;
 mod diagnose_refine;
+mod diagnose_time;
 pub(crate) mod doctor;
 pub(crate) mod embedded;
 pub(crate) mod export;

@@ -2,7 +2,7 @@
 //! effects, further measurements.
 
 use crate::kit::Unit;
-use ::diagnosis::report::{Effect, NextMeasurement};
+use ::diagnosis::report::{Durations, Effect, NextMeasurement};
 use ::diagnosis::{Report, Verdict};
 use effects::vocabulary;
 
@@ -67,6 +67,7 @@ fn causes(report: &Report) -> String {
 /// A sentence for each effect, one for the reduction of the gap, one for each ambiguity, one for each proposal.
 pub(crate) fn findings(report: &Report) -> Vec<String> {
     let mut findings: Vec<String> = report.effects.iter().map(finding).collect();
+    findings.extend(report.durations.as_ref().map(durations));
     findings.extend(shrinkage(report));
     findings.extend(report.effects.iter().filter_map(ambiguity));
     findings.extend(report.next_measurement.iter().filter_map(next));
@@ -89,10 +90,19 @@ fn finding(effect: &Effect) -> String {
             effect.effect
         );
     }
+    let remedy = (effect.remedy()).map_or_else(String::new, |remedy| format!(" Remedy: {remedy}."));
     format!(
-        "{name} ({}){size}; probability {}.",
+        "{name} ({}){size}; probability {}.{remedy}",
         effect.effect,
         probability(effect.probability)
+    )
+}
+
+/// How long the moves were to take, and took.
+fn durations(durations: &Durations) -> String {
+    format!(
+        "The moves were promised to take {:.1} s together and took {:.1} s; with the named effects the model says {:.1} s.",
+        durations.promised, durations.measured, durations.explained
     )
 }
 

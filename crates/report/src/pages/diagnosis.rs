@@ -7,7 +7,7 @@ use effects::vocabulary;
 
 use crate::pages::conclusion::{findings, position, verdict};
 use crate::pages::numbers::{Turns, interval, parameters, percent, place, probability, unit_of};
-use crate::pages::{drives, provenance, touches};
+use crate::pages::{drives, moves, provenance, touches};
 
 /// The page of a report and the residuals behind it.
 ///
@@ -18,6 +18,7 @@ pub fn diagnosis_page(report: &Report, residuals: &Residuals) -> Result<Page, Pl
     let samples = match residuals {
         Residuals::Touches(_) => "touches",
         Residuals::Drives(_) => "samples",
+        Residuals::Moves(_) => "moves",
     };
     page.lead(&verdict(report, samples));
     page.list(&findings(report));
@@ -37,6 +38,7 @@ pub fn diagnosis_page(report: &Report, residuals: &Residuals) -> Result<Page, Pl
             }
         }
         Residuals::Drives(all) => drives::pictures(&mut page, all)?,
+        Residuals::Moves(all) => moves::pictures(&mut page, all)?,
     }
     if !report.next_measurement.is_empty() {
         page.section("Further measurements");
@@ -75,6 +77,7 @@ fn turns(residuals: &Residuals, name: &str) -> bool {
         Residuals::Drives(all) => all
             .iter()
             .any(|one| one.axis.name == name && one.axis.turns),
+        Residuals::Moves(all) => all.axes.iter().any(|(axis, turns)| axis == name && *turns),
     }
 }
 

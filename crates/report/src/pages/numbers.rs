@@ -14,6 +14,7 @@ pub(crate) fn parameter(parameter: &ParameterEstimate) -> String {
     let fitted = parameter.ci95[1] > parameter.ci95[0];
     let unit = match parameter.unit.as_str() {
         "m" if !fitted && value.abs() >= 2e-3 => Unit::MM,
+        "m/s" if value.abs() >= 1e-5 => Unit::MM_PER_MIN,
         "s" if value.abs() < 1.0 => Unit::MS,
         "s" if value.abs() >= 600.0 => Unit::MIN,
         // A phase, not an error of an axis.

@@ -1,0 +1,255 @@
+//! Effects on the time of moves: limits that the machine keeps in place of the declared ones, one file each.
+//!
+//! A row is the way from one touch to the next: back, across and to the next approach at the limits of the axes, then the
+//! probing move at its feed. Measured is the time between the stamps of both touches, promised is what the motion model
+//! ([`machine::motion`]) gives for the same moves. An effect replaces one number of that model, so it is not linear: its
+//! [`Limit`] says which numbers are tried, and what the model makes of one. Seconds, m or rad.
+
+mod acceleration;
+mod blending;
+mod dwell;
+mod jerk;
+mod latency;
+mod moves;
+mod speed_override;
+mod track;
+mod velocity;
+
+use machine::{Motion, motion::AxisLimits};
+
+use crate::effect::{ActsOn, Effect, Instance, Subject};
+
+pub use moves::{Interval, Moves, MovesError, moves};
+
+/// Why none of them is an effect of `[[model.effects]]`.
+const UNDECLARABLE: &str =
+    "it acts on the time of moves, which the section [motion] of the cell file declares";
+/// Numbers that are tried of a limit.
+const TRIED: usize = 24;
+/// Largest factor between a limit and the declared one.
+const FARTHEST: f64 = 10.0;
+
+/// All of them, in the order in which equals are named.
+pub const ALL: &[&dyn Effect] = &[
+    &acceleration::Acceleration,
+    &velocity::Velocity,
+    &jerk::Jerk,
+    &dwell::Dwell,
+    &latency::Latency,
+    &speed_override::SpeedOverride,
+    &blending::Blending,
+];
+
+/// How a number is varied.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Scale {
+    /// By factors: a limit.
+    Logarithmic,
+    /// By differences: a time or a share.
+    Linear,
+}
+
+/// A number of the motion model that may be another than declared.
+pub struct Limit {
+    /// Identifier of the effect.
+    pub effect: String,
+    /// Name of the number in reports.
+    pub name: &'static str,
+    /// Its unit in reports.
+    pub unit: &'static str,
+    /// Its declared value, in that unit; `None`: no such limit is declared.
+    pub declared: Option<f64>,
+    /// How it is varied.
+    pub scale: Scale,
+    /// Values that are tried, in that unit.
+    pub tried: Vec<f64>,
+    /// Least and largest value.
+    pub range: [f64; 2],
+    set: Box<dyn Fn(&mut Motion, f64)>,
+}
+
+impl Limit {
+    /// Makes a motion model keep this value.
+    pub fn set(&self, motion: &mut Motion, value: f64) {
+        (self.set)(motion, value.clamp(self.range[0], self.range[1]));
+    }
+
+    /// A limit by its declared value.
+    fn around(effect: String, (name, unit): (&'static str, &'static str), declared: f64) -> Self {
+        let tried = logarithmic(declared / FARTHEST, declared * FARTHEST);
+        Self {
+            effect,
+            name,
+            unit,
+            declared: Some(declared),
+            scale: Scale::Logarithmic,
+            range: [declared / (2.0 * FARTHEST), declared * 2.0 * FARTHEST],
+            tried,
+            set: Box::new(|_, _| {}),
+        }
+    }
+
+    /// A limit of which nothing is declared, between two values.
+    fn between(
+        effect: String,
+        (name, unit): (&'static str, &'static str),
+        [least, most]: [f64; 2],
+    ) -> Self {
+        Self {
+            tried: logarithmic(least, most),
+            range: [0.5 * least, 2.0 * most],
+            declared: None,
+            ..Self::around(effect, (name, unit), least)
+        }
+    }
+
+    /// A time or a share.
+    fn linear(
+        effect: &str,
+        (name, unit): (&'static str, &'static str),
+        declared: f64,
+        tried: Vec<f64>,
+        range: [f64; 2],
+    ) -> Self {
+        Self {
+            scale: Scale::Linear,
+            tried,
+            range,
+            ..Self::around(effect.to_owned(), (name, unit), declared)
+        }
+    }
+
+    fn setting(self, set: impl Fn(&mut Motion, f64) + 'static) -> Self {
+        Self {
+            set: Box::new(set),
+            ..self
+        }
+    }
+
+    /// The same for the limits of one axis.
+    fn of_axis(self, axis: usize, set: impl Fn(&mut AxisLimits, f64) + 'static) -> Self {
+        self.setting(move |motion, value| {
+            if let Some(limits) = motion.axes_mut().get_mut(axis) {
+                set(limits, value);
+            }
+        })
+    }
+}
+
+fn logarithmic(least: f64, most: f64) -> Vec<f64> {
+    let step = (most / least).ln() / (TRIED - 1) as f64;
+    (0..TRIED)
+        .map(|k| least * (step * k as f64).exp())
+        .collect()
+}
+
+/// What an effect on the time of moves acts on.
+const fn acts_on() -> ActsOn {
+    ActsOn::of(Subject::Motion)
+}
+
+/// Every number of the motion model that these moves may show to be another.
+pub fn library(moves: &Moves) -> Vec<Limit> {
+    ALL.iter().flat_map(|effect| effect.limits(moves)).collect()
+}
+
+/// What to do about an effect that has this size, in the words of the trade; `declared` as in [`Limit`].
+pub fn remedy(effect: &str, name: &str, size: &str, declared: Option<&str>) -> Option<String> {
+    let (_, of) = crate::registry::find(effect)?;
+    let instead = declared.map_or_else(String::new, |declared| format!(" instead of {declared}"));
+    Some(match effect {
+        "motion.dwell" => format!(
+            "[motion] declare a standstill of {size} after each touch{instead}, or shorten it at the controller"
+        ),
+        "motion.latency" => format!(
+            "[motion] declare a delay of {size} before each move{instead}, or look for what the controller waits for"
+        ),
+        "motion.override" => format!(
+            "[motion] declare an override ({name}) of {size}{instead}, or turn the controller's override back"
+        ),
+        "motion.blending" => format!(
+            "[motion] declare a blending of {size}{instead}, or choose the controller's path mode to match"
+        ),
+        _ => format!(
+            "[motion] {name} of {}: declare {size}{instead}, or set the axis to what is declared",
+            of.axis
+        ),
+    })
+}
+
+/// The unit of a limit of an axis: linear, or turning.
+fn unit(turns: bool, linear: &'static str, turning: &'static str) -> &'static str {
+    if turns { turning } else { linear }
+}
+
+/// One limit of each axis that moves.
+fn of_moving_axes(
+    moves: &Moves,
+    pattern: &str,
+    limit: impl Fn(usize, bool, String, &AxisLimits) -> Limit,
+) -> Vec<Limit> {
+    let moving = (moves.axes.iter().enumerate()).filter(|(axis, _)| moves.is_moved(*axis));
+    moving
+        .zip(std::iter::repeat(moves.declared.axes()))
+        .map(|((axis, (name, turns)), limits)| {
+            limit(axis, *turns, Instance::on(name).id(pattern), &limits[axis])
+        })
+        .collect()
+}
+
+#[cfg(test)]
+pub(crate) mod specimen {
+    use machine::{Motion, motion::AxisLimits};
+
+    use super::{Interval, Limit, Moves};
+
+    /// Two linear axes; moves of 10 mm to 0.3 m of either, with a stop on the way.
+    pub(crate) fn moves() -> Moves {
+        let limits = AxisLimits {
+            acceleration: Some(2.0),
+            jerk: Some(50.0),
+            ..AxisLimits::at_speed(0.3)
+        };
+        let interval = |k: usize| {
+            let far = 0.01 + 0.0145 * (k % 21) as f64;
+            let near = 0.02 + 0.005 * (k % 5) as f64;
+            let end = if k.is_multiple_of(2) {
+                [far, near]
+            } else {
+                [near, far]
+            };
+            let mut interval = Interval {
+                time: k as f64,
+                sequences: [k as u64, k as u64 + 1],
+                points: [k as u32, k as u32 + 1],
+                start: vec![0.0, 0.0],
+                targets: vec![vec![0.5 * end[0], 0.0], end.to_vec()],
+                distance: 0.002 + 1e-4 * (k % 7) as f64,
+                feed: 0.003,
+                measured: 0.0,
+            };
+            if k.is_multiple_of(3) {
+                interval.targets.push(vec![0.0, 0.0]);
+            }
+            interval
+        };
+        Moves {
+            axes: vec![("X".to_owned(), false), ("Y".to_owned(), false)],
+            declared: Motion::new(vec![limits; 2], 0.0),
+            intervals: (0..40).map(interval).collect(),
+            remarks: Vec::new(),
+        }
+    }
+
+    /// How much longer each row takes where a number of a limit is this one.
+    pub(crate) fn longer(limit: &Limit, value: f64) -> Vec<f64> {
+        let moves = moves();
+        let mut motion = moves.declared.clone();
+        limit.set(&mut motion, value);
+        let (with, without) = (moves.durations(&motion), moves.durations(&moves.declared));
+        with.iter()
+            .zip(without)
+            .map(|(with, without)| with - without)
+            .collect()
+    }
+}

@@ -1,0 +1,62 @@
+//! `motion.blending`: the controller rounds corners, or stops exactly, other than declared. Successive positioning moves
+//! overlap by a share of the shorter of both ramps; a machine without declared ramps has none to share.
+
+use machine::Chain;
+
+use super::{Limit, Moves, UNDECLARABLE, acts_on};
+use crate::effect::{ActsOn, Effect, Instance};
+use crate::library::Parameter;
+
+pub(super) struct Blending;
+
+impl Effect for Blending {
+    fn id(&self) -> &'static str {
+        "motion.blending"
+    }
+
+    fn describe(&self, _: &Instance<'_>) -> String {
+        "path blending or exact stop other than declared".to_owned()
+    }
+
+    fn remedy(&self) -> &'static str {
+        "declare the blending under [motion], or choose the controller's path mode to match"
+    }
+
+    fn parameters(&self, _: &Chain, _: &Instance<'_>) -> Vec<Parameter> {
+        vec![Parameter::new("blending", "1", 1.0)]
+    }
+
+    fn acts_on(&self) -> ActsOn {
+        acts_on()
+    }
+
+    fn undeclarable(&self) -> Option<&'static str> {
+        Some(UNDECLARABLE)
+    }
+
+    fn limits(&self, moves: &Moves) -> Vec<Limit> {
+        let declared = moves.declared.program.blending;
+        let shares = [0.0, 0.25, 0.5, 0.75, 1.0].into_iter();
+        let tried = shares
+            .filter(|share| (share - declared).abs() > 0.1)
+            .collect();
+        let limit = Limit::linear(self.id(), ("blending", "1"), declared, tried, [0.0, 1.0]);
+        vec![limit.setting(|motion, value| motion.program.blending = value)]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::motion::specimen::{longer, moves};
+
+    /// A row saves at each corner at most the ramp: v/a + a/j = 0.19 s.
+    #[test]
+    fn a_row_saves_time_at_each_corner() {
+        let longer = longer(&Blending.limits(&moves())[0], 1.0);
+        for (row, interval) in longer.iter().zip(&moves().intervals) {
+            let corners = interval.targets.len() as f64 - 1.0;
+            assert!(*row < 0.0 && *row > -0.191 * corners, "{row}");
+        }
+    }
+}

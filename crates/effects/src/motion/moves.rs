@@ -1,0 +1,307 @@
+//! The moves between successive touches of a session: from its measuring orders, or where there is none from the recorded
+//! axes.
+
+use std::collections::BTreeMap;
+
+use machine::{Chain, JointKind, Motion, Nominal, touch_positions};
+use probecell_msgs::{InspectionPlan, MachineState, MeasurementOrder, ProbeEvent, ProbingMove};
+
+use super::track::Track;
+use crate::session::{DiagnoseError, Session, seconds};
+
+/// The machine, the plan and the ball of a session.
+pub(super) struct Probing<'a> {
+    pub(super) chain: &'a Chain,
+    pub(super) plan: &'a InspectionPlan,
+    pub(super) nominal: Nominal,
+}
+
+/// The way from one touch to the next.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Interval {
+    /// Instant of the second touch, s from the first of the session.
+    pub time: f64,
+    /// Sequences of both events.
+    pub sequences: [u64; 2],
+    /// Points touched.
+    pub points: [u32; 2],
+    /// Positions of the axes at the first touch, m or rad.
+    pub start: Vec<f64>,
+    /// Targets of the positioning moves in between, the start of the probing move last.
+    pub targets: Vec<Vec<f64>>,
+    /// Path of the ball in the probing move until the touch, m.
+    pub distance: f64,
+    /// Its feed, m/s.
+    pub feed: f64,
+    /// Time between both touches, s.
+    pub measured: f64,
+}
+
+/// The moves of a session and the motion model that promised their times.
+#[derive(Debug, Clone)]
+pub struct Moves {
+    /// Name of each axis, and whether it turns.
+    pub axes: Vec<(String, bool)>,
+    /// The declared motion model.
+    pub declared: Motion,
+    /// In the order of time.
+    pub intervals: Vec<Interval>,
+    /// What was left out, and what the controller said about itself.
+    pub remarks: Vec<String>,
+}
+
+/// Why the times of a session cannot be compared.
+#[derive(Debug, thiserror::Error)]
+pub enum MovesError {
+    /// Machine, plan or events cannot be used.
+    #[error(transparent)]
+    Session(#[from] DiagnoseError),
+    /// Neither an order nor axes over time.
+    #[error(
+        "the session has no measurement_order of plan `{0}`, and too few joint_states between its touches to see the moves"
+    )]
+    NoMoves(String),
+    /// Too few of them.
+    #[error("the session has {0} moves between successive touches; at least {1} are needed")]
+    TooFew(usize, usize),
+}
+
+/// Fewest moves that are compared.
+const FEWEST: usize = 8;
+
+impl Moves {
+    /// How long each row takes by a motion model, s.
+    pub fn durations(&self, motion: &Motion) -> Vec<f64> {
+        let of = |row: &Interval| {
+            motion.time_along(&row.start, &row.targets) + motion.touching(row.distance, row.feed)
+        };
+        self.intervals.iter().map(of).collect()
+    }
+
+    /// How far each axis travels in a row, m or rad.
+    pub fn travel(&self, row: &Interval) -> Vec<f64> {
+        let mut sums = vec![0.0; self.axes.len()];
+        let mut at = &row.start;
+        for target in &row.targets {
+            for (sum, (from, to)) in sums.iter_mut().zip(at.iter().zip(target)) {
+                *sum += (to - from).abs();
+            }
+            at = target;
+        }
+        sums
+    }
+
+    /// True where an axis takes part in some positioning move.
+    pub(super) fn is_moved(&self, axis: usize) -> bool {
+        let moved = |row: &Interval| self.travel(row)[axis] > 1e-6;
+        self.intervals.iter().any(moved)
+    }
+}
+
+/// The moves between successive touches of a session with the orders of its plan; `motion` is the declared model.
+///
+/// # Errors
+/// [`MovesError`] names what is missing.
+pub fn moves(
+    session: &Session,
+    orders: &[MeasurementOrder],
+    motion: &Motion,
+) -> Result<Moves, MovesError> {
+    if session.robot_description.is_empty() {
+        return Err(DiagnoseError::NoMachine.into());
+    }
+    let chain = Chain::from_urdf(&session.robot_description).map_err(DiagnoseError::from)?;
+    let plan = session.plan.as_ref().ok_or(DiagnoseError::NoPlan)?;
+    let nominal = Nominal::from_plan(plan).map_err(DiagnoseError::from)?;
+    let probing = Probing {
+        chain: &chain,
+        plan,
+        nominal,
+    };
+    let events = touches(session, &probing)?;
+    let ways = ordered(&chain, plan, orders);
+    let track = Track::new(&chain, &session.joint_states);
+    let mut found = Moves {
+        axes: (0..chain.axes().len())
+            .map(|axis| chain.axis(axis))
+            .map(|joint| (joint.name.clone(), joint.kind == JointKind::Revolute))
+            .collect(),
+        declared: motion.clone(),
+        intervals: Vec::new(),
+        remarks: spoken(&session.machine_states),
+    };
+    let first = events
+        .first()
+        .map_or(0.0, |(event, _)| seconds(&event.header.stamp));
+    let (mut held, mut unseen) = (0, 0);
+    for pair in events.windows(2) {
+        let [(before, start), (after, end)] = pair else {
+            continue;
+        };
+        let stamps = [before, after].map(|event| seconds(&event.header.stamp));
+        if [before, after]
+            .iter()
+            .any(|event| event.outcome != ProbeEvent::OUTCOME_TOUCHED)
+            || after.sequence != before.sequence + 1
+            || stamps[1] <= stamps[0]
+        {
+            continue;
+        }
+        if is_held(&session.machine_states, stamps) {
+            held += 1;
+            continue;
+        }
+        let key = [before.point_index, after.point_index];
+        let targets = if orders.is_empty() {
+            track.targets(&probing, (before, start), (after, end))
+        } else {
+            ways.get(&key).cloned()
+        };
+        let Some((start_of_touch, targets)) =
+            targets.and_then(|targets| Some((targets.last()?.clone(), targets)))
+        else {
+            unseen += 1;
+            continue;
+        };
+        let feed = if after.feed > 0.0 {
+            after.feed
+        } else {
+            point_feed(plan, after)
+        };
+        found.intervals.push(Interval {
+            time: stamps[1] - first,
+            sequences: [before.sequence, after.sequence],
+            points: key,
+            start: start.clone(),
+            targets,
+            distance: probing.ball_path(&start_of_touch, end),
+            feed,
+            measured: stamps[1] - stamps[0],
+        });
+    }
+    if found.intervals.is_empty() && unseen > 0 && orders.is_empty() {
+        return Err(MovesError::NoMoves(plan.plan_id.clone()));
+    }
+    if found.intervals.len() < FEWEST {
+        return Err(MovesError::TooFew(found.intervals.len(), FEWEST));
+    }
+    if held > 0 {
+        found.remarks.push(format!(
+            "{held} moves were left out: the machine was held or stopped in them"
+        ));
+    }
+    if unseen > 0 {
+        found.remarks.push(format!(
+            "{unseen} moves were left out: neither an order nor the recorded axes show their way"
+        ));
+    }
+    if orders.is_empty() {
+        found
+            .remarks
+            .push("no measurement_order: the moves were read from the recorded axes".to_owned());
+    }
+    Ok(found)
+}
+
+impl Probing<'_> {
+    /// Straight distance of the ball between two sets of positions, in the part frame, m.
+    pub(super) fn ball_path(&self, from: &[f64], to: &[f64]) -> f64 {
+        let place = |at: &[f64]| {
+            self.chain
+                .ball_in_part(at, &self.nominal.part_pose, &self.nominal.ball)
+        };
+        (place(to) - place(from)).norm()
+    }
+}
+
+fn point_feed(plan: &InspectionPlan, event: &ProbeEvent) -> f64 {
+    let point = plan.points.get(event.point_index as usize);
+    point.map_or(0.0, |point| point.feed)
+}
+
+/// Events of the plan in the order of their numbers, each once, with the positions of all axes.
+fn touches<'s>(
+    session: &'s Session,
+    probing: &Probing<'_>,
+) -> Result<Vec<(&'s ProbeEvent, Vec<f64>)>, DiagnoseError> {
+    let of_plan = session
+        .events
+        .iter()
+        .filter(|event| event.plan_id == probing.plan.plan_id);
+    let mut found = of_plan
+        .map(|event| Ok((event, touch_positions(probing.chain, probing.plan, event)?)))
+        .collect::<Result<Vec<_>, DiagnoseError>>()?;
+    found.sort_by_key(|(event, _)| event.sequence);
+    found.dedup_by_key(|(event, _)| event.sequence);
+    Ok(found)
+}
+
+/// Positioning targets between the touches of two points, for every pair that an order makes successive.
+fn ordered(
+    chain: &Chain,
+    plan: &InspectionPlan,
+    orders: &[MeasurementOrder],
+) -> BTreeMap<[u32; 2], Vec<Vec<f64>>> {
+    let mut ways = BTreeMap::new();
+    for order in orders.iter().filter(|order| order.plan_id == plan.plan_id) {
+        let columns: Vec<Option<usize>> = chain
+            .axis_names()
+            .map(|name| order.axis_names.iter().position(|known| known == name))
+            .collect();
+        let positions = |step: &ProbingMove| -> Vec<f64> {
+            let of = |column: &Option<usize>| {
+                column
+                    .and_then(|column| step.axis_positions.get(column))
+                    .copied()
+                    .unwrap_or(0.0)
+            };
+            columns.iter().map(of).collect()
+        };
+        let mut from: Option<u32> = None;
+        let mut way: Vec<Vec<f64>> = Vec::new();
+        for step in &order.moves {
+            if step.kind != ProbingMove::TOUCH {
+                way.push(positions(step));
+                continue;
+            }
+            let way = std::mem::take(&mut way);
+            if let Some(from) = from.replace(step.point_index) {
+                ways.insert([from, step.point_index], way);
+            }
+        }
+    }
+    ways
+}
+
+/// True where the controller did not run freely at some instant between two.
+fn is_held(states: &[MachineState], [from, to]: [f64; 2]) -> bool {
+    let within = states.iter().filter(|state| {
+        let at = seconds(&state.header.stamp);
+        at > from && at < to
+    });
+    let free = [
+        MachineState::EXECUTION_RUNNING,
+        MachineState::EXECUTION_IDLE,
+    ];
+    within
+        .into_iter()
+        .any(|state| !free.contains(&state.execution))
+}
+
+/// What the controller itself tells about its override.
+fn spoken(states: &[MachineState]) -> Vec<String> {
+    let mut overrides: Vec<f64> = states
+        .iter()
+        .map(|state| state.feed_override)
+        .filter(|share| share.is_finite() && *share > 0.0 && (share - 1.0).abs() > 1e-3)
+        .collect();
+    overrides.sort_by(f64::total_cmp);
+    let (Some(least), Some(most)) = (overrides.first(), overrides.last()) else {
+        return Vec::new();
+    };
+    vec![format!(
+        "the controller reported a feed override of {:.0} % to {:.0} %",
+        least * 100.0,
+        most * 100.0
+    )]
+}

@@ -1,0 +1,67 @@
+//! `motion.override`: an override slows down or speeds up rapid moves, probing moves, or both. Top speeds and feeds are
+//! multiplied, accelerations stay.
+
+use machine::Chain;
+
+use super::{Limit, Moves, UNDECLARABLE, acts_on};
+use crate::effect::{ActsOn, Effect, Instance};
+use crate::library::Parameter;
+
+pub(super) struct SpeedOverride;
+
+impl Effect for SpeedOverride {
+    fn id(&self) -> &'static str {
+        "motion.override"
+    }
+
+    fn describe(&self, _: &Instance<'_>) -> String {
+        "override of rapid moves or feeds other than declared".to_owned()
+    }
+
+    fn remedy(&self) -> &'static str {
+        "turn the override at the controller back, or declare it under [motion]"
+    }
+
+    fn parameters(&self, _: &Chain, _: &Instance<'_>) -> Vec<Parameter> {
+        vec![Parameter::new("override", "1", 1.0)]
+    }
+
+    fn acts_on(&self) -> ActsOn {
+        acts_on()
+    }
+
+    fn undeclarable(&self) -> Option<&'static str> {
+        Some(UNDECLARABLE)
+    }
+
+    fn limits(&self, moves: &Moves) -> Vec<Limit> {
+        let declared = moves.declared.program;
+        let around = |name, value| Limit::around(self.id().to_owned(), (name, "1"), value);
+        let both = move |motion: &mut machine::Motion, factor: f64| {
+            motion.program.rapid_override = declared.rapid_override * factor;
+            motion.program.feed_override = declared.feed_override * factor;
+        };
+        vec![
+            around("speed", 1.0).setting(both),
+            around("rapid", declared.rapid_override)
+                .setting(|motion, value| motion.program.rapid_override = value),
+            around("feed", declared.feed_override)
+                .setting(|motion, value| motion.program.feed_override = value),
+        ]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::motion::specimen::{longer, moves};
+
+    /// At half the feed the probing move takes twice the time.
+    #[test]
+    fn a_feed_override_acts_on_the_probing_move() {
+        let feed = &SpeedOverride.limits(&moves())[2];
+        for (row, interval) in longer(feed, 0.5).iter().zip(&moves().intervals) {
+            assert!((row - interval.distance / interval.feed).abs() < 1e-12);
+        }
+    }
+}
