@@ -604,6 +604,69 @@ impl Message for GapEffect {
     };
 }
 
+/// The difference from the declared model has changed while parts are made. Published on gap_findings: reliable, transient local,
+/// depth 64.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct GapFinding {
+    pub header: crate::std_msgs::Header,
+    /// the measurement after which the change is certain
+    pub plan_id: String,
+    /// its number among the parts watched, from 1
+    pub part: u32,
+    /// the first measurement that has changed
+    pub onset_plan_id: String,
+    /// its number among the parts watched, from 1
+    pub onset_part: u32,
+    /// its first touch
+    pub onset: crate::builtin_interfaces::Time,
+    /// of 1,000 parts without a change, as the cell file states
+    pub false_alarms: f64,
+    /// effects that explain the change equally well, the best first; none: no known effect does
+    pub effects: Vec<String>,
+    /// ratio, 0 to 1, that it is one of them
+    pub probability: f64,
+    /// of the first of effects
+    pub parameter_names: Vec<String>,
+    /// in parameter_units
+    pub parameter_values: Vec<f64>,
+    pub parameter_units: Vec<String>,
+    /// in parameter_units
+    pub parameter_ci95_lower: Vec<f64>,
+    /// in parameter_units
+    pub parameter_ci95_upper: Vec<f64>,
+    /// m, of the change over the points of the plan
+    pub rms_before: f64,
+    /// m, of what the first of effects leaves of it
+    pub rms_after: f64,
+    /// what to do about the first of effects, with its size
+    pub remedy: String,
+    /// touches of the same part that would discriminate the effects; asked for by the cell where its file says so
+    pub further: Vec<InspectionPoint>,
+}
+
+impl Message for GapFinding {
+    const TYPE: &'static MessageType = &MessageType {
+        name: "probecell_msgs/msg/GapFinding",
+        dds_name: "probecell_msgs::msg::dds_::GapFinding_",
+        type_hash: "RIHS01_b22ce3877676723a4d74924c684fb76a7ef748a16330fefb680ca201d50fb4a1",
+        definition: concat!(
+            include_str!("../msg/GapFinding.msg"),
+            "================================================================================\nMSG: std_msgs/Header\n",
+            include_str!("../standard/std_msgs/msg/Header.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg"),
+            "================================================================================\nMSG: probecell_msgs/InspectionPoint\n",
+            include_str!("../msg/InspectionPoint.msg"),
+            "================================================================================\nMSG: geometry_msgs/Point\n",
+            include_str!("../standard/geometry_msgs/msg/Point.msg"),
+            "================================================================================\nMSG: geometry_msgs/Vector3\n",
+            include_str!("../standard/geometry_msgs/msg/Vector3.msg")
+        ),
+        describe: crate::describe::of::<GapFinding>,
+        canonical: crate::cdr::canonical::<GapFinding>,
+    };
+}
+
 /// Why a session differs from the declared model. Published on gap_report: reliable, transient local, depth 1.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct GapReport {
@@ -3187,6 +3250,7 @@ pub(crate) static MESSAGES: &[&MessageType] = &[
     <Fault as Message>::TYPE,
     <FeatureResult as Message>::TYPE,
     <GapEffect as Message>::TYPE,
+    <GapFinding as Message>::TYPE,
     <GapReport as Message>::TYPE,
     <GateHeartbeat as Message>::TYPE,
     <InspectionFeature as Message>::TYPE,

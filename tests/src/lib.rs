@@ -3,6 +3,7 @@
 pub mod bag;
 pub mod gaps;
 pub mod sample;
+pub mod series;
 pub mod session;
 pub mod trace;
 

@@ -2,13 +2,15 @@
 
 use bags::Measurement;
 use cell::Cell;
-use cell_tests::{bag, cell, factories, make_part, messages, recording};
+use cell_tests::{
+    bag, cell, factories, make_part, messages, recording, series::series, session::alone,
+};
 use graph::{
     Published,
     replay::{Verdict, replay},
     topics,
 };
-use probecell_msgs::{Fault, GapReport, InspectionPlan};
+use probecell_msgs::{Fault, GapFinding, GapReport, InspectionPlan};
 
 /// A whole part with the node at work.
 fn session(file: &str, settings: &str) -> (Cell, Vec<Published>) {
@@ -67,4 +69,32 @@ fn a_replay_makes_the_same_reports_byte_for_byte() {
         compared.map(|topic| topic.equal as usize),
         Some(reports.len())
     );
+}
+
+/// Parts that change from the ninth on raise one finding, which names it; parts that do not raise none.
+#[test]
+fn a_change_while_parts_are_made_is_a_finding() {
+    let (cell, log) = session("turn_mill.toml", "at_end_of_plan = true");
+    let found = |step: f64| -> Vec<GapFinding> {
+        let made = alone(&cell, "gap", &series(&log, 12, 8, step), &[], 0.0);
+        let faults: Vec<Fault> = messages(&made, topics::GAP_FAULTS.name);
+        assert!(faults.is_empty(), "{faults:?}");
+        messages(&made, topics::GAP_FINDINGS.name)
+    };
+    assert_eq!(found(0.0), []);
+    let findings = found(30e-6);
+    let [finding] = findings.as_slice() else {
+        panic!("{findings:?}");
+    };
+    assert_eq!(
+        (finding.onset_part, finding.onset_plan_id.as_str()),
+        (9, "part 8/finish/1")
+    );
+    assert!(finding.part >= 9 && finding.part <= 12, "{finding:?}");
+    assert_eq!(finding.false_alarms, 1.0);
+    assert!(
+        finding.effects.is_empty() || !finding.remedy.is_empty(),
+        "{finding:?}"
+    );
+    assert!(finding.rms_before > 10e-6, "{finding:?}");
 }

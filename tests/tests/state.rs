@@ -15,6 +15,7 @@ use std::{
 use cell::Cell;
 use cell_tests::{
     cell, messages,
+    series::series,
     session::{Session, alone, with_fault},
     trace::{Cause, Trace},
 };
@@ -452,9 +453,18 @@ fn sessions() -> Vec<(Cell, Vec<Published>)> {
     sessions.push(gap(&[topics::INSPECTION_PLAN], 20.0));
     sessions.push(gap(&[topics::MACHINE_STATE], 3.0));
     sessions.push(gap(&[topics::JOINT_STATES, topics::REFERENCE], 3.0));
+    sessions.push(changing());
     // Planned at length each time: last, when little is left to look for.
     sessions.push(path());
     sessions
+}
+
+/// A series of parts that change, as `gap` watches it.
+fn changing() -> (Cell, Vec<Published>) {
+    let cell = turn_mill(|text| text.replace("at_end_of_plan = false", "at_end_of_plan = true"));
+    let (_, log) = &*AUTOMATIC;
+    let log = alone(&cell, "gap", &series(log, 11, 8, 30e-6), &[], 0.0);
+    (cell, log)
 }
 
 /// Steps to cut at: those on rare messages and timers, and some of all.

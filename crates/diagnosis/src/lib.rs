@@ -43,6 +43,7 @@ pub mod attribution;
 pub mod diagnose;
 pub mod drives;
 pub mod joint;
+pub mod onset;
 mod physical;
 mod referenced;
 pub mod report;

@@ -223,6 +223,8 @@ pub(crate) mod specimen {
                 sequences: [k as u64, k as u64 + 1],
                 points: [k as u32, k as u32 + 1],
                 start: vec![0.0, 0.0],
+                end: end.to_vec(),
+                retreat: 0.0,
                 targets: vec![vec![0.5 * end[0], 0.0], end.to_vec()],
                 distance: 0.002 + 1e-4 * (k % 7) as f64,
                 feed: 0.003,
@@ -230,6 +232,7 @@ pub(crate) mod specimen {
             };
             if k.is_multiple_of(3) {
                 interval.targets.push(vec![0.0, 0.0]);
+                interval.end = vec![0.0, 0.0];
             }
             interval
         };

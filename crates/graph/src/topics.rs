@@ -7,7 +7,7 @@
 use crate::Instance;
 use probecell_msgs::{
     ControllerCommand, ControllerReply, ControllerStatus, Correction, CorrectionAcknowledgement,
-    Fault, FeatureResult, GapReport, GateHeartbeat, InspectionPlan, LossReport, MachineState,
+    Fault, FeatureResult, GapFinding, GapReport, GateHeartbeat, InspectionPlan, LossReport, MachineState,
     MeasurementOrder, Message, MessageType, OperationReport, OperationRequest, OperatorKeys,
     OperatorReply, OperatorRequest, PartAlignment, PartReport, PartStatus, PassDecision,
     PlanProgress, ProbeEvent, ProbeTrigger, RecordingStatus, ReferenceMeasurement, StepJournal,
@@ -139,6 +139,7 @@ declare_topics! {
     RUN_REPLIES = "cycle", "run_replies", OperatorReply, Qos::KEEP_ALL;
 
     GAP_REPORT = "gap", "gap_report", GapReport, Qos::latched(1);
+    GAP_FINDINGS = "gap", "gap_findings", GapFinding, Qos::latched(64);
     GAP_FAULTS = "gap", "gap/faults", Fault, Qos::KEEP_ALL;
     TF = "visualization", "tf", TFMessage, Qos::reliable(100);
     TF_STATIC = "visualization", "tf_static", TFMessage, Qos::latched(1);

@@ -12,6 +12,7 @@
 //!            v                           discrepancy, whitened  Gaussian processes for what no candidate explains
 //!                                        markov, switching  signals that switch between two states
 //!   posterior over (set, discrepancy)    posterior    probabilities of all models, fits and residuals
+//!                                        onset  whether and when a stream of estimates has changed
 //!                                        outliers, held_out  leave-one-out suspects; cross-validation by blocks
 //! ```
 //!
@@ -51,6 +52,7 @@ pub mod held_out;
 pub mod least_squares;
 pub mod linear;
 pub mod markov;
+pub mod onset;
 pub mod outliers;
 pub mod posterior;
 pub mod scan;

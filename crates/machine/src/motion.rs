@@ -68,6 +68,22 @@ impl AxisLimits {
         self.acceleration.is_none() && self.jerk.is_none() && self.clamping == 0.0
     }
 
+    /// Time from rest to a speed (m/s or rad/s), s.
+    fn ramp(&self, speed: f64) -> f64 {
+        match (self.acceleration, self.jerk) {
+            (None, None) => 0.0,
+            (Some(a), None) => speed / a,
+            (acceleration, Some(j)) => {
+                let a = acceleration.unwrap_or(f64::INFINITY);
+                if speed * j <= a * a {
+                    2.0 * (speed / j).sqrt()
+                } else {
+                    speed / a + a / j
+                }
+            }
+        }
+    }
+
     /// The fastest motion over a distance (m or rad, of either sign) from rest to rest.
     pub fn profile(&self, distance: f64) -> Profile {
         let d = distance.abs();
@@ -296,12 +312,27 @@ impl Motion {
         self.program.blending * ramp(from, via).min(ramp(via, to))
     }
 
-    /// Time of a probing move over a distance of the ball (m) at a feed (m/s), with the delay before it and the standstill
-    /// after the touch, s.
-    pub fn touching(&self, distance: f64, feed: f64) -> f64 {
-        let program = &self.program;
-        let moving = distance / (feed * program.feed_override).max(1e-6);
-        program.latency + moving + program.touch_dwell
+    /// Time of a probing move until the touch, s: with the delay before it, and from rest to the feed (m/s). The ball goes
+    /// `distance` (m) while the axes go from one set of positions to another.
+    pub fn touching(&self, (from, to): (&[f64], &[f64]), distance: f64, feed: f64) -> f64 {
+        let feed = (feed * self.program.feed_override).max(1e-6);
+        self.program.latency + distance / feed + 0.5 * self.feed_ramp((from, to), distance, feed)
+    }
+
+    /// Time from the touch until the machine stands, and the standstill after it, s; arguments as of [`Motion::touching`].
+    pub fn stopping(&self, ends: (&[f64], &[f64]), distance: f64, feed: f64) -> f64 {
+        let feed = (feed * self.program.feed_override).max(1e-6);
+        self.program.touch_dwell + self.feed_ramp(ends, distance, feed)
+    }
+
+    /// Time in which the slowest axis of a move gathers its share of a feed (m/s of the ball), s.
+    fn feed_ramp(&self, (from, to): (&[f64], &[f64]), distance: f64, feed: f64) -> f64 {
+        if distance <= 0.0 {
+            return 0.0;
+        }
+        let shares = self.axes.iter().zip(from.iter().zip(to));
+        let ramps = shares.map(|(axis, (from, to))| axis.ramp((to - from).abs() / distance * feed));
+        ramps.fold(0.0, f64::max)
     }
 
     fn slowest(&self, from: &[f64], to: &[f64]) -> Profile {

@@ -13,6 +13,10 @@ pub struct RawConfig {
     pub every_touches: Option<u32>,
     /// Effects to exclude.
     pub without: Vec<String>,
+    /// Compare the parts with one another, and raise a finding when the gap changes.
+    pub watch: bool,
+    /// Findings in 1,000 parts without a change, at most, in the mean.
+    pub false_alarms_per_1000_parts: f64,
 }
 
 impl Default for RawConfig {
@@ -21,6 +25,8 @@ impl Default for RawConfig {
             at_end_of_plan: true,
             every_touches: None,
             without: Vec::new(),
+            watch: true,
+            false_alarms_per_1000_parts: 1.0,
         }
     }
 }
@@ -36,6 +42,8 @@ pub struct Config {
     pub options: Options,
     /// Effects of the cell's declared model.
     pub declared: Vec<DeclaredEffect>,
+    /// False alarms in 1,000 parts; `None`: parts are not compared with one another.
+    pub false_alarms: Option<f64>,
 }
 
 /// A setting that cannot be used.
@@ -44,6 +52,9 @@ pub enum ConfigError {
     /// Fewer touches than a diagnosis needs.
     #[error("gap.every_touches = {0} must be at least 8")]
     Often(u32),
+    /// A rate that is none.
+    #[error("gap.false_alarms_per_1000_parts = {0} must be above 0 and at most 100")]
+    Rate(f64),
     /// An unknown effect.
     #[error("gap.without: there is no effect {name:?} on this machine: did you mean {nearest:?}?")]
     Effect {
@@ -64,6 +75,10 @@ impl RawConfig {
         if let Some(touches) = self.every_touches.filter(|&touches| touches < 8) {
             return Err(ConfigError::Often(touches));
         }
+        let rate = self.false_alarms_per_1000_parts;
+        if !(rate > 0.0 && rate <= 100.0) {
+            return Err(ConfigError::Rate(rate));
+        }
         if let Some(name) = self.without.iter().find(|name| !vocabulary.contains(name)) {
             let nearest = effects::vocabulary::nearest(name, vocabulary).unwrap_or_default();
             return Err(ConfigError::Effect {
@@ -79,6 +94,7 @@ impl RawConfig {
                 ..Options::default()
             },
             declared: declared.to_vec(),
+            false_alarms: self.watch.then_some(rate),
         })
     }
 }

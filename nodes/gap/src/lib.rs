@@ -8,13 +8,14 @@
 //!
 //! | subscribes to | publishes |
 //! |---|---|
-//! | `robot_description`, `inspection_plan`, `measurement_order`, `probe_events`, `reference` | `gap_report` |
-//! | `joint_states`, `machine_state` | `gap/faults`: `session_not_usable` |
+//! | `robot_description`, `inspection_plan`, `measurement_order`, `probe_events`, `reference` | `gap_report`, `gap_findings` |
+//! | `joint_states`, `machine_state`, `correction_acknowledgements` | `gap/faults`: `session_not_usable` |
 //!
 //! It diagnoses when every point of the plan has been tried, again when a reference measurement of that plan arrives, and
 //! every N touches where the cell file asks for it. It keeps what the diagnosis reads: the touches of the plan, and of
 //! the streams the samples next to them ([`Window`]). So its answer equals that of `probecell diagnose` on a recording of
-//! the same session. A supplement of a plan is diagnosed together with that plan. It commands nothing.
+//! the same session. Parts of one plan are compared with one another as well (`diagnosis::onset`): where the gap changes, a
+//! finding names the part and the instant since when, and the effects that explain it. A correction begins that anew. A supplement of a plan is diagnosed together with that plan. It commands nothing.
 
 mod config;
 mod message;

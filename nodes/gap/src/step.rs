@@ -2,16 +2,21 @@
 
 use std::collections::{BTreeSet, VecDeque};
 
-use diagnosis::{DiagnoseError, Session};
+use diagnosis::{DiagnoseError, Session, onset::Watch};
 use effects::{sensors::same_drivers, session::joined::join};
 use graph::{Node, Outbox, Stamp, faults, inputs, outputs, topics};
 use probecell_msgs::{
-    Fault, GapReport, InspectionPlan, MachineState, MeasurementOrder, PlanId, ProbeEvent,
-    ReferenceMeasurement, builtin_interfaces::Time, sensor_msgs::JointState, std_msgs,
+    CorrectionAcknowledgement, Fault, GapFinding, GapReport, InspectionPlan, MachineState,
+    MeasurementOrder, PlanId, ProbeEvent, ReferenceMeasurement, builtin_interfaces::Time,
+    sensor_msgs::JointState, std_msgs,
 };
 use serde::{Deserialize, Serialize};
 
-use crate::{config::Config, message::report_message, window::Window};
+use crate::{
+    config::Config,
+    message::{finding_message, report_message},
+    window::Window,
+};
 
 inputs! {
     /// What `gap` subscribes to.
@@ -30,6 +35,8 @@ inputs! {
         State(MachineState) = topics::MACHINE_STATE,
         /// The same points as measured by an independent instrument.
         Reference(ReferenceMeasurement) = topics::REFERENCE,
+        /// What was corrected: parts before and after it are not alike.
+        Corrected(CorrectionAcknowledgement) = topics::CORRECTION_ACKNOWLEDGEMENTS,
     }
 }
 
@@ -38,6 +45,8 @@ outputs! {
     pub enum Output {
         /// Why the session differs from its model.
         Report(GapReport) = topics::GAP_REPORT,
+        /// The gap has changed while parts are made.
+        Finding(GapFinding) = topics::GAP_FINDINGS,
         /// A fault.
         Fault(Fault) = topics::GAP_FAULTS,
     }
@@ -77,6 +86,8 @@ pub struct State {
     pub joints: Window<JointState>,
     /// Machine states next to the touches, and those at which temperatures or the spindle's speed change.
     pub states: Window<MachineState>,
+    /// The parts so far.
+    pub watch: Watch,
     /// A diagnosis is due when the streams have passed this instant, ns since 1970.
     pub due: Option<i64>,
 }
@@ -128,6 +139,7 @@ impl Node for GapNode {
                 let at = nanoseconds(machine.header.stamp);
                 state.states.push_turning(at, machine, same_drivers);
             }
+            Input::Corrected(_) => state.watch = Watch::default(),
             Input::Reference(reference) => {
                 let of_plan = state
                     .plan
@@ -146,6 +158,7 @@ impl Node for GapNode {
         if state.due.is_some_and(passed) {
             state.due = None;
             diagnose(config, state, now, out);
+            watch(config, state, now, out);
         }
     }
 }
@@ -238,6 +251,26 @@ fn diagnose(config: &Config, state: &State, now: Stamp, out: &mut Outbox<Output>
             let text = format!("plan {:?}: {error}", plan.plan_id);
             out.fault(now, GapFault::SessionNotUsable, text);
         }
+    }
+}
+
+/// Compares a part that is measured completely with those before it, once.
+fn watch(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Output>) {
+    let plan_id = state.plan.as_ref().map(|plan| plan.plan_id.clone());
+    let (Some(rate), Some(plan_id)) = (config.false_alarms, plan_id) else {
+        return;
+    };
+    // A supplement is of the same part.
+    if !state.open.is_empty() || state.earlier.is_some() {
+        return;
+    }
+    let Some(Ok(session)) = session(config, state) else {
+        return;
+    };
+    // A session that cannot be used has been reported by its diagnosis.
+    if let Ok(Some(change)) = state.watch.part(&session, &config.options, rate) {
+        let message = finding_message(&change, &plan_id, rate, now.header(""));
+        out.send(Output::Finding(message));
     }
 }
 

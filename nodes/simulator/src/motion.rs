@@ -156,11 +156,15 @@ fn touch(
         .map(|fault| fault.kind);
     state.touches += 1;
     let start = builder.position.clone();
-    let program = config.chain.motion().program;
-    let feed = step.feed * program.feed_override;
-    let seconds = ball_distance(config, part, &start, &step.axis_positions) / feed.max(1e-6);
-    if program.latency > 0.0 {
-        builder.push(start.clone(), program.latency, Then::Go);
+    let motion = config.chain.motion();
+    let distance = ball_distance(config, part, &start, &step.axis_positions);
+    let ends = (start.as_slice(), step.axis_positions.as_slice());
+    let seconds = distance / (step.feed * motion.program.feed_override).max(1e-6);
+    // The feed is reached later by what the controller waits and by half of the ramp.
+    let begins = motion.touching(ends, distance, step.feed) - seconds;
+    let stops = motion.stopping(ends, distance, step.feed);
+    if begins > 0.0 {
+        builder.push(start.clone(), begins, Then::Go);
     }
     let surface = plant::surface(config, state, plan, step.point_index as usize);
     let noise = plant::normal(&mut state.random, config.raw.probe.touch_sd_um * 1e-6);
@@ -207,7 +211,7 @@ fn touch(
         ..ProbeTrigger::default()
     };
     builder.push(end.clone(), seconds * share, Then::Touch(trigger));
-    builder.push(end, program.touch_dwell.max(DWELL), Then::Go);
+    builder.push(end, stops.max(DWELL), Then::Go);
 }
 
 /// Path of the ball in the part frame between two positions of the axes, m.

@@ -26,7 +26,7 @@ slow = [re.sub(r"(?m)^MAX_ACCELERATION *=.*$", "MAX_ACCELERATION = 120", part)
 assert slow != parts, "no acceleration of X in the ini"
 open(sys.argv[1], "w").write("".join(slow))
 P
-# The cell: forty touches of the box, and 2000 mm/s² for every axis.
+# The cell: eighty touches of the box, and 2000 mm/s² for every axis.
 cp "$root/launch-scripts/three_axis.urdf" .
 python3 - "$root/launch-scripts/linuxcnc_box.toml" "$scratch" >time.toml <<'P'
 import re, sys
@@ -38,8 +38,8 @@ def face(match):
     axis, sign = match.group(2), -1 if match.group(3) == "minus" else 1
     along = {"x": 12.0, "y": 22.0}[axis]
     points = []
-    for k in range(10):
-        u, z = -along + 2 * along * ((k * 7) % 10) / 9, -2.0 - 1.3 * (k % 4)
+    for k in range(20):
+        u, z = -along + 2 * along * ((k * 7) % 20) / 19, -2.0 - 1.3 * (k % 4)
         points.append([25.0 * sign, round(u, 3), z] if axis == "x" else [round(u, 3), 15.0 * sign, z])
     return re.sub(r"touch_points_mm = .*", f"touch_points_mm = {points}", match.group(0))
 text = re.sub(r'(id = "([xy])_(minus|plus)".*?touch_points_mm = [^\n]*)', face, text, flags=re.S)

@@ -22,7 +22,7 @@ impl fmt::Display for Report {
         let micro = |value: f64| match self.gap.unit.as_str() {
             "m" => format!("{:.2} µm", value * 1e6),
             "rad" => format!("{:.2} µrad", value * 1e6),
-            "s" => format!("{:.1} ms", value * 1e3),
+            "s" => format!("{:.2} ms", value * 1e3),
             unit => format!("{value:.4} {unit}"),
         };
         let (rms, floor) = (micro(self.gap.rms), micro(self.gap.noise_floor));

@@ -5,7 +5,7 @@ use machine::Chain;
 use metrology::statistics::{chi_squared_quantile, coverage_factor, rms};
 
 use super::Rows;
-use super::fit::Fitted;
+use super::fit::{Fitted, STAMP};
 use super::judge::{Judged, Named, used};
 use crate::report::residuals::{MoveResidual, MoveResiduals, Residuals};
 use crate::report::{
@@ -112,7 +112,7 @@ fn effect(rows: &Rows<'_>, judged: &Judged, named: &Named) -> Effect {
         probability: named.probability,
         parameters: parameters(rows, judged, &judged.fitted, named.limit),
         rms_before: rms(&named.before),
-        rms_after: rms(&named.after),
+        rms_after: rms(&named.after).max(STAMP),
         ci95_after: interval(&named.after),
         held_out: true,
         indistinguishable_from,

@@ -283,15 +283,16 @@ impl Cell {
                 *clock += seconds;
                 track.push((*clock, at));
             };
+        let mut stopped = probed(truth, AWAY).1;
         for to in 1..self.points.len() {
-            wait(&mut clock, truth.dwell, at, &mut track);
+            wait(&mut clock, truth.dwell + stopped, at, &mut track);
             for target in self.targets(to) {
                 wait(&mut clock, truth.latency, at, &mut track);
                 clock = moved(truth, clock, at, target, &mut track);
                 at = target;
             }
             wait(&mut clock, truth.latency, at, &mut track);
-            let seconds = (at[2] - contact(to)[2]) / (FEED * truth.feed);
+            let (seconds, stops) = probed(truth, at[2] - contact(to)[2]);
             for k in 1..=8 {
                 let share = f64::from(k) / 8.0;
                 let z = at[2] + share * (contact(to)[2] - at[2]);
@@ -302,6 +303,7 @@ impl Cell {
                 clock += truth.later;
             }
             at = contact(to);
+            stopped = stops;
             stamps.push(clock);
         }
         (stamps, track)
@@ -435,6 +437,17 @@ fn way(axis: &AxisTruth, rapid: f64, distance: f64) -> Vec<f64> {
         way.push(x + (whole - x) * (1.0 - (1.0 - share).powi(3)));
     }
     way.iter().map(|x| x * distance.signum()).collect()
+}
+
+/// Time of a probing move of Z until the touch, and from the touch to standstill, s.
+fn probed(truth: &Truth, distance: f64) -> (f64, f64) {
+    let axis = AxisTruth {
+        velocity: FEED * truth.feed,
+        ..truth.axes[2]
+    };
+    let on = way(&axis, 1.0, distance + 0.01);
+    let touch = on.iter().take_while(|x| **x < distance).count();
+    (STEP * touch as f64, braking(&axis, axis.velocity, 0.0).0)
 }
 
 /// Time and distance to standstill from a speed and an acceleration: the acceleration is taken back, then the axis brakes.

@@ -27,6 +27,10 @@ pub struct Interval {
     pub points: [u32; 2],
     /// Positions of the axes at the first touch, m or rad.
     pub start: Vec<f64>,
+    /// And at the second.
+    pub end: Vec<f64>,
+    /// Path of the ball in the first move back, m.
+    pub retreat: f64,
     /// Targets of the positioning moves in between, the start of the probing move last.
     pub targets: Vec<Vec<f64>>,
     /// Path of the ball in the probing move until the touch, m.
@@ -73,7 +77,12 @@ impl Moves {
     /// How long each row takes by a motion model, s.
     pub fn durations(&self, motion: &Motion) -> Vec<f64> {
         let of = |row: &Interval| {
-            motion.time_along(&row.start, &row.targets) + motion.touching(row.distance, row.feed)
+            let back = row.targets.first().map_or(&row.start, |target| target);
+            let begins = row.targets.last().map_or(&row.start, |target| target);
+            let stopped = (row.start.as_slice(), back.as_slice());
+            motion.stopping(stopped, row.retreat, row.feed)
+                + motion.time_along(&row.start, &row.targets)
+                + motion.touching((begins, &row.end), row.distance, row.feed)
         };
         self.intervals.iter().map(of).collect()
     }
@@ -173,6 +182,10 @@ pub fn moves(
             sequences: [before.sequence, after.sequence],
             points: key,
             start: start.clone(),
+            end: end.clone(),
+            retreat: targets
+                .first()
+                .map_or(0.0, |back| probing.ball_path(start, back)),
             targets,
             distance: probing.ball_path(&start_of_touch, end),
             feed,

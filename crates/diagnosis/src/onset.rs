@@ -1,0 +1,407 @@
+//! Whether the gap changes while parts are made, since which part, and why: [`inference::onset`] on the touches of each part.
+//!
+//! Directions are the signatures of the library's effects on the plan of the first part, each for itself. A part gives the
+//! projection of its deviations on each; the stated rate of false alarms holds whatever the mean and the spread of the
+//! parts are, as long as parts vary independently and normally. After an alarm the mean deviations since the onset are
+//! compared with those before it, and the effects that explain the difference equally well are the cause group. Metres.
+
+use std::collections::VecDeque;
+
+use effects::{Observations, Session, Variant, library, observe};
+use inference::least_squares::NormalEquations;
+use inference::linear::{add_scaled, dot};
+use inference::onset::Stream;
+use metrology::statistics::{coverage_factor, rms};
+use serde::{Deserialize, Serialize};
+
+use crate::diagnose::Options;
+use crate::report::{Effect, ParameterEstimate};
+use effects::DiagnoseError;
+
+/// Parts kept for comparison.
+const KEPT: usize = 100;
+/// Parts from which on a single touch far off the others is taken for a chip.
+const EXPERIENCED: u64 = 10;
+/// How far, in standard deviations of that touch.
+const FAR: f64 = 6.0;
+/// A signature whose plausible size stays below this rms does not show, m.
+const INVISIBLE: f64 = 2e-7;
+/// An effect whose log evidence is lower by less than this is not excluded.
+const NOT_EXCLUDED: f64 = 4.6;
+/// Values of a nonlinear constant that are tried.
+const TRIED: usize = 12;
+
+/// A part that was measured.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct Part {
+    plan_id: String,
+    /// ns since 1970, first touch.
+    measured: i64,
+    /// m, in the order of the plan's points.
+    deviations: Vec<f64>,
+}
+
+/// Running mean and sum of squares of the deviations of one point.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+struct Usual {
+    mean: f64,
+    squares: f64,
+}
+
+/// Parts of one plan, one after the other.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Watch {
+    points: Vec<usize>,
+    directions: Vec<Vec<f64>>,
+    stream: Stream,
+    usual: Vec<Usual>,
+    recent: VecDeque<Part>,
+    /// Parts before those that the stream holds.
+    before: u64,
+    /// The plan of the last part.
+    last: String,
+}
+
+/// The gap has changed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Change {
+    /// Number of the first changed part and of the part after which that is certain, from 1, of those watched.
+    pub onset: u64,
+    /// See `onset`.
+    pub part: u64,
+    /// Plan of the first changed part.
+    pub plan_id: String,
+    /// Its first touch, ns since 1970.
+    pub since: i64,
+    /// The effect that explains the change best, with its size and all that explain it as well; none where nothing of the
+    /// library explains half of it.
+    pub cause: Option<Effect>,
+    /// Root mean square of the change over the points, and of what the cause leaves of it, m.
+    pub rms: [f64; 2],
+}
+
+impl Watch {
+    /// Number of parts watched.
+    pub fn parts(&self) -> u64 {
+        self.before + self.stream.count()
+    }
+
+    /// Takes the measurement of a part. `Some` where the gap has changed, at a rate of at most `rate` false alarms in 1,000
+    /// parts; the watch then begins anew with the changed parts. A part that lacks a point is left
+    /// out, and one that was the last already; one of another
+    /// plan begins another watch.
+    ///
+    /// # Errors
+    /// [`DiagnoseError`] names what makes the session unusable.
+    pub fn part(
+        &mut self,
+        session: &Session,
+        options: &Options,
+        rate: f64,
+    ) -> Result<Option<Change>, DiagnoseError> {
+        let plan_id = session
+            .plan
+            .as_ref()
+            .map_or("", |plan| plan.plan_id.as_str());
+        if plan_id == self.last {
+            return Ok(None);
+        }
+        plan_id.clone_into(&mut self.last);
+        let observations = observe(session)?;
+        let Some((points, deviations)) = by_point(&observations, session) else {
+            return Ok(None);
+        };
+        let variants = || {
+            let mut variants = library(&observations);
+            variants.retain(|variant| !options.without.contains(&variant.effect));
+            variants
+        };
+        if points != self.points {
+            *self = Self {
+                directions: directions(&observations, &points, &variants()),
+                usual: vec![Usual::default(); points.len()],
+                points,
+                last: plan_id.to_owned(),
+                ..Self::default()
+            };
+        }
+        let stamps = session.events.iter().map(|event| &event.header.stamp);
+        let nanoseconds =
+            stamps.map(|at| i64::from(at.sec) * 1_000_000_000 + i64::from(at.nanosec));
+        self.push(Part {
+            plan_id: self.last.clone(),
+            measured: nanoseconds.min().unwrap_or(0),
+            deviations,
+        });
+        let Some(alarm) = self.stream.evidence().filter(|one| one.is_alarm(rate)) else {
+            return Ok(None);
+        };
+        let first = (self.stream.count() - self.recent.len() as u64) as usize;
+        let since = (alarm.onset as usize)
+            .saturating_sub(first)
+            .clamp(1, self.recent.len() - 1);
+        let change = self.change(&observations, &variants(), since);
+        let parts = self.parts();
+        let changed: Vec<Part> = self.recent.drain(since..).collect();
+        *self = Self {
+            points: std::mem::take(&mut self.points),
+            directions: std::mem::take(&mut self.directions),
+            usual: vec![Usual::default(); self.usual.len()],
+            before: parts - changed.len() as u64,
+            last: std::mem::take(&mut self.last),
+            ..Self::default()
+        };
+        for part in changed {
+            self.push(part);
+        }
+        Ok(Some(change))
+    }
+
+    fn push(&mut self, mut part: Part) {
+        let count = self.stream.count();
+        for (deviation, usual) in part.deviations.iter_mut().zip(&mut self.usual) {
+            if count >= EXPERIENCED {
+                let far = FAR * (usual.squares / (count as f64 - 1.0)).sqrt();
+                // A single touch; a change of many is not held back for long, since the spread grows with it.
+                *deviation = deviation.clamp(usual.mean - far, usual.mean + far);
+            }
+            let off = *deviation - usual.mean;
+            usual.mean += off / (count as f64 + 1.0);
+            usual.squares += off * (*deviation - usual.mean);
+        }
+        let estimates: Vec<f64> = self
+            .directions
+            .iter()
+            .map(|direction| dot(direction, &part.deviations))
+            .collect();
+        self.stream.push(&estimates);
+        self.recent.push_back(part);
+        if self.recent.len() > KEPT {
+            self.recent.pop_front();
+        }
+    }
+
+    /// What has changed between the parts before and since a place among the recent ones.
+    fn change(&self, observations: &Observations, variants: &[Variant], since: usize) -> Change {
+        let mean = |parts: &[&Part]| {
+            let mut mean = vec![0.0; self.points.len()];
+            for part in parts {
+                add_scaled(&mut mean, 1.0 / parts.len() as f64, &part.deviations);
+            }
+            mean
+        };
+        let all: Vec<&Part> = self.recent.iter().collect();
+        let (before, after) = all.split_at(since);
+        let (mean_before, mean_after) = (mean(before), mean(after));
+        let mut difference = mean_after.clone();
+        add_scaled(&mut difference, -1.0, &mean_before);
+        let left = |part: &Part, mean: &[f64]| -> f64 {
+            part.deviations
+                .iter()
+                .zip(mean)
+                .map(|(a, b)| (a - b).powi(2))
+                .sum()
+        };
+        let squares: f64 = before
+            .iter()
+            .map(|part| left(part, &mean_before))
+            .sum::<f64>()
+            + after
+                .iter()
+                .map(|part| left(part, &mean_after))
+                .sum::<f64>();
+        let freedom = all.len().saturating_sub(2).max(1) * self.points.len();
+        let variance =
+            squares / freedom as f64 * (1.0 / before.len() as f64 + 1.0 / after.len() as f64);
+        let cause = cause(
+            observations,
+            &self.points,
+            variants,
+            &difference,
+            variance.max(1e-18),
+        );
+        let size = rms(&difference);
+        let first = &self.recent[since];
+        Change {
+            onset: self.parts() - (after.len() as u64) + 1,
+            part: self.parts(),
+            plan_id: first.plan_id.clone(),
+            since: first.measured,
+            rms: [size, cause.as_ref().map_or(size, |cause| cause.rms_after)],
+            cause,
+        }
+    }
+}
+
+/// Points of the plan that were touched, ascending, and their mean deviations; `None` where one was not.
+fn by_point(observations: &Observations, session: &Session) -> Option<(Vec<usize>, Vec<f64>)> {
+    let points = session.plan.as_ref()?.points.len();
+    let mut sums = vec![(0.0, 0_u32); points];
+    for (row, deviation) in observations.rows.iter().zip(&observations.deviations) {
+        if row.pose.is_some() {
+            let sum = sums.get_mut(row.point)?;
+            *sum = (sum.0 + deviation, sum.1 + 1);
+        }
+    }
+    let is_whole = points > 0 && sums.iter().all(|(_, touches)| *touches > 0);
+    let means = sums.iter().map(|(sum, touches)| sum / f64::from(*touches));
+    is_whole.then(|| ((0..points).collect(), means.collect()))
+}
+
+/// The columns of a variant over points instead of rows.
+fn columns(
+    observations: &Observations,
+    points: &[usize],
+    variant: &Variant,
+    shape: f64,
+) -> Vec<Vec<f64>> {
+    let of_point = |column: &[f64], point: &usize| {
+        let rows = observations.rows.iter().zip(column);
+        let own: Vec<f64> = rows
+            .filter(|(row, _)| row.pose.is_some() && row.point == *point)
+            .map(|(_, value)| *value)
+            .collect();
+        own.iter().sum::<f64>() / own.len().max(1) as f64
+    };
+    let columns = variant.columns(observations, shape);
+    columns
+        .iter()
+        .map(|column| {
+            points
+                .iter()
+                .map(|point| of_point(&column.signature, point))
+                .collect()
+        })
+        .collect()
+}
+
+/// Values of its nonlinear constant that are tried; one where it has none.
+fn shapes(variant: &Variant) -> Vec<f64> {
+    let Some(shape) = &variant.shape else {
+        return vec![0.0];
+    };
+    let step = shape.trials.len().div_ceil(TRIED).max(1);
+    shape.trials.iter().copied().step_by(step).collect()
+}
+
+/// A unit vector for each way in which an effect can show, each once.
+fn directions(
+    observations: &Observations,
+    points: &[usize],
+    variants: &[Variant],
+) -> Vec<Vec<f64>> {
+    let mut directions: Vec<Vec<f64>> = Vec::new();
+    for variant in variants {
+        let shapes = shapes(variant);
+        let shape = shapes.get(shapes.len() / 2).copied().unwrap_or(0.0);
+        let columns = columns(observations, points, variant, shape);
+        for (column, parameter) in columns.into_iter().zip(&variant.parameters) {
+            let length = dot(&column, &column).sqrt();
+            if rms(&column) * parameter.plausible < INVISIBLE {
+                continue;
+            }
+            let unit: Vec<f64> = column.iter().map(|value| value / length).collect();
+            if directions
+                .iter()
+                .all(|known| dot(known, &unit).abs() < 0.999)
+            {
+                directions.push(unit);
+            }
+        }
+    }
+    directions
+}
+
+/// One way to explain a change.
+struct Explanation<'v> {
+    variant: &'v Variant,
+    score: f64,
+    left: f64,
+    parameters: Vec<ParameterEstimate>,
+}
+
+/// The effect that explains a change best and those that do as well; `variance` is that of each point's change.
+fn cause(
+    observations: &Observations,
+    points: &[usize],
+    variants: &[Variant],
+    change: &[f64],
+    variance: f64,
+) -> Option<Effect> {
+    let mut found: Vec<Explanation<'_>> = Vec::new();
+    for variant in variants {
+        let tried = shapes(variant);
+        let price = (tried.len() as f64).ln();
+        for shape in tried {
+            let columns = columns(observations, points, variant, shape);
+            let mut normal = NormalEquations::new(columns.len());
+            normal.add(&columns, change);
+            let Ok(solution) = normal.solve(1e-9) else {
+                continue;
+            };
+            let mut left = change.to_vec();
+            for (column, coefficient) in columns.iter().zip(&solution.coefficients) {
+                add_scaled(&mut left, -coefficient, column);
+            }
+            let members = columns.len() as f64;
+            let score = -0.5 * dot(&left, &left) / variance
+                - 0.5 * members * (points.len() as f64).ln()
+                - price;
+            let known = found
+                .iter_mut()
+                .find(|one| one.variant.effect == variant.effect);
+            if known.as_ref().is_some_and(|known| known.score >= score) {
+                continue;
+            }
+            let quantile = coverage_factor(0.95, (points.len() as f64 - members).max(1.0));
+            let parameters = (variant.parameters.iter().zip(&solution.coefficients))
+                .zip(&solution.unit_variances)
+                .map(|((parameter, value), unit)| {
+                    let half = quantile * (unit * variance).sqrt();
+                    ParameterEstimate {
+                        name: parameter.name.clone(),
+                        value: *value,
+                        unit: parameter.unit.to_owned(),
+                        ci95: [value - half, value + half],
+                    }
+                })
+                .collect();
+            let explanation = Explanation {
+                variant,
+                score,
+                left: rms(&left),
+                parameters,
+            };
+            match known {
+                Some(known) => *known = explanation,
+                None => found.push(explanation),
+            }
+        }
+    }
+    found.sort_by(|a, b| b.score.total_cmp(&a.score));
+    let best = found.first()?.score;
+    let alike = found.partition_point(|one| one.score > best - NOT_EXCLUDED);
+    let (group, others) = found.split_at(alike);
+    let first = group.first()?;
+    let size = rms(change);
+    if first.left > 0.5 * size {
+        return None;
+    }
+    let weight = |one: &Explanation<'_>| (one.score - best).exp();
+    let within: f64 = group.iter().map(weight).sum();
+    let names = || group.iter().map(|one| one.variant.effect.clone());
+    Some(Effect {
+        effect: first.variant.effect.clone(),
+        probability: within / (within + others.iter().map(weight).sum::<f64>()),
+        parameters: first.parameters.clone(),
+        rms_before: size,
+        rms_after: first.left,
+        ci95_after: [first.left; 2],
+        held_out: false,
+        indistinguishable_from: names().skip(1).collect(),
+        group: names().collect(),
+        alternatives: Vec::new(),
+        placebo_rms_after: None,
+        sessions: Vec::new(),
+    })
+}

@@ -1,0 +1,201 @@
+//! Whether and when a stream of estimates has changed, with a bound on false alarms that holds for any length of stream.
+//!
+//! Every part gives one estimate for each of several directions. As long as the estimates of a direction are independent
+//! and normal, whatever their mean and variance, its studentised recursive residuals are independent of one another
+//! (Brown, Durbin and Evans 1975) and become independent standard normal numbers by their own distributions (Quesenberry
+//! 1991). On these the Shiryaev–Roberts statistic is summed over onsets, and averaged over directions and alternatives:
+//! R grows by one for each part in the mean, so that the expected number of parts until R ≥ A is at least A (Pollak 1985;
+//! Shin, Ramdas and Rinaldo 2022). With A = 1000/rate there is at most `rate` false alarm in 1,000 parts, however the
+//! directions depend on one another. Numbers only.
+
+use std::collections::VecDeque;
+
+use metrology::statistics::normal_quantile;
+use serde::{Deserialize, Serialize};
+use statrs::distribution::{ContinuousCDF, StudentsT};
+
+use crate::linear::dot;
+
+/// Onsets that are kept: one that was not seen within so many parts is given up.
+const KEPT: usize = 100;
+/// Steps of the estimate that are looked for, over its standard deviation.
+const STEPS: [f64; 4] = [0.75, 1.5, 3.0, 6.0];
+/// Slopes that are looked for, standard deviations for each part.
+const SLOPES: [f64; 2] = [0.1, 0.4];
+/// Largest standard normal number that counts: beyond it a part is as rare as can be told.
+const RAREST: f64 = 8.0;
+
+/// Estimates of one direction so far.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+struct Direction {
+    mean: f64,
+    squares: f64,
+    recent: VecDeque<f64>,
+}
+
+/// A stream of estimates.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Stream {
+    count: u64,
+    directions: Vec<Direction>,
+}
+
+/// What a stream shows after a part.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Evidence {
+    /// Natural logarithm of the Shiryaev–Roberts statistic.
+    pub log_statistic: f64,
+    /// The direction that carries most of it.
+    pub direction: usize,
+    /// Number of the first changed part, from 0, by that direction.
+    pub onset: u64,
+}
+
+impl Evidence {
+    /// True where at most `rate` streams of 1,000 unchanged parts would show as much in the mean.
+    pub fn is_alarm(&self, rate: f64) -> bool {
+        self.log_statistic >= (1000.0 / rate).ln()
+    }
+}
+
+impl Stream {
+    /// Number of parts so far.
+    pub fn count(&self) -> u64 {
+        self.count
+    }
+
+    /// Takes the estimates of a part, one for each direction; a stream has the directions of its first part.
+    pub fn push(&mut self, estimates: &[f64]) {
+        if self.count == 0 {
+            self.directions = vec![Direction::default(); estimates.len()];
+        }
+        let before = self.count as f64;
+        for (direction, &value) in self.directions.iter_mut().zip(estimates) {
+            let off = value - direction.mean;
+            direction
+                .recent
+                .push_back(standardised(direction, off, before));
+            if direction.recent.len() > KEPT {
+                direction.recent.pop_front();
+            }
+            direction.mean += off / (before + 1.0);
+            direction.squares += off * off * before / (before + 1.0);
+        }
+        self.count += 1;
+    }
+
+    /// The evidence that some direction has changed at some part; `None` before the third part.
+    pub fn evidence(&self) -> Option<Evidence> {
+        if self.count < 3 {
+            return None;
+        }
+        let alternatives: Vec<(f64, bool)> = (STEPS.iter().map(|step| (*step, false)))
+            .chain(SLOPES.iter().map(|slope| (*slope, true)))
+            .collect();
+        let kept = self.directions.first()?.recent.len();
+        let first = self.count as usize - kept;
+        // The mean of every standardised residual depends on the onset and the kind of change alone.
+        let expected: Vec<Vec<Expected>> = (0..kept)
+            .map(|onset| {
+                let of = |one: &(f64, bool)| Expected::new(means(first, onset, kept, *one));
+                alternatives.iter().map(of).collect()
+            })
+            .collect();
+        let mut largest: Option<(f64, usize, u64)> = None;
+        let mut logs = Vec::with_capacity(self.directions.len() * kept);
+        let mut ratios = Vec::with_capacity(2 * alternatives.len());
+        for (number, direction) in self.directions.iter().enumerate() {
+            let recent: Vec<f64> = direction.recent.iter().copied().collect();
+            for (onset, of_onset) in expected.iter().enumerate() {
+                ratios.clear();
+                for one in of_onset {
+                    let along = dot(&one.means, &recent[onset..]);
+                    // Up, and down.
+                    ratios.extend([along - one.half_square, -along - one.half_square]);
+                }
+                let log = log_sum(&ratios);
+                if largest.is_none_or(|(known, ..)| log > known) {
+                    largest = Some((log, number, (first + onset) as u64));
+                }
+                logs.push(log);
+            }
+        }
+        let (_, direction, onset) = largest?;
+        let weights = (self.directions.len() * 2 * alternatives.len()) as f64;
+        Some(Evidence {
+            log_statistic: log_sum(&logs) - weights.ln(),
+            direction,
+            onset,
+        })
+    }
+}
+
+/// Means of the standardised residuals from an onset on, and half of the sum of their squares.
+struct Expected {
+    means: Vec<f64>,
+    half_square: f64,
+}
+
+impl Expected {
+    fn new(means: Vec<f64>) -> Self {
+        Self {
+            half_square: 0.5 * dot(&means, &means),
+            means,
+        }
+    }
+}
+
+/// The recursive residual of an estimate that is `off` the mean of those before it, as a standard normal number; 0 for the
+/// first two, which have no distribution.
+fn standardised(direction: &Direction, off: f64, before: f64) -> f64 {
+    if before < 2.0 {
+        return 0.0;
+    }
+    let variance = direction.squares / (before - 1.0);
+    let spread = (variance * (before + 1.0) / before).sqrt();
+    let Ok(student) = StudentsT::new(0.0, 1.0, before - 1.0) else {
+        return 0.0;
+    };
+    if spread <= 0.0 {
+        return 0.0;
+    }
+    // Of both tails the short one, which keeps its digits.
+    let tail = student.cdf(-(off / spread).abs());
+    let size = if tail > 1e-15 {
+        -normal_quantile(tail)
+    } else {
+        RAREST
+    };
+    size.min(RAREST) * off.signum()
+}
+
+/// Means of the standardised residuals of the parts from `onset` on (from the first kept one), by how far the changed
+/// mean is from the mean of all parts before each.
+fn means(first: usize, onset: usize, kept: usize, (size, ramp): (f64, bool)) -> Vec<f64> {
+    let mut sum = 0.0;
+    (onset..kept)
+        .map(|part| {
+            let own = if ramp {
+                size * (part - onset + 1) as f64
+            } else {
+                size
+            };
+            let before = (first + part) as f64;
+            let mean = if before < 2.0 {
+                0.0
+            } else {
+                (own - sum / before) * (before / (before + 1.0)).sqrt()
+            };
+            sum += own;
+            mean
+        })
+        .collect()
+}
+
+fn log_sum(logs: &[f64]) -> f64 {
+    let most = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    if most.is_infinite() {
+        return most;
+    }
+    most + logs.iter().map(|log| (log - most).exp()).sum::<f64>().ln()
+}
