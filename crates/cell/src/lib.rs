@@ -6,7 +6,6 @@
 //!                 [driver] source = NAME  [NAME]     settings of the driver, by controllers::driver::DRIVERS
 //!                 [[model.effects]]                  effects declared besides the robot description
 //! robot.urdf ---> kinematic chain
-//!                       |
 //!                       v
 //!          Cell --> node instances, role of the driver, sections as written (for the recording)
 //! ```
@@ -123,7 +122,7 @@ cell_file! {
         pub driver: DriverSection,
         /// The part to make and measure.
         pub part: path_planning::part::RawPart,
-        /// Acceleration, jerk and dwell of the axes; without them moves are timed by top speeds.
+        /// Limits of the axes, dwell, delays, overrides; without them moves are timed by top speeds.
         #[serde(default)]
         pub motion: machine::RawMotion,
         /// What the cell is declared to do beyond its robot description.

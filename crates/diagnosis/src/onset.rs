@@ -5,18 +5,18 @@
 //! parts are, as long as parts vary independently and normally. After an alarm the mean deviations since the onset are
 //! compared with those before it, and the effects that explain the difference equally well are the cause group. Metres.
 
+mod cause;
+
 use std::collections::VecDeque;
 
-use effects::{Observations, Session, Variant, library, observe};
-use inference::least_squares::NormalEquations;
+use effects::{DiagnoseError, Observations, Session, Variant, library, observe};
 use inference::linear::{add_scaled, dot};
 use inference::onset::Stream;
-use metrology::statistics::{coverage_factor, rms};
+use metrology::statistics::rms;
 use serde::{Deserialize, Serialize};
 
 use crate::diagnose::Options;
-use crate::report::{Effect, ParameterEstimate};
-use effects::DiagnoseError;
+use crate::report::Effect;
 
 /// Parts kept for comparison.
 const KEPT: usize = 100;
@@ -26,8 +26,6 @@ const EXPERIENCED: u64 = 10;
 const FAR: f64 = 6.0;
 /// A signature whose plausible size stays below this rms does not show, m.
 const INVISIBLE: f64 = 2e-7;
-/// An effect whose log evidence is lower by less than this is not excluded.
-const NOT_EXCLUDED: f64 = 4.6;
 /// Values of a nonlinear constant that are tried.
 const TRIED: usize = 12;
 
@@ -213,7 +211,7 @@ impl Watch {
         let freedom = all.len().saturating_sub(2).max(1) * self.points.len();
         let variance =
             squares / freedom as f64 * (1.0 / before.len() as f64 + 1.0 / after.len() as f64);
-        let cause = cause(
+        let cause = cause::cause(
             observations,
             &self.points,
             variants,
@@ -310,98 +308,4 @@ fn directions(
         }
     }
     directions
-}
-
-/// One way to explain a change.
-struct Explanation<'v> {
-    variant: &'v Variant,
-    score: f64,
-    left: f64,
-    parameters: Vec<ParameterEstimate>,
-}
-
-/// The effect that explains a change best and those that do as well; `variance` is that of each point's change.
-fn cause(
-    observations: &Observations,
-    points: &[usize],
-    variants: &[Variant],
-    change: &[f64],
-    variance: f64,
-) -> Option<Effect> {
-    let mut found: Vec<Explanation<'_>> = Vec::new();
-    for variant in variants {
-        let tried = shapes(variant);
-        let price = (tried.len() as f64).ln();
-        for shape in tried {
-            let columns = columns(observations, points, variant, shape);
-            let mut normal = NormalEquations::new(columns.len());
-            normal.add(&columns, change);
-            let Ok(solution) = normal.solve(1e-9) else {
-                continue;
-            };
-            let mut left = change.to_vec();
-            for (column, coefficient) in columns.iter().zip(&solution.coefficients) {
-                add_scaled(&mut left, -coefficient, column);
-            }
-            let members = columns.len() as f64;
-            let score = -0.5 * dot(&left, &left) / variance
-                - 0.5 * members * (points.len() as f64).ln()
-                - price;
-            let known = found
-                .iter_mut()
-                .find(|one| one.variant.effect == variant.effect);
-            if known.as_ref().is_some_and(|known| known.score >= score) {
-                continue;
-            }
-            let quantile = coverage_factor(0.95, (points.len() as f64 - members).max(1.0));
-            let parameters = (variant.parameters.iter().zip(&solution.coefficients))
-                .zip(&solution.unit_variances)
-                .map(|((parameter, value), unit)| {
-                    let half = quantile * (unit * variance).sqrt();
-                    ParameterEstimate {
-                        name: parameter.name.clone(),
-                        value: *value,
-                        unit: parameter.unit.to_owned(),
-                        ci95: [value - half, value + half],
-                    }
-                })
-                .collect();
-            let explanation = Explanation {
-                variant,
-                score,
-                left: rms(&left),
-                parameters,
-            };
-            match known {
-                Some(known) => *known = explanation,
-                None => found.push(explanation),
-            }
-        }
-    }
-    found.sort_by(|a, b| b.score.total_cmp(&a.score));
-    let best = found.first()?.score;
-    let alike = found.partition_point(|one| one.score > best - NOT_EXCLUDED);
-    let (group, others) = found.split_at(alike);
-    let first = group.first()?;
-    let size = rms(change);
-    if first.left > 0.5 * size {
-        return None;
-    }
-    let weight = |one: &Explanation<'_>| (one.score - best).exp();
-    let within: f64 = group.iter().map(weight).sum();
-    let names = || group.iter().map(|one| one.variant.effect.clone());
-    Some(Effect {
-        effect: first.variant.effect.clone(),
-        probability: within / (within + others.iter().map(weight).sum::<f64>()),
-        parameters: first.parameters.clone(),
-        rms_before: size,
-        rms_after: first.left,
-        ci95_after: [first.left; 2],
-        held_out: false,
-        indistinguishable_from: names().skip(1).collect(),
-        group: names().collect(),
-        alternatives: Vec::new(),
-        placebo_rms_after: None,
-        sessions: Vec::new(),
-    })
 }

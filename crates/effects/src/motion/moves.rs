@@ -105,6 +105,36 @@ impl Moves {
         let moved = |row: &Interval| self.travel(row)[axis] > 1e-6;
         self.intervals.iter().any(moved)
     }
+
+    /// Says what was left out, of moves held and of moves unseen, and whether enough remain.
+    fn remark(
+        &mut self,
+        [held, unseen]: [usize; 2],
+        by_axes: bool,
+        plan: &InspectionPlan,
+    ) -> Result<(), MovesError> {
+        if self.intervals.is_empty() && unseen > 0 && by_axes {
+            return Err(MovesError::NoMoves(plan.plan_id.clone()));
+        }
+        if self.intervals.len() < FEWEST {
+            return Err(MovesError::TooFew(self.intervals.len(), FEWEST));
+        }
+        if held > 0 {
+            self.remarks.push(format!(
+                "{held} moves were left out: the machine was held or stopped in them"
+            ));
+        }
+        if unseen > 0 {
+            self.remarks.push(format!(
+                "{unseen} moves were left out: neither an order nor the recorded axes show their way"
+            ));
+        }
+        if by_axes {
+            self.remarks
+                .push("no measurement_order: the moves were read from the recorded axes".to_owned());
+        }
+        Ok(())
+    }
 }
 
 /// The moves between successive touches of a session with the orders of its plan; `motion` is the declared model.
@@ -192,27 +222,7 @@ pub fn moves(
             measured: stamps[1] - stamps[0],
         });
     }
-    if found.intervals.is_empty() && unseen > 0 && orders.is_empty() {
-        return Err(MovesError::NoMoves(plan.plan_id.clone()));
-    }
-    if found.intervals.len() < FEWEST {
-        return Err(MovesError::TooFew(found.intervals.len(), FEWEST));
-    }
-    if held > 0 {
-        found.remarks.push(format!(
-            "{held} moves were left out: the machine was held or stopped in them"
-        ));
-    }
-    if unseen > 0 {
-        found.remarks.push(format!(
-            "{unseen} moves were left out: neither an order nor the recorded axes show their way"
-        ));
-    }
-    if orders.is_empty() {
-        found
-            .remarks
-            .push("no measurement_order: the moves were read from the recorded axes".to_owned());
-    }
+    found.remark([held, unseen], orders.is_empty(), plan)?;
     Ok(found)
 }
 

@@ -1,0 +1,106 @@
+//! Which effects explain a change of the deviations, each for itself.
+
+use effects::{Observations, Variant};
+use inference::least_squares::NormalEquations;
+use inference::linear::{add_scaled, dot};
+use metrology::statistics::{coverage_factor, rms};
+
+use super::{columns, shapes};
+use crate::report::{Effect, ParameterEstimate};
+
+/// An effect whose log evidence is lower by less than this is not excluded.
+const NOT_EXCLUDED: f64 = 4.6;
+
+/// One way to explain a change.
+struct Explanation<'v> {
+    variant: &'v Variant,
+    score: f64,
+    left: f64,
+    parameters: Vec<ParameterEstimate>,
+}
+
+/// The effect that explains a change best and those that do as well; `variance` is that of each point's change.
+pub(super) fn cause(
+    observations: &Observations,
+    points: &[usize],
+    variants: &[Variant],
+    change: &[f64],
+    variance: f64,
+) -> Option<Effect> {
+    let mut found: Vec<Explanation<'_>> = Vec::new();
+    for variant in variants {
+        let tried = shapes(variant);
+        let price = (tried.len() as f64).ln();
+        for shape in tried {
+            let columns = columns(observations, points, variant, shape);
+            let mut normal = NormalEquations::new(columns.len());
+            normal.add(&columns, change);
+            let Ok(solution) = normal.solve(1e-9) else {
+                continue;
+            };
+            let mut left = change.to_vec();
+            for (column, coefficient) in columns.iter().zip(&solution.coefficients) {
+                add_scaled(&mut left, -coefficient, column);
+            }
+            let members = columns.len() as f64;
+            let score = -0.5 * dot(&left, &left) / variance
+                - 0.5 * members * (points.len() as f64).ln()
+                - price;
+            let known = found
+                .iter_mut()
+                .find(|one| one.variant.effect == variant.effect);
+            if known.as_ref().is_some_and(|known| known.score >= score) {
+                continue;
+            }
+            let quantile = coverage_factor(0.95, (points.len() as f64 - members).max(1.0));
+            let parameters = (variant.parameters.iter().zip(&solution.coefficients))
+                .zip(&solution.unit_variances)
+                .map(|((parameter, value), unit)| {
+                    let half = quantile * (unit * variance).sqrt();
+                    ParameterEstimate {
+                        name: parameter.name.clone(),
+                        value: *value,
+                        unit: parameter.unit.to_owned(),
+                        ci95: [value - half, value + half],
+                    }
+                })
+                .collect();
+            let explanation = Explanation {
+                variant,
+                score,
+                left: rms(&left),
+                parameters,
+            };
+            match known {
+                Some(known) => *known = explanation,
+                None => found.push(explanation),
+            }
+        }
+    }
+    found.sort_by(|a, b| b.score.total_cmp(&a.score));
+    let best = found.first()?.score;
+    let alike = found.partition_point(|one| one.score > best - NOT_EXCLUDED);
+    let (group, others) = found.split_at(alike);
+    let first = group.first()?;
+    let size = rms(change);
+    if first.left > 0.5 * size {
+        return None;
+    }
+    let weight = |one: &Explanation<'_>| (one.score - best).exp();
+    let within: f64 = group.iter().map(weight).sum();
+    let names = || group.iter().map(|one| one.variant.effect.clone());
+    Some(Effect {
+        effect: first.variant.effect.clone(),
+        probability: within / (within + others.iter().map(weight).sum::<f64>()),
+        parameters: first.parameters.clone(),
+        rms_before: size,
+        rms_after: first.left,
+        ci95_after: [first.left; 2],
+        held_out: false,
+        indistinguishable_from: names().skip(1).collect(),
+        group: names().collect(),
+        alternatives: Vec::new(),
+        placebo_rms_after: None,
+        sessions: Vec::new(),
+    })
+}
