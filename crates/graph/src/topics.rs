@@ -7,12 +7,12 @@
 use crate::Instance;
 use probecell_msgs::{
     ControllerCommand, ControllerReply, ControllerStatus, Correction, CorrectionAcknowledgement,
-    Fault, FeatureResult, GapFinding, GapReport, GateHeartbeat, InspectionPlan, LossReport, MachineState,
-    MeasurementOrder, Message, MessageType, OperationReport, OperationRequest, OperatorKeys,
-    OperatorReply, OperatorRequest, PartAlignment, PartReport, PartStatus, PassDecision,
-    PlanProgress, ProbeEvent, ProbeTrigger, RecordingStatus, ReferenceMeasurement, StepJournal,
-    ToolOffsets, TouchDeviation, Verdict, sensor_msgs::JointState, std_msgs, tf2_msgs::TFMessage,
-    visualization_msgs::MarkerArray,
+    Fault, FeatureResult, GapFinding, GapReport, GateHeartbeat, InspectionPlan, LossReport,
+    MachineState, MeasurementOrder, Message, MessageType, OperationReport, OperationRequest,
+    OperatorKeys, OperatorReply, OperatorRequest, PartAlignment, PartReport, PartStatus,
+    PassDecision, PlanProgress, ProbeEvent, ProbeTrigger, RecordingStatus, ReferenceMeasurement,
+    StepJournal, ToolOffsets, TouchDeviation, Verdict, sensor_msgs::JointState, std_msgs,
+    tf2_msgs::TFMessage, visualization_msgs::MarkerArray,
 };
 
 /// Quality of service of a topic, in ROS 2 terms.

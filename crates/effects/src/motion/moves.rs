@@ -130,8 +130,9 @@ impl Moves {
             ));
         }
         if by_axes {
-            self.remarks
-                .push("no measurement_order: the moves were read from the recorded axes".to_owned());
+            self.remarks.push(
+                "no measurement_order: the moves were read from the recorded axes".to_owned(),
+            );
         }
         Ok(())
     }
