@@ -51,7 +51,7 @@ fn um(cell: &str) -> f64 {
 fn touches(residuals: &Residuals) -> &TouchResiduals {
     match residuals {
         Residuals::Touches(all) => &all[0],
-        Residuals::Drives(_) => panic!("a session of touches"),
+        Residuals::Drives(_) | Residuals::Moves(_) => panic!("a session of touches"),
     }
 }
 
