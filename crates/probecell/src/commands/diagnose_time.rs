@@ -9,7 +9,7 @@ use diagnosis::{Options, Report, Residuals, Session, diagnose_time};
 use machine::{Chain, Motion, RawMotion};
 use probecell_msgs::MeasurementOrder;
 
-use super::{diagnose::plain, record::CELL_FILE};
+use super::{diagnose::plain, embedded};
 
 /// A measurement and what was promised of it.
 pub(super) struct Timed {
@@ -53,14 +53,11 @@ impl Timed {
 
 /// Section `[motion]` of the cell file that a bag carries; that of a cell that declares nothing where it carries none.
 fn recorded(bag: &Bag) -> anyhow::Result<RawMotion> {
-    for attachment in bag.attachments().flatten() {
-        if attachment.name == CELL_FILE {
-            let text = String::from_utf8_lossy(&attachment.data);
-            return match cell::motion_of_text(&text) {
-                Ok(motion) => Ok(motion),
-                Err(error) => bail!("{CELL_FILE} of {}: {error}", bag.path().display()),
-            };
-        }
+    let Some(text) = embedded::text(bag)? else {
+        return Ok(RawMotion::default());
+    };
+    match cell::motion_of_text(&text.cell) {
+        Ok(motion) => Ok(motion),
+        Err(error) => bail!("{}: {error}", text.name),
     }
-    Ok(RawMotion::default())
 }
