@@ -62,11 +62,8 @@ pub(crate) fn text(bag: &Bag) -> anyhow::Result<Option<CellText>> {
 /// What a cell has published of itself: of several cells the one that said it first.
 fn published(bag: &Bag, text: &mut CellText) -> anyhow::Result<()> {
     let suffix = format!("/{}", topics::CELL_DESCRIPTION.name);
-    let namespaces = bag.channels().iter().map(|channel| &channel.topic);
-    let Some(namespace) = namespaces
-        .filter_map(|topic| topic.strip_suffix(&suffix))
-        .next()
-    else {
+    let mut topics = bag.channels().iter().map(|channel| &channel.topic);
+    let Some(namespace) = topics.find_map(|topic| topic.strip_suffix(&suffix)) else {
         return Ok(());
     };
     let first = |topic: graph::Topic| -> anyhow::Result<String> {
