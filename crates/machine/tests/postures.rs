@@ -42,10 +42,11 @@ fn arm(joints: &[(&str, &str); 6]) -> String {
     let mut parent = "foundation".to_owned();
     for (number, (origin, axis)) in joints.iter().enumerate() {
         let (name, link) = (format!("A{}", number + 1), format!("link_{number}"));
-        text += &format!(
+        let link_and_joint = format!(
             r#"<link name="{link}"/><joint name="{name}" type="revolute"><parent link="{parent}"/><child link="{link}"/>
             <origin xyz="{origin}"/><axis xyz="{axis}"/><limit lower="-3.1" upper="3.1" velocity="2" effort="1"/></joint>"#
         );
+        text.push_str(&link_and_joint);
         parent = link;
     }
     text + &format!(

@@ -6,7 +6,7 @@ use machine::{Chain, WorkOffset};
 use probecell_msgs::InspectionPlan;
 
 use crate::{
-    joint::Joint,
+    joint::{Joint, JointError},
     points::{Cut, Place, places, points_of},
     probe,
     raw::{HomePosition, RawConfig},
@@ -69,6 +69,9 @@ pub enum ConfigError {
     /// An error of the machine that cannot be.
     #[error("simulator.{0}")]
     Truth(#[from] TruthError),
+    /// A joint that cannot be.
+    #[error("simulator.{0}")]
+    Joint(#[from] JointError),
     /// A feature with another number of points than deviations.
     #[error(
         "simulator.surfaces: {feature:?} is touched at {points} points, but deviation_um has {given}"

@@ -8,8 +8,6 @@
 use machine::{Chain, JointKind};
 use serde::Deserialize;
 
-use crate::truth::TruthError;
-
 /// As written, `[[simulator.machine.joints]]`.
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -26,6 +24,19 @@ pub struct RawJoint {
     pub backlash_um: f64,
 }
 
+/// A joint that cannot be as it is written.
+#[derive(Debug, thiserror::Error)]
+pub enum JointError {
+    /// A joint that the machine lacks, or that is listed twice.
+    #[error("machine.joints: {0:?} is not an axis of this machine, or it is listed twice")]
+    Unknown(String),
+    /// A joint with values of the other kind of axis, or out of range.
+    #[error(
+        "machine.joints: {0}: values are _urad of a rotary and _um of a linear axis, from 0 to 10000"
+    )]
+    Value(String),
+}
+
 /// As checked: m or rad, per N or N m.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Joint {
@@ -38,12 +49,12 @@ const STANDS: f64 = 1e-9;
 
 impl Joint {
     /// One for each axis of the chain.
-    pub(crate) fn of_chain(raw: &[RawJoint], chain: &Chain) -> Result<Vec<Self>, TruthError> {
+    pub(crate) fn of_chain(raw: &[RawJoint], chain: &Chain) -> Result<Vec<Self>, JointError> {
         let mut joints = vec![Self::default(); chain.axes().len()];
         for (index, one) in raw.iter().enumerate() {
             let twice = raw[..index].iter().any(|known| known.axis == one.axis);
             let axis = chain.axis_index(&one.axis).filter(|_| !twice);
-            let axis = axis.ok_or_else(|| TruthError::Joint(one.axis.clone()))?;
+            let axis = axis.ok_or_else(|| JointError::Unknown(one.axis.clone()))?;
             let turns = chain.axis(axis).kind == JointKind::Revolute;
             let (own, other) = if turns {
                 (
@@ -58,7 +69,7 @@ impl Joint {
             };
             let usable = own.iter().all(|value| (0.0..=1e4).contains(value));
             if !usable || other != [0.0, 0.0] {
-                return Err(TruthError::JointValue(one.axis.clone()));
+                return Err(JointError::Value(one.axis.clone()));
             }
             let [compliance, backlash] = own.map(|value| value * 1e-6);
             joints[axis] = Self {

@@ -118,14 +118,6 @@ pub enum TruthError {
         "machine.errors: {0:?} is not an error of an axis of this machine (such as \"EX0C\" or \"EYZ\")"
     )]
     Name(String),
-    /// A joint that the machine lacks, or that is listed twice.
-    #[error("machine.joints: {0:?} is not an axis of this machine, or it is listed twice")]
-    Joint(String),
-    /// A joint with values of the other kind of axis, or out of range.
-    #[error(
-        "machine.joints: {0}: values are _urad of a rotary and _um of a linear axis, from 0 to 10000"
-    )]
-    JointValue(String),
     /// An entry that the table lists twice.
     #[error("machine.table: {0:?} is listed twice")]
     Twice(String),
