@@ -25,7 +25,9 @@ use std::future::Future;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::time::Duration;
 
+use graph::Stamp;
 use host::bus::BusConfig;
 use tokio::sync::Semaphore;
 
@@ -57,6 +59,29 @@ pub enum DashboardError {
     /// Anything else.
     #[error("the dashboard failed: {0}")]
     Failed(#[from] std::io::Error),
+}
+
+/// Reads the buses and hands over the hall every `period`, first after one, with the instant and what is wrong with the
+/// connection (empty when nothing is), for as long as `on_period` answers true. Nothing is served.
+///
+/// # Errors
+/// [`DashboardError::Failed`] when no thread can be started.
+pub fn watch(
+    buses: Vec<BusConfig>,
+    period: Duration,
+    mut on_period: impl FnMut(&state::Hall, Stamp, &str) -> bool,
+) -> Result<(), DashboardError> {
+    let live = live::Live::new();
+    for bus in buses {
+        live::read(Arc::clone(&live), bus)?;
+    }
+    loop {
+        std::thread::sleep(period);
+        let trouble = live.trouble();
+        if !on_period(&live.hall(), host::now(), &trouble) {
+            return Ok(());
+        }
+    }
 }
 
 /// Runs the dashboard until `end`; `ready` is told the address once it is reachable.

@@ -12,6 +12,7 @@ mod picture;
 mod runs;
 mod sessions;
 mod sizes;
+mod terminal;
 
 pub use cell::{cell_page, section, section_id};
 pub use compare::{Compared, compare_page};
@@ -20,3 +21,4 @@ pub use hall::{hall_page, order_of, tile, tile_id};
 pub use page::{Place, message_page};
 pub use picture::View;
 pub use sessions::{Listed, SessionView, session_page, sessions_page};
+pub use terminal::hall_text;

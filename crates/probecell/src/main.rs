@@ -146,6 +146,8 @@ enum Command {
     },
     /// Serve every cell of the bus and every recording as web pages, read only.
     Dashboard(commands::dashboard::Arguments),
+    /// Show every cell of the bus on one screen, those that need a person first.
+    Watch(commands::watch::Arguments),
     /// Resume an interrupted measurement of a running cell, or repeat points of it; the part then continues.
     #[command(group(clap::ArgGroup::new("what").required(true)))]
     Measure {
@@ -393,6 +395,7 @@ fn run(command: Command) -> anyhow::Result<u8> {
             begin_process(arguments.supervised, arguments.clock)?;
             commands::dashboard::run(arguments)
         }
+        Command::Watch(arguments) => commands::watch::run(arguments),
         Command::Measure { again, cell, .. } => commands::measure::run(&cell, &again),
         Command::Approve {
             correction,

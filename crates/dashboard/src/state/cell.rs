@@ -70,6 +70,13 @@ pub enum Attention {
     Idle,
 }
 
+impl Attention {
+    /// Somebody must act, decide or look.
+    pub fn needs_a_person(self) -> bool {
+        self <= Self::Look
+    }
+}
+
 /// The newest touch of a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Touch {

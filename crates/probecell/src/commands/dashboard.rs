@@ -58,42 +58,45 @@ pub(crate) fn arguments(cell: &Path) -> Vec<OsString> {
     words.chain([cell.into()]).collect()
 }
 
-/// Serves until SIGINT or SIGTERM.
-pub(crate) fn run(arguments: Arguments) -> anyhow::Result<u8> {
-    let cell = arguments.cell.as_deref().map(Cell::read).transpose()?;
-    let base = match &cell {
+/// How to reach each router: those of `connect`, else that of the cell file, else that of this host.
+pub(super) fn buses(
+    cell: Option<&Cell>,
+    connect: Vec<String>,
+    domain: u32,
+) -> anyhow::Result<Vec<BusConfig>> {
+    let base = match cell {
         Some(cell) => {
             if cell.bus.transport != TransportName::Zenoh {
-                output::remark(
-                    "the dashboard reads Zenoh only: this cell speaks DDS and is not shown",
-                );
+                output::remark("only Zenoh is read: this cell speaks DDS and is not shown");
             }
             bus_config(cell, cell::policy::SCREEN)?
         }
         None => BusConfig {
-            domain_id: arguments.domain,
+            domain_id: domain,
             ..BusConfig::default()
         },
     };
-    let base = BusConfig {
-        transport: host::bus::Transport::Zenoh,
-        ..base
-    };
-    let endpoints = match (arguments.connect.is_empty(), &cell) {
-        (false, _) => arguments.connect,
+    let endpoints = match (connect.is_empty(), cell) {
+        (false, _) => connect,
         (true, Some(cell)) => vec![cell.bus.router_endpoint.clone()],
         (true, None) => vec![ROUTER_ENDPOINT.to_owned()],
     };
-    let buses: Vec<BusConfig> = endpoints
-        .into_iter()
-        .map(|one| BusConfig {
-            endpoints: vec![one],
-            ..base.clone()
-        })
-        .collect();
+    let buses = endpoints.into_iter().map(|one| BusConfig {
+        transport: host::bus::Transport::Zenoh,
+        endpoints: vec![one],
+        ..base.clone()
+    });
+    let buses: Vec<BusConfig> = buses.collect();
     for bus in &buses {
         bus.check()?;
     }
+    Ok(buses)
+}
+
+/// Serves until SIGINT or SIGTERM.
+pub(crate) fn run(arguments: Arguments) -> anyhow::Result<u8> {
+    let cell = arguments.cell.as_deref().map(Cell::read).transpose()?;
+    let buses = buses(cell.as_ref(), arguments.connect, arguments.domain)?;
     for folder in &arguments.recordings {
         std::fs::read_dir(folder).with_context(|| {
             format!("cannot read the folder of recordings {}", folder.display())

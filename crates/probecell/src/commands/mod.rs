@@ -41,3 +41,4 @@ pub(crate) mod secure;
 mod session_bag;
 pub(crate) mod status;
 pub(crate) mod stop;
+pub(crate) mod watch;

@@ -1,0 +1,115 @@
+//! The hall as text, for a terminal or a log.
+
+use graph::Stamp;
+
+use super::hall::{attention_of, doing, group};
+use super::numbers::silence;
+use crate::state::{CellState, Hall, wording};
+
+/// Columns of the table, and the least width of each.
+const COLUMNS: [(&str, usize); 6] = [
+    ("cell", 8),
+    ("state", 8),
+    ("part", 8),
+    ("last verdict", 12),
+    ("gap/noise", 9),
+    ("last word", 9),
+];
+
+/// A line for each cell, those that need a person first; below it what it needs, the corrections that wait with the command
+/// that decides on them, and the group of causes of its gap. `trouble`: what is wrong with the bus, empty when nothing is.
+pub fn hall_text(hall: &Hall, now: Stamp, trouble: &str) -> String {
+    let cells = hall.by_attention(now);
+    let rows: Vec<[String; 6]> = cells.iter().map(|cell| row(cell, now)).collect();
+    let mut widths = COLUMNS.map(|(name, least)| name.len().max(least));
+    for row in &rows {
+        for (width, text) in widths.iter_mut().zip(row) {
+            *width = (*width).max(text.chars().count());
+        }
+    }
+    let mut text = String::new();
+    let mut line = |words: &[String; 6]| {
+        let padded = words.iter().zip(widths).map(|(word, width)| {
+            let missing = width - word.chars().count().min(width);
+            format!("{word}{}", " ".repeat(missing))
+        });
+        let joined = padded.collect::<Vec<_>>().join("  ");
+        text.push_str(joined.trim_end());
+        text.push('\n');
+        text.len()
+    };
+    line(&COLUMNS.map(|(name, _)| name.to_owned()));
+    let mut ends = Vec::new();
+    for row in &rows {
+        ends.push(line(row));
+    }
+    // From the last, so that the places before stay what they are.
+    for (cell, end) in cells.iter().zip(ends).rev() {
+        text.insert_str(end, &below(cell, now));
+    }
+    if cells.is_empty() {
+        text = "no cell is on the bus\n".to_owned();
+    }
+    if hall.missed_total() > 0 {
+        text.push_str(&format!(
+            "{} messages did not arrive\n",
+            hall.missed_total()
+        ));
+    }
+    if !trouble.is_empty() {
+        text.push_str(trouble);
+        text.push('\n');
+    }
+    text
+}
+
+fn row(cell: &CellState, now: Stamp) -> [String; 6] {
+    let part = if cell.is_making() {
+        format!("{}, pass {}", cell.part.part_id, cell.part.pass_number + 1)
+    } else {
+        let last = cell.ended.back();
+        last.map_or_else(String::new, |part| {
+            format!("{}, {}", part.part_id, wording::part_end(part.verdict))
+        })
+    };
+    let verdict = cell.last_verdict.as_ref().map(|verdict| {
+        let word = wording::verdict(verdict.verdict);
+        let error = wording::micrometres(verdict.error);
+        format!("{} {word}, {error}", verdict.feature_id)
+    });
+    let (_, sign, _) = attention_of(cell.attention(now).0);
+    [
+        format!("{sign} {}", cell.name),
+        doing(cell, now),
+        part,
+        verdict.unwrap_or_default(),
+        cell.gap_ratio()
+            .map_or_else(String::new, |ratio| format!("{ratio:.1}")),
+        silence(cell.age_s(now)),
+    ]
+}
+
+fn below(cell: &CellState, now: Stamp) -> String {
+    let mut lines = Vec::new();
+    let (attention, why) = cell.attention(now);
+    if attention.needs_a_person() {
+        lines.push(why);
+    }
+    for entry in cell.waiting(now) {
+        let correction = &entry.correction;
+        let [from, to] =
+            [correction.previous_value, correction.new_value].map(wording::micrometres);
+        let id = &correction.correction_id;
+        lines.push(format!(
+            "{from} → {to}: probecell approve {id} --operator NAME"
+        ));
+    }
+    let group = group(cell);
+    if !group.is_empty() {
+        lines.push(format!("gap: {}", group.join(" or ")));
+    }
+    lines
+        .into_iter()
+        .map(|line| format!("    {line}\n"))
+        .collect()
+}

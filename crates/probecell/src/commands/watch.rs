@@ -1,0 +1,62 @@
+//! `probecell watch`: every cell of the bus on one screen.
+
+use std::{io::IsTerminal, path::PathBuf, sync::atomic::Ordering, time::Duration};
+
+use cell::Cell;
+
+use super::dashboard;
+use crate::{FAILED, GOOD, output, signals};
+
+/// How often the screen is drawn.
+const PERIOD: Duration = Duration::from_millis(500);
+/// How long cells may take to be heard with `--once`: latched topics come with the first exchange, `machine_state` ten times a
+/// second.
+const HEARD: Duration = Duration::from_secs(3);
+/// Clears the screen and goes to its upper left corner (ECMA-48).
+const CLEAR: &str = "\x1b[2J\x1b[H";
+
+/// What the user asks for.
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  \
+    probecell watch                                  cells of this host, drawn twice a second\n  \
+    probecell watch --once                           once, for a script: exit status 1 where a cell needs a person\n  \
+    probecell watch --connect tcp/10.0.0.5:7447      cells behind another router")]
+pub(crate) struct Arguments {
+    /// Router to read; may be repeated. Default: that of this host, or of --cell.
+    #[arg(long, value_name = "ENDPOINT")]
+    connect: Vec<String>,
+    /// ROS domain.
+    #[arg(long, default_value_t = 0)]
+    domain: u32,
+    /// Cell file whose router and Zenoh settings are used.
+    #[arg(long)]
+    cell: Option<PathBuf>,
+    /// Print what is heard within three seconds, then exit.
+    #[arg(long)]
+    once: bool,
+}
+
+/// Draws until SIGINT or SIGTERM, or once.
+pub(crate) fn run(arguments: Arguments) -> anyhow::Result<u8> {
+    let cell = arguments.cell.as_deref().map(Cell::read).transpose()?;
+    let buses = dashboard::buses(cell.as_ref(), arguments.connect, arguments.domain)?;
+    let end = signals::end_flag()?;
+    let is_drawn = std::io::stdout().is_terminal() && !arguments.once;
+    let period = if arguments.once { HEARD } else { PERIOD };
+    let mut needs_a_person = false;
+    ::dashboard::watch(buses, period, |hall, now, trouble| {
+        let text = ::dashboard::view::hall_text(hall, now, trouble);
+        if is_drawn {
+            output::bytes(CLEAR.as_bytes());
+        }
+        output::line(text.trim_end());
+        let mut cells = hall.cells();
+        needs_a_person = cells.any(|cell| cell.attention(now).0.needs_a_person());
+        !arguments.once && !end.load(Ordering::SeqCst)
+    })?;
+    Ok(if arguments.once && needs_a_person {
+        FAILED
+    } else {
+        GOOD
+    })
+}
