@@ -33,7 +33,8 @@ fn sealer(key: SecretKey) -> Sealer {
 
 fn verified(folder: &Path) -> Sealed {
     // Thousands of changed recordings hold the same seals: each signature is verified once.
-    static KNOWN: Mutex<BTreeMap<(Vec<u8>, Vec<u8>), bool>> = Mutex::new(BTreeMap::new());
+    type Known = BTreeMap<(Vec<u8>, Vec<u8>), bool>;
+    static KNOWN: Mutex<Known> = Mutex::new(BTreeMap::new());
     let key = key().public();
     let signed = |seal: &[u8], signature: &[u8]| {
         let mut known = KNOWN.lock().expect("no panic");

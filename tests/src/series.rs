@@ -13,7 +13,9 @@ const SCATTER: f64 = 1e-6;
 /// reads `step` more, m.
 pub fn series(log: &[Published], parts: usize, onset: usize, step: f64) -> Vec<Published> {
     let of = |topic: &'static str| log.iter().filter(move |one| one.topic == topic);
-    let planned = of(topics::INSPECTION_PLAN.name).last().expect("a plan");
+    let planned = of(topics::INSPECTION_PLAN.name)
+        .next_back()
+        .expect("a plan");
     let plan: InspectionPlan = from_cdr(&planned.payload).expect("a plan");
     let events: Vec<(&Published, ProbeEvent)> = of(topics::PROBE_EVENTS.name)
         .map(|one| (one, from_cdr::<ProbeEvent>(&one.payload).expect("an event")))
@@ -51,7 +53,9 @@ pub fn series(log: &[Published], parts: usize, onset: usize, step: f64) -> Vec<P
             // Scatter without a pattern (Weyl 1916).
             let uniform = ((part * 37 + number * 11 + 1) as f64 * 0.618_033_988_75).fract() - 0.5;
             let moved = if part >= onset { step } else { 0.0 };
-            event.axis_positions[0] += moved + SCATTER * uniform;
+            // Along X, which every touch of a turned part feels.
+            let x = event.axis_names.iter().position(|name| name == "X");
+            event.axis_positions[x.expect("an axis X")] += moved + SCATTER * uniform;
             push(published, to_cdr(&event));
         }
     }

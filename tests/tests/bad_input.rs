@@ -310,8 +310,16 @@ fn a_robot_description_that_is_no_machine_is_told_by_what_is_wrong() {
     let looped = "<joint name=\"again\" type=\"fixed\"><parent link=\"foundation\"/><child link=\"probe_mount\"/></joint></robot>";
     for (from, to, said) in [
         ("</robot>", looped, "loop"),
-        ("<link name=\"workpiece\"/>", "", "`workpiece`"),
-        ("<link name=\"X_link\"/>", "", "`X_link`"),
+        (
+            "<link name=\"workpiece\">",
+            "<link name=\"other\">",
+            "`workpiece`",
+        ),
+        (
+            "<link name=\"X_link\">",
+            "<link name=\"other\">",
+            "`X_link`",
+        ),
         ("<axis xyz=\"0 1 0\"/>", "<axis xyz=\"0 0 0\"/>", "`Y`"),
         ("<axis xyz=\"0 1 0\"/>", "<axis xyz=\"0 nan 0\"/>", "`Y`"),
         ("xyz=\"0.1 0 0\"", "xyz=\"inf 0 0\"", "`X`"),

@@ -223,13 +223,9 @@ fn coverage(id: &str, parameter: &str, truth: f64, errors: &str, joints: &str) {
             report.effects
         );
         if let Some([low, high]) = interval(&report, id, parameter) {
-            println!("{id} seed {seed}: {low:e} to {high:e}, planted {truth:e}");
             held += usize::from((low..=high).contains(&truth));
-        } else {
-            println!("{id} seed {seed}: {:#?}", report.effects);
         }
     }
-    println!("{id}: {held} of 4");
     assert!(
         held >= 3,
         "{id}: {held} of 4 intervals hold the planted value"

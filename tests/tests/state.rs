@@ -348,7 +348,7 @@ fn odd_joints() -> (Cell, Vec<Published>) {
                 states += 1;
                 let mut joints: JointState = from_cdr(&published.payload).expect("a state");
                 if states / 100 % 2 == 1 {
-                    joints.name[0] = "Q".to_owned();
+                    "Q".clone_into(&mut joints.name[0]);
                 }
                 published.payload = to_cdr(&joints);
             }

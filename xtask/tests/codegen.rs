@@ -90,7 +90,7 @@ fn every_interface_file_is_built_by_cmake_and_no_other() {
 /// Bare numbers carry no unit in their type, so the comment of each says it first.
 #[test]
 fn every_real_number_says_its_unit() {
-    const UNITS: [&str; 11] = [
+    const UNITS: [&str; 12] = [
         "m",
         "rad",
         "m or rad",
@@ -98,6 +98,7 @@ fn every_real_number_says_its_unit() {
         "rad/s",
         "s",
         "ratio",
+        "of 1,000 parts",
         "degree Celsius",
         "unit vector",
         "in parameter_units",

@@ -15,8 +15,6 @@ mod bus;
 mod files;
 mod operators;
 
-use std::collections::BTreeMap;
-
 use probecell_msgs::Correction;
 use trust::{KeyError as NotAKey, PublicKey, SecretKey, Signer};
 
@@ -89,7 +87,7 @@ impl Cell {
         let by_policy = (corrections.into_iter())
             .filter(|one| one.approval == Correction::APPROVAL_POLICY)
             .map(|one| (one.correction_id, one.signature));
-        self.trusted.signer = Signer::Recorded(BTreeMap::from_iter(by_policy));
+        self.trusted.signer = Signer::Recorded(by_policy.collect());
         self
     }
 

@@ -130,19 +130,19 @@ pub fn access_control(cell: &Cell) -> Result<Table, CellError> {
         .map(str::to_owned)
         .to_vec();
     let mut policy = Policy::default();
-    policy.rule("listen", &["ingress"], &LISTEN, everything.clone());
+    policy.rule("listen", &["ingress"], &LISTEN, &everything);
     // A query elsewhere is the call of a service.
     policy.rule(
         "fetch_late",
         &["ingress"],
         &["query"],
-        vec!["**/@adv/**".to_owned()],
+        &["**/@adv/**".to_owned()],
     );
-    policy.rule("be_told", &["egress"], &TOLD, everything.clone());
-    policy.rule("be_asked", &["egress"], &ALL, everything);
+    policy.rule("be_told", &["egress"], &TOLD, &everything);
+    policy.rule("be_asked", &["egress"], &ALL, &everything);
     // Who calls looks first whether anybody serves.
     let offers = ["**", "**/@adv/**"].map(str::to_owned).to_vec();
-    policy.rule("be_offered", &["egress"], &["declare_queryable"], offers);
+    policy.rule("be_offered", &["egress"], &["declare_queryable"], &offers);
     let services = |by: Option<&str>| -> Vec<String> {
         let served = SERVICES
             .iter()
@@ -151,7 +151,7 @@ pub fn access_control(cell: &Cell) -> Result<Table, CellError> {
             .map(|(name, _)| format!("{domain}/{}/{name}/**", cell.cell.name))
             .collect()
     };
-    policy.rule("call", &["ingress"], &["query"], services(None));
+    policy.rule("call", &["ingress"], &["query"], &services(None));
     let namespace = cell.namespace().replace('/', "%");
     for (user, topics) in productions(cell)? {
         let keys = topics.iter().flat_map(|topic| {
@@ -164,7 +164,7 @@ pub fn access_control(cell: &Cell) -> Result<Table, CellError> {
         // Session, node, entity, kind, enclave; then namespace and name, and of an endpoint its topic.
         keys.push(format!("@ros2_lv/{domain}/*/*/*/*/*/{namespace}/{user}/**"));
         let speaks = format!("speak_as_{user}");
-        policy.rule(&speaks, &["ingress"], &SPEAK, keys);
+        policy.rule(&speaks, &["ingress"], &SPEAK, &keys);
         policy.subject(
             &user,
             &["listen", "fetch_late", "be_told", "be_asked", &speaks],
@@ -179,13 +179,13 @@ pub fn access_control(cell: &Cell) -> Result<Table, CellError> {
         "show_reader",
         &["ingress"],
         &["liveliness_token"],
-        tokens(&["NN", "MS"]),
+        &tokens(&["NN", "MS"]),
     );
     policy.rule(
         "show_caller",
         &["ingress"],
         &["liveliness_token"],
-        tokens(&["NN", "MS", "SC"]),
+        &tokens(&["NN", "MS", "SC"]),
     );
     for user in [CONSOLE, ROS] {
         policy.subject(
@@ -213,13 +213,13 @@ struct Policy {
 }
 
 impl Policy {
-    fn rule(&mut self, id: &str, flows: &[&str], messages: &[&str], keys: Vec<String>) {
+    fn rule(&mut self, id: &str, flows: &[&str], messages: &[&str], keys: &[String]) {
         let mut rule = Table::new();
         rule.insert("id".to_owned(), id.into());
         rule.insert("permission".to_owned(), "allow".into());
         rule.insert("flows".to_owned(), list(flows));
         rule.insert("messages".to_owned(), list(messages));
-        rule.insert("key_exprs".to_owned(), list(&keys));
+        rule.insert("key_exprs".to_owned(), list(keys));
         self.rules.push(rule.into());
     }
 

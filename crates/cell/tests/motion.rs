@@ -17,7 +17,7 @@ fn estimate(name: &str, value: f64, unit: &str, half: f64) -> serde_json::Value 
 }
 
 /// A report that names these effects, as JSON of `probecell diagnose --channel time --json`.
-fn report(cell: &Cell, effects: serde_json::Value) -> Report {
+fn report(cell: &Cell, effects: &serde_json::Value) -> Report {
     let chain = cell.chain().unwrap();
     let machine = Machine::of(&cell.text().robot_description, chain.name());
     serde_json::from_value(serde_json::json!({
@@ -71,7 +71,7 @@ fn limits_are_declared_in_the_units_of_their_keys() {
             ]
         ),
     ]);
-    let adopted = adopt_motion(&cell, &report(&cell, found), &[]).unwrap();
+    let adopted = adopt_motion(&cell, &report(&cell, &found), &[]).unwrap();
     let after = Cell::from_text(CellText {
         cell: adopted.text.clone(),
         ..cell.text().clone()
@@ -115,7 +115,7 @@ fn of_a_group_one_is_picked() {
         &group,
         &[estimate("dwell", 0.1, "s", 0.01)]
     )]);
-    let report = report(&cell, found);
+    let report = report(&cell, &found);
     let refused = adopt_motion(&cell, &report, &[]).unwrap_err();
     assert!(
         matches!(refused, AdoptError::Indistinguishable { .. }),

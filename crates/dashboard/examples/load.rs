@@ -121,7 +121,7 @@ fn follow(address: &str) -> anyhow::Result<Arc<AtomicU64>> {
     let received = Arc::new(AtomicU64::new(0));
     let counted = Arc::clone(&received);
     std::thread::spawn(move || {
-        let mut block = [0; 65536];
+        let mut block = [0; 16384];
         while let Ok(read @ 1..) = stream.read(&mut block) {
             counted.fetch_add(read as u64, Ordering::Relaxed);
         }

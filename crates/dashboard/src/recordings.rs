@@ -29,7 +29,7 @@ pub(crate) enum RecordingError {
     #[error("there is no recording {0}")]
     Unknown(String),
     #[error("{0} cannot be read: {1}")]
-    Unreadable(String, bags::Error),
+    Unreadable(String, Box<bags::Error>),
 }
 
 /// The recordings of some folders.
@@ -134,7 +134,8 @@ impl Recordings {
         {
             return Ok(Arc::clone(known));
         }
-        let bag = bag.map_err(|error| RecordingError::Unreadable(name.to_owned(), error))?;
+        let bag =
+            bag.map_err(|error| RecordingError::Unreadable(name.to_owned(), Box::new(error)))?;
         open.retain(|one| one.path != path);
         if open.len() == OPEN {
             open.pop_front();

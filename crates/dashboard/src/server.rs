@@ -3,7 +3,7 @@
 mod answer;
 mod recorded;
 
-use std::future::Future;
+use std::future::{Future, Ready, ready};
 use std::io;
 
 use axum::Router;
@@ -104,14 +104,14 @@ async fn guarded(request: Request, next: Next) -> Response {
     response
 }
 
-async fn asset(kind: &'static str, content: &'static str) -> impl IntoResponse {
-    (
+fn asset(kind: &'static str, content: &'static str) -> Ready<impl IntoResponse> {
+    ready((
         [
             (header::CONTENT_TYPE, kind),
             (header::CACHE_CONTROL, "no-cache"),
         ],
         content,
-    )
+    ))
 }
 
 async fn hall(State(shared): State<Shared>, RawQuery(query): RawQuery) -> Response {

@@ -111,7 +111,10 @@ pub(crate) fn stream(
             if client.begun {
                 tokio::time::sleep(ROUND).await;
                 // The sender lives as long as the server.
-                drop(tokio::time::timeout(IDLE - ROUND, client.changes.changed()).await);
+                drop(
+                    tokio::time::timeout(IDLE.saturating_sub(ROUND), client.changes.changed())
+                        .await,
+                );
             }
             client.begun = true;
             client.changes.mark_unchanged();

@@ -279,7 +279,7 @@ fn a_cell_is_stale_when_it_is_silent_and_forgotten_when_it_has_left() {
             "/lathe/machine_state",
             &probecell_msgs::to_cdr(&probecell_msgs::MachineState::default()),
             at,
-        )
+        );
     };
     says(&mut hall, at);
     let none = std::collections::BTreeSet::new();

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use bags::Bag;
-use dashboard::state::Hall;
+use dashboard::state::{Hall, read_topics};
 use dashboard::view::hall_text;
 use graph::Stamp;
 use probecell_msgs::{Correction, to_cdr};
@@ -16,15 +16,13 @@ fn hall(until_s: f64) -> (Hall, Stamp, String) {
     for message in bag.messages() {
         let message = message.expect("a message");
         let at = Stamp(message.log_time as i64);
-        if at.since_s(begin) <= until_s {
-            let topic = &message.channel.topic;
+        let topic = &message.channel.topic;
+        let read = (read_topics().iter()).any(|one| topic.ends_with(&format!("/{}", one.name)));
+        if read && at.since_s(begin) <= until_s {
             hall.apply(topic, &message.payload, at);
             last = at;
-            cell = topic[1..]
-                .split('/')
-                .next()
-                .expect("a namespace")
-                .to_owned();
+            let namespace = topic[1..].split('/').next();
+            namespace.expect("a namespace").clone_into(&mut cell);
         }
     }
     (hall, last, cell)

@@ -65,8 +65,11 @@ pub struct Limit {
     pub tried: Vec<f64>,
     /// Least and largest value.
     pub range: [f64; 2],
-    set: Box<dyn Fn(&mut Motion, f64)>,
+    set: Setter,
 }
+
+/// Makes a motion model keep a value.
+type Setter = Box<dyn Fn(&mut Motion, f64)>;
 
 impl Limit {
     /// Makes a motion model keep this value.

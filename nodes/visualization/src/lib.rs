@@ -12,6 +12,7 @@
 //! |---|---|
 //! | `joint_states`, `inspection_plan` | `tf`, `tf_static` (tf2_msgs/TFMessage) |
 //! | `inspection_plan`, `measurement_order`, `touch_deviations`, `verdicts` | `touch_markers` (visualization_msgs/MarkerArray) |
+//! | | `visualization/faults`: `joints_not_usable` |
 //!
 //! *Frames* are the links of the robot description, as `robot_state_publisher` gives them, at 20 Hz at most; `part` is the
 //! nominal frame of the part below `workpiece`, `stylus` the nominal centre of the ball below `probe_mount`. They are the cell's

@@ -35,8 +35,11 @@ pub(crate) struct Shared {
     pub(crate) clients: Clients,
     /// One page of a report at a time.
     pub(crate) making: Arc<Semaphore>,
-    pub(crate) made: Arc<Mutex<Vec<(PathBuf, &'static str, u64, String)>>>,
+    pub(crate) made: Arc<Mutex<Vec<Made>>>,
 }
+
+/// A page of a report: of which file, which kind, how old the file is, its text.
+pub(crate) type Made = (PathBuf, &'static str, u64, String);
 
 /// A page as an answer.
 pub(super) fn page(markup: maud::Markup) -> Response {

@@ -52,7 +52,7 @@ impl CellState {
                 self.changed(&[Section::State, Section::Order]);
                 None
             }
-            n if n == topics::TOUCH_DEVIATIONS.name => self.touched(&read(bytes)?, at),
+            n if n == topics::TOUCH_DEVIATIONS.name => Some(self.touched(&read(bytes)?, at)),
             n if n == topics::FEATURE_RESULTS.name => self.resulted(read(bytes)?),
             n if n == topics::VERDICTS.name => self.judged(read(bytes)?),
             n if n == topics::PASS_DECISIONS.name => self.decided(read(bytes)?),
@@ -69,8 +69,8 @@ impl CellState {
                 self.recording = Some(status);
                 None
             }
-            n if n == topics::LOSS_REPORTS.name => self.lost(read(bytes)?, at),
-            n if n.ends_with("/faults") => self.failed(read(bytes)?, at),
+            n if n == topics::LOSS_REPORTS.name => Some(self.lost(read(bytes)?, at)),
+            n if n.ends_with("/faults") => Some(self.failed(read(bytes)?, at)),
             _ => None,
         }
     }
@@ -159,7 +159,7 @@ impl CellState {
         None
     }
 
-    fn touched(&mut self, touch: &TouchDeviation, at: Stamp) -> Happened {
+    fn touched(&mut self, touch: &TouchDeviation, at: Stamp) -> (EventKind, String) {
         self.touch_count += 1;
         let known = self
             .plan
@@ -183,7 +183,7 @@ impl CellState {
             );
             self.changed(&[Section::Part, Section::Order]);
         }
-        Some((
+        (
             EventKind::Touch,
             format!(
                 "point {} of {}: {}",
@@ -191,7 +191,7 @@ impl CellState {
                 feature.as_deref().unwrap_or(&touch.plan_id),
                 wording::micrometres(touch.deviation)
             ),
-        ))
+        )
     }
 
     fn resulted(&mut self, result: FeatureResult) -> Happened {
@@ -310,21 +310,21 @@ impl CellState {
         Some((EventKind::Gap, text))
     }
 
-    fn lost(&mut self, loss: LossReport, at: Stamp) -> Happened {
+    fn lost(&mut self, loss: LossReport, at: Stamp) -> (EventKind, String) {
         if !loss.recovered {
             self.lost += loss.count;
         }
         let text = format!("{} messages of {}", loss.count, loss.topic);
         push(&mut self.losses, (at, loss), TROUBLES);
         self.changed(&[Section::Faults]);
-        Some((EventKind::Loss, text))
+        (EventKind::Loss, text)
     }
 
-    fn failed(&mut self, fault: Fault, at: Stamp) -> Happened {
+    fn failed(&mut self, fault: Fault, at: Stamp) -> (EventKind, String) {
         let text = format!("{}: {}", fault.node, fault.text);
         push(&mut self.faults, (at, fault), TROUBLES);
         self.changed(&[Section::Faults, Section::State]);
-        Some((EventKind::Fault, text))
+        (EventKind::Fault, text)
     }
 }
 

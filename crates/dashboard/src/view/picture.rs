@@ -319,7 +319,7 @@ mod tests {
             assert!(
                 found.iter().zip(told).all(|(a, b)| (a - b).abs() < 1e-12),
                 "{found:?}"
-            )
+            );
         };
         let side = View::of(Some(0.0), Some(0.0));
         close(side.project([0.0, 1.0, 0.0]), [1.0, 0.0, 0.0]);

@@ -40,7 +40,7 @@ pub fn sessions_page(all: &[Listed], folders: usize) -> Markup {
             @for one in all {
                 li {
                     h2 { a href={ "/session/" (one.name) } { (one.name) } }
-                    p { @if let Some((begin, end)) = one.bounds { (date(*&begin)) ", " (span(end.since_s(begin))) ", " } (format!("{:.1} MB", one.bytes as f64 / 1e6)) }
+                    p { @if let Some((begin, end)) = one.bounds { (date(begin)) ", " (span(end.since_s(begin))) ", " } (format!("{:.1} MB", one.bytes as f64 / 1e6)) }
                     @if !one.trouble.is_empty() { p.mark { (one.trouble) } }
                     p.actions { (links(one)) }
                 }

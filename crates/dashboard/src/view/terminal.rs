@@ -48,13 +48,15 @@ pub fn hall_text(hall: &Hall, now: Stamp, trouble: &str) -> String {
         text.insert_str(end, &below(cell, now));
     }
     if cells.is_empty() {
-        text = "no cell is on the bus\n".to_owned();
+        "no cell is on the bus\n".clone_into(&mut text);
     }
     if hall.missed_total() > 0 {
-        text.push_str(&format!(
-            "{} messages did not arrive\n",
-            hall.missed_total()
-        ));
+        let missed = hall.missed_total();
+        text.push_str(&missed.to_string());
+        text.push_str(
+            " messages did not arrive
+",
+        );
     }
     if !trouble.is_empty() {
         text.push_str(trouble);
@@ -108,8 +110,11 @@ fn below(cell: &CellState, now: Stamp) -> String {
     if !group.is_empty() {
         lines.push(format!("gap: {}", group.join(" or ")));
     }
-    lines
-        .into_iter()
-        .map(|line| format!("    {line}\n"))
-        .collect()
+    let mut text = String::new();
+    for line in lines {
+        text.push_str("    ");
+        text.push_str(&line);
+        text.push('\n');
+    }
+    text
 }

@@ -66,8 +66,9 @@ mod tests {
             (limit.effect.as_str(), limit.declared),
             ("motion.X.jerk", Some(50.0))
         );
-        // a·(1/j′ − 1/j) = 2·(1/25 − 1/50) = 0.04 s for each move that reaches top speed.
+        // a·(1/j′ − 1/j) = 2·(1/25 − 1/50) = 0.04 s for each move that holds its acceleration. One that does not takes
+        // ∛(32·d/j), which is less than 0.05 s more for d ≥ 10 mm; at most three moves, and ramps of less than 0.01 s.
         let longest = longer(limit, 25.0).into_iter().fold(0.0, f64::max);
-        assert!(longest > 0.079 && longest < 0.125, "{longest}");
+        assert!(longest > 0.079 && longest < 0.16, "{longest}");
     }
 }

@@ -21,10 +21,14 @@ const PERIOD: Duration = Duration::from_millis(50);
 /// What the user asks for.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  \
-    probecell dashboard                                         cells of this host, and ./recordings\n  \
-    probecell dashboard --listen 0.0.0.0:7480                   reachable from tablets; there is no password: trusted networks only\n  \
+    Cells of this host, and ./recordings:\n    \
+    probecell dashboard\n  \
+    Reachable from tablets; there is no password, so on trusted networks only:\n    \
+    probecell dashboard --listen 0.0.0.0:7480\n  \
+    Cells behind other routers:\n    \
     probecell dashboard --connect tcp/10.0.0.5:7447 --connect tcp/10.0.0.6:7447\n  \
-    probecell dashboard --cell launch-scripts/turn_mill.toml    with the router, user and TLS settings of a cell file\n\n\
+    With the router, user and TLS settings of a cell file:\n    \
+    probecell dashboard --cell launch-scripts/turn_mill.toml\n\n\
     Pages: / (hall), /?wall, /cell/NAME, /sessions, /session/NAME?t=SECONDS, /compare?a=A&b=B, /metrics (Prometheus).")]
 pub(crate) struct Arguments {
     /// Address to listen on; port 0 takes a free one.

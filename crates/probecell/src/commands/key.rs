@@ -1,6 +1,6 @@
 //! `probecell key`: the keys of the operators of a cell.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use cell::{
     Cell,
@@ -72,7 +72,7 @@ pub(crate) fn run(command: &Command) -> anyhow::Result<u8> {
     Ok(GOOD)
 }
 
-fn folder(cell: &PathBuf) -> anyhow::Result<KeyFolder> {
+fn folder(cell: &Path) -> anyhow::Result<KeyFolder> {
     Ok(KeyFolder::of(&Cell::read(cell)?)?)
 }
 

@@ -18,9 +18,12 @@ const CLEAR: &str = "\x1b[2J\x1b[H";
 /// What the user asks for.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  \
-    probecell watch                                  cells of this host, drawn twice a second\n  \
-    probecell watch --once                           once, for a script: exit status 1 where a cell needs a person\n  \
-    probecell watch --connect tcp/10.0.0.5:7447      cells behind another router")]
+    Cells of this host, drawn twice a second:\n    \
+    probecell watch\n  \
+    Once, for a script; exit status 1 where a cell needs a person:\n    \
+    probecell watch --once\n  \
+    Cells behind another router:\n    \
+    probecell watch --connect tcp/10.0.0.5:7447")]
 pub(crate) struct Arguments {
     /// Router to read; may be repeated. Default: that of this host, or of --cell.
     #[arg(long, value_name = "ENDPOINT")]

@@ -119,13 +119,16 @@ impl Health {
         };
         let mut values = vec![
             value("program", &machine.program),
-            value("tool_number", machine.tool_number),
-            value("feed_override", machine.feed_override),
-            value("machine_state rate [Hz]", format!("{rate:.1}")),
+            value("tool_number", &machine.tool_number),
+            value("feed_override", &machine.feed_override),
+            value("machine_state rate [Hz]", &format!("{rate:.1}")),
         ];
         let temperatures = machine.temperature_names.iter().zip(&machine.temperatures);
         values.extend(temperatures.map(|(name, degrees)| {
-            value(&format!("temperature {name} [°C]"), format!("{degrees:.2}"))
+            value(
+                &format!("temperature {name} [°C]"),
+                &format!("{degrees:.2}"),
+            )
         }));
         values.extend(machine.alarms.iter().map(|alarm| value("alarm", alarm)));
         (level, execution.to_owned(), values)
@@ -149,7 +152,7 @@ impl Health {
         };
         let topics = self.lost.iter().take(NAMED);
         let mut values: Vec<_> = topics.map(|(topic, count)| value(topic, count)).collect();
-        values.push(value("recovered", self.recovered));
+        values.push(value("recovered", &self.recovered));
         (level, text, values)
     }
 
@@ -177,19 +180,19 @@ fn of_gap(gap: &GapReport) -> Entry {
     };
     let mut values = vec![
         value("plan_id", &gap.plan_id),
-        value("rms [µm]", format!("{:.2}", gap.rms * 1e6)),
-        value("noise floor [µm]", format!("{:.2}", gap.noise_floor * 1e6)),
-        value("ratio", format!("{:.2}", gap.rms / gap.noise_floor)),
+        value("rms [µm]", &format!("{:.2}", gap.rms * 1e6)),
+        value("noise floor [µm]", &format!("{:.2}", gap.noise_floor * 1e6)),
+        value("ratio", &format!("{:.2}", gap.rms / gap.noise_floor)),
     ];
     values.extend(gap.effects.iter().map(|effect| {
         let mut group = vec![effect.effect.clone()];
         group.extend(effect.indistinguishable_from.iter().cloned());
-        value("effect", group.join(" or "))
+        value("effect", &group.join(" or "))
     }));
     (level, text.to_owned(), values)
 }
 
-fn value(key: &str, value: impl ToString) -> KeyValue {
+fn value(key: &str, value: &(impl ToString + ?Sized)) -> KeyValue {
     KeyValue {
         key: key.to_owned(),
         value: value.to_string(),
