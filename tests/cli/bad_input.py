@@ -939,8 +939,8 @@ URDFS = {
     "loop": (replaced('<parent link="foundation"/><child link="Z_link"/>', '<parent link="probe_mount"/><child link="Z_link"/>'), "loop|foundation"),
     "planar_joint": (replaced('type="prismatic"', 'type="planar"'), "planar"),
     "axis_of_no_length": (replaced('<axis xyz="0 0 1"/>', '<axis xyz="0 0 0"/>'), "axis"),
-    "nested_without_end": (replaced('<link name="foundation"/>', '<link name="foundation"/>' + "<link>" * 100_000), "more than 100"),
-    "links_without_end": (replaced('<link name="foundation"/>', '<link name="foundation"/>' + "".join(f'<link name="l{i}"/><joint name="j{i}" type="fixed"><parent link="{f"l{i - 1}" if i else "foundation"}"/><child link="l{i}"/></joint>' for i in range(200_000))), "more than 16777216|more than 2000"),
+    "nested_without_end": (replaced('<link name="workpiece">', "<link>" * 100_000 + '<link name="workpiece">'), "more than 100"),
+    "links_without_end": (replaced('<link name="workpiece">', "".join(f'<link name="l{i}"/><joint name="j{i}" type="fixed"><parent link="{f"l{i - 1}" if i else "foundation"}"/><child link="l{i}"/></joint>' for i in range(200_000)) + '<link name="workpiece">'), "more than 16777216|more than 2000"),
     "not_a_number": (replaced('xyz="0 0 0.2"', 'xyz="0 0 nan"'), "origin"),
 }
 for word, (change, about) in URDFS.items():

@@ -3,14 +3,18 @@
 
 use graph::{Published, topics};
 use probecell_msgs::{InspectionPlan, ProbeEvent, from_cdr, to_cdr};
+use rand_pcg::{
+    Pcg32,
+    rand_core::{RngCore, SeedableRng},
+};
 
 /// Time between two parts, s.
 const PERIOD: f64 = 100.0;
-/// How far the readings of the first axis differ from part to part, m.
+/// Standard deviation of the readings of X from touch to touch, m.
 const SCATTER: f64 = 1e-6;
 
-/// The last plan of `log` with its touches as the measurements of `parts` parts. From part `onset` (from 0) on the first axis
-/// reads `step` more, m.
+/// The last plan of `log` with its touches as the measurements of `parts` parts. From part `onset` (from 0) on X reads `step`
+/// more, m.
 pub fn series(log: &[Published], parts: usize, onset: usize, step: f64) -> Vec<Published> {
     let of = |topic: &'static str| log.iter().filter(move |one| one.topic == topic);
     let planned = of(topics::INSPECTION_PLAN.name)
@@ -26,6 +30,7 @@ pub fn series(log: &[Published], parts: usize, onset: usize, step: f64) -> Vec<P
         .cloned()
         .collect();
     let mut sequence = 0;
+    let mut rng = Pcg32::seed_from_u64(1);
     for part in 0..parts {
         let later = PERIOD * part as f64;
         let id = format!("part {part}/finish/1");
@@ -43,19 +48,20 @@ pub fn series(log: &[Published], parts: usize, onset: usize, step: f64) -> Vec<P
             });
         };
         push(planned, to_cdr(&own));
-        for (number, (published, event)) in events.iter().enumerate() {
+        for (published, event) in &events {
             let mut event = ProbeEvent {
                 plan_id: id.clone(),
                 ..event.clone()
             };
             event.sequence += (part * events.len()) as u64;
             event.header.stamp.sec += later as i32;
-            // Scatter without a pattern (Weyl 1916).
-            let uniform = ((part * 37 + number * 11 + 1) as f64 * 0.618_033_988_75).fract() - 0.5;
+            // Nearly normal, of variance 1: the sum of twelve uniform numbers.
+            let scatter = (0..12).map(|_| f64::from(rng.next_u32()) / 2_f64.powi(32) - 0.5);
+            let scatter: f64 = scatter.sum();
             let moved = if part >= onset { step } else { 0.0 };
             // Along X, which every touch of a turned part feels.
             let x = event.axis_names.iter().position(|name| name == "X");
-            event.axis_positions[x.expect("an axis X")] += moved + SCATTER * uniform;
+            event.axis_positions[x.expect("an axis X")] += moved + SCATTER * scatter;
             push(published, to_cdr(&event));
         }
     }

@@ -2,6 +2,7 @@
 
 use std::{io::IsTerminal, path::PathBuf, sync::atomic::Ordering, time::Duration};
 
+use ::dashboard::{view::hall_text, watch};
 use cell::Cell;
 
 use super::dashboard;
@@ -47,8 +48,8 @@ pub(crate) fn run(arguments: Arguments) -> anyhow::Result<u8> {
     let is_drawn = std::io::stdout().is_terminal() && !arguments.once;
     let period = if arguments.once { HEARD } else { PERIOD };
     let mut needs_a_person = false;
-    ::dashboard::watch(buses, period, |hall, now, trouble| {
-        let text = ::dashboard::view::hall_text(hall, now, trouble);
+    watch(buses, period, |hall, now, trouble| {
+        let text = hall_text(hall, now, trouble);
         if is_drawn {
             output::bytes(CLEAR.as_bytes());
         }
