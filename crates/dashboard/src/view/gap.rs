@@ -41,7 +41,7 @@ fn in_full(report: &Report) -> Markup {
                     li {
                         (capital(&vocabulary::describe(one))) " " code { (one) }
                         @for parameter in parameters(report, number, one) {
-                            small { (parameter) }
+                            " " small { (parameter) }
                         }
                         @if group.len() == 1 && let Some(remedy) = vocabulary::remedy(one) { p.remedy { b { "Remedy" } " " (remedy) } }
                     }

@@ -2,10 +2,12 @@
 
 use graph::Stamp;
 
-/// mm to a thousandth.
+/// mm to a tenth of a micrometre.
 pub(super) fn mm(metres: f64) -> String {
     if metres.is_finite() {
-        format!("{:.4}", metres * 1e3 + 0.0).replace('-', "−")
+        // Rounded first: a negative zero is none.
+        let value = (metres * 1e7).round() / 1e4 + 0.0;
+        format!("{value:.4}").replace('-', "−")
     } else {
         "no value".to_owned()
     }
