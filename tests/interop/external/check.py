@@ -230,10 +230,12 @@ def a_template_conforms(folder, name):
         )
     else:
         # It joins a router that is there.
-        with running(BINARY, "router", folder=folder) as router, running(*program, folder=folder):
-            told = subprocess.run(
-            command, cwd=folder, capture_output=True, text=True, timeout=2 * PATIENCE, env=with_keys(folder)
-        )
+        with running(BINARY, "router", folder=folder) as router:
+            router.says("listens on")
+            with running(*program, folder=folder):
+                told = subprocess.run(
+                    command, cwd=folder, capture_output=True, text=True, timeout=2 * PATIENCE, env=with_keys(folder)
+                )
             assert router.process.poll() is None, router.lines
     assert told.returncode == 0 and "WRONG" not in told.stdout, (told.stdout, told.stderr)
 
