@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """What the command line does beside a running cell: processes that are killed, recordings that are played, access control.
 
-    live.py PROBECELL
+    live.py PROBECELL [CHECK...]
 
 Runs in a network namespace of its own (the router's port is taken). The witness on the bus is eclipse-zenoh; nothing of
 ours reads for it.
@@ -12,7 +12,9 @@ import json
 import os
 import pathlib
 import re
+import shutil
 import signal
+import socket
 import struct
 import subprocess
 import sys
@@ -21,6 +23,7 @@ import threading
 import time
 
 import zenoh
+from mcap.reader import make_reader
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 CELL = ROOT / "launch-scripts" / "turn_mill.toml"
@@ -439,6 +442,127 @@ def the_documented_policy_lets_the_cell_work_and_nobody_else_command_it(folder):
     assert not any(b"secret of" in file.read_bytes() for file in bag.iterdir())
 
 
+def own_session():
+    """A session of another program of the same user, by the private socket."""
+    (path,) = STATE.glob("probecell/bus/*.socket")
+    config = zenoh.Config()
+    config.insert_json5("mode", '"client"')
+    config.insert_json5("connect/endpoints", json.dumps([f"unixsock-stream/{path}"]))
+    return zenoh.open(config)
+
+
+def a_stranger_reads_and_commands_nothing(folder):
+    """Out of the box: a stranger tries every topic, service and announcement of the cell that runs."""
+    forged = b"forged by a stranger"
+    attachment = struct.pack("<qqB", 1, 1, 16) + bytes(16)
+    cell = own_cell(folder, lambda text: text.replace("duration_s = 8.0", "duration_s = 2.0"))
+    with cell_that_is_ready(cell, folder) as up, visitor() as stranger, own_session() as own:
+        read, inside = set(), set()
+        stranger.declare_subscriber("0/turn_mill/**", lambda sample: read.add(str(sample.key_expr).split("/")[2]))
+        own.declare_subscriber("0/**", lambda sample: inside.add((str(sample.key_expr), bytes(sample.payload))))
+        announced = []
+        own.liveliness().declare_subscriber("@ros2_lv/**", lambda sample: announced.append(str(sample.key_expr)))
+        tokens = [str(reply.ok.key_expr).split("/") for reply in stranger.liveliness().get("@ros2_lv/0/**") if reply.ok]
+        topics = {(one[9], one[10], one[11]) for one in tokens if one[5] in ("MP", "MS")}
+        services = {(one[9], one[10], one[11]) for one in tokens if one[5] == "SS"}
+        nodes = {one[8] for one in tokens}
+        assert len(topics) > 50 and len(services) == 7 and {"machine_state", "operator", "recorder"} <= nodes, (topics, services, nodes)
+        code, output, errors = asked("run", "punch", "--cell", cell, folder=folder)
+        assert code == 0, (output, errors)
+        until("a touch", lambda: "probe_events" in read)
+        for name, kind, digest in topics:
+            key = "0" + name.replace("%", "/") + f"/{kind}/{digest}"
+            stranger.put(key, forged, attachment=attachment)
+            stranger.delete(key, attachment=attachment)
+            stranger.liveliness().declare_token(f"@ros2_lv/0/forged/0/1/MP/%/%turn_mill/machine_state/{name}/{kind}/{digest}/:,:,:,:,,")
+        answered = set()
+        for name, kind, digest in services:
+            key = "0" + name.replace("%", "/") + f"/{kind}/{digest}"
+            if any(reply.ok for reply in stranger.get(key, payload=bytes([0, 1, 0, 0, 0]), attachment=attachment, timeout=3.0)):
+                answered.add(name)
+        assert answered == {"%turn_mill%status"}, answered
+        until("the end of the part", lambda: "part punch: qualified" in up.stdout.readline())
+        wanted = {"machine_state", "corrections", "part_reports", "probe_events", "verdicts", "joint_states"}
+        until("what a stranger may see", lambda: read >= wanted)
+        # What was said before the end of the part has arrived by now.
+        told = list(inside)
+        assert not any(payload == forged for _, payload in told) and len(told) > 100
+        assert not any("/forged/" in key for key in list(announced)), announced
+        assert not status(cell, folder)["faults"]
+    (bag,) = (folder / "recordings").glob("*")
+    messages = 0
+    for file in bag.glob("*.mcap"):
+        with open(file, "rb") as stream:
+            for _, _, message in make_reader(stream).iter_messages():
+                messages += 1
+                assert forged not in message.data
+    assert messages > 1000, messages
+    code, output, errors = asked("replay", bag, folder=folder)
+    assert code == 0, (output, errors)
+
+
+def another_user_reads_and_commands_nothing(folder):
+    """As a user without rights: the socket cannot be opened, commands are refused, and a cell of its own is told why."""
+    nobody = {"user": 65534, "group": 65534, "extra_groups": []}
+    theirs = folder / "theirs"
+    theirs.mkdir()
+    os.chown(theirs, 65534, 65534)
+    cell = own_cell(folder)
+    other = own_cell(theirs, lambda text: text.replace('name = "turn_mill"', 'name = "other"', 1))
+    # Everybody may enter the folders above that of the socket.
+    for path in (folder.parent, folder, STATE, STATE / "probecell"):
+        path.mkdir(exist_ok=True)
+        path.chmod(0o755)
+    state = folder.parent / "theirs"  # a path that a socket can have
+    state.mkdir()
+    os.chown(state, 65534, 65534)
+    environment = {"HOME": str(theirs), "XDG_STATE_HOME": str(state), "PATH": os.environ["PATH"]}
+    # The program itself may lie where only its builder can read.
+    program = shutil.copy(BINARY, theirs / "probecell")
+    # A socket that everybody may open: it is not for something else that they are refused.
+    control = theirs / "control.socket"
+    listening = socket.socket(socket.AF_UNIX)
+    listening.bind(str(control))
+    control.chmod(0o777)
+    listening.listen()
+
+    def refused_as_nobody(path):
+        child = os.fork()
+        if child == 0:
+            code = 2
+            try:
+                os.setgroups([])
+                os.setgid(65534)
+                os.setuid(65534)
+                socket.socket(socket.AF_UNIX).connect(str(path))
+                code = 0
+            except PermissionError:
+                code = 1
+            finally:
+                os._exit(code)
+        code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+        assert code in (0, 1), code
+        return code == 1
+
+    def as_nobody(*words):
+        told = subprocess.run(list(map(str, words)), cwd=theirs, capture_output=True, text=True, timeout=PATIENCE, env=environment, **nobody)
+        return told.returncode, told.stdout, told.stderr
+
+    with cell_that_is_ready(cell, folder) as up:
+        (path,) = STATE.glob("probecell/bus/*.socket")
+        assert path.parent.stat().st_mode & 0o777 == 0o700
+        assert refused_as_nobody(path) and not refused_as_nobody(control), path
+        code, output, errors = as_nobody(program, "status", "--cell", cell)
+        assert code == 0 and "turn_mill" in output, (code, output, errors)
+        for words in (["run", "theirs"], ["stop"], ["recording", "stop"]):
+            code, output, errors = as_nobody(program, *words, "--cell", cell)
+            assert code == 1 and "lets this one read only" in output + errors, (words, code, output, errors)
+        code, output, errors = as_nobody(program, "up", other)
+        assert code == 2 and "lets this one read only" in errors, (code, output, errors)
+        assert status(cell, folder)["part"] is None and recorded(folder).get("run_requests", 0) == 0, recorded(folder)
+        assert recorded(folder).get("stop_requests", 0) == 0
+
+
 def a_secured_cell_works_and_nobody_else_speaks(folder):
     cell = own_cell(folder, lambda text: text.replace("duration_s = 8.0", "duration_s = 2.0").replace('name = "turn_mill"', 'name = "secured"', 1))
     code, output, errors = asked("secure", cell, "--out", folder / "sessions", folder=folder)
@@ -491,6 +615,9 @@ def main():
         global KEYS  # keys of these tests, not of whoever runs them
         KEYS = pathlib.Path(scratch) / "config"
         os.environ["XDG_CONFIG_HOME"] = str(KEYS)
+        global STATE
+        STATE = pathlib.Path(scratch) / "state"
+        os.environ["XDG_STATE_HOME"] = str(STATE)
         folders = {}
         for check in (
             the_part_of_a_killed_cycle_is_reported, a_killed_gate_stops_the_part, access_control_binds_processes_of_one_machine,
@@ -499,12 +626,17 @@ def main():
             a_paused_cycle_starts_nothing_late, the_same_cell_is_not_started_twice_and_another_outlives_its_router,
             a_wall_clock_set_back_is_a_recorded_fault,
             corrections_are_approved_by_signature_and_a_withdrawn_key_is_refused,
-            a_secured_cell_works_and_nobody_else_speaks,
+            a_secured_cell_works_and_nobody_else_speaks, a_stranger_reads_and_commands_nothing,
+            another_user_reads_and_commands_nothing,
         ):
+            if WANTED and check.__name__ not in WANTED:
+                continue
             folders[check] = pathlib.Path(scratch) / check.__name__
             folders[check].mkdir()
             check(folders[check])
             print(f"ok  {check.__name__.replace('_', ' ')}", flush=True)
+        if WANTED:
+            return
         folder = folders[a_killed_gate_stops_the_part]
         (bag,) = (folder / "recordings").glob("*")
         for check in (what_asks_is_not_played, playing_ends_when_told, a_running_cell_keeps_its_names_and_records_on_demand):
@@ -515,5 +647,5 @@ def main():
 if __name__ == "__main__":
     if len(sys.argv) < 2:
         raise SystemExit(__doc__)
-    BINARY = str(pathlib.Path(sys.argv[1]).resolve())
+    BINARY, WANTED = str(pathlib.Path(sys.argv[1]).resolve()), sys.argv[2:]
     main()

@@ -42,6 +42,7 @@ mod numbers;
 pub mod policy;
 pub mod secrets;
 mod sections;
+pub mod strangers;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -59,7 +60,7 @@ pub use model::{AdoptError, Adopted, ModelSection, adopt, remove};
 pub use motion::{AdoptedMotion, adopt_motion, motion_of_text};
 pub use nodes::{NodeEntry, Site};
 pub use sections::{
-    ApprovalsSection, BusSection, CellSection, RecorderSection, TransportName,
+    ApprovalsSection, BusSection, CellSection, RecorderSection, Strangers, TransportName,
     domain_of_environment,
 };
 

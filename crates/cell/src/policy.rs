@@ -48,15 +48,15 @@ pub const SERVICES: [(&str, &str); 7] = [
 ];
 
 /// Messages by which somebody is told something.
-const TOLD: [&str; 4] = ["put", "delete", "reply", "liveliness_token"];
+pub(crate) const TOLD: [&str; 4] = ["put", "delete", "reply", "liveliness_token"];
 /// Messages by which somebody listens.
-const LISTEN: [&str; 3] = [
+pub(crate) const LISTEN: [&str; 3] = [
     "declare_subscriber",
     "liveliness_query",
     "declare_liveliness_subscriber",
 ];
 /// Messages by which a producer speaks, and serves what a link has dropped.
-const SPEAK: [&str; 5] = [
+pub(crate) const SPEAK: [&str; 5] = [
     "put",
     "delete",
     "declare_queryable",
@@ -64,7 +64,7 @@ const SPEAK: [&str; 5] = [
     "liveliness_token",
 ];
 /// Every message.
-const ALL: [&str; 9] = [
+pub(crate) const ALL: [&str; 9] = [
     "put",
     "delete",
     "query",
@@ -75,6 +75,9 @@ const ALL: [&str; 9] = [
     "liveliness_query",
     "declare_liveliness_subscriber",
 ];
+
+/// Keys of data and services, of what is fetched late, and of discovery.
+pub(crate) const EVERYTHING: [&str; 3] = ["**", "**/@adv/**", "@ros2_lv/**"];
 
 /// Users of a secured cell.
 pub fn users(cell: &Cell) -> Result<Vec<String>, CellError> {
@@ -126,9 +129,7 @@ pub fn productions(cell: &Cell) -> Result<BTreeMap<String, Vec<String>>, CellErr
 /// The section `access_control` of the router of a secured cell.
 pub fn access_control(cell: &Cell) -> Result<Table, CellError> {
     let domain = cell.setting(cell.bus.domain())?;
-    let everything = ["**", "**/@adv/**", "@ros2_lv/**"]
-        .map(str::to_owned)
-        .to_vec();
+    let everything = EVERYTHING.map(str::to_owned).to_vec();
     let mut policy = Policy::default();
     policy.rule("listen", &["ingress"], &LISTEN, &everything);
     // A query elsewhere is the call of a service.
@@ -206,17 +207,26 @@ pub fn access_control(cell: &Cell) -> Result<Table, CellError> {
 
 /// Rules, subjects and policies as Zenoh lists them.
 #[derive(Default)]
-struct Policy {
+pub(crate) struct Policy {
     rules: Vec<Value>,
     subjects: Vec<Value>,
     policies: Vec<Value>,
 }
 
 impl Policy {
-    fn rule(&mut self, id: &str, flows: &[&str], messages: &[&str], keys: &[String]) {
+    pub(crate) fn rule(&mut self, id: &str, flows: &[&str], messages: &[&str], keys: &[String]) {
+        self.add(id, "allow", flows, messages, keys);
+    }
+
+    /// Nobody whom this rule names may, whatever another allows.
+    pub(crate) fn deny(&mut self, id: &str, flows: &[&str], messages: &[&str], keys: &[String]) {
+        self.add(id, "deny", flows, messages, keys);
+    }
+
+    fn add(&mut self, id: &str, effect: &str, flows: &[&str], messages: &[&str], keys: &[String]) {
         let mut rule = Table::new();
         rule.insert("id".to_owned(), id.into());
-        rule.insert("permission".to_owned(), "allow".into());
+        rule.insert("permission".to_owned(), effect.into());
         rule.insert("flows".to_owned(), list(flows));
         rule.insert("messages".to_owned(), list(messages));
         rule.insert("key_exprs".to_owned(), list(keys));
@@ -224,17 +234,22 @@ impl Policy {
     }
 
     fn subject(&mut self, user: &str, rules: &[&str]) {
+        self.who(user, "usernames", &[user], rules);
+    }
+
+    /// Whoever is one of `values` by the property of that name is given these rules.
+    pub(crate) fn who(&mut self, id: &str, property: &str, values: &[&str], rules: &[&str]) {
         let mut subject = Table::new();
-        subject.insert("id".to_owned(), user.into());
-        subject.insert("usernames".to_owned(), list(&[user]));
+        subject.insert("id".to_owned(), id.into());
+        subject.insert(property.to_owned(), list(values));
         self.subjects.push(subject.into());
         let mut policy = Table::new();
         policy.insert("rules".to_owned(), list(rules));
-        policy.insert("subjects".to_owned(), list(&[user]));
+        policy.insert("subjects".to_owned(), list(&[id]));
         self.policies.push(policy.into());
     }
 
-    fn table(self) -> Table {
+    pub(crate) fn table(self) -> Table {
         let mut table = Table::new();
         table.insert("enabled".to_owned(), true.into());
         table.insert("default_permission".to_owned(), "deny".into());

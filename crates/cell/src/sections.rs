@@ -34,6 +34,13 @@ pub struct BusSection {
     pub domain_id: Option<u32>,
     /// The router that every process connects to; `up` carries it unless one answers there already.
     pub router_endpoint: String,
+    /// What programs may do that reach the router but are not of the user who runs the cell. Without effect in a secured cell,
+    /// and where the cell file has a policy of its own.
+    pub strangers: Strangers,
+    /// Topics of the cell that strangers publish, such as `reference`. Those of an external driver need not be listed.
+    pub strangers_publish: Vec<String>,
+    /// Services of the cell that strangers call; `status` need not be listed.
+    pub strangers_call: Vec<String>,
     /// A DDS cell starts although its sockets, which listen on all addresses, can be reached from other machines.
     pub dds_on_all_addresses: bool,
     /// Routers of other machines that the router of `up` joins.
@@ -53,6 +60,9 @@ impl Default for BusSection {
             transport: TransportName::Zenoh,
             domain_id: None,
             router_endpoint: "tcp/127.0.0.1:7447".to_owned(),
+            strangers: Strangers::Read,
+            strangers_publish: Vec::new(),
+            strangers_call: Vec::new(),
             dds_on_all_addresses: false,
             join: Vec::new(),
             listen: vec!["tcp/127.0.0.1:0".to_owned()],
@@ -99,6 +109,16 @@ pub enum TransportName {
     Zenoh,
     /// DDS.
     Dds,
+}
+
+/// What strangers on the bus may do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Strangers {
+    /// Read, and write what the cell file names.
+    Read,
+    /// Whatever the cell's own processes may do.
+    Write,
 }
 
 /// Section `[approvals]`.

@@ -5,8 +5,11 @@ use std::path::PathBuf;
 use cell::{
     Cell, TransportName,
     keys::{BusUsers, KeyError, KeyFolder},
+    policy, strangers,
 };
 use host::bus::{BusConfig, RouterConfig, Transport};
+
+use crate::own_socket::{OwnSocket, own_way};
 
 /// A failure of the running cell, as opposed to wrong input.
 #[derive(Debug, thiserror::Error)]
@@ -22,11 +25,28 @@ pub(crate) fn bus_config(cell: &Cell, node: &str) -> anyhow::Result<BusConfig> {
             TransportName::Dds => Transport::Dds,
         },
         domain_id: cell.bus.domain().map_err(anyhow::Error::msg)?,
-        endpoints: vec![cell.bus.router_endpoint.clone()],
+        endpoints: vec![way_to_router(cell, node)?],
         listen: cell.bus.listen.clone(),
         zenoh: session_settings(cell, node)?,
         ..BusConfig::default()
     })
+}
+
+/// Where a process of the cell finds the router. What only reads comes as a stranger, who may do no more.
+fn way_to_router(cell: &Cell, node: &str) -> anyhow::Result<String> {
+    let endpoint = &cell.bus.router_endpoint;
+    if node == policy::SCREEN || !has_own_socket(cell)? {
+        return Ok(endpoint.clone());
+    }
+    Ok(own_way(endpoint))
+}
+
+/// The router of the cell tells the user's processes from strangers by a private socket: over Zenoh, where neither `probecell
+/// secure` nor the cell file has another way.
+pub(crate) fn has_own_socket(cell: &Cell) -> anyhow::Result<bool> {
+    Ok(cell.bus.transport == TransportName::Zenoh
+        && !strangers::has_own_policy(cell)
+        && users(cell)?.is_none())
 }
 
 /// DDS has no access control here, and RustDDS binds its sockets to all addresses whichever interface it is told to use.
@@ -86,14 +106,35 @@ fn zenoh_settings(table: Option<&cell::secrets::Settings>) -> anyhow::Result<ser
         .unwrap_or_else(|| serde_json::json!({})))
 }
 
+/// The private socket of the cell's router, where it has one.
+pub(crate) fn own_socket(cell: &Cell) -> anyhow::Result<Option<OwnSocket>> {
+    if !has_own_socket(cell)? {
+        return Ok(None);
+    }
+    let socket = OwnSocket::of(&cell.bus.router_endpoint);
+    socket.map(Some).ok_or_else(|| {
+        anyhow::anyhow!(
+            "the private socket of the cell has no place: neither HOME nor XDG_STATE_HOME is set"
+        )
+    })
+}
+
 /// The router that `up` embeds.
 pub(crate) fn router_config(cell: &Cell) -> anyhow::Result<RouterConfig> {
-    let zenoh = match users(cell)? {
+    let mut zenoh = match users(cell)? {
         Some(users) => zenoh_settings(Some(&users.router(cell)?))?,
         None => zenoh_settings(cell.bus.router_zenoh.as_ref())?,
     };
+    // The socket first: see own_way.
+    let mut listen = vec![cell.bus.router_endpoint.clone()];
+    if let Some(socket) = own_socket(cell)? {
+        listen.insert(0, socket.locator());
+        if let Some(rules) = strangers::access_control(cell)? {
+            zenoh["access_control"] = serde_json::to_value(rules)?;
+        }
+    }
     Ok(RouterConfig {
-        listen: vec![cell.bus.router_endpoint.clone()],
+        listen,
         connect: cell.bus.join.clone(),
         zenoh,
     })

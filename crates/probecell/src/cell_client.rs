@@ -21,6 +21,7 @@ use crate::{
     FAILED, GOOD,
     cell_bus::{CellFailure, bus_config},
     output,
+    routing::refuse_unheard,
 };
 
 /// Timeout of a service, longer than the cell waits for its nodes, and of a plan that the cell keeps for late joiners.
@@ -53,9 +54,12 @@ impl CellClient {
         request: &S::Request,
     ) -> anyhow::Result<S::Response> {
         let topic = self.cell.topic(name);
-        let response = self
-            .bus
-            .call(&topic, S::TYPE, &to_cdr(request), REPLY_TIMEOUT)?;
+        let called = (self.bus).call(&topic, S::TYPE, &to_cdr(request), REPLY_TIMEOUT);
+        // Nobody answers a stranger; then that is the reason to name.
+        let response = called.map_err(|error| match refuse_unheard(&self.cell) {
+            Err(reason) => CellFailure(reason.to_string()).into(),
+            Ok(()) => anyhow::Error::from(error),
+        })?;
         from_cdr(&response).context("the reply is not of the service's type")
     }
 

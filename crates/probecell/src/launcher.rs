@@ -15,13 +15,13 @@ use std::{
 };
 
 use anyhow::Context;
-use cell::{Cell, keys::KeyFolder};
+use cell::{Cell, Strangers, keys::KeyFolder};
 use host::{bus::Bus, clock::WallClock};
 use rustix::process::{Pid, Signal, kill_process};
 
 use crate::{
     FAILED, GOOD, LOSS,
-    cell_bus::{CellFailure, bus_config, new_recording, users},
+    cell_bus::{CellFailure, bus_config, has_own_socket, new_recording, users},
     commands,
     external_driver::{ExternalDriver, News},
     operator::{Operator, ProcessState},
@@ -94,6 +94,11 @@ pub(crate) fn up(file: &Path, once: bool, recorded: bool, shown: bool) -> anyhow
         operator.waive_recording(&cell.namespace())?;
     }
     operator.publish_keys();
+    if has_own_socket(&cell)? && cell.bus.strangers == Strangers::Write {
+        let text = "bus.strangers = \"write\": any program that reaches the bus commands the cell";
+        output::remark(&format!("warning: {text}"));
+        operator.warn("bus_open", text);
+    }
     if cell.approvals.unsigned_operators {
         let text = "approvals.unsigned_operators = true: whoever reaches the bus approves corrections in any name";
         output::remark(&format!("warning: {text}"));

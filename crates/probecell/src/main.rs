@@ -27,6 +27,7 @@ mod external_driver;
 mod launcher;
 mod operator;
 mod output;
+mod own_socket;
 mod routing;
 mod signals;
 
@@ -375,6 +376,9 @@ fn run(command: Command) -> anyhow::Result<u8> {
             clock,
         } => {
             begin_process(supervised, clock)?;
+            if !supervised {
+                routing::refuse_unheard(&cell::Cell::read(&cell)?)?;
+            }
             commands::node::run(&name, &cell, incarnation, !no_record)
         }
         Command::Router { listen, join } => commands::router::run(&listen, &join),

@@ -1,19 +1,36 @@
 //! The router of a cell.
 
-use std::time::{Duration, Instant};
+use std::{
+    collections::BTreeSet,
+    time::{Duration, Instant},
+};
 
-use cell::{Cell, TransportName};
-use host::bus::{Router, RouterConfig};
+use anyhow::bail;
+use cell::{Cell, Strangers, TransportName, policy::RECORDER, strangers};
+use host::bus::{Bus, BusConfig, Router, RouterConfig};
 
-use crate::{cell_bus::router_config, output};
+use crate::{
+    cell_bus::{bus_config, has_own_socket, own_socket, router_config},
+    output,
+    own_socket::OwnSocket,
+};
 
 /// Between two looks whether a router answers.
-const PERIOD: Duration = Duration::from_secs(1);
+const PERIOD: Duration = Duration::from_millis(200);
+/// How long a router is given to pass an announcement on.
+const PASSED_ON: Duration = Duration::from_secs(3);
+/// Between two looks at the graph of nodes.
+const LOOK: Duration = Duration::from_millis(20);
+/// Name by which a cell finds out whether it is heard.
+const PROBE: &str = "join_check";
 
 /// The router of the cell: its own, or one that answered at its endpoint, whose place it takes when that one is gone.
 pub(crate) struct Routing {
     config: Option<(RouterConfig, String)>,
     own: Option<Router>,
+    socket: Option<OwnSocket>,
+    /// What it opens to strangers.
+    opened: BTreeSet<String>,
     looked: Instant,
 }
 
@@ -23,18 +40,63 @@ impl Routing {
         let mut routing = Self {
             config: None,
             own: None,
+            socket: own_socket(cell)?,
+            opened: strangers::opened(cell)?,
             looked: Instant::now(),
         };
         if cell.bus.transport == TransportName::Dds {
             return Ok(routing);
         }
         let config = router_config(cell)?;
+        if let Some(socket) = &routing.socket {
+            socket.prepare()?;
+        }
         // A router may run there already: zenohd, rmw_zenoh's router, that of another cell, or one on another machine.
-        if !host::endpoint_answers(&cell.bus.router_endpoint) {
+        if host::endpoint_answers(&cell.bus.router_endpoint) {
+            routing.join(cell)?;
+        } else {
             routing.own = Some(Router::start(&config)?);
+            routing.tell(&cell.bus.router_endpoint)?;
         }
         routing.config = Some((config, cell.bus.router_endpoint.clone()));
         Ok(routing)
+    }
+
+    /// Uses the router of another process, if that lets this cell write, and opens what this cell needs open.
+    fn join(&self, cell: &Cell) -> anyhow::Result<()> {
+        let Some(socket) = &self.socket else {
+            return Ok(());
+        };
+        let (file, endpoint) = (&cell.text().name, &cell.bus.router_endpoint);
+        if !socket.answers() {
+            refuse_unheard(cell)?;
+            output::remark(&format!(
+                "warning: the router at {endpoint} is not of a cell of this user, and decides by itself who may write"
+            ));
+            return Ok(());
+        }
+        let told = socket.told();
+        if told.contains("**") {
+            if cell.bus.strangers == Strangers::Read {
+                output::remark(&format!(
+                    "warning: the cell that carries the router at {endpoint} opens it to strangers: they may command this cell, too"
+                ));
+            }
+        } else if let Some(key) = self.opened.difference(&told).next() {
+            bail!(
+                "{file}: bus.router_endpoint = {endpoint:?}: the router of the cell that runs there does not open {key} to \
+                 strangers, as this cell needs: start this cell first, or choose another endpoint"
+            );
+        }
+        Ok(())
+    }
+
+    /// Leaves word for cells that join.
+    fn tell(&self, endpoint: &str) -> anyhow::Result<()> {
+        match &self.socket {
+            Some(socket) => socket.tell(endpoint, &self.opened),
+            None => Ok(()),
+        }
     }
 
     /// It has just been started by this process.
@@ -65,6 +127,9 @@ impl Routing {
                 "no router answers at {endpoint} any more: this cell carries it now"
             ));
             self.own = Some(router);
+            if let Err(reason) = self.tell(endpoint) {
+                output::remark(&format!("warning: {reason:#}"));
+            }
         }
     }
 
@@ -75,4 +140,43 @@ impl Routing {
         }
         Ok(())
     }
+}
+
+/// Refuses to work where this user is a stranger, who may read only.
+pub(crate) fn refuse_unheard(cell: &Cell) -> anyhow::Result<()> {
+    if !has_own_socket(cell)? {
+        return Ok(());
+    }
+    let config = bus_config(cell, PROBE)?;
+    let by_socket = |way: &String| way.starts_with(strangers::SOCKET);
+    if config.endpoints.iter().any(by_socket) || is_heard(config, cell)? {
+        return Ok(());
+    }
+    bail!(
+        "{}: bus.router_endpoint = {:?}: the router there is of a cell of another user or host, and lets this one read only: \
+         choose another endpoint, or have the cell there secured (probecell secure) and use its keys",
+        cell.text().name,
+        cell.bus.router_endpoint
+    )
+}
+
+/// What this user announces at a router comes out of it again.
+fn is_heard(mut config: BusConfig, cell: &Cell) -> anyhow::Result<bool> {
+    // Two peers would hear each other past the router.
+    config.zenoh["mode"] = "client".into();
+    let namespace = format!("{}/{PROBE}", cell.namespace());
+    // By a name that the router of a cell takes from no stranger.
+    let said = Bus::open(&config, RECORDER, &namespace)?;
+    let heard = Bus::open(&config, PROBE, &namespace)?;
+    let name = format!("{namespace}/{RECORDER}");
+    let deadline = Instant::now() + PASSED_ON;
+    let mut found = false;
+    while !found && Instant::now() < deadline {
+        found = heard.graph().nodes().contains(&name);
+        std::thread::sleep(LOOK);
+    }
+    for bus in [said, heard] {
+        bus.close(PASSED_ON)?;
+    }
+    Ok(found)
 }

@@ -91,6 +91,9 @@ const QUEUED_BATCHES: usize = 8;
 /// How long a publisher waits for room on a link before the first sample is dropped.
 const WAIT_BEFORE_DROP: Duration = Duration::from_millis(10);
 
+/// Between two attempts to reach a router that is gone: at first, and at most.
+const RETRY: [Duration; 2] = [Duration::from_millis(50), Duration::from_secs(1)];
+
 impl BusConfig {
     /// Whether Zenoh takes these settings; nothing is opened.
     ///
@@ -109,6 +112,11 @@ impl BusConfig {
                 "endpoints": self.endpoints,
                 "timeout_ms": self.connect_timeout.as_millis() as u64,
                 "exit_on_failure": true,
+                "retry": {
+                    "period_init_ms": RETRY[0].as_millis() as u64,
+                    "period_max_ms": RETRY[1].as_millis() as u64,
+                    "period_increase_factor": 2.0,
+                },
             },
             "listen": { "endpoints": listen, "exit_on_failure": true },
             "scouting": { "multicast": { "enabled": false }, "gossip": { "enabled": true } },

@@ -24,7 +24,7 @@ use probecell_msgs::{
 };
 use trust::{Act, Kind, PublicKey, SecretKey};
 
-use crate::{GOOD, LOSS, cell_bus, output, signals};
+use crate::{GOOD, LOSS, cell_bus, output, routing::refuse_unheard, signals};
 
 /// Name of the embedded cell file.
 pub(crate) const CELL_FILE: &str = "cell.toml";
@@ -106,6 +106,9 @@ impl Making {
 /// another.
 pub(crate) fn run(file: &Path, folder: Option<PathBuf>, supervised: bool) -> anyhow::Result<u8> {
     let cell = Cell::read(file)?;
+    if !supervised {
+        refuse_unheard(&cell)?;
+    }
     let key = KeyFolder::of(&cell)?.private()?;
     let cell = cell.with_key(key.public());
     let (sender, requests) = channel();

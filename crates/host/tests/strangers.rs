@@ -1,0 +1,391 @@
+//! A cell that is not secured, on real sessions: its own processes reach the router by a private socket, a stranger over
+//! loopback. The stranger tries every topic, every service and every announcement, as a client, a peer and a router.
+
+use std::{
+    collections::BTreeSet,
+    net::TcpListener,
+    path::Path,
+    sync::{Arc, Mutex},
+    time::{Duration, Instant},
+};
+
+use cell::{Cell, CellText, policy, strangers};
+use host::bus::{Router, RouterConfig};
+use serde_json::{Value, json};
+use zenoh::{
+    Session, Wait,
+    liveliness::LivelinessToken,
+    query::Query,
+    sample::{Sample, SampleKind},
+};
+
+/// Longest wait for what must happen.
+const PATIENCE: Duration = Duration::from_secs(30);
+/// Ways to join.
+const MODES: [&str; 3] = ["client", "peer", "router"];
+
+/// What was heard: who said it, and what.
+type Heard = Arc<Mutex<BTreeSet<(String, String)>>>;
+
+struct Guarded {
+    cell: Cell,
+    network: String,
+    socket: String,
+    _router: Router,
+    _folder: tempfile::TempDir,
+}
+
+impl Guarded {
+    /// The shipped cell of that name, with more settings of its section `[bus]`.
+    fn start(name: &str, more: &str) -> Self {
+        let file = format!("{}/../../launch-scripts/{name}", env!("CARGO_MANIFEST_DIR"));
+        let shipped = Cell::read(Path::new(&file)).expect("a shipped cell");
+        let text = shipped.text().clone();
+        let own = format!("[bus]\n{more}\n");
+        let cell = if text.cell.contains("[bus]\n") {
+            text.cell.replace("[bus]\n", &own)
+        } else {
+            format!("{}\n{own}", text.cell)
+        };
+        let cell = Cell::from_text(CellText { cell, ..text }).expect("a cell");
+        let folder = tempfile::tempdir().expect("a folder");
+        let port = TcpListener::bind("127.0.0.1:0").and_then(|socket| socket.local_addr());
+        let network = format!("tcp/{}", port.expect("a port"));
+        let socket = format!("{}/{}/own", strangers::SOCKET, folder.path().display());
+        let rules = strangers::access_control(&cell).expect("a policy");
+        let zenoh = rules.map_or(json!({}), |rules| json!({ "access_control": rules }));
+        let router = Router::start(&RouterConfig {
+            listen: vec![socket.clone(), network.clone()],
+            zenoh,
+            ..RouterConfig::default()
+        });
+        Self {
+            cell,
+            network,
+            socket,
+            _router: router.expect("a router"),
+            _folder: folder,
+        }
+    }
+
+    fn own(&self) -> Session {
+        open(&self.socket, "client", &json!({})).expect("an own session")
+    }
+
+    fn stranger(&self, mode: &str) -> Session {
+        open(&self.network, mode, &json!({})).expect("a stranger may join")
+    }
+
+    /// Every topic of the cell, and two that it does not have.
+    fn topics(&self) -> BTreeSet<String> {
+        let productions = policy::productions(&self.cell).expect("productions");
+        let mut topics: BTreeSet<String> = productions.into_values().flatten().collect();
+        topics.extend(["camera/image".to_owned(), format!("{}/other", self.cell.cell.name)]);
+        topics
+    }
+}
+
+fn open(endpoint: &str, mode: &str, more: &Value) -> zenoh::Result<Session> {
+    let mut settings = json!({
+        "mode": mode,
+        "connect": { "endpoints": [endpoint], "timeout_ms": 5000, "exit_on_failure": true },
+        "listen": { "endpoints": [] },
+        "scouting": { "multicast": { "enabled": false } },
+    });
+    if let (Some(settings), Some(more)) = (settings.as_object_mut(), more.as_object()) {
+        settings.extend(more.clone());
+    }
+    zenoh::open(zenoh::Config::from_json5(&settings.to_string())?).wait()
+}
+
+fn key(topic: &str) -> String {
+    format!("0/{topic}/T/H")
+}
+
+/// A key that everybody may ask. Its answer comes after all that was said before on the way to this session.
+fn sentinel(session: &Session) -> String {
+    let key = "0/any/sentinel/T/H/@adv/sentinel".to_owned();
+    let answer = key.clone();
+    let queryable = session
+        .declare_queryable(&key)
+        .callback(move |query: Query| {
+            query.reply(&answer, "here").wait().expect("a reply");
+        });
+    queryable.background().wait().expect("a queryable");
+    key
+}
+
+/// Asks until the sentinel answers, whose announcement may still be on its way; then all that was said before has arrived.
+fn ask(session: &Session, sentinel: &str) {
+    let deadline = Instant::now() + PATIENCE;
+    loop {
+        let replies = session.get(sentinel).timeout(PATIENCE).wait().expect("asked");
+        if replies.recv().is_ok_and(|reply| reply.result().is_ok()) {
+            return;
+        }
+        assert!(Instant::now() < deadline, "{sentinel} is not reached");
+        std::thread::yield_now();
+    }
+}
+
+/// Everything that is put or deleted, by who put it.
+fn listen(session: &Session) -> Heard {
+    let heard = Heard::default();
+    for keys in ["**", "**/@adv/**"] {
+        let into = Arc::clone(&heard);
+        let subscriber = session
+            .declare_subscriber(keys)
+            .callback(move |sample: Sample| {
+                let who = sample.attachment().map(|who| who.to_bytes().into_owned());
+                let who = String::from_utf8_lossy(&who.unwrap_or_default()).into_owned();
+                let what = match sample.kind() {
+                    SampleKind::Put => sample.key_expr().to_string(),
+                    SampleKind::Delete => format!("- {}", sample.key_expr()),
+                };
+                into.lock().expect("no panic").insert((who, what));
+            });
+        subscriber.background().wait().expect("a subscription");
+    }
+    heard
+}
+
+fn of(heard: &Heard, who: &str) -> BTreeSet<String> {
+    let heard = heard.lock().expect("no panic");
+    let said = heard.iter().filter(|(by, _)| by == who);
+    said.map(|(_, what)| what.clone()).collect()
+}
+
+/// Puts and deletes on every topic, and on what is fetched late of it.
+fn speak(session: &Session, who: &str, topics: &BTreeSet<String>) {
+    for topic in topics {
+        for key in [key(topic), format!("{}/@adv/pub/1/2/_", key(topic))] {
+            let put = session.put(&key, "x").attachment(who);
+            put.wait().expect("said");
+            let delete = session.delete(&key).attachment(who);
+            delete.wait().expect("said");
+        }
+    }
+}
+
+fn all(topics: &BTreeSet<String>) -> BTreeSet<String> {
+    let keys = topics.iter().map(|topic| key(topic));
+    let keys = keys.flat_map(|key| [format!("{key}/@adv/pub/1/2/_"), key]);
+    keys.flat_map(|key| [format!("- {key}"), key]).collect()
+}
+
+#[test]
+fn a_stranger_reads_every_topic_and_writes_none() {
+    let guarded = Guarded::start("turn_mill.toml", "");
+    let topics = guarded.topics();
+    assert!(topics.len() > 50, "{}", topics.len());
+    let witness = guarded.own();
+    let heard = listen(&witness);
+    let sentinel = sentinel(&witness);
+    for mode in MODES {
+        let stranger = guarded.stranger(mode);
+        ask(&stranger, &sentinel);
+        speak(&stranger, mode, &topics);
+        ask(&stranger, &sentinel);
+        assert_eq!(of(&heard, mode), BTreeSet::new(), "{mode}");
+        stranger.close().wait().expect("closed");
+    }
+    // The same by the socket is heard, and a stranger hears it, too.
+    let stranger = guarded.stranger("client");
+    let read = listen(&stranger);
+    let own = guarded.own();
+    ask(&own, &sentinel);
+    let deadline = Instant::now() + PATIENCE;
+    while of(&read, "own") != all(&topics) || of(&heard, "own") != all(&topics) {
+        assert!(Instant::now() < deadline, "{:?}", of(&read, "own"));
+        speak(&own, "own", &topics);
+        ask(&own, &sentinel);
+    }
+}
+
+#[test]
+fn a_stranger_that_takes_the_identity_of_a_process_writes_nothing() {
+    let guarded = Guarded::start("turn_mill.toml", "");
+    let topics = guarded.topics();
+    let witness = guarded.own();
+    let heard = listen(&witness);
+    let sentinel = sentinel(&witness);
+    let own = guarded.own();
+    let more = json!({
+        "id": own.zid().to_string(),
+        "transport": { "unicast": { "max_links": 4 }, "auth": { "usrpwd": { "user": "operator", "password": "x" } } },
+    });
+    // Zenoh may refuse the second session of one identity.
+    if let Ok(impostor) = open(&guarded.network, "client", &more) {
+        speak(&impostor, "impostor", &topics);
+    }
+    let other = guarded.stranger("client");
+    ask(&other, &sentinel);
+    assert_eq!(of(&heard, "impostor"), BTreeSet::new());
+}
+
+/// Tokens of every kind on a topic, under the names of the processes and under one that is none.
+fn announce(session: &Session, who: &str, names: &[String], topic: &str) -> Vec<LivelinessToken> {
+    let topic = format!("/{topic}").replace('/', "%");
+    let mut declared = Vec::new();
+    for name in names {
+        for kind in ["NN", "MP", "MS", "SS", "SC"] {
+            let token = format!("@ros2_lv/0/{who}/0/1/{kind}/%/%turn_mill/{name}/{topic}/T/H/q");
+            let token = session.liveliness().declare_token(token);
+            declared.push(token.wait().expect("said"));
+        }
+    }
+    declared
+}
+
+#[test]
+fn a_stranger_announces_what_reads_under_a_name_of_its_own() {
+    let guarded = Guarded::start("turn_mill.toml", "");
+    let productions = policy::productions(&guarded.cell).expect("productions");
+    let mut names: Vec<String> = productions.into_keys().collect();
+    names.push("rviz".to_owned());
+    let witness = guarded.own();
+    let heard = Heard::default();
+    let into = Arc::clone(&heard);
+    let tokens = witness
+        .liveliness()
+        .declare_subscriber("@ros2_lv/0/**")
+        .callback(move |sample: Sample| {
+            let key = sample.key_expr().to_string();
+            let parts: Vec<&str> = key.split('/').collect();
+            let said = (parts[2].to_owned(), format!("{} {}", parts[5], parts[8]));
+            into.lock().expect("no panic").insert(said);
+        });
+    tokens.background().wait().expect("a subscription");
+    let sentinel = sentinel(&witness);
+    for mode in MODES {
+        let stranger = guarded.stranger(mode);
+        ask(&stranger, &sentinel);
+        let declared = announce(&stranger, mode, &names, "turn_mill/corrections");
+        ask(&stranger, &sentinel);
+        let expected = ["NN rviz", "MS rviz", "SC rviz"].map(str::to_owned);
+        assert_eq!(of(&heard, mode), BTreeSet::from(expected), "{mode}");
+        drop(declared);
+        stranger.close().wait().expect("closed");
+    }
+    // A stranger finds the processes of the cell, those that come later and those that are there.
+    let own = guarded.own();
+    let declared = announce(&own, "own", &names, "turn_mill/corrections");
+    ask(&own, &sentinel);
+    assert_eq!(of(&heard, "own").len(), declared.len());
+    let stranger = guarded.stranger("peer");
+    ask(&stranger, &sentinel);
+    let found = stranger.liveliness().get("@ros2_lv/0/own/**").timeout(PATIENCE);
+    assert_eq!(found.wait().expect("asked").into_iter().count(), declared.len());
+}
+
+/// Serves each service of the cell.
+fn serve(session: &Session, by: &str, heard: &Heard) {
+    for (name, _) in policy::SERVICES {
+        let (into, by, key) = (Arc::clone(heard), by.to_owned(), service(name));
+        let answer = key.clone();
+        let queryable = session
+            .declare_queryable(&key)
+            .callback(move |query: Query| {
+                let who = query.payload().map(|who| who.to_bytes().into_owned());
+                let who = String::from_utf8_lossy(&who.unwrap_or_default()).into_owned();
+                into.lock().expect("no panic").insert((who, format!("{by} {name}")));
+                query.reply(&answer, by.as_str()).wait().expect("a reply");
+            });
+        queryable.background().wait().expect("a queryable");
+    }
+}
+
+fn service(name: &str) -> String {
+    format!("0/turn_mill/{name}/T/H")
+}
+
+fn call_all(session: &Session, who: &str) {
+    let calls: Vec<_> = policy::SERVICES
+        .iter()
+        .map(|(name, _)| {
+            let call = session.get(service(name)).payload(who).timeout(PATIENCE);
+            call.wait().expect("asked")
+        })
+        .collect();
+    for replies in calls {
+        for reply in replies {
+            let reply = reply.result().expect("no error").payload().to_bytes().into_owned();
+            assert_eq!(reply, b"own", "{who}");
+        }
+    }
+}
+
+#[test]
+fn a_stranger_calls_what_reads_and_serves_nothing() {
+    for (more, called) in [
+        ("", &["status"][..]),
+        ("strangers_call = [\"stop\", \"plan\"]", &["plan", "status", "stop"]),
+    ] {
+        let guarded = Guarded::start("turn_mill.toml", more);
+        let (own, heard) = (guarded.own(), Heard::default());
+        serve(&own, "own", &heard);
+        let sentinel = sentinel(&own);
+        for mode in MODES {
+            let stranger = guarded.stranger(mode);
+            ask(&stranger, &sentinel);
+            call_all(&stranger, mode);
+            ask(&stranger, &sentinel);
+            let expected = called.iter().map(|name| format!("own {name}"));
+            assert_eq!(of(&heard, mode), expected.collect(), "{mode} {more}");
+            // Nobody is asked in the place of the cell.
+            serve(&stranger, &format!("impostor {mode}"), &heard);
+            ask(&stranger, &sentinel);
+            let console = guarded.own();
+            ask(&console, &sentinel);
+            call_all(&console, &format!("console beside {mode}"));
+            assert_eq!(of(&heard, &format!("console beside {mode}")).len(), policy::SERVICES.len());
+            stranger.close().wait().expect("closed");
+        }
+    }
+}
+
+#[test]
+fn an_external_driver_and_what_the_cell_file_names_are_open() {
+    let guarded = Guarded::start("external.toml", "strangers_publish = [\"reference\"]");
+    let topics = guarded.topics();
+    let witness = guarded.own();
+    let heard = listen(&witness);
+    let sentinel = sentinel(&witness);
+    let stranger = guarded.stranger("client");
+    ask(&stranger, &sentinel);
+    speak(&stranger, "driver", &topics);
+    ask(&stranger, &sentinel);
+    let names = ["controller_status", "probe_triggers", "controller_replies", "reference"];
+    let open = names.map(|name| format!("external/{name}"));
+    assert_eq!(of(&heard, "driver"), all(&BTreeSet::from(open)));
+    // It is told what the cell says to it, and asked for what was lost.
+    let told = listen(&stranger);
+    let commands = BTreeSet::from(["external/controller_commands".to_owned()]);
+    ask(&stranger, &sentinel);
+    let deadline = Instant::now() + PATIENCE;
+    while of(&told, "gate") != all(&commands) {
+        assert!(Instant::now() < deadline);
+        speak(&witness, "gate", &commands);
+        ask(&stranger, &sentinel);
+    }
+    let late = "0/external/probe_triggers/T/H/@adv/pub/1/2/_";
+    let cache = stranger.declare_queryable(late).callback(move |query: Query| {
+        query.reply(late, "late").wait().expect("a reply");
+    });
+    cache.background().wait().expect("a queryable");
+    ask(&witness, late);
+}
+
+#[test]
+fn a_bus_that_the_cell_file_opens_is_open() {
+    let guarded = Guarded::start("turn_mill.toml", "strangers = \"write\"");
+    let topics = guarded.topics();
+    let witness = guarded.own();
+    let heard = listen(&witness);
+    let sentinel = sentinel(&witness);
+    let stranger = guarded.stranger("client");
+    ask(&stranger, &sentinel);
+    speak(&stranger, "stranger", &topics);
+    ask(&stranger, &sentinel);
+    assert_eq!(of(&heard, "stranger"), all(&topics));
+}

@@ -1,0 +1,167 @@
+//! The private socket of a router: a Unix socket in a folder that only its user can open, by which that user's processes and
+//! commands reach it. Whoever comes by the network is a stranger ([`cell::strangers`]).
+//!
+//! Its place follows from the endpoint of the router, so that cells which share a router share the socket, and from the host
+//! and the network namespace, since an endpoint on loopback means another router in each of them. It lies in the user's state
+//! folder (XDG Base Directory Specification 0.8) and not in that of the login session, which a service does not have, and
+//! which ends with the last login.
+
+use std::{
+    collections::BTreeSet,
+    ffi::OsString,
+    fs,
+    os::unix::{
+        ffi::OsStrExt as _,
+        fs::{DirBuilderExt as _, MetadataExt as _},
+        net::UnixStream,
+    },
+    path::{Path, PathBuf},
+    time::{Duration, Instant},
+};
+
+use anyhow::{Context, bail};
+use cell::strangers::SOCKET;
+use rustix::process::geteuid;
+use serde::{Deserialize, Serialize};
+
+/// Permissions of the folder.
+const PRIVATE: u32 = 0o700;
+/// Longest path of a Unix socket on Linux, in bytes: `sun_path` of unix(7) without the final zero.
+const LONGEST: usize = 107;
+/// How long a router that begins is waited for.
+const PATIENCE: Duration = Duration::from_secs(5);
+/// Between two looks.
+const PERIOD: Duration = Duration::from_millis(20);
+
+/// The private socket of the router at an endpoint; it need not exist.
+pub(crate) struct OwnSocket(PathBuf);
+
+/// What the router behind a socket opens to strangers, for the cells that join it.
+#[derive(Serialize, Deserialize)]
+struct Opened {
+    endpoint: String,
+    opened: BTreeSet<String>,
+}
+
+impl OwnSocket {
+    /// That of a router; none where this user has no folder for it.
+    pub(crate) fn of(endpoint: &str) -> Option<Self> {
+        let here = fs::read_link("/proc/self/ns/net").unwrap_or_default();
+        let host = fs::read("/proc/sys/kernel/hostname").unwrap_or_default();
+        let place = [host.as_slice(), here.as_os_str().as_bytes(), endpoint.as_bytes()];
+        let name = format!("{:016x}.socket", fnv1a(&place.join(&b'\n')));
+        Some(Self(folder()?.join(name)))
+    }
+
+    /// Locator of Zenoh.
+    pub(crate) fn locator(&self) -> String {
+        format!("{SOCKET}/{}", self.0.display())
+    }
+
+    /// A router listens there now.
+    pub(crate) fn answers(&self) -> bool {
+        UnixStream::connect(&self.0).is_ok()
+    }
+
+    /// Makes the folder, and refuses one that others could open.
+    pub(crate) fn prepare(&self) -> anyhow::Result<()> {
+        let folder = self.0.parent().unwrap_or(Path::new("/"));
+        let length = self.0.as_os_str().len();
+        if length > LONGEST {
+            bail!(
+                "the path of the cell's private socket has {length} bytes, of which a Unix socket takes {LONGEST}: {}: set \
+                 XDG_STATE_HOME to a shorter one",
+                self.0.display()
+            );
+        }
+        let mut builder = fs::DirBuilder::new();
+        builder.recursive(true).mode(PRIVATE);
+        builder
+            .create(folder)
+            .with_context(|| format!("cannot make {}", folder.display()))?;
+        let found = fs::symlink_metadata(folder)
+            .with_context(|| format!("cannot read {}", folder.display()))?;
+        if !found.is_dir() || found.uid() != geteuid().as_raw() || found.mode() & 0o077 != 0 {
+            bail!(
+                "{} holds the private sockets of cells, and is not a folder of this user that others cannot open: chmod 700 it",
+                folder.display()
+            );
+        }
+        Ok(())
+    }
+
+    /// Leaves word what the router opens to strangers.
+    pub(crate) fn tell(&self, endpoint: &str, opened: &BTreeSet<String>) -> anyhow::Result<()> {
+        let (endpoint, opened) = (endpoint.to_owned(), opened.clone());
+        let text = serde_json::to_string(&Opened { endpoint, opened })?;
+        let path = self.beside();
+        fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))
+    }
+
+    /// What the router there opens to strangers.
+    pub(crate) fn told(&self) -> BTreeSet<String> {
+        let text = fs::read_to_string(self.beside()).unwrap_or_default();
+        serde_json::from_str(&text).map_or_else(|_| BTreeSet::new(), |one: Opened| one.opened)
+    }
+
+    fn beside(&self) -> PathBuf {
+        self.0.with_extension("json")
+    }
+}
+
+/// How a process of this user reaches the router at an endpoint: by its private socket, where it has one, else as a stranger.
+/// A router listens on its socket before it listens on the network, so a process that finds the network alone has found
+/// the router of others.
+pub(crate) fn own_way(endpoint: &str) -> String {
+    let Some(socket) = OwnSocket::of(endpoint) else {
+        return endpoint.to_owned();
+    };
+    let deadline = Instant::now() + PATIENCE;
+    // Where none was ever made there is nothing to wait for.
+    while socket.0.exists() {
+        if socket.answers() {
+            return socket.locator();
+        }
+        if host::endpoint_answers(endpoint) {
+            break;
+        }
+        if Instant::now() > deadline {
+            return endpoint.to_owned();
+        }
+        std::thread::sleep(PERIOD);
+    }
+    if socket.answers() {
+        socket.locator()
+    } else {
+        endpoint.to_owned()
+    }
+}
+
+fn folder() -> Option<PathBuf> {
+    let absolute = |name: &str| {
+        let path = std::env::var_os(name).filter(|value: &OsString| !value.is_empty());
+        path.map(PathBuf::from).filter(|path| path.is_absolute())
+    };
+    let state = absolute("XDG_STATE_HOME");
+    let state = state.or_else(|| absolute("HOME").map(|home| home.join(".local/state")));
+    Some(state?.join("probecell").join("bus"))
+}
+
+/// FNV-1a, 64 bits (<https://datatracker.ietf.org/doc/html/draft-eastlake-fnv>): a short name of a place, no secret.
+fn fnv1a(bytes: &[u8]) -> u64 {
+    let step = |hash: u64, byte: &u8| (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3);
+    bytes.iter().fold(0xcbf2_9ce4_8422_2325, step)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Values of the reference implementation by its authors.
+    #[test]
+    fn names_are_those_of_the_published_hash() {
+        assert_eq!(fnv1a(b""), 0xcbf2_9ce4_8422_2325);
+        assert_eq!(fnv1a(b"a"), 0xaf63_dc4c_8601_ec8c);
+        assert_eq!(fnv1a(b"foobar"), 0x8594_4171_f739_67e8);
+    }
+}
