@@ -17,9 +17,7 @@ use toml::Table;
 
 use crate::{
     Cell, CellError, Strangers,
-    policy::{
-        self, ALL, DRIVER, EVERYTHING, LISTEN, Policy, SERVICES, SPEAK, TOLD,
-    },
+    policy::{self, ALL, DRIVER, EVERYTHING, LISTEN, Policy, SERVICES, SPEAK, TOLD},
 };
 
 /// Protocol of the private socket, as Zenoh's rules and locators name it.
@@ -35,7 +33,9 @@ const STATUS: &str = "status";
 pub fn has_own_policy(cell: &Cell) -> bool {
     let settings = [cell.bus.zenoh.as_ref(), cell.bus.router_zenoh.as_ref()];
     settings.into_iter().flatten().any(|settings| {
-        let auth = settings.get("transport").and_then(|transport| transport.get("auth"));
+        let auth = settings
+            .get("transport")
+            .and_then(|transport| transport.get("auth"));
         settings.contains_key("access_control") || auth.is_some()
     })
 }
@@ -68,7 +68,9 @@ fn key(cell: &Cell, domain: u32, name: &str) -> String {
 pub(crate) fn check(cell: &Cell) -> Result<(), String> {
     for name in &cell.bus.strangers_publish {
         if topics::by_name(name).is_none() {
-            return Err(format!("bus.strangers_publish: {name:?} is no topic of a cell"));
+            return Err(format!(
+                "bus.strangers_publish: {name:?} is no topic of a cell"
+            ));
         }
     }
     for name in &cell.bus.strangers_call {
@@ -92,10 +94,20 @@ pub fn access_control(cell: &Cell) -> Result<Option<Table>, CellError> {
     let mut policy = Policy::default();
     policy.rule("everything", &["ingress", "egress"], &ALL, &everything);
     policy.rule("listen", &["ingress"], &LISTEN, &everything);
-    policy.rule("fetch_late", &["ingress"], &["query"], &["**/@adv/**".to_owned()]);
+    policy.rule(
+        "fetch_late",
+        &["ingress"],
+        &["query"],
+        &["**/@adv/**".to_owned()],
+    );
     policy.rule("be_told", &["egress"], &TOLD, &everything);
     // Who calls looks first whether anybody serves.
-    policy.rule("be_offered", &["egress"], &["declare_queryable"], &everything[..2]);
+    policy.rule(
+        "be_offered",
+        &["egress"],
+        &["declare_queryable"],
+        &everything[..2],
+    );
     let mut called = vec![format!("*/*/{STATUS}/**")];
     called.extend((cell.bus.strangers_call.iter()).map(|name| key(cell, domain, name)));
     policy.rule("call", &["ingress"], &["query"], &called);
@@ -104,11 +116,21 @@ pub fn access_control(cell: &Cell) -> Result<Option<Table>, CellError> {
     policy.rule("show_reader", &["ingress"], &["liveliness_token"], &shown);
     let external = cell.is_driver_external();
     let productions = policy::productions(cell)?;
-    let own = productions.keys().filter(|name| !(external && *name == DRIVER));
-    let own: Vec<String> = own.map(|name| format!("@ros2_lv/*/*/*/*/*/*/*/{name}/**")).collect();
+    let own = productions
+        .keys()
+        .filter(|name| !(external && *name == DRIVER));
+    let own: Vec<String> = own
+        .map(|name| format!("@ros2_lv/*/*/*/*/*/*/*/{name}/**"))
+        .collect();
     policy.deny("own_names", &["ingress"], &["liveliness_token"], &own);
     let mut rules = vec![
-        "listen", "fetch_late", "be_told", "be_offered", "call", "show_reader", "own_names",
+        "listen",
+        "fetch_late",
+        "be_told",
+        "be_offered",
+        "call",
+        "show_reader",
+        "own_names",
     ];
     let mut spoken = Vec::new();
     for name in published(cell) {

@@ -80,7 +80,10 @@ impl Guarded {
     fn topics(&self) -> BTreeSet<String> {
         let productions = policy::productions(&self.cell).expect("productions");
         let mut topics: BTreeSet<String> = productions.into_values().flatten().collect();
-        topics.extend(["camera/image".to_owned(), format!("{}/other", self.cell.cell.name)]);
+        topics.extend([
+            "camera/image".to_owned(),
+            format!("{}/other", self.cell.cell.name),
+        ]);
         topics
     }
 }
@@ -119,7 +122,11 @@ fn sentinel(session: &Session) -> String {
 fn ask(session: &Session, sentinel: &str) {
     let deadline = Instant::now() + PATIENCE;
     loop {
-        let replies = session.get(sentinel).timeout(PATIENCE).wait().expect("asked");
+        let replies = session
+            .get(sentinel)
+            .timeout(PATIENCE)
+            .wait()
+            .expect("asked");
         if replies.recv().is_ok_and(|reply| reply.result().is_ok()) {
             return;
         }
@@ -274,8 +281,14 @@ fn a_stranger_announces_what_reads_under_a_name_of_its_own() {
     assert_eq!(of(&heard, "own").len(), declared.len());
     let stranger = guarded.stranger("peer");
     ask(&stranger, &sentinel);
-    let found = stranger.liveliness().get("@ros2_lv/0/own/**").timeout(PATIENCE);
-    assert_eq!(found.wait().expect("asked").into_iter().count(), declared.len());
+    let found = stranger
+        .liveliness()
+        .get("@ros2_lv/0/own/**")
+        .timeout(PATIENCE);
+    assert_eq!(
+        found.wait().expect("asked").into_iter().count(),
+        declared.len()
+    );
 }
 
 /// Serves each service of the cell.
@@ -288,7 +301,9 @@ fn serve(session: &Session, by: &str, heard: &Heard) {
             .callback(move |query: Query| {
                 let who = query.payload().map(|who| who.to_bytes().into_owned());
                 let who = String::from_utf8_lossy(&who.unwrap_or_default()).into_owned();
-                into.lock().expect("no panic").insert((who, format!("{by} {name}")));
+                into.lock()
+                    .expect("no panic")
+                    .insert((who, format!("{by} {name}")));
                 query.reply(&answer, by.as_str()).wait().expect("a reply");
             });
         queryable.background().wait().expect("a queryable");
@@ -309,7 +324,12 @@ fn call_all(session: &Session, who: &str) {
         .collect();
     for replies in calls {
         for reply in replies {
-            let reply = reply.result().expect("no error").payload().to_bytes().into_owned();
+            let reply = reply
+                .result()
+                .expect("no error")
+                .payload()
+                .to_bytes()
+                .into_owned();
             assert_eq!(reply, b"own", "{who}");
         }
     }
@@ -319,7 +339,10 @@ fn call_all(session: &Session, who: &str) {
 fn a_stranger_calls_what_reads_and_serves_nothing() {
     for (more, called) in [
         ("", &["status"][..]),
-        ("strangers_call = [\"stop\", \"plan\"]", &["plan", "status", "stop"]),
+        (
+            "strangers_call = [\"stop\", \"plan\"]",
+            &["plan", "status", "stop"],
+        ),
     ] {
         let guarded = Guarded::start("turn_mill.toml", more);
         let (own, heard) = (guarded.own(), Heard::default());
@@ -338,7 +361,10 @@ fn a_stranger_calls_what_reads_and_serves_nothing() {
             let console = guarded.own();
             ask(&console, &sentinel);
             call_all(&console, &format!("console beside {mode}"));
-            assert_eq!(of(&heard, &format!("console beside {mode}")).len(), policy::SERVICES.len());
+            assert_eq!(
+                of(&heard, &format!("console beside {mode}")).len(),
+                policy::SERVICES.len()
+            );
             stranger.close().wait().expect("closed");
         }
     }
@@ -355,7 +381,12 @@ fn an_external_driver_and_what_the_cell_file_names_are_open() {
     ask(&stranger, &sentinel);
     speak(&stranger, "driver", &topics);
     ask(&stranger, &sentinel);
-    let names = ["controller_status", "probe_triggers", "controller_replies", "reference"];
+    let names = [
+        "controller_status",
+        "probe_triggers",
+        "controller_replies",
+        "reference",
+    ];
     let open = names.map(|name| format!("external/{name}"));
     assert_eq!(of(&heard, "driver"), all(&BTreeSet::from(open)));
     // It is told what the cell says to it, and asked for what was lost.
@@ -369,9 +400,11 @@ fn an_external_driver_and_what_the_cell_file_names_are_open() {
         ask(&stranger, &sentinel);
     }
     let late = "0/external/probe_triggers/T/H/@adv/pub/1/2/_";
-    let cache = stranger.declare_queryable(late).callback(move |query: Query| {
-        query.reply(late, "late").wait().expect("a reply");
-    });
+    let cache = stranger
+        .declare_queryable(late)
+        .callback(move |query: Query| {
+            query.reply(late, "late").wait().expect("a reply");
+        });
     cache.background().wait().expect("a queryable");
     ask(&witness, late);
 }

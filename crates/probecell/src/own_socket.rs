@@ -48,7 +48,11 @@ impl OwnSocket {
     pub(crate) fn of(endpoint: &str) -> Option<Self> {
         let here = fs::read_link("/proc/self/ns/net").unwrap_or_default();
         let host = fs::read("/proc/sys/kernel/hostname").unwrap_or_default();
-        let place = [host.as_slice(), here.as_os_str().as_bytes(), endpoint.as_bytes()];
+        let place = [
+            host.as_slice(),
+            here.as_os_str().as_bytes(),
+            endpoint.as_bytes(),
+        ];
         let name = format!("{:016x}.socket", fnv1a(&place.join(&b'\n')));
         Some(Self(folder()?.join(name)))
     }
