@@ -12,7 +12,7 @@ use nalgebra::Vector3;
 use crate::effect::Constants;
 use crate::finite::FiniteErrors;
 use crate::library::{Form, Variant};
-use crate::observation::Observations;
+use crate::observation::{Column, Observations};
 use crate::session::model::{DeclaredEffect, DeclaredError};
 use crate::session::{DiagnoseError, Session};
 use crate::{registry, vocabulary};
@@ -33,11 +33,20 @@ pub struct Acting {
 }
 
 impl Acting {
+    /// The columns of its parameters in every row, m per unit.
+    pub fn columns(&self, observations: &Observations) -> Vec<Column> {
+        self.variant.columns(observations, self.shape)
+    }
+
+    /// The largest plausible size of each column's parameter, in its unit.
+    pub fn plausible(&self) -> impl Iterator<Item = f64> {
+        self.variant.parameters.iter().map(|one| one.plausible)
+    }
+
     /// What it adds to the deviation of each row to first order, m.
     pub fn signature(&self, observations: &Observations) -> Vec<f64> {
         let mut sum = vec![0.0; observations.rows.len()];
-        let columns = self.variant.columns(observations, self.shape);
-        for (column, coefficient) in columns.iter().zip(&self.coefficients) {
+        for (column, coefficient) in self.columns(observations).iter().zip(&self.coefficients) {
             add_scaled(&mut sum, *coefficient, &column.signature);
         }
         sum
@@ -68,7 +77,29 @@ impl DeclaredEffect {
             });
         }
         self.finite()?;
-        let mut variants = self.variants(chain)?;
+        self.among(self.variants(chain)?)
+    }
+
+    /// As [`Self::acting`], of an effect that was found in these very rows: one that cannot be declared, since it is an event of
+    /// its session, is known by its place among them.
+    ///
+    /// # Errors
+    /// [`DeclaredError`] names what is wrong with it.
+    pub fn acting_in(&self, observations: &Observations) -> Result<Acting, DeclaredError> {
+        match self.acting(&observations.chain) {
+            Err(DeclaredError::NotOfTheModel { .. }) => {}
+            other => return other,
+        }
+        self.finite()?;
+        let offered = registry::find(&self.effect)
+            .map(|(effect, _)| effect.offer(observations))
+            .unwrap_or_default();
+        let own = offered.into_iter().filter(|one| one.effect == self.effect);
+        self.among(own.collect())
+    }
+
+    /// The variant among these that acts as it says.
+    fn among(&self, mut variants: Vec<Variant>) -> Result<Acting, DeclaredError> {
         let wanted = variants.iter().map(|variant| names(variant).join(", "));
         let wanted: Vec<String> = wanted.collect();
         variants.retain(|variant| self.fits(variant));
@@ -234,9 +265,12 @@ fn unit(variant: &Variant, name: &str) -> &'static str {
     }
 }
 
-/// What the declared effects of a session add to each of its rows, m, effect by effect; their sum is of finite size.
-fn predicted(
-    declared: &[DeclaredEffect],
+/// What effects add to each of these rows, m, effect by effect; their sum is of finite size.
+///
+/// # Errors
+/// [`DeclaredError::Far`] for a deviation that no machine has.
+pub fn predicted(
+    effects: &[Acting],
     observations: &Observations,
 ) -> Result<Vec<Vec<f64>>, DeclaredError> {
     let rows = observations.rows.len();
@@ -245,10 +279,9 @@ fn predicted(
     let mut linear = vec![Vector3::zeros(); rows];
     let mut errors = FiniteErrors::none(&observations.chain);
     let mut second = vec![0.0; rows];
-    let mut all = Vec::with_capacity(declared.len());
-    for effect in declared {
-        let acting = effect.acting(&observations.chain)?;
-        let columns = acting.variant.columns(observations, acting.shape);
+    let mut all = Vec::with_capacity(effects.len());
+    for acting in effects {
+        let columns = acting.columns(observations);
         let mut own = vec![0.0; rows];
         let of_chain = errors.add(&acting.variant, &acting.coefficients);
         for (column, coefficient) in columns.iter().zip(&acting.coefficients) {
@@ -275,7 +308,7 @@ fn predicted(
             .fold(0.0, |most: f64, value| most.max(value.abs()));
         if !own.iter().all(|value| value.abs() < FARTHEST) {
             return Err(DeclaredError::Far {
-                effect: effect.effect.clone(),
+                effect: acting.variant.effect.clone(),
                 size: largest,
             });
         }
@@ -290,7 +323,10 @@ fn predicted(
 /// [`DiagnoseError`] names what makes the session, or an effect of its declared model, unusable.
 pub fn observe(session: &Session) -> Result<Observations, DiagnoseError> {
     let mut observations = Observations::from_session(session)?;
-    observations.declared = predicted(&session.declared, &observations)?;
+    let declared: Result<Vec<Acting>, DeclaredError> = (session.declared.iter())
+        .map(|effect| effect.acting(&observations.chain))
+        .collect();
+    observations.declared = predicted(&declared?, &observations)?;
     for own in &observations.declared {
         for (deviation, part) in observations.deviations.iter_mut().zip(own) {
             *deviation -= part;

@@ -89,6 +89,13 @@ const EXAMPLES: &[(&str, &[&str])] = &[
     ),
     ("identifiability", &["identifiability my_cell.toml"]),
     (
+        "simulate",
+        &[
+            "simulate --like recordings/session_1",
+            "simulate --like recordings/session_1 --html check.html --out recordings/session_1_again",
+        ],
+    ),
+    (
         "blind",
         &["blind --trials 60 --json", "blind --on my_cell.toml"],
     ),

@@ -246,6 +246,9 @@ enum Command {
     Report(commands::report::Arguments),
     /// Add the effects found by a gap report to the cell's declared model, or remove them.
     Adopt(commands::adopt::Arguments),
+    /// Simulate a recorded session again with its model before and after the diagnosis, and compare the residuals (posterior
+    /// predictive check). Exit status 1 where the model with the effects would not have measured such a session.
+    Simulate(commands::simulate::Arguments),
     /// Analyse the identifiability of a plan: detection limits and confounded effects.
     Identifiability(commands::identifiability::Arguments),
     /// Validate the diagnosis on sessions with hidden effects, and print the score card.
@@ -421,6 +424,7 @@ fn run(command: Command) -> anyhow::Result<u8> {
         Command::Diagnose(arguments) => commands::diagnose::run(&arguments),
         Command::Report(arguments) => commands::report::run(&arguments),
         Command::Adopt(arguments) => commands::adopt::run(&arguments),
+        Command::Simulate(arguments) => commands::simulate::run(&arguments),
         Command::Blind {
             refine: Some(wanted),
             seed,

@@ -2,6 +2,7 @@
 //!
 //! - [`blind`]: a plant that shares no code with the signatures makes sessions from a seed and seals their truth; a
 //!   scorecard and a trial of further touches judge what is found.
+//! - [`predictive`]: simulates a session again with the model before and after a diagnosis, and compares the residuals.
 //! - [`scenarios`]: the register of known gaps between a cell and its model, each run in a simulated cell and judged.
 //!
 //! ```text
@@ -22,4 +23,5 @@
 //! ```
 
 pub mod blind;
+pub mod predictive;
 pub mod scenarios;

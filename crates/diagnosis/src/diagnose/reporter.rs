@@ -206,14 +206,18 @@ impl Reporter<'_> {
             .collect();
         let after = blocks.residuals(&candidates, &attribution.y, &attribution.active);
         let weight = |row: usize| self.observations.rows[row].weight;
-        residuals::touches(
+        let touches = residuals::touches(
             self.observations,
             "touches against the model",
             vec![self.session.name.clone()],
             |_| Some(0),
             |row| attribution.y[row] / weight(row),
             |row| after[row].map(|value| value / weight(row)),
-        )
+        );
+        TouchResiduals {
+            lag1_correlation: attribution.lag1_correlation,
+            ..touches
+        }
     }
 
     /// The best model of the most probable set, whatever the noise, among those with or without an unknown cause.

@@ -67,6 +67,8 @@ pub struct TouchResiduals {
     pub features: Vec<String>,
     /// The touches, session by session in time.
     pub touches: Vec<TouchResidual>,
+    /// Lag-1 correlation of the noise of successive touches; 0 for white noise.
+    pub lag1_correlation: f64,
 }
 
 /// One axis of one drive session.
@@ -159,6 +161,7 @@ pub(crate) fn touches(
         })
     };
     TouchResiduals {
+        lag1_correlation: 0.0,
         compared,
         sessions,
         axes: (0..chain.axes().len())

@@ -62,6 +62,17 @@ pub(crate) struct Arguments {
     timeout_s: u64,
 }
 
+impl Arguments {
+    /// Those with which one measurement of a bag is read.
+    pub(super) fn of(plan: Option<String>, model: Option<PathBuf>) -> Self {
+        Self {
+            plan,
+            model,
+            ..Self::default()
+        }
+    }
+}
+
 /// What is compared with the model.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 enum Channel {

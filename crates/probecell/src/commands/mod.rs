@@ -39,6 +39,7 @@ pub(crate) mod scenario;
 pub(crate) mod schema;
 pub(crate) mod secure;
 mod session_bag;
+pub(crate) mod simulate;
 pub(crate) mod status;
 pub(crate) mod stop;
 pub(crate) mod watch;
