@@ -254,10 +254,10 @@ impl Predictive {
         let residuals: Vec<f64> = (self.rows.iter())
             .map(|&row| self.observations.deviations[row] - model.prediction[row])
             .collect();
-        let columns = (model.columns.iter())
+        let columns: Vec<(Vec<f64>, f64)> = (model.columns.iter())
             .map(|(column, plausible)| (pick(column), *plausible))
             .collect();
-        Draws::new(residuals, columns, self.noise, self.lag1_correlation)
+        Draws::new(residuals, &columns, self.noise, self.lag1_correlation)
     }
 }
 

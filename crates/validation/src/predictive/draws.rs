@@ -30,7 +30,7 @@ impl Draws {
     /// deviation of the prior, which holds directions that these touches do not see.
     pub(super) fn new(
         residuals: Vec<f64>,
-        columns: Vec<(Vec<f64>, f64)>,
+        columns: &[(Vec<f64>, f64)],
         noise: f64,
         lag1_correlation: f64,
     ) -> Self {

@@ -20,19 +20,18 @@ impl Check {
                 .map(|(effect, why)| format!("{effect} is not simulated: {why}"))
                 .collect::<Vec<_>>(),
         );
+        let mut models = vec![("Declared model", &self.before)];
+        if self.after.effects != self.before.effects {
+            models.push(("With the effects", &self.after));
+        }
         page.heading("Distribution of the residuals");
-        page.paragraph(
-            "Each dot is a percentile of the residuals of the session against the same percentile of simulated sessions (median); \
-             the lines hold 95 % of the simulated sessions. On a model that measures such sessions the dots lie between them.",
-        );
-        page.plots(&[
-            self.before.plot("declared model"),
-            self.after.plot("with the effects"),
-        ])?;
-        for (title, model) in [
-            ("Declared model", &self.before),
-            ("With the effects", &self.after),
-        ] {
+        page.plots(
+            &models
+                .iter()
+                .map(|(title, model)| model.plot(title))
+                .collect::<Vec<_>>(),
+        )?;
+        for (title, model) in models {
             page.heading(title);
             page.paragraph(&model.description());
             page.table(&model.table());
@@ -105,6 +104,10 @@ impl Compared {
         ))
         .with(Series::line("2.5 %", at(0)))
         .with(Series::line("97.5 %", at(2)))
+        .with_caption(
+            "Each dot is a percentile of the residuals of the session against the same percentile of simulated sessions (median); the \
+             lines hold 95 % of the simulated sessions. On a model that measures such sessions the dots lie between them.",
+        )
     }
 
     fn table(&self) -> Table {
@@ -132,7 +135,11 @@ impl Compared {
                 one.touches.to_string(),
                 one.size(one.real),
                 format!("{} to {}", one.size(low), one.size(high)),
-                format!("{:.3}", one.p),
+                if one.p < 0.001 {
+                    "< 0.001".to_owned()
+                } else {
+                    format!("{:.3}", one.p)
+                },
                 contradicts.to_owned(),
             ]);
         }

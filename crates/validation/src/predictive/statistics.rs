@@ -49,7 +49,8 @@ struct Group {
 pub(super) struct Groups(Vec<Group>);
 
 impl Groups {
-    /// All; each feature, direction of the normal and third of the time with enough touches, where there are two at least.
+    /// All; each feature, direction of the normal and third of the time with enough touches, those of other touches than the
+    /// groups before.
     pub(super) fn of(observations: &Observations, rows: &[usize]) -> Self {
         let mut groups = vec![Group {
             dimension: "all",
@@ -57,15 +58,15 @@ impl Groups {
             members: (0..rows.len()).collect(),
         }];
         let mut add = |dimension: &'static str, all: Vec<(String, Vec<usize>)>| {
-            let large: Vec<_> = all
-                .into_iter()
-                .filter(|(_, members)| members.len() >= FEWEST && members.len() < rows.len())
-                .collect();
-            groups.extend(large.into_iter().map(|(key, members)| Group {
-                dimension,
-                key,
-                members,
-            }));
+            for (key, members) in all {
+                if members.len() >= FEWEST && groups.iter().all(|known| known.members != members) {
+                    groups.push(Group {
+                        dimension,
+                        key,
+                        members,
+                    });
+                }
+            }
         };
         let those = |wanted: &dyn Fn(usize) -> bool| -> Vec<usize> {
             let numbered = rows.iter().enumerate();
