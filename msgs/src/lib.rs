@@ -45,6 +45,7 @@ mod generated;
 pub mod offset;
 mod plan_id;
 mod schema;
+mod words;
 
 pub use cdr::{CdrError, from_cdr, to_cdr};
 pub use code::UnknownCode;

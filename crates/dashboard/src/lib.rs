@@ -1,17 +1,19 @@
 //! Which machine needs me, is this part good and how sure, why not, what do I do, did it help? Every cell of the bus and every
-//! recording of the host as web pages, read only.
+//! recording of the host as web pages; acts of operators are handed on with their signature.
 //!
 //! ```text
 //!  bus ── live ────────┐
 //!                      ├─► state::Hall ─► view (HTML, SVG) ─┬─► server (pages, /metrics)
 //!  bags ── recordings ─┘    a pure reducer                  └─► stream (what has changed)
+//!  cell ◄─ acts ◄── what an operator's key has signed, from a page
 //! ```
 //!
-//! It publishes nothing, announces nothing and serves nothing on the bus, and it answers nothing but GET: no page can move a
-//! machine. Cells are found by what they publish; a session is shown by the reducer and the views of a live cell. Pages are
+//! It publishes nothing, announces nothing and serves nothing on the bus. It holds no operator's key: what an operator has
+//! signed on a page is handed to the services of the cell by a session of its own, as the command line would. Cells are found by what they publish; a session is shown by the reducer and the views of a live cell. Pages are
 //! written here, work without scripts as far as reading goes, and load nothing from elsewhere. Memory is bounded: see
 //! [`state`], [`CellState`](state::CellState), and the constants of each module.
 
+mod acts;
 mod download;
 mod live;
 mod metrics;
@@ -31,18 +33,28 @@ use graph::Stamp;
 use host::bus::BusConfig;
 use tokio::sync::Semaphore;
 
+pub use acts::Desk;
 pub use server::{MakePage, Pages};
+
+/// Ports that are tried from the chosen one on.
+const NEXT_PORTS: u16 = 20;
 
 /// What the dashboard reads, and where it is served.
 pub struct Settings {
     /// Address to listen on.
     pub listen: SocketAddr,
+    /// Where its port is taken: one of the next ports, or any that is free.
+    pub any_port: bool,
     /// How to reach each router.
     pub buses: Vec<BusConfig>,
     /// Folders of recordings.
     pub recordings: Vec<PathBuf>,
     /// Pages that the program makes of a recording.
     pub pages: Pages,
+    /// Cells that take acts.
+    pub desks: Vec<Desk>,
+    /// Names of this host, besides its addresses and `localhost`.
+    pub hosts: Vec<String>,
 }
 
 /// Why the dashboard cannot run.
@@ -56,6 +68,9 @@ pub enum DashboardError {
     /// It cannot listen there.
     #[error("cannot listen on {0}: {1}")]
     Listen(SocketAddr, std::io::Error),
+    /// No random numbers.
+    #[error("the dashboard failed: {0}")]
+    Random(getrandom::Error),
     /// Anything else.
     #[error("the dashboard failed: {0}")]
     Failed(#[from] std::io::Error),
@@ -71,7 +86,7 @@ pub fn watch(
     period: Duration,
     mut on_period: impl FnMut(&state::Hall, Stamp, &str) -> bool,
 ) -> Result<(), DashboardError> {
-    let live = live::Live::new();
+    let live = live::Live::new(Arc::new(acts::Acts::new(Vec::new()).map_err(DashboardError::Random)?));
     for bus in buses {
         live::read(Arc::clone(&live), bus)?;
     }
@@ -98,14 +113,9 @@ pub fn run(
         .enable_all()
         .build()?;
     runtime.block_on(async {
-        let address = settings.listen;
-        let listener = tokio::net::TcpListener::bind(address)
-            .await
-            .map_err(|error| match error.kind() {
-                std::io::ErrorKind::AddrInUse => DashboardError::AddressTaken(address),
-                _ => DashboardError::Listen(address, error),
-            })?;
-        let live = live::Live::new();
+        let listener = listen(settings.listen, settings.any_port).await?;
+        let acts = Arc::new(acts::Acts::new(settings.desks).map_err(DashboardError::Random)?);
+        let live = live::Live::new(Arc::clone(&acts));
         for bus in settings.buses {
             live::read(Arc::clone(&live), bus)?;
         }
@@ -116,9 +126,34 @@ pub fn run(
             pages: settings.pages,
             epoch: host::now().0.unsigned_abs(),
             clients: stream::Clients::default(),
+            acts,
+            hosts: settings.hosts.into(),
             making: Arc::new(Semaphore::new(1)),
             made: Arc::default(),
         };
         Ok(server::serve(listener, shared, end).await?)
     })
+}
+
+/// Listens on an address; where its port is taken and any will do, on one of the next, else on any.
+async fn listen(
+    address: SocketAddr,
+    any_port: bool,
+) -> Result<tokio::net::TcpListener, DashboardError> {
+    let port = address.port();
+    let mut ports = vec![port];
+    if any_port {
+        ports.extend((1..NEXT_PORTS).filter_map(|step| port.checked_add(step)));
+        ports.push(0);
+    }
+    let mut taken = DashboardError::AddressTaken(address);
+    for port in ports {
+        let address = SocketAddr::new(address.ip(), port);
+        match tokio::net::TcpListener::bind(address).await {
+            Ok(listener) => return Ok(listener),
+            Err(error) if error.kind() == std::io::ErrorKind::AddrInUse => {}
+            Err(error) => taken = DashboardError::Listen(address, error),
+        }
+    }
+    Err(taken)
 }

@@ -5,10 +5,12 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
+use graph::topics;
 use host::bus::{BusConfig, EntityKind, Observed, Observer, OnMissed, OnObserved, Qos};
 use host::bus_qos;
 use tokio::sync::watch;
 
+use crate::acts::Acts;
 use crate::state::{Hall, machine_state, read_topics, split};
 
 /// How often presence is looked at. It is well below the 3 s in which a cell that was killed must be seen as stale.
@@ -22,14 +24,19 @@ pub(crate) struct Live {
     changed: watch::Sender<u64>,
     /// Routers that answer, by endpoint.
     routers: Mutex<BTreeMap<String, bool>>,
+    /// Takes the operators' keys.
+    acts: Arc<Acts>,
     /// Messages that arrived.
     pub(crate) received: AtomicU64,
 }
 
 impl Live {
-    pub(crate) fn new() -> Arc<Self> {
+    pub(crate) fn new(acts: Arc<Acts>) -> Arc<Self> {
+        let mut hall = Hall::default();
+        hall.set_desks(acts.cells());
         Arc::new(Self {
-            hall: Mutex::default(),
+            acts,
+            hall: Mutex::new(hall),
             changed: watch::Sender::new(0),
             routers: Mutex::default(),
             received: AtomicU64::new(0),
@@ -72,6 +79,12 @@ impl Live {
 
     fn take(&self, topic: &str, payload: &[u8]) {
         self.received.fetch_add(1, Ordering::Relaxed);
+        if let Some((cell, name)) = split(topic)
+            && name == topics::OPERATOR_KEYS.name
+        {
+            self.acts.take_keys(cell, payload);
+            return;
+        }
         let mut hall = self.hall();
         let before = hall.last_event();
         hall.apply(topic, payload, host::now());
@@ -89,9 +102,8 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 fn observed() -> Vec<Observed> {
-    let topics = read_topics();
-    topics
-        .iter()
+    let read = read_topics().into_iter().chain([topics::OPERATOR_KEYS]);
+    read
         .map(|topic| {
             let fast = ["machine_state", "joint_states"].contains(&topic.name);
             Observed {

@@ -3,8 +3,9 @@
 use std::fmt::Write;
 
 use graph::Stamp;
+use probecell_msgs::{PartReport, Verdict};
 
-use crate::state::{Attention, CellState, Hall, wording};
+use crate::state::{Attention, CellState, Hall};
 
 /// What the server adds to what the hall knows.
 pub(crate) struct Process {
@@ -100,7 +101,7 @@ pub(crate) fn metrics(hall: &Hall, now: Stamp, process: &Process) -> String {
         counted(&|cell| {
             cell.parts
                 .iter()
-                .map(|(code, count)| (wording::part_end(*code), *count))
+                .map(|(code, count)| (PartReport::word(*code), *count))
                 .collect()
         }),
     );
@@ -111,7 +112,7 @@ pub(crate) fn metrics(hall: &Hall, now: Stamp, process: &Process) -> String {
         counted(&|cell| {
             cell.verdict_counts
                 .iter()
-                .map(|(code, count)| (wording::verdict(*code), *count))
+                .map(|(code, count)| (Verdict::word(*code), *count))
                 .collect()
         }),
     );

@@ -1,6 +1,9 @@
-//! The pages over HTTP. Every answer forbids content from elsewhere; nothing but GET is served.
+//! The pages over HTTP. Every answer forbids content from elsewhere, and none is given to a request for another host; nothing
+//! but GET is served, except what an operator has signed ([`act`]).
 
+mod act;
 mod answer;
+mod own;
 mod recorded;
 
 use std::future::{Future, Ready, ready};
@@ -9,11 +12,12 @@ use std::io;
 use axum::Router;
 use axum::extract::{Path, Query, RawQuery, Request, State};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
-use axum::middleware::{Next, from_fn};
+use axum::middleware::{Next, from_fn, from_fn_with_state};
 use axum::response::sse::Sse;
 use axum::response::{IntoResponse, Response};
-use axum::routing::get;
+use axum::routing::{get, post};
 
+use self::act::{key_page, offer, sign, token};
 use self::answer::{Look, missing, page};
 use self::recorded::{compare, diagnosis, download, report, session, sessions};
 use crate::metrics::{Process, metrics};
@@ -52,6 +56,10 @@ fn router(shared: Shared) -> Router {
         .route("/session/{name}/mcap/{index}", get(download))
         .route("/compare", get(compare))
         .route("/metrics", get(metrics_text))
+        .route("/key", get(key_page))
+        .route("/act/token", get(token))
+        .route("/act/offer", post(offer))
+        .route("/act", post(sign))
         .route(
             "/assets/style.css",
             get(|| {
@@ -71,10 +79,20 @@ fn router(shared: Shared) -> Router {
             }),
         )
         .route(
+            "/assets/acts.js",
+            get(|| {
+                asset(
+                    "text/javascript; charset=utf-8",
+                    include_str!("../assets/acts.js"),
+                )
+            }),
+        )
+        .route(
             "/assets/icon.svg",
             get(|| asset("image/svg+xml", include_str!("../assets/icon.svg"))),
         )
         .fallback(|| async { missing("There is no such page.") })
+        .layer(from_fn_with_state(shared.clone(), own::own_host))
         .layer(from_fn(guarded))
         .with_state(shared)
 }

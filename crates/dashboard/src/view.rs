@@ -2,6 +2,7 @@
 
 mod cell;
 mod compare;
+mod deeds;
 mod gap;
 mod hall;
 mod ledger;
@@ -17,6 +18,8 @@ mod terminal;
 pub use cell::{cell_page, section, section_id};
 pub use compare::{Compared, compare_page};
 pub(crate) use hall::sums;
+pub(crate) use deeds::key_page;
+pub(crate) use ledger::changed_by;
 pub use hall::{hall_page, order_of, tile, tile_id};
 pub use page::{Place, message_page};
 pub use picture::View;

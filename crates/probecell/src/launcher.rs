@@ -15,7 +15,7 @@ use std::{
 };
 
 use anyhow::Context;
-use cell::{Cell, Strangers, keys::KeyFolder};
+use cell::{Cell, Strangers, TransportName, keys::KeyFolder};
 use host::{bus::Bus, clock::WallClock};
 use rustix::process::{Pid, Signal, kill_process};
 
@@ -83,8 +83,11 @@ pub(crate) fn up(file: &Path, once: bool, recorded: bool, shown: bool) -> anyhow
     if let Some(folder) = &recording {
         processes.start_recorder(folder)?;
     }
-    if shown {
-        processes.start_dashboard()?;
+    if shown
+        && cell.bus.transport == TransportName::Zenoh
+        && let Err(error) = processes.start_dashboard()
+    {
+        output::remark(&format!("no dashboard: {error:#}"));
     }
     for name in cell.node_names().into_iter().chain(cell.driver_process()) {
         processes.start(name)?;

@@ -68,9 +68,9 @@ enum Command {
         /// Do not record.
         #[arg(long)]
         no_record: bool,
-        /// Serve the dashboard as well, at 127.0.0.1:7480, and print its address.
+        /// Do not serve the dashboard, which otherwise prints its address: 127.0.0.1:7480, or one of the next ports.
         #[arg(long)]
-        dashboard: bool,
+        no_dashboard: bool,
     },
     /// Run one node of a cell in this process.
     Node {
@@ -365,10 +365,10 @@ fn run(command: Command) -> anyhow::Result<u8> {
             cell,
             once,
             no_record,
-            dashboard,
+            no_dashboard,
         } => {
             default_cell::provide(&cell)?;
-            launcher::up(&cell, once, !no_record, dashboard)
+            launcher::up(&cell, once, !no_record, !no_dashboard)
         }
         Command::Node {
             name,

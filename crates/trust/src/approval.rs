@@ -110,15 +110,24 @@ impl Trust {
             return Err(NotApproved::Unsigned(by()));
         }
         let keys = keys.ok_or(NotApproved::NoKeys)?;
-        let mut known = operators::of_name(keys, &correction.approved_by).peekable();
-        if known.peek().is_none() {
-            return Err(NotApproved::Unknown(by()));
-        }
-        match known.find(|(key, _)| key.verifies(&act, signature)) {
-            Some((_, false)) => Ok(Approval::Signed),
-            Some((_, true)) => Err(NotApproved::Withdrawn(by())),
-            None => Err(NotApproved::Forged(by())),
-        }
+        check(keys, &act, signature).map(|()| Approval::Signed)
+    }
+}
+
+/// Whether the operator in whose name an act is has signed it with a key in force.
+pub fn check(keys: &OperatorKeys, act: &Act<'_>, signature: &[u8]) -> Result<(), NotApproved> {
+    let by = || act.by.to_owned();
+    if signature.is_empty() {
+        return Err(NotApproved::Unsigned(by()));
+    }
+    let mut known = operators::of_name(keys, act.by).peekable();
+    if known.peek().is_none() {
+        return Err(NotApproved::Unknown(by()));
+    }
+    match known.find(|(key, _)| key.verifies(act, signature)) {
+        Some((_, false)) => Ok(()),
+        Some((_, true)) => Err(NotApproved::Withdrawn(by())),
+        None => Err(NotApproved::Forged(by())),
     }
 }
 

@@ -120,6 +120,11 @@ impl KeyFolder {
         Ok(key)
     }
 
+    /// The public key of the cell is there.
+    pub fn is_public_there(&self) -> bool {
+        self.0.join("cell.pub").exists()
+    }
+
     /// The public key of the cell; its keys are made if there are none.
     pub fn public(&self) -> Result<PublicKey, KeyError> {
         let path = self.0.join("cell.pub");

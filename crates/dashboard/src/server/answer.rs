@@ -8,6 +8,7 @@ use axum::response::{Html, IntoResponse, Response};
 use serde::Deserialize;
 use tokio::sync::Semaphore;
 
+use crate::acts::Acts;
 use crate::live::Live;
 use crate::recordings::Recordings;
 use crate::stream::Clients;
@@ -33,6 +34,9 @@ pub(crate) struct Shared {
     /// Instant of the start: tells pages of another run of the program apart.
     pub(crate) epoch: u64,
     pub(crate) clients: Clients,
+    pub(crate) acts: Arc<Acts>,
+    /// Names of this host, besides its addresses.
+    pub(crate) hosts: Arc<[String]>,
     /// One page of a report at a time.
     pub(crate) making: Arc<Semaphore>,
     pub(crate) made: Arc<Mutex<Vec<Made>>>,

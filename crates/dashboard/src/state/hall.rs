@@ -30,6 +30,8 @@ pub struct Hall {
     missed: BTreeMap<String, u64>,
     /// Messages taken.
     messages: u64,
+    /// Cells that take acts from pages.
+    desks: BTreeSet<String>,
 }
 
 /// Names of topics that the dashboard reads, with their types. Faults are read on any `NODE/faults`.
@@ -200,6 +202,16 @@ impl Hall {
     /// Cells that were not taken on because there were too many.
     pub fn refused(&self) -> usize {
         self.refused.len()
+    }
+
+    /// Takes which cells take acts from pages.
+    pub(crate) fn set_desks(&mut self, cells: BTreeSet<String>) {
+        self.desks = cells;
+    }
+
+    /// Acts can be done to this cell from a page.
+    pub(crate) fn takes_acts(&self, cell: &str) -> bool {
+        self.desks.contains(cell)
     }
 
     /// Messages that did not reach the dashboard.

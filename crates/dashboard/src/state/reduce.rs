@@ -115,7 +115,7 @@ impl CellState {
             return None;
         }
         self.changed(&[Section::State, Section::Order]);
-        let stage = wording::stage(&self.part);
+        let stage = PartStatus::word(self.part.stage);
         (self.part.stage != PartStatus::NONE)
             .then(|| (EventKind::Part, format!("{}: {stage}", self.part.part_id)))
     }
@@ -128,7 +128,7 @@ impl CellState {
         let text = format!(
             "{} {}: {}",
             report.part_id,
-            wording::part_end(report.verdict),
+            PartReport::word(report.verdict),
             report.text
         );
         push(&mut self.ended, report, ENDED);
@@ -248,7 +248,7 @@ impl CellState {
         let text = format!(
             "{} {}, {}",
             verdict.feature_id,
-            wording::verdict(verdict.verdict),
+            Verdict::word(verdict.verdict),
             wording::micrometres(verdict.error)
         );
         self.last_verdict = Some(verdict.clone());

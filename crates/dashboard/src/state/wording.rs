@@ -1,8 +1,7 @@
 //! What codes and lengths are called by people.
 
 use probecell_msgs::{
-    Correction, CorrectionAcknowledgement, GapReport, MachineState, PartReport, PartStatus,
-    PassDecision, Verdict,
+    Correction, CorrectionAcknowledgement, GapReport, MachineState, PassDecision,
 };
 
 /// A length in µm with its sign, to a tenth.
@@ -27,42 +26,6 @@ pub(crate) fn execution(code: u8) -> &'static str {
         MachineState::EXECUTION_HOLD => "feed hold",
         MachineState::EXECUTION_ALARM => "alarm",
         _ => "emergency stop",
-    }
-}
-
-/// Stage of a part.
-pub(crate) fn stage(part: &PartStatus) -> &'static str {
-    match part.stage {
-        PartStatus::CUTTING => "cutting",
-        PartStatus::MEASURING => "measuring",
-        PartStatus::DECIDING => "deciding",
-        PartStatus::CORRECTING => "correcting",
-        PartStatus::STOPPING => "stopping",
-        _ => "no part",
-    }
-}
-
-/// How a part ended.
-pub(crate) fn part_end(code: u8) -> &'static str {
-    match code {
-        PartReport::QUALIFIED => "qualified",
-        PartReport::SCRAP => "scrap",
-        PartReport::MEASURED => "measured only",
-        _ => "stopped",
-    }
-}
-
-/// A verdict.
-pub(crate) fn verdict(code: u8) -> &'static str {
-    match code {
-        Verdict::QUALIFIED => "qualified",
-        Verdict::COMPENSABLE => "to be corrected",
-        Verdict::OVERCUT_NOT_COMPENSABLE => "overcut",
-        Verdict::TOOL_WORN => "tool worn",
-        Verdict::NOT_CONVERGED => "not converged",
-        Verdict::MEASUREMENT_INVALID => "measurement invalid",
-        Verdict::INDETERMINATE => "indeterminate",
-        _ => "contradicted by the reference",
     }
 }
 

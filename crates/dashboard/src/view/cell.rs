@@ -48,18 +48,19 @@ pub fn section(
     path: &str,
 ) -> Markup {
     let id = section_id(section);
+    let acts = hall.takes_acts(&cell.name);
     html! {
         section.card id=(id) aria-labelledby={ (id) "-title" } {
             h2 #{ (id) "-title" } { (title_of(section)) }
             @match section {
-                Section::State => (parts::state(cell, now)),
+                Section::State => (parts::state(cell, acts, now)),
                 Section::Part => (picture(cell, view, path)),
                 Section::Order => (parts::order(cell, now)),
                 Section::Sizes => (sizes::sizes(cell)),
                 Section::Runs => (runs::runs(cell)),
-                Section::Ledger => (ledger::ledger(cell, now)),
+                Section::Ledger => (ledger::ledger(cell, acts, now)),
                 Section::Faults => (parts::faults(cell, hall)),
-                Section::Gap => (gap::gap(cell)),
+                Section::Gap => (gap::gap(cell, acts)),
                 Section::Axes => (parts::axes(cell)),
             }
         }

@@ -2,6 +2,7 @@
 
 use graph::Stamp;
 use maud::{Markup, html};
+use probecell_msgs::PartReport;
 
 use super::hall::group;
 use super::numbers::{date, signed_um, span, um};
@@ -89,7 +90,7 @@ fn parts(cell: &CellState) -> String {
     let all: Vec<String> = cell
         .parts
         .iter()
-        .map(|(code, count)| format!("{count} {}", wording::part_end(*code)))
+        .map(|(code, count)| format!("{count} {}", PartReport::word(*code)))
         .collect();
     if all.is_empty() {
         "none ended".to_owned()

@@ -4,6 +4,7 @@ use diagnosis::{Report, Verdict, in_shop_units};
 use effects::vocabulary;
 use maud::{Markup, html};
 
+use super::deeds::deed;
 use super::numbers::{probability, um};
 use crate::state::{CellState, wording};
 
@@ -11,7 +12,7 @@ use crate::state::{CellState, wording};
 const PLACES: usize = 4;
 
 /// The section.
-pub(super) fn gap(cell: &CellState) -> Markup {
+pub(super) fn gap(cell: &CellState, takes_acts: bool) -> Markup {
     let Some(gap) = &cell.gap else {
         return html! { p.none { "No measurement has been diagnosed yet." } };
     };
@@ -21,11 +22,17 @@ pub(super) fn gap(cell: &CellState) -> Markup {
             @if let Some(ratio) = cell.gap_ratio() { ", " b { (format!("{ratio:.1}")) " × noise" } }
             small { (um(gap.rms)) " µm rms over a noise of " (um(gap.noise_floor)) " µm, " (gap.samples) " touches of " code { (gap.plan_id) } }
         }
-        @if let Some(report) = &cell.report { (in_full(report)) }
+        @if let Some(report) = &cell.report { (in_full(report, &|number| deeds(cell, takes_acts, report, number))) }
     }
 }
 
-fn in_full(report: &Report) -> Markup {
+/// The button that has the touches of a proposal taken.
+fn deeds(cell: &CellState, takes_acts: bool, report: &Report, number: usize) -> Markup {
+    let asked = &report.next_measurement[number].plan;
+    html! { @if takes_acts && asked.is_some() { p.deeds { (deed(cell, "next", &number.to_string(), "Take these touches")) } } }
+}
+
+fn in_full(report: &Report, deeds: &dyn Fn(usize) -> Markup) -> Markup {
     html! {
         @for (number, effect) in report.effects.iter().enumerate() {
             @let group = if effect.group.is_empty() { std::slice::from_ref(&effect.effect) } else { &effect.group };
@@ -51,7 +58,7 @@ fn in_full(report: &Report) -> Markup {
         @if report.effects.is_empty() && report.verdict == Verdict::NoGap { p { "The cell does what its model says, as far as this measurement can see." } }
         @if report.unexplained.rms > 0.0 { p { b { (um(report.unexplained.rms)) " µm rms" } " stay unexplained." } }
         (place(report))
-        (next(report))
+        (next(report, deeds))
         @for warning in &report.warnings { p.note { "Note: " (warning) "." } }
     }
 }
@@ -83,9 +90,9 @@ fn place(report: &Report) -> Markup {
     html! { @if !shares.is_empty() { p { b { "Where" } " " (shares.join(", ")) } } }
 }
 
-fn next(report: &Report) -> Markup {
+fn next(report: &Report, deeds: &dyn Fn(usize) -> Markup) -> Markup {
     html! {
-        @for next in &report.next_measurement {
+        @for (number, next) in report.next_measurement.iter().enumerate() {
             details.next open {
                 summary { b { "Measure next" } " " (next.points.len()) " touches: " (format!("{:.0} %", next.chance * 100.0)) " chance that one explanation remains" }
                 table.points {
@@ -101,6 +108,7 @@ fn next(report: &Report) -> Markup {
                     } }
                 }
                 @for pair in &next.inseparable { p.note { (pair.iter().map(|one| vocabulary::describe(one)).collect::<Vec<_>>().join(" and ")) " cannot be told apart by any reachable touch." } }
+                (deeds(number))
             }
         }
     }

@@ -2,7 +2,7 @@
 
 use graph::Stamp;
 use maud::{Markup, html};
-use probecell_msgs::{MachineState, PartStatus};
+use probecell_msgs::{MachineState, PartReport, PartStatus, Verdict};
 
 use super::numbers::{cell_title, silence};
 use super::page::{Frame, Place, frame};
@@ -41,7 +41,7 @@ pub(super) fn doing(cell: &CellState, now: Stamp) -> String {
     let machine = cell.machine();
     match machine.map(|one| one.execution) {
         Some(code) if code >= MachineState::EXECUTION_HOLD => wording::execution(code).to_owned(),
-        _ if cell.is_making() => wording::stage(&cell.part).to_owned(),
+        _ if cell.is_making() => PartStatus::word(cell.part.stage).to_owned(),
         Some(code) => wording::execution(code).to_owned(),
         None => "unknown".to_owned(),
     }
@@ -105,7 +105,7 @@ fn part(cell: &CellState) -> Markup {
     html! {
         div { dt { "Part" } dd {
             @if part.stage == PartStatus::NONE {
-                @if let Some(last) = ended { (last.part_id) ", " (wording::part_end(last.verdict)) }
+                @if let Some(last) = ended { (last.part_id) ", " (PartReport::word(last.verdict)) }
                 @else { "none yet" }
             } @else {
                 (part.part_id) ", pass " (part.pass_number + 1)
@@ -122,7 +122,7 @@ fn verdict(cell: &CellState) -> Markup {
     let (rule, risk) = wording::rule_and_risk(&last.text);
     html! {
         div { dt { "Last verdict" } dd {
-            span.verdict.(super::sizes::class_of(last.verdict)) { (last.feature_id) " " (wording::verdict(last.verdict)) ", " (wording::micrometres(last.error)) }
+            span.verdict.(super::sizes::class_of(last.verdict)) { (last.feature_id) " " (Verdict::word(last.verdict)) ", " (wording::micrometres(last.error)) }
             small { (rule) @if let Some(risk) = risk { "; risk " (risk) } }
         } }
     }

@@ -4,21 +4,23 @@ use graph::Stamp;
 use maud::{Markup, html};
 use probecell_msgs::{Correction, CorrectionAcknowledgement};
 
+use super::deeds::deed;
 use super::numbers::{clock, signed_um, um};
 use crate::state::{CellState, Entry, wording};
 
 /// The section, newest first.
-pub(super) fn ledger(cell: &CellState, now: Stamp) -> Markup {
+pub(super) fn ledger(cell: &CellState, takes_acts: bool, now: Stamp) -> Markup {
     let mut entries: Vec<&Entry> = cell.corrections().rev().collect();
     // What waits for a person stands first.
     entries.sort_by_key(|one| !one.is_waiting(now));
     html! {
         @if entries.is_empty() { p.none { "No correction has been proposed." } }
-        ol.ledger { @for entry in entries { (item(entry, now)) } }
+        ol.ledger { @for entry in entries { (item(entry, deeds(cell, takes_acts, entry, now), now)) } }
     }
 }
 
-fn what(correction: &Correction) -> String {
+/// What a correction changes.
+pub(crate) fn changed_by(correction: &Correction) -> String {
     let features = correction.feature_ids.join(", ");
     match correction.kind {
         Correction::TOOL_WEAR => format!("Wear of tool {} for {features}", correction.tool_number),
@@ -35,13 +37,13 @@ fn value(metres: f64) -> String {
     format!("{} µm", signed_um(metres))
 }
 
-fn item(entry: &Entry, now: Stamp) -> Markup {
+fn item(entry: &Entry, deeds: Markup, now: Stamp) -> Markup {
     let one = &entry.correction;
     let waiting = entry.is_waiting(now);
     let class = state_of(entry, now);
     html! {
         li.(class) {
-            h3 { (what(one)) }
+            h3 { (changed_by(one)) }
             p.change { b { (value(one.previous_value)) " → " (value(one.new_value)) } " within " (value(one.lower_bound)) " to " (value(one.upper_bound)) }
             ol.steps {
                 li.done { b { "Proposed" } " " (clock(entry.proposed)) " from " code { (one.plan_id) } ", " (one.sequences.len()) " touches: error " (value(one.measured_error)) ", standard uncertainty " (um(one.standard_uncertainty)) " µm" }
@@ -58,6 +60,20 @@ fn item(entry: &Entry, now: Stamp) -> Markup {
                     }
                 }
                 (achieved(entry))
+            }
+            (deeds)
+        }
+    }
+}
+
+/// Buttons of a correction that waits.
+fn deeds(cell: &CellState, takes_acts: bool, entry: &Entry, now: Stamp) -> Markup {
+    let id = &entry.correction.correction_id;
+    html! {
+        @if takes_acts && entry.is_waiting(now) {
+            p.deeds {
+                (deed(cell, "approve", id, "Approve"))
+                (deed(cell, "reject", id, "Reject"))
             }
         }
     }

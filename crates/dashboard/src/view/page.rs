@@ -11,6 +11,8 @@ pub enum Place {
     Cell,
     /// Recordings.
     Sessions,
+    /// The key of this device.
+    Key,
 }
 
 /// What a page is made of.
@@ -39,6 +41,7 @@ pub(super) fn frame(frame: &Frame<'_>, body: &Markup) -> Markup {
                 link rel="stylesheet" href="/assets/style.css";
                 link rel="icon" href="/assets/icon.svg" type="image/svg+xml";
                 script type="module" src="/assets/app.js" {}
+                script type="module" src="/assets/acts.js" {}
                 @if frame.stream.is_some() {
                     noscript { meta http-equiv="refresh" content="5"; }
                 }
@@ -50,6 +53,7 @@ pub(super) fn frame(frame: &Frame<'_>, body: &Markup) -> Markup {
                     nav aria-label="Main" {
                         a href="/" aria-current=[current(Place::Hall)] { "Hall" }
                         a href="/sessions" aria-current=[current(Place::Sessions)] { "Sessions" }
+                        a href="/key" aria-current=[current(Place::Key)] { "Key" }
                     }
                     @if frame.stream.is_some() {
                         p #link role="status" { "" }
@@ -63,7 +67,7 @@ pub(super) fn frame(frame: &Frame<'_>, body: &Markup) -> Markup {
                     (body)
                 }
                 footer {
-                    p { "Reads only: nothing on this page moves a machine. Deviations are measured minus nominal; excess material is positive. U is the expanded uncertainty. Times are UTC." }
+                    p { "Nothing on these pages moves a machine without the signature of an operator. Deviations are measured minus nominal; excess material is positive. U is the expanded uncertainty. Times are UTC." }
                 }
             }
         }

@@ -3,9 +3,11 @@
 use graph::Stamp;
 use maud::{Markup, html};
 use probecell_msgs::{
-    Fault, MeasurementOrder, PartStatus, PlanProgress, ProbingMove, RecordingStatus,
+    Fault, MeasurementOrder, PartReport, PartStatus, PlanProgress, ProbingMove, RecordingStatus,
+    Verdict,
 };
 
+use super::deeds::{deed, deed_asking};
 use super::hall::{attention_of, doing};
 use super::numbers::{clock, silence, span};
 use super::sizes::class_of;
@@ -15,7 +17,7 @@ use crate::state::{CellState, EventKind, Hall, wording};
 const EVENTS: usize = 40;
 
 /// State, part, decision.
-pub(super) fn state(cell: &CellState, now: Stamp) -> Markup {
+pub(super) fn state(cell: &CellState, takes_acts: bool, now: Stamp) -> Markup {
     let (attention, why) = cell.attention(now);
     let (class, sign, name) = attention_of(attention);
     let machine = cell.machine();
@@ -25,18 +27,26 @@ pub(super) fn state(cell: &CellState, now: Stamp) -> Markup {
             p.badge { span.sign aria-hidden="true" { (sign) } " " span.sr { (name) ": " } (doing(cell, now)) }
             p.why { (why) }
             dl {
-                div { dt { "Part" } dd { @if part.stage == PartStatus::NONE { @if let Some(last) = cell.ended.back() { (last.part_id) ", " (wording::part_end(last.verdict)) small { (last.text) } } @else { "none yet" } } @else { (part.part_id) ", pass " (part.pass_number + 1) ", " (wording::stage(part)) small { (part.operation.replace('_', " ")) code { (part.plan_id) } } } } }
+                div { dt { "Part" } dd { @if part.stage == PartStatus::NONE { @if let Some(last) = cell.ended.back() { (last.part_id) ", " (PartReport::word(last.verdict)) small { (last.text) } } @else { "none yet" } } @else { (part.part_id) ", pass " (part.pass_number + 1) ", " (PartStatus::word(part.stage)) small { (part.operation.replace('_', " ")) code { (part.plan_id) } } } } }
                 @if let Some(machine) = machine.as_ref().filter(|one| !one.program.is_empty()) { div { dt { "Program" } dd { (machine.program) " line " (machine.line) } } }
                 @if let Some(last) = &cell.last_verdict {
                     @let (rule, risk) = wording::rule_and_risk(&last.text);
-                    div { dt { "Last verdict" } dd { span.verdict.(class_of(last.verdict)) { (last.feature_id) " " (wording::verdict(last.verdict)) ", " (wording::micrometres(last.error)) } small { (rule) @if let Some(risk) = risk { "; risk " (risk) } } } }
+                    div { dt { "Last verdict" } dd { span.verdict.(class_of(last.verdict)) { (last.feature_id) " " (Verdict::word(last.verdict)) ", " (wording::micrometres(last.error)) } small { (rule) @if let Some(risk) = risk { "; risk " (risk) } } } }
                 }
                 @if let Some(one) = &cell.decision { div { dt { "Decision" } dd { (wording::decision(one.decision)) small { (one.text) } } } }
-                div { dt { "Parts" } dd { @if cell.parts.is_empty() { "none ended" } @for (index, (code, count)) in cell.parts.iter().enumerate() { @if index > 0 { ", " } (count) " " (wording::part_end(*code)) } } }
+                div { dt { "Parts" } dd { @if cell.parts.is_empty() { "none ended" } @for (index, (code, count)) in cell.parts.iter().enumerate() { @if index > 0 { ", " } (count) " " (PartReport::word(*code)) } } }
                 @if let Some(one) = &cell.recording { div { dt { "Recording" } dd { (match one.state { RecordingStatus::RECORDING => "recording", RecordingStatus::WAIVED => "waived", _ => "stopped" }) } } }
                 div { dt { "Last word" } dd.age { (silence(cell.age_s(now))) } }
             }
             @if let Some(one) = &cell.progress { (planning(one)) }
+            @if takes_acts {
+                p.deeds {
+                    (deed(cell, "stop", "", "Stop"))
+                    (deed_asking(cell, "make", "Name of the part", "Make a part"))
+                    @if cell.plan.is_some() { (deed(cell, "again", "", "Measure again")) }
+                }
+                p.note.unsigned { "Read only on this device: it holds no " a href="/key" { "key" } "." }
+            }
         }
     }
 }

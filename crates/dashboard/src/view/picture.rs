@@ -1,10 +1,12 @@
 //! The part in three dimensions: an orthographic projection as SVG, with touches, deviations and tolerance colours.
 
+mod labels;
 mod outline;
 
 use maud::{Markup, html};
-use probecell_msgs::InspectionPlan;
+use probecell_msgs::{InspectionPlan, InspectionFeature};
 
+use self::labels::labels;
 use self::outline::{V, outline};
 use super::numbers::signed_um;
 use super::sizes::judged;
@@ -166,7 +168,7 @@ fn drawing(cell: &CellState, plan: &InspectionPlan, view: View) -> Markup {
                 polygon.face.(classes[*number]) points=(line.iter().map(|p| { let (x, y) = scale.place(*p); format!("{x:.1},{y:.1}") }).collect::<Vec<_>>().join(" ")) { title { (plan.features[*number].id) } }
             }
             @for one in &drawn { (point(one, newest)) }
-            @for (number, feature) in plan.features.iter().enumerate() { (label(&drawn, plan, number, &feature.id)) }
+            @for one in labels(&foremost(&drawn, plan)) { text.name x=(format!("{:.1}", one.x)) y=(format!("{:.1}", one.y)) text-anchor=(if one.right { "end" } else { "start" }) { (one.text) } }
             (axes(view))
             g.scale { line x1="16" x2=(16.0 + ARROW) y1="20" y2="20" {} text x=(22.0 + ARROW) y="24" { (signed_um(nice).trim_start_matches('+')) " µm deviation" } }
         }
@@ -261,16 +263,14 @@ fn point(one: &Drawn<'_>, newest: Option<usize>) -> Markup {
     }
 }
 
-/// The name of a feature beside its foremost point.
-fn label(drawn: &[Drawn<'_>], plan: &InspectionPlan, number: usize, id: &str) -> Markup {
-    let own = drawn
-        .iter()
-        .rev()
-        .find(|one| plan.points[one.index].feature as usize == number);
-    html! { @if let Some(one) = own.filter(|one| !one.hidden) {
-        @let right = one.at.0 > WIDTH - 90.0;
-        text.name x=(format!("{:.1}", one.at.0 + if right { -9.0 } else { 9.0 })) y=(format!("{:.1}", one.at.1 - 7.0)) text-anchor=(if right { "end" } else { "start" }) { (id) }
-    } }
+/// Each feature that is seen, with its foremost point.
+fn foremost<'a>(drawn: &[Drawn<'_>], plan: &'a InspectionPlan) -> Vec<(&'a str, (f64, f64))> {
+    let of = |(number, feature): (usize, &'a InspectionFeature)| {
+        let is_own = |one: &&Drawn<'_>| plan.points[one.index].feature as usize == number;
+        let own = drawn.iter().rev().find(is_own)?;
+        (!own.hidden).then_some((feature.id.as_str(), own.at))
+    };
+    plan.features.iter().enumerate().filter_map(of).collect()
 }
 
 /// The axes of the part frame in the corner.

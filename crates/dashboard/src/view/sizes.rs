@@ -32,7 +32,7 @@ impl Size<'_> {
 
     pub(super) fn says(&self) -> &'static str {
         match (self.verdict, self.result.decision) {
-            (Some(verdict), _) => wording::verdict(verdict.verdict),
+            (Some(verdict), _) => Verdict::word(verdict.verdict),
             (None, FeatureResult::INVALID) => "not measurable",
             (None, _) if self.limits.is_none() => "no tolerance",
             (None, FeatureResult::CONFORMS) => "conforms",

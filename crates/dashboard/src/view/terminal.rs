@@ -1,6 +1,7 @@
 //! The hall as text, for a terminal or a log.
 
 use graph::Stamp;
+use probecell_msgs::{PartReport, Verdict};
 
 use super::hall::{attention_of, doing, group};
 use super::numbers::silence;
@@ -27,36 +28,25 @@ pub fn hall_text(hall: &Hall, now: Stamp, trouble: &str) -> String {
             *width = (*width).max(text.chars().count());
         }
     }
-    let mut text = String::new();
-    let mut line = |words: &[String; 6]| {
+    let line = |words: &[String; 6]| {
         let padded = words.iter().zip(widths).map(|(word, width)| {
             let missing = width - word.chars().count().min(width);
             format!("{word}{}", " ".repeat(missing))
         });
         let joined = padded.collect::<Vec<_>>().join("  ");
-        text.push_str(joined.trim_end());
-        text.push('\n');
-        text.len()
+        format!("{}\n", joined.trim_end())
     };
-    line(&COLUMNS.map(|(name, _)| name.to_owned()));
-    let mut ends = Vec::new();
-    for row in &rows {
-        ends.push(line(row));
-    }
-    // From the last, so that the places before stay what they are.
-    for (cell, end) in cells.iter().zip(ends).rev() {
-        text.insert_str(end, &below(cell, now));
-    }
-    if cells.is_empty() {
-        "no cell is on the bus\n".clone_into(&mut text);
+    let mut text = if cells.is_empty() {
+        "no cell is on the bus\n".to_owned()
+    } else {
+        line(&COLUMNS.map(|(name, _)| name.to_owned()))
+    };
+    for (cell, row) in cells.iter().zip(&rows) {
+        text.push_str(&line(row));
+        text.push_str(&below(cell, now));
     }
     if hall.missed_total() > 0 {
-        let missed = hall.missed_total();
-        text.push_str(&missed.to_string());
-        text.push_str(
-            " messages did not arrive
-",
-        );
+        text.push_str(&format!("{} messages did not arrive\n", hall.missed_total()));
     }
     if !trouble.is_empty() {
         text.push_str(trouble);
@@ -71,11 +61,11 @@ fn row(cell: &CellState, now: Stamp) -> [String; 6] {
     } else {
         let last = cell.ended.back();
         last.map_or_else(String::new, |part| {
-            format!("{}, {}", part.part_id, wording::part_end(part.verdict))
+            format!("{}, {}", part.part_id, PartReport::word(part.verdict))
         })
     };
     let verdict = cell.last_verdict.as_ref().map(|verdict| {
-        let word = wording::verdict(verdict.verdict);
+        let word = Verdict::word(verdict.verdict);
         let error = wording::micrometres(verdict.error);
         format!("{} {word}, {error}", verdict.feature_id)
     });

@@ -1,4 +1,4 @@
-//! `probecell dashboard`: every cell of the bus and every recording as web pages, read only.
+//! `probecell dashboard`: every cell of the bus and every recording as web pages.
 
 use std::ffi::OsString;
 use std::net::SocketAddr;
@@ -7,8 +7,8 @@ use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use anyhow::Context;
-use cell::{Cell, TransportName};
-use dashboard::{Pages, Settings};
+use cell::{Cell, TransportName, keys::KeyFolder};
+use dashboard::{Desk, Pages, Settings};
 use host::bus::{BusConfig, ROUTER_ENDPOINT};
 
 use crate::{GOOD, cell_bus::bus_config, output, signals};
@@ -23,13 +23,13 @@ const PERIOD: Duration = Duration::from_millis(50);
 #[command(after_help = "Examples:\n  \
     Cells of this host, and ./recordings:\n    \
     probecell dashboard\n  \
-    Reachable from tablets; there is no password, so on trusted networks only:\n    \
+    Reachable from tablets; whoever reaches it reads everything, so on trusted networks only:\n    \
     probecell dashboard --listen 0.0.0.0:7480\n  \
     Cells behind other routers:\n    \
     probecell dashboard --connect tcp/10.0.0.5:7447 --connect tcp/10.0.0.6:7447\n  \
-    With the router, user and TLS settings of a cell file:\n    \
+    With the router, user and TLS settings of a cell file; operators can act on this cell, each with a signature:\n    \
     probecell dashboard --cell launch-scripts/turn_mill.toml\n\n\
-    Pages: / (hall), /?wall, /cell/NAME, /sessions, /session/NAME?t=SECONDS, /compare?a=A&b=B, /metrics (Prometheus).")]
+    Pages: / (hall), /?wall, /cell/NAME, /sessions, /session/NAME?t=SECONDS, /compare?a=A&b=B, /key, /metrics (Prometheus).")]
 pub(crate) struct Arguments {
     /// Address to listen on; port 0 takes a free one.
     #[arg(long, default_value = ADDRESS)]
@@ -43,9 +43,16 @@ pub(crate) struct Arguments {
     /// ROS domain.
     #[arg(long, default_value_t = 0)]
     domain: u32,
-    /// Cell file whose router, Zenoh settings and folder of recordings are used.
+    /// Cell file whose router, Zenoh settings and folder of recordings are used, and on whose cell operators can act, each with
+    /// a signature; may be repeated.
     #[arg(long)]
-    cell: Option<PathBuf>,
+    cell: Vec<PathBuf>,
+    /// Name by which this host is reached, besides its addresses and its own name; may be repeated.
+    #[arg(long, value_name = "NAME")]
+    host: Vec<String>,
+    /// Take another port where that of --listen is taken.
+    #[arg(long)]
+    any_port: bool,
     /// Exit when the parent process exits.
     #[arg(long, hide = true)]
     pub(crate) supervised: bool,
@@ -57,67 +64,126 @@ pub(crate) struct Arguments {
 /// Arguments of the dashboard that `up` starts for the cell of this file.
 pub(crate) fn arguments(cell: &Path) -> Vec<OsString> {
     let clock = host::clock::offset().to_string();
-    let words = ["dashboard", "--supervised", "--clock", &clock, "--cell"];
+    let words = ["dashboard", "--supervised", "--any-port", "--clock", &clock, "--cell"];
     let words = words.iter().map(OsString::from);
     words.chain([cell.into()]).collect()
 }
 
-/// How to reach each router: those of `connect`, else that of the cell file, else that of this host.
+/// How to reach each router: those of `connect`, else those of the cell files, else that of this host.
 pub(super) fn buses(
-    cell: Option<&Cell>,
+    cells: &[Cell],
     connect: Vec<String>,
     domain: u32,
 ) -> anyhow::Result<Vec<BusConfig>> {
-    let base = match cell {
-        Some(cell) => {
-            if cell.bus.transport != TransportName::Zenoh {
-                output::remark("only Zenoh is read: this cell speaks DDS and is not shown");
-            }
-            bus_config(cell, cell::policy::SCREEN)?
+    let mut of_cells: Vec<BusConfig> = Vec::new();
+    for cell in cells {
+        if cell.bus.transport != TransportName::Zenoh {
+            output::remark(&format!(
+                "only Zenoh is read: cell {} speaks DDS and is not shown",
+                cell.cell.name
+            ));
         }
-        None => BusConfig {
+        let bus = BusConfig {
+            transport: host::bus::Transport::Zenoh,
+            endpoints: vec![cell.bus.router_endpoint.clone()],
+            ..bus_config(cell, cell::policy::SCREEN)?
+        };
+        if of_cells.iter().all(|one| one.endpoints != bus.endpoints) {
+            of_cells.push(bus);
+        }
+    }
+    let buses = if connect.is_empty() && !of_cells.is_empty() {
+        of_cells
+    } else {
+        let base = of_cells.first().cloned().unwrap_or_else(|| BusConfig {
             domain_id: domain,
             ..BusConfig::default()
-        },
+        });
+        let endpoints = if connect.is_empty() {
+            vec![ROUTER_ENDPOINT.to_owned()]
+        } else {
+            connect
+        };
+        let each = endpoints.into_iter().map(|one| BusConfig {
+            endpoints: vec![one],
+            ..base.clone()
+        });
+        each.collect()
     };
-    let endpoints = match (connect.is_empty(), cell) {
-        (false, _) => connect,
-        (true, Some(cell)) => vec![cell.bus.router_endpoint.clone()],
-        (true, None) => vec![ROUTER_ENDPOINT.to_owned()],
-    };
-    let buses = endpoints.into_iter().map(|one| BusConfig {
-        transport: host::bus::Transport::Zenoh,
-        endpoints: vec![one],
-        ..base.clone()
-    });
-    let buses: Vec<BusConfig> = buses.collect();
     for bus in &buses {
         bus.check()?;
     }
     Ok(buses)
 }
 
+/// Cells that take acts: those whose key is here. Without one nothing that is signed could be for this cell.
+fn desks(cells: &[Cell]) -> anyhow::Result<Vec<Desk>> {
+    let mut desks = Vec::new();
+    for cell in cells
+        .iter()
+        .filter(|cell| cell.bus.transport == TransportName::Zenoh)
+    {
+        let name = &cell.cell.name;
+        let folder = match KeyFolder::of(cell) {
+            Ok(folder) if folder.is_public_there() => folder,
+            Ok(folder) => {
+                let path = folder.path().display();
+                output::remark(&format!(
+                    "the public key of cell {name} is not in {path}: its pages only read"
+                ));
+                continue;
+            }
+            Err(error) => {
+                output::remark(&format!("{error}: the pages of cell {name} only read"));
+                continue;
+            }
+        };
+        desks.push(Desk {
+            cell: name.clone(),
+            key: folder.public()?,
+            bus: bus_config(cell, "operator_call")?,
+        });
+    }
+    Ok(desks)
+}
+
+/// Names of this host on its network.
+fn host_names() -> Vec<String> {
+    let system = rustix::system::uname();
+    let name = system.nodename().to_string_lossy().into_owned();
+    vec![format!("{name}.local"), name]
+}
+
 /// Serves until SIGINT or SIGTERM.
 pub(crate) fn run(arguments: Arguments) -> anyhow::Result<u8> {
-    let cell = arguments.cell.as_deref().map(Cell::read).transpose()?;
-    let buses = buses(cell.as_ref(), arguments.connect, arguments.domain)?;
+    let read = arguments.cell.iter().map(|file| Cell::read(file));
+    let cells = read.collect::<Result<Vec<Cell>, _>>()?;
+    let buses = buses(&cells, arguments.connect, arguments.domain)?;
     for folder in &arguments.recordings {
         std::fs::read_dir(folder).with_context(|| {
             format!("cannot read the folder of recordings {}", folder.display())
         })?;
     }
-    let recordings = match (arguments.recordings.is_empty(), &cell) {
-        (false, _) => arguments.recordings,
-        (true, Some(cell)) => vec![cell.recorder.folder.clone()],
-        (true, None) => vec![PathBuf::from("recordings")],
-    };
+    let mut recordings = arguments.recordings;
+    if recordings.is_empty() {
+        recordings.extend(cells.iter().map(|cell| cell.recorder.folder.clone()));
+        recordings.dedup();
+    }
+    if recordings.is_empty() {
+        recordings.push(PathBuf::from("recordings"));
+    }
+    let mut hosts = arguments.host;
+    hosts.extend(host_names());
     let settings = Settings {
         listen: arguments.listen,
+        any_port: arguments.any_port,
         buses,
         recordings,
         pages: Pages { report, diagnosis },
+        desks: desks(&cells)?,
+        hosts,
     };
-    let end = signals::end_flag()?;
+    let (end, supervised) = (signals::end_flag()?, arguments.supervised);
     let ended = async move {
         while !end.load(Ordering::SeqCst) {
             tokio::time::sleep(PERIOD).await;
@@ -125,7 +191,15 @@ pub(crate) fn run(arguments: Arguments) -> anyhow::Result<u8> {
     };
     dashboard::run(
         settings,
-        |address| output::line(&format!("dashboard: http://{address}/")),
+        |address| {
+            let text = format!("dashboard: http://{address}/");
+            // The output of a cell is the cell's.
+            if supervised {
+                output::remark(&text);
+            } else {
+                output::line(&text);
+            }
+        },
         ended,
     )?;
     Ok(GOOD)

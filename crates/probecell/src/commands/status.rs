@@ -33,17 +33,6 @@ fn machine(status: &srv::StatusResponse) -> &'static str {
     }
 }
 
-fn stage(part: &PartStatus) -> &'static str {
-    match part.stage {
-        PartStatus::CUTTING => "cutting",
-        PartStatus::MEASURING => "measuring",
-        PartStatus::DECIDING => "awaiting the decision",
-        PartStatus::CORRECTING => "awaiting corrections",
-        PartStatus::STOPPING => "stopping",
-        _ => "none",
-    }
-}
-
 fn recording(status: &RecordingStatus) -> &'static str {
     match status.state {
         RecordingStatus::RECORDING => "recording",
@@ -61,7 +50,7 @@ fn report(status: &srv::StatusResponse) -> serde_json::Value {
     let part = &status.part;
     let made = (part.stage != PartStatus::NONE).then(|| {
         json!({
-            "part_id": part.part_id, "run_id": part.run_id, "stage": stage(part), "pass_number": part.pass_number,
+            "part_id": part.part_id, "run_id": part.run_id, "stage": PartStatus::word(part.stage), "pass_number": part.pass_number,
             "operation": part.operation, "plan_id": part.plan_id, "since_s": since(status),
         })
     });
@@ -96,7 +85,7 @@ fn print(status: &srv::StatusResponse) {
             "part: {} (run {}), {} {what} for {:.0} s",
             part.part_id,
             part.run_id,
-            stage(part),
+            PartStatus::word(part.stage),
             since(status)
         ));
     }

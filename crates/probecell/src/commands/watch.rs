@@ -43,7 +43,8 @@ pub(crate) struct Arguments {
 /// Draws until SIGINT or SIGTERM, or once.
 pub(crate) fn run(arguments: Arguments) -> anyhow::Result<u8> {
     let cell = arguments.cell.as_deref().map(Cell::read).transpose()?;
-    let buses = dashboard::buses(cell.as_ref(), arguments.connect, arguments.domain)?;
+    let cells: Vec<Cell> = cell.into_iter().collect();
+    let buses = dashboard::buses(&cells, arguments.connect, arguments.domain)?;
     let end = signals::end_flag()?;
     let is_drawn = std::io::stdout().is_terminal() && !arguments.once;
     let period = if arguments.once { HEARD } else { PERIOD };

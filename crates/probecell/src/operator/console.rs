@@ -19,7 +19,7 @@ pub(super) fn print_measurement(decision: &PassDecision, verdicts: &[Verdict]) {
     output::line(&decision.plan_id);
     for verdict in verdicts {
         let (size, error) = (verdict.size * 1e3, verdict.error * 1e6);
-        let word = verdict_word(verdict.verdict);
+        let word = Verdict::word(verdict.verdict);
         let note = if verdict.text.is_empty() {
             String::new()
         } else {
@@ -38,19 +38,6 @@ pub(super) fn print_measurement(decision: &PassDecision, verdicts: &[Verdict]) {
         _ => "stop",
     };
     output::line(&format!("  {}: {next}", decision.text));
-}
-
-fn verdict_word(verdict: u8) -> &'static str {
-    match verdict {
-        Verdict::QUALIFIED => "qualified",
-        Verdict::COMPENSABLE => "can be corrected",
-        Verdict::OVERCUT_NOT_COMPENSABLE => "overcut",
-        Verdict::TOOL_WORN => "tool worn",
-        Verdict::NOT_CONVERGED => "does not converge",
-        Verdict::INDETERMINATE => "indeterminate",
-        Verdict::CONTRADICTED => "contradicted by the reference",
-        _ => "not measured",
-    }
 }
 
 /// What a correction changes.
@@ -130,11 +117,7 @@ pub(super) fn print_part(part: &PartReport) {
         output::line(&format!("plan {}: {}", part.plan_id, part.text));
         return;
     }
-    let word = match part.verdict {
-        PartReport::QUALIFIED => "qualified",
-        PartReport::SCRAP => "scrap",
-        _ => "stopped",
-    };
+    let word = PartReport::word(part.verdict);
     output::line(&format!(
         "part {}: {word} after {} cuts: {}",
         part.part_id, part.passes, part.text

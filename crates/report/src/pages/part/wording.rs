@@ -33,16 +33,7 @@ pub(super) fn fixed(value: f64, digits: usize, unit: &str, signed: bool) -> Stri
 
 /// A verdict in words, with what it says of itself.
 pub(super) fn judged(verdict: &Verdict) -> String {
-    let word = match verdict.verdict {
-        Verdict::QUALIFIED => "qualified",
-        Verdict::COMPENSABLE => "can be corrected",
-        Verdict::OVERCUT_NOT_COMPENSABLE => "overcut",
-        Verdict::TOOL_WORN => "tool worn",
-        Verdict::NOT_CONVERGED => "not converged",
-        Verdict::INDETERMINATE => "indeterminate",
-        Verdict::CONTRADICTED => "contradicted",
-        _ => "measurement invalid",
-    };
+    let word = Verdict::word(verdict.verdict);
     if verdict.text.is_empty() {
         word.to_owned()
     } else {

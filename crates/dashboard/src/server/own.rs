@@ -1,0 +1,110 @@
+//! Whether a request is for this host and from its own page.
+//!
+//! A name of somebody else's that suddenly means this host (DNS rebinding) makes a page from elsewhere one of ours in the eyes
+//! of a browser; hence no request is answered that names a host which is not this one. An address cannot be rebound.
+
+use std::net::IpAddr;
+
+use axum::extract::{Request, State};
+use axum::http::{HeaderMap, StatusCode, header};
+use axum::middleware::Next;
+use axum::response::{IntoResponse, Response};
+
+use super::answer::Shared;
+
+/// Header of the token of a page.
+const TOKEN: &str = "x-act-token";
+
+/// Answers requests for this host only.
+pub(super) async fn own_host(
+    State(shared): State<Shared>,
+    request: Request,
+    next: Next,
+) -> Response {
+    if host(request.headers()).is_some_and(|host| is_own(host, &shared.hosts)) {
+        return next.run(request).await;
+    }
+    (
+        StatusCode::MISDIRECTED_REQUEST,
+        "this name is not one of this host: use its address, or start the dashboard with --host NAME\n",
+    )
+        .into_response()
+}
+
+fn text<'a>(headers: &'a HeaderMap, name: &str) -> Option<&'a str> {
+    headers.get(name)?.to_str().ok()
+}
+
+fn host(headers: &HeaderMap) -> Option<&str> {
+    text(headers, header::HOST.as_str())
+}
+
+/// An address, `localhost`, or one of the names of this host; a port may follow.
+fn is_own(host: &str, names: &[String]) -> bool {
+    let name = match host.strip_prefix('[') {
+        Some(rest) => rest.split(']').next().unwrap_or(rest),
+        None => host.rsplit_once(':').map_or(host, |(name, _)| name),
+    };
+    name.parse::<IpAddr>().is_ok()
+        || name.eq_ignore_ascii_case("localhost")
+        || names.iter().any(|own| own.eq_ignore_ascii_case(name))
+}
+
+/// Whether a request that acts is one of a page of ours: from the same origin, in JSON, which no form of another page can
+/// send, and with the token that only our pages can read. The error is a sentence.
+pub(super) fn check(headers: &HeaderMap, token: &str) -> Result<(), (StatusCode, &'static str)> {
+    let kind = text(headers, header::CONTENT_TYPE.as_str()).unwrap_or_default();
+    if kind.split(';').next().map(str::trim) != Some("application/json") {
+        return Err((
+            StatusCode::UNSUPPORTED_MEDIA_TYPE,
+            "an act comes as application/json",
+        ));
+    }
+    let origin = text(headers, header::ORIGIN.as_str()).and_then(|origin| origin.split_once("://"));
+    let same = match (origin, host(headers)) {
+        (Some((_, origin)), Some(host)) => origin.eq_ignore_ascii_case(host),
+        _ => false,
+    };
+    let site = text(headers, "sec-fetch-site");
+    if !same || site.is_some_and(|site| site != "same-origin") {
+        return Err((
+            StatusCode::FORBIDDEN,
+            "an act comes from a page of this dashboard only",
+        ));
+    }
+    if text(headers, TOKEN) != Some(token) {
+        return Err((
+            StatusCode::FORBIDDEN,
+            "an act carries the token of a page of this dashboard: load the page again",
+        ));
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn addresses_and_own_names_are_this_host_and_nothing_else_is() {
+        let names = ["hall-pc".to_owned()];
+        for own in [
+            "127.0.0.1:7480",
+            "[::1]:7480",
+            "10.0.0.7",
+            "localhost:7480",
+            "Hall-PC:7480",
+        ] {
+            assert!(is_own(own, &names), "{own}");
+        }
+        for other in [
+            "evil.example:7480",
+            "127.0.0.1.evil.example",
+            "localhost.evil.example:7480",
+            "hall-pc.evil.example",
+            "",
+        ] {
+            assert!(!is_own(other, &names), "{other}");
+        }
+    }
+}

@@ -1,0 +1,202 @@
+"""What the tests of the dashboard share: processes, cells, and pages that are audited."""
+
+import atexit
+import contextlib
+import json
+import os
+import pathlib
+import re
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+import urllib.error
+import urllib.request
+
+from axe_playwright_python.sync_playwright import Axe
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+BINARY, PICTURES = sys.argv[1], pathlib.Path(sys.argv[2])
+SAMPLES = ROOT / "bags" / "samples"
+ADDRESS = "127.0.0.1:7480"
+PATIENCE = 120  # s
+WIDTHS = {"1400": (1400, 900), "800": (800, 1100), "390": (390, 844)}
+
+
+def until(what, ready):
+    deadline = time.monotonic() + PATIENCE
+    while not (found := ready()):
+        assert time.monotonic() < deadline, f"{what}: not within {PATIENCE} s"
+        time.sleep(0.05)
+    return found
+
+
+def wait(page, condition, argument=None):
+    """Until the page fulfils it. Playwright's own way needs eval in the page, which its policy forbids."""
+    return until(condition, lambda: page.evaluate(condition, argument))
+
+
+def with_keys(folder):
+    """Keys of cells and operators are those of the test."""
+    return os.environ | {"XDG_CONFIG_HOME": str(pathlib.Path(folder).resolve() / "config")}
+
+
+def asked(*words, folder):
+    """Status and what a command says."""
+    told = subprocess.run([BINARY, *map(str, words)], cwd=folder, env=with_keys(folder), capture_output=True, text=True, timeout=PATIENCE)
+    return told.returncode, told.stdout + told.stderr
+
+
+class Process:
+    """A probecell process whose lines are kept."""
+
+    def __init__(self, *words, folder):
+        self.lines = []
+        self.process = subprocess.Popen(
+            [BINARY, *map(str, words)], cwd=folder, env=with_keys(folder), stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+            stdin=subprocess.DEVNULL, text=True,
+        )
+        self.reader = threading.Thread(target=self.read, daemon=True)
+        self.reader.start()
+        atexit.register(self.end)
+
+    def read(self):
+        for line in self.process.stdout:
+            self.lines.append(line.rstrip())
+
+    def says(self, words):
+        return until(f"{words!r} in {self.process.args[1:]}", lambda: [line for line in self.lines if words in line])
+
+    def end(self):
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGTERM)
+            self.process.wait(timeout=PATIENCE)
+
+
+class Cable:
+    """A TCP connection to the dashboard that can be cut: the browser's way to it."""
+
+    def __init__(self):
+        self.whole, self.open = True, []
+        self.listener = socket.create_server(("127.0.0.1", 0))
+        self.address = "http://127.0.0.1:%d" % self.listener.getsockname()[1]
+        threading.Thread(target=self.accept, daemon=True).start()
+
+    def accept(self):
+        while True:
+            client, _ = self.listener.accept()
+            if not self.whole:
+                client.close()
+                continue
+            host, port = ADDRESS.split(":")
+            server = socket.create_connection((host, int(port)))
+            self.open += [client, server]
+            for one, other in ((client, server), (server, client)):
+                threading.Thread(target=self.carry, args=(one, other), daemon=True).start()
+
+    @staticmethod
+    def carry(one, other):
+        with contextlib.suppress(OSError):
+            while block := one.recv(65536):
+                other.sendall(block)
+        for end in (one, other):
+            with contextlib.suppress(OSError):
+                end.shutdown(socket.SHUT_RDWR)
+
+    def cut(self):
+        self.whole = False
+        for end in self.open:
+            with contextlib.suppress(OSError):
+                end.shutdown(socket.SHUT_RDWR)
+        self.open.clear()
+
+    def mend(self):
+        self.whole = True
+
+
+def fetch(path, method="GET"):
+    request = urllib.request.Request(f"http://{ADDRESS}{path}", method=method)
+    try:
+        with urllib.request.urlopen(request) as answer:
+            return answer.status, answer.headers, answer.read()
+    except urllib.error.HTTPError as error:
+        return error.code, error.headers, error.read()
+
+
+def metric(name, cell):
+    text = fetch("/metrics")[2].decode()
+    found = re.search(rf'^probecell_{name}{{cell="{cell}"}} (\S+)$', text, re.M)
+    return float(found.group(1)) if found else None
+
+
+def cell_file(folder, name, **changes):
+    """A simulated turn-mill of this name, which plans quickly."""
+    text = (ROOT / "launch-scripts" / "turn_mill.toml").read_text()
+    assert 'name = "turn_mill"' in text and "[path_planning]\n" in text
+    text = text.replace('name = "turn_mill"', f'name = "{name}"').replace("[path_planning]\n", "[path_planning]\nkicks = 50\n")
+    for old, new in changes.items():
+        assert changes[old][0] in text, old
+        text = text.replace(*new)
+    shutil.copy(ROOT / "launch-scripts" / "turn_mill.urdf", folder)
+    path = folder / f"{name}.toml"
+    path.write_text(text)
+    return path
+
+
+def twin(sample, topic):
+    lines = map(json.loads, (SAMPLES / f"{sample}.jsonl").read_text().splitlines())
+    return [(line["at_s"], line["message"]) for line in lines if line.get("topic") == topic]
+
+
+class Browser:
+    """Pages in a scheme of colours and a width; every request is noted."""
+
+    def __init__(self, chromium):
+        self.chromium, self.requests, self.errors, self.audited = chromium, [], [], 0
+
+    @contextlib.contextmanager
+    def page(self, width="1400", scheme="light", scripts=True, touch=False):
+        size = WIDTHS[width]
+        context = self.chromium.new_context(
+            viewport={"width": size[0], "height": size[1]}, color_scheme=scheme, java_script_enabled=scripts, has_touch=touch, bypass_csp=False
+        )
+        context.set_default_timeout(PATIENCE * 1000)
+        page = context.new_page()
+        page.on("request", lambda request: self.requests.append(request.url))
+        page.on("pageerror", lambda error: self.errors.append(str(error)))
+        page.on("console", lambda message: self.errors.append(message.text) if "Content Security Policy" in message.text else None)
+        try:
+            yield page
+        finally:
+            context.close()
+
+    def audit(self, path, name):
+        """No violation of axe-core in both schemes; no scrolling sideways at any width; pictures of all."""
+        for scheme in ("light", "dark"):
+            for width in WIDTHS:
+                with self.page(width, scheme) as page:
+                    page.goto(f"http://{ADDRESS}{path}")
+                    page.wait_for_selector("main")
+                    if page.evaluate("!!document.body.dataset.stream"):
+                        wait(page, "document.getElementById('link').textContent === 'Live'")
+                    wide = page.evaluate("[document.documentElement.scrollWidth, document.documentElement.clientWidth]")
+                    assert wide[0] <= wide[1], f"{path} scrolls sideways at {width} px: {wide}"
+                    page.screenshot(path=PICTURES / f"{name}_{width}_{scheme}.png", full_page=True)
+                    if width != "800":
+                        # The page's own policy forbids foreign scripts: axe runs in the world of the test.
+                        told = axe(page)
+                        assert not told, f"{path} {width} {scheme}: {json.dumps(told, indent=1)[:4000]}"
+                        self.audited += 1
+
+
+def axe(page):
+    results = Axe().run(page).response
+    return [
+        {"id": one["id"], "help": one["help"], "nodes": [(node["html"][:200], node.get("failureSummary", "")[:300]) for node in one["nodes"][:4]]}
+        for one in results["violations"]
+    ]
+
+
