@@ -1,13 +1,14 @@
 //! What the dashboard costs with many cells: `load PROBECELL CELLS SECONDS`.
 //!
 //! Starts a router and a dashboard, publishes axes and state of so many cells at 100 Hz and a touch of each once a second, lets
-//! one page follow the hall, and prints processor time and memory of the dashboard. Linux only: it reads `/proc`.
+//! one page follow the hall and one a cell, and prints processor time and memory of the dashboard, and how long a touch of that
+//! cell takes from its publication to the part of the page that shows it. Linux only: it reads `/proc`.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
 use std::process::{Child, Command, Stdio};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, ensure};
@@ -15,7 +16,9 @@ use graph::{Stamp, topics};
 use host::bus::{Bus, BusConfig, Publisher, Router, RouterConfig};
 use host::bus_qos;
 use probecell_msgs::sensor_msgs::JointState;
-use probecell_msgs::{MachineState, TouchDeviation, to_cdr};
+use probecell_msgs::{
+    InspectionFeature, InspectionPlan, InspectionPoint, MachineState, TouchDeviation, to_cdr,
+};
 
 const PERIOD: Duration = Duration::from_millis(10);
 /// Time for the cells to be found before anything is measured.
@@ -27,7 +30,11 @@ struct LoadedCell {
     joints: Publisher,
     machine: Publisher,
     touches: Publisher,
+    plan: Publisher,
 }
+
+/// When the touch that is shown next was published, and how long those before took, s.
+type Touched = Arc<Mutex<(Option<Instant>, Vec<f64>)>>;
 
 impl LoadedCell {
     fn new(bus: &Bus, number: usize) -> anyhow::Result<Self> {
@@ -42,7 +49,24 @@ impl LoadedCell {
             joints: publisher(topics::JOINT_STATES)?,
             machine: publisher(topics::MACHINE_STATE)?,
             touches: publisher(topics::TOUCH_DEVIATIONS)?,
+            plan: publisher(topics::INSPECTION_PLAN)?,
         })
+    }
+
+    /// A plan with one point, so that a touch of it is shown.
+    fn plan(&self, now: Stamp) -> anyhow::Result<()> {
+        let plan = InspectionPlan {
+            header: now.header("part"),
+            plan_id: "load".to_owned(),
+            features: vec![InspectionFeature {
+                id: "D1".to_owned(),
+                ..InspectionFeature::default()
+            }],
+            points: vec![InspectionPoint::default()],
+            ..InspectionPlan::default()
+        };
+        self.plan.publish(to_cdr(&plan), now.0)?;
+        Ok(())
     }
 
     fn publish(&self, now: Stamp, round: u64) -> anyhow::Result<()> {
@@ -71,7 +95,8 @@ impl LoadedCell {
             let touch = TouchDeviation {
                 header: now.header("part"),
                 sequence: round / 100,
-                deviation: 2e-6,
+                plan_id: "load".to_owned(),
+                deviation: 1e-6 + (round / 100 % 7) as f64 * 1e-6,
                 standard_uncertainty: 1e-6,
                 ..TouchDeviation::default()
             };
@@ -109,6 +134,27 @@ fn usage(pid: u32) -> anyhow::Result<(f64, f64)> {
         .context("no VmRSS")?;
     let kilobytes: f64 = line.trim().trim_end_matches("kB").trim().parse()?;
     Ok((ticks / TICKS, kilobytes / 1024.0))
+}
+
+/// Notes when the part with its touches comes to the page of a cell.
+fn wait_for_touches(address: &str, touched: &Touched) -> anyhow::Result<()> {
+    let mut stream = TcpStream::connect(address)?;
+    write!(
+        stream,
+        "GET /events/cell/cell_0 HTTP/1.1\r\nHost: {address}\r\n\r\n"
+    )?;
+    let touched = Arc::clone(touched);
+    std::thread::spawn(move || {
+        for line in BufReader::new(stream).lines().map_while(Result::ok) {
+            if line.starts_with("data:") && line.contains("\"id\":\"part\"") {
+                let mut touched = touched.lock().unwrap_or_else(PoisonError::into_inner);
+                if let Some(published) = touched.0.take() {
+                    touched.1.push(published.elapsed().as_secs_f64());
+                }
+            }
+        }
+    });
+    Ok(())
 }
 
 /// Follows the hall as a page does, and counts what comes.
@@ -177,10 +223,19 @@ fn main() -> anyhow::Result<()> {
         .map(|number| LoadedCell::new(&bus, number))
         .collect::<anyhow::Result<Vec<_>>>()?;
     let received = follow(&address)?;
+    for cell in &cells {
+        cell.plan(host::now())?;
+    }
+    let touched = Touched::default();
+    wait_for_touches(&address, &touched)?;
     let (begun, pid) = (Instant::now(), dashboard.0.id());
-    let (mut round, mut first) = (0, None);
+    let (mut round, mut first) = (0_u64, None);
     while begun.elapsed() < SETTLED + Duration::from_secs(seconds) {
-        for cell in &cells {
+        for (number, cell) in cells.iter().enumerate() {
+            if number == 0 && round.is_multiple_of(100) && first.is_some() {
+                let mut touched = touched.lock().unwrap_or_else(PoisonError::into_inner);
+                touched.0 = Some(Instant::now());
+            }
             cell.publish(host::now(), round)?;
         }
         round += 1;
@@ -198,13 +253,27 @@ fn main() -> anyhow::Result<()> {
     let ((cpu, memory), round_then, then, bytes) = first.context("nothing was measured")?;
     let (cpu_now, memory_now) = usage(pid)?;
     let span = then.elapsed().as_secs_f64();
+    let mut touched = std::mem::take(
+        &mut touched
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .1,
+    );
+    touched.sort_by(f64::total_cmp);
+    let at = |share: f64| {
+        let index = (touched.len() as f64 * share) as usize;
+        touched.get(index).map_or(f64::NAN, |one| one * 1e3)
+    };
     let mut out = std::io::stdout().lock();
     writeln!(
         out,
-        "{count} cells at {:.0} Hz for {span:.0} s: {:.1} % of a processor, {memory:.0} MB, then {memory_now:.0} MB; {:.0} kB/s to one page",
+        "{count} cells at {:.0} Hz for {span:.0} s: {:.1} % of a processor, {memory:.0} MB, then {memory_now:.0} MB; {:.0} kB/s to the page of the hall; a touch is on the page of its cell after {:.0} ms (median), {:.0} ms (95 %) of {}",
         (round - round_then) as f64 / span,
         (cpu_now - cpu) / span * 100.0,
         (received.load(Ordering::Relaxed) - bytes) as f64 / span / 1e3,
+        at(0.5),
+        at(0.95),
+        touched.len(),
     )?;
     drop(cells);
     bus.close(Duration::from_secs(2))?;

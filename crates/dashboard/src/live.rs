@@ -3,10 +3,12 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use graph::topics;
-use host::bus::{BusConfig, EntityKind, Observed, Observer, OnMissed, OnObserved, Qos};
+use host::bus::{
+    BusConfig, EntityKind, Observed, Observer, OnMissed, OnObserved, Qos, Watched,
+};
 use host::bus_qos;
 use tokio::sync::watch;
 
@@ -15,6 +17,8 @@ use crate::state::{Hall, machine_state, read_topics, split};
 
 /// How often presence is looked at. It is well below the 3 s in which a cell that was killed must be seen as stale.
 const PRESENCE: Duration = Duration::from_millis(500);
+/// How long the axes of a cell are read after a page of it has asked for them.
+const WANTED: Duration = Duration::from_secs(30);
 /// Wait between two attempts to reach a router.
 const AGAIN: Duration = Duration::from_secs(1);
 
@@ -24,6 +28,8 @@ pub(crate) struct Live {
     changed: watch::Sender<u64>,
     /// Routers that answer, by endpoint.
     routers: Mutex<BTreeMap<String, bool>>,
+    /// Cells whose axes a page shows, and when it said so last.
+    wanted: Mutex<BTreeMap<String, Instant>>,
     /// Takes the operators' keys.
     acts: Arc<Acts>,
     /// Messages that arrived.
@@ -35,6 +41,7 @@ impl Live {
         let mut hall = Hall::default();
         hall.set_desks(acts.cells());
         Arc::new(Self {
+            wanted: Mutex::default(),
             acts,
             hall: Mutex::new(hall),
             changed: watch::Sender::new(0),
@@ -70,6 +77,18 @@ impl Live {
         }
     }
 
+    /// A page shows the axes of this cell: they are read for a while.
+    pub(crate) fn want_axes(&self, cell: &str) {
+        lock(&self.wanted).insert(cell.to_owned(), Instant::now());
+    }
+
+    /// Cells whose axes some page shows.
+    fn wanted(&self) -> BTreeSet<String> {
+        let mut wanted = lock(&self.wanted);
+        wanted.retain(|_, last| last.elapsed() < WANTED);
+        wanted.keys().cloned().collect()
+    }
+
     fn set_router(&self, endpoint: &str, up: bool) {
         let changed = lock(&self.routers).insert(endpoint.to_owned(), up) != Some(up);
         if changed {
@@ -101,23 +120,31 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
+/// What is read of every cell: all but the axes, which only the page of a cell shows.
 fn observed() -> Vec<Observed> {
     let read = read_topics().into_iter().chain([topics::OPERATOR_KEYS]);
-    read
-        .map(|topic| {
-            let fast = ["machine_state", "joint_states"].contains(&topic.name);
-            Observed {
-                name: topic.name.to_owned(),
-                ty: topic.message.into(),
-                // The newest is all that counts; what is missing of these is not fetched.
-                qos: if fast {
-                    Qos::best_effort(1)
-                } else {
-                    bus_qos(topic.qos)
-                },
-            }
-        })
-        .collect()
+    let read = read.filter(|topic| topic.name != topics::JOINT_STATES.name);
+    read.map(|topic| Observed {
+        name: topic.name.to_owned(),
+        ty: topic.message.into(),
+        // The newest is all that counts; what is missing of it is not fetched.
+        qos: if topic.name == topics::MACHINE_STATE.name {
+            Qos::best_effort(1)
+        } else {
+            bus_qos(topic.qos)
+        },
+    })
+    .collect()
+}
+
+/// The axes of one cell.
+fn axes() -> Observed {
+    let topic = topics::JOINT_STATES;
+    Observed {
+        name: topic.name.to_owned(),
+        ty: topic.message.into(),
+        qos: Qos::best_effort(1),
+    }
 }
 
 /// Reads one router for as long as the process runs, on a thread of its own.
@@ -130,8 +157,9 @@ pub(crate) fn read(live: Arc<Live>, config: BusConfig) -> std::io::Result<()> {
 
 fn run(live: &Arc<Live>, config: &BusConfig) {
     let endpoint = config.endpoints.join(", ");
+    let (on_sample, on_missed) = callbacks(live);
     let observer = loop {
-        match open(live, config) {
+        match Observer::open(config, &observed(), &on_sample, &on_missed) {
             Ok(observer) => break observer,
             Err(error) => {
                 tracing::debug!(%error, "no router yet");
@@ -140,8 +168,19 @@ fn run(live: &Arc<Live>, config: &BusConfig) {
             }
         }
     };
+    let mut read: BTreeMap<String, Watched> = BTreeMap::new();
     loop {
         live.set_router(&endpoint, observer.is_connected());
+        let wanted = live.wanted();
+        read.retain(|cell, _| wanted.contains(cell));
+        for cell in wanted {
+            if !read.contains_key(&cell) {
+                match observer.watch(&cell, &axes(), &on_sample, &on_missed) {
+                    Ok(watched) => drop(read.insert(cell, watched)),
+                    Err(error) => tracing::warn!(%error, "the axes of a cell cannot be read"),
+                }
+            }
+        }
         let present = present(&observer);
         let mut hall = live.hall();
         let before = hall.last_event();
@@ -155,7 +194,7 @@ fn run(live: &Arc<Live>, config: &BusConfig) {
     }
 }
 
-fn open(live: &Arc<Live>, config: &BusConfig) -> Result<Observer, host::bus::BusError> {
+fn callbacks(live: &Arc<Live>) -> (OnObserved, OnMissed) {
     let on_sample: OnObserved = Arc::new({
         let live = Arc::clone(live);
         move |topic, received| live.take(topic, &received.payload)
@@ -170,7 +209,7 @@ fn open(live: &Arc<Live>, config: &BusConfig) -> Result<Observer, host::bus::Bus
             live.changed.send_replace(number);
         }
     });
-    Observer::open(config, &observed(), &on_sample, &on_missed)
+    (on_sample, on_missed)
 }
 
 /// Names of the cells whose machine somebody publishes the state of.

@@ -151,6 +151,9 @@ async fn cell(
 ) -> Response {
     let seen = seen_now(&shared.live, shared.epoch);
     let hall = shared.live.hall();
+    if hall.cell(&name).is_some() {
+        shared.live.want_axes(&name);
+    }
     match hall.cell(&name) {
         Some(cell) => page(view::cell_page(
             cell,

@@ -10,7 +10,7 @@ use std::convert::Infallible;
 use std::hash::{Hash, Hasher};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use axum::response::sse::Event;
 use futures::Stream;
@@ -68,6 +68,10 @@ struct Client {
     shown: Shown,
     /// Hash of each part as it was sent.
     sent: BTreeMap<String, u64>,
+    /// Newest event of each cell as its tile was written.
+    tiles: BTreeMap<String, u64>,
+    /// When all tiles were written last.
+    whole: Option<Instant>,
     /// Order of the tiles as it was sent.
     order: Vec<String>,
     /// Revision of each section as it was written last.
@@ -92,6 +96,8 @@ pub(crate) fn stream(
         epoch,
         shown,
         sent: BTreeMap::new(),
+        tiles: BTreeMap::new(),
+        whole: None,
         order: Vec::new(),
         written: BTreeMap::new(),
         waiting: VecDeque::new(),
@@ -176,10 +182,18 @@ impl Client {
         let mut parts: Vec<(String, String)> = Vec::new();
         match &self.shown {
             Shown::Hall => {
-                parts.extend(
-                    hall.cells()
-                        .map(|cell| (tile_id(&cell.name), tile(cell, now).into_string())),
-                );
+                // Ages, temperatures and lines of programs change all the time: they wait for the next round of all tiles.
+                let all = self.whole.is_none_or(|last| last.elapsed() >= IDLE);
+                if all {
+                    self.whole = Some(Instant::now());
+                    self.tiles.retain(|name, _| hall.cell(name).is_some());
+                }
+                for cell in hall.cells() {
+                    let known = self.tiles.insert(cell.name.clone(), cell.last_event);
+                    if all || known != Some(cell.last_event) {
+                        parts.push((tile_id(&cell.name), tile(cell, now).into_string()));
+                    }
+                }
                 parts.push((
                     "sums".to_owned(),
                     format!("<p id=\"sums\">{}</p>", sums(&hall, now).into_string()),
@@ -199,6 +213,7 @@ impl Client {
             }
             Shown::Cell(name, view) => match hall.cell(name) {
                 Some(cell) => {
+                    live.want_axes(name);
                     let path = format!("/cell/{name}");
                     for one in Section::ALL {
                         // Those that are much work change with messages only, not with time.

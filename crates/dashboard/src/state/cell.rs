@@ -161,6 +161,8 @@ pub struct CellState {
     pub progress: Option<PlanProgress>,
     /// How often each section has changed.
     pub revisions: BTreeMap<Section, u64>,
+    /// Number of its newest event in the hall.
+    pub(crate) last_event: u64,
     /// What this cell takes on next, as the events of it tell.
     pub(super) alarms: Vec<String>,
 }

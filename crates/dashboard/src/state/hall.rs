@@ -145,6 +145,9 @@ impl Hall {
 
     fn happened(&mut self, cell: &str, at: Stamp, kind: EventKind, text: String) {
         self.last_event += 1;
+        if let Some(state) = self.cells.get_mut(cell) {
+            state.last_event = self.last_event;
+        }
         if self.events.len() == EVENTS {
             self.events.pop_front();
         }

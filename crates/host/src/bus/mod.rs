@@ -46,7 +46,7 @@ use std::time::{Duration, Instant};
 pub use config::{BusConfig, DdsServices, ROUTER_ENDPOINT, RouterConfig, Transport};
 pub use error::BusError;
 pub use graph::Graph;
-pub use observer::{Observed, Observer, OnMissed, OnObserved};
+pub use observer::{Observed, Observer, OnMissed, OnObserved, Watched};
 pub use qos::{Durability, History, Qos, Reliability};
 pub use router::Router;
 pub use types::{ServiceId, TypeId};

@@ -9,18 +9,18 @@ use std::sync::Arc;
 
 use zenoh::Wait;
 use zenoh::pubsub::Subscriber;
-use zenoh::sample::{Sample, SampleKind};
+use zenoh::sample::Sample;
 use zenoh_ext::{
     AdvancedSubscriber, AdvancedSubscriberBuilderExt, HistoryConfig, RecoveryConfig,
     SampleMissListener,
 };
 
 use super::config::{BusConfig, overlay};
-use super::error::without_source_lines;
 use super::graph::{Graph, LiveGraph};
 use super::qos::Qos;
+use super::session::open_session;
 use super::types::TypeId;
-use super::wire::{Attachment, TOKEN_SPACE, data_key};
+use super::wire::{Attachment, data_key};
 use super::{BusError, Received, wall_ns};
 
 /// What to read: a topic name below any namespace, its type, and how.
@@ -45,10 +45,14 @@ pub type OnMissed = Arc<dyn Fn(&str, &str, u64) + Send + Sync>;
 /// A reader of every cell of a domain; dropping it ends it.
 pub struct Observer {
     session: zenoh::Session,
+    domain_id: u32,
     graph: LiveGraph,
     _tokens: Subscriber<()>,
     _subscriptions: Vec<Declared>,
 }
+
+/// A topic of one namespace that is read; dropping it ends that.
+pub struct Watched(#[expect(dead_code, reason = "held for its drop")] Declared);
 
 #[expect(dead_code, reason = "held for their drop")]
 enum Declared {
@@ -72,41 +76,38 @@ impl Observer {
             &mut config.zenoh,
             &serde_json::json!({ "mode": "client", "listen": { "endpoints": [] } }),
         );
-        let session =
-            zenoh::open(config.to_zenoh()?)
-                .wait()
-                .map_err(|reason| BusError::NoRouter {
-                    endpoints: config.endpoints.join(", "),
-                    seconds: config.connect_timeout.as_secs_f64(),
-                    reason: without_source_lines(&reason.to_string()),
-                })?;
-        let graph = LiveGraph::default();
-        let tokens = session
-            .liveliness()
-            .declare_subscriber(format!("{TOKEN_SPACE}/{}/**", config.domain_id))
-            .history(true)
-            .callback({
-                let graph = graph.clone();
-                move |sample| match sample.kind() {
-                    SampleKind::Put => graph.add(sample.key_expr().as_str()),
-                    SampleKind::Delete => graph.remove(sample.key_expr().as_str()),
-                }
-            })
-            .wait()
-            .map_err(|reason| BusError::transport("watch the graph", &reason))?;
+        let (session, graph, tokens) = open_session(&config)?;
         let subscriptions = observed
             .iter()
             .map(|one| {
-                subscribe(&session, config.domain_id, one, on_sample, on_missed)
+                subscribe(&session, config.domain_id, "**", one, on_sample, on_missed)
                     .map_err(|reason| BusError::transport("declare a subscription", &reason))
             })
             .collect::<Result<_, _>>()?;
         Ok(Self {
             session,
+            domain_id: config.domain_id,
             graph,
             _tokens: tokens,
             _subscriptions: subscriptions,
         })
+    }
+
+    /// Reads a topic of one namespace (without its first slash) as well, until the answer is dropped.
+    ///
+    /// # Errors
+    /// [`BusError::Transport`].
+    pub fn watch(
+        &self,
+        namespace: &str,
+        observed: &Observed,
+        on_sample: &OnObserved,
+        on_missed: &OnMissed,
+    ) -> Result<Watched, BusError> {
+        let (session, domain) = (&self.session, self.domain_id);
+        subscribe(session, domain, namespace, observed, on_sample, on_missed)
+            .map(Watched)
+            .map_err(|reason| BusError::transport("declare a subscription", &reason))
     }
 
     /// What the nodes of the domain announce.
@@ -123,11 +124,13 @@ impl Observer {
 fn subscribe(
     session: &zenoh::Session,
     domain_id: u32,
+    namespace: &str,
     observed: &Observed,
     on_sample: &OnObserved,
     on_missed: &OnMissed,
 ) -> zenoh::Result<Declared> {
-    let key = data_key(domain_id, &format!("**/{}", observed.name), &observed.ty);
+    let topic = format!("{namespace}/{}", observed.name);
+    let key = data_key(domain_id, &topic, &observed.ty);
     let on_sample = Arc::clone(on_sample);
     let builder = session
         .declare_subscriber(key)

@@ -52,30 +52,38 @@ pub(super) struct ZenohBus {
     _tokens: Subscriber<()>,
 }
 
+/// A session that watches what the nodes of its domain announce, for as long as the subscriber is held.
+pub(super) fn open_session(
+    config: &BusConfig,
+) -> Result<(zenoh::Session, LiveGraph, Subscriber<()>), BusError> {
+    let settings = config.to_zenoh()?;
+    let session = zenoh::open(settings)
+        .wait()
+        .map_err(|reason| BusError::NoRouter {
+            endpoints: config.endpoints.join(", "),
+            seconds: config.connect_timeout.as_secs_f64(),
+            reason: without_source_lines(&reason.to_string()),
+        })?;
+    let graph = LiveGraph::default();
+    let tokens = session
+        .liveliness()
+        .declare_subscriber(format!("{TOKEN_SPACE}/{}/**", config.domain_id))
+        .history(true)
+        .callback({
+            let graph = graph.clone();
+            move |sample| match sample.kind() {
+                SampleKind::Put => graph.add(sample.key_expr().as_str()),
+                SampleKind::Delete => graph.remove(sample.key_expr().as_str()),
+            }
+        })
+        .wait()
+        .map_err(|reason| BusError::transport("watch the graph", &reason))?;
+    Ok((session, graph, tokens))
+}
+
 impl ZenohBus {
     pub(super) fn open(config: &BusConfig, node: NodeName) -> Result<Self, BusError> {
-        let settings = config.to_zenoh()?;
-        let session = zenoh::open(settings)
-            .wait()
-            .map_err(|reason| BusError::NoRouter {
-                endpoints: config.endpoints.join(", "),
-                seconds: config.connect_timeout.as_secs_f64(),
-                reason: without_source_lines(&reason.to_string()),
-            })?;
-        let graph = LiveGraph::default();
-        let tokens = session
-            .liveliness()
-            .declare_subscriber(format!("{TOKEN_SPACE}/{}/**", config.domain_id))
-            .history(true)
-            .callback({
-                let graph = graph.clone();
-                move |sample| match sample.kind() {
-                    SampleKind::Put => graph.add(sample.key_expr().as_str()),
-                    SampleKind::Delete => graph.remove(sample.key_expr().as_str()),
-                }
-            })
-            .wait()
-            .map_err(|reason| BusError::transport("watch the graph", &reason))?;
+        let (session, graph, tokens) = open_session(config)?;
         let core = Core {
             session,
             graph,
