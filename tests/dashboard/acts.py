@@ -19,6 +19,7 @@ import threading
 import urllib.error
 import urllib.request
 
+import monitoring
 from cryptography.exceptions import InvalidSignature
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
 from kit import ADDRESS, PICTURES, Browser, Process, asked, axe, cell_file, metric, until, wait
@@ -191,6 +192,8 @@ def operator(browser, page, cell, folder):
     print("approve: recorded with what was on the screen; the same act again is refused")
     strangers(browser.chromium, approval)
     part_ends(page, "punch_1", "qualified")
+    wait(page, "!!document.querySelector('#gap .headline')")
+    monitoring.check(urllib.request.urlopen(f"http://{ADDRESS}/metrics").read().decode())
 
     before = metric("cell_touches_total", CELL)
     press(page, "again", "Accepted")
