@@ -146,6 +146,16 @@ def recordings(browser, folder, recorded):
             for kind, words in (("report", "Measurement punch/finish/1"), ("diagnosis", "probe.stylus_offset")):
                 page.goto(f"http://{ADDRESS}/session/punch.mcap/{kind}")
                 assert words in page.inner_text("body"), kind
+            page.goto(f"http://{ADDRESS}/machines")
+            page.click("a[href='/machine/turn_mill']")
+            rows = page.locator("section[aria-labelledby=all-title] tbody tr").all_inner_texts()
+            for sample in ("punch", "punch_uncalibrated"):
+                gap = twin(sample, "gap_report")[-1][1]
+                (row,) = [row for row in rows if row.startswith(f"{sample}.mcap")]
+                assert f"{gap['rms'] / gap['noise_floor']:.1f}" in row, (row, gap["rms"], gap["noise_floor"])
+                found = json.loads(gap["json"])["effects"]
+                assert all(effect["effect"] in page.inner_text("section[aria-labelledby=effects-title]") for effect in found), found
+            print("machine: two recordings, with the gap and the effects that their twins have")
         for path in ("/session/..%2f..%2fetc%2fpasswd", "/session/linked.mcap", "/session/%2e%2e", "/session/secret.mcap/mcap/0", "/session/punch.mcap/mcap/7", "/assets/..%2f..%2fCargo.toml"):
             assert fetch(path)[0] == 404, path
         for method in ("POST", "PUT", "DELETE", "PATCH"):
@@ -155,6 +165,8 @@ def recordings(browser, folder, recorded):
         assert "default-src 'none'" in policy and "script-src 'self'" in policy and "unsafe" not in policy
         print("folders: neither links nor parents are followed; nothing but GET is answered")
         browser.audit("/sessions", "sessions")
+        browser.audit("/machines", "machines")
+        browser.audit("/machine/turn_mill", "machine")
         browser.audit("/session/punch.mcap?t=12", "session")
         browser.audit("/session/ball_check.mcap", "session_ball_check")
         browser.audit("/compare?a=punch.mcap&b=punch_uncalibrated.mcap", "compare")

@@ -20,6 +20,8 @@ use probecell_msgs::{
     InspectionFeature, InspectionPlan, InspectionPoint, MachineState, TouchDeviation, to_cdr,
 };
 
+/// Cells that one session publishes.
+const CELLS_OF_A_SESSION: usize = 10;
 const PERIOD: Duration = Duration::from_millis(10);
 /// Time for the cells to be found before anything is measured.
 const SETTLED: Duration = Duration::from_secs(5);
@@ -136,6 +138,20 @@ fn usage(pid: u32) -> anyhow::Result<(f64, f64)> {
     Ok((ticks / TICKS, kilobytes / 1024.0))
 }
 
+/// Messages that did not reach the dashboard, as it says itself.
+fn missed(address: &str) -> anyhow::Result<String> {
+    let mut stream = TcpStream::connect(address)?;
+    write!(
+        stream,
+        "GET /metrics HTTP/1.0\r\nHost: {address}\r\nConnection: close\r\n\r\n"
+    )?;
+    let mut text = String::new();
+    stream.read_to_string(&mut text)?;
+    let name = "probecell_dashboard_missed_messages_total ";
+    let line = text.lines().find_map(|line| line.strip_prefix(name));
+    line.map(str::to_owned).context("no count of missed messages")
+}
+
 /// Notes when the part with its touches comes to the page of a cell.
 fn wait_for_touches(address: &str, touched: &Touched) -> anyhow::Result<()> {
     let mut stream = TcpStream::connect(address)?;
@@ -211,16 +227,17 @@ fn main() -> anyhow::Result<()> {
         .trim_end_matches('/')
         .to_owned();
     ensure!(!address.is_empty(), "the dashboard did not start");
-    let bus = Bus::open(
-        &BusConfig {
-            endpoints: vec![endpoint],
-            ..BusConfig::default()
-        },
-        "load",
-        "/load",
-    )?;
+    let config = BusConfig {
+        endpoints: vec![endpoint],
+        ..BusConfig::default()
+    };
+    // As processes of cells have: no session carries many cells.
+    let open = |number| Bus::open(&config, &format!("load_{number}"), "/load");
+    let buses = (0..count.div_ceil(CELLS_OF_A_SESSION))
+        .map(open)
+        .collect::<Result<Vec<_>, _>>()?;
     let cells = (0..count)
-        .map(|number| LoadedCell::new(&bus, number))
+        .map(|number| LoadedCell::new(&buses[number / CELLS_OF_A_SESSION], number))
         .collect::<anyhow::Result<Vec<_>>>()?;
     let received = follow(&address)?;
     for cell in &cells {
@@ -264,10 +281,11 @@ fn main() -> anyhow::Result<()> {
         let index = (touched.len() as f64 * share) as usize;
         touched.get(index).map_or(f64::NAN, |one| one * 1e3)
     };
+    let missed = missed(&address)?;
     let mut out = std::io::stdout().lock();
     writeln!(
         out,
-        "{count} cells at {:.0} Hz for {span:.0} s: {:.1} % of a processor, {memory:.0} MB, then {memory_now:.0} MB; {:.0} kB/s to the page of the hall; a touch is on the page of its cell after {:.0} ms (median), {:.0} ms (95 %) of {}",
+        "{count} cells at {:.0} Hz for {span:.0} s: {:.1} % of a processor, {memory:.0} MB, then {memory_now:.0} MB; {:.0} kB/s to the page of the hall; a touch is on the page of its cell after {:.0} ms (median), {:.0} ms (95 %) of {}; messages missed: {missed}",
         (round - round_then) as f64 / span,
         (cpu_now - cpu) / span * 100.0,
         (received.load(Ordering::Relaxed) - bytes) as f64 / span / 1e3,
@@ -276,7 +294,9 @@ fn main() -> anyhow::Result<()> {
         touched.len(),
     )?;
     drop(cells);
-    bus.close(Duration::from_secs(2))?;
+    for bus in buses {
+        bus.close(Duration::from_secs(2))?;
+    }
     router.close()?;
     Ok(())
 }

@@ -15,6 +15,7 @@
 
 mod acts;
 mod download;
+mod history;
 mod live;
 mod metrics;
 mod recordings;

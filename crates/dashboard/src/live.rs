@@ -1,5 +1,6 @@
 //! The bus: feeds the hall with what cells publish, and finds out which of them are there.
 
+use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -174,9 +175,9 @@ fn run(live: &Arc<Live>, config: &BusConfig) {
         let wanted = live.wanted();
         read.retain(|cell, _| wanted.contains(cell));
         for cell in wanted {
-            if !read.contains_key(&cell) {
-                match observer.watch(&cell, &axes(), &on_sample, &on_missed) {
-                    Ok(watched) => drop(read.insert(cell, watched)),
+            if let Entry::Vacant(place) = read.entry(cell) {
+                match observer.watch(place.key(), &axes(), &on_sample, &on_missed) {
+                    Ok(watched) => drop(place.insert(watched)),
                     Err(error) => tracing::warn!(%error, "the axes of a cell cannot be read"),
                 }
             }

@@ -3,14 +3,16 @@
 //! Names come from addresses, hence from anybody: a name is looked up in the list of what the folders hold and never made
 //! into a path; links are not followed. Bounds: 500 recordings listed, four of them open with at most 24 states each.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 use bags::Bag;
 use graph::Stamp;
 
+use crate::history::Summary;
 use crate::state::{EventKind, Hall, is_read};
 use crate::view::Listed;
 
@@ -20,6 +22,8 @@ const LISTED: usize = 500;
 const OPEN: usize = 4;
 /// States kept of each, evenly spread over its messages.
 const STATES: usize = 24;
+/// How long recordings are read for one page of a machine.
+const READING: Duration = Duration::from_secs(20);
 /// Marks on the timeline.
 const MARKS: usize = 400;
 
@@ -36,7 +40,12 @@ pub(crate) enum RecordingError {
 pub(crate) struct Recordings {
     folders: Vec<PathBuf>,
     open: Mutex<VecDeque<Arc<Opened>>>,
+    /// What recordings say of their machines, by path and what was listed of it then.
+    told: Mutex<BTreeMap<PathBuf, (Listed, Told)>>,
 }
+
+/// Machines of a recording, by name.
+type Told = Vec<(String, Summary)>;
 
 /// A recording that was opened, with states on the way through it.
 pub(crate) struct Opened {
@@ -54,6 +63,7 @@ impl Recordings {
         Self {
             folders,
             open: Mutex::default(),
+            told: Mutex::default(),
         }
     }
 
@@ -144,6 +154,59 @@ impl Recordings {
         open.push_back(Arc::clone(&opened));
         Ok(opened)
     }
+}
+
+impl Recordings {
+    /// Machines and what their recordings say of them, in the order of time; and how many recordings have not been read yet. One
+    /// call reads for [`READING`]; what was read is kept for as long as the recording stays as it is.
+    pub(crate) fn machines(&self) -> (BTreeMap<String, Vec<Summary>>, usize) {
+        let begun = Instant::now();
+        let mut told = self.told.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut unread = 0;
+        let mut here = BTreeSet::new();
+        for (name, path) in self.found() {
+            here.insert(path.clone());
+            let (listed, bag) = listed(name, &path);
+            let is_known = told.get(&path).is_some_and(|(known, _)| *known == listed);
+            if is_known {
+                continue;
+            }
+            let Ok(bag) = bag else { continue };
+            if begun.elapsed() > READING {
+                unread += 1;
+                continue;
+            }
+            let hall = at_end(&bag);
+            let begin = listed.bounds.map_or(Stamp(0), |(begin, _)| begin);
+            let cells = hall.cells();
+            let each = cells.map(|cell| {
+                let summary = Summary::of(cell, &listed.name, begin);
+                (cell.name.clone(), summary)
+            });
+            told.insert(path, (listed.clone(), each.collect()));
+        }
+        told.retain(|path, _| here.contains(path));
+        let mut machines: BTreeMap<String, Vec<Summary>> = BTreeMap::new();
+        for (name, summary) in told.values().flat_map(|(_, told)| told) {
+            machines.entry(name.clone()).or_default().push(summary.clone());
+        }
+        for sessions in machines.values_mut() {
+            sessions.sort_by(|a, b| (a.begin, &a.recording).cmp(&(b.begin, &b.recording)));
+        }
+        (machines, unread)
+    }
+}
+
+/// The state at the end of a recording.
+fn at_end(bag: &Bag) -> Hall {
+    let topics = wanted(bag);
+    let topics: Vec<&str> = topics.iter().map(String::as_str).collect();
+    let mut hall = Hall::default();
+    for message in bag.messages_on(&topics).flatten() {
+        let at = Stamp(message.log_time as i64);
+        hall.apply(&message.channel.topic, &message.payload, at);
+    }
+    hall
 }
 
 impl Opened {

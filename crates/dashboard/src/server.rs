@@ -19,7 +19,9 @@ use axum::routing::{get, post};
 
 use self::act::{key_page, offer, sign, token};
 use self::answer::{Look, missing, page};
-use self::recorded::{compare, diagnosis, download, report, session, sessions};
+use self::recorded::{
+    compare, diagnosis, download, machine, machines, report, session, sessions,
+};
 use crate::metrics::{Process, metrics};
 use crate::stream::{Shown, seen_now, stream};
 use crate::view;
@@ -55,6 +57,8 @@ fn router(shared: Shared) -> Router {
         .route("/session/{name}/diagnosis", get(diagnosis))
         .route("/session/{name}/mcap/{index}", get(download))
         .route("/compare", get(compare))
+        .route("/machines", get(machines))
+        .route("/machine/{*name}", get(machine))
         .route("/metrics", get(metrics_text))
         .route("/key", get(key_page))
         .route("/act/token", get(token))

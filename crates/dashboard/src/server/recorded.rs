@@ -84,6 +84,25 @@ pub(super) async fn session(
     .await
 }
 
+pub(super) async fn machines(State(shared): State<Shared>) -> Response {
+    blocking(move || {
+        let (machines, unread) = shared.recordings.machines();
+        page(view::machines_page(&machines, unread))
+    })
+    .await
+}
+
+pub(super) async fn machine(State(shared): State<Shared>, Path(name): Path<String>) -> Response {
+    blocking(move || {
+        let (machines, unread) = shared.recordings.machines();
+        match machines.get(&name) {
+            Some(sessions) => page(view::machine_page(&name, sessions, unread)),
+            None => missing("No recording tells of a machine of this name."),
+        }
+    })
+    .await
+}
+
 #[derive(Deserialize)]
 pub(super) struct Two {
     a: String,

@@ -38,7 +38,8 @@ impl Entry {
             && (expires == 0 || now.0 < expires)
     }
 
-    fn is_applied(&self) -> bool {
+    /// The machine has taken it.
+    pub fn is_applied(&self) -> bool {
         self.acknowledgement.as_ref().is_some_and(|one| {
             matches!(
                 one.outcome,

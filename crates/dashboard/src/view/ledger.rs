@@ -15,7 +15,7 @@ pub(super) fn ledger(cell: &CellState, takes_acts: bool, now: Stamp) -> Markup {
     entries.sort_by_key(|one| !one.is_waiting(now));
     html! {
         @if entries.is_empty() { p.none { "No correction has been proposed." } }
-        ol.ledger { @for entry in entries { (item(entry, deeds(cell, takes_acts, entry, now), now)) } }
+        ol.ledger { @for entry in entries { (item(entry, &deeds(cell, takes_acts, entry, now), now)) } }
     }
 }
 
@@ -37,7 +37,7 @@ fn value(metres: f64) -> String {
     format!("{} µm", signed_um(metres))
 }
 
-fn item(entry: &Entry, deeds: Markup, now: Stamp) -> Markup {
+fn item(entry: &Entry, deeds: &Markup, now: Stamp) -> Markup {
     let one = &entry.correction;
     let waiting = entry.is_waiting(now);
     let class = state_of(entry, now);

@@ -43,7 +43,7 @@ impl Size<'_> {
 }
 
 /// The limits of a feature's deviation, of the verdict where there is one, else of the plan.
-pub(super) fn limits(cell: &CellState, feature: &str) -> Option<(f64, f64)> {
+pub(crate) fn limits(cell: &CellState, feature: &str) -> Option<(f64, f64)> {
     let of_plan = cell.plan.as_ref().and_then(|plan| {
         let own = plan.features.iter().find(|one| one.id == feature)?;
         stated(own)

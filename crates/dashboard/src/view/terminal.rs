@@ -46,7 +46,8 @@ pub fn hall_text(hall: &Hall, now: Stamp, trouble: &str) -> String {
         text.push_str(&below(cell, now));
     }
     if hall.missed_total() > 0 {
-        text.push_str(&format!("{} messages did not arrive\n", hall.missed_total()));
+        text.push_str(&hall.missed_total().to_string());
+        text.push_str(" messages did not arrive\n");
     }
     if !trouble.is_empty() {
         text.push_str(trouble);

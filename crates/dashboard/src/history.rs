@@ -1,0 +1,203 @@
+//! A machine over months: what each of its recordings says of it, and where that changed.
+
+use std::collections::BTreeMap;
+
+use graph::Stamp;
+
+use crate::state::{CellState, Characteristic, wording};
+use crate::view::{changed_by, limits};
+
+/// A parameter of an effect as one session found it.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Found {
+    /// In the unit.
+    pub(crate) value: f64,
+    /// 95 % interval.
+    pub(crate) ci95: [f64; 2],
+    /// SI unit.
+    pub(crate) unit: String,
+    /// Effects that the session cannot tell from it, itself included.
+    pub(crate) group: usize,
+}
+
+/// A size of one part.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Sized {
+    /// m, from nominal.
+    pub(crate) deviation: f64,
+    /// Limits of the deviation, m.
+    pub(crate) limits: Option<(f64, f64)>,
+}
+
+/// What a recording says of a machine.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Summary {
+    /// Name of the recording.
+    pub(crate) recording: String,
+    /// When it begins.
+    pub(crate) begin: Stamp,
+    /// Gap over noise of its last report.
+    pub(crate) ratio: Option<f64>,
+    /// Effects found, by identifier and parameter.
+    pub(crate) effects: BTreeMap<(String, String), Found>,
+    /// Effects that the model declared, with what they promised and achieved in words.
+    pub(crate) declared: BTreeMap<String, String>,
+    /// Corrections that were applied, in words.
+    pub(crate) applied: Vec<String>,
+    /// °C at its end, by place.
+    pub(crate) temperatures: BTreeMap<String, f64>,
+    /// Parts by characteristic.
+    pub(crate) sizes: BTreeMap<Characteristic, Vec<Sized>>,
+}
+
+impl Summary {
+    /// Of the state of a machine at the end of a recording.
+    pub(crate) fn of(cell: &CellState, recording: &str, begin: Stamp) -> Self {
+        let report = cell.report.as_deref();
+        let effects = report.into_iter().flat_map(|report| &report.effects);
+        let effects = effects.flat_map(|effect| {
+            effect.parameters.iter().map(|one| {
+                let found = Found {
+                    value: one.value,
+                    ci95: one.ci95,
+                    unit: one.unit.clone(),
+                    group: effect.group.len().max(1),
+                };
+                ((effect.effect.clone(), one.name.clone()), found)
+            })
+        });
+        let declared = report.into_iter().flat_map(|report| &report.declared);
+        let declared = declared.map(|one| {
+            let sizes = |sizes: &diagnosis::report::Sizes| {
+                let [before, after] =
+                    [sizes.rms_before, sizes.rms_after].map(wording::micrometres);
+                format!("{before} → {after} rms")
+            };
+            let promised = one.promised.as_ref().map_or("nothing".to_owned(), sizes);
+            let achieved = one.achieved.as_ref().map_or("not judged".to_owned(), sizes);
+            let text = format!("promised {promised}, achieved {achieved}");
+            (one.effect.clone(), text)
+        });
+        let applied = cell.corrections().filter(|one| one.is_applied()).map(|one| {
+            let promised = wording::micrometres(one.correction.measured_error);
+            let achieved = one.achieved_error();
+            let achieved = achieved.map_or("not measured".to_owned(), wording::micrometres);
+            let what = changed_by(&one.correction);
+            format!("{what}: promised {promised} → 0, achieved → {achieved}")
+        });
+        let machine = cell.machine().unwrap_or_default();
+        let temperatures = machine.temperature_names.into_iter().zip(machine.temperatures);
+        let sizes = cell.runs.iter().map(|(key, made)| {
+            let limits = limits(cell, &key.1);
+            let each = made.iter().map(|one| Sized {
+                deviation: one.deviation,
+                limits,
+            });
+            (key.clone(), each.collect())
+        });
+        Self {
+            recording: recording.to_owned(),
+            begin,
+            ratio: cell.gap_ratio(),
+            effects: effects.collect(),
+            declared: declared.collect(),
+            applied: applied.collect(),
+            temperatures: temperatures.collect(),
+            sizes: sizes.collect(),
+        }
+    }
+}
+
+/// A parameter whose 95 % intervals before and after exclude one another.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Change {
+    /// Effect and parameter.
+    pub(crate) of: (String, String),
+    /// The session from which on it is another.
+    pub(crate) at: Stamp,
+    /// Before and after.
+    pub(crate) values: [f64; 2],
+    /// SI unit.
+    pub(crate) unit: String,
+    /// What was done between the two sessions, as far as they tell.
+    pub(crate) done: Vec<String>,
+}
+
+/// Changes between sessions of one machine, in the order of time. An effect that a session does not find makes no change: it may
+/// not have been seen.
+pub(crate) fn changes(sessions: &[Summary]) -> Vec<Change> {
+    let mut last: BTreeMap<&(String, String), usize> = BTreeMap::new();
+    let mut found = Vec::new();
+    for (index, session) in sessions.iter().enumerate() {
+        for (of, new) in &session.effects {
+            if let Some(before) = last.insert(of, index) {
+                let old = &sessions[before].effects[of];
+                if old.ci95[1] < new.ci95[0] || new.ci95[1] < old.ci95[0] {
+                    found.push(Change {
+                        of: of.clone(),
+                        at: session.begin,
+                        values: [old.value, new.value],
+                        unit: new.unit.clone(),
+                        done: done(&sessions[before..=index]),
+                    });
+                }
+            }
+        }
+    }
+    found
+}
+
+/// What was adopted, taken back and corrected from the first of the sessions to the last.
+fn done(sessions: &[Summary]) -> Vec<String> {
+    let mut all = Vec::new();
+    for pair in sessions.windows(2) {
+        let (old, new) = (&pair[0], &pair[1]);
+        all.extend(old.applied.iter().cloned());
+        let adopted = new.declared.keys().filter(|one| !old.declared.contains_key(*one));
+        all.extend(adopted.map(|one| format!("{one} was adopted")));
+        let removed = old.declared.keys().filter(|one| !new.declared.contains_key(*one));
+        all.extend(removed.map(|one| format!("{one} was taken back")));
+    }
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn session(day: i64, value: f64, half: f64) -> Summary {
+        let found = Found {
+            value,
+            ci95: [value - half, value + half],
+            unit: "m".to_owned(),
+            group: 1,
+        };
+        Summary {
+            begin: Stamp(day * 86_400_000_000_000),
+            effects: [(("probe.radius".to_owned(), "error".to_owned()), found)].into(),
+            ..Summary::default()
+        }
+    }
+
+    #[test]
+    fn a_change_is_where_intervals_exclude_one_another_with_what_was_done_before() {
+        let mut sessions = vec![
+            session(1, 10e-6, 2e-6),
+            session(2, 12e-6, 2e-6),
+            Summary {
+                begin: Stamp(3 * 86_400_000_000_000),
+                ..Summary::default()
+            },
+            session(4, 2e-6, 2e-6),
+        ];
+        sessions[1].applied.push("Wear of tool 2".to_owned());
+        sessions[3]
+            .declared
+            .insert("probe.radius".to_owned(), String::new());
+        let found = changes(&sessions);
+        assert_eq!(found.len(), 1, "{found:?}");
+        assert_eq!(found[0].at, sessions[3].begin);
+        assert_eq!(found[0].values, [12e-6, 2e-6]);
+        assert_eq!(found[0].done, ["Wear of tool 2", "probe.radius was adopted"]);
+    }
+}

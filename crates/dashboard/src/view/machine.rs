@@ -1,0 +1,177 @@
+//! A machine over its recordings: effects, temperatures, capability of each day, changes and what was done then.
+
+use std::collections::BTreeMap;
+
+use diagnosis::in_shop_units;
+use effects::vocabulary;
+use maud::{Markup, html};
+
+use super::numbers::{date, signed_um, um};
+use super::page::{Frame, Place, frame};
+use crate::history::{Change, Found, Sized, Summary, changes};
+use crate::state::{Characteristic, capability};
+
+const WIDTH: f64 = 640.0;
+const HEIGHT: f64 = 150.0;
+const LEFT: f64 = 12.0;
+const EDGE: f64 = 14.0;
+
+/// Machines that have recordings: name, number of them, the newest.
+pub(crate) fn machines_page(machines: &BTreeMap<String, Vec<Summary>>, unread: usize) -> Markup {
+    let body = html! {
+        div.title { h1 { "Machines over time" } }
+        (still_reading(unread))
+        @if machines.is_empty() && unread == 0 { p.lead.empty { "No recording tells of a machine." } }
+        ul.sessions { @for (name, sessions) in machines {
+            li { h2 { a href={ "/machine/" (name) } { (name) } } p { (sessions.len()) " recordings" @if let Some(last) = sessions.last() { ", the newest of " (date(last.begin)) } } }
+        } }
+    };
+    whole("Machines over time", &body)
+}
+
+fn whole(title: &str, body: &Markup) -> Markup {
+    let page = Frame {
+        title,
+        place: Place::Sessions,
+        class: "machine",
+        stream: None,
+        seen: "",
+    };
+    frame(&page, body)
+}
+
+fn still_reading(unread: usize) -> Markup {
+    html! { @if unread > 0 { p.mark { (unread) " recordings have not been read yet: load the page again." } } }
+}
+
+/// The page of a machine. `sessions`: in the order of time.
+pub(crate) fn machine_page(name: &str, sessions: &[Summary], unread: usize) -> Markup {
+    let changes = changes(sessions);
+    let body = html! {
+        div.title { h1 { (name) } p { (sessions.len()) " recordings" @if let (Some(first), Some(last)) = (sessions.first(), sessions.last()) { ", " (date(first.begin)) " to " (date(last.begin)) } } p.actions { a.button href="/machines" { "Machines" } } }
+        (still_reading(unread))
+        section.card aria-labelledby="changes-title" { h2 #changes-title { "Changes" } (change_list(&changes)) }
+        section.card aria-labelledby="effects-title" { h2 #effects-title { "Effects" } (effects_of(sessions, &changes)) }
+        section.card aria-labelledby="days-title" { h2 #days-title { "Capability per day" } (days(sessions)) }
+        section.card aria-labelledby="kept-title" { h2 #kept-title { "Promised and achieved" } (kept(sessions)) }
+        section.card aria-labelledby="all-title" { h2 #all-title { "Recordings" } (all(sessions)) }
+    };
+    whole(name, &body)
+}
+
+fn shop(of: &(String, String), value: f64, unit: &str, ci95: Option<[f64; 2]>) -> String {
+    in_shop_units(&of.1, value, unit, ci95)
+}
+
+fn change_list(changes: &[Change]) -> Markup {
+    html! {
+        @if changes.is_empty() { p.none { "No parameter of an effect has changed beyond its intervals." } }
+        ul.faults { @for one in changes {
+            li.unsure { time { (date(one.at)) } " " b { (vocabulary::describe(&one.of.0)) } ": " (shop(&one.of, one.values[0], &one.unit, None)) " → " (shop(&one.of, one.values[1], &one.unit, None))
+                @if one.done.is_empty() { small { "The recordings do not tell of anything that was done between: service, collision, temperature?" } }
+                @for done in &one.done { small { (done) } }
+            }
+        } }
+        p.note { "A change is where the 95 % intervals of two successive sessions that found the effect exclude one another." }
+    }
+}
+
+fn effects_of(sessions: &[Summary], changes: &[Change]) -> Markup {
+    let mut series: BTreeMap<&(String, String), Vec<(&Summary, &Found)>> = BTreeMap::new();
+    for session in sessions {
+        for (of, found) in &session.effects {
+            series.entry(of).or_default().push((session, found));
+        }
+    }
+    html! {
+        @if series.is_empty() { p.none { "No session has found an effect." } }
+        div.charts { @for (of, found) in &series { figure {
+            figcaption { b { (vocabulary::describe(&of.0)) } " " code { (of.0) } }
+            (chart(of, sessions, found, changes))
+            table { thead { tr { th scope="col" { "Session" } th scope="col" { "Size with 95 % interval" } } } tbody { @for (session, one) in found {
+                tr { th scope="row" { (date(session.begin)) } td { (shop(of, one.value, &one.unit, Some(one.ci95))) @if one.group > 1 { small { "one of " (one.group) " causes" } } } }
+            } } }
+        } } }
+    }
+}
+
+/// Sizes over time with their intervals; changes as lines.
+fn chart(
+    of: &(String, String),
+    sessions: &[Summary],
+    found: &[(&Summary, &Found)],
+    changes: &[Change],
+) -> Markup {
+    let begin = sessions.first().map_or(0, |one| one.begin.0);
+    let end = sessions.last().map_or(0, |one| one.begin.0);
+    let x = |at: i64| LEFT + (at - begin) as f64 / ((end - begin) as f64).max(1.0) * (WIDTH - 2.0 * LEFT);
+    let ends = found.iter().flat_map(|(_, one)| one.ci95);
+    let (low, high) = ends.filter(|one| one.is_finite()).fold(
+        (0.0_f64, 0.0_f64),
+        |(low, high), one| (low.min(one), high.max(one)),
+    );
+    let y = |value: f64| EDGE + (high - value) / (high - low).max(f64::MIN_POSITIVE) * (HEIGHT - 2.0 * EDGE);
+    html! {
+        svg.run viewBox={ "0 0 " (WIDTH) " " (HEIGHT) } role="img" aria-label={ (vocabulary::describe(&of.0)) " in " (found.len()) " sessions; table below" } {
+            line.nominal x1=(LEFT) x2=(WIDTH - LEFT) y1=(y(0.0)) y2=(y(0.0)) {}
+            @for one in changes.iter().filter(|one| one.of == *of) { line.limit x1=(x(one.at.0)) x2=(x(one.at.0)) y1="0" y2=(HEIGHT) { title { (date(one.at)) ": changed" } } }
+            @for (session, one) in found {
+                line.spread x1=(x(session.begin.0)) x2=(x(session.begin.0)) y1=(y(one.ci95[0])) y2=(y(one.ci95[1])) {}
+                circle.value cx=(x(session.begin.0)) cy=(y(one.value)) r="3.5" { title { (date(session.begin)) ": " (shop(of, one.value, &one.unit, Some(one.ci95))) } }
+            }
+        }
+    }
+}
+
+/// UTC day.
+fn day(session: &Summary) -> String {
+    date(session.begin).get(..10).unwrap_or_default().to_owned()
+}
+
+fn days(sessions: &[Summary]) -> Markup {
+    let mut per_day: BTreeMap<(&Characteristic, String), Vec<&Sized>> = BTreeMap::new();
+    for session in sessions {
+        for (key, made) in &session.sizes {
+            per_day.entry((key, day(session))).or_default().extend(made);
+        }
+    }
+    html! {
+        @if per_day.is_empty() { p.none { "No size was measured." } } @else {
+            div.scroll tabindex="0" role="region" aria-labelledby="days-title" { table {
+                thead { tr { th scope="col" { "Characteristic" } th scope="col" { "Day" } th.number scope="col" { "Parts" } th.number scope="col" { "Mean, µm" } th.number scope="col" { "s, µm" } th.number scope="col" { "Cpk (95 %)" } } }
+                tbody { @for ((key, day), made) in &per_day {
+                    @let values: Vec<f64> = made.iter().map(|one| one.deviation).collect();
+                    @let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
+                    @let limits = made.last().and_then(|one| one.limits);
+                    @let index = limits.and_then(|(lower, upper)| capability(&values, lower, upper));
+                    tr { th scope="row" { (key.1) " " small { (key.0) } } td { (day) } td.number { (values.len()) } td.number { (signed_um(mean)) }
+                        @if let Some(one) = index { td.number { (um(one.deviation)) } td.number { (format!("{:.2} ({:.2} to {:.2})", one.cpk, one.cpk_ci95[0], one.cpk_ci95[1])) } } @else { td.number { "–" } td.number { "from 8 parts" } }
+                    }
+                } }
+            } }
+        }
+    }
+}
+
+fn kept(sessions: &[Summary]) -> Markup {
+    let any = sessions.iter().any(|one| !one.applied.is_empty() || !one.declared.is_empty());
+    html! {
+        @if !any { p.none { "No correction was applied, and no effect is declared." } }
+        ul.faults { @for session in sessions {
+            @for one in &session.applied { li { time { (date(session.begin)) } " " (one) } }
+            @for (effect, text) in &session.declared { li { time { (date(session.begin)) } " Declared: " (vocabulary::describe(effect)) ", " (text) } }
+        } }
+    }
+}
+
+fn all(sessions: &[Summary]) -> Markup {
+    html! { div.scroll tabindex="0" role="region" aria-labelledby="all-title" { table {
+        thead { tr { th scope="col" { "Recording" } th scope="col" { "Begin" } th.number scope="col" { "Gap / noise" } th scope="col" { "Temperatures at the end, °C" } } }
+        tbody { @for one in sessions { tr {
+            th scope="row" { a href={ "/session/" (one.recording) } { (one.recording) } }
+            td { (date(one.begin)) }
+            td.number { (one.ratio.map_or("–".to_owned(), |ratio| format!("{ratio:.1}"))) }
+            td { (one.temperatures.iter().map(|(name, value)| format!("{name} {value:.1}")).collect::<Vec<_>>().join(" · ")) }
+        } } }
+    } } }
+}
