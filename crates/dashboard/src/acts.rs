@@ -42,9 +42,12 @@ pub struct Desk {
     pub cell: String,
     /// Its public key.
     pub key: PublicKey,
-    /// How its services are reached.
-    pub bus: BusConfig,
+    /// How its services are reached now; the error is a sentence. May block for a moment.
+    pub bus: Way,
 }
+
+/// Says how services are reached.
+pub type Way = Box<dyn Fn() -> Result<BusConfig, String> + Send + Sync>;
 
 /// What somebody is about to do.
 enum Deed {

@@ -34,7 +34,7 @@ use graph::Stamp;
 use host::bus::BusConfig;
 use tokio::sync::Semaphore;
 
-pub use acts::Desk;
+pub use acts::{Desk, Way};
 pub use server::{MakePage, Pages};
 
 /// Ports that are tried from the chosen one on.

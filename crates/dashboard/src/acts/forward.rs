@@ -135,7 +135,7 @@ fn with<T>(
     work: impl FnOnce(&Services<'_>) -> Result<T, String>,
 ) -> Result<T, String> {
     let namespace = format!("/{}", desk.cell);
-    let bus = Bus::open(&desk.bus, NODE, &namespace).map_err(|error| error.to_string())?;
+    let bus = Bus::open(&(desk.bus)()?, NODE, &namespace).map_err(|error| error.to_string())?;
     let result = work(&Services {
         bus: &bus,
         cell: &desk.cell,
