@@ -149,7 +149,8 @@ fn missed(address: &str) -> anyhow::Result<String> {
     stream.read_to_string(&mut text)?;
     let name = "probecell_dashboard_missed_messages_total ";
     let line = text.lines().find_map(|line| line.strip_prefix(name));
-    line.map(str::to_owned).context("no count of missed messages")
+    line.map(str::to_owned)
+        .context("no count of missed messages")
 }
 
 /// Notes when the part with its touches comes to the page of a cell.
@@ -270,12 +271,7 @@ fn main() -> anyhow::Result<()> {
     let ((cpu, memory), round_then, then, bytes) = first.context("nothing was measured")?;
     let (cpu_now, memory_now) = usage(pid)?;
     let span = then.elapsed().as_secs_f64();
-    let mut touched = std::mem::take(
-        &mut touched
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .1,
-    );
+    let mut touched = std::mem::take(&mut touched.lock().unwrap_or_else(PoisonError::into_inner).1);
     touched.sort_by(f64::total_cmp);
     let at = |share: f64| {
         let index = (touched.len() as f64 * share) as usize;

@@ -178,7 +178,8 @@ impl Acts {
             Deed::Stop => host::now().time(),
             _ => forward::clock_of(desk)?,
         };
-        let token = random().map_err(|error| format!("the system has no random numbers: {error}"))?;
+        let token =
+            random().map_err(|error| format!("the system has no random numbers: {error}"))?;
         let offered = Offered {
             token: token.clone(),
             cell_key: desk.key.to_string(),
@@ -257,7 +258,9 @@ impl Acts {
 }
 
 fn no_desk(cell: &str) -> String {
-    format!("this dashboard was not given the file of cell {cell}, so that nothing can be done to it from here")
+    format!(
+        "this dashboard was not given the file of cell {cell}, so that nothing can be done to it from here"
+    )
 }
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {

@@ -69,8 +69,7 @@ impl Summary {
         let declared = report.into_iter().flat_map(|report| &report.declared);
         let declared = declared.map(|one| {
             let sizes = |sizes: &diagnosis::report::Sizes| {
-                let [before, after] =
-                    [sizes.rms_before, sizes.rms_after].map(wording::micrometres);
+                let [before, after] = [sizes.rms_before, sizes.rms_after].map(wording::micrometres);
                 format!("{before} → {after} rms")
             };
             let promised = one.promised.as_ref().map_or("nothing".to_owned(), sizes);
@@ -78,15 +77,21 @@ impl Summary {
             let text = format!("promised {promised}, achieved {achieved}");
             (one.effect.clone(), text)
         });
-        let applied = cell.corrections().filter(|one| one.is_applied()).map(|one| {
-            let promised = wording::micrometres(one.correction.measured_error);
-            let achieved = one.achieved_error();
-            let achieved = achieved.map_or("not measured".to_owned(), wording::micrometres);
-            let what = changed_by(&one.correction);
-            format!("{what}: promised {promised} → 0, achieved → {achieved}")
-        });
+        let applied = cell
+            .corrections()
+            .filter(|one| one.is_applied())
+            .map(|one| {
+                let promised = wording::micrometres(one.correction.measured_error);
+                let achieved = one.achieved_error();
+                let achieved = achieved.map_or("not measured".to_owned(), wording::micrometres);
+                let what = changed_by(&one.correction);
+                format!("{what}: promised {promised} → 0, achieved → {achieved}")
+            });
         let machine = cell.machine().unwrap_or_default();
-        let temperatures = machine.temperature_names.into_iter().zip(machine.temperatures);
+        let temperatures = machine
+            .temperature_names
+            .into_iter()
+            .zip(machine.temperatures);
         let sizes = cell.runs.iter().map(|(key, made)| {
             let limits = limits(cell, &key.1);
             let each = made.iter().map(|one| Sized {
@@ -153,9 +158,15 @@ fn done(sessions: &[Summary]) -> Vec<String> {
     for pair in sessions.windows(2) {
         let (old, new) = (&pair[0], &pair[1]);
         all.extend(old.applied.iter().cloned());
-        let adopted = new.declared.keys().filter(|one| !old.declared.contains_key(*one));
+        let adopted = new
+            .declared
+            .keys()
+            .filter(|one| !old.declared.contains_key(*one));
         all.extend(adopted.map(|one| format!("{one} was adopted")));
-        let removed = old.declared.keys().filter(|one| !new.declared.contains_key(*one));
+        let removed = old
+            .declared
+            .keys()
+            .filter(|one| !new.declared.contains_key(*one));
         all.extend(removed.map(|one| format!("{one} was taken back")));
     }
     all
@@ -198,6 +209,9 @@ mod tests {
         assert_eq!(found.len(), 1, "{found:?}");
         assert_eq!(found[0].at, sessions[3].begin);
         assert_eq!(found[0].values, [12e-6, 2e-6]);
-        assert_eq!(found[0].done, ["Wear of tool 2", "probe.radius was adopted"]);
+        assert_eq!(
+            found[0].done,
+            ["Wear of tool 2", "probe.radius was adopted"]
+        );
     }
 }

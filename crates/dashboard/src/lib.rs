@@ -87,7 +87,9 @@ pub fn watch(
     period: Duration,
     mut on_period: impl FnMut(&state::Hall, Stamp, &str) -> bool,
 ) -> Result<(), DashboardError> {
-    let live = live::Live::new(Arc::new(acts::Acts::new(Vec::new()).map_err(DashboardError::Random)?));
+    let live = live::Live::new(Arc::new(
+        acts::Acts::new(Vec::new()).map_err(DashboardError::Random)?,
+    ));
     for bus in buses {
         live::read(Arc::clone(&live), bus)?;
     }

@@ -7,9 +7,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use graph::topics;
-use host::bus::{
-    BusConfig, EntityKind, Observed, Observer, OnMissed, OnObserved, Qos, Watched,
-};
+use host::bus::{BusConfig, EntityKind, Observed, Observer, OnMissed, OnObserved, Qos, Watched};
 use host::bus_qos;
 use tokio::sync::watch;
 

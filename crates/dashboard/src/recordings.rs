@@ -188,7 +188,10 @@ impl Recordings {
         told.retain(|path, _| here.contains(path));
         let mut machines: BTreeMap<String, Vec<Summary>> = BTreeMap::new();
         for (name, summary) in told.values().flat_map(|(_, told)| told) {
-            machines.entry(name.clone()).or_default().push(summary.clone());
+            machines
+                .entry(name.clone())
+                .or_default()
+                .push(summary.clone());
         }
         for sessions in machines.values_mut() {
             sessions.sort_by(|a, b| (a.begin, &a.recording).cmp(&(b.begin, &b.recording)));

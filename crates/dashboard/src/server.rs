@@ -19,9 +19,7 @@ use axum::routing::{get, post};
 
 use self::act::{key_page, offer, sign, token};
 use self::answer::{Look, missing, page};
-use self::recorded::{
-    compare, diagnosis, download, machine, machines, report, session, sessions,
-};
+use self::recorded::{compare, diagnosis, download, machine, machines, report, session, sessions};
 use crate::metrics::{Process, metrics};
 use crate::stream::{Shown, seen_now, stream};
 use crate::view;

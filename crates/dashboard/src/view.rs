@@ -18,13 +18,13 @@ mod terminal;
 
 pub use cell::{cell_page, section, section_id};
 pub use compare::{Compared, compare_page};
-pub(crate) use hall::sums;
 pub(crate) use deeds::key_page;
+pub(crate) use hall::sums;
+pub use hall::{hall_page, order_of, tile, tile_id};
 pub(crate) use ledger::changed_by;
 pub(crate) use machine::{machine_page, machines_page};
-pub(crate) use sizes::limits;
-pub use hall::{hall_page, order_of, tile, tile_id};
 pub use page::{Place, message_page};
 pub use picture::View;
 pub use sessions::{Listed, SessionView, session_page, sessions_page};
+pub(crate) use sizes::limits;
 pub use terminal::hall_text;

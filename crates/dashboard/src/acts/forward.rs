@@ -47,7 +47,8 @@ pub(super) fn forward(
                 shown,
                 signature,
             };
-            let reply = cell.call::<srv::ApproveCorrection>("approve_correction", &request, REPLY)?;
+            let reply =
+                cell.call::<srv::ApproveCorrection>("approve_correction", &request, REPLY)?;
             Ok(answer(reply.accepted, reply.text, "accepted"))
         }
         Deed::Stop => {

@@ -1,9 +1,7 @@
 //! What is proposed to be signed, from the state of a cell as it is shown.
 
 use diagnosis::Report;
-use probecell_msgs::{
-    Correction, InspectionPlan, InspectionPoint, OperatorRequest, PlanId,
-};
+use probecell_msgs::{Correction, InspectionPlan, InspectionPoint, OperatorRequest, PlanId};
 use trust::{Act, Kind, PublicKey, approval};
 
 use super::Deed;
@@ -126,7 +124,10 @@ fn again(cell: &CellState, key: PublicKey, feature: &str) -> Result<Proposal, St
     };
     let points: Vec<_> = plan.points.iter().filter(of_it).cloned().collect();
     if points.is_empty() {
-        return Err(format!("plan {} has no points of {feature:?}", plan.plan_id));
+        return Err(format!(
+            "plan {} has no points of {feature:?}",
+            plan.plan_id
+        ));
     }
     let what = format!("Measure again in cell {}, plan {}", cell.name, plan.plan_id);
     let subject = request(key, "", &plan.plan_id);
@@ -154,7 +155,9 @@ fn next(cell: &CellState, key: PublicKey, number: &str) -> Result<Proposal, Stri
             last.plan_id
         ));
     }
-    let plan_id = PlanId::from(of).supplement(known.supplement_number() + 1).to_string();
+    let plan_id = PlanId::from(of)
+        .supplement(known.supplement_number() + 1)
+        .to_string();
     let what = format!(
         "Take the proposed touches in cell {}, plan {plan_id}: {:.0} % chance that one explanation remains",
         cell.name,

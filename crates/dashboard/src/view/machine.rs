@@ -104,13 +104,18 @@ fn chart(
 ) -> Markup {
     let begin = sessions.first().map_or(0, |one| one.begin.0);
     let end = sessions.last().map_or(0, |one| one.begin.0);
-    let x = |at: i64| LEFT + (at - begin) as f64 / ((end - begin) as f64).max(1.0) * (WIDTH - 2.0 * LEFT);
+    let x = |at: i64| {
+        LEFT + (at - begin) as f64 / ((end - begin) as f64).max(1.0) * (WIDTH - 2.0 * LEFT)
+    };
     let ends = found.iter().flat_map(|(_, one)| one.ci95);
-    let (low, high) = ends.filter(|one| one.is_finite()).fold(
-        (0.0_f64, 0.0_f64),
-        |(low, high), one| (low.min(one), high.max(one)),
-    );
-    let y = |value: f64| EDGE + (high - value) / (high - low).max(f64::MIN_POSITIVE) * (HEIGHT - 2.0 * EDGE);
+    let (low, high) = ends
+        .filter(|one| one.is_finite())
+        .fold((0.0_f64, 0.0_f64), |(low, high), one| {
+            (low.min(one), high.max(one))
+        });
+    let y = |value: f64| {
+        EDGE + (high - value) / (high - low).max(f64::MIN_POSITIVE) * (HEIGHT - 2.0 * EDGE)
+    };
     html! {
         svg.run viewBox={ "0 0 " (WIDTH) " " (HEIGHT) } role="img" aria-label={ (vocabulary::describe(&of.0)) " in " (found.len()) " sessions; table below" } {
             line.nominal x1=(LEFT) x2=(WIDTH - LEFT) y1=(y(0.0)) y2=(y(0.0)) {}
@@ -154,7 +159,9 @@ fn days(sessions: &[Summary]) -> Markup {
 }
 
 fn kept(sessions: &[Summary]) -> Markup {
-    let any = sessions.iter().any(|one| !one.applied.is_empty() || !one.declared.is_empty());
+    let any = sessions
+        .iter()
+        .any(|one| !one.applied.is_empty() || !one.declared.is_empty());
     html! {
         @if !any { p.none { "No correction was applied, and no effect is declared." } }
         ul.faults { @for session in sessions {

@@ -4,7 +4,7 @@ mod labels;
 mod outline;
 
 use maud::{Markup, html};
-use probecell_msgs::{InspectionPlan, InspectionFeature};
+use probecell_msgs::{InspectionFeature, InspectionPlan};
 
 use self::labels::labels;
 use self::outline::{V, outline};

@@ -64,7 +64,14 @@ pub(crate) struct Arguments {
 /// Arguments of the dashboard that `up` starts for the cell of this file.
 pub(crate) fn arguments(cell: &Path) -> Vec<OsString> {
     let clock = host::clock::offset().to_string();
-    let words = ["dashboard", "--supervised", "--any-port", "--clock", &clock, "--cell"];
+    let words = [
+        "dashboard",
+        "--supervised",
+        "--any-port",
+        "--clock",
+        &clock,
+        "--cell",
+    ];
     let words = words.iter().map(OsString::from);
     words.chain([cell.into()]).collect()
 }

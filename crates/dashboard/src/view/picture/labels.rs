@@ -71,7 +71,13 @@ mod tests {
     fn names_of_points_in_one_place_do_not_overlap_and_stay_in_the_picture() {
         let names: Vec<(&str, (f64, f64))> = ["flat_a", "flat_b", "flat_c", "D1", "flat_d"]
             .into_iter()
-            .zip([(600.0, 200.0), (602.0, 203.0), (600.0, 196.0), (20.0, 20.0), (598.0, 200.0)])
+            .zip([
+                (600.0, 200.0),
+                (602.0, 203.0),
+                (600.0, 196.0),
+                (20.0, 20.0),
+                (598.0, 200.0),
+            ])
             .collect();
         let placed = labels(&names);
         assert_eq!(placed.len(), names.len());
