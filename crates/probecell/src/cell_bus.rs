@@ -28,6 +28,9 @@ pub(crate) fn bus_config(cell: &Cell, node: &str) -> anyhow::Result<BusConfig> {
         endpoints: vec![way_to_router(cell, node)?],
         listen: cell.bus.listen.clone(),
         zenoh: session_settings(cell, node)?,
+        own_namespace_only: node == policy::RECORDER
+            || cell.node_names().contains(&node)
+            || cell.driver_process() == Some(node),
         ..BusConfig::default()
     })
 }

@@ -379,10 +379,7 @@ fn run(command: Command) -> anyhow::Result<u8> {
             clock,
         } => {
             begin_process(supervised, clock)?;
-            if !supervised {
-                routing::refuse_unheard(&cell::Cell::read(&cell)?)?;
-            }
-            commands::node::run(&name, &cell, incarnation, !no_record)
+            commands::node::run(&name, &cell, incarnation, !no_record, supervised)
         }
         Command::Router { listen, join } => commands::router::run(&listen, &join),
         Command::Record {

@@ -53,6 +53,9 @@ pub struct BusConfig {
     pub listen: Vec<String>,
     /// Settings of Zenoh, laid over the defaults; unknown ones are refused.
     pub zenoh: Value,
+    /// The graph of nodes holds those of the node's own namespace only: what a process of a cell needs, and less to keep where
+    /// many cells share a router. Zenoh only.
+    pub own_namespace_only: bool,
     /// Security enclave announced in the ROS graph.
     pub enclave: String,
     /// Samples that a keep-all history holds: a Zenoh publisher's for recovery, a DDS endpoint's before they are taken.
@@ -75,6 +78,7 @@ impl Default for BusConfig {
             endpoints: vec![ROUTER_ENDPOINT.to_owned()],
             listen: vec!["tcp/127.0.0.1:0".to_owned()],
             zenoh: json!({}),
+            own_namespace_only: false,
             enclave: "/".to_owned(),
             keep_all_depth: 10_000,
             recovery_timeout: Duration::from_secs(10),

@@ -76,7 +76,7 @@ impl Observer {
             &mut config.zenoh,
             &serde_json::json!({ "mode": "client", "listen": { "endpoints": [] } }),
         );
-        let (session, graph, tokens) = open_session(&config)?;
+        let (session, graph, tokens) = open_session(&config, None)?;
         let subscriptions = observed
             .iter()
             .map(|one| {

@@ -52,9 +52,10 @@ pub(super) struct ZenohBus {
     _tokens: Subscriber<()>,
 }
 
-/// A session that watches what the nodes of its domain announce, for as long as the subscriber is held.
+/// A session that watches what nodes announce by these tokens, else all of its domain, for as long as the subscriber is held.
 pub(super) fn open_session(
     config: &BusConfig,
+    tokens: Option<String>,
 ) -> Result<(zenoh::Session, LiveGraph, Subscriber<()>), BusError> {
     let settings = config.to_zenoh()?;
     let session = zenoh::open(settings)
@@ -67,7 +68,9 @@ pub(super) fn open_session(
     let graph = LiveGraph::default();
     let tokens = session
         .liveliness()
-        .declare_subscriber(format!("{TOKEN_SPACE}/{}/**", config.domain_id))
+        .declare_subscriber(
+            tokens.unwrap_or_else(|| format!("{TOKEN_SPACE}/{}/**", config.domain_id)),
+        )
         .history(true)
         .callback({
             let graph = graph.clone();
@@ -83,7 +86,10 @@ pub(super) fn open_session(
 
 impl ZenohBus {
     pub(super) fn open(config: &BusConfig, node: NodeName) -> Result<Self, BusError> {
-        let (session, graph, tokens) = open_session(config)?;
+        let tokens = config
+            .own_namespace_only
+            .then(|| node.tokens_of_namespace(config.domain_id));
+        let (session, graph, tokens) = open_session(config, tokens)?;
         let core = Core {
             session,
             graph,

@@ -76,6 +76,13 @@ impl NodeName {
             format!("{}/{}", self.namespace, self.name)
         }
     }
+
+    /// Key expression of the tokens of all nodes in its namespace.
+    pub fn tokens_of_namespace(&self, domain_id: u32) -> String {
+        // Session, node, entity, kind, enclave; then the namespace.
+        let namespace = mangle(&self.namespace);
+        format!("{TOKEN_SPACE}/{domain_id}/*/*/*/*/*/{namespace}/**")
+    }
 }
 
 /// Topic or service of an endpoint.

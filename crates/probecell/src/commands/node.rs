@@ -7,15 +7,21 @@ use controllers::driver::{Controller, Role};
 use graph::Wiring;
 use host::{NodeProcess, bus::Bus, run_driver, run_node};
 
-use crate::{GOOD, cell_bus, signals};
+use crate::{GOOD, cell_bus, routing::refuse_unheard, signals};
 
-/// Runs the node until SIGINT or SIGTERM.
-pub(crate) fn run(name: &str, file: &Path, incarnation: u32, recorded: bool) -> anyhow::Result<u8> {
+/// Runs the node until SIGINT or SIGTERM. `supervised`: `up` has started it, and has looked at the bus.
+pub(crate) fn run(
+    name: &str,
+    file: &Path,
+    incarnation: u32,
+    recorded: bool,
+    supervised: bool,
+) -> anyhow::Result<u8> {
     let cell = Cell::read(file)?;
     if let Role::Process(controller) = cell.driver_role()
         && name == cell.driver.source
     {
-        return drive(&cell, controller);
+        return drive(&cell, controller, supervised);
     }
     let folder = KeyFolder::of(&cell)?;
     // The private key goes to the one node that signs, and to no other.
@@ -25,6 +31,9 @@ pub(crate) fn run(name: &str, file: &Path, incarnation: u32, recorded: bool) -> 
         cell.with_key(folder.public()?)
     };
     let instance = cell.instance(name, cell.is_playback())?;
+    if !supervised {
+        refuse_unheard(&cell)?;
+    }
     let bus = Bus::open(&cell_bus::bus_config(&cell, name)?, name, &cell.namespace())?;
     let settings = NodeProcess {
         namespace: cell.namespace(),
@@ -59,12 +68,15 @@ fn awaited(cell: &Cell, recorded: bool) -> anyhow::Result<BTreeMap<String, usize
 }
 
 /// Runs the driver of a real controller until it is asked to end.
-fn drive(cell: &Cell, controller: &dyn Controller) -> anyhow::Result<u8> {
+fn drive(cell: &Cell, controller: &dyn Controller, supervised: bool) -> anyhow::Result<u8> {
     let name = &cell.driver.source;
     let session = format!("{name}-{}", host::now().0);
     let connection = controller
         .connect(&session)
         .map_err(anyhow::Error::from_boxed)?;
+    if !supervised {
+        refuse_unheard(cell)?;
+    }
     let bus = Bus::open(&cell_bus::bus_config(cell, name)?, name, &cell.namespace())?;
     let end = signals::end_flag()?;
     run_driver(bus, connection, &cell.namespace(), &|| {

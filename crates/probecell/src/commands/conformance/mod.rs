@@ -88,7 +88,9 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
         );
     }
     let routing = Routing::start(&cell)?;
-    let config = bus_config(&cell, "machine_state")?;
+    let mut config = bus_config(&cell, "machine_state")?;
+    // The driver may be a node of another namespace.
+    config.own_namespace_only = false;
     let bus = Bus::open(&config, "machine_state", &cell.namespace())?;
     refuse_beside_a_cell(&bus, &cell)?;
     let mut judge = Judge::default();
