@@ -87,7 +87,7 @@ def measure(number, folder):
         time.sleep(WATCHED)
         load = (processor_s(processes) - before) / WATCHED
         last = f"{max(ready.values()):.1f}" if len(ready) == number else "-"
-        print(f"{number} | {len(ready)} | {last} | {len(processes)} | {memory_mib(processes):.0f} | {load:.2f}", flush=True)
+        print(f"{number} | {len(ready)} | {last} | {before:.1f} | {len(processes)} | {memory_mib(processes):.0f} | {load:.2f}", flush=True)
         if len(ready) < number:
             for own in cells:
                 print(own.name, (own / "errors.txt").read_text()[-300:], file=sys.stderr)
@@ -99,7 +99,7 @@ def measure(number, folder):
 
 
 def main():
-    print("cells | ready | last ready, s | processes | memory, MiB | processors busy")
+    print("cells | ready | last ready, s | processor time until then, s | processes | memory, MiB | processors busy")
     for number in map(int, sys.argv[2:] or ["1", "2", "5", "10"]):
         with tempfile.TemporaryDirectory(prefix="cells_") as folder:
             measure(number, pathlib.Path(folder))

@@ -45,7 +45,7 @@ pub struct BusSection {
     pub dds_on_all_addresses: bool,
     /// Routers of other machines that the router of `up` joins.
     pub join: Vec<String>,
-    /// Where processes accept direct connections.
+    /// Where processes accept direct connections; not by the private socket of a router, nor in a secured cell.
     pub listen: Vec<String>,
     /// Settings of Zenoh for every session (TLS, user and password), laid over ours.
     pub zenoh: Option<toml::Table>,

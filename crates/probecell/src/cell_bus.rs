@@ -28,11 +28,18 @@ pub(crate) fn bus_config(cell: &Cell, node: &str) -> anyhow::Result<BusConfig> {
         endpoints: vec![way_to_router(cell, node)?],
         listen: cell.bus.listen.clone(),
         zenoh: session_settings(cell, node)?,
-        own_namespace_only: node == policy::RECORDER
-            || cell.node_names().contains(&node)
-            || cell.driver_process() == Some(node),
+        own_namespace_only: sees_own_namespace_only(cell, node),
         ..BusConfig::default()
     })
+}
+
+/// Processes of the cell look for one another only; the launcher of an external driver looks for that everywhere.
+fn sees_own_namespace_only(cell: &Cell, node: &str) -> bool {
+    let launcher = node == policy::LAUNCHER && !cell.is_driver_external();
+    launcher
+        || node == policy::RECORDER
+        || cell.node_names().contains(&node)
+        || cell.driver_process() == Some(node)
 }
 
 /// Where a process of the cell finds the router. What only reads comes as a stranger, who may do no more.

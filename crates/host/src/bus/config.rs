@@ -7,7 +7,8 @@
 //! defaults.
 //!
 //! Peers of one router are taken to reach one another, hence it forwards nothing between them. A node that looks for
-//! its router on another machine cannot promise that, and is a client: everything it receives comes by the router.
+//! its router on another machine cannot promise that, and is a client: everything it receives comes by the router. So is a
+//! node that reaches its router by a Unix socket, as the processes of a cell do: nothing that it says bypasses the router.
 
 use std::net::{IpAddr, Ipv4Addr};
 use std::time::Duration;
