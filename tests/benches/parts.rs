@@ -30,7 +30,8 @@ struct Line {
 }
 
 fn main() {
-    let parts = std::env::var("PARTS").map_or(1000, |text| text.parse().expect("PARTS is a number"));
+    let parts =
+        std::env::var("PARTS").map_or(1000, |text| text.parse().expect("PARTS is a number"));
     let cell = cell("turn_mill.toml", str::to_owned);
     let nodes = cell.nodes(false).unwrap_or_else(|error| panic!("{error}"));
     let mut executor = begin(nodes);
@@ -38,11 +39,17 @@ fn main() {
     executor.take_log();
     let begun = Instant::now();
     let mut line = Line::default();
-    println!("parts | resident MiB | values kept by nodes | cuts | corrections | worst surface | reported as | s");
+    println!(
+        "parts | resident MiB | values kept by nodes | cuts | corrections | worst surface | reported as | s"
+    );
     for number in 1..=parts {
         make(&mut executor, &format!("part_{number}"), &mut line);
         if number % LINE == 0 || number == parts {
-            let kept: Vec<usize> = executor.nodes().iter().map(|node| leaves(&node.snapshot())).collect();
+            let kept: Vec<usize> = executor
+                .nodes()
+                .iter()
+                .map(|node| leaves(&node.snapshot()))
+                .collect();
             println!(
                 "{number} | {:.1} | {} | {} | {} | {:.1} µm | {:?} | {:.0}",
                 resident_mib(),
@@ -70,7 +77,10 @@ fn make(executor: &mut Executor, name: &str, line: &mut Line) {
     };
     executor.inject(executor.now(), topics::RUN_REQUESTS.name, to_cdr(&request));
     let until = executor.now().after_s(PART_LIMIT);
-    assert!(executor.run_until_published(topics::PART_REPORTS.name, until), "{name}: no report");
+    assert!(
+        executor.run_until_published(topics::PART_REPORTS.name, until),
+        "{name}: no report"
+    );
     executor.run_until(executor.now().after_s(PAUSE));
     let mut surface = 0.0;
     for published in executor.take_log() {
@@ -78,14 +88,22 @@ fn make(executor: &mut Executor, name: &str, line: &mut Line) {
         if topic == topics::PART_REPORTS.name {
             let report: PartReport = from_cdr(&published.payload).expect("a report");
             line.cuts += report.passes as usize;
-            let told = if report.text.is_empty() { report.verdict.to_string() } else { report.text };
+            let told = if report.text.is_empty() {
+                report.verdict.to_string()
+            } else {
+                report.text
+            };
             *line.verdicts.entry(told).or_default() += 1;
         } else if topic == topics::CORRECTION_ACKNOWLEDGEMENTS.name {
             line.corrections += 1;
         } else if topic == topics::REFERENCE.name {
-            let reference: ReferenceMeasurement = from_cdr(&published.payload).expect("a reference");
+            let reference: ReferenceMeasurement =
+                from_cdr(&published.payload).expect("a reference");
             // Of the last plan of the part: it is finished then.
-            surface = reference.deviation.iter().fold(0.0, |worst: f64, one| worst.max(one.abs()));
+            surface = reference
+                .deviation
+                .iter()
+                .fold(0.0, |worst: f64, one| worst.max(one.abs()));
         }
     }
     line.worst = line.worst.max(surface);
@@ -105,5 +123,7 @@ fn resident_mib() -> f64 {
     let status = std::fs::read_to_string("/proc/self/status").expect("proc");
     let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
     let kib = line.and_then(|line| line.split_whitespace().next());
-    kib.and_then(|kib| kib.parse::<f64>().ok()).expect("a number") / 1024.0
+    kib.and_then(|kib| kib.parse::<f64>().ok())
+        .expect("a number")
+        / 1024.0
 }
