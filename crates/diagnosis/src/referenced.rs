@@ -79,10 +79,14 @@ pub(crate) fn part(observations: &Observations) -> Option<Parted> {
         };
         observations.declared.iter().map(of).collect()
     };
-    let reading = with(
+    let mut reading = with(
         pairs.iter().map(|&(row, r)| read(row) - r).collect(),
         declared(&|read, known| read - known),
     );
+    // What the machine did while it cut stands in the reading as in the reference.
+    for row in &mut reading.rows {
+        row.cut = None;
+    }
     let followed: Vec<f64> = pairs.iter().map(|&(row, _)| read(row)).collect();
     let size = rms(&reading.deviations);
     let opposed = size > CANCELS * rms(&followed);

@@ -86,13 +86,15 @@ pub(super) fn explain(shapes: &Shapes<'_>) -> Explained {
     best
 }
 
-/// Touches that may be outliers: beside the best model, and beside the best one without an unknown cause, since a
-/// discrepancy can follow a few outliers.
+/// Touches that may be outliers: beside the best model, beside the best one without an unknown cause, since a discrepancy
+/// can follow a few outliers, and beside the best one with even noise, since a few outliers look like the noise of their kind
+/// of touches.
 fn suspected_outliers(explained: &Explained) -> Vec<Vec<usize>> {
     let attribution = &explained.attribution;
     let best = attribution.models.first();
     let known = (attribution.models.iter()).find(|model| !attribution.is_unknown(model));
-    (best.into_iter().chain(known))
+    let even = (attribution.models.iter()).find(|model| model.discrepancy.is_none());
+    (best.into_iter().chain(known).chain(even))
         .map(|model| outliers_beside(attribution, model))
         .collect()
 }

@@ -53,10 +53,7 @@ impl Effect for Indexing {
         let axes: Vec<(usize, &str)> = rows.chain.axis_names().enumerate().collect();
         let harmonics = axes.iter().filter_map(|&(axis, name)| {
             let angles = distinct_angles(rows, axis);
-            let highest = ((angles as f64 - 1.0) / 2.0)
-                .ceil()
-                .clamp(1.0, if angles > 40 { 36.0 } else { 4.0 });
-            let way = self.way(&rows.chain, &Instance::on(name), highest)?;
+            let way = self.way(&rows.chain, &Instance::on(name), highest(angles))?;
             Some(way.confounded_where(angles < FEWEST))
         });
         let sags = axes.iter().filter(|(axis, _)| is_weighed_down(rows, *axis));
@@ -67,6 +64,18 @@ impl Effect for Indexing {
     fn declared(&self, chain: &Chain, of: &Instance<'_>, _: &Constants<'_>) -> Vec<Variant> {
         let sag = self.sag(chain, of);
         self.way(chain, of, 1.0).into_iter().chain(sag).collect()
+    }
+}
+
+/// The highest harmonic that is offered where an axis visits so many angles.
+///
+/// Angles need not be evenly spaced over the turn, so that the sampling theorem says nothing: at three of them any harmonic is
+/// one of its own, at two all are the same.
+fn highest(angles: usize) -> f64 {
+    match angles {
+        ..3 => 1.0,
+        3..=40 => 4.0,
+        _ => 36.0,
     }
 }
 
