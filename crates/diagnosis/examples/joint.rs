@@ -1,4 +1,4 @@
-//! Diagnoses bags of touches together: `joint FIT… [--withhold BAG…]`.
+//! Diagnoses bags of touches together: `joint FIT… [--withhold BAG…]`, or `joint --halves BAG…`: every second pose withheld.
 #![expect(clippy::print_stdout, reason = "a program for a person")]
 
 use std::path::Path;
@@ -17,8 +17,13 @@ fn main() -> anyhow::Result<()> {
             .map(|path| common::read(Path::new(path)))
             .collect::<Result<Vec<_>, _>>()
     };
-    let fit = read(&arguments[..split])?;
-    let withheld = read(arguments.get(split + 1..).unwrap_or_default())?;
+    let (fit, withheld) = if arguments.first().is_some_and(|first| first == "--halves") {
+        let whole = read(&arguments[1..])?;
+        whole.iter().map(common::halves).unzip()
+    } else {
+        let withheld = read(arguments.get(split + 1..).unwrap_or_default())?;
+        (read(&arguments[..split])?, withheld)
+    };
     let begun = std::time::Instant::now();
     println!(
         "{}",

@@ -10,6 +10,7 @@ mod naming;
 mod records;
 mod reporter;
 
+use effects::library::is_arm;
 use effects::observation::Observations;
 use effects::session::{DiagnoseError, Session, check_drives};
 use effects::{Variant, library, observe, vocabulary};
@@ -18,6 +19,8 @@ use metrology::statistics::{chi_squared_quantile, rms};
 
 use crate::attribution::candidate_pool::Shapes;
 use crate::drives::diagnose_drives_with_residuals;
+use crate::joint::diagnose_together_with_residuals;
+use crate::options::Options;
 use crate::physical::Impossible;
 use crate::referenced;
 use crate::report::Report;
@@ -27,15 +30,6 @@ use reporter::Reporter;
 
 /// Range of the weight of a reference over that of a touch.
 const REFERENCE_WEIGHTS: (f64, f64) = (0.1, 10.0);
-
-/// Choices of a diagnosis.
-#[derive(Debug, Clone, Default)]
-pub struct Options {
-    /// Effects that are not to be considered, by identifier.
-    pub without: Vec<String>,
-    /// What is wanted of the touches proposed for what is not sure.
-    pub next: ProposalOptions,
-}
 
 /// Explains why a session differs from its model: touches where there is a plan, drives elsewhere.
 ///
@@ -64,6 +58,9 @@ pub fn diagnose_with_residuals(
     }
     let mut observations = observe(session)?;
     let offered = variants(&observations, options)?;
+    if is_tracked(&observations) {
+        return diagnose_together_with_residuals(std::slice::from_ref(session), &[], options);
+    }
     weigh_references(&mut observations, &offered);
     let explain = |session: &Session, observations: &Observations, variants: &[Variant]| {
         let covered = covered_by_reference(observations);
@@ -84,6 +81,16 @@ pub fn diagnose_with_residuals(
     };
     let (report, touches) = referenced::report(session, &parted, &options.without, explain);
     Ok((report, Residuals::Touches(touches)))
+}
+
+/// True for an arm that an outside instrument follows from pose to pose: no reading comes from a trigger, where the instrument
+/// stands is registered with every series, and links, transmissions and sag of all joints act at once, more than the search of
+/// sets for one session holds.
+fn is_tracked(observations: &Observations) -> bool {
+    let touches = observations.touches();
+    touches == observations.rows.len()
+        && is_arm(&observations.chain)
+        && observations.rows.iter().all(|row| row.feed == 0.0)
 }
 
 /// The variants of the library that are offered.

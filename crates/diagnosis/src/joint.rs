@@ -18,8 +18,8 @@ use inference::discrepancy::{Discrepancy, Kind};
 use inference::gram::{BlockSet, Gram, Solution, active_columns, active_values, combination};
 use metrology::statistics::{MAD_FACTOR, coverage_factor, rms};
 
-use crate::diagnose::Options;
 use crate::drives::diagnose_drives_with_residuals;
+use crate::options::Options;
 use crate::physical::Impossible;
 use crate::report::residuals::{self, Residuals, TouchResiduals};
 use crate::report::{

@@ -44,14 +44,16 @@ pub mod diagnose;
 pub mod drives;
 pub mod joint;
 pub mod onset;
+mod options;
 mod physical;
 mod referenced;
 pub mod report;
 pub mod time;
 
-pub use diagnose::{Options, diagnose, diagnose_with_residuals};
+pub use diagnose::{diagnose, diagnose_with_residuals};
 pub use effects::{DeclaredEffect, DeclaredError, DiagnoseError, Session};
 pub use joint::diagnose_together_with_residuals;
+pub use options::Options;
 pub use report::numbers::in_shop_units;
 pub use report::residuals::{self, Residuals};
 pub use report::{Report, Verdict};

@@ -15,7 +15,7 @@ use inference::onset::Stream;
 use metrology::statistics::rms;
 use serde::{Deserialize, Serialize};
 
-use crate::diagnose::Options;
+use crate::options::Options;
 use crate::report::Effect;
 
 /// Parts kept for comparison.

@@ -148,8 +148,9 @@ pub(crate) fn report(
         joint_states: Vec::new(),
         ..session.clone()
     };
-    let cutting = offered(&parted.part, &of_cutting);
-    let (part, part_touches) = explain(&quiet, &parted.part, &cutting);
+    let (of_part, lasting) = less_what_lasts(parted, &report);
+    let cutting = offered(&of_part, &of_cutting);
+    let (part, part_touches) = explain(&quiet, &of_part, &cutting);
     for (own, of_part) in report.declared.iter_mut().zip(&part.declared) {
         if of_cutting(&own.effect) {
             own.clone_from(of_part);
@@ -181,6 +182,12 @@ pub(crate) fn report(
         (true, true) => Verdict::NoGap,
     };
     report.warnings.extend(remarks(session, parted));
+    if !lasting.is_empty() {
+        report.warnings.push(format!(
+            "the machined surface is judged less what {} did while it was cut",
+            lasting.join(" and ")
+        ));
+    }
     if of_the_part {
         report.warnings.push(format!(
             "the unexplained part is {}, which is no part of the gap",
@@ -193,6 +200,36 @@ pub(crate) fn report(
         ..touches
     });
     (report.finished(), named.collect())
+}
+
+/// What cutting is judged by, less what the errors of the machine did to it that reading − reference shows, with the names of
+/// those errors; each only where less of it is left so. The reference saw what they did while the part was cut, a reading that
+/// was followed saw the difference from what they did while probing.
+fn less_what_lasts(parted: &Parted, reading: &Report) -> (Observations, Vec<String>) {
+    let mut part = parted.part.clone();
+    let mut lasting = Vec::new();
+    let mut uncut = part.clone();
+    for row in &mut uncut.rows {
+        row.cut = None;
+    }
+    for effect in &reading.effects {
+        let Ok(acting) = reading.declare(effect).acting(&part.chain) else {
+            continue; // of a record: nothing that moves a touch
+        };
+        let (both, probing) = (acting.signature(&part), acting.signature(&uncut));
+        let cutting = difference(&both, &probing);
+        let seen = if parted.cancels { &both } else { &cutting };
+        let left = difference(&part.deviations, seen);
+        if rms(&cutting) > 0.0 && rms(&left) < rms(&part.deviations) {
+            part.deviations = left;
+            lasting.push(effect.effect.clone());
+        }
+    }
+    (part, lasting)
+}
+
+fn difference(all: &[f64], own: &[f64]) -> Vec<f64> {
+    all.iter().zip(own).map(|(all, own)| all - own).collect()
 }
 
 fn remarks(session: &Session, parted: &Parted) -> Vec<String> {

@@ -25,7 +25,7 @@ use effects::vocabulary;
 use machine::{Chain, Motion};
 use probecell_msgs::MeasurementOrder;
 
-use crate::diagnose::Options;
+use crate::options::Options;
 use crate::report::Report;
 use crate::report::residuals::Residuals;
 

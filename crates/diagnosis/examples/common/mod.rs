@@ -42,3 +42,21 @@ pub(crate) fn read(path: &Path) -> anyhow::Result<Session> {
         declared: Vec::new(),
     })
 }
+
+/// A session parted in two by turns: the readings of its first, third, … pose, and those of the others.
+#[allow(dead_code, reason = "not every program that reads bags parts them")]
+pub(crate) fn halves(session: &Session) -> (Session, Session) {
+    let mut pose = 0;
+    let mut parts = [Vec::new(), Vec::new()];
+    for (number, event) in session.events.iter().enumerate() {
+        let before = number.checked_sub(1).map(|last| &session.events[last]);
+        let moved = before.is_some_and(|before| before.axis_positions != event.axis_positions);
+        pose += usize::from(moved);
+        parts[pose % 2].push(event.clone());
+    }
+    let [first, second] = parts.map(|events| Session {
+        events,
+        ..session.clone()
+    });
+    (first, second)
+}

@@ -151,7 +151,25 @@ pub(super) fn distinct_angles(observations: &Observations, axis: usize) -> usize
 
 #[cfg(test)]
 mod tests {
+    use super::highest;
     use crate::specimen::predicts;
+
+    /// sin(3q) and cos(3q) at −20°, 0° and 50° are in the span of no sin(q), cos(q): the determinant of both and one of the
+    /// others does not vanish.
+    #[test]
+    fn three_uneven_angles_show_which_harmonic_acts() {
+        let angles = [-20.0_f64, 0.0, 50.0].map(f64::to_radians);
+        let first = [angles.map(f64::sin), angles.map(f64::cos)];
+        let other = angles.map(|q| (3.0 * q).sin());
+        let (a, b) = (
+            nalgebra::Vector3::from(first[0]),
+            nalgebra::Vector3::from(first[1]),
+        );
+        assert!(a.cross(&b).dot(&nalgebra::Vector3::from(other)).abs() > 0.1);
+        assert!(highest(3) >= 3.0);
+        // At two angles any two waves span everything.
+        assert!((highest(2) - 1.0).abs() < f64::EPSILON);
+    }
 
     /// The table stands off by an angle: the part has turned under the ball.
     #[test]

@@ -2,9 +2,11 @@
 //!
 //! δq is interpolated linearly between evenly spaced targets over the travel used; each inner target has its mean
 //! bidirectional positioning error, and both ends have none: what is left at them, a constant and a slope, is the
-//! axis's place and its `scale`. What repeats with a pitch is `cyclic`. Typical 1–10 µm.
+//! axis's place and its `scale`. A smooth curve needs fewer targets, between which a cubic spline runs (constant `cubic` 1;
+//! de Boor 1978, ch. IV). What repeats with a pitch is `cyclic`. Typical 1–10 µm.
 
 use machine::{Chain, JointKind};
+use nalgebra::DMatrix;
 
 use super::cyclic::{FEWEST, distinct_positions};
 use crate::effect::{ActsOn, Constants, Coordinate, Effect, Instance, Subject};
@@ -14,6 +16,10 @@ use crate::observation::Observations;
 /// Inner targets of the tables that are offered, with their prior weights. None is the usual way of an axis to err: a table
 /// follows any few touches, so that it must not tell which of them are outliers.
 const TARGETS: [(usize, f64); 4] = [(3, 0.5), (7, 0.25), (15, 0.12), (31, 0.06)];
+/// The same of the tables that are smooth, which are offered where each position is visited often.
+const SMOOTH_TARGETS: [(usize, f64); 3] = [(3, 0.5), (7, 0.25), (15, 0.12)];
+/// The constant that says that a table is smooth.
+const CUBIC: &str = "cubic";
 /// Positions that the touches must visit for each target.
 const POSITIONS: usize = 5;
 /// The same where each position is visited so often that its own mean is known (ISO 230-2: five times from either side).
@@ -61,13 +67,17 @@ impl Effect for Positioning {
                 let positions = distinct_positions(rows, axis);
                 let repeated = rows.touches() >= REPEATED.1 * positions;
                 let for_each = if repeated { REPEATED.0 } else { POSITIONS };
-                let targets = TARGETS
-                    .into_iter()
-                    .filter(move |&(targets, _)| positions >= FEWEST.max(for_each * targets));
-                targets.filter_map(move |(targets, weight)| {
+                let straight = TARGETS.into_iter().map(|targets| (targets, false));
+                // A curve of single readings may as well be the form of the part.
+                let smooth = SMOOTH_TARGETS.into_iter().filter(move |_| repeated);
+                let smooth = smooth.map(|(targets, weight)| ((targets, weight), true));
+                let targets = straight
+                    .chain(smooth)
+                    .filter(move |((targets, _), _)| positions >= FEWEST.max(for_each * targets));
+                targets.filter_map(move |((targets, weight), smooth)| {
                     let of = Instance::on(&rows.chain.axis(axis).name);
-                    let way = self.way(&rows.chain, &of, travel, targets)?;
-                    let way = way.with_constants(&all_constants(travel, targets));
+                    let way = self.way(&rows.chain, &of, travel, (targets, smooth))?;
+                    let way = way.with_constants(&all_constants(travel, targets, smooth));
                     // Who reads each target repeatedly looks for such a table.
                     Some(way.with_prior_weight(if repeated { 1.0 } else { weight }))
                 })
@@ -88,7 +98,8 @@ impl Effect for Positioning {
             || (1..=MOST).take_while(is_told).count().max(1),
             |number| (number as usize).clamp(1, MOST),
         );
-        let Some(way) = self.way(chain, of, travel, targets) else {
+        let smooth = constants.get(CUBIC, 0.0) > 0.5;
+        let Some(way) = self.way(chain, of, travel, (targets, smooth)) else {
             return Vec::new();
         };
         if number.is_none() {
@@ -98,7 +109,7 @@ impl Effect for Positioning {
         let told: Vec<usize> = (1..=targets).filter(is_told).map(|one| one - 1).collect();
         vec![
             way.with_only(&told)
-                .with_constants(&all_constants(travel, targets)),
+                .with_constants(&all_constants(travel, targets, smooth)),
         ]
     }
 }
@@ -108,13 +119,21 @@ fn name(target: usize) -> String {
     format!("e{target}")
 }
 
-/// The travel and the number of inner targets.
-fn all_constants((from, to): (f64, f64), targets: usize) -> [(&'static str, f64, &'static str); 3] {
-    [
+/// The travel, the number of inner targets, and whether the table is smooth between them.
+fn all_constants(
+    (from, to): (f64, f64),
+    targets: usize,
+    smooth: bool,
+) -> Vec<(&'static str, f64, &'static str)> {
+    let mut all = vec![
         ("from", from, "m"),
         ("to", to, "m"),
         (TARGETS_TOLD, targets as f64, "1"),
-    ]
+    ];
+    if smooth {
+        all.push((CUBIC, 1.0, "1"));
+    }
+    all
 }
 
 fn parameters(targets: usize) -> Vec<Parameter> {
@@ -123,13 +142,13 @@ fn parameters(targets: usize) -> Vec<Parameter> {
 }
 
 impl Positioning {
-    /// A table with this many inner targets between the ends of the travel.
+    /// A table with this many inner targets between the ends of the travel, smooth or straight between them.
     fn way(
         &self,
         chain: &Chain,
         of: &Instance<'_>,
         (from, to): (f64, f64),
-        targets: usize,
+        (targets, smooth): (usize, bool),
     ) -> Option<Variant> {
         let (axis, joint) = of.joint(chain)?;
         if joint.kind != JointKind::Prismatic {
@@ -137,18 +156,62 @@ impl Positioning {
         }
         let spacing = (to - from) / (targets as f64 + 1.0);
         let build = move |rows: &Observations| {
-            let hat = |target: usize| {
-                let at = from + spacing * target as f64;
+            let bends = smooth.then(|| bends(targets));
+            let column = |target: usize| {
                 rows.machine_column(true, |pose, _| {
-                    let share = 1.0 - ((pose.positions[axis] - at) / spacing).abs();
-                    pose.sensitivity.axes[axis] * share.max(0.0)
+                    let along = (pose.positions[axis] - from) / spacing;
+                    let straight = (1.0 - (along - target as f64).abs()).max(0.0);
+                    let bent = bends
+                        .as_ref()
+                        .map_or(0.0, |bends| bend(bends, target, along));
+                    pose.sensitivity.axes[axis] * (straight + bent)
                 })
             };
-            (1..=targets).map(hat).collect()
+            (1..=targets).map(column).collect()
         };
         let variant = Variant::linear(of.id(self.id()), parameters(targets), build);
         Some(variant.with_constants(&[("from", from, "m"), ("to", to, "m")]))
     }
+}
+
+/// Second derivatives, per spacing², at both ends and the inner targets (rows) of the cubic spline that is 1 at one of the inner
+/// targets (columns) and 0 at the others and at both ends; not a knot at the first and the last of them, since nothing says
+/// that the curve is straight where the travel ends.
+fn bends(targets: usize) -> DMatrix<f64> {
+    let last = targets + 1;
+    // Continuity of the slope: M(i−1)/6 + 2M(i)/3 + M(i+1)/6 = y(i−1) − 2y(i) + y(i+1).
+    let slopes = DMatrix::from_fn(targets + 2, targets + 2, |row, column| {
+        let (end, inwards) = (row == 0 || row == last, row.abs_diff(column));
+        match (end, inwards) {
+            (true, 0 | 2) => 1.0,
+            (true, 1) => -2.0,
+            (false, 0) => 2.0 / 3.0,
+            (false, 1) => 1.0 / 6.0,
+            _ => 0.0,
+        }
+    });
+    let values = DMatrix::from_fn(targets + 2, targets, |row, column| {
+        match (row == 0 || row == last, row.abs_diff(column + 1)) {
+            (false, 0) => -2.0,
+            (false, 1) => 1.0,
+            _ => 0.0,
+        }
+    });
+    let solved = slopes.lu().solve(&values);
+    solved.unwrap_or_else(|| DMatrix::zeros(targets + 2, targets))
+}
+
+/// What a spline of these second derivatives, 1 at `target`, adds to the straight lines between targets at a place in
+/// spacings from the beginning of the travel.
+fn bend(bends: &DMatrix<f64>, target: usize, along: f64) -> f64 {
+    let spacings = bends.ncols() + 1;
+    if !(0.0..=spacings as f64).contains(&along) {
+        return 0.0;
+    }
+    let before = (along.floor() as usize).min(spacings - 1);
+    let (past, ahead) = (along - before as f64, before as f64 + 1.0 - along);
+    let at = |place: usize| bends[(place, target - 1)];
+    ((ahead.powi(3) - ahead) * at(before) + (past.powi(3) - past) * at(before + 1)) / 6.0
 }
 
 #[cfg(test)]
@@ -175,6 +238,26 @@ mod tests {
                 (0.0..=1.0).contains(&share).then_some(between)
             });
             -seen.normal.x * error.unwrap_or(0.0)
+        });
+    }
+
+    /// Between its targets a smooth table follows any cubic exactly: one that vanishes at both ends of the travel.
+    #[test]
+    fn a_smooth_table_follows_a_cubic() {
+        let curve = |q: f64| 0.3 * (q + 0.04) * (q - 0.04) * (q - 0.013);
+        let table = [
+            ("e1", curve(-0.02), "m"),
+            ("e2", curve(0.0), "m"),
+            ("e3", curve(0.02), "m"),
+            ("from", -0.04, "m"),
+            ("to", 0.04, "m"),
+            ("targets", 3.0, "1"),
+            ("cubic", 1.0, "1"),
+        ];
+        predicts("axis.X.positioning", &table, |seen| {
+            let q = seen.position("X");
+            let within = (-0.04..=0.04).contains(&q);
+            -seen.normal.x * if within { curve(q) } else { 0.0 }
         });
     }
 
