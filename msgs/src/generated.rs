@@ -455,7 +455,7 @@ pub struct FeatureResult {
     pub plan_id: String,
     pub part_id: String,
     pub feature_id: String,
-    /// InspectionFeature kind
+    /// InspectionFeature kind, or one of ROUNDNESS to TOTAL_RUN_OUT
     pub kind: u8,
     /// one of CONFORMS to INVALID
     pub decision: u8,
@@ -516,6 +516,16 @@ impl FeatureResult {
     pub const MINIMUM_ZONE: u8 = 1;
     pub const MINIMUM_CIRCUMSCRIBED: u8 = 2;
     pub const MAXIMUM_INSCRIBED: u8 = 3;
+    /// kinds of geometrical tolerances (ISO 1101): size is the width or diameter of the zone
+    pub const ROUNDNESS: u8 = 64;
+    pub const CYLINDRICITY: u8 = 65;
+    pub const FLATNESS: u8 = 66;
+    pub const PARALLELISM: u8 = 67;
+    pub const PERPENDICULARITY: u8 = 68;
+    pub const POSITION: u8 = 69;
+    pub const PROFILE: u8 = 70;
+    pub const CIRCULAR_RUN_OUT: u8 = 71;
+    pub const TOTAL_RUN_OUT: u8 = 72;
 }
 
 crate::code::codes! {

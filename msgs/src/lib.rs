@@ -42,6 +42,7 @@ mod describe;
     reason = "a field with a self-explanatory name has no comment in its .msg file"
 )]
 mod generated;
+pub mod geometrical;
 pub mod offset;
 mod plan_id;
 mod schema;

@@ -141,10 +141,17 @@ fn names(cell: &Cell) -> Result<(), String> {
     fits(cell)?;
     let composed = cell.analysis.widths.iter().chain(&cell.analysis.steps);
     sizes.extend(composed.map(|width| width.id.as_str()));
+    tolerances(cell, &mut sizes)?;
     for characteristic in &cell.compensation.characteristics {
+        let id = &characteristic.id;
+        if cell.analysis.tolerances.iter().any(|tolerance| tolerance.id == *id) {
+            return Err(format!(
+                "compensation.characteristics: {id:?} is a tolerance, which decides by itself (analysis.tolerances.passes)"
+            ));
+        }
         if !sizes.contains(characteristic.id.as_str()) {
             return Err(format!(
-                "compensation.characteristics: {:?} is neither a feature of the part nor a width or step",
+                "compensation.characteristics: {:?} is neither a feature of the part nor a width, step or tolerance",
                 characteristic.id
             ));
         }
@@ -169,6 +176,32 @@ fn names(cell: &Cell) -> Result<(), String> {
                 "compensation.work_offset needs analysis.alignment, which locates the part"
                     .to_owned(),
             );
+        }
+    }
+    Ok(())
+}
+
+/// Geometrical tolerances are of features that have them, and bear names of their own.
+fn tolerances<'a>(cell: &'a Cell, sizes: &mut BTreeSet<&'a str>) -> Result<(), String> {
+    let alignment = cell.analysis.alignment.as_ref();
+    let placed_by = alignment.map_or(&[][..], |alignment| &alignment.datums);
+    let kind_of = |id: &str| {
+        let feature = cell.part.features.iter().find(|feature| feature.id == id)?;
+        path_planning::part::kind_code(&feature.kind)
+    };
+    for tolerance in &cell.analysis.tolerances {
+        if tolerance.id.chars().any(is_unprintable) {
+            return Err(format!(
+                "analysis.tolerances.id = {:?} holds a character that cannot be printed",
+                tolerance.id
+            ));
+        }
+        tolerance.check(kind_of, placed_by)?;
+        if !sizes.insert(tolerance.id.as_str()) {
+            return Err(format!(
+                "analysis.tolerances: {:?} is the name of a feature, width, step or another tolerance",
+                tolerance.id
+            ));
         }
     }
     Ok(())

@@ -6,6 +6,7 @@ use controllers::{
     axes::Axis,
     driver::{Demands, Driver, DriverSettings, Role, SectionError, SimulatedMachine, by_name},
 };
+use machine::Chain;
 use serde::Deserialize;
 use toml::{
     Spanned,
@@ -114,7 +115,7 @@ impl Cell {
 
     /// Name of the driver's own process, where it has one beside the nodes.
     pub fn driver_process(&self) -> Option<&str> {
-        matches!(self.driver_role(), Role::Process(_)).then_some(self.driver.source.as_str())
+        matches!(self.driver_role(), Role::Process(_) | Role::Robot(_)).then_some(self.driver.source.as_str())
     }
 
     /// The machine's axes as its controller names them, where the settings of a driver say that: of the one that runs, or of
@@ -130,6 +131,19 @@ impl Cell {
         Ok(None)
     }
 
+    /// Standard uncertainty (m) of the deviation of a touch by the time of its contact alone: that time's (s) times the
+    /// largest feed (m/s) of the part's touches.
+    pub(crate) fn contact_uncertainty(&self, chain: &Chain) -> f64 {
+        let settings = self.driver_settings(&self.driver.source);
+        let time = settings.map_or(0.0, DriverSettings::contact_time_uncertainty);
+        if time == 0.0 {
+            return 0.0;
+        }
+        let part = self.part.check(chain);
+        let points = part.map(|part| part.plan(0.0).points).unwrap_or_default();
+        time * points.iter().map(|point| point.feed).fold(0.0, f64::max)
+    }
+
     /// Name and settings of the driver, where it is a node.
     pub(crate) fn simulated_machine(&self) -> Option<(&'static str, &dyn SimulatedMachine)> {
         let (name, settings) = self
@@ -138,7 +152,7 @@ impl Cell {
             .get_key_value(self.driver.source.as_str())?;
         match settings.role() {
             Role::Node(machine) => Some((name, machine)),
-            Role::Process(_) | Role::External | Role::Playback => None,
+            Role::Process(_) | Role::Robot(_) | Role::External | Role::Playback => None,
         }
     }
 

@@ -93,9 +93,10 @@ cell_file! {
             #[serde(default)] path_planning: path_planning::RawConfig => path_planning::PathPlanningNode,
                 |raw, site| raw.check(site.chain.clone(), &site.cell.part, site.allowances());
             #[serde(default)] analysis: analysis::RawConfig => analysis::AnalysisNode,
-                |raw, site| raw.check(site.chain.clone());
+                |_raw, site| site.analysis();
             compensation: compensation::RawConfig => compensation::CompensationNode,
                 |raw, site| {
+                    let raw = site.with_tolerances(raw);
                     let config = raw.check(&site.chain, &site.passes(), site.replayed);
                     config.map(|config| {
                         let config = config.with_common(site.common_components());

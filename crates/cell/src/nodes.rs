@@ -27,11 +27,32 @@ impl Site<'_> {
     /// that say so are wrong, which their own nodes report.
     pub fn common_components(&self) -> BTreeMap<String, f64> {
         let plan = self.cell.part.check(&self.chain).map(|part| part.plan(0.0));
-        let analysis = self.cell.analysis.check(self.chain.clone());
+        let analysis = self.analysis();
         let (Ok(plan), Ok(analysis)) = (plan, analysis) else {
             return BTreeMap::new();
         };
         analysis.common_components(&plan)
+    }
+
+    /// Settings of `analysis`, with what the driver's time of a contact adds to the uncertainty of a touch.
+    pub(crate) fn analysis(&self) -> Result<analysis::Config, analysis::ConfigError> {
+        let config = self.cell.analysis.check(self.chain.clone())?;
+        Ok(config.with_touch_contribution(self.cell.contact_uncertainty(&self.chain)))
+    }
+
+    /// Settings of `compensation`, with the geometrical tolerances as characteristics that no offset corrects.
+    pub(crate) fn with_tolerances(&self, raw: &compensation::RawConfig) -> compensation::RawConfig {
+        let tolerances = self.cell.analysis.tolerances.iter();
+        let judged = tolerances.map(|one| compensation::RawCharacteristic {
+            id: one.id.clone(),
+            tolerance_mm: one.tolerance_um * 1e-3,
+            tool_number: None,
+            inner: false,
+            passes: one.passes.clone(),
+        });
+        let mut raw = raw.clone();
+        raw.characteristics.extend(judged);
+        raw
     }
 
     /// Whose approvals of corrections count.

@@ -7,6 +7,7 @@
 //! ```text
 //! Driver --read([section])--> DriverSettings --role()--> Node      a simulated machine: journaled, recomputed by a replay
 //!   |                            |                       Process   a controller: connect() -> Connection, polled by host
+//!   |                            |                       Robot     the same over the cell's bus: nodes of ROS 2
 //!   |                            |                       External  a process that others start
 //!   name = driver.source         check(demands)          Playback  nothing: a bag is played onto the topics
 //! ```
@@ -18,6 +19,7 @@ use std::{
     any::Any,
     fmt::Debug,
     net::{TcpStream, ToSocketAddrs},
+    sync::Arc,
     time::Duration,
 };
 
@@ -29,10 +31,12 @@ use probecell_msgs::{
 };
 use serde::de::DeserializeOwned;
 
-use crate::{axes::Axis, bag::Bag, external::External, linuxcnc::LinuxCnc, simulator::Simulator};
+use crate::{
+    axes::Axis, bag::Bag, external::External, linuxcnc::LinuxCnc, ros2::Ros2, simulator::Simulator,
+};
 
 /// Every driver of this crate.
-pub const DRIVERS: &[&dyn Driver] = &[&Simulator, &LinuxCnc, &External, &Bag];
+pub const DRIVERS: &[&dyn Driver] = &[&Simulator, &LinuxCnc, &Ros2, &External, &Bag];
 
 /// A section of a cell file as it is written, with the positions of its values.
 pub type Section<'a> = toml::de::ValueDeserializer<'a>;
@@ -71,6 +75,12 @@ pub trait DriverSettings: Any + Debug + Send + Sync {
         Ok(None)
     }
 
+    /// Standard uncertainty of the instant of a contact, s, where its positions are found from that instant; 0 where they are
+    /// latched.
+    fn contact_time_uncertainty(&self) -> f64 {
+        0.0
+    }
+
     /// Checks of the installation, for `probecell doctor`.
     fn doctor_checks(&self) -> Vec<DoctorCheck> {
         Vec::new()
@@ -83,6 +93,8 @@ pub enum Role<'a> {
     Node(&'a dyn SimulatedMachine),
     /// A process that does I/O and decides nothing; what it publishes is external input.
     Process(&'a dyn Controller),
+    /// The same, of a machine whose controller is on the cell's bus.
+    Robot(&'a dyn RosMachine),
     /// A process that is neither part of this project nor started by the launcher; what it publishes is external input.
     External,
     /// Nothing: a recording is played, and no command reaches a machine.
@@ -105,6 +117,70 @@ pub trait Controller {
     /// # Errors
     /// Why the controller cannot be driven.
     fn connect(&self, session: &str) -> Result<Box<dyn Connection>, ConnectError>;
+}
+
+/// A machine behind nodes of ROS 2.
+pub trait RosMachine {
+    /// Subscribes to its topics and announces clients of its services; whether it is there shows later. `session` as of
+    /// [`Controller::connect`], `chain` is the machine with the limits of its motion.
+    ///
+    /// # Errors
+    /// Why the machine cannot be driven.
+    fn join(
+        &self,
+        session: &str,
+        chain: Chain,
+        bus: &dyn RosBus,
+    ) -> Result<Box<dyn Connection>, ConnectError>;
+}
+
+/// Topics and services of ROS 2 nodes that are not the cell's, on its bus.
+pub trait RosBus {
+    /// Subscribes to `topic` (absolute) until what is returned is dropped. `on_sample` is called on a thread of the bus and
+    /// must not block.
+    ///
+    /// # Errors
+    /// What the bus says.
+    fn subscribe(
+        &self,
+        topic: &str,
+        ty: RosType,
+        reliable: bool,
+        on_sample: Box<dyn Fn(RosSample<'_>) + Send + Sync>,
+    ) -> Result<Box<dyn Any>, ConnectError>;
+
+    /// Announces a client of `service` (absolute).
+    ///
+    /// # Errors
+    /// What the bus says.
+    fn service(&self, service: &str, ty: RosType) -> Result<Arc<dyn RosService>, ConnectError>;
+}
+
+/// A type by its name on the wire (`package::msg::dds_::Name_`) and its hash (REP 2016).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RosType {
+    /// Name in DDS.
+    pub dds_name: &'static str,
+    /// `RIHS01_…`.
+    pub type_hash: &'static str,
+}
+
+/// A sample of a topic.
+#[derive(Clone, Copy, Debug)]
+pub struct RosSample<'a> {
+    /// CDR with its header.
+    pub payload: &'a [u8],
+    /// Instant of publication by the publisher's clock, ns since 1970.
+    pub source_time: i64,
+}
+
+/// A service of another node.
+pub trait RosService: Send + Sync {
+    /// Sends a request (CDR) and waits for its response (CDR); a server that is not there is waited for up to `found`.
+    ///
+    /// # Errors
+    /// A sentence.
+    fn call(&self, request: &[u8], found: Duration, answered: Duration) -> Result<Vec<u8>, String>;
 }
 
 /// Why a controller cannot be driven.

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!             driver::DRIVERS                                dialect::DIALECTS
-//!    simulator   linuxcnc   external   bag      linuxcnc   fanuc   sinumerik   inspection
+//!    simulator   linuxcnc, ros2 external bag    linuxcnc   fanuc   sinumerik   inspection
 //!        |          |         |        |        programs: plan + order -> text
 //!      node      process   foreign  playback   results:  text -> touches, sizes
 //!        +----------+---------+--------+             ^                    |
@@ -19,6 +19,7 @@
 //! | [`driver`] | trait [`driver::Driver`] and its registry |
 //! | [`dialect`] | trait [`dialect::Dialect`] and its registry |
 //! | [`linuxcnc`] | LinuxCNC: driver over its remote shell, and G-code |
+//! | [`ros2`] | driver of a robot behind `joint_states`, `FollowJointTrajectory` and a contact signal |
 //! | [`simulator`], [`external`], [`bag`] | drivers: the simulated machine; a process of others; a recording that is played |
 //! | [`fanuc`], [`sinumerik`] | dialects: measuring and decision programs, results |
 //! | [`inspection`] | dialect without programs: results of measuring cycles and inspection software |
@@ -54,6 +55,7 @@ pub mod inspection;
 pub mod linuxcnc;
 pub mod measuring;
 pub mod results;
+pub mod ros2;
 pub mod secret;
 pub mod simulator;
 pub mod sinumerik;

@@ -10,7 +10,7 @@ mod xml;
 use probecell_msgs::builtin_interfaces::Time;
 use probecell_msgs::{
     FeatureResult, InspectionFeature, InspectionPlan, ProbeEvent, ToolOffsets, TouchDeviation,
-    Verdict,
+    Verdict, geometrical,
 };
 
 /// What a session found, to be given to other systems.
@@ -95,6 +95,11 @@ impl Size {
         self.result.decision != FeatureResult::INVALID
     }
 
+    /// Term of the geometrical tolerance (ISO 1101) whose zone it is; `None`: a size.
+    fn tolerance(&self) -> Option<&'static str> {
+        geometrical::named(self.result.kind).map(|(_, term)| term)
+    }
+
     /// Whether it is a diameter.
     fn is_diameter(&self) -> bool {
         matches!(
@@ -118,6 +123,9 @@ fn date_time(stamp: Time) -> String {
 
 /// Name of a kind of feature.
 fn kind_name(kind: u8) -> &'static str {
+    if let Some((_, term)) = geometrical::named(kind) {
+        return term;
+    }
     let known = crate::import::features::KINDS
         .iter()
         .find(|(_, code)| *code == kind);

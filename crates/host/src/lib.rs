@@ -55,6 +55,7 @@ pub mod clock;
 pub mod driver;
 pub mod process;
 pub mod recording;
+mod robot;
 mod topology;
 
 pub use clock::now;

@@ -8,6 +8,7 @@ use probecell_msgs::InspectionPlan;
 use serde::Deserialize;
 
 use crate::feature::{Criterion, Rules, common_sensitivity};
+use crate::tolerance::Tolerance;
 
 /// As written in the cell file, section `[analysis]`.
 #[derive(Clone, Debug, Deserialize)]
@@ -29,6 +30,8 @@ pub struct RawConfig {
     pub widths: Vec<Width>,
     /// Steps from one plane to another that is nominally parallel to it: their mismatch.
     pub steps: Vec<Width>,
+    /// Geometrical tolerances (ISO 1101).
+    pub tolerances: Vec<Tolerance>,
     /// Features that are fitted in another way than by least squares of all touches.
     pub fits: Vec<RawFit>,
     /// Features by which the part is aligned before anything is reported; none: the part frame is as programmed.
@@ -133,6 +136,7 @@ impl Default for RawConfig {
             repeat_limit_um: 10.0,
             widths: Vec::new(),
             steps: Vec::new(),
+            tolerances: Vec::new(),
             fits: Vec::new(),
             alignment: None,
         }
@@ -172,6 +176,8 @@ pub struct Config {
     pub widths: Vec<Width>,
     /// Steps between two planes.
     pub steps: Vec<Width>,
+    /// Geometrical tolerances.
+    pub tolerances: Vec<Tolerance>,
     /// How features are fitted, where not by least squares of all touches.
     pub fits: BTreeMap<String, Rules>,
     /// How the part is aligned, if it is.
@@ -179,6 +185,19 @@ pub struct Config {
 }
 
 impl Config {
+    /// The same where something more makes touches uncertain, each independently: `standard` (m), known exactly, is added to the
+    /// uncertainty of a touch (GUM 5.1.2), whose effective degrees of freedom grow with it (GUM G.4).
+    #[must_use]
+    pub fn with_touch_contribution(self, standard: f64) -> Self {
+        let combined = self.touch_uncertainty.hypot(standard);
+        let share = (combined / self.touch_uncertainty).powi(4);
+        Self {
+            touch_uncertainty: combined,
+            touch_degrees_of_freedom: self.touch_degrees_of_freedom * share,
+            ..self
+        }
+    }
+
     /// How a feature is fitted.
     pub fn rules(&self, feature: &str) -> Rules {
         self.fits.get(feature).copied().unwrap_or_default()
@@ -323,6 +342,7 @@ impl RawConfig {
             repeat_limit: self.repeat_limit_um * 1e-6,
             widths: self.widths.clone(),
             steps: self.steps.clone(),
+            tolerances: self.tolerances.clone(),
             fits,
             alignment: alignment.transpose()?,
         })

@@ -200,6 +200,22 @@ pub(crate) fn located(
     }
 }
 
+/// Form of a feature by a criterion, m. An error is a sentence.
+pub(crate) fn form(
+    feature: &InspectionFeature,
+    ball_radius: f64,
+    samples: &[Sample],
+    criterion: Criterion,
+) -> Result<f64, String> {
+    let found = associate(feature, ball_radius, samples, criterion, None);
+    let found = found.map_err(|error| error.to_string())?;
+    if found.determines_orientation {
+        Ok(found.form)
+    } else {
+        Err(found.note.to_owned())
+    }
+}
+
 /// Offset from the nominal position, without the degrees of freedom that the feature leaves, m.
 fn position(feature: &InspectionFeature, found: &Associated) -> Vector3<f64> {
     let off = found.origin.coords - vector_of(&feature.origin);

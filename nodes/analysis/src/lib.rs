@@ -51,6 +51,7 @@ mod reference;
 mod result;
 mod state;
 mod step;
+mod tolerance;
 
 pub use config::{
     Alignment, Config, ConfigError, Distribution, Method, RawAlignment, RawConfig, RawContribution,
@@ -59,3 +60,4 @@ pub use config::{
 pub use reference::ReferenceError;
 pub use state::{State, Touch};
 pub use step::{AnalysisFault, AnalysisNode, Input, Output};
+pub use tolerance::{Characteristic, Tolerance};

@@ -14,6 +14,7 @@ use crate::{
     config::{Alignment, Config},
     result,
     state::{State, Touch},
+    tolerance::tolerance_result,
 };
 
 inputs! {
@@ -310,6 +311,12 @@ fn report_when_complete(
         if size.planes.contains(&feature.id)
             && let Some(result) = composed_result(config, state, header, size, composition)
         {
+            publish(state, result, out);
+        }
+    }
+    for tolerance in &config.tolerances {
+        let concerns = tolerance.feature == feature.id || tolerance.datums.contains(&feature.id);
+        if concerns && let Some(result) = tolerance_result(config, state, plan, header, tolerance) {
             publish(state, result, out);
         }
     }

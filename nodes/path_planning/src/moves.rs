@@ -111,6 +111,16 @@ pub(crate) fn of_order(
             axis_positions,
             feed: 0.0,
         }));
+    } else if let Some(&last) = order.last().filter(|_| rules.attitudes.is_some()) {
+        // The next order begins over its own first touch: the probe of an arm does not stay in the part.
+        let retract = &transits.ends[last].retract;
+        let over = retract.highest().filter(|over| **over != retract.positions);
+        moves.extend(over.map(|over| ProbingMove {
+            kind: ProbingMove::CLEARANCE,
+            point_index: point_of(last),
+            axis_positions: over.clone(),
+            feed: 0.0,
+        }));
     }
     Ok(moves)
 }

@@ -1,7 +1,7 @@
 //! Sizes: value ± U on the tolerance, those out of tolerance first.
 
 use maud::{Markup, html};
-use probecell_msgs::{FeatureResult, InspectionFeature, Verdict};
+use probecell_msgs::{FeatureResult, InspectionFeature, Verdict, geometrical};
 
 use super::numbers::{mm, signed_um, um};
 use crate::state::{CellState, wording};
@@ -48,7 +48,10 @@ pub(crate) fn limits(cell: &CellState, feature: &str) -> Option<(f64, f64)> {
         let own = plan.features.iter().find(|one| one.id == feature)?;
         stated(own)
     });
-    let of_verdict = (cell.verdicts.get(feature)).map(|one| (-one.tolerance, one.tolerance));
+    let zone = (cell.results.get(feature)).is_some_and(|one| geometrical::named(one.kind).is_some());
+    let lowest = if zone { 0.0 } else { -1.0 };
+    let of_verdict =
+        (cell.verdicts.get(feature)).map(|one| (lowest * one.tolerance, one.tolerance));
     of_plan.or(of_verdict.filter(|(_, upper)| *upper > 0.0 && upper.is_finite()))
 }
 
@@ -143,7 +146,7 @@ fn row(size: &Size<'_>) -> Markup {
         .and_then(|one| wording::rule_and_risk(&one.text).1);
     html! {
         tr.(size.class) {
-            th scope="row" { (result.feature_id) }
+            th scope="row" { (geometrical::label(result)) }
             td.wide { (bar(size)) }
             td.number { b { (signed_um(result.size_deviation)) } " ± " (um(size.expanded())) }
             td.number { @if let Some((lower, upper)) = size.limits { (signed_um(lower)) " … " (signed_um(upper)) } @else { "–" } }

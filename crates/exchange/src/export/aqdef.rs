@@ -6,7 +6,7 @@
 
 use std::fmt::Write as _;
 
-use probecell_msgs::builtin_interfaces::Time;
+use probecell_msgs::{builtin_interfaces::Time, geometrical};
 
 use super::{Record, Size, mm};
 
@@ -99,6 +99,7 @@ fn characteristics(record: &Record) -> Vec<Characteristic<'_>> {
             one.sizes[plan] = Some(size);
             continue;
         }
+        let label = geometrical::label(&size.result);
         let name = &size.result.feature_id;
         let taken = all
             .iter()
@@ -108,9 +109,9 @@ fn characteristics(record: &Record) -> Vec<Characteristic<'_>> {
         sizes[plan] = Some(size);
         all.push(Characteristic {
             name: if taken == 0 {
-                name.clone()
+                label
             } else {
-                format!("{name} ({})", taken + 1)
+                format!("{label} ({})", taken + 1)
             },
             first: size,
             sizes,

@@ -292,12 +292,11 @@ fn measurement(xml: &mut Xml, sequence: &str, sizes: &[&Size]) {
         );
         cell(
             "MEASUREMENT_TYPE",
-            if size.is_diameter() {
-                "DIAMETER"
-            } else {
-                "LENGTH"
-            }
-            .to_owned(),
+            match size.tolerance() {
+                Some(term) => term.to_uppercase().replace([' ', '-'], "_"),
+                None if size.is_diameter() => "DIAMETER".to_owned(),
+                None => "LENGTH".to_owned(),
+            },
         );
         cell("MEASUREMENT_UNITS", "MILLIMETER".to_owned());
         cell("CHARACTERISTIC_STATUS", status(size.status()).to_owned());

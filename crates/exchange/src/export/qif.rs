@@ -601,7 +601,14 @@ fn definition(xml: &mut Xml, size: &Size) {
             }
             _ => "size composed of several features",
         };
-        xml.leaf("WhatToMeasure", what);
+        let zone = size.tolerance().map(|term| {
+            let datums = size.result.aligned_to.join(", ");
+            match datums.as_str() {
+                "" => format!("{term} (ISO 1101)"),
+                datums => format!("{term} (ISO 1101) to datum {datums}"),
+            }
+        });
+        xml.leaf("WhatToMeasure", zone.as_deref().unwrap_or(what));
     }
 }
 

@@ -9,7 +9,7 @@ use bags::Bag;
 use clap::ValueEnum;
 use exchange::export::{Record, Size, aqdef, mtconnect, qif, table};
 use graph::topics;
-use probecell_msgs::{FeatureResult, ProbeEvent, ToolOffsets};
+use probecell_msgs::{FeatureResult, ProbeEvent, ToolOffsets, geometrical};
 
 use super::report;
 use crate::output;
@@ -119,6 +119,8 @@ fn limits(
     tolerance: Option<f64>,
 ) -> Option<[f64; 2]> {
     match tolerance {
+        // A zone has a largest width.
+        Some(width) if geometrical::named(result.kind).is_some() => Some([f64::NEG_INFINITY, width]),
         Some(half) => Some([-half, half]),
         None => session.limits(result),
     }

@@ -3,7 +3,7 @@
 use std::{collections::BTreeMap, path::Path, sync::atomic::Ordering};
 
 use cell::{Cell, keys::KeyFolder};
-use controllers::driver::{Controller, Role};
+use controllers::driver::{ConnectError, Connection, Role};
 use graph::Wiring;
 use host::{NodeProcess, bus::Bus, run_driver, run_node};
 
@@ -18,10 +18,17 @@ pub(crate) fn run(
     supervised: bool,
 ) -> anyhow::Result<u8> {
     let cell = Cell::read(file)?;
-    if let Role::Process(controller) = cell.driver_role()
-        && name == cell.driver.source
-    {
-        return drive(&cell, controller, supervised);
+    if name == cell.driver.source {
+        match cell.driver_role() {
+            Role::Process(controller) => {
+                return drive(&cell, supervised, |session, _| controller.connect(session));
+            }
+            Role::Robot(robot) => {
+                let chain = cell.chain()?;
+                return drive(&cell, supervised, |session, bus| robot.join(session, chain, bus));
+            }
+            Role::Node(_) | Role::External | Role::Playback => {}
+        }
     }
     let folder = KeyFolder::of(&cell)?;
     // The private key goes to the one node that signs, and to no other.
@@ -68,16 +75,18 @@ fn awaited(cell: &Cell, recorded: bool) -> anyhow::Result<BTreeMap<String, usize
 }
 
 /// Runs the driver of a real controller until it is asked to end.
-fn drive(cell: &Cell, controller: &dyn Controller, supervised: bool) -> anyhow::Result<u8> {
+fn drive(
+    cell: &Cell,
+    supervised: bool,
+    connect: impl FnOnce(&str, &Bus) -> Result<Box<dyn Connection>, ConnectError>,
+) -> anyhow::Result<u8> {
     let name = &cell.driver.source;
     let session = format!("{name}-{}", host::now().0);
-    let connection = controller
-        .connect(&session)
-        .map_err(anyhow::Error::from_boxed)?;
     if !supervised {
         refuse_unheard(cell)?;
     }
     let bus = Bus::open(&cell_bus::bus_config(cell, name)?, name, &cell.namespace())?;
+    let connection = connect(&session, &bus).map_err(anyhow::Error::from_boxed)?;
     let end = signals::end_flag()?;
     run_driver(bus, connection, &cell.namespace(), &|| {
         end.load(Ordering::SeqCst)

@@ -16,21 +16,24 @@ const MOST_TOUCHES: usize = 10_000;
 /// Nominal point (m) and outward normal, part frame.
 type Touch = (Vector3<f64>, Vector3<f64>);
 
+/// The constant of [`InspectionFeature`] for a kind of feature as a cell file names it.
+pub fn kind_code(kind: &str) -> Option<u8> {
+    Some(match kind {
+        "plane" => InspectionFeature::PLANE,
+        "cylinder" => InspectionFeature::CYLINDER,
+        "bore" => InspectionFeature::BORE,
+        "sphere" => InspectionFeature::SPHERE,
+        "profile" => InspectionFeature::PROFILE,
+        _ => return None,
+    })
+}
+
 impl RawFeature {
     pub(super) fn message(&self) -> Result<InspectionFeature, PartError> {
-        let kind = match self.kind.as_str() {
-            "plane" => InspectionFeature::PLANE,
-            "cylinder" => InspectionFeature::CYLINDER,
-            "bore" => InspectionFeature::BORE,
-            "sphere" => InspectionFeature::SPHERE,
-            "profile" => InspectionFeature::PROFILE,
-            _ => {
-                return Err(PartError::Kind {
-                    feature: self.id.clone(),
-                    kind: self.kind.clone(),
-                });
-            }
-        };
+        let kind = kind_code(&self.kind).ok_or_else(|| PartError::Kind {
+            feature: self.id.clone(),
+            kind: self.kind.clone(),
+        })?;
         finite("features.origin_mm", &self.origin_mm)?;
         finite("features.radius_mm", &[self.radius_mm])?;
         finite("features.touch_angles_deg", &self.touch_angles_deg)?;

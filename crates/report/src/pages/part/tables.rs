@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use crate::kit::Table;
-use probecell_msgs::{
+use probecell_msgs::{geometrical, 
     Correction, CorrectionAcknowledgement, Fault, FeatureResult, InspectionPlan, PartAlignment,
     PassDecision, Verdict,
 };
@@ -74,7 +74,7 @@ pub(super) fn sizes(session: &PartSession, plan_id: &str) -> Table {
             .find(|one| one.plan_id == plan_id && one.feature_id == result.feature_id);
         let expanded = result.coverage_factor * result.standard_uncertainty;
         table.row(vec![
-            result.feature_id.clone(),
+            geometrical::label(result),
             mm(result.nominal_size),
             mm(result.size),
             um(result.size_deviation),
@@ -82,7 +82,10 @@ pub(super) fn sizes(session: &PartSession, plan_id: &str) -> Table {
             conformity(result).to_owned(),
             verdict.map_or_else(
                 || limits(session, result),
-                |one| format!("± {}", um_size(one.tolerance)),
+                |one| {
+                    let sign = if geometrical::named(result.kind).is_some() { "≤" } else { "±" };
+                    format!("{sign} {}", um_size(one.tolerance))
+                },
             ),
             record(session, result).judged(),
         ]);

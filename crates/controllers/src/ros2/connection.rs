@@ -1,0 +1,526 @@
+//! The robot as a connection: its sessions, commands, samples, and how it is stopped.
+
+use std::{
+    any::Any,
+    collections::{BTreeSet, VecDeque},
+    sync::{Arc, Mutex, MutexGuard, PoisonError},
+    time::{Duration, Instant},
+};
+
+use machine::Chain;
+use probecell_msgs::{
+    ControllerCommand, ControllerReply, ControllerStatus, InspectionPlan, MachineState, MeasurementOrder,
+    builtin_interfaces::Time, std_msgs,
+};
+
+use super::{
+    calls::Pending,
+    config::RawConfig,
+    heard::{self, Heard, Joints},
+    measuring::{Frame, Measurement, Progress},
+    program::{Cut, Offsets, Program},
+    wire,
+};
+use crate::driver::{ConnectError, Connection, DriverOutput, RosBus, RosSample, RosService};
+
+/// A robot of which nothing is heard for this long is gone.
+const SILENCE: Duration = Duration::from_secs(1);
+/// Longest time of a stop.
+const STOP_LIMIT: Duration = Duration::from_millis(4500);
+/// Longest time for an answer of a service that moves nothing.
+pub(super) const ANSWER_LIMIT: Duration = Duration::from_secs(4);
+
+/// Services of the action.
+#[derive(Clone)]
+pub(super) struct Action {
+    pub(super) send: Arc<dyn RosService>,
+    pub(super) result: Arc<dyn RosService>,
+    cancel: Arc<dyn RosService>,
+}
+
+impl Action {
+    fn join(name: &str, bus: &dyn RosBus) -> Result<Self, ConnectError> {
+        let service = |last: &str, ty| bus.service(&format!("{name}/_action/{last}"), ty);
+        Ok(Self {
+            send: service("send_goal", wire::SEND_GOAL)?,
+            result: service("get_result", wire::GET_RESULT)?,
+            cancel: service("cancel_goal", wire::CANCEL_GOAL)?,
+        })
+    }
+
+    /// Cancels all goals, whoever has sent them.
+    pub(super) fn cancel(&self) -> Pending {
+        Pending::call(&self.cancel, wire::cancel_all(), ANSWER_LIMIT)
+    }
+}
+
+/// What is under way.
+enum Work {
+    Measure(Box<Measurement>),
+    Cut(Cut),
+    Stop(Stopping),
+}
+
+/// A stop: what is cancelled, and what it ends.
+struct Stopping {
+    /// None where nobody supervises any more.
+    command: Option<ControllerCommand>,
+    /// What was under way, and what is said of it.
+    interrupted: Option<(ControllerCommand, String)>,
+    calls: Vec<Pending>,
+    since: Instant,
+    /// ns; samples of a robot that stands are newer.
+    begun: i64,
+    failure: Option<String>,
+}
+
+/// A robot on ROS 2.
+pub(super) struct Robot {
+    config: RawConfig,
+    chain: Chain,
+    name: String,
+    session: String,
+    sessions: u32,
+    heard: Arc<Mutex<Heard>>,
+    action: Action,
+    program: Option<Program>,
+    plan: Option<InspectionPlan>,
+    order: Option<MeasurementOrder>,
+    commands: VecDeque<ControllerCommand>,
+    taken: BTreeSet<u64>,
+    work: Option<Work>,
+    unsupervised: Option<String>,
+    alarms: Vec<String>,
+    triggers: u64,
+    last_stamp: i64,
+    present: bool,
+    _subscriptions: Vec<Box<dyn Any>>,
+}
+
+impl Robot {
+    pub(super) fn join(
+        config: RawConfig,
+        session: &str,
+        chain: Chain,
+        bus: &dyn RosBus,
+    ) -> Result<Self, ConnectError> {
+        let names = heard::names(&chain, &config.joints)?;
+        if let Some(program) = &config.program {
+            program.check_frame(&chain)?;
+        }
+        let heard = Arc::new(Mutex::new(Heard::new(names)));
+        let hear = |take: fn(&mut Heard, RosSample<'_>)| {
+            let heard = Arc::clone(&heard);
+            Box::new(move |sample: RosSample<'_>| take(&mut lock(&heard), sample))
+        };
+        let contact = &config.contact;
+        let mut subscriptions = vec![
+            bus.subscribe(&config.joint_states, wire::JOINT_STATE, false, hear(Heard::take_joints))?,
+            bus.subscribe(&contact.topic, wire::BOOL, true, hear(Heard::take_level))?,
+        ];
+        if let Some(topic) = &contact.latched_joint_states {
+            let take = hear(Heard::take_latched);
+            subscriptions.push(bus.subscribe(topic, wire::JOINT_STATE, true, take)?);
+        }
+        let program = config.program.as_ref();
+        Ok(Self {
+            action: Action::join(&config.action, bus)?,
+            program: program.map(|program| Program::join(program, bus)).transpose()?,
+            chain,
+            name: session.to_owned(),
+            session: session.to_owned(),
+            sessions: 0,
+            heard,
+            plan: None,
+            order: None,
+            commands: VecDeque::new(),
+            taken: BTreeSet::new(),
+            work: None,
+            unsupervised: None,
+            alarms: Vec::new(),
+            triggers: 0,
+            last_stamp: 0,
+            present: false,
+            _subscriptions: subscriptions,
+            config,
+        })
+    }
+
+    fn offsets(&self) -> Offsets {
+        self.program.as_ref().map(Program::offsets).unwrap_or_default()
+    }
+
+    /// Whether the robot is there, and its offsets are known; one that was away begins a new session.
+    fn look(&mut self, now: i64, out: &mut Vec<DriverOutput>) -> bool {
+        let silence = lock(&self.heard).silence();
+        let is_heard = silence.is_some_and(|silence| silence < SILENCE);
+        if self.present && !is_heard {
+            self.present = false;
+            lock(&self.heard).forget();
+            self.end_work(now, "controller_lost: the robot publishes no joint states", out);
+            if let Some(program) = &mut self.program {
+                program.forget();
+            }
+        }
+        if let Some(program) = &mut self.program {
+            program.poll(now, &self.session, out);
+        }
+        let known = self.program.as_ref().is_none_or(Program::is_known);
+        if !self.present && is_heard && known {
+            self.present = true;
+            if self.sessions > 0 {
+                self.session = format!("{}.{}", self.name, self.sessions);
+            }
+            self.sessions += 1;
+            self.taken.clear();
+            self.triggers = 0;
+            self.alarms.clear();
+        }
+        self.present
+    }
+
+    fn take(&mut self, now: i64, command: &ControllerCommand, out: &mut Vec<DriverOutput>) {
+        if command.session != self.session {
+            let text = "it is addressed to another session";
+            return out.push(reply(now, &self.session, command, ControllerReply::REFUSED, text));
+        }
+        if !self.taken.insert(command.command_id) {
+            return;
+        }
+        let begun = match command.kind {
+            ControllerCommand::STOP => {
+                self.alarms.clear();
+                self.begin_stop(now, Some(command.clone()), "stopped");
+                Ok(())
+            }
+            ControllerCommand::RUN_OPERATION => self.begin_cut(command),
+            ControllerCommand::RUN_MEASUREMENT => self.begin_measurement(command),
+            ControllerCommand::SET_TOOL_WEAR | ControllerCommand::SET_WORK_OFFSET => {
+                match &mut self.program {
+                    Some(program) => program.write(command.clone()),
+                    None => Err("the robot has no offsets".to_owned()),
+                }
+            }
+            _ => Err("the robot cannot do this".to_owned()),
+        };
+        if let Err(text) = begun {
+            out.push(reply(now, &self.session, command, ControllerReply::REFUSED, &text));
+        }
+    }
+
+    fn idle(&self) -> Result<(), String> {
+        match &self.work {
+            None => Ok(()),
+            Some(_) => Err("a program is running".to_owned()),
+        }
+    }
+
+    fn begin_cut(&mut self, command: &ControllerCommand) -> Result<(), String> {
+        self.idle()?;
+        let program = self.program.as_ref();
+        let program = program.ok_or_else(|| "the robot has no operations".to_owned())?;
+        self.work = Some(Work::Cut(program.cut(command.clone())?));
+        Ok(())
+    }
+
+    fn begin_measurement(&mut self, command: &ControllerCommand) -> Result<(), String> {
+        self.idle()?;
+        {
+            let heard = lock(&self.heard);
+            if heard.level_silence().is_none_or(|silence| silence > SILENCE) {
+                return Err(format!(
+                    "nothing is heard on {}: the probe's level is unknown",
+                    self.config.contact.topic
+                ));
+            }
+        }
+        self.work = Some(Work::Measure(Box::new(Measurement::new(command.clone()))));
+        Ok(())
+    }
+
+    /// Begins to end what is under way; nothing else begins meanwhile.
+    fn begin_stop(&mut self, now: i64, command: Option<ControllerCommand>, why: &str) {
+        let mut calls = vec![self.action.cancel()];
+        let interrupted = match self.work.take() {
+            None => None,
+            Some(Work::Measure(measurement)) => Some((measurement.command, why.to_owned())),
+            Some(Work::Cut(cut)) => {
+                calls.extend(self.program.as_ref().map(Program::stop));
+                Some((cut.command, why.to_owned()))
+            }
+            Some(Work::Stop(stopping)) => {
+                // The former stop ends with this one.
+                calls.extend(stopping.calls);
+                stopping.interrupted
+            }
+        };
+        self.work = Some(Work::Stop(Stopping {
+            command,
+            interrupted,
+            calls,
+            since: Instant::now(),
+            begun: now,
+            failure: None,
+        }));
+    }
+
+    /// The robot is gone: what was under way has failed.
+    fn end_work(&mut self, now: i64, why: &str, out: &mut Vec<DriverOutput>) {
+        let command = match self.work.take() {
+            None => return,
+            Some(Work::Measure(measurement)) => measurement.command,
+            Some(Work::Cut(cut)) => cut.command,
+            Some(Work::Stop(stopping)) => {
+                let ended = stopping.interrupted.into_iter().map(|(command, _)| command);
+                for command in ended.chain(stopping.command) {
+                    out.push(reply(now, &self.session, &command, ControllerReply::FAILED, why));
+                }
+                return;
+            }
+        };
+        out.push(reply(now, &self.session, &command, ControllerReply::FAILED, why));
+    }
+
+    fn work(&mut self, now: i64, out: &mut Vec<DriverOutput>) {
+        match self.work.take() {
+            None => {}
+            Some(Work::Stop(stopping)) => self.continue_stop(now, stopping, out),
+            Some(Work::Cut(cut)) => match cut.ended() {
+                None => self.work = Some(Work::Cut(cut)),
+                Some(ended) => self.conclude(now, &cut.command, ended, out),
+            },
+            Some(Work::Measure(measurement)) => self.continue_measurement(now, measurement, out),
+        }
+    }
+
+    fn continue_measurement(
+        &mut self,
+        now: i64,
+        mut measurement: Box<Measurement>,
+        out: &mut Vec<DriverOutput>,
+    ) {
+        let offsets = self.offsets();
+        let Some(plan) = &self.plan else {
+            self.work = Some(Work::Measure(measurement));
+            return;
+        };
+        let frame = match Frame::new(&self.chain, plan, &offsets.work) {
+            Ok(frame) => frame,
+            Err(text) => return self.conclude(now, &measurement.command, Err(text), out),
+        };
+        let heard = lock(&self.heard);
+        let progress = if heard.level_silence().is_none_or(|silence| silence > SILENCE) {
+            Progress::Broken(format!(
+                "controller_alarm: nothing is heard on {}",
+                self.config.contact.topic
+            ))
+        } else {
+            measurement.poll(now, &heard, &self.action, &frame, self.order.as_ref(), &self.config.contact)
+        };
+        drop(heard);
+        for mut trigger in measurement.triggers.drain(..) {
+            trigger.session.clone_from(&self.session);
+            trigger.sequence = self.triggers;
+            self.triggers += 1;
+            out.push(DriverOutput::Trigger(trigger));
+        }
+        match progress {
+            Progress::Working => self.work = Some(Work::Measure(measurement)),
+            Progress::Ended => self.conclude(now, &measurement.command, Ok(()), out),
+            Progress::Broken(text) => {
+                let (_, alarm) = text.split_once(": ").unwrap_or(("", &text));
+                self.alarms.push(alarm.to_owned());
+                self.work = Some(Work::Measure(measurement));
+                self.begin_stop(now, None, &text);
+            }
+        }
+    }
+
+    fn continue_stop(&mut self, now: i64, mut stopping: Stopping, out: &mut Vec<DriverOutput>) {
+        let failure = &mut stopping.failure;
+        stopping.calls.retain(|call| match call.answer() {
+            None => true,
+            Some(Ok(_)) => false,
+            Some(Err(text)) => {
+                *failure = Some(text);
+                false
+            }
+        });
+        let stands = stopping.calls.is_empty() && lock(&self.heard).stands_since(stopping.begun);
+        let late = stopping.since.elapsed() > STOP_LIMIT;
+        if !(stands || late) {
+            self.work = Some(Work::Stop(stopping));
+            return;
+        }
+        let unconfirmed = stopping.failure.or_else(|| {
+            late.then(|| "the robot has not come to a standstill".to_owned())
+        });
+        if let Some((command, why)) = stopping.interrupted {
+            let text = match &unconfirmed {
+                None => why,
+                Some(text) => format!("{why}; {text}"),
+            };
+            out.push(reply(now, &self.session, &command, ControllerReply::FAILED, &text));
+        }
+        if let Some(command) = stopping.command {
+            let (outcome, text) = match unconfirmed {
+                None => (ControllerReply::DONE, String::new()),
+                Some(text) => (ControllerReply::FAILED, format!("controller_alarm: {text}")),
+            };
+            out.push(reply(now, &self.session, &command, outcome, &text));
+        }
+    }
+
+    fn conclude(
+        &mut self,
+        now: i64,
+        command: &ControllerCommand,
+        ended: Result<(), String>,
+        out: &mut Vec<DriverOutput>,
+    ) {
+        let (outcome, text) = match ended {
+            Ok(()) => (ControllerReply::DONE, String::new()),
+            Err(text) => {
+                self.alarms.push(text.clone());
+                (ControllerReply::FAILED, format!("controller_alarm: {text}"))
+            }
+        };
+        out.push(reply(now, &self.session, command, outcome, &text));
+    }
+
+    /// A sample, where the robot has published a new one.
+    fn sample(&mut self, out: &mut Vec<DriverOutput>) {
+        let heard = lock(&self.heard);
+        let Some(newest) = heard.newest().filter(|joints| joints.stamp > self.last_stamp) else {
+            return;
+        };
+        let (newest, level) = (newest.clone(), heard.level());
+        drop(heard);
+        let offsets = self.offsets();
+        let Some(positions) = self.programmed(&newest, &offsets) else {
+            return;
+        };
+        self.last_stamp = newest.stamp;
+        let program = match &self.work {
+            None => String::new(),
+            Some(Work::Cut(cut)) => cut.command.operation.clone(),
+            Some(Work::Measure(measurement)) => measurement.command.plan_id.clone(),
+            Some(Work::Stop(_)) => "stop".to_owned(),
+        };
+        let execution = match (&self.work, self.alarms.is_empty()) {
+            (Some(_), _) => MachineState::EXECUTION_RUNNING,
+            (None, true) => MachineState::EXECUTION_IDLE,
+            (None, false) => MachineState::EXECUTION_ALARM,
+        };
+        let declared = self.config.program.as_ref();
+        let tools = declared.map_or(&[][..], |program| &program.tools);
+        let axes = declared.map_or(&[][..], |program| &program.work_offsets);
+        out.push(DriverOutput::Status(ControllerStatus {
+            header: header(newest.stamp),
+            session: self.session.clone(),
+            mode: MachineState::MODE_AUTO,
+            execution,
+            program,
+            feed_override: 1.0,
+            axis_names: self.chain.axis_names().map(str::to_owned).collect(),
+            axis_positions: positions,
+            probe_tripped: level.unwrap_or(false),
+            alarms: self.alarms.clone(),
+            tool_numbers: tools.iter().map(|tool| tool.number).collect(),
+            tool_wear: offsets.wear,
+            work_offset_axes: axes.iter().map(|own| own.axis.clone()).collect(),
+            work_offsets: offsets.work.iter().map(|(_, value)| *value).collect(),
+            ..ControllerStatus::default()
+        }));
+    }
+
+    /// Positions as the program has them; `None` where the robot is out of its reach.
+    fn programmed(&self, joints: &Joints, offsets: &Offsets) -> Option<Vec<f64>> {
+        let Some(plan) = &self.plan else {
+            // Where the part lies is not known yet, along whose directions the frame is shifted.
+            return Some(joints.positions.clone());
+        };
+        if offsets.work.iter().all(|(_, value)| *value == 0.0) {
+            return Some(joints.positions.clone());
+        }
+        let frame = Frame::new(&self.chain, plan, &offsets.work).ok()?;
+        frame.programmed(&joints.positions).ok()
+    }
+}
+
+impl Connection for Robot {
+    fn plan(&mut self, plan: InspectionPlan) {
+        self.plan = Some(plan);
+    }
+
+    fn order(&mut self, order: MeasurementOrder) {
+        self.order = Some(order);
+    }
+
+    fn command(&mut self, command: ControllerCommand) {
+        self.commands.push_back(command);
+    }
+
+    fn stop(&mut self, why: &str) {
+        self.unsupervised = Some(why.to_owned());
+    }
+
+    fn poll(&mut self, now: i64) -> Vec<DriverOutput> {
+        let mut out = Vec::new();
+        if let Some(why) = self.unsupervised.take()
+            && self.work.as_ref().is_some_and(|work| !matches!(work, Work::Stop(_)))
+        {
+            self.begin_stop(now, None, &format!("gate_lost: {why}"));
+            // This process may be about to end: the machine stands before anything is said.
+            if let Some(Work::Stop(stopping)) = &mut self.work {
+                for call in std::mem::take(&mut stopping.calls) {
+                    if let Err(text) = call.wait(ANSWER_LIMIT) {
+                        stopping.failure = Some(text);
+                    }
+                }
+            }
+        }
+        let present = self.look(now, &mut out);
+        for command in std::mem::take(&mut self.commands) {
+            if present {
+                self.take(now, &command, &mut out);
+            } else {
+                let text = "controller_lost: the robot is not there";
+                out.push(reply(now, &self.session, &command, ControllerReply::REFUSED, text));
+            }
+        }
+        if present {
+            self.work(now, &mut out);
+            self.sample(&mut out);
+        }
+        out
+    }
+}
+
+pub(super) fn lock(heard: &Mutex<Heard>) -> MutexGuard<'_, Heard> {
+    heard.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+pub(super) fn header(instant: i64) -> std_msgs::Header {
+    std_msgs::Header {
+        stamp: Time::from_nanos(instant),
+        frame_id: String::new(),
+    }
+}
+
+pub(super) fn reply(
+    now: i64,
+    session: &str,
+    command: &ControllerCommand,
+    outcome: u8,
+    text: &str,
+) -> DriverOutput {
+    DriverOutput::Reply(ControllerReply {
+        header: header(now),
+        session: session.to_owned(),
+        command_id: command.command_id,
+        outcome,
+        text: text.to_owned(),
+        ..ControllerReply::default()
+    })
+}
