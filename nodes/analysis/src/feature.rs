@@ -207,7 +207,8 @@ pub(crate) fn form(
     samples: &[Sample],
     criterion: Criterion,
 ) -> Result<f64, String> {
-    let found = associate(feature, ball_radius, samples, criterion, None);
+    let about = direction(feature);
+    let found = associate(feature, ball_radius, samples, criterion, Some(&about));
     let found = found.map_err(|error| error.to_string())?;
     if found.determines_orientation {
         Ok(found.form)

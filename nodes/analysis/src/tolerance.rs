@@ -17,10 +17,11 @@
 //! | total run-out | cylinder, bore, plane | range of the distances from the datum axis, or along it |
 //!
 //! *Uncertainty.* s by Monte Carlo (JCGM 101): touches of feature and datum are disturbed, with what all touches share and the
-//! alignment of the part where that matters. Errors of touches widen a zone, so a value is too large rather than too small: a
-//! second disturbance widens it by b, and where the width grows as the root of the variance at the most, the first has widened
-//! it by at most (1 + √2)·b. The bias is not corrected, U = k·s + (1 + √2)·b (GUM F.2.4.5), and U/k is stated as the
-//! standard uncertainty.
+//! alignment of the part where that matters. Errors of touches widen a zone, so a value is too large rather than too small, by at
+//! most the mean zone m of a perfect part touched with the same errors, since the zone of a sum is at most the sum of the zones.
+//! A second disturbance widens the value by b; where the width grows as the root of the variance at the most, the first has widened
+//! it by at most (1 + √2)·b. The bias is not corrected: U = k·s + B (GUM F.2.4.5) with B = min((1 + √2)·b, m), or m where the value
+//! does not tell the part from a perfect one; U/k is stated as the standard uncertainty.
 
 mod zone;
 
@@ -41,6 +42,8 @@ use crate::{
 
 /// Seed of the trials: the same touches have the same uncertainty.
 const SEED: u64 = 3;
+/// A zone that a perfect part would exceed in more than this share of measurements does not show that the part is not perfect.
+const PERFECT: f64 = 0.01;
 
 /// A geometrical tolerance, as written.
 #[derive(Clone, Debug, Deserialize)]
@@ -264,24 +267,35 @@ fn evaluate(
     let place = placement.filter(|_| tolerance.kind.needs_place());
     let place = place.map(|placement| root(&placement.covariance));
     let [touch, common, unit] = [config.touch_uncertainty, config.common_uncertainty, 1.0].map(Input::exact);
-    let simulation = simulate(&Stability::default(), SEED, |random| {
-        let shared = common.draw(random);
-        let displaced = place.map(|root| root * Vector6::from_fn(|_, _| unit.draw(random)));
-        let mut disturbed = |feature, samples: &[Sample]| {
-            let errors: Vec<f64> = samples.iter().map(|_| shared + touch.draw(random)).collect();
-            let mut samples = fitted::disturbed(samples, &errors);
-            if let Some(by) = displaced {
-                samples.iter_mut().for_each(|sample| displace(sample, &by));
-            }
-            Touched { feature, samples }
-        };
-        let own = disturbed(own.feature, &own.samples);
-        let datum = datum.as_ref().map(|datum| disturbed(datum.feature, &datum.samples));
-        zone(&own, datum.as_ref()).ok().map(|value| [value])
-    });
-    let simulation = simulation.map_err(|error| error.to_string())?;
-    let [scatter] = simulation.standard_uncertainties();
-    let bias = (1.0 + f64::sqrt(2.0)) * (simulation.mean[0] - value).max(0.0);
+    let simulated = |own: &Touched<'_>, datum: Option<&Touched<'_>>| {
+        let simulation = simulate(&Stability::default(), SEED, |random| {
+            let shared = common.draw(random);
+            let displaced = place.map(|root| root * Vector6::from_fn(|_, _| unit.draw(random)));
+            let mut disturbed = |feature, samples: &[Sample]| {
+                let errors: Vec<f64> =
+                    samples.iter().map(|_| shared + touch.draw(random)).collect();
+                let mut samples = fitted::disturbed(samples, &errors);
+                if let Some(by) = displaced {
+                    samples.iter_mut().for_each(|sample| displace(sample, &by));
+                }
+                Touched { feature, samples }
+            };
+            let own = disturbed(own.feature, &own.samples);
+            let datum = datum.map(|datum| disturbed(datum.feature, &datum.samples));
+            zone(&own, datum.as_ref()).ok().map(|value| [value])
+        });
+        simulation.map_err(|error| error.to_string())
+    };
+    let found = simulated(&own, datum.as_ref())?;
+    let perfect = simulated(&nominal(&own), datum.as_ref().map(nominal).as_ref())?;
+    let [scatter] = found.standard_uncertainties();
+    let grown = (1.0 + f64::sqrt(2.0)) * (found.mean[0] - value).max(0.0);
+    let beyond = perfect.values.iter().filter(|[of_perfect]| *of_perfect > value).count();
+    let bias = if beyond as f64 > PERFECT * perfect.values.len() as f64 {
+        perfect.mean[0]
+    } else {
+        grown.min(perfect.mean[0])
+    };
     let stated = config.stated(scatter, 0.0).map_err(|error| error.to_string())?;
     result.size = value;
     result.size_deviation = value;
@@ -324,6 +338,19 @@ fn root(covariance: &Matrix6<f64>) -> Matrix6<f64> {
     let eigen = covariance.symmetric_eigen();
     let roots = eigen.eigenvalues.map(|value| value.max(0.0).sqrt());
     eigen.eigenvectors * Matrix6::from_diagonal(&roots)
+}
+
+/// The same touches on the nominal surface.
+fn nominal<'a>(touched: &Touched<'a>) -> Touched<'a> {
+    let samples = touched.samples.iter().map(|sample| Sample {
+        centre: sample.centre - sample.normal * sample.deviation,
+        deviation: 0.0,
+        ..*sample
+    });
+    Touched {
+        feature: touched.feature,
+        samples: samples.collect(),
+    }
 }
 
 /// Moves a touch by shift and rotation about the part's origin.

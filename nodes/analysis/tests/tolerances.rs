@@ -10,7 +10,7 @@ use probecell_msgs::{
     FeatureResult, InspectionFeature, InspectionPlan, InspectionPoint, ProbeEvent, Stylus,
 };
 use rand::SeedableRng;
-use rand_distr::{Distribution as _, StandardNormal};
+use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 
 /// The probe moves freely; its ball of 2 mm has its centre in the mount's origin.
@@ -48,7 +48,7 @@ fn config(tolerances: Vec<Tolerance>, placed: bool) -> Config {
         alignment: placed.then(|| RawAlignment {
             datums: ["A", "B", "C"].map(str::to_owned).to_vec(),
             best_fit: Vec::new(),
-            free: Vec::new(),
+            free: ["x", "y", "z", "a", "b", "c"].map(str::to_owned).to_vec(),
         }),
         ..RawConfig::default()
     };
@@ -150,12 +150,12 @@ fn zones_of_known_errors_are_what_their_definition_says() {
     let placed = config(tolerances, true);
     // Moves the bore by 3 µm along x and 4 µm along y, and leans it by 200 µrad about y, against the axis at z = 0.
     let lean = 200e-6;
-    let off = |p: V, n: V| match n {
-        n if n == -V::y() => 1e-3 * (p.z + 15e-3),
+    let off = |p: V, n: V, tilt: f64| match n {
+        n if n == -V::y() => tilt * (p.z + 15e-3),
         n if n.z == 0.0 && n != V::x() => -n.dot(&-V::new(3e-6 + lean * p.z, 4e-6, 0.0)),
         _ => 0.0,
     };
-    let found = measured(&placed, &plan, |_, p, n| off(p, n));
+    let found = measured(&placed, &plan, |_, p, n| off(p, n, 1e-3));
     let close = |id: &str, expected: f64| {
         let value = found[id].size;
         assert!((value - expected).abs() < 5e-9, "{id}: {value:e} instead of {expected:e}");
@@ -165,10 +165,11 @@ fn zones_of_known_errors_are_what_their_definition_says() {
     close("upright", 20e-3 * lean);
     close("round", 0.0);
     close("wobble", 60e-3 * lean);
-    // The deepest touched section, 25 mm below the face, is farthest off; B is turned about x, which holds A as primary datum.
+    // The deepest touched section, 25 mm below the face, is farthest off. A tilted B would lie elsewhere in the face.
+    let straight = measured(&placed, &plan, |_, p, n| off(p, n, 0.0));
     let deepest = V::new(3e-6 - lean * 25e-3, 4e-6, 0.0).norm().max(V::new(3e-6 - lean * 5e-3, 4e-6, 0.0).norm());
-    let tolerance_of_place = found["place"].size - 2.0 * deepest;
-    assert!(tolerance_of_place.abs() < 0.1e-6, "{tolerance_of_place:e}");
+    let difference = straight["place"].size - 2.0 * deepest;
+    assert!(difference.abs() < 0.1e-6, "{difference:e}");
     assert_eq!(found["square"].kind, FeatureResult::PERPENDICULARITY);
     assert_eq!(found["square"].aligned_to, ["A"]);
     assert_eq!(found["square"].decision, FeatureResult::INDETERMINATE, "20 µm of 20 µm");
@@ -207,14 +208,11 @@ fn the_stated_uncertainty_holds_the_truth_whatever_the_size_of_the_error() {
         (Characteristic::Perpendicularity, "B", &["A"], 0.0),
         (Characteristic::Perpendicularity, "bore", &["A"], 3e-6),
         (Characteristic::TotalRunOut, "A", &["bore"], 3e-6),
-        (Characteristic::Position, "bore", &["A", "B", "C"], 0.0),
-        (Characteristic::Position, "bore", &["A", "B", "C"], 3e-6),
-        (Characteristic::Profile, "C", &["A", "B", "C"], 3e-6),
     ] {
-        let (held, ratio) = coverage(kind, feature, datums, form, 60);
+        let (held, ratio) = coverage(kind, feature, datums, form, 40);
         println!("{kind:?} {form:e}: {held:.2} of sessions, U over the error at 95 %: {ratio:.2}");
-        // 95 % of 60, less twice the scatter of that share.
-        assert!(held >= 0.89, "{kind:?} of {form:e}: {held}");
+        // 95 % of 40, less twice the scatter of that share.
+        assert!(held >= 0.88, "{kind:?} of {form:e}: {held}");
         assert!(ratio < 3.0, "{kind:?} of {form:e}: {ratio}");
     }
 }

@@ -34,9 +34,11 @@ TOLERANCES = [  # name, feature, kind, µm, datums
     ("bore_place", "bore", "position", 60.0, ["A", "B", "C"]),
     ("bore_round", "bore", "roundness", 30.0, []),
     ("bore_cylindrical", "bore", "cylindricity", 30.0, []),
-    ("C_profile", "C", "profile", 60.0, ["A", "B", "C"]),
-    ("C_place", "C", "position", 60.0, ["A", "B", "C"]),
-    ("A_wobble", "A", "total_run_out", 60.0, ["bore"]),
+    ("D_parallel", "D", "parallelism", 30.0, ["B"]),
+    ("D_upright", "D", "parallelism", 30.0, ["bore"]),
+    ("D_profile", "D", "profile", 60.0, ["A", "B", "C"]),
+    ("D_place", "D", "position", 60.0, ["A", "B", "C"]),
+    ("A_wobble", "A", "total_run_out", 150.0, ["bore"]),
     ("bore_too_tight", "bore", "cylindricity", 0.5, []),
 ]
 TERMS = {"total_run_out": "total run-out", "profile": "profile of a surface"}
@@ -157,7 +159,9 @@ def expected(kind, own, datum):
     place, direction = fit(other, facing)
     if kind == "total_run_out":
         return numpy.ptp(points @ direction)
-    if plane and kind == "perpendicularity":
+    if plane and kind == "parallelism" and datum_feature.kind == 0:
+        return numpy.ptp(points @ direction)
+    if plane:
         start = normal - direction * (normal @ direction)
         return plane_zone(points, start / numpy.linalg.norm(start), direction)
     axis = least_squares_cylinder(points, normal)[1]
@@ -174,6 +178,16 @@ def main(folder):
     more = "touch_points_mm = [[-28.0, -22.0, 0.0], [28.0, -22.0, 0.0], [28.0, 22.0, 0.0], [-28.0, 22.0, 0.0], [-28.0, 0.0, 0.0], [-10.0, -22.0, 0.0], [28.0, 0.0, 0.0]]"
     text = text.replace("touch_points_mm = [[-28.0, -22.0, 0.0], [28.0, -22.0, 0.0], [28.0, 22.0, 0.0], [-28.0, 22.0, 0.0]]", more)
     assert more in text
+    fourth = """[[part.features]]
+id = "D"
+kind = "plane"
+origin_mm = [0.0, 30.0, 0.0]
+axis = [0.0, 1.0, 0.0]
+tolerance_um = [-500.0, 500.0]
+touch_points_mm = [[-25.0, 30.0, -8.0], [25.0, 30.0, -8.0], [0.0, 30.0, -16.0], [-15.0, 30.0, -16.0], [20.0, 30.0, -14.0]]
+
+"""
+    text = text.replace('[[part.features]]\nid = "bore"', fourth + '[[part.features]]\nid = "bore"')
     text = text.replace("touch_sd_um = 0.5", "touch_sd_um = 2.0").replace("touch_standard_uncertainty_um = 1.0", "touch_standard_uncertainty_um = 2.0")
     for name, feature, kind, limit, datums in TOLERANCES[:-1]:
         text += f'\n[[analysis.tolerances]]\nid = "{name}"\nfeature = "{feature}"\nkind = "{kind}"\ntolerance_um = {limit}\ndatums = {datums}\npasses = ["bore"]\n'

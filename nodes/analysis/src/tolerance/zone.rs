@@ -43,7 +43,7 @@ pub(super) fn value(
         Characteristic::Position | Characteristic::Profile => placed(kind, own, radius),
         _ => {
             let (datum, criterion) = datum.ok_or_else(|| "there is no datum".to_owned())?;
-            let (point, axis) = feature::located(datum.feature, radius, &datum.samples, criterion, None)
+            let (point, axis) = feature::located(datum.feature, radius, &datum.samples, criterion, Some(&direction(datum.feature)))
                 .map_err(|text| format!("datum {}: {text}", datum.feature.id))?;
             let distance = |p: &Vector3<f64>| {
                 let off = p - point.coords;
@@ -130,7 +130,7 @@ fn oriented(
             across(own, &points, datum)
         });
     }
-    let (_, axis) = feature::located(own.feature, radius, &own.samples, Criterion::LeastSquares, None)
+    let (_, axis) = feature::located(own.feature, radius, &own.samples, Criterion::LeastSquares, Some(&direction(own.feature)))
         .map_err(|text| format!("{}: {text}", own.feature.id))?;
     let length = range(points.iter().map(|p| axis.dot(p)));
     let component = axis.dot(datum);
@@ -167,7 +167,7 @@ fn placed(kind: Characteristic, own: &Touched<'_>, radius: f64) -> Result<f64, S
         let deviations = own.samples.iter().map(|sample: &Sample| sample.deviation.abs());
         return Ok(2.0 * deviations.fold(0.0, f64::max));
     }
-    let (point, axis) = feature::located(own.feature, radius, &own.samples, Criterion::LeastSquares, None)
+    let (point, axis) = feature::located(own.feature, radius, &own.samples, Criterion::LeastSquares, Some(&direction(own.feature)))
         .map_err(|text| format!("{}: {text}", own.feature.id))?;
     let nominal = vector_of(&own.feature.origin);
     if own.feature.kind == InspectionFeature::SPHERE {
