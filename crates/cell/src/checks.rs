@@ -144,7 +144,12 @@ fn names(cell: &Cell) -> Result<(), String> {
     tolerances(cell, &mut sizes)?;
     for characteristic in &cell.compensation.characteristics {
         let id = &characteristic.id;
-        if cell.analysis.tolerances.iter().any(|tolerance| tolerance.id == *id) {
+        if cell
+            .analysis
+            .tolerances
+            .iter()
+            .any(|tolerance| tolerance.id == *id)
+        {
             return Err(format!(
                 "compensation.characteristics: {id:?} is a tolerance, which decides by itself (analysis.tolerances.passes)"
             ));

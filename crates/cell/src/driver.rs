@@ -115,7 +115,8 @@ impl Cell {
 
     /// Name of the driver's own process, where it has one beside the nodes.
     pub fn driver_process(&self) -> Option<&str> {
-        matches!(self.driver_role(), Role::Process(_) | Role::Robot(_)).then_some(self.driver.source.as_str())
+        matches!(self.driver_role(), Role::Process(_) | Role::Robot(_))
+            .then_some(self.driver.source.as_str())
     }
 
     /// The machine's axes as its controller names them, where the settings of a driver say that: of the one that runs, or of

@@ -121,7 +121,11 @@ impl Tolerance {
     ///
     /// # Errors
     /// A feature that is unknown or has no such characteristic, datums that do not belong to it, a number out of range.
-    pub fn check(&self, kind_of: impl Fn(&str) -> Option<u8>, placed_by: &[String]) -> Result<(), String> {
+    pub fn check(
+        &self,
+        kind_of: impl Fn(&str) -> Option<u8>,
+        placed_by: &[String],
+    ) -> Result<(), String> {
         let id = &self.id;
         let (_, term) = geometrical::named(self.kind.code()).unwrap_or_default();
         if !(self.tolerance_um.is_finite() && self.tolerance_um > 0.0) {
@@ -133,11 +137,15 @@ impl Tolerance {
         let named = [&self.feature].into_iter().chain(&self.datums);
         for name in named {
             if kind_of(name).is_none() {
-                return Err(format!("analysis.tolerances: {id:?} names {name:?}, which is not a feature of the part"));
+                return Err(format!(
+                    "analysis.tolerances: {id:?} names {name:?}, which is not a feature of the part"
+                ));
             }
         }
         if self.datums.contains(&self.feature) {
-            return Err(format!("analysis.tolerances: {id:?}: the toleranced feature is its own datum"));
+            return Err(format!(
+                "analysis.tolerances: {id:?}: the toleranced feature is its own datum"
+            ));
         }
         let kind = kind_of(&self.feature).unwrap_or_default();
         let round = [InspectionFeature::CYLINDER, InspectionFeature::BORE].contains(&kind);
@@ -154,7 +162,10 @@ impl Tolerance {
             Characteristic::Profile => true,
         };
         if !possible {
-            return Err(format!("analysis.tolerances: {id:?}: feature {:?} has no {term}", self.feature));
+            return Err(format!(
+                "analysis.tolerances: {id:?}: feature {:?} has no {term}",
+                self.feature
+            ));
         }
         self.check_datums(term, kind_of, placed_by)
     }
@@ -182,15 +193,22 @@ impl Tolerance {
             return Ok(());
         }
         let [datum] = self.datums.as_slice() else {
-            return Err(format!("analysis.tolerances: {id:?}: {term} needs one datum"));
+            return Err(format!(
+                "analysis.tolerances: {id:?}: {term} needs one datum"
+            ));
         };
         let of = kind_of(datum).unwrap_or_default();
         let axis = [InspectionFeature::CYLINDER, InspectionFeature::BORE].contains(&of);
-        let run_out = matches!(self.kind, Characteristic::CircularRunOut | Characteristic::TotalRunOut);
+        let run_out = matches!(
+            self.kind,
+            Characteristic::CircularRunOut | Characteristic::TotalRunOut
+        );
         if axis || (of == InspectionFeature::PLANE && !run_out) {
             Ok(())
         } else {
-            Err(format!("analysis.tolerances: {id:?}: {datum:?} is no datum of a {term}"))
+            Err(format!(
+                "analysis.tolerances: {id:?}: {datum:?} is no datum of a {term}"
+            ))
         }
     }
 }
@@ -211,7 +229,11 @@ pub(crate) fn tolerance_result(
     tolerance: &Tolerance,
 ) -> Option<FeatureResult> {
     let reported = state.reported.get(&tolerance.feature)?;
-    if tolerance.datums.iter().any(|datum| !state.reported.contains_key(datum)) {
+    if tolerance
+        .datums
+        .iter()
+        .any(|datum| !state.reported.contains_key(datum))
+    {
         return None;
     }
     let mut result = FeatureResult {
@@ -266,14 +288,17 @@ fn evaluate(
     let value = zone(&own, datum.as_ref())?;
     let place = placement.filter(|_| tolerance.kind.needs_place());
     let place = place.map(|placement| root(&placement.covariance));
-    let [touch, common, unit] = [config.touch_uncertainty, config.common_uncertainty, 1.0].map(Input::exact);
+    let [touch, common, unit] =
+        [config.touch_uncertainty, config.common_uncertainty, 1.0].map(Input::exact);
     let simulated = |own: &Touched<'_>, datum: Option<&Touched<'_>>| {
         let simulation = simulate(&Stability::default(), SEED, |random| {
             let shared = common.draw(random);
             let displaced = place.map(|root| root * Vector6::from_fn(|_, _| unit.draw(random)));
             let mut disturbed = |feature, samples: &[Sample]| {
-                let errors: Vec<f64> =
-                    samples.iter().map(|_| shared + touch.draw(random)).collect();
+                let errors: Vec<f64> = samples
+                    .iter()
+                    .map(|_| shared + touch.draw(random))
+                    .collect();
                 let mut samples = fitted::disturbed(samples, &errors);
                 if let Some(by) = displaced {
                     samples.iter_mut().for_each(|sample| displace(sample, &by));
@@ -290,13 +315,19 @@ fn evaluate(
     let perfect = simulated(&nominal(&own), datum.as_ref().map(nominal).as_ref())?;
     let [scatter] = found.standard_uncertainties();
     let grown = (1.0 + f64::sqrt(2.0)) * (found.mean[0] - value).max(0.0);
-    let beyond = perfect.values.iter().filter(|[of_perfect]| *of_perfect > value).count();
+    let beyond = perfect
+        .values
+        .iter()
+        .filter(|[of_perfect]| *of_perfect > value)
+        .count();
     let bias = if beyond as f64 > PERFECT * perfect.values.len() as f64 {
         perfect.mean[0]
     } else {
         grown.min(perfect.mean[0])
     };
-    let stated = config.stated(scatter, 0.0).map_err(|error| error.to_string())?;
+    let stated = config
+        .stated(scatter, 0.0)
+        .map_err(|error| error.to_string())?;
     result.size = value;
     result.size_deviation = value;
     result.coverage_factor = stated.factor;
@@ -319,12 +350,16 @@ fn touched<'a>(
     let points: BTreeSet<u32> = state
         .complete(plan, index as u32)
         .ok_or_else(|| format!("{id}: not all points have been tried"))?;
-    let samples = all_usable(&state.touched(plan, &points)).map_err(|text| format!("{id}: {text}"))?;
+    let samples =
+        all_usable(&state.touched(plan, &points)).map_err(|text| format!("{id}: {text}"))?;
     let samples: Vec<Sample> = match placement {
         None => samples,
         Some(placement) => {
             let radius = plan.stylus.ball_radius;
-            samples.iter().map(|sample| aligned(&placement.pose, radius, sample)).collect()
+            samples
+                .iter()
+                .map(|sample| aligned(&placement.pose, radius, sample))
+                .collect()
         }
     };
     let rules = config.rules(id);

@@ -60,7 +60,10 @@ fn config(tolerances: Vec<Tolerance>, placed: bool) -> Config {
 fn block() -> InspectionPlan {
     let mut plan = InspectionPlan {
         plan_id: "p".to_owned(),
-        stylus: Stylus { ball_radius: BALL, ..Stylus::default() },
+        stylus: Stylus {
+            ball_radius: BALL,
+            ..Stylus::default()
+        },
         ..InspectionPlan::default()
     };
     plan.part_pose.orientation.w = 1.0;
@@ -71,35 +74,69 @@ fn block() -> InspectionPlan {
             kind,
             origin: <[f64; 3]>::from(origin).into(),
             axis: <[f64; 3]>::from(axis).into(),
-            radius: if kind == InspectionFeature::BORE { 10e-3 } else { 0.0 },
+            radius: if kind == InspectionFeature::BORE {
+                10e-3
+            } else {
+                0.0
+            },
             lower_tolerance: -1.0,
             upper_tolerance: 1.0,
             ..InspectionFeature::default()
         });
-        plan.points.extend(touches.into_iter().map(|(at, normal)| InspectionPoint {
-            feature,
-            position: <[f64; 3]>::from(at).into(),
-            normal: <[f64; 3]>::from(normal).into(),
-            ..InspectionPoint::default()
-        }));
+        plan.points
+            .extend(touches.into_iter().map(|(at, normal)| InspectionPoint {
+                feature,
+                position: <[f64; 3]>::from(at).into(),
+                normal: <[f64; 3]>::from(normal).into(),
+                ..InspectionPoint::default()
+            }));
     };
     let grid = |at: &dyn Fn(f64, f64) -> V, normal: V| {
         let steps = [-1.0, 0.0, 1.0];
-        let all = steps.iter().flat_map(|&u| steps.map(|v| (at(u, v), normal)));
+        let all = steps
+            .iter()
+            .flat_map(|&u| steps.map(|v| (at(u, v), normal)));
         all.collect::<Vec<_>>()
     };
     let face = |u: f64, v: f64| V::new(30e-3 * u, 25e-3 * v, 0.0);
-    add("A", InspectionFeature::PLANE, V::zeros(), V::z(), grid(&face, V::z()));
+    add(
+        "A",
+        InspectionFeature::PLANE,
+        V::zeros(),
+        V::z(),
+        grid(&face, V::z()),
+    );
     let side = |u: f64, v: f64| V::new(30e-3 * u, -40e-3, -15e-3 + 10e-3 * v);
-    add("B", InspectionFeature::PLANE, V::new(0.0, -40e-3, 0.0), -V::y(), grid(&side, -V::y()));
+    add(
+        "B",
+        InspectionFeature::PLANE,
+        V::new(0.0, -40e-3, 0.0),
+        -V::y(),
+        grid(&side, -V::y()),
+    );
     let end = |u: f64, v: f64| V::new(50e-3, 25e-3 * u, -15e-3 + 10e-3 * v);
-    add("C", InspectionFeature::PLANE, V::new(50e-3, 0.0, 0.0), V::x(), grid(&end, V::x()));
+    add(
+        "C",
+        InspectionFeature::PLANE,
+        V::new(50e-3, 0.0, 0.0),
+        V::x(),
+        grid(&end, V::x()),
+    );
     let round = (0..24).map(|index| {
         let angle = f64::from(index % 8) * std::f64::consts::FRAC_PI_4;
         let out = V::new(angle.cos(), angle.sin(), 0.0);
-        (out * 10e-3 - V::z() * (5e-3 + 10e-3 * f64::from(index / 8)), -out)
+        (
+            out * 10e-3 - V::z() * (5e-3 + 10e-3 * f64::from(index / 8)),
+            -out,
+        )
     });
-    add("bore", InspectionFeature::BORE, V::zeros(), V::z(), round.collect());
+    add(
+        "bore",
+        InspectionFeature::BORE,
+        V::zeros(),
+        V::z(),
+        round.collect(),
+    );
     plan
 }
 
@@ -111,7 +148,13 @@ fn measured(
 ) -> std::collections::BTreeMap<String, FeatureResult> {
     let mut state = AnalysisNode::start(config);
     let mut out = Outbox::default();
-    AnalysisNode::step(config, &mut state, Stamp(0), Input::Plan(plan.clone()), &mut out);
+    AnalysisNode::step(
+        config,
+        &mut state,
+        Stamp(0),
+        Input::Plan(plan.clone()),
+        &mut out,
+    );
     for (index, point) in plan.points.iter().enumerate() {
         let p = V::new(point.position.x, point.position.y, point.position.z);
         let n = V::new(point.normal.x, point.normal.y, point.normal.z);
@@ -158,7 +201,10 @@ fn zones_of_known_errors_are_what_their_definition_says() {
     let found = measured(&placed, &plan, |_, p, n| off(p, n, 1e-3));
     let close = |id: &str, expected: f64| {
         let value = found[id].size;
-        assert!((value - expected).abs() < 5e-9, "{id}: {value:e} instead of {expected:e}");
+        assert!(
+            (value - expected).abs() < 5e-9,
+            "{id}: {value:e} instead of {expected:e}"
+        );
     };
     close("flat", 0.0);
     close("square", 20e-6);
@@ -167,22 +213,39 @@ fn zones_of_known_errors_are_what_their_definition_says() {
     close("wobble", 60e-3 * lean);
     // The deepest touched section, 25 mm below the face, is farthest off. A tilted B would lie elsewhere in the face.
     let straight = measured(&placed, &plan, |_, p, n| off(p, n, 0.0));
-    let deepest = V::new(3e-6 - lean * 25e-3, 4e-6, 0.0).norm().max(V::new(3e-6 - lean * 5e-3, 4e-6, 0.0).norm());
+    let deepest = V::new(3e-6 - lean * 25e-3, 4e-6, 0.0)
+        .norm()
+        .max(V::new(3e-6 - lean * 5e-3, 4e-6, 0.0).norm());
     let difference = straight["place"].size - 2.0 * deepest;
     assert!(difference.abs() < 0.1e-6, "{difference:e}");
     assert_eq!(found["square"].kind, FeatureResult::PERPENDICULARITY);
     assert_eq!(found["square"].aligned_to, ["A"]);
-    assert_eq!(found["square"].decision, FeatureResult::INDETERMINATE, "20 µm of 20 µm");
+    assert_eq!(
+        found["square"].decision,
+        FeatureResult::INDETERMINATE,
+        "20 µm of 20 µm"
+    );
     assert_eq!(found["flat"].decision, FeatureResult::CONFORMS);
     assert!(found["cylinder"].size < 5e-9 && found["end"].size < 5e-9);
 }
 
 /// In how many of `sessions` the value misses the truth by no more than U, and mean U over the error that 95 % do not exceed.
-fn coverage(kind: Characteristic, feature: &str, datums: &[&str], form: f64, sessions: u64) -> (f64, f64) {
+fn coverage(
+    kind: Characteristic,
+    feature: &str,
+    datums: &[&str],
+    form: f64,
+    sessions: u64,
+) -> (f64, f64) {
     let plan = block();
-    let config = config(vec![tolerance("t", feature, kind, datums)], datums.len() == 3);
+    let config = config(
+        vec![tolerance("t", feature, kind, datums)],
+        datums.len() == 3,
+    );
     // Smooth, without symmetry, the same for each session.
-    let surface = |p: V, n: V| form * ((90.0 * p.x).sin() + (130.0 * p.y + 1.0).cos() + (150.0 * p.z).sin() * n.x);
+    let surface = |p: V, n: V| {
+        form * ((90.0 * p.x).sin() + (130.0 * p.y + 1.0).cos() + (150.0 * p.z).sin() * n.x)
+    };
     let truth = measured(&config, &plan, |_, p, n| surface(p, n))["t"].size;
     let (mut errors, mut expanded, mut held) = (Vec::new(), 0.0, 0.0);
     for seed in 0..sessions {
@@ -227,13 +290,34 @@ fn tolerances_that_make_no_sense_are_refused_in_a_sentence() {
     };
     let placed = ["A".to_owned(), "B".to_owned()];
     for (wrong, text) in [
-        (tolerance("t", "bore", Characteristic::Flatness, &[]), "feature \"bore\" has no flatness"),
-        (tolerance("t", "B", Characteristic::Perpendicularity, &[]), "perpendicularity needs one datum"),
-        (tolerance("t", "A", Characteristic::Flatness, &["B"]), "flatness has no datum"),
-        (tolerance("t", "A", Characteristic::TotalRunOut, &["B"]), "\"B\" is no datum of a total run-out"),
-        (tolerance("t", "bore", Characteristic::Position, &["B"]), "datums of a position are those that place the part"),
-        (tolerance("t", "x", Characteristic::Profile, &[]), "\"x\", which is not a feature of the part"),
-        (tolerance("t", "A", Characteristic::Parallelism, &["A"]), "is its own datum"),
+        (
+            tolerance("t", "bore", Characteristic::Flatness, &[]),
+            "feature \"bore\" has no flatness",
+        ),
+        (
+            tolerance("t", "B", Characteristic::Perpendicularity, &[]),
+            "perpendicularity needs one datum",
+        ),
+        (
+            tolerance("t", "A", Characteristic::Flatness, &["B"]),
+            "flatness has no datum",
+        ),
+        (
+            tolerance("t", "A", Characteristic::TotalRunOut, &["B"]),
+            "\"B\" is no datum of a total run-out",
+        ),
+        (
+            tolerance("t", "bore", Characteristic::Position, &["B"]),
+            "datums of a position are those that place the part",
+        ),
+        (
+            tolerance("t", "x", Characteristic::Profile, &[]),
+            "\"x\", which is not a feature of the part",
+        ),
+        (
+            tolerance("t", "A", Characteristic::Parallelism, &["A"]),
+            "is its own datum",
+        ),
     ] {
         let refused = wrong.check(kind_of, &placed).expect_err("nonsense");
         assert!(refused.contains(text), "{refused}");

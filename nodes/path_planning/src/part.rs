@@ -20,8 +20,8 @@ use probecell_msgs::{
 };
 
 pub use error::PartError;
-use numbers::{direction, finite, metres, ros_point, ros_vector};
 pub use features::kind_code;
+use numbers::{direction, finite, metres, ros_point, ros_vector};
 pub use raw::{RawFeature, RawOperation, RawPart, RawStylus};
 
 use crate::{candidates::Poses, error::MOST_TOUCHES};

@@ -182,7 +182,10 @@ impl RawConfig {
         };
         let mut seen = BTreeSet::new();
         let operations = program.operations.iter().map(|one| one.id.clone());
-        let tools = program.tools.iter().map(|one| format!("tool {}", one.number));
+        let tools = program
+            .tools
+            .iter()
+            .map(|one| format!("tool {}", one.number));
         let offsets = program.work_offsets.iter();
         let offsets = offsets.map(|one| format!("work offset {}", one.axis));
         for name in operations.chain(tools).chain(offsets) {

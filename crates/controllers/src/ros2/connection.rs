@@ -9,8 +9,8 @@ use std::{
 
 use machine::Chain;
 use probecell_msgs::{
-    ControllerCommand, ControllerReply, ControllerStatus, InspectionPlan, MachineState, MeasurementOrder,
-    builtin_interfaces::Time, std_msgs,
+    ControllerCommand, ControllerReply, ControllerStatus, InspectionPlan, MachineState,
+    MeasurementOrder, builtin_interfaces::Time, std_msgs,
 };
 
 use super::{
@@ -115,7 +115,12 @@ impl Robot {
         };
         let contact = &config.contact;
         let mut subscriptions = vec![
-            bus.subscribe(&config.joint_states, wire::JOINT_STATE, false, hear(Heard::take_joints))?,
+            bus.subscribe(
+                &config.joint_states,
+                wire::JOINT_STATE,
+                false,
+                hear(Heard::take_joints),
+            )?,
             bus.subscribe(&contact.topic, wire::BOOL, true, hear(Heard::take_level))?,
         ];
         if let Some(topic) = &contact.latched_joint_states {
@@ -125,7 +130,9 @@ impl Robot {
         let program = config.program.as_ref();
         Ok(Self {
             action: Action::join(&config.action, bus)?,
-            program: program.map(|program| Program::join(program, bus)).transpose()?,
+            program: program
+                .map(|program| Program::join(program, bus))
+                .transpose()?,
             chain,
             name: session.to_owned(),
             session: session.to_owned(),
@@ -147,7 +154,10 @@ impl Robot {
     }
 
     fn offsets(&self) -> Offsets {
-        self.program.as_ref().map(Program::offsets).unwrap_or_default()
+        self.program
+            .as_ref()
+            .map(Program::offsets)
+            .unwrap_or_default()
     }
 
     /// Whether the robot is there, and its offsets are known; one that was away begins a new session.
@@ -157,7 +167,11 @@ impl Robot {
         if self.present && !is_heard {
             self.present = false;
             lock(&self.heard).forget();
-            self.end_work(now, "controller_lost: the robot publishes no joint states", out);
+            self.end_work(
+                now,
+                "controller_lost: the robot publishes no joint states",
+                out,
+            );
             if let Some(program) = &mut self.program {
                 program.forget();
             }
@@ -182,7 +196,13 @@ impl Robot {
     fn take(&mut self, now: i64, command: &ControllerCommand, out: &mut Vec<DriverOutput>) {
         if command.session != self.session {
             let text = "it is addressed to another session";
-            return out.push(reply(now, &self.session, command, ControllerReply::REFUSED, text));
+            return out.push(reply(
+                now,
+                &self.session,
+                command,
+                ControllerReply::REFUSED,
+                text,
+            ));
         }
         if !self.taken.insert(command.command_id) {
             return;
@@ -204,7 +224,13 @@ impl Robot {
             _ => Err("the robot cannot do this".to_owned()),
         };
         if let Err(text) = begun {
-            out.push(reply(now, &self.session, command, ControllerReply::REFUSED, &text));
+            out.push(reply(
+                now,
+                &self.session,
+                command,
+                ControllerReply::REFUSED,
+                &text,
+            ));
         }
     }
 
@@ -227,7 +253,10 @@ impl Robot {
         self.idle()?;
         {
             let heard = lock(&self.heard);
-            if heard.level_silence().is_none_or(|silence| silence > SILENCE) {
+            if heard
+                .level_silence()
+                .is_none_or(|silence| silence > SILENCE)
+            {
                 return Err(format!(
                     "nothing is heard on {}: the probe's level is unknown",
                     self.config.contact.topic
@@ -273,12 +302,24 @@ impl Robot {
             Some(Work::Stop(stopping)) => {
                 let ended = stopping.interrupted.into_iter().map(|(command, _)| command);
                 for command in ended.chain(stopping.command) {
-                    out.push(reply(now, &self.session, &command, ControllerReply::FAILED, why));
+                    out.push(reply(
+                        now,
+                        &self.session,
+                        &command,
+                        ControllerReply::FAILED,
+                        why,
+                    ));
                 }
                 return;
             }
         };
-        out.push(reply(now, &self.session, &command, ControllerReply::FAILED, why));
+        out.push(reply(
+            now,
+            &self.session,
+            &command,
+            ControllerReply::FAILED,
+            why,
+        ));
     }
 
     fn work(&mut self, now: i64, out: &mut Vec<DriverOutput>) {
@@ -309,13 +350,23 @@ impl Robot {
             Err(text) => return self.conclude(now, &measurement.command, Err(text), out),
         };
         let heard = lock(&self.heard);
-        let progress = if heard.level_silence().is_none_or(|silence| silence > SILENCE) {
+        let progress = if heard
+            .level_silence()
+            .is_none_or(|silence| silence > SILENCE)
+        {
             Progress::Broken(format!(
                 "controller_alarm: nothing is heard on {}",
                 self.config.contact.topic
             ))
         } else {
-            measurement.poll(now, &heard, &self.action, &frame, self.order.as_ref(), &self.config.contact)
+            measurement.poll(
+                now,
+                &heard,
+                &self.action,
+                &frame,
+                self.order.as_ref(),
+                &self.config.contact,
+            )
         };
         drop(heard);
         for mut trigger in measurement.triggers.drain(..) {
@@ -352,15 +403,21 @@ impl Robot {
             self.work = Some(Work::Stop(stopping));
             return;
         }
-        let unconfirmed = stopping.failure.or_else(|| {
-            late.then(|| "the robot has not come to a standstill".to_owned())
-        });
+        let unconfirmed = stopping
+            .failure
+            .or_else(|| late.then(|| "the robot has not come to a standstill".to_owned()));
         if let Some((command, why)) = stopping.interrupted {
             let text = match &unconfirmed {
                 None => why,
                 Some(text) => format!("{why}; {text}"),
             };
-            out.push(reply(now, &self.session, &command, ControllerReply::FAILED, &text));
+            out.push(reply(
+                now,
+                &self.session,
+                &command,
+                ControllerReply::FAILED,
+                &text,
+            ));
         }
         if let Some(command) = stopping.command {
             let (outcome, text) = match unconfirmed {
@@ -391,7 +448,10 @@ impl Robot {
     /// A sample, where the robot has published a new one.
     fn sample(&mut self, out: &mut Vec<DriverOutput>) {
         let heard = lock(&self.heard);
-        let Some(newest) = heard.newest().filter(|joints| joints.stamp > self.last_stamp) else {
+        let Some(newest) = heard
+            .newest()
+            .filter(|joints| joints.stamp > self.last_stamp)
+        else {
             return;
         };
         let (newest, level) = (newest.clone(), heard.level());
@@ -468,7 +528,10 @@ impl Connection for Robot {
     fn poll(&mut self, now: i64) -> Vec<DriverOutput> {
         let mut out = Vec::new();
         if let Some(why) = self.unsupervised.take()
-            && self.work.as_ref().is_some_and(|work| !matches!(work, Work::Stop(_)))
+            && self
+                .work
+                .as_ref()
+                .is_some_and(|work| !matches!(work, Work::Stop(_)))
         {
             self.begin_stop(now, None, &format!("gate_lost: {why}"));
             // This process may be about to end: the machine stands before anything is said.
@@ -486,7 +549,13 @@ impl Connection for Robot {
                 self.take(now, &command, &mut out);
             } else {
                 let text = "controller_lost: the robot is not there";
-                out.push(reply(now, &self.session, &command, ControllerReply::REFUSED, text));
+                out.push(reply(
+                    now,
+                    &self.session,
+                    &command,
+                    ControllerReply::REFUSED,
+                    text,
+                ));
             }
         }
         if present {

@@ -57,7 +57,11 @@ impl Heard {
         match self.read(sample.payload) {
             Ok(joints) => {
                 // Stamps of samples rise strictly.
-                if self.joints.back().is_some_and(|last| joints.stamp <= last.stamp) {
+                if self
+                    .joints
+                    .back()
+                    .is_some_and(|last| joints.stamp <= last.stamp)
+                {
                     return;
                 }
                 self.joints_at = Some(Instant::now());
@@ -177,7 +181,11 @@ impl Heard {
         if begin < since {
             return false;
         }
-        let recent = self.joints.iter().rev().take_while(|one| one.stamp >= begin);
+        let recent = self
+            .joints
+            .iter()
+            .rev()
+            .take_while(|one| one.stamp >= begin);
         recent.into_iter().all(|one| {
             let pairs = one.positions.iter().zip(&last.positions);
             pairs.into_iter().all(|(a, b)| (a - b).abs() < STILL)
@@ -197,6 +205,11 @@ pub(super) fn names(
     }
     let own = chain.axis_names();
     Ok(own
-        .map(|name| renamed.get(name).cloned().unwrap_or_else(|| name.to_owned()))
+        .map(|name| {
+            renamed
+                .get(name)
+                .cloned()
+                .unwrap_or_else(|| name.to_owned())
+        })
         .collect())
 }

@@ -163,19 +163,23 @@ impl Measurement {
         let from = newest.positions.clone();
         let is_touch = one.kind == ProbingMove::TOUCH;
         if is_touch && heard.level() == Some(true) {
-            self.trigger(one, frame, newest, [true, true]).map_err(alarm)?;
+            self.trigger(one, frame, newest, [true, true])
+                .map_err(alarm)?;
             return Err(format!(
                 "probe_stuck: the probe was tripped where the move to point {} began",
                 one.point_index
             ));
         }
-        let target = frame.chain.positions(&order.axis_names, &one.axis_positions);
+        let target = frame
+            .chain
+            .positions(&order.axis_names, &one.axis_positions);
         let target = target.map_err(|error| alarm(error.to_string()))?;
         let target = frame.actual(&target).map_err(alarm)?;
         let moves = from.iter().zip(&target).any(|(a, b)| (a - b).abs() > SAME);
         if !moves {
             if is_touch {
-                self.trigger(one, frame, newest, [false, false]).map_err(alarm)?;
+                self.trigger(one, frame, newest, [false, false])
+                    .map_err(alarm)?;
             }
             return Ok(true);
         }
@@ -248,7 +252,8 @@ impl Measurement {
         let Some((trip, since)) = leg.contact else {
             let newest = heard.newest().cloned();
             let newest = newest.ok_or_else(|| alarm("no joint states".to_owned()))?;
-            self.trigger(one, frame, &newest, [false, false]).map_err(alarm)?;
+            self.trigger(one, frame, &newest, [false, false])
+                .map_err(alarm)?;
             return Ok(true);
         };
         let latch = match contact.positions {
@@ -259,7 +264,8 @@ impl Measurement {
         };
         match latch {
             Some(latch) => {
-                self.trigger(one, frame, &latch, [true, false]).map_err(alarm)?;
+                self.trigger(one, frame, &latch, [true, false])
+                    .map_err(alarm)?;
                 Ok(true)
             }
             None if since.elapsed() > CONTACT_LIMIT => Err(alarm(format!(
@@ -323,13 +329,21 @@ fn goal_id(now: i64, number: usize) -> GoalId {
 
 /// From one set of positions to another; `feed` (m/s of the ball in the part) 0 is rapid.
 fn trajectory(frame: &Frame<'_>, from: &[f64], to: &[f64], feed: f64) -> Vec<Waypoint> {
-    let at = |share: f64| from.iter().zip(to).map(|(a, b)| a + (b - a) * share).collect();
+    let at = |share: f64| {
+        from.iter()
+            .zip(to)
+            .map(|(a, b)| a + (b - a) * share)
+            .collect()
+    };
     let motion = frame.chain.motion();
     if feed > 0.0 {
         let way = (frame.ball(to) - frame.ball(from)).norm();
         // Where the ball stays, the axes decide.
         let time = (way / feed).max(motion.time(from, to)).max(STEP);
-        return vec![Waypoint { time, positions: to.to_vec() }];
+        return vec![Waypoint {
+            time,
+            positions: to.to_vec(),
+        }];
     }
     let profile = motion.leading(from, to);
     let duration = profile.map_or_else(|| motion.time(from, to), |profile| profile.duration());

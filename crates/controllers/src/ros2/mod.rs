@@ -19,7 +19,9 @@ mod measuring;
 mod program;
 mod wire;
 
-pub use config::{ContactPositions, RawConfig, RawContact, RawOperation, RawProgram, RawTool, RawWorkOffset};
+pub use config::{
+    ContactPositions, RawConfig, RawContact, RawOperation, RawProgram, RawTool, RawWorkOffset,
+};
 
 use machine::Chain;
 

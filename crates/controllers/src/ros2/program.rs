@@ -41,13 +41,15 @@ pub(super) struct Cut {
 impl Cut {
     /// How the operation has ended.
     pub(super) fn ended(&self) -> Option<Result<(), String>> {
-        Some(self.call.answer()?.and_then(|response| {
-            match wire::triggered(&response) {
-                None => Err("the answer of the operation is no std_srvs/Trigger".to_owned()),
-                Some((true, _)) => Ok(()),
-                Some((false, text)) => Err(format!("the operation has failed: {text}")),
-            }
-        }))
+        Some(
+            self.call
+                .answer()?
+                .and_then(|response| match wire::triggered(&response) {
+                    None => Err("the answer of the operation is no std_srvs/Trigger".to_owned()),
+                    Some((true, _)) => Ok(()),
+                    Some((false, text)) => Err(format!("the operation has failed: {text}")),
+                }),
+        )
     }
 }
 
@@ -116,7 +118,10 @@ impl Program {
     pub(super) fn join(settings: &RawProgram, bus: &dyn RosBus) -> Result<Self, ConnectError> {
         let node = &settings.node;
         let tools = settings.tools.iter().map(|tool| tool.parameter.clone());
-        let offsets = settings.work_offsets.iter().map(|own| own.parameter.clone());
+        let offsets = settings
+            .work_offsets
+            .iter()
+            .map(|own| own.parameter.clone());
         let operations = settings.operations.iter().map(|one| {
             let service = bus.service(&one.service, wire::TRIGGER)?;
             Ok::<_, ConnectError>((one.id.clone(), service))
@@ -149,7 +154,11 @@ impl Program {
     pub(super) fn offsets(&self) -> Offsets {
         let values = self.values.clone().unwrap_or_default();
         let tools = self.settings.tools.len().min(values.len());
-        let axes = self.settings.work_offsets.iter().map(|own| own.axis.clone());
+        let axes = self
+            .settings
+            .work_offsets
+            .iter()
+            .map(|own| own.axis.clone());
         Offsets {
             work: axes.zip(values[tools..].iter().copied()).collect(),
             wear: values[..tools].to_vec(),
@@ -162,7 +171,10 @@ impl Program {
 
     /// Begins an operation.
     pub(super) fn cut(&self, command: ControllerCommand) -> Result<Cut, String> {
-        let known = self.operations.iter().find(|(id, _)| *id == command.operation);
+        let known = self
+            .operations
+            .iter()
+            .find(|(id, _)| *id == command.operation);
         let Some((_, service)) = known else {
             return Err(format!("operation {:?} is unknown", command.operation));
         };
@@ -193,7 +205,9 @@ impl Program {
     fn index(&self, command: &ControllerCommand) -> Result<usize, String> {
         let tools = &self.settings.tools;
         if command.kind == ControllerCommand::SET_TOOL_WEAR {
-            let known = tools.iter().position(|tool| tool.number == command.tool_number);
+            let known = tools
+                .iter()
+                .position(|tool| tool.number == command.tool_number);
             return known.ok_or_else(|| format!("tool {} is unknown", command.tool_number));
         }
         let mut offsets = self.settings.work_offsets.iter();

@@ -48,7 +48,8 @@ pub(crate) fn limits(cell: &CellState, feature: &str) -> Option<(f64, f64)> {
         let own = plan.features.iter().find(|one| one.id == feature)?;
         stated(own)
     });
-    let zone = (cell.results.get(feature)).is_some_and(|one| geometrical::named(one.kind).is_some());
+    let zone =
+        (cell.results.get(feature)).is_some_and(|one| geometrical::named(one.kind).is_some());
     let lowest = if zone { 0.0 } else { -1.0 };
     let of_verdict =
         (cell.verdicts.get(feature)).map(|one| (lowest * one.tolerance, one.tolerance));

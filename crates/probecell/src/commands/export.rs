@@ -120,7 +120,9 @@ fn limits(
 ) -> Option<[f64; 2]> {
     match tolerance {
         // A zone has a largest width.
-        Some(width) if geometrical::named(result.kind).is_some() => Some([f64::NEG_INFINITY, width]),
+        Some(width) if geometrical::named(result.kind).is_some() => {
+            Some([f64::NEG_INFINITY, width])
+        }
         Some(half) => Some([-half, half]),
         None => session.limits(result),
     }

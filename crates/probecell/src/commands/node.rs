@@ -25,7 +25,9 @@ pub(crate) fn run(
             }
             Role::Robot(robot) => {
                 let chain = cell.chain()?;
-                return drive(&cell, supervised, |session, bus| robot.join(session, chain, bus));
+                return drive(&cell, supervised, |session, bus| {
+                    robot.join(session, chain, bus)
+                });
             }
             Role::Node(_) | Role::External | Role::Playback => {}
         }

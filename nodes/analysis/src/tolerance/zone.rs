@@ -43,22 +43,38 @@ pub(super) fn value(
         Characteristic::Position | Characteristic::Profile => placed(kind, own, radius),
         _ => {
             let (datum, criterion) = datum.ok_or_else(|| "there is no datum".to_owned())?;
-            let (point, axis) = feature::located(datum.feature, radius, &datum.samples, criterion, Some(&direction(datum.feature)))
-                .map_err(|text| format!("datum {}: {text}", datum.feature.id))?;
+            let (point, axis) = feature::located(
+                datum.feature,
+                radius,
+                &datum.samples,
+                criterion,
+                Some(&direction(datum.feature)),
+            )
+            .map_err(|text| format!("datum {}: {text}", datum.feature.id))?;
             let distance = |p: &Vector3<f64>| {
                 let off = p - point.coords;
                 (off - axis * axis.dot(&off)).norm()
             };
             let flat = datum.feature.kind == InspectionFeature::PLANE;
             match kind {
-                Characteristic::TotalRunOut if plane => Ok(range(centres(own).iter().map(|p| axis.dot(p)))),
+                Characteristic::TotalRunOut if plane => {
+                    Ok(range(centres(own).iter().map(|p| axis.dot(p))))
+                }
                 Characteristic::TotalRunOut => Ok(range(centres(own).iter().map(distance))),
                 Characteristic::CircularRunOut => {
                     let widths = sections(own)?.into_iter();
-                    Ok(widths.map(|section| range(section.iter().map(distance))).fold(0.0, f64::max))
+                    Ok(widths
+                        .map(|section| range(section.iter().map(distance)))
+                        .fold(0.0, f64::max))
                 }
                 // The datum's direction holds the zone where both are alike; otherwise it is across.
-                _ => oriented(own, &axis, flat == plane, kind == Characteristic::Parallelism, radius),
+                _ => oriented(
+                    own,
+                    &axis,
+                    flat == plane,
+                    kind == Characteristic::Parallelism,
+                    radius,
+                ),
             }
         }
     }
@@ -69,7 +85,10 @@ fn few(own: &Touched<'_>) -> String {
 }
 
 fn centres(own: &Touched<'_>) -> Vec<Vector3<f64>> {
-    own.samples.iter().map(|sample| sample.centre.coords).collect()
+    own.samples
+        .iter()
+        .map(|sample| sample.centre.coords)
+        .collect()
 }
 
 fn range(values: impl Iterator<Item = f64>) -> f64 {
@@ -106,7 +125,11 @@ fn sections(own: &Touched<'_>) -> Result<Vec<Vec<Vector3<f64>>>, String> {
         }
     }
     sections.retain(|section| section.len() >= LEAST);
-    if sections.is_empty() { Err(few(own)) } else { Ok(sections) }
+    if sections.is_empty() {
+        Err(few(own))
+    } else {
+        Ok(sections)
+    }
 }
 
 /// Zone of a plane or axis in an orientation to the direction of a datum. `alike`: both are planes, or both axes.
@@ -130,11 +153,22 @@ fn oriented(
             across(own, &points, datum)
         });
     }
-    let (_, axis) = feature::located(own.feature, radius, &own.samples, Criterion::LeastSquares, Some(&direction(own.feature)))
-        .map_err(|text| format!("{}: {text}", own.feature.id))?;
+    let (_, axis) = feature::located(
+        own.feature,
+        radius,
+        &own.samples,
+        Criterion::LeastSquares,
+        Some(&direction(own.feature)),
+    )
+    .map_err(|text| format!("{}: {text}", own.feature.id))?;
     let length = range(points.iter().map(|p| axis.dot(p)));
     let component = axis.dot(datum);
-    Ok(length * if along { (axis - datum * component).norm() } else { component.abs() })
+    Ok(length
+        * if along {
+            (axis - datum * component).norm()
+        } else {
+            component.abs()
+        })
 }
 
 /// Distance of the closest two parallel planes that hold points and are perpendicular to the planes across `datum`: their normal
@@ -164,17 +198,29 @@ fn across(own: &Touched<'_>, points: &[Vector3<f64>], datum: &Vector3<f64>) -> f
 fn placed(kind: Characteristic, own: &Touched<'_>, radius: f64) -> Result<f64, String> {
     let surface = kind == Characteristic::Profile || own.feature.kind == InspectionFeature::PLANE;
     if surface {
-        let deviations = own.samples.iter().map(|sample: &Sample| sample.deviation.abs());
+        let deviations = own
+            .samples
+            .iter()
+            .map(|sample: &Sample| sample.deviation.abs());
         return Ok(2.0 * deviations.fold(0.0, f64::max));
     }
-    let (point, axis) = feature::located(own.feature, radius, &own.samples, Criterion::LeastSquares, Some(&direction(own.feature)))
-        .map_err(|text| format!("{}: {text}", own.feature.id))?;
+    let (point, axis) = feature::located(
+        own.feature,
+        radius,
+        &own.samples,
+        Criterion::LeastSquares,
+        Some(&direction(own.feature)),
+    )
+    .map_err(|text| format!("{}: {text}", own.feature.id))?;
     let nominal = vector_of(&own.feature.origin);
     if own.feature.kind == InspectionFeature::SPHERE {
         return Ok(2.0 * (point.coords - nominal).norm());
     }
     let about = direction(own.feature);
-    let heights = own.samples.iter().map(|sample| about.dot(&sample.centre.coords));
+    let heights = own
+        .samples
+        .iter()
+        .map(|sample| about.dot(&sample.centre.coords));
     let ends = (f64::INFINITY, f64::NEG_INFINITY);
     let (low, high) = heights.fold(ends, |(low, high), at| (low.min(at), high.max(at)));
     let off = |height: f64| {

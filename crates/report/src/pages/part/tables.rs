@@ -3,9 +3,9 @@
 use std::collections::BTreeSet;
 
 use crate::kit::Table;
-use probecell_msgs::{geometrical, 
+use probecell_msgs::{
     Correction, CorrectionAcknowledgement, Fault, FeatureResult, InspectionPlan, PartAlignment,
-    PassDecision, Verdict,
+    PassDecision, Verdict, geometrical,
 };
 
 use super::references::{self, record};
@@ -83,7 +83,11 @@ pub(super) fn sizes(session: &PartSession, plan_id: &str) -> Table {
             verdict.map_or_else(
                 || limits(session, result),
                 |one| {
-                    let sign = if geometrical::named(result.kind).is_some() { "≤" } else { "±" };
+                    let sign = if geometrical::named(result.kind).is_some() {
+                        "≤"
+                    } else {
+                        "±"
+                    };
                     format!("{sign} {}", um_size(one.tolerance))
                 },
             ),
