@@ -40,8 +40,9 @@ def wait(page, condition, argument=None):
 
 
 def with_keys(folder):
-    """Keys of cells and operators are those of the test."""
-    return os.environ | {"XDG_CONFIG_HOME": str(pathlib.Path(folder).resolve() / "config")}
+    """Keys of cells and operators, and private sockets of routers, are those of the test."""
+    own = {name: str(pathlib.Path(folder).resolve() / place) for name, place in (("XDG_CONFIG_HOME", "config"), ("XDG_STATE_HOME", "state"))}
+    return os.environ | own
 
 
 def asked(*words, folder):

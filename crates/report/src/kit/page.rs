@@ -78,7 +78,7 @@ th, td { text-align: left; vertical-align: top; padding: .2rem .8rem .2rem 0; bo
 .plots { display: flex; flex-wrap: wrap; gap: 1rem; } figure { margin: 0; break-inside: avoid; }
 figcaption { font-size: .85rem; color: #444; max-width: 46rem; } .plots figcaption { max-width: 480px; } svg { max-width: 100%; height: auto; }
 .lead { font-size: 1.1rem; } li { margin: .2rem 0; }
-@page { size: A4; margin: 15mm; }
+@page { size: A4; margin: 15mm; @bottom-right { content: counter(page) ' / ' counter(pages); font-size: 8pt; } }
 @media print {
 body { margin: 0; padding: 0; max-width: none; font-size: 10pt; color: #000; background: none; }
 h1, h2, caption { break-after: avoid; } h2.section { break-before: page; margin-top: 0; } p, li { orphans: 3; widows: 3; }
