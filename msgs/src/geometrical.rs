@@ -23,10 +23,9 @@ pub fn label(result: &FeatureResult) -> String {
     match named(result.kind) {
         None => result.feature_id.clone(),
         Some((symbol, term)) => {
-            let datums: String = (result.aligned_to.iter())
-                .map(|datum| format!(" | {datum}"))
-                .collect();
-            format!("{} {symbol} {term}{datums}", result.feature_id)
+            let mut parts = vec![format!("{} {symbol} {term}", result.feature_id)];
+            parts.extend(result.aligned_to.iter().cloned());
+            parts.join(" | ")
         }
     }
 }
