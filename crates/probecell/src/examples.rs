@@ -46,6 +46,14 @@ const EXAMPLES: &[(&str, &[&str])] = &[
         "secure",
         &["secure my_cell.toml", "secure my_cell.toml --off"],
     ),
+    ("lake", &["lake add recordings --lake lake"]),
+    (
+        "fleet",
+        &[
+            "fleet tables",
+            "fleet trends --lake lake",
+        ],
+    ),
     ("layouts", &["layouts my_cell.toml --out layouts"]),
     ("play", &["play recordings/turn_mill_1 --namespace /again"]),
     (

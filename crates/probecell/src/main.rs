@@ -278,6 +278,10 @@ enum Command {
     /// Run the register of known gaps between a cell and its model, and judge each against its source.
     #[command(subcommand)]
     Scenario(commands::scenario::Command),
+    /// Keep sessions in a lake of Parquet tables: hands over to `probecell-fleet lake`.
+    Lake(commands::fleet::Arguments),
+    /// Watch the sessions of many machines for trends: hands over to `probecell-fleet`.
+    Fleet(commands::fleet::Arguments),
     /// Check a driver on the bus against the driver guide, in the place of the cell: its machine moves.
     Conformance(commands::conformance::Arguments),
     /// Check the installation and the cell file.
@@ -439,6 +443,8 @@ fn run(command: Command) -> anyhow::Result<u8> {
         Command::Identifiability(arguments) => commands::identifiability::run(&arguments),
         Command::Correct(arguments) => commands::correct::run(&arguments),
         Command::Scenario(command) => commands::scenario::run(&command),
+        Command::Lake(arguments) => commands::fleet::run(&["lake"], &arguments),
+        Command::Fleet(arguments) => commands::fleet::run(&[], &arguments),
         Command::Conformance(arguments) => commands::conformance::run(&arguments),
         Command::Doctor { cell, json } => commands::doctor::run(&cell, json),
         Command::Layouts { cell, out } => commands::layouts::run(&cell, &out),

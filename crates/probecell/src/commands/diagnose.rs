@@ -4,17 +4,15 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use anyhow::{Context, bail};
-use bags::{Bag, Measurement};
-use cell::{Cell, ModelSection};
+use bags::Measurement;
+use cell::Cell;
 use diagnosis::{
-    DeclaredEffect, Options, Report, Residuals, Session, diagnose_together_with_residuals,
-    diagnose_with_residuals,
+    Options, Report, Residuals, Session, diagnose_together_with_residuals, diagnose_with_residuals,
 };
-use effects::session::joined::join;
-use probecell_msgs::PlanId;
+use recorded::Measured;
 
+use super::diagnose_refine;
 use super::diagnose_time::Timed;
-use super::{diagnose_refine, embedded};
 use crate::{GOOD, output};
 
 /// What the user asks for.
@@ -178,100 +176,22 @@ fn print(arguments: &Arguments, result: &Report, residuals: &Residuals) -> anyho
 /// The session of a bag; damage that leaves enough is a warning. Where the measurement is one of further touches, what
 /// it adds to stands before it.
 pub(super) fn read(path: &Path, arguments: &Arguments) -> anyhow::Result<Session> {
-    let bag = Bag::open(path)?;
     let measurement = (arguments.plan.clone()).map_or(Measurement::Last, Measurement::Named);
-    let last = read_measurement(&bag, &measurement, arguments)?;
-    let Some(plan) = &last.plan else {
-        return Ok(last);
+    let model = match &arguments.model {
+        Some(path) => Some(Cell::read(path)?.model.effects),
+        None => None,
     };
-    let plan_id = PlanId::from(&plan.plan_id);
-    let Some(first) = plan_id.supplemented() else {
-        return Ok(last);
-    };
-    let named = |id: String| read_measurement(&bag, &Measurement::Named(id), arguments);
-    let mut all = match named(first.to_owned()) {
-        Ok(session) => session,
-        Err(problem) => {
-            output::remark(&format!(
-                "warning: {:?} adds to {first:?}, which is not in this bag: {problem}",
-                plan.plan_id
-            ));
-            return Ok(last);
-        }
-    };
-    for number in 1..plan_id.supplement_number() {
-        let earlier = PlanId::from(first).supplement(number);
-        all = join(&all, &named(earlier.to_string())?)?;
-    }
-    Ok(join(&all, &last)?)
+    Ok(with_remarks(recorded::measured(
+        path,
+        &measurement,
+        model.as_deref(),
+    )?))
 }
 
-fn read_measurement(
-    bag: &Bag,
-    measurement: &Measurement,
-    arguments: &Arguments,
-) -> anyhow::Result<Session> {
-    let session = bags::Session::read_measurement(bag, measurement)?;
-    let declared = declared(bag, arguments.model.as_deref())?;
-    Ok(plain(bag, session, declared))
-}
-
-/// A session as the diagnosis takes it, without the stamps of its reception; what is missing is remarked.
-pub(super) fn plain(bag: &Bag, session: bags::Session, declared: Vec<DeclaredEffect>) -> Session {
-    for damage in &session.damage {
-        output::remark(&format!(
-            "warning: {damage}: only the complete part is diagnosed"
-        ));
+/// The session, after its remarks.
+pub(super) fn with_remarks(measured: Measured) -> Session {
+    for remark in &measured.remarks {
+        output::remark(remark);
     }
-    for missing in &session.missing {
-        output::remark(&format!("warning: {missing}"));
-    }
-    Session {
-        name: bag
-            .path()
-            .file_name()
-            .map_or_else(String::new, |name| name.to_string_lossy().into_owned()),
-        robot_description: session.robot_description,
-        plan: session.plan,
-        events: session
-            .events
-            .into_iter()
-            .map(|stamped| stamped.message)
-            .collect(),
-        joint_states: session
-            .joint_states
-            .into_iter()
-            .map(|stamped| stamped.message)
-            .collect(),
-        joint_commands: session
-            .joint_commands
-            .into_iter()
-            .map(|stamped| stamped.message)
-            .collect(),
-        machine_states: session
-            .machine_states
-            .into_iter()
-            .map(|stamped| stamped.message)
-            .collect(),
-        references: session
-            .references
-            .into_iter()
-            .map(|stamped| stamped.message)
-            .collect(),
-        declared,
-    }
-}
-
-/// Effects of the declared model: of the named cell file, or of the one that the bag carries.
-fn declared(bag: &Bag, model: Option<&Path>) -> anyhow::Result<Vec<DeclaredEffect>> {
-    if let Some(path) = model {
-        return Ok(Cell::read(path)?.model.effects);
-    }
-    let Some(text) = embedded::text(bag)? else {
-        return Ok(Vec::new());
-    };
-    match ModelSection::of_text(&text.cell) {
-        Ok(model) => Ok(model.effects),
-        Err(error) => bail!("{}: {error}", text.name),
-    }
+    measured.session
 }

@@ -8,8 +8,9 @@ use cell::Cell;
 use diagnosis::{Options, Report, Residuals, Session, diagnose_time};
 use machine::{Chain, Motion, RawMotion};
 use probecell_msgs::MeasurementOrder;
+use recorded::{embedded, plain};
 
-use super::{diagnose::plain, embedded};
+use super::diagnose::with_remarks;
 
 /// A measurement and what was promised of it.
 pub(super) struct Timed {
@@ -38,7 +39,7 @@ impl Timed {
             None => recorded(&bag)?.check(&chain)?,
         };
         Ok(Self {
-            session: plain(&bag, session, Vec::new()),
+            session: with_remarks(plain(&bag, session, Vec::new())),
             orders,
             motion,
         })

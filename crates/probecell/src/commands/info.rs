@@ -7,7 +7,9 @@ use bags::{Bag, Sealed, verify_seals};
 use serde::Serialize;
 use trust::PublicKey;
 
-use super::record::{KEY_FILE, sealing};
+use recorded::embedded::KEY_FILE;
+
+use super::record::sealing;
 use crate::{FAILED, GOOD, LOSS, output};
 
 /// What the seals of a recording say.

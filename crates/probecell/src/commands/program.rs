@@ -13,9 +13,11 @@ use controllers::dialect::{Characteristic, DIALECTS, Dialect, Job, ProgramWriter
 use machine::{Chain, JointKind};
 use probecell_msgs::{InspectionPlan, MeasurementOrder};
 
+use recorded::embedded;
+
 use super::{
     controller_files::{axes, touched_points},
-    embedded, plan,
+    plan,
 };
 use crate::{GOOD, output};
 

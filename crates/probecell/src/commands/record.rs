@@ -22,18 +22,13 @@ use probecell_msgs::{
     PartStatus, RecordingStatus, Service, builtin_interfaces::Time, from_cdr, is_unprintable, srv,
     to_cdr,
 };
+use recorded::embedded::{CELL_FILE, KEY_FILE, ROBOT_FILE};
 use trust::{Act, Kind, PublicKey, SecretKey};
 
 use crate::{GOOD, LOSS, cell_bus, output, routing::refuse_unheard, signals};
 
-/// Name of the embedded cell file.
-pub(crate) const CELL_FILE: &str = "cell.toml";
 /// Name of the table of provenance.
 pub(super) const PROVENANCE: &str = "probecell";
-/// Name of the embedded robot description.
-pub(crate) const ROBOT_FILE: &str = "robot.urdf";
-/// Name of the embedded public key of the cell.
-pub(crate) const KEY_FILE: &str = "cell.pub";
 
 /// Timeout of the recorder to answer a service; a client of this project waits for 15 s.
 const REPLY_TIMEOUT: Duration = Duration::from_secs(10);

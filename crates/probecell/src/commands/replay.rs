@@ -14,7 +14,7 @@ use indicatif::ProgressBar;
 use probecell_msgs::from_cdr;
 use serde_json::json;
 
-use super::embedded;
+use recorded::embedded;
 use crate::{FAILED, GOOD, LOSS, output};
 
 /// Replays the bag. A bag without step journals is computed from its plan and touches alone.

@@ -7,7 +7,7 @@ use machine::Chain;
 use probecell_msgs::{FeatureResult, InspectionPlan, PartReport, ReferenceMeasurement, std_msgs};
 use serde_json::{Value, json};
 
-use super::embedded;
+use recorded::embedded;
 
 /// The features of the plans as the instruments find them, by the fits of the recorded cell file (without one: by least
 /// squares), and a sentence for each reference that tells nothing.

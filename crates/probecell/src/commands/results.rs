@@ -21,9 +21,11 @@ use machine::{Chain, Nominal};
 use probecell_msgs::{FeatureResult, InspectionPlan, ProbeEvent};
 use serde_json::{Value, json};
 
+use recorded::embedded;
+
 use super::{
     controller_files::{axes, read_results},
-    embedded, import, plan, report_sizes,
+    import, plan, report_sizes,
 };
 use crate::{GOOD, LOSS, output};
 

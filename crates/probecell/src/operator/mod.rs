@@ -43,7 +43,9 @@ use self::{
     services::{RequestPublishers, serve},
     state::{OperatorState, lock},
 };
-use crate::{cell_bus::CellFailure, commands::embedded, output};
+use recorded::embedded;
+
+use crate::{cell_bus::CellFailure, output};
 
 /// How a part ended.
 #[derive(Clone, Copy, Debug)]

@@ -139,13 +139,13 @@ fn attachments(source: &Source) -> anyhow::Result<Vec<(String, &'static str, Vec
     if let Some(cell) = &source.cell {
         let text = cell.cell.clone().into_bytes();
         all.push((
-            super::super::record::CELL_FILE.to_owned(),
+            recorded::embedded::CELL_FILE.to_owned(),
             "application/toml",
             text,
         ));
         let robot = cell.robot_description.clone().into_bytes();
         all.push((
-            super::super::record::ROBOT_FILE.to_owned(),
+            recorded::embedded::ROBOT_FILE.to_owned(),
             "application/xml",
             robot,
         ));

@@ -7,13 +7,18 @@ use cell::{Cell, CellText};
 use graph::topics;
 use probecell_msgs::{from_cdr, std_msgs};
 
-use super::record::{CELL_FILE, KEY_FILE, ROBOT_FILE};
+/// Name of the attachment with the cell file.
+pub const CELL_FILE: &str = "cell.toml";
+/// Name of the attachment with the robot description.
+pub const ROBOT_FILE: &str = "robot.urdf";
+/// Name of the attachment with the cell's public key.
+pub const KEY_FILE: &str = "cell.pub";
 
 /// Begin of the first line of a description: a comment in TOML.
 const KEY_LINE: &str = "# public key of the cell: ";
 
 /// What a cell publishes of itself: its public key as a comment, and its file without passwords.
-pub(crate) fn description(cell: &Cell, key: &str) -> String {
+pub fn description(cell: &Cell, key: &str) -> String {
     let text = cell::secrets::redacted(&cell.text().cell);
     format!("{KEY_LINE}{key}\n{text}")
 }
@@ -28,7 +33,7 @@ fn parts(description: &str) -> (String, String) {
 }
 
 /// The cell of a recording; `None` where it carries none.
-pub(crate) fn cell(bag: &Bag) -> anyhow::Result<Option<Cell>> {
+pub fn cell(bag: &Bag) -> anyhow::Result<Option<Cell>> {
     let Some(text) = text(bag)? else {
         return Ok(None);
     };
@@ -36,7 +41,7 @@ pub(crate) fn cell(bag: &Bag) -> anyhow::Result<Option<Cell>> {
 }
 
 /// Its texts: those of the first file that has some.
-pub(crate) fn text(bag: &Bag) -> anyhow::Result<Option<CellText>> {
+pub fn text(bag: &Bag) -> anyhow::Result<Option<CellText>> {
     let mut text = CellText {
         name: format!("{} of {}", CELL_FILE, bag.path().display()),
         ..CellText::default()

@@ -1,0 +1,137 @@
+//! A measurement of a bag as the diagnosis takes it: the last one or a named one, with what it adds to, and with the model
+//! that the bag's cell declares. The command `diagnose` and the function of the same name in SQL both read by it.
+//!
+//! ```no_run
+//! use bags::Measurement;
+//! use recorded::{Measured, measured};
+//!
+//! let Measured { session, remarks } = measured("session.mcap".as_ref(), &Measurement::Last, None)?;
+//! println!("{} touches, {} remarks", session.events.len(), remarks.len());
+//! # Ok::<(), anyhow::Error>(())
+//! ```
+
+pub mod embedded;
+
+use std::path::Path;
+
+use anyhow::bail;
+use bags::{Bag, Measurement};
+use cell::ModelSection;
+use diagnosis::{DeclaredEffect, Session};
+use effects::session::joined::join;
+use probecell_msgs::PlanId;
+
+/// A measurement, and what a person must know of it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Measured {
+    /// The session.
+    pub session: Session,
+    /// Damage that leaves enough, and touches that are missing: a sentence each.
+    pub remarks: Vec<String>,
+}
+
+/// Reads a measurement of the bag at `path`, compared with the effects of `model`, or where it is `None` with those of the
+/// cell file that the bag carries. Where the measurement is one of further touches, what it adds to stands before it.
+///
+/// # Errors
+/// The bag, its session or the model cannot be read.
+pub fn measured(
+    path: &Path,
+    measurement: &Measurement,
+    model: Option<&[DeclaredEffect]>,
+) -> anyhow::Result<Measured> {
+    let bag = Bag::open(path)?;
+    measured_of(&bag, measurement, model)
+}
+
+/// As [`measured`], of a bag that is open.
+///
+/// # Errors
+/// As [`measured`].
+pub fn measured_of(
+    bag: &Bag,
+    measurement: &Measurement,
+    model: Option<&[DeclaredEffect]>,
+) -> anyhow::Result<Measured> {
+    let mut remarks = Vec::new();
+    let mut one = |measurement: &Measurement| -> anyhow::Result<Session> {
+        let session = bags::Session::read_measurement(bag, measurement)?;
+        let declared = match model {
+            Some(model) => model.to_vec(),
+            None => declared(bag)?,
+        };
+        let Measured { session, remarks: own } = plain(bag, session, declared);
+        remarks.extend(own);
+        Ok(session)
+    };
+    let last = one(measurement)?;
+    let Some(plan) = &last.plan else {
+        return Ok(Measured { session: last, remarks });
+    };
+    let plan_id = PlanId::from(&plan.plan_id);
+    let Some(first) = plan_id.supplemented() else {
+        return Ok(Measured { session: last, remarks });
+    };
+    let mut all = match one(&Measurement::Named(first.to_owned())) {
+        Ok(session) => session,
+        Err(problem) => {
+            remarks.push(format!(
+                "warning: {:?} adds to {first:?}, which is not in this bag: {problem}",
+                plan.plan_id
+            ));
+            return Ok(Measured { session: last, remarks });
+        }
+    };
+    for number in 1..plan_id.supplement_number() {
+        let earlier = PlanId::from(first).supplement(number);
+        all = join(&all, &one(&Measurement::Named(earlier.to_string()))?)?;
+    }
+    Ok(Measured {
+        session: join(&all, &last)?,
+        remarks,
+    })
+}
+
+/// A session as the diagnosis takes it, without the stamps of its reception; what is missing is remarked.
+pub fn plain(bag: &Bag, session: bags::Session, declared: Vec<DeclaredEffect>) -> Measured {
+    let damage = session
+        .damage
+        .iter()
+        .map(|damage| format!("warning: {damage}: only the complete part is diagnosed"));
+    let missing = session
+        .missing
+        .iter()
+        .map(|missing| format!("warning: {missing}"));
+    let remarks = damage.chain(missing).collect();
+    let name = bag.path().file_name();
+    let name = name.map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+    Measured {
+        session: Session {
+            name,
+            robot_description: session.robot_description,
+            plan: session.plan,
+            events: messages(session.events),
+            joint_states: messages(session.joint_states),
+            joint_commands: messages(session.joint_commands),
+            machine_states: messages(session.machine_states),
+            references: messages(session.references),
+            declared,
+        },
+        remarks,
+    }
+}
+
+fn messages<T>(stamped: Vec<bags::Stamped<T>>) -> Vec<T> {
+    stamped.into_iter().map(|stamped| stamped.message).collect()
+}
+
+/// Effects of the declared model that the bag carries.
+fn declared(bag: &Bag) -> anyhow::Result<Vec<DeclaredEffect>> {
+    let Some(text) = embedded::text(bag)? else {
+        return Ok(Vec::new());
+    };
+    match ModelSection::of_text(&text.cell) {
+        Ok(model) => Ok(model.effects),
+        Err(error) => bail!("{}: {error}", text.name),
+    }
+}

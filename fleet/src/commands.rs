@@ -1,0 +1,220 @@
+//! The command line.
+
+use std::io::{ErrorKind, IsTerminal, Write};
+use std::path::PathBuf;
+
+use anyhow::{Context, bail};
+use clap::{Args, Parser, Subcommand};
+use probecell_fleet::lake::{Event, Lake};
+use probecell_fleet::trend::hall::{Options, conclude};
+use probecell_fleet::trend::series::{events, series};
+
+/// Finished, with some input left out.
+const LEFT_OUT: u8 = 3;
+
+/// The sessions of many machines: kept and watched.
+#[derive(Parser)]
+#[command(version, about, arg_required_else_help = true)]
+pub(crate) struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Make and keep a lake.
+    #[command(subcommand)]
+    Lake(LakeCommand),
+    /// Watch the effects of every machine over time: what has changed, since when, what was done then, and when it will leave
+    /// its limit.
+    Trends {
+        #[command(flatten)]
+        lake: Where,
+        /// False alarms of a machine in 1,000 of its sessions.
+        #[arg(long, default_value_t = 1.0, value_name = "NUMBER")]
+        false_alarms: f64,
+        /// Limit of a quantity in its unit, as `axis.X.scale.k=2e-5`; may be repeated.
+        #[arg(long, value_name = "QUANTITY=VALUE", value_parser = limit)]
+        limit: Vec<(String, f64)>,
+        /// Follow the effects that the diagnosis has named in so many sessions of one machine.
+        #[arg(long, default_value_t = 5, value_name = "NUMBER")]
+        named_in: usize,
+        /// Print JSON.
+        #[arg(long)]
+        json: bool,
+    },
+    /// List the tables of a lake with unit and description of each column.
+    Tables,
+}
+
+#[derive(Args)]
+struct Where {
+    /// Folder of the lake.
+    #[arg(long = "lake", default_value = "lake", value_name = "DIR")]
+    folder: PathBuf,
+}
+
+#[derive(Subcommand)]
+enum LakeCommand {
+    /// Add recordings; those that are in the lake are left as they are.
+    Add {
+        /// Recordings, or folders that hold some.
+        #[arg(required = true)]
+        bags: Vec<PathBuf>,
+        #[command(flatten)]
+        lake: Where,
+    },
+    /// Note what was done to a machine: a service, a crash.
+    Event {
+        /// Machine.
+        #[arg(long)]
+        machine: String,
+        /// Instant, RFC 3339 in UTC.
+        #[arg(long)]
+        time: String,
+        /// `service`, `crash`, `tool_change` or another word.
+        #[arg(long)]
+        kind: String,
+        /// What was done.
+        #[arg(default_value = "")]
+        text: String,
+        #[command(flatten)]
+        lake: Where,
+    },
+    /// Make few large files of many small ones.
+    Compact {
+        #[command(flatten)]
+        lake: Where,
+    },
+}
+
+/// Runs a command and gives the exit status.
+pub(crate) fn run(arguments: Arguments) -> anyhow::Result<u8> {
+    match arguments.command {
+        Command::Lake(LakeCommand::Add { bags, lake }) => add(&lake, &bags),
+        Command::Lake(LakeCommand::Event {
+            machine,
+            time,
+            kind,
+            text,
+            lake,
+        }) => {
+            let since = humantime::parse_rfc3339_weak(&time)
+                .with_context(|| format!("{time:?} is no instant (2026-03-01T07:30:00Z)"))?
+                .duration_since(std::time::UNIX_EPOCH)
+                .with_context(|| format!("{time:?} is before 1970"))?;
+            let event = Event {
+                machine,
+                time: i64::try_from(since.as_micros())?,
+                kind,
+                text,
+            };
+            let new = Lake::open_or_create(&lake.folder)?.add_events(&[event])?;
+            print(&format!("{new} new\n"))
+        }
+        Command::Lake(LakeCommand::Compact { lake }) => {
+            let (before, after) = Lake::open(&lake.folder)?.compact()?;
+            print(&format!("{before} files before, {after} after\n"))
+        }
+        Command::Trends {
+            lake,
+            false_alarms,
+            limit,
+            named_in,
+            json,
+        } => {
+            if !(false_alarms > 0.0 && false_alarms <= 1000.0) {
+                bail!("--false-alarms is {false_alarms}, must be above 0 and at most 1000");
+            }
+            let lake = Lake::open(&lake.folder)?;
+            let options = Options {
+                false_alarms,
+                limits: limit.into_iter().collect(),
+            };
+            let conclusions = conclude(&series(&lake, named_in)?, &events(&lake)?, &options);
+            if json {
+                print(&format!(
+                    "{}\n",
+                    serde_json::to_string_pretty(&conclusions)?
+                ))
+            } else {
+                print(&conclusions.text())
+            }
+        }
+        Command::Tables => print(&contents()),
+    }
+}
+
+/// `QUANTITY=VALUE`.
+fn limit(text: &str) -> Result<(String, f64), String> {
+    let parts = text
+        .rsplit_once('=')
+        .and_then(|(name, value)| Some((name, value.parse::<f64>().ok()?)));
+    match parts {
+        Some((name, value)) if value > 0.0 && value.is_finite() => Ok((name.to_owned(), value)),
+        _ => Err("must be QUANTITY=VALUE with a value above 0".to_owned()),
+    }
+}
+
+fn add(lake: &Where, bags: &[PathBuf]) -> anyhow::Result<u8> {
+    let lake = Lake::open_or_create(&lake.folder)?;
+    let terminal = std::io::stderr().is_terminal();
+    let added = lake.add(bags, &mut |done, all| {
+        if terminal && all > done {
+            remark(&format!("{done} of {all}"));
+        }
+    })?;
+    for text in &added.remarks {
+        remark(&format!("warning: {text}"));
+    }
+    for text in &added.refused {
+        remark(&format!("not added: {text}"));
+    }
+    print(&format!(
+        "{} added, {} known already, {} not added\n",
+        added.new,
+        added.known,
+        added.refused.len()
+    ))?;
+    Ok(if added.refused.is_empty() {
+        0
+    } else {
+        LEFT_OUT
+    })
+}
+
+/// Tables and their columns.
+fn contents() -> String {
+    use probecell_fleet::lake::schema::{MONTH, TABLES, columns};
+    let mut text: Vec<String> = Vec::new();
+    for table in TABLES {
+        text.push(format!("{}: {}\n", table.name, table.description));
+        for column in columns(table) {
+            let unit = if column.unit.is_empty() {
+                String::new()
+            } else {
+                format!(" [{}]", column.unit)
+            };
+            text.push(format!("  {}{unit}: {}\n", column.name, column.description));
+        }
+        text.push(format!("  {MONTH}: year and month of the row\n"));
+    }
+    text.concat()
+}
+
+/// Text on standard output; a reader that has closed the pipe has seen enough.
+fn print(text: &str) -> anyhow::Result<u8> {
+    let mut out = std::io::stdout().lock();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
+            Err(error).context("cannot write the output")
+        }
+        _ => Ok(0),
+    }
+}
+
+/// A remark on standard error.
+#[expect(clippy::print_stderr, reason = "this is the terminal")]
+pub(crate) fn remark(text: &str) {
+    eprintln!("{text}");
+}

@@ -1,0 +1,179 @@
+//! The lake: tables as folders of Parquet files, one folder for each month, which any reader of Parquet reads.
+//!
+//! ```text
+//! LAKE/lake.json                                version of the tables
+//! LAKE/sessions/month=2026-03/HASH.parquet      a row for each recording: the list of what the lake holds
+//! LAKE/effects/month=2026-03/HASH.parquet       ...
+//! ```
+//!
+//! Recordings stay the truth, and the lake is an index that can be made again. A recording is known by the hash of its
+//! content, so that adding it twice does nothing. One writer at a time; readers need no lock.
+
+mod add;
+mod commit;
+mod compact;
+mod events;
+mod read;
+pub mod rows;
+pub mod schema;
+
+pub use read::{flags, moments, numbers, texts};
+
+use std::collections::BTreeSet;
+use std::fs::{self, File};
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail};
+use serde::{Deserialize, Serialize};
+
+pub use add::{Added, Rows, hash};
+pub use events::Event;
+use schema::{SESSIONS, TABLES, Table};
+
+/// Name of the file that tells the version.
+const FILE: &str = "lake.json";
+/// Name of the file that a writer locks.
+const LOCK: &str = ".lock";
+
+#[derive(Serialize, Deserialize)]
+struct Header {
+    /// `probecell/lake`.
+    schema: String,
+    version: u32,
+}
+
+/// A lake in a folder.
+#[derive(Debug, Clone)]
+pub struct Lake {
+    root: PathBuf,
+}
+
+impl Lake {
+    /// Opens a lake.
+    ///
+    /// # Errors
+    /// There is none, or it was made by a later version.
+    pub fn open(root: &Path) -> anyhow::Result<Self> {
+        let file = root.join(FILE);
+        let text = fs::read(&file).with_context(|| {
+            format!(
+                "there is no lake in {}: `lake add` makes one",
+                root.display()
+            )
+        })?;
+        let header: Header = serde_json::from_slice(&text)
+            .with_context(|| format!("cannot read {}", file.display()))?;
+        if header.version > schema::VERSION {
+            bail!(
+                "the lake in {} is of version {}; this program reads versions up to {}",
+                root.display(),
+                header.version,
+                schema::VERSION
+            );
+        }
+        Ok(Self {
+            root: root.to_owned(),
+        })
+    }
+
+    /// Opens a lake, or makes one in a folder that is empty or not there.
+    ///
+    /// # Errors
+    /// As [`Lake::open`]; the folder holds something else.
+    pub fn open_or_create(root: &Path) -> anyhow::Result<Self> {
+        if root.join(FILE).exists() {
+            return Self::open(root);
+        }
+        fs::create_dir_all(root).with_context(|| format!("cannot make {}", root.display()))?;
+        if fs::read_dir(root)?.next().is_some() {
+            bail!("{} is neither empty nor a lake", root.display());
+        }
+        for table in TABLES {
+            fs::create_dir_all(root.join(table.name))?;
+        }
+        let header = Header {
+            schema: "probecell/lake".to_owned(),
+            version: schema::VERSION,
+        };
+        let written = root.join(".lake.json");
+        fs::write(&written, serde_json::to_vec_pretty(&header)?)?;
+        fs::rename(&written, root.join(FILE))?;
+        Ok(Self {
+            root: root.to_owned(),
+        })
+    }
+
+    /// Its folder.
+    pub fn root(&self) -> &Path {
+        &self.root
+    }
+
+    /// Files of a table with the names of their folders, sorted.
+    ///
+    /// # Errors
+    /// A folder cannot be read.
+    pub fn files(&self, table: &Table) -> anyhow::Result<Vec<(String, PathBuf)>> {
+        let mut found = Vec::new();
+        let folder = self.root.join(table.name);
+        if !folder.exists() {
+            return Ok(found);
+        }
+        for month in
+            fs::read_dir(&folder).with_context(|| format!("cannot read {}", folder.display()))?
+        {
+            let month = month?;
+            let name = month.file_name().to_string_lossy().into_owned();
+            if !month.file_type()?.is_dir() {
+                continue;
+            }
+            for file in fs::read_dir(month.path())? {
+                let path = file?.path();
+                if path
+                    .extension()
+                    .is_some_and(|extension| extension == "parquet")
+                {
+                    found.push((name.clone(), path));
+                }
+            }
+        }
+        found.sort();
+        Ok(found)
+    }
+
+    /// Hashes of the recordings in the lake.
+    ///
+    /// # Errors
+    /// A file of the sessions cannot be read.
+    pub fn known(&self) -> anyhow::Result<BTreeSet<String>> {
+        self.keys(&SESSIONS)
+    }
+
+    fn keys(&self, table: &Table) -> anyhow::Result<BTreeSet<String>> {
+        let mut known = BTreeSet::new();
+        self.scan(table, &["bag"], &mut |batch| {
+            let keys = read::texts(batch, 0)?;
+            known.extend(keys.iter().flatten().map(ToOwned::to_owned));
+            Ok(())
+        })?;
+        Ok(known)
+    }
+
+    /// The lock of the one writer, until it is dropped.
+    fn lock(&self) -> anyhow::Result<File> {
+        let path = self.root.join(LOCK);
+        let file =
+            File::create(&path).with_context(|| format!("cannot write {}", path.display()))?;
+        match file.try_lock() {
+            Ok(()) => Ok(file),
+            Err(fs::TryLockError::WouldBlock) => {
+                bail!(
+                    "another program is writing to the lake in {}",
+                    self.root.display()
+                )
+            }
+            Err(fs::TryLockError::Error(error)) => {
+                Err(error).with_context(|| format!("cannot lock {}", path.display()))
+            }
+        }
+    }
+}

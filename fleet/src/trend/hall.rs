@@ -1,0 +1,350 @@
+//! Conclusions on all machines of a lake: what changed where, what a type of machine has in common, what was done then.
+
+mod common;
+mod text;
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use serde::Serialize;
+
+use common::random_effects;
+
+use super::series::{Done, Quantity, Series};
+use super::watch::{Change, Kind, Watch};
+use super::{Spread, crossing, spread};
+
+/// Points of each series from which the spread of the quantity is estimated.
+const FIRST: usize = 30;
+/// Days between the onsets of machines that are taken for one cause.
+const TOGETHER: f64 = 14.0;
+/// Fewest machines that have something in common; of large types it is half of them.
+const FEWEST: usize = 3;
+
+/// What is asked for.
+#[derive(Debug, Clone)]
+pub struct Options {
+    /// False alarms of a machine in 1,000 of its sessions, over all of its series.
+    pub false_alarms: f64,
+    /// Limits of quantities, `effect.parameter`, in their unit.
+    pub limits: BTreeMap<String, f64>,
+}
+
+/// A change of a quantity of a machine.
+#[derive(Debug, Clone, Serialize)]
+pub struct Finding {
+    /// Machine.
+    pub machine: String,
+    /// Its type.
+    pub machine_type: String,
+    /// Effect and parameter.
+    pub quantity: String,
+    /// Unit of the quantity.
+    pub unit: String,
+    /// `step` or `drift`.
+    pub kind: &'static str,
+    /// Days since 1970 of the first changed session: the most probable, and the interval that holds 95 %.
+    pub onset: f64,
+    /// See `onset`.
+    pub onset_between: [f64; 2],
+    /// Days since 1970 of the session after which it was certain.
+    pub alarm: f64,
+    /// Step (unit) or slope (unit per day) and its standard uncertainty, at the alarm.
+    pub size: [f64; 2],
+    /// Level before the onset, unit.
+    pub before: f64,
+    /// The same change, with a slope followed to the end of the series: level and slope now with their standard uncertainties.
+    pub now: [[f64; 2]; 2],
+    /// Days from the last session until it leaves its limit: earliest, expected, latest (2.5 %, 50 %, 97.5 %); absent without a
+    /// limit, an end `null` where it is not within ten years.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub leaves_limit_in: Option<[Option<f64>; 3]>,
+    /// True: half of the machines of the type have changed alike, see [`Conclusions::common`].
+    pub common: bool,
+    /// What was done to the machine between the last unchanged and the first changed session.
+    pub coincides_with: Vec<String>,
+    /// Number of events that would lie there by chance.
+    pub by_chance: f64,
+    /// Other quantities of the machine that changed then, less clearly: an effect shows in others that resemble it.
+    pub also: Vec<String>,
+    /// Natural logarithm of the Shiryaev–Roberts statistic at the alarm.
+    pub log_statistic: f64,
+}
+
+/// A change that the machines of a type have in common.
+#[derive(Debug, Clone, Serialize)]
+pub struct Common {
+    /// Type of the machines.
+    pub machine_type: String,
+    /// Effect and parameter.
+    pub quantity: String,
+    /// Unit.
+    pub unit: String,
+    /// `step` or `drift`.
+    pub kind: &'static str,
+    /// Days since 1970: median of the machines' onsets.
+    pub onset: f64,
+    /// Machines that changed.
+    pub machines: Vec<String>,
+    /// Machines of the type.
+    pub of: usize,
+    /// Common size with its standard uncertainty (random effects, DerSimonian and Laird 1986).
+    pub size: [f64; 2],
+    /// Standard deviation of the sizes between machines beyond their uncertainty.
+    pub between_machines: f64,
+}
+
+/// Conclusions on a lake.
+#[derive(Debug, Clone, Serialize)]
+pub struct Conclusions {
+    /// Machines that were watched.
+    pub machines: usize,
+    /// Series that were watched.
+    pub series: usize,
+    /// Points of all series.
+    pub points: usize,
+    /// False alarms of a machine in 1,000 sessions, at most, in the mean.
+    pub false_alarms_per_1000_sessions: f64,
+    /// Changes by machine and time.
+    pub findings: Vec<Finding>,
+    /// What types have in common.
+    pub common: Vec<Common>,
+}
+
+/// A change with what it belongs to.
+struct Found<'s> {
+    series: &'s Series,
+    spread: Spread,
+    change: Change,
+    last: super::Level,
+    common: bool,
+}
+
+impl Found<'_> {
+    fn time(&self, point: usize) -> f64 {
+        self.series.points[point].time
+    }
+
+    fn onset(&self) -> f64 {
+        self.time(self.change.onset)
+    }
+
+    /// From the last session that may be unchanged to the first that must be changed.
+    fn window(&self) -> [f64; 2] {
+        let [low, high] = self.change.between;
+        [self.time(low.saturating_sub(1)), self.time(high)]
+    }
+}
+
+/// Watches all series.
+pub fn conclude(
+    series: &[Series],
+    events: &BTreeMap<String, Vec<Done>>,
+    options: &Options,
+) -> Conclusions {
+    let mut by_kind: BTreeMap<(&str, &Quantity), Vec<&Series>> = BTreeMap::new();
+    let mut of_machine: BTreeMap<&str, usize> = BTreeMap::new();
+    for one in series {
+        by_kind
+            .entry((&one.machine_type, &one.quantity))
+            .or_default()
+            .push(one);
+        *of_machine.entry(&one.machine).or_default() += 1;
+    }
+    let mut common = Vec::new();
+    let mut all: Vec<Found<'_>> = Vec::new();
+    for alike in by_kind.values() {
+        let firsts: Vec<&[super::Point]> = alike
+            .iter()
+            .map(|one| &one.points[..one.points.len().min(FIRST)])
+            .collect();
+        let spread = spread(&firsts);
+        let mut found = Vec::new();
+        for one in alike {
+            let sessions = of_machine[one.machine.as_str()] as f64 * 1000.0 / options.false_alarms;
+            found.extend(changes(one, spread, sessions));
+        }
+        common.extend(in_common(&mut found, alike.len()));
+        all.extend(found);
+    }
+    Conclusions {
+        machines: of_machine.len(),
+        series: series.len(),
+        points: series.iter().map(|one| one.points.len()).sum(),
+        false_alarms_per_1000_sessions: options.false_alarms,
+        findings: merged(all, events, options),
+        common,
+    }
+}
+
+fn changes(series: &Series, spread: Spread, sessions: f64) -> Vec<Found<'_>> {
+    let mut watch = Watch::new(spread, sessions);
+    let found: Vec<Change> = series
+        .points
+        .iter()
+        .filter_map(|point| watch.push(point))
+        .collect();
+    let Some(last) = watch.level().copied() else {
+        return Vec::new();
+    };
+    let of = |change: Change| Found {
+        series,
+        spread,
+        last,
+        change,
+        common: false,
+    };
+    found.into_iter().map(of).collect()
+}
+
+/// Groups of machines of one type that changed alike, in one quantity; marks their changes.
+fn in_common(found: &mut [Found<'_>], machines: usize) -> Vec<Common> {
+    let fewest = FEWEST.max(machines.div_ceil(2));
+    let mut groups: Vec<Common> = Vec::new();
+    for up in [true, false] {
+        let mut places: Vec<usize> = (0..found.len())
+            .filter(|place| (found[*place].change.size[0] > 0.0) == up)
+            .collect();
+        places.sort_by(|a, b| found[*a].onset().total_cmp(&found[*b].onset()));
+        let gap = |pair: [usize; 2]| found[pair[1]].onset() - found[pair[0]].onset() > TOGETHER;
+        let together: Vec<Vec<usize>> = places
+            .chunk_by(|a, b| !gap([*a, *b]))
+            .map(<[usize]>::to_vec)
+            .collect();
+        for group in together {
+            let names: BTreeSet<String> = group
+                .iter()
+                .map(|place| found[*place].series.machine.clone())
+                .collect();
+            if names.len() < fewest {
+                continue;
+            }
+            let steps = group
+                .iter()
+                .filter(|place| found[**place].change.kind == Kind::Step)
+                .count();
+            let kind = if 2 * steps >= group.len() {
+                Kind::Step
+            } else {
+                Kind::Drift
+            };
+            let sizes: Vec<[f64; 2]> = group
+                .iter()
+                .map(|place| &found[*place].change)
+                .filter(|change| change.kind == kind)
+                .map(|change| change.size)
+                .collect();
+            let (size, between_machines) = random_effects(&sizes);
+            let onsets: Vec<f64> = group.iter().map(|place| found[*place].onset()).collect();
+            let series = found[group[0]].series;
+            groups.push(Common {
+                machine_type: series.machine_type.clone(),
+                quantity: name(&series.quantity),
+                unit: series.quantity.unit.clone(),
+                kind: word(kind),
+                onset: metrology::statistics::median(&onsets),
+                machines: names.into_iter().collect(),
+                of: machines,
+                size,
+                between_machines,
+            });
+            for place in group {
+                found[place].common = true;
+            }
+        }
+    }
+    groups
+}
+
+/// One finding for the changes of a machine that may have begun together: the clearest, and what else changed.
+fn merged(
+    mut all: Vec<Found<'_>>,
+    events: &BTreeMap<String, Vec<Done>>,
+    options: &Options,
+) -> Vec<Finding> {
+    all.sort_by(|a, b| b.change.log_statistic.total_cmp(&a.change.log_statistic));
+    let mut findings: Vec<(Finding, [f64; 2])> = Vec::new();
+    for found in &all {
+        let window = found.window();
+        let own = name(&found.series.quantity);
+        let same = findings.iter_mut().find(|(finding, other)| {
+            finding.machine == found.series.machine
+                && finding.quantity != own
+                && window[0] <= other[1]
+                && other[0] <= window[1]
+        });
+        if let Some((finding, _)) = same {
+            if !finding.also.contains(&own) {
+                finding.also.push(own);
+            }
+            continue;
+        }
+        findings.push((
+            finding(found, events.get(&found.series.machine), options),
+            window,
+        ));
+    }
+    let mut findings: Vec<Finding> = findings.into_iter().map(|(finding, _)| finding).collect();
+    findings.sort_by(|a, b| a.machine.cmp(&b.machine).then(a.onset.total_cmp(&b.onset)));
+    findings
+}
+
+fn finding(found: &Found<'_>, events: Option<&Vec<Done>>, options: &Options) -> Finding {
+    let Found {
+        series,
+        spread,
+        change,
+        last,
+        common,
+    } = found;
+    let quantity = name(&series.quantity);
+    let window = found.window();
+    let events = events.map_or(&[][..], Vec::as_slice);
+    let within = events
+        .iter()
+        .filter(|event| event.time > window[0] && event.time <= window[1]);
+    let span = series.points.last().map_or(0.0, |point| point.time) - series.points[0].time;
+    let leaves = options.limits.get(&quantity).map(|limit| {
+        let crossing = crossing(last, spread.walk, *limit);
+        [crossing.earliest, crossing.expected, crossing.latest]
+            .map(|days| days.is_finite().then_some(days))
+    });
+    let text = |event: &Done| {
+        format!("{}: {}", event.kind, event.text)
+            .trim_end_matches(": ")
+            .to_owned()
+    };
+    Finding {
+        machine: series.machine.clone(),
+        machine_type: series.machine_type.clone(),
+        quantity,
+        unit: series.quantity.unit.clone(),
+        kind: word(change.kind),
+        onset: found.onset(),
+        onset_between: change.between.map(|point| found.time(point)),
+        alarm: found.time(change.alarm),
+        size: change.size,
+        before: change.before,
+        now: [
+            [last.level, last.covariance[0].max(0.0).sqrt()],
+            [last.slope, last.covariance[2].max(0.0).sqrt()],
+        ],
+        leaves_limit_in: leaves,
+        common: *common,
+        coincides_with: within.map(text).collect(),
+        by_chance: events.len() as f64 * (window[1] - window[0]) / span.max(f64::MIN_POSITIVE),
+        also: Vec::new(),
+        log_statistic: change.log_statistic,
+    }
+}
+
+/// `effect.parameter`.
+pub fn name(quantity: &Quantity) -> String {
+    format!("{}.{}", quantity.effect, quantity.parameter)
+}
+
+fn word(kind: Kind) -> &'static str {
+    match kind {
+        Kind::Step => "step",
+        Kind::Drift => "drift",
+    }
+}

@@ -1,0 +1,313 @@
+//! Series of a lake: estimates of the effects that are followed, and readings of sensors against those of the hall.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use arrow_array::Array;
+
+use super::Point;
+use crate::lake::schema::{EFFECTS, EVENTS, SIGNALS};
+use crate::lake::{Lake, flags, moments, numbers, texts};
+
+/// µs of a day.
+const DAY: f64 = 86_400e6;
+/// Days over which the readings of the hall are compared.
+const WEEK: f64 = 7.0;
+/// Fewest machines with which a reading is compared.
+const FEWEST_MACHINES: usize = 3;
+/// Name before that of a sensor.
+pub const SENSOR: &str = "sensor.";
+
+/// What is followed: an effect, one of its parameters, and the unit.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Quantity {
+    /// Identifier of the effect, or `sensor.` and the name of the signal.
+    pub effect: String,
+    /// Parameter of the effect; `mean` of a sensor.
+    pub parameter: String,
+    /// Unit of the values.
+    pub unit: String,
+}
+
+/// One series.
+#[derive(Debug, Clone)]
+pub struct Series {
+    /// Machine.
+    pub machine: String,
+    /// Its type.
+    pub machine_type: String,
+    /// What is followed.
+    pub quantity: Quantity,
+    /// Points by time.
+    pub points: Vec<Point>,
+}
+
+/// Something that was done to a machine.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Done {
+    /// Days.
+    pub time: f64,
+    /// What kind.
+    pub kind: String,
+    /// What was done.
+    pub text: String,
+}
+
+/// A point with what its uncertainty is made of.
+struct Estimate {
+    time: f64,
+    value: f64,
+    uncertainty: f64,
+    noise: f64,
+    freedom: f64,
+}
+
+/// Days since 1970 of an instant (µs).
+pub fn days(time: i64) -> f64 {
+    time as f64 / DAY
+}
+
+/// All series of a lake. Of a type of machine those effects are followed that the diagnosis has named in at least `sessions`
+/// sessions of one machine of that type.
+///
+/// # Errors
+/// The lake cannot be read.
+pub fn series(lake: &Lake, sessions: usize) -> anyhow::Result<Vec<Series>> {
+    let followed = followed(lake, sessions)?;
+    let mut found: BTreeMap<(String, String, Quantity), Vec<Estimate>> = BTreeMap::new();
+    let columns = [
+        "machine",
+        "machine_type",
+        "time",
+        "effect",
+        "parameter",
+        "unit",
+        "value",
+        "standard_uncertainty",
+        "noise",
+        "degrees_of_freedom",
+    ];
+    lake.scan(&EFFECTS, &columns, &mut |batch| {
+        let text = |column| texts(batch, column);
+        let (machines, types, times) = (text(0)?, text(1)?, moments(batch, 2)?);
+        let (effects, parameters, units) = (text(3)?, text(4)?, text(5)?);
+        let [values, uncertainties, noises, freedoms] = [
+            numbers(batch, 6)?,
+            numbers(batch, 7)?,
+            numbers(batch, 8)?,
+            numbers(batch, 9)?,
+        ];
+        for row in 0..batch.num_rows() {
+            let wanted =
+                followed.contains(&(types.value(row).to_owned(), effects.value(row).to_owned()));
+            if !wanted || values.is_null(row) || uncertainties.is_null(row) || noises.is_null(row) {
+                continue;
+            }
+            let quantity = Quantity {
+                effect: effects.value(row).to_owned(),
+                parameter: parameters.value(row).to_owned(),
+                unit: units.value(row).to_owned(),
+            };
+            let key = (
+                machines.value(row).to_owned(),
+                types.value(row).to_owned(),
+                quantity,
+            );
+            found.entry(key).or_default().push(Estimate {
+                time: days(times.value(row)),
+                value: values.value(row),
+                uncertainty: uncertainties.value(row),
+                noise: noises.value(row),
+                freedom: freedoms.value(row),
+            });
+        }
+        Ok(())
+    })?;
+    let mut all: Vec<Series> = found
+        .into_iter()
+        .map(|((machine, machine_type, quantity), estimates)| Series {
+            machine,
+            machine_type,
+            quantity,
+            points: pooled(estimates),
+        })
+        .collect();
+    all.extend(sensors(lake)?);
+    Ok(all)
+}
+
+/// Type of machine and effect of what is followed.
+fn followed(lake: &Lake, sessions: usize) -> anyhow::Result<BTreeSet<(String, String)>> {
+    let mut bags: BTreeMap<(String, String, String), BTreeSet<String>> = BTreeMap::new();
+    let columns = ["bag", "machine", "machine_type", "effect", "named"];
+    lake.scan(&EFFECTS, &columns, &mut |batch| {
+        let (keys, machines, types) = (texts(batch, 0)?, texts(batch, 1)?, texts(batch, 2)?);
+        let (effects, named) = (texts(batch, 3)?, flags(batch, 4)?);
+        for row in (0..batch.num_rows()).filter(|row| named.value(*row)) {
+            let key = [types, machines, effects].map(|column| column.value(row).to_owned());
+            bags.entry(key.into())
+                .or_default()
+                .insert(keys.value(row).to_owned());
+        }
+        Ok(())
+    })?;
+    let often = bags.into_iter().filter(|(_, bags)| bags.len() >= sessions);
+    Ok(often
+        .map(|((machine_type, _, effect), _)| (machine_type, effect))
+        .collect())
+}
+
+/// Points whose noise is that of all sessions of the series, weighted by their degrees of freedom: the residuals of one small
+/// session tell it badly.
+fn pooled(mut estimates: Vec<Estimate>) -> Vec<Point> {
+    estimates.sort_by(|a, b| a.time.total_cmp(&b.time));
+    let freedom: f64 = estimates.iter().map(|one| one.freedom).sum();
+    let squares: f64 = estimates
+        .iter()
+        .map(|one| one.freedom * one.noise.powi(2))
+        .sum();
+    let noise = (squares / freedom.max(1.0)).sqrt();
+    let point = |one: Estimate| {
+        let factor = if one.noise > 0.0 {
+            noise / one.noise
+        } else {
+            1.0
+        };
+        Point {
+            time: one.time,
+            value: one.value,
+            uncertainty: one.uncertainty * factor,
+        }
+    };
+    estimates.into_iter().map(point).collect()
+}
+
+/// Mean readings of each temperature sensor in each session, less the median of the week over the machines of the hall.
+fn sensors(lake: &Lake) -> anyhow::Result<Vec<Series>> {
+    /// Of one session: sum of means, sections, time.
+    type Session = (f64, f64, f64);
+    let mut sessions: BTreeMap<(String, String, String), BTreeMap<String, Session>> =
+        BTreeMap::new();
+    let mut types: BTreeMap<String, String> = BTreeMap::new();
+    let columns = [
+        "bag",
+        "machine",
+        "machine_type",
+        "time",
+        "signal",
+        "unit",
+        "mean",
+    ];
+    lake.scan(&SIGNALS, &columns, &mut |batch| {
+        let (keys, machines, kinds) = (texts(batch, 0)?, texts(batch, 1)?, texts(batch, 2)?);
+        let (times, signals, units, means) = (
+            moments(batch, 3)?,
+            texts(batch, 4)?,
+            texts(batch, 5)?,
+            numbers(batch, 6)?,
+        );
+        for row in
+            (0..batch.num_rows()).filter(|row| signals.value(*row).starts_with("temperature "))
+        {
+            let key = [signals, machines, units].map(|column| column.value(row).to_owned());
+            types.insert(machines.value(row).to_owned(), kinds.value(row).to_owned());
+            let of_bag = sessions.entry(key.into()).or_default();
+            let session = of_bag.entry(keys.value(row).to_owned()).or_insert((
+                0.0,
+                0.0,
+                days(times.value(row)),
+            ));
+            session.0 += means.value(row);
+            session.1 += 1.0;
+        }
+        Ok(())
+    })?;
+    let mut weeks: BTreeMap<(String, i64), BTreeMap<String, Vec<f64>>> = BTreeMap::new();
+    let week = |time: f64| (time / WEEK).floor() as i64;
+    for ((signal, machine, _), of_bag) in &sessions {
+        for (sum, count, time) in of_bag.values() {
+            let of_week = weeks.entry((signal.clone(), week(*time))).or_default();
+            of_week
+                .entry(machine.clone())
+                .or_default()
+                .push(sum / count);
+        }
+    }
+    let medians: BTreeMap<(String, i64), f64> = weeks
+        .into_iter()
+        .filter(|(_, machines)| machines.len() >= FEWEST_MACHINES)
+        .map(|(key, machines)| {
+            let means: Vec<f64> = machines
+                .values()
+                .map(|values| metrology::statistics::mean(values))
+                .collect();
+            (key, metrology::statistics::median(&means))
+        })
+        .collect();
+    let mut found = Vec::new();
+    for ((signal, machine, unit), of_bag) in sessions {
+        let mut points: Vec<Point> = of_bag
+            .values()
+            .filter_map(|(sum, count, time)| {
+                let hall = medians.get(&(signal.clone(), week(*time)))?;
+                Some(Point {
+                    time: *time,
+                    value: sum / count - hall,
+                    uncertainty: 0.0,
+                })
+            })
+            .collect();
+        points.sort_by(|a, b| a.time.total_cmp(&b.time));
+        // What the spread is measured against, where the readings tell no uncertainty: their own differences.
+        let differences: Vec<f64> = points
+            .windows(2)
+            .map(|pair| pair[1].value - pair[0].value)
+            .collect();
+        let noise =
+            metrology::statistics::robust_deviation(&differences, 0.0) / std::f64::consts::SQRT_2;
+        for point in &mut points {
+            point.uncertainty = noise;
+        }
+        found.push(Series {
+            machine_type: types.get(&machine).cloned().unwrap_or_default(),
+            machine,
+            quantity: Quantity {
+                effect: format!("{SENSOR}{signal}"),
+                parameter: "mean".to_owned(),
+                unit,
+            },
+            points,
+        });
+    }
+    Ok(found)
+}
+
+/// What was done to each machine, by time.
+///
+/// # Errors
+/// The lake cannot be read.
+pub fn events(lake: &Lake) -> anyhow::Result<BTreeMap<String, Vec<Done>>> {
+    let mut found: BTreeMap<String, Vec<Done>> = BTreeMap::new();
+    lake.scan(
+        &EVENTS,
+        &["machine", "time", "kind", "text"],
+        &mut |batch| {
+            let (machines, times) = (texts(batch, 0)?, moments(batch, 1)?);
+            let (kinds, words) = (texts(batch, 2)?, texts(batch, 3)?);
+            for row in 0..batch.num_rows() {
+                found
+                    .entry(machines.value(row).to_owned())
+                    .or_default()
+                    .push(Done {
+                        time: days(times.value(row)),
+                        kind: kinds.value(row).to_owned(),
+                        text: words.value(row).to_owned(),
+                    });
+            }
+            Ok(())
+        },
+    )?;
+    for events in found.values_mut() {
+        events.sort_by(|a, b| a.time.total_cmp(&b.time));
+    }
+    Ok(found)
+}

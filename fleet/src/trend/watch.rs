@@ -1,0 +1,220 @@
+//! The watch of one series.
+
+use metrology::statistics::normal_quantile;
+
+use super::Point;
+use super::filter::Level;
+use super::likelihood::Spread;
+
+/// Sessions before which the level is not known well enough to see a change.
+const FEWEST: usize = 5;
+/// Onsets that are kept: those with the largest likelihood; to leave some out only makes an alarm later.
+const KEPT: usize = 60;
+/// A step of this many standard deviations of a point is looked for.
+const STEP: f64 = 4.0;
+/// A slope that makes as many standard deviations of a point in this many days is looked for.
+const DAYS: f64 = 60.0;
+/// A point counts as no farther from its prediction than this many standard deviations of a point: a false touch must not
+/// be taken for a change alone.
+const FAR: f64 = 4.0;
+
+/// How a series has changed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// At once.
+    Step,
+    /// Steadily.
+    Drift,
+}
+
+/// A series has changed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Change {
+    /// How.
+    pub kind: Kind,
+    /// Index of the point after which it is certain.
+    pub alarm: usize,
+    /// Index of the first changed point: the most probable, and the interval that holds 95 %.
+    pub onset: usize,
+    /// See `onset`.
+    pub between: [usize; 2],
+    /// Level before the onset.
+    pub before: f64,
+    /// Level and slope at the alarm.
+    pub after: Level,
+    /// Step (unit of the series) or slope (per day) with its standard uncertainty.
+    pub size: [f64; 2],
+    /// Natural logarithm of the statistic.
+    pub log_statistic: f64,
+}
+
+/// One onset.
+#[derive(Debug, Clone)]
+struct Onset {
+    kind: Kind,
+    first: usize,
+    /// Level before it, and its variance.
+    before: [f64; 2],
+    state: Level,
+    /// Logarithm of the likelihood ratio against no change.
+    log_ratio: f64,
+}
+
+/// The watch of one series with a stated rate of false alarms.
+#[derive(Debug, Clone)]
+pub struct Watch {
+    spread: Spread,
+    log_limit: f64,
+    count: usize,
+    /// Points since the watch began anew.
+    own: usize,
+    level: Option<Level>,
+    onsets: Vec<Onset>,
+}
+
+impl Watch {
+    /// A watch with at most one false alarm in `sessions` in the mean.
+    pub fn new(spread: Spread, sessions: f64) -> Self {
+        Self {
+            spread,
+            log_limit: sessions.max(1.0).ln(),
+            count: 0,
+            own: 0,
+            level: None,
+            onsets: Vec::new(),
+        }
+    }
+
+    /// The level as it is now; `None` before the first point.
+    pub fn level(&self) -> Option<&Level> {
+        self.level.as_ref()
+    }
+
+    /// Takes the next point, whose time is not before the last one's.
+    pub fn push(&mut self, point: &Point) -> Option<Change> {
+        let number = self.count;
+        self.count += 1;
+        self.own += 1;
+        let variance = self.spread.variance(point).max(f64::MIN_POSITIVE);
+        let walk = self.spread.walk;
+        let Some(mut level) = self.level else {
+            self.level = Some(Level::first(point.time, point.value, variance));
+            return None;
+        };
+        level = level.at(point.time, walk);
+        let predicted = level;
+        if self.own <= FEWEST {
+            level.update(point.value, variance);
+            self.level = Some(level);
+            return None;
+        }
+        // A step shows in the level, a drift in the slope; both begin at this point.
+        let scale = variance.sqrt();
+        let begin = |kind, state| Onset {
+            kind,
+            first: number,
+            before: [predicted.level, predicted.covariance[0]],
+            state,
+            log_ratio: -std::f64::consts::LN_2,
+        };
+        let slope = STEP * scale / DAYS;
+        self.onsets.push(begin(
+            Kind::Step,
+            predicted.loosened((STEP * scale).powi(2), 0.0),
+        ));
+        self.onsets
+            .push(begin(Kind::Drift, predicted.loosened(0.0, slope * slope)));
+        let unchanged = clipped(&mut level, point.value, variance);
+        self.level = Some(level);
+        for onset in &mut self.onsets {
+            if onset.first < number {
+                onset.state = onset.state.at(point.time, walk);
+            }
+            onset.log_ratio += clipped(&mut onset.state, point.value, variance) - unchanged;
+        }
+        if self.onsets.len() > KEPT {
+            self.onsets
+                .sort_by(|a, b| b.log_ratio.total_cmp(&a.log_ratio));
+            // The youngest have not had their chance.
+            let young = number.saturating_sub(KEPT / 4);
+            let mut place = 0;
+            self.onsets.retain(|onset| {
+                place += 1;
+                place <= KEPT / 2 || onset.first >= young
+            });
+        }
+        let log_statistic = log_sum(self.onsets.iter().map(|onset| onset.log_ratio));
+        if log_statistic < self.log_limit {
+            return None;
+        }
+        let change = self.change(number, log_statistic);
+        self.level = Some(change.after);
+        self.onsets.clear();
+        self.own = FEWEST.min(number - change.onset + 1);
+        Some(change)
+    }
+
+    fn change(&self, number: usize, log_statistic: f64) -> Change {
+        let share = |onset: &Onset| (onset.log_ratio - log_statistic).exp();
+        let of = |kind: Kind| self.onsets.iter().filter(move |onset| onset.kind == kind);
+        let kind = if of(Kind::Drift).map(share).sum::<f64>() > 0.5 {
+            Kind::Drift
+        } else {
+            Kind::Step
+        };
+        let mut own: Vec<(usize, f64)> =
+            of(kind).map(|onset| (onset.first, share(onset))).collect();
+        own.sort_by_key(|(first, _)| *first);
+        let total: f64 = own.iter().map(|(_, share)| share).sum();
+        let quantile = |probability: f64| {
+            let mut sum = 0.0;
+            let reached = own.iter().find(|(_, share)| {
+                sum += share / total;
+                sum >= probability
+            });
+            reached.or(own.last()).map_or(number, |(first, _)| *first)
+        };
+        let best = of(kind).max_by(|a, b| a.log_ratio.total_cmp(&b.log_ratio));
+        let (onset, before, after) = best
+            .map_or((number, [0.0; 2], Level::first(0.0, 0.0, 0.0)), |best| {
+                (best.first, best.before, best.state)
+            });
+        let size = match kind {
+            Kind::Step => [
+                after.level - before[0],
+                (after.covariance[0] + before[1]).sqrt(),
+            ],
+            Kind::Drift => [after.slope, after.covariance[2].sqrt()],
+        };
+        Change {
+            kind,
+            alarm: number,
+            onset,
+            between: [quantile(0.025), quantile(0.975)],
+            before: before[0],
+            after,
+            size,
+            log_statistic,
+        }
+    }
+}
+
+/// Takes a value, moved to within [`FAR`] of its prediction, and gives the logarithm of its predicted density.
+fn clipped(level: &mut Level, value: f64, variance: f64) -> f64 {
+    let far = FAR * (level.covariance[0] + variance).sqrt();
+    level.update(value.clamp(level.level - far, level.level + far), variance)
+}
+
+fn log_sum(values: impl Iterator<Item = f64> + Clone) -> f64 {
+    let largest = values.clone().fold(f64::NEG_INFINITY, f64::max);
+    largest
+        + values
+            .map(|value| (value - largest).exp())
+            .sum::<f64>()
+            .ln()
+}
+
+/// Half width of a 95 % interval over the standard uncertainty.
+pub fn quantile95() -> f64 {
+    normal_quantile(0.975)
+}

@@ -1,0 +1,158 @@
+//! Trends on series whose history is known, and on a small year of recordings.
+
+use probecell_fleet::lake::Lake;
+use probecell_fleet::trend::hall::{Options, conclude};
+use probecell_fleet::trend::series::{events, series};
+use probecell_fleet::trend::watch::Kind;
+use probecell_fleet::trend::{Point, Spread, Watch, spread};
+use probecell_fleet::year::judge::judge;
+use probecell_fleet::year::{Size, make};
+use rand::{Rng, SeedableRng};
+use rand_distr::StandardNormal;
+use rand_pcg::Pcg64Mcg;
+
+/// A series of normal noise about a level that a function gives, one point a day.
+fn noisy(seed: u64, count: usize, level: impl Fn(f64) -> f64) -> Vec<Point> {
+    let mut random = Pcg64Mcg::seed_from_u64(seed);
+    let point = |day: usize| Point {
+        time: day as f64,
+        value: level(day as f64) + random.sample::<f64, _>(StandardNormal),
+        uncertainty: 1.0,
+    };
+    (0..count).map(point).collect()
+}
+
+/// 500 series of 400 points without a change: at one alarm in 1,000 sessions in the mean at most 200 are expected, each count
+/// with the standard deviation of a Poisson number.
+#[test]
+fn series_without_a_change_alarm_no_more_often_than_stated() {
+    let none = Spread {
+        repeatability: 0.0,
+        walk: 0.0,
+    };
+    let mut alarms = 0;
+    for seed in 0..500 {
+        let mut watch = Watch::new(none, 1000.0);
+        alarms += noisy(seed, 400, |_| 0.0)
+            .iter()
+            .filter(|point| watch.push(point).is_some())
+            .count();
+    }
+    assert!(
+        alarms <= 200 + 3 * 14,
+        "{alarms} alarms in 200,000 sessions"
+    );
+}
+
+#[test]
+fn a_step_and_a_drift_are_told_apart_with_onset_and_size() {
+    let none = Spread {
+        repeatability: 0.0,
+        walk: 0.0,
+    };
+    let (mut covered, mut sizes, mut kinds) = (0, 0, 0);
+    for seed in 0..200 {
+        let step = |day: f64| if day < 100.0 { 0.0 } else { 3.0 };
+        let mut watch = Watch::new(none, 10_000.0);
+        let changes: Vec<_> = noisy(seed, 200, step)
+            .iter()
+            .filter_map(|point| watch.push(point))
+            .collect();
+        let change = changes
+            .iter()
+            .find(|change| change.alarm >= 100)
+            .expect("a step of 3 standard deviations");
+        assert!(change.alarm <= 112, "{change:?}");
+        covered += usize::from(change.between[0] <= 100 && 100 <= change.between[1]);
+        sizes += usize::from((change.size[0] - 3.0).abs() <= 1.96 * change.size[1]);
+        kinds += usize::from(change.kind == Kind::Step);
+    }
+    // At the moment of the alarm the size is a little large, since the alarm waits for large points.
+    assert!(
+        covered >= 180 && sizes >= 170 && kinds >= 150,
+        "{covered} {sizes} {kinds}"
+    );
+    let mut drifts = 0;
+    for seed in 0..50 {
+        let drift = |day: f64| 0.1 * (day - 100.0).max(0.0);
+        let mut watch = Watch::new(none, 10_000.0);
+        let points = noisy(seed, 250, drift);
+        let changes: Vec<_> = points
+            .iter()
+            .filter_map(|point| watch.push(point))
+            .collect();
+        let level = watch.level().expect("a level");
+        let spread = level.covariance[2].sqrt();
+        assert!(
+            changes.iter().any(|change| change.alarm < 150),
+            "{changes:?}"
+        );
+        drifts += usize::from((level.slope - 0.1).abs() < 3.0 * spread && level.slope > 0.05);
+    }
+    assert!(drifts >= 35, "{drifts} of 50 drifts");
+}
+
+/// The repeatability and the walk of many series are found from their likelihood to the grid that is tried.
+#[test]
+fn repeatability_is_found() {
+    let series: Vec<Vec<Point>> = (0..40)
+        .map(|seed| {
+            let mut points = noisy(seed, 100, |_| 5.0);
+            for point in &mut points {
+                point.uncertainty = 0.5;
+            }
+            points
+        })
+        .collect();
+    let all: Vec<&[Point]> = series.iter().map(Vec::as_slice).collect();
+    let found = spread(&all);
+    // Variance 1 = 0.25 + 0.75; of the grid 0.25 × 3 is exactly that.
+    assert!(
+        (found.repeatability - 0.75).abs() < 1e-12 && found.walk < 0.002,
+        "{found:?}"
+    );
+}
+
+/// Eight machines with 60 sessions each, as recordings: diagnosed, added, watched.
+#[test]
+fn a_small_year_is_understood() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let bags = folder.path().join("bags");
+    let (planted, services) = make(
+        &bags,
+        Size {
+            machines: 8,
+            sessions: 60,
+            seed: 7,
+        },
+    )
+    .expect("recordings");
+    assert!(planted.len() >= 5, "{planted:?}");
+    let lake = Lake::open_or_create(&folder.path().join("lake")).expect("a lake");
+    let added = lake.add(&[bags], &mut |_, _| {}).expect("added");
+    assert_eq!(
+        (added.new, added.refused.len()),
+        (480, 0),
+        "{:?}",
+        added.refused
+    );
+    lake.add_events(&services).expect("noted");
+    let series = series(&lake, 3).expect("series");
+    let options = Options {
+        false_alarms: 1.0,
+        limits: [].into(),
+    };
+    let conclusions = conclude(&series, &events(&lake).expect("events"), &options);
+    let card = judge(&planted, &series, &conclusions);
+    assert!(
+        card.trends.found + 1 >= card.planted,
+        "{card:?}\n{}",
+        conclusions.text()
+    );
+    assert!(
+        card.trends.false_alarms <= 2,
+        "{card:?}\n{}",
+        conclusions.text()
+    );
+    assert_eq!(card.services, card.services_named, "{}", conclusions.text());
+}

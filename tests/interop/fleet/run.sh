@@ -1,0 +1,19 @@
+#!/usr/bin/env bash
+# A lake of the sample recordings, in DuckDB, PyArrow and Polars: run.sh PROBECELL-FLEET PYTHON
+set -euo pipefail
+cd "$(dirname "$0")/../../.."
+program=$(realpath "$1") python=$2
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+"$program" lake add bags/samples --lake "$work/lake" | grep -q '^5 added, 0 known already, 0 not added$'
+"$program" lake event --machine turn_mill --time 2026-03-01T07:30:00Z --kind service "new probe" --lake "$work/lake"
+"$python" tests/interop/fleet/readers.py "$work/lake" bags/samples
+"$program" lake compact --lake "$work/lake"
+"$python" tests/interop/fleet/readers.py "$work/lake" bags/samples
+# What is wrong is one sentence and status 2.
+status=0; "$program" trends --lake "$work/nothing" 2>"$work/refused" || status=$?
+[ "$status" = 2 ] && [ "$(wc -l <"$work/refused")" = 1 ] && grep -q 'there is no lake in' "$work/refused"
+echo "not a bag" >"$work/broken.mcap"
+status=0; "$program" lake add "$work/broken.mcap" bags/samples --lake "$work/lake" 2>"$work/refused" >"$work/added" || status=$?
+[ "$status" = 3 ] && grep -q 'broken.mcap' "$work/refused" && grep -q '^0 added, 5 known already, 1 not added$' "$work/added"
+echo "the lake is read alike by DuckDB, PyArrow and Polars"
