@@ -47,13 +47,7 @@ const EXAMPLES: &[(&str, &[&str])] = &[
         &["secure my_cell.toml", "secure my_cell.toml --off"],
     ),
     ("lake", &["lake add recordings --lake lake"]),
-    (
-        "fleet",
-        &[
-            "fleet tables",
-            "fleet trends --lake lake",
-        ],
-    ),
+    ("fleet", &["fleet tables", "fleet trends --lake lake"]),
     ("layouts", &["layouts my_cell.toml --out layouts"]),
     ("play", &["play recordings/turn_mill_1 --namespace /again"]),
     (

@@ -60,17 +60,26 @@ pub fn measured_of(
             Some(model) => model.to_vec(),
             None => declared(bag)?,
         };
-        let Measured { session, remarks: own } = plain(bag, session, declared);
+        let Measured {
+            session,
+            remarks: own,
+        } = plain(bag, session, declared);
         remarks.extend(own);
         Ok(session)
     };
     let last = one(measurement)?;
     let Some(plan) = &last.plan else {
-        return Ok(Measured { session: last, remarks });
+        return Ok(Measured {
+            session: last,
+            remarks,
+        });
     };
     let plan_id = PlanId::from(&plan.plan_id);
     let Some(first) = plan_id.supplemented() else {
-        return Ok(Measured { session: last, remarks });
+        return Ok(Measured {
+            session: last,
+            remarks,
+        });
     };
     let mut all = match one(&Measurement::Named(first.to_owned())) {
         Ok(session) => session,
@@ -79,7 +88,10 @@ pub fn measured_of(
                 "warning: {:?} adds to {first:?}, which is not in this bag: {problem}",
                 plan.plan_id
             ));
-            return Ok(Measured { session: last, remarks });
+            return Ok(Measured {
+                session: last,
+                remarks,
+            });
         }
     };
     for number in 1..plan_id.supplement_number() {

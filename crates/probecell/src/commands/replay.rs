@@ -14,8 +14,8 @@ use indicatif::ProgressBar;
 use probecell_msgs::from_cdr;
 use serde_json::json;
 
-use recorded::embedded;
 use crate::{FAILED, GOOD, LOSS, output};
+use recorded::embedded;
 
 /// Replays the bag. A bag without step journals is computed from its plan and touches alone.
 pub(crate) fn run(path: &Path, json: bool) -> anyhow::Result<u8> {
