@@ -142,7 +142,7 @@ fn days(sessions: &[Summary]) -> Markup {
     }
     html! {
         @if per_day.is_empty() { p.none { "No size was measured." } } @else {
-            div.scroll tabindex="0" role="region" aria-labelledby="days-title" { table {
+            div.scroll tabindex="0" role="group" aria-label="Table of days" { table {
                 thead { tr { th scope="col" { "Characteristic" } th scope="col" { "Day" } th.number scope="col" { "Parts" } th.number scope="col" { "Mean, µm" } th.number scope="col" { "s, µm" } th.number scope="col" { "Cpk (95 %)" } } }
                 tbody { @for ((key, day), made) in &per_day {
                     @let values: Vec<f64> = made.iter().map(|one| one.deviation).collect();
@@ -172,7 +172,7 @@ fn kept(sessions: &[Summary]) -> Markup {
 }
 
 fn all(sessions: &[Summary]) -> Markup {
-    html! { div.scroll tabindex="0" role="region" aria-labelledby="all-title" { table {
+    html! { div.scroll tabindex="0" role="group" aria-label="Table of recordings" { table {
         thead { tr { th scope="col" { "Recording" } th scope="col" { "Begin" } th.number scope="col" { "Gap / noise" } th scope="col" { "Temperatures at the end, °C" } } }
         tbody { @for one in sessions { tr {
             th scope="row" { a href={ "/session/" (one.recording) } { (one.recording) } }
