@@ -28,6 +28,7 @@
 mod channel;
 mod container;
 mod damage;
+mod disk;
 mod error;
 mod gaps;
 mod info;
@@ -41,6 +42,7 @@ mod split;
 
 pub use channel::{Channel, Durability, History, Qos, Reliability};
 pub use damage::{Damage, DamageKind};
+pub use disk::{Disk, DiskFile, SystemDisk};
 pub use error::Error;
 pub use gaps::{Evidence, Gap};
 pub use info::{AttachmentInfo, FileInfo, Info, TopicInfo};

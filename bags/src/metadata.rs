@@ -5,13 +5,13 @@
 
 use std::collections::BTreeMap;
 use std::fmt::{self, Display, Formatter, Write as _};
-use std::fs::File;
 use std::io::Write as _;
 use std::path::Path;
 
 use yaml_rust2::YamlLoader;
 
 use crate::channel::{Channel, quoted};
+use crate::disk::{Disk, Stream};
 use crate::error::Error;
 
 /// Name of the metadata file in the folder of the splits.
@@ -55,26 +55,17 @@ impl FolderInformation {
     }
 
     /// Writes `metadata.yaml` into `folder`, atomically and durably.
-    pub(crate) fn write(&self, folder: &Path) -> Result<(), Error> {
+    pub(crate) fn write(&self, disk: &dyn Disk, folder: &Path) -> Result<(), Error> {
         let path = folder.join(FILE_NAME);
         let temporary = folder.join(".metadata.yaml.new");
         let attempt = || {
-            let mut file = File::create(&temporary)?;
+            let mut file = Stream::new(disk.create(&temporary, false)?);
             file.write_all(self.to_file_text().as_bytes())?;
-            file.sync_all()?;
-            std::fs::rename(&temporary, &path)?;
-            sync_folder(folder)
+            file.sync()?;
+            disk.rename(&temporary, &path)?;
+            disk.sync_folder(folder)
         };
         attempt().map_err(|source| Error::io("write the recording's metadata", &path, source))
-    }
-}
-
-/// Makes new names in the folder durable. Systems without folder handles have nothing to do here.
-pub(crate) fn sync_folder(folder: &Path) -> std::io::Result<()> {
-    if cfg!(unix) {
-        File::open(folder)?.sync_all()
-    } else {
-        Ok(())
     }
 }
 

@@ -26,6 +26,7 @@ use bytes::Bytes;
 use serde::{Deserialize, Serialize};
 
 use crate::channel::Channel;
+use crate::disk::{Disk, SystemDisk};
 use crate::error::Error;
 use crate::seal::Sealer;
 use crate::split::ChunkOptions;
@@ -78,6 +79,8 @@ pub struct RecorderOptions {
     pub custom_data: BTreeMap<String, String>,
     /// What signs the seals of the recording ([`crate::verify_seals`]); none: it has none.
     pub sealer: Option<Sealer>,
+    /// Where it is written.
+    pub disk: Arc<dyn Disk>,
 }
 
 impl RecorderOptions {
@@ -95,6 +98,7 @@ impl RecorderOptions {
             ros_distro: "jazzy".to_owned(),
             custom_data: BTreeMap::new(),
             sealer: None,
+            disk: Arc::new(SystemDisk),
         }
     }
 

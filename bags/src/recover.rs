@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 use crate::channel::Channel;
 use crate::container::{Contents, each_record};
 use crate::damage::{Damage, DamageKind};
+use crate::disk::SystemDisk;
 use crate::error::Error;
 use crate::gaps::Gap;
 use crate::metadata::FolderInformation;
@@ -87,7 +88,7 @@ pub fn recover(
     let mut counts: BTreeMap<Channel, u64> = BTreeMap::new();
     for (number, contents) in bag.contents().iter().enumerate() {
         let path = to.join(format!("{name}_{number}.mcap"));
-        let mut split = SplitFile::create(&path, &chunks, false)?;
+        let mut split = SplitFile::create(&SystemDisk, &path, &chunks, false)?;
         copy(contents, &mut split, &mut recovery, &mut counts)?;
         if number + 1 == bag.contents().len() && !recovery.gaps.is_empty() {
             split.metadata(&gaps_record(&recovery.gaps))?;
@@ -108,7 +109,7 @@ pub fn recover(
         information.files.push(file);
     }
     information.topics = counts.into_iter().collect();
-    information.write(to)?;
+    information.write(&SystemDisk, to)?;
     Ok(recovery)
 }
 

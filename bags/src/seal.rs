@@ -10,7 +10,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::{self, Debug, Formatter};
-use std::fs::{File, OpenOptions};
+use std::fs::File;
 use std::io::{ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -18,6 +18,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
+use crate::disk::{Disk, Stream};
 use crate::error::Error;
 
 /// Name of the file of seals.
@@ -80,16 +81,16 @@ pub(crate) enum Reach {
 /// Adds seals to a recording.
 pub(crate) struct Seals {
     path: PathBuf,
-    file: File,
+    file: Stream,
     sealer: Sealer,
     number: u64,
     previous: String,
 }
 
 impl Seals {
-    pub(crate) fn create(folder: &Path, sealer: Sealer) -> Result<Self, Error> {
+    pub(crate) fn create(disk: &dyn Disk, folder: &Path, sealer: Sealer) -> Result<Self, Error> {
         let path = folder.join(FILE_NAME);
-        let file = OpenOptions::new().write(true).create_new(true).open(&path);
+        let file = disk.create(&path, true).map(Stream::new);
         Ok(Self {
             file: file.map_err(|source| Error::io("create the seals", &path, source))?,
             path,
@@ -126,7 +127,7 @@ impl Seals {
         let failed = |source| Error::io("write the seals", &self.path, source);
         self.file.write_all(&line).map_err(failed)?;
         if reach == Reach::Last {
-            self.file.sync_all().map_err(failed)?;
+            self.file.sync().map_err(failed)?;
         }
         Ok(())
     }

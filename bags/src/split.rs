@@ -2,7 +2,6 @@
 //!
 //! Chunks are built in memory and appended whole, so a file that ends anywhere holds every chunk closed before.
 
-use std::fs::{File, OpenOptions};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -14,6 +13,7 @@ use mcap::{Compression, WriteOptions, Writer};
 use sha2::{Digest, Sha256};
 
 use crate::channel::Channel;
+use crate::disk::{Disk, Stream};
 use crate::error::Error;
 use crate::metadata::FileInformation;
 use crate::seal::{Digested, hexadecimal};
@@ -23,7 +23,7 @@ pub(crate) const LIBRARY: &str = "probecell";
 
 /// A file that counts what was written to it.
 struct CountingFile {
-    file: BufWriter<File>,
+    file: BufWriter<Stream>,
     written: Arc<AtomicU64>,
     digest: Arc<Mutex<Option<Sha256>>>,
 }
@@ -68,7 +68,7 @@ pub(crate) fn write_options(chunks: &ChunkOptions) -> WriteOptions {
 
 pub(crate) struct SplitFile {
     writer: Writer<NoSeek<CountingFile>>,
-    file: File,
+    file: Stream,
     written: Arc<AtomicU64>,
     /// Of everything written so far, where the recording is sealed.
     digest: Arc<Mutex<Option<Sha256>>>,
@@ -81,20 +81,17 @@ pub(crate) struct SplitFile {
 impl SplitFile {
     /// Creates the file; `digested`: its digest is asked for.
     pub(crate) fn create(
+        disk: &dyn Disk,
         path: &Path,
         chunks: &ChunkOptions,
         digested: bool,
     ) -> Result<Self, Error> {
         let failed = |source| Error::io("create the recording", path, source);
-        let file = OpenOptions::new()
-            .write(true)
-            .create_new(true)
-            .open(path)
-            .map_err(failed)?;
+        let file = Stream::new(disk.create(path, true).map_err(failed)?);
         let written = Arc::new(AtomicU64::new(0));
         let digest = Arc::new(Mutex::new(digested.then(Sha256::new)));
         let counting = CountingFile {
-            file: BufWriter::with_capacity(1 << 16, file.try_clone().map_err(failed)?),
+            file: BufWriter::with_capacity(1 << 16, file.clone()),
             written: Arc::clone(&written),
             digest: Arc::clone(&digest),
         };
@@ -249,7 +246,7 @@ impl SplitFile {
             .flush()
             .map_err(|source| Error::mcap(&self.path, source))?;
         self.file
-            .sync_data()
+            .sync()
             .map_err(|source| Error::io("sync the recording", &self.path, source))
     }
 
@@ -263,7 +260,7 @@ impl SplitFile {
         let mut stream = self.writer.into_inner().into_inner();
         let failed = |source| Error::io("write the recording", &self.path, source);
         stream.flush().map_err(failed)?;
-        self.file.sync_all().map_err(failed)?;
+        self.file.sync().map_err(failed)?;
         Ok((self.information, written, digest))
     }
 

@@ -173,7 +173,7 @@ fn a_scan_stopped_at_the_machine_goes_on_as_often_as_it_is_stopped() {
         // What an operator's button does.
         let stop = ControllerCommand {
             session: status.session,
-            command_id: u64::MAX,
+            command_id: u64::MAX - stops as u64,
             kind: ControllerCommand::STOP,
             ..ControllerCommand::default()
         };

@@ -12,7 +12,7 @@ use super::queue::{Entry, Queue};
 use super::{Losses, RecorderOptions, Statistics, TopicStatistics};
 use crate::channel::Channel;
 use crate::error::Error;
-use crate::metadata::{FolderInformation, sync_folder};
+use crate::metadata::FolderInformation;
 use crate::seal::{Reach, Seals};
 use crate::split::SplitFile;
 
@@ -80,7 +80,7 @@ impl RecordingWriter {
             ..FolderInformation::default()
         };
         let seals = (options.sealer.clone())
-            .map(|sealer| Seals::create(&options.folder, sealer))
+            .map(|sealer| Seals::create(&*options.disk, &options.folder, sealer))
             .transpose()?;
         let mut writer = Self {
             options,
@@ -103,10 +103,15 @@ impl RecordingWriter {
             self.name,
             self.statistics.files.len()
         ));
-        let mut split = SplitFile::create(&path, &self.options.chunks(), self.seals.is_some())?;
+        let mut split = SplitFile::create(
+            &*self.options.disk,
+            &path,
+            &self.options.chunks(),
+            self.seals.is_some(),
+        )?;
         split.sync()?;
         let folder = &self.options.folder;
-        sync_folder(folder).map_err(|source| Error::io("sync the folder", folder, source))?;
+        (self.options.disk.sync_folder(folder)).map_err(|source| Error::io("sync the folder", folder, source))?;
         self.statistics.files.push(path);
         Ok(self.split.insert(split))
     }
@@ -126,7 +131,7 @@ impl RecordingWriter {
     }
 
     fn write_folder_metadata(&self) -> Result<(), Error> {
-        self.folder_information().write(&self.options.folder)
+        (self.folder_information()).write(&*self.options.disk, &self.options.folder)
     }
 
     fn close_split(&mut self, losses: &(Vec<Losses>, u64)) -> Result<(), Error> {

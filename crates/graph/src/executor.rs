@@ -4,12 +4,14 @@
 //! subscriber at the instant it is made, subscribers in the order the nodes were given. The run is therefore a function
 //! of the configurations and of what is injected, and two runs are equal byte for byte.
 
+mod processes;
+
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use probecell_msgs::to_cdr;
 
 use crate::{
-    Emitted, Instance, START, Stamp, Topic,
+    Emitted, Instance, START, Stamp, Topic, Wiring, WiringError,
     journal::{Journal, Step, TIMER_PORT},
     topics,
 };
@@ -27,96 +29,47 @@ pub struct Published {
     pub payload: Vec<u8>,
 }
 
-/// A graph that cannot be wired.
-#[derive(Debug, thiserror::Error)]
-pub enum WiringError {
-    /// Two nodes publish one topic.
-    #[error("topic {topic} has two producers: {first} and {second}")]
-    TwoProducers {
-        /// The topic.
-        topic: &'static str,
-        /// The first producer.
-        first: &'static str,
-        /// The second producer.
-        second: &'static str,
-    },
-    /// A node subscribes to a topic with another type than its producer's.
-    #[error("{node} subscribes to {topic} as {expected}, but {published} is published on it")]
-    TypeMismatch {
-        /// The topic.
-        topic: &'static str,
-        /// The subscriber.
-        node: &'static str,
-        /// The type it expects.
-        expected: &'static str,
-        /// The type that is published.
-        published: &'static str,
-    },
-}
+/// The way of messages to their subscribers.
+pub trait Link {
+    /// Instants at which a publication of `now` reaches a subscriber, by [`Executor::now`]: none when it is lost on the way,
+    /// several when it comes more than once. An earlier instant stands for now.
+    fn arrivals(
+        &mut self,
+        now: Stamp,
+        published: &Published,
+        subscriber: &'static str,
+    ) -> Vec<Stamp>;
 
-/// The subscribers and the producer of every topic, from the ports of the nodes.
-#[derive(Debug, Default)]
-pub struct Wiring {
-    /// Topic name to (node index, input port), in the order of the nodes.
-    subscribers: BTreeMap<&'static str, Vec<(usize, usize)>>,
-    /// Topic name to the node that publishes it.
-    producers: BTreeMap<&'static str, usize>,
-}
-
-impl Wiring {
-    /// Joins the nodes' ports by topic name.
-    pub fn of(nodes: &[Box<dyn Instance>]) -> Result<Self, WiringError> {
-        let mut wiring = Self::default();
-        let mut types: BTreeMap<&str, &str> = BTreeMap::new();
-        for (index, node) in nodes.iter().enumerate() {
-            for topic in node.outputs() {
-                if let Some(first) = wiring.producers.insert(topic.name, index) {
-                    let first = nodes[first].name();
-                    return Err(WiringError::TwoProducers {
-                        topic: topic.name,
-                        first,
-                        second: node.name(),
-                    });
-                }
-                types.insert(topic.name, topic.message.name);
-            }
-        }
-        for (index, node) in nodes.iter().enumerate() {
-            for (port, topic) in node.inputs().iter().enumerate() {
-                let published = *types.entry(topic.name).or_insert(topic.message.name);
-                if published != topic.message.name {
-                    let (topic, expected) = (topic.name, topic.message.name);
-                    return Err(WiringError::TypeMismatch {
-                        topic,
-                        node: node.name(),
-                        expected,
-                        published,
-                    });
-                }
-                wiring
-                    .subscribers
-                    .entry(topic.name)
-                    .or_default()
-                    .push((index, port));
-            }
-        }
-        Ok(wiring)
-    }
-
-    /// Node that publishes the topic, if one of the graph does.
-    pub fn producer(&self, topic: &str) -> Option<usize> {
-        self.producers.get(topic).copied()
-    }
-
-    /// Node index and input port of every subscriber of the topic.
-    pub fn subscribers(&self, topic: &str) -> &[(usize, usize)] {
-        self.subscribers.get(topic).map_or(&[], Vec::as_slice)
-    }
+    /// A publication has reached a subscriber, which has made a step of it.
+    fn taken(&mut self, now: Stamp, topic: &str, payload: &[u8], subscriber: &'static str);
 }
 
 enum Event {
-    Timer { node: usize, id: u32 },
-    External { topic: String, payload: Vec<u8> },
+    Timer {
+        node: usize,
+        id: u32,
+    },
+    External {
+        topic: String,
+        payload: Vec<u8>,
+    },
+    Arrival {
+        to: (usize, usize),
+        sequence: u64,
+        payload: Vec<u8>,
+        /// Node that published it, where it is not the first to arrive.
+        repeat_of: Option<usize>,
+    },
+}
+
+impl Event {
+    /// The node that makes a step of it.
+    fn node(&self) -> Option<usize> {
+        match self {
+            Self::Timer { node, .. } | Self::Arrival { to: (node, _), .. } => Some(*node),
+            Self::External { .. } => None,
+        }
+    }
 }
 
 /// Runs a graph of nodes on virtual time.
@@ -133,6 +86,11 @@ pub struct Executor {
     retained: BTreeMap<String, VecDeque<(u64, Vec<u8>)>>,
     /// Nodes whose process has ended and has not been started again.
     ended: BTreeSet<usize>,
+    /// Nodes whose process stands still, and what it will find when it goes on.
+    paused: BTreeMap<usize, Vec<Event>>,
+    /// ns by which the clock of a node is ahead.
+    clocks: Vec<i64>,
+    link: Option<Box<dyn Link>>,
 }
 
 impl Executor {
@@ -154,11 +112,22 @@ impl Executor {
             log: Vec::new(),
             retained: BTreeMap::new(),
             ended: BTreeSet::new(),
+            paused: BTreeMap::new(),
+            clocks: Vec::new(),
+            link: None,
         };
+        executor.clocks.resize(executor.nodes.len(), 0);
         for node in 0..executor.nodes.len() {
             executor.schedule(start, Event::Timer { node, id: START });
         }
         Ok(executor)
+    }
+
+    /// The same with another way of messages than the one without delay or loss.
+    #[must_use]
+    pub fn over(mut self, link: Box<dyn Link>) -> Self {
+        self.link = Some(link);
+        self
     }
 
     /// The instant of the last event.
@@ -185,55 +154,8 @@ impl Executor {
         Ok(())
     }
 
-    /// Ends the process of a node at this instant, as SIGKILL does: its state, its timers and its latched messages are lost, and
-    /// nothing reaches it until [`Executor::restart`].
-    pub fn kill(&mut self, name: &str) {
-        let Some(node) = self.nodes.iter().position(|node| node.name() == name) else {
-            return;
-        };
-        // What it has published is delivered.
-        self.run_until(self.now);
-        let journal = topics::journal_name(name);
-        if let Some(message) = self.journals[node].take() {
-            self.record(&journal, to_cdr(&message));
-        }
-        for topic in self.nodes[node].outputs() {
-            self.retained.remove(topic.name);
-        }
-        self.queue.retain(
-            |_, event| !matches!(event, Event::Timer { node: owner, .. } if *owner == node),
-        );
-        self.ended.insert(node);
-    }
-
-    /// Restarts a node, as the launcher does when its process has ended: its state, its timers and its latched messages
-    /// are lost, and its publications are numbered from 1 again. It receives the latched messages of the others.
-    pub fn restart(&mut self, fresh: Box<dyn Instance>) {
-        let Some(node) = self
-            .nodes
-            .iter()
-            .position(|node| node.name() == fresh.name())
-        else {
-            return;
-        };
-        self.kill(fresh.name());
-        self.ended.remove(&node);
-        self.now = Stamp(self.now.0 + 1);
-        let journal = topics::journal_name(fresh.name());
-        self.journals[node] = Journal::new(fresh.name(), self.journals[node].incarnation() + 1);
-        for topic in fresh.outputs() {
-            self.counts.remove(topic.name);
-        }
-        self.counts.remove(&journal);
-        self.nodes[node] = fresh;
-        self.run_timer(node, START);
-        for port in 0..self.nodes[node].inputs().len() {
-            let topic = self.nodes[node].inputs()[port].name;
-            let latched = self.retained.get(topic).cloned().unwrap_or_default();
-            for (sequence, payload) in latched {
-                self.deliver((node, port), sequence, &payload);
-            }
-        }
+    fn position(&self, name: &str) -> Option<usize> {
+        self.nodes.iter().position(|node| node.name() == name)
     }
 
     /// Publishes a message from outside the graph at `at` (never before [`Executor::now`]).
@@ -256,6 +178,21 @@ impl Executor {
             self.run_event((at, order));
         }
         false
+    }
+
+    /// Runs the next event, unless it is later than `until`. True when there was one.
+    pub fn step(&mut self, until: Stamp) -> bool {
+        let next = self.queue.first_key_value().map(|(&key, _)| key);
+        let due = next.filter(|(at, _)| *at <= until);
+        if let Some(key) = due {
+            self.run_event(key);
+        }
+        due.is_some()
+    }
+
+    /// Publications that [`Executor::take_log`] has not taken yet, in the order made.
+    pub fn log(&self) -> &[Published] {
+        &self.log
     }
 
     /// Runs until a message is published on `topic`, the queue is empty or `until` has passed. True when it was published.
@@ -294,19 +231,30 @@ impl Executor {
             return;
         };
         self.now = key.0;
+        if let Some(held) = event.node().and_then(|node| self.paused.get_mut(&node)) {
+            held.push(event);
+            return;
+        }
         match event {
             Event::Timer { node, id } => self.run_timer(node, id),
             Event::External { topic, payload } => self.publish(&topic, &payload),
+            Event::Arrival { to, sequence, payload, .. } => self.deliver(to, sequence, &payload),
         }
     }
 
+    /// Now, by the clock of a node.
+    fn clock(&self, node: usize) -> Stamp {
+        Stamp(self.now.0 + self.clocks[node])
+    }
+
     fn run_timer(&mut self, node: usize, id: u32) {
+        let now = self.clock(node);
         self.journals[node].push(Step {
-            now: self.now,
+            now,
             port: TIMER_PORT,
             sequence: u64::from(id),
         });
-        let emitted = self.nodes[node].timer(self.now, id);
+        let emitted = self.nodes[node].timer(now, id);
         self.settle(node, emitted);
     }
 
@@ -315,12 +263,17 @@ impl Executor {
             return;
         }
         // A payload that the node cannot read makes no step: the live process refuses it in the same way.
-        if let Ok(emitted) = self.nodes[node].deliver(self.now, port, payload) {
+        let now = self.clock(node);
+        if let Ok(emitted) = self.nodes[node].deliver(now, port, payload) {
             self.journals[node].push(Step {
-                now: self.now,
+                now,
                 port: port as u16,
                 sequence,
             });
+            if let Some(link) = &mut self.link {
+                let topic = self.nodes[node].inputs()[port].name;
+                link.taken(self.now, topic, payload, self.nodes[node].name());
+            }
             self.settle(node, emitted);
         }
     }
@@ -328,7 +281,8 @@ impl Executor {
     fn settle(&mut self, node: usize, emitted: Emitted) {
         let outputs: &'static [Topic] = self.nodes[node].outputs();
         for (at, id) in emitted.timers {
-            self.schedule(at.max(self.now), Event::Timer { node, id });
+            let at = Stamp(at.0 - self.clocks[node]).max(self.now);
+            self.schedule(at, Event::Timer { node, id });
         }
         for (port, payload) in emitted.messages {
             // Through the queue, at this instant, so that a step ends before what it caused begins.
@@ -346,10 +300,13 @@ impl Executor {
         let count = self.counts.entry(topic.to_owned()).or_insert(0);
         *count += 1;
         let sequence = *count;
+        let node = topic.strip_suffix("/steps").and_then(|name| self.position(name));
+        let producer = node.or_else(|| self.wiring.producer(topic));
+        let at = producer.map_or(self.now, |node| self.clock(node));
         self.log.push(Published {
             topic: topic.to_owned(),
             sequence,
-            at: self.now,
+            at,
             payload,
         });
         sequence
@@ -358,9 +315,30 @@ impl Executor {
     fn publish(&mut self, topic: &str, payload: &[u8]) {
         let sequence = self.record(topic, payload.to_vec());
         self.retain(topic, sequence, payload);
-        for listener in self.wiring.subscribers(topic).to_vec() {
-            self.deliver(listener, sequence, payload);
+        let listeners = self.wiring.subscribers(topic).to_vec();
+        let Some(mut link) = self.link.take() else {
+            for listener in listeners {
+                self.deliver(listener, sequence, payload);
+            }
+            return;
+        };
+        let published = self.log[self.log.len() - 1].clone();
+        for to in listeners {
+            if self.ended.contains(&to.0) {
+                continue;
+            }
+            let arrivals = link.arrivals(self.now, &published, self.nodes[to.0].name());
+            for (index, at) in arrivals.into_iter().enumerate() {
+                let event = Event::Arrival {
+                    to,
+                    sequence,
+                    payload: payload.to_vec(),
+                    repeat_of: self.wiring.producer(topic).filter(|_| index > 0),
+                };
+                self.schedule(at.max(self.now), event);
+            }
         }
+        self.link = Some(link);
     }
 
     /// Keeps a message of a latched topic for late subscribers.

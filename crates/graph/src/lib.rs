@@ -107,10 +107,12 @@ pub mod replay;
 mod stamp;
 pub mod supervision;
 pub mod topics;
+mod wiring;
 
-pub use executor::{Executor, Published, Wiring, WiringError};
+pub use executor::{Executor, Link, Published};
 pub use fault::{FaultCode, NoFaults};
 pub use instance::{DeliverError, Emitted, Instance, RestoreError, Running};
 pub use node::{Inputs, Node, Outbox, Outputs, START};
 pub use stamp::Stamp;
 pub use topics::{Qos, Topic};
+pub use wiring::{Wiring, WiringError};

@@ -92,17 +92,21 @@ impl Player<'_> {
 
     /// The key of a number received: within one process numbers increase, and one that begins again is another process.
     fn key(&self, step: Step, topic: &str, session: &Session<'_>) -> Key {
+        let at = || {
+            let journal = session.producer(topic)?;
+            Some(journal.process_at(step.now))
+        };
         match self.received.get(&step.port) {
-            Some(&(restart, last)) if step.sequence <= last && step.sequence == 1 => {
+            // A message that comes twice is not of another process where the journal knows of none.
+            Some(&(restart, last))
+                if step.sequence <= last
+                    && step.sequence == 1
+                    && at().is_none_or(|process| process > restart) =>
+            {
                 (restart + 1, 1)
             }
             Some(&(restart, _)) => (restart, step.sequence),
-            None => {
-                let restart = session
-                    .producer(topic)
-                    .map_or(0, |journal| journal.process_at(step.now));
-                (restart, step.sequence)
-            }
+            None => (at().unwrap_or(0), step.sequence),
         }
     }
 

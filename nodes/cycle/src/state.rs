@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use graph::Stamp;
-use probecell_msgs::{OperationRequest, PassDecision, PlanId, RunId};
+use probecell_msgs::{OperationRequest, OperatorRequest, PassDecision, PlanId, RunId};
 use serde::{Deserialize, Serialize};
 
 /// The state of `cycle`.
@@ -27,6 +27,8 @@ pub struct State {
     pub acknowledged: BTreeMap<String, (u8, String)>,
     /// Parts reported as qualified, the latest last: the run of the deciding measurement, the part and its passes.
     pub qualified: VecDeque<(RunId, String, u32)>,
+    /// Requests of operators that have not expired: each is taken once.
+    pub recent: Vec<OperatorRequest>,
     /// Why no further part is made: what a reference measurement refutes.
     pub refuted: Option<String>,
 }

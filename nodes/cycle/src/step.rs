@@ -98,6 +98,7 @@ fn handle_supervised(state: &mut State, now: Stamp, known: &PartStatus, out: &mu
     if known.stage == PartStatus::NONE || state.used.contains(&known.run_id) {
         return;
     }
+    state.used.insert(known.run_id.clone());
     out.send(Output::Part(PartReport {
         header: now.header(""),
         part_id: known.part_id.clone(),
@@ -122,6 +123,14 @@ fn handle_run_request(
     asked: &OperatorRequest,
     out: &mut Outbox<Output>,
 ) {
+    // What is delivered again is no further request. Those that have expired are refused anyway.
+    (state.recent).retain(|known| now <= Stamp::from(&known.expires));
+    if state.recent.contains(asked) {
+        return;
+    }
+    if Stamp::from(&asked.expires) != Stamp(0) {
+        state.recent.push(asked.clone());
+    }
     let asked_plan = PlanId::from(&asked.plan_id);
     let measured = |run: &&Run| run.stage.plan_id() == Some(&asked_plan);
     let last = state.last.as_ref().filter(measured).cloned();

@@ -372,3 +372,40 @@ fn a_part_that_a_reference_refutes_is_not_qualified_and_the_series_stops() {
         &["accepted true: ", "5 measure p/finish/1/next in pass 0"],
     );
 }
+
+/// Found in `fault_world`: a link delivered the request for a part again when the part had ended, and another was begun.
+#[test]
+fn a_request_for_a_part_that_is_delivered_again_begins_no_second_one() {
+    let once = || {
+        Input::Run(OperatorRequest {
+            request_id: 3,
+            subject: "part".to_owned(),
+            expires: Stamp(60_000_000_000).time(),
+            ..OperatorRequest::default()
+        })
+    };
+    let refused = report(0, OperationReport::REFUSED, "the machine is busy");
+    check(vec![once(), refused.clone(), once()], &[]);
+    // Another request is one of its own.
+    check(
+        vec![once(), refused, run("part")],
+        &["accepted true: ", "1 cut turn"],
+    );
+}
+
+/// Found in `fault_world`: `machine_state` told a restarted `cycle` twice which part there was.
+#[test]
+fn the_part_of_an_earlier_process_is_reported_once() {
+    let known = || {
+        Input::Supervised(PartStatus {
+            stage: PartStatus::CUTTING,
+            run_number: 1,
+            run_id: "part".to_owned(),
+            part_id: "part".to_owned(),
+            ..PartStatus::default()
+        })
+    };
+    let reported = "part stopped after 0 passes: cycle was restarted while the part was made";
+    check(vec![known()], &[reported]);
+    check(vec![known(), known()], &[]);
+}

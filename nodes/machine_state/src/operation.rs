@@ -9,6 +9,7 @@ use probecell_msgs::{
 use crate::{
     command,
     config::Config,
+    part,
     ports::{MachineFault, Output},
     standing::{clear, raise},
     state::{Asker, Awaited, Operation, State, Writing},
@@ -101,7 +102,11 @@ pub(crate) fn carry_out(
     let busy = state.operation.is_some() || state.awaited.is_some();
     let refusal = refusal(config, state)
         .or_else(|| unrecorded(state, now))
-        .or(busy.then_some("the machine is busy"));
+        .or(busy.then_some("the machine is busy"))
+        .or_else(|| {
+            let stopped = part::is_stopped(state, &request.run_id);
+            stopped.then_some("an operator has stopped the machine")
+        });
     if let Some(text) = refusal {
         state.order = None;
         let id = request.request_id;

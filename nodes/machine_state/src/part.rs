@@ -23,6 +23,10 @@ pub(crate) fn status(
     out: &mut Outbox<Output>,
 ) {
     let known = &state.part.status;
+    if Stamp::from(&status.header.stamp) < Stamp::from(&known.header.stamp) {
+        // A link delivers it after something newer.
+        return;
+    }
     let forgotten = known.stage != PartStatus::NONE
         && status.run_id != known.run_id
         && status.run_number < known.run_number;
@@ -41,6 +45,10 @@ pub(crate) fn status(
     let same = status.run_id == known.run_id
         && status.run_number == known.run_number
         && (status.stage == PartStatus::NONE) == (known.stage == PartStatus::NONE);
+    if status.stage == PartStatus::NONE {
+        // Its end is known; its measurement may be resumed.
+        state.part.stopped = None;
+    }
     state.part.status = status;
     state.part.at = now;
     state.part.abandoned = false;
@@ -55,12 +63,27 @@ pub(crate) fn ended(state: &mut State, now: Stamp, report: &PartReport, out: &mu
         state.ended = state.ended.max(Some(Stamp::from(&report.header.stamp)));
     }
     let known = &mut state.part;
+    (known.stopped).take_if(|stopped| *stopped == report.run_id);
     if known.status.stage != PartStatus::NONE && known.status.run_id == report.run_id {
         known.status.stage = PartStatus::NONE;
+        known.status.header = report.header.clone();
         known.abandoned = false;
         clear(state, MachineFault::CycleLost);
         publish(state, now, out);
     }
+}
+
+/// An operator stops the machine: the part that is being made is over, whether or not `cycle` hears of it.
+pub(crate) fn stopped(state: &mut State) {
+    let part = &mut state.part;
+    if part.status.stage != PartStatus::NONE {
+        part.stopped = Some(part.status.run_id.clone());
+    }
+}
+
+/// An operator has stopped the machine while the run was made.
+pub(crate) fn is_stopped(state: &State, run_id: &str) -> bool {
+    state.part.stopped.as_deref() == Some(run_id)
 }
 
 /// Stops the machine when `cycle` has fallen silent.
@@ -93,7 +116,14 @@ pub(crate) fn check(
     correction: &Correction,
 ) -> Result<(), Refusal> {
     let part = &state.part;
+    if state.rejected.contains(&correction.plan_id) {
+        return refuse(
+            Ack::REFUSED_STALE,
+            "another correction from its measurement was rejected",
+        );
+    }
     if part.abandoned
+        || is_stopped(state, &part.status.run_id)
         || [PartStatus::NONE, PartStatus::STOPPING].contains(&part.status.stage)
         || part.status.plan_id != correction.plan_id
     {

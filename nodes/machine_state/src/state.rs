@@ -14,6 +14,9 @@ use serde::{Deserialize, Serialize};
 pub struct State {
     /// ns since 1970, start of this process; 0 before it.
     pub started: u64,
+    /// What tells this process from earlier ones at the driver, ns: its start, or the clock of the driver where that is
+    /// ahead: the cell may have been started anew by a wall clock that was set back.
+    pub epoch: u64,
     /// Signs of life given so far.
     pub beats: u64,
     /// The driver that runs now, and its last sample.
@@ -40,6 +43,8 @@ pub struct State {
     pub measured: BTreeMap<String, Stamp>,
     /// End of the last part that was not qualified: measurements before it entitle to no correction.
     pub ended: Option<Stamp>,
+    /// Plans of which an operator has rejected a correction: nothing more is corrected from them.
+    pub rejected: BTreeSet<String>,
     /// The operators' keys in force.
     pub keys: Option<OperatorKeys>,
     /// Corrections written to the controller and not yet answered, by command number.
@@ -116,6 +121,8 @@ pub struct Part {
     pub at: Stamp,
     /// `cycle` says nothing of it any more, or another process does.
     pub abandoned: bool,
+    /// The run that was being made when an operator stopped the machine: nothing begins for it any more.
+    pub stopped: Option<String>,
 }
 
 /// A command to stop that the driver has not confirmed.

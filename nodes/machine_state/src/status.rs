@@ -54,6 +54,7 @@ pub(crate) fn sample(
         clear(state, MachineFault::ControllerRestarted);
         *state = State {
             started: state.started,
+            epoch: state.epoch,
             beats: state.beats,
             next_command: state.next_command,
             taken: state.taken.take(),
@@ -79,6 +80,12 @@ pub(crate) fn sample(
     });
     clear(state, MachineFault::ControllerLost);
     if !greeted {
+        // The driver may know numbers of an earlier gate, none of which is beyond its own clock.
+        let clock = state.controller.as_ref().map_or(0, |known| {
+            Stamp::from(&known.status.header.stamp).0.unsigned_abs()
+        });
+        state.epoch = state.epoch.max(clock);
+        state.next_command = state.next_command.max(clock);
         take_over(config, state, now, out);
     }
 }

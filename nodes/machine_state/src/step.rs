@@ -1,7 +1,7 @@
 //! The rules of `machine_state`.
 
 use graph::{Node, Outbox, START, Stamp};
-use probecell_msgs::{GateHeartbeat, PlanProgress, std_msgs};
+use probecell_msgs::{GateHeartbeat, PlanProgress, RecordingStatus, std_msgs};
 
 use crate::{
     config::Config,
@@ -15,6 +15,8 @@ use crate::{
 const WATCH: u32 = 1;
 /// s between two checks.
 const WATCH_PERIOD: f64 = graph::supervision::HEARTBEAT_PERIOD;
+/// s by which a link may deliver a message late.
+const LATE: f64 = 30.0;
 
 /// The node.
 pub struct MachineStateNode;
@@ -44,6 +46,7 @@ impl Node for MachineStateNode {
                     // The driver may still answer commands of an earlier process.
                     state.next_command = now.0.unsigned_abs();
                     state.started = now.0.unsigned_abs();
+                    state.epoch = state.started;
                     let description = std_msgs::String {
                         data: config.robot_description.clone(),
                     };
@@ -91,13 +94,26 @@ impl Node for MachineStateNode {
             Input::PartStatus(status) => part::status(config, state, now, status, out),
             Input::Stop(request) => {
                 let asked_by = Asker::Operator(request.request_id);
+                part::stopped(state);
                 stop::stop(config, state, now, asked_by, out);
             }
-            Input::Recording(status) => state.recording = Some((status, now)),
+            Input::Recording(status) => hear_of_recording(state, now, status),
             Input::Keys(keys) => {
                 trust::operators::take(config.trust.cell.as_ref(), &mut state.keys, keys);
             }
         }
+    }
+}
+
+/// Takes what the recorder says, unless a link delivers it after something newer. The clock of another recorder may be
+/// behind that of the one before.
+fn hear_of_recording(state: &mut State, now: Stamp, status: RecordingStatus) {
+    let outdated = state.recording.as_ref().is_some_and(|(known, at)| {
+        Stamp::from(&status.header.stamp) < Stamp::from(&known.header.stamp)
+            && now.since_s(*at) <= LATE
+    });
+    if !outdated {
+        state.recording = Some((status, now));
     }
 }
 
@@ -108,7 +124,7 @@ fn beat(state: &mut State, now: Stamp, out: &mut Outbox<Output>) {
     out.send(Output::Heartbeat(GateHeartbeat {
         header: now.header(""),
         session: session.cloned().unwrap_or_default(),
-        started: state.started,
+        started: state.epoch,
         count: state.beats,
     }));
 }

@@ -31,6 +31,9 @@ pub(crate) fn correct(
     if Stamp::from(&correction.header.stamp).0 < state.started as i64 {
         return;
     }
+    if correction.approval == Correction::APPROVAL_REJECTED {
+        state.rejected.insert(correction.plan_id.clone());
+    }
     let inert = [Correction::APPROVAL_NONE, Correction::APPROVAL_REJECTED];
     let known = |other: &Correction| other.correction_id == correction.correction_id;
     if inert.contains(&correction.approval)

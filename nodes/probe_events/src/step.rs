@@ -59,6 +59,8 @@ pub struct State {
     pub waiting: VecDeque<ProbeTrigger>,
     /// Consecutive moves that ended without contact.
     pub misses: u32,
+    /// Session of the driver and number of the last trigger received: numbers rise in a session.
+    pub last: Option<(String, u64)>,
 }
 
 /// The node.
@@ -86,6 +88,15 @@ impl Node for ProbeEventsNode {
         match input {
             Input::Timer(_) => {}
             Input::Trigger(trigger) => {
+                let again = (state.last.as_ref()).is_some_and(|(session, number)| {
+                    !session.is_empty()
+                        && *session == trigger.session
+                        && trigger.sequence <= *number
+                });
+                if again {
+                    return;
+                }
+                state.last = Some((trigger.session.clone(), trigger.sequence));
                 state.waiting.push_back(trigger);
                 if state.waiting.len() > WAITING_LIMIT {
                     state.waiting.pop_front();

@@ -203,3 +203,27 @@ fn a_trigger_with_unusable_axes_or_point_makes_no_event() {
         ],
     );
 }
+
+/// Found by seed 13 of `fault_world`: a link delivered a trigger a second time, and there were two touches of one number.
+#[test]
+fn a_trigger_that_is_delivered_again_is_one_touch() {
+    let config = Config {
+        chain: Chain::from_urdf(ROBOT).expect("a chain"),
+    };
+    let mut state = ProbeEventsNode::start(&config);
+    let mut out = Outbox::default();
+    let of = |session: &str, sequence| {
+        Input::Trigger(ProbeTrigger {
+            session: session.to_owned(),
+            sequence,
+            ..trigger("a", 0, 0.003)
+        })
+    };
+    let inputs = [plan("a"), of("s", 4), of("s", 5), of("s", 4), of("s", 5), of("t", 0)];
+    for input in inputs {
+        ProbeEventsNode::step(&config, &mut state, Stamp(0), input, &mut out);
+    }
+    let said: Vec<String> = out.messages().iter().map(line).collect();
+    let touched = |number: u64| format!("{number} point 0 touched at 0.0030");
+    assert_eq!(said, [touched(4), touched(5), touched(0)]);
+}

@@ -18,6 +18,9 @@ const MOVES: [u8; 3] = [
     ControllerCommand::SET_VOLUMETRIC,
 ];
 
+/// Numbers of commands kept: of what a link may still deliver again.
+const TAKEN_LIMIT: usize = 64;
+
 pub(crate) fn obey(
     config: &Config,
     state: &mut State,
@@ -27,6 +30,16 @@ pub(crate) fn obey(
 ) {
     if state.silent {
         return;
+    }
+    if command.session == state.session {
+        // Delivered again: what was taken once is neither done nor answered a second time.
+        if state.taken.contains(&command.command_id) {
+            return;
+        }
+        state.taken.push_back(command.command_id);
+        if state.taken.len() > TAKEN_LIMIT {
+            state.taken.pop_front();
+        }
     }
     let refusal = if command.session != state.session {
         Some("it is addressed to another session of the driver")

@@ -58,6 +58,8 @@ pub struct State {
     pub triggers: u64,
     /// The run whose part was cut last: another one begins with a new bar.
     pub run_id: String,
+    /// Numbers of the commands that were taken last in this session.
+    pub taken: VecDeque<u64>,
     /// What is known of the gate.
     pub gate: GateWatch,
 }

@@ -63,6 +63,7 @@ impl Node for SimulatorNode {
             touches: 0,
             triggers: 0,
             run_id: String::new(),
+            taken: std::collections::VecDeque::new(),
             gate: graph::supervision::GateWatch::default(),
         }
     }

@@ -43,6 +43,7 @@ struct Machine {
     config: Config,
     state: State,
     beats: u64,
+    commands: u64,
 }
 
 impl Machine {
@@ -52,6 +53,7 @@ impl Machine {
             config,
             state,
             beats: 0,
+            commands: 0,
         };
         machine.step(0.0, Input::Timer(START));
         machine
@@ -84,6 +86,17 @@ impl Machine {
 
     /// Tells it something; the outcome and text of what it answers at once.
     fn tell(&mut self, seconds: f64, command: ControllerCommand) -> Vec<(u8, String)> {
+        self.commands += 1;
+        let command_id = self.commands;
+        let command = ControllerCommand {
+            command_id,
+            ..command
+        };
+        self.deliver(seconds, command)
+    }
+
+    /// Delivers a command, for the first time or again.
+    fn deliver(&mut self, seconds: f64, command: ControllerCommand) -> Vec<(u8, String)> {
         replies(&self.step(seconds, Input::Command(command)))
     }
 
@@ -416,4 +429,26 @@ fn a_machine_without_a_table_refuses_one() {
     };
     assert_eq!(*outcome, ControllerReply::REFUSED);
     assert!(text.contains("a finite value for each of []"), "{text}");
+}
+
+/// Found by seed 36 of `fault_world`: a link delivered a command a second time, and the machine cut again.
+#[test]
+fn a_command_that_is_delivered_again_is_neither_done_nor_answered() {
+    let mut machine = Machine::new(config(0.0, 0.0));
+    let wear = |command_id, value| ControllerCommand {
+        command_id,
+        value,
+        ..command(ControllerCommand::SET_TOOL_WEAR)
+    };
+    let done = [(ControllerReply::DONE, String::new())];
+    assert_eq!(machine.deliver(1.0, wear(901, 10e-6)), done);
+    assert_eq!(machine.deliver(1.1, wear(902, 20e-6)), done);
+    assert_eq!(machine.deliver(1.2, wear(901, 10e-6)), []);
+    assert_eq!(machine.state.wear[&2], 20e-6);
+    // Of another session it is refused, whatever its number.
+    let other = ControllerCommand {
+        session: "simulator-1".to_owned(),
+        ..wear(901, 10e-6)
+    };
+    assert_eq!(machine.deliver(1.3, other)[0].0, ControllerReply::REFUSED);
 }

@@ -1,0 +1,469 @@
+//! Every invariant bites: a node that is deliberately wrong is put in the place of the real one, and the world catches it
+//! by exactly the invariant that it breaks. Under the same faults the real nodes break none.
+
+#![allow(
+    clippy::unnecessary_wraps,
+    reason = "wrong nodes are functions of one shape"
+)]
+
+use std::sync::LazyLock;
+
+use fault_world::{Cells, Fault, Forgery, Invariant, Kind, Mood, StandIn, Way, run};
+use graph::{DeliverError, Emitted, Instance, RestoreError, Stamp, Topic, topics};
+use probecell_msgs::{
+    ControllerCommand, Correction, CorrectionAcknowledgement as Ack, GateHeartbeat, Message,
+    OperationRequest, RecordingStatus, from_cdr, to_cdr,
+};
+
+/// What a wrong node is given in the place of an input; `None`: nothing.
+type Before = fn(Stamp, &'static str, &[u8]) -> Option<Vec<u8>>;
+/// What a wrong node says in the place of its outputs. The input is empty for a timer.
+type After = fn(&mut Memory, Stamp, (&'static str, &[u8]), &mut Said);
+
+/// What a wrong node remembers.
+#[derive(Default)]
+struct Memory {
+    count: u64,
+}
+
+/// Messages of a step by topic.
+struct Said {
+    outputs: &'static [Topic],
+    messages: Vec<(usize, Vec<u8>)>,
+}
+
+impl Said {
+    fn of(&self, topic: Topic) -> Vec<&[u8]> {
+        (self.messages.iter())
+            .filter(|(port, _)| self.outputs[*port].name == topic.name)
+            .map(|(_, payload)| payload.as_slice())
+            .collect()
+    }
+
+    fn add<M: Message>(&mut self, topic: Topic, message: &M) {
+        let port = self.outputs.iter().position(|known| known.name == topic.name);
+        self.messages.push((port.expect("an output"), to_cdr(message)));
+    }
+
+    fn drop_all(&mut self, topic: Topic) {
+        let outputs = self.outputs;
+        self.messages.retain(|(port, _)| outputs[*port].name != topic.name);
+    }
+}
+
+struct Wrong {
+    inner: Box<dyn Instance>,
+    before: Before,
+    after: After,
+    memory: Memory,
+}
+
+impl Wrong {
+    fn settle(&mut self, now: Stamp, input: (&'static str, &[u8]), emitted: Emitted) -> Emitted {
+        let mut said = Said {
+            outputs: self.inner.outputs(),
+            messages: emitted.messages,
+        };
+        (self.after)(&mut self.memory, now, input, &mut said);
+        Emitted {
+            messages: said.messages,
+            ..emitted
+        }
+    }
+}
+
+impl Instance for Wrong {
+    fn name(&self) -> &'static str {
+        self.inner.name()
+    }
+
+    fn inputs(&self) -> &'static [Topic] {
+        self.inner.inputs()
+    }
+
+    fn outputs(&self) -> &'static [Topic] {
+        self.inner.outputs()
+    }
+
+    fn fault_codes(&self) -> Vec<&'static str> {
+        self.inner.fault_codes()
+    }
+
+    fn deliver(&mut self, now: Stamp, port: usize, cdr: &[u8]) -> Result<Emitted, DeliverError> {
+        let topic = self.inner.inputs()[port].name;
+        let emitted = match (self.before)(now, topic, cdr) {
+            Some(changed) => self.inner.deliver(now, port, &changed)?,
+            None => Emitted::default(),
+        };
+        Ok(self.settle(now, (topic, cdr), emitted))
+    }
+
+    fn timer(&mut self, now: Stamp, id: u32) -> Emitted {
+        let emitted = self.inner.timer(now, id);
+        self.settle(now, ("", &[]), emitted)
+    }
+
+    fn snapshot(&self) -> serde_json::Value {
+        self.inner.snapshot()
+    }
+
+    fn restore(&mut self, snapshot: serde_json::Value) -> Result<(), RestoreError> {
+        self.inner.restore(snapshot)
+    }
+}
+
+fn wrong(node: Box<dyn Instance>, name: &str, before: Before, after: After) -> Box<dyn Instance> {
+    if node.name() != name {
+        return node;
+    }
+    Box::new(Wrong {
+        inner: node,
+        before,
+        after,
+        memory: Memory::default(),
+    })
+}
+
+fn as_it_is(_: Stamp, _: &'static str, payload: &[u8]) -> Option<Vec<u8>> {
+    Some(payload.to_vec())
+}
+
+fn nothing(_: &mut Memory, _: Stamp, _: (&'static str, &[u8]), _: &mut Said) {}
+
+fn read<M: Message>(payload: &[u8]) -> M {
+    from_cdr(payload).expect("a message of its topic")
+}
+
+/// A gate that writes what it has to refuse.
+fn careless(
+    memory: &mut Memory,
+    now: Stamp,
+    (topic, payload): (&'static str, &[u8]),
+    said: &mut Said,
+) {
+    if topic != topics::CORRECTIONS.name {
+        return;
+    }
+    let correction: Correction = read(payload);
+    let refused = (said.of(topics::CORRECTION_ACKNOWLEDGEMENTS).into_iter())
+        .map(read::<Ack>)
+        .any(|ack| ack.correction_id == correction.correction_id && ack.outcome != Ack::APPLIED);
+    if refused {
+        memory.count += 1;
+        let command = ControllerCommand {
+            header: now.header(""),
+            session: correction.session.clone(),
+            command_id: 7 + memory.count,
+            kind: ControllerCommand::SET_TOOL_WEAR,
+            tool_number: correction.tool_number,
+            value: correction.new_value,
+            correction_id: correction.correction_id,
+            ..ControllerCommand::default()
+        };
+        said.add(topics::CONTROLLER_COMMANDS, &command);
+    }
+}
+
+fn careless_gate(node: Box<dyn Instance>) -> Box<dyn Instance> {
+    wrong(node, "machine_state", as_it_is, careless)
+}
+
+static CELLS: LazyLock<Cells> = LazyLock::new(Cells::default);
+
+/// Every half second from the first correction on.
+fn again_and_again(kind: &Kind) -> Vec<Fault> {
+    let instants = (20..240).map(|half| f64::from(half) / 2.0 + 0.13);
+    let fault = |at| Fault {
+        at,
+        kind: kind.clone(),
+    };
+    instants.map(fault).collect()
+}
+
+/// The wrong node is caught by this invariant, and the real one breaks none under the same faults. `seed` 0: corrections
+/// are approved by policy, 1: by operators.
+fn caught(invariant: Invariant, seed: u64, faults: &[Fault], stand_in: StandIn) {
+    let cell = CELLS.of(seed);
+    let outcome = run(cell, seed, faults, Some(stand_in));
+    let found = outcome.violation.map(|found| found.invariant);
+    assert_eq!(found, Some(invariant));
+    let real = run(cell, seed, faults, None);
+    assert_eq!(real.violation, None);
+}
+
+fn forged(invariant: Invariant, forgery: Forgery) {
+    caught(invariant, 0, &again_and_again(&Kind::Forge(forgery)), careless_gate);
+}
+
+#[test]
+fn a_write_out_of_bounds_is_seen() {
+    forged(Invariant::Bound, Forgery::OutOfBounds);
+}
+
+#[test]
+fn a_write_without_a_source_is_seen() {
+    forged(Invariant::Source, Forgery::NoSource);
+}
+
+#[test]
+fn a_write_without_a_signature_is_seen() {
+    forged(Invariant::Signature, Forgery::Unsigned);
+    forged(Invariant::Signature, Forgery::Withdrawn);
+    forged(Invariant::Signature, Forgery::Identifier);
+}
+
+#[test]
+fn a_write_of_another_session_is_seen() {
+    forged(Invariant::Session, Forgery::Session);
+}
+
+#[test]
+fn a_write_for_a_part_that_is_not_waiting_is_seen() {
+    forged(Invariant::LivingPart, Forgery::Sound);
+}
+
+#[test]
+fn a_second_write_of_a_correction_is_seen() {
+    forged(Invariant::Twice, Forgery::Again);
+}
+
+#[test]
+fn a_machine_that_carries_out_a_command_twice_is_seen() {
+    fn twice(
+        _: &mut Memory,
+        _: Stamp,
+        (topic, _): (&'static str, &[u8]),
+        said: &mut Said,
+    ) {
+        if topic == topics::CONTROLLER_COMMANDS.name {
+            let replies: Vec<Vec<u8>> =
+                said.of(topics::CONTROLLER_REPLIES).into_iter().map(<[u8]>::to_vec).collect();
+            let port = said.messages.first().map_or(0, |(port, _)| *port);
+            said.messages.extend(replies.into_iter().map(|reply| (port, reply)));
+        }
+    }
+    caught(Invariant::Twice, 0, &[], |node| {
+        wrong(node, "simulator", as_it_is, twice)
+    });
+}
+
+#[test]
+fn an_operation_after_a_stop_is_seen() {
+    fn deaf(_: Stamp, topic: &'static str, payload: &[u8]) -> Option<Vec<u8>> {
+        (topic != topics::STOP_REQUESTS.name).then(|| payload.to_vec())
+    }
+    let way = Way {
+        topic: topics::STOP_REQUESTS.name,
+        to: "cycle",
+    };
+    let faults = [
+        Fault {
+            at: 1.5,
+            kind: Kind::Lose(way, 10.0, 1),
+        },
+        Fault {
+            at: 2.0,
+            kind: Kind::Stop(false),
+        },
+    ];
+    caught(Invariant::AfterStop, 0, &faults, |node| {
+        wrong(node, "machine_state", deaf, nothing)
+    });
+}
+
+#[test]
+fn a_write_after_a_rejection_is_seen() {
+    let way = Way {
+        topic: topics::PASS_DECISIONS.name,
+        to: "cycle",
+    };
+    // The first answer is a rejection, and `cycle` does not hear that the part ends with it.
+    let mut faults = vec![
+        Fault {
+            at: 1.0,
+            kind: Kind::Operators(Mood::Reject, 100.0),
+        },
+        Fault {
+            at: 1.0,
+            kind: Kind::Lose(way, 115.0, 1),
+        },
+    ];
+    faults.extend(again_and_again(&Kind::Forge(Forgery::Sound)));
+    caught(Invariant::AfterWithdrawal, 1, &faults, careless_gate);
+}
+
+#[test]
+fn an_unrecorded_operation_is_seen() {
+    fn waived(_: Stamp, topic: &'static str, payload: &[u8]) -> Option<Vec<u8>> {
+        if topic != topics::RECORDING_STATUS.name {
+            return Some(payload.to_vec());
+        }
+        Some(to_cdr(&RecordingStatus {
+            state: RecordingStatus::WAIVED,
+            ..RecordingStatus::default()
+        }))
+    }
+    let faults = [Fault {
+        at: 2.0,
+        kind: Kind::RecorderStops(60.0),
+    }];
+    caught(Invariant::Unrecorded, 0, &faults, |node| {
+        wrong(node, "machine_state", waived, nothing)
+    });
+}
+
+#[test]
+fn a_machine_that_moves_without_a_gate_is_seen() {
+    struct Driver {
+        inner: Box<dyn Instance>,
+        count: u64,
+    }
+    impl Instance for Driver {
+        fn name(&self) -> &'static str {
+            self.inner.name()
+        }
+        fn inputs(&self) -> &'static [Topic] {
+            self.inner.inputs()
+        }
+        fn outputs(&self) -> &'static [Topic] {
+            self.inner.outputs()
+        }
+        fn fault_codes(&self) -> Vec<&'static str> {
+            self.inner.fault_codes()
+        }
+        fn deliver(&mut self, now: Stamp, port: usize, cdr: &[u8]) -> Result<Emitted, DeliverError> {
+            let topic = self.inner.inputs()[port].name;
+            if topic == topics::GATE_HEARTBEAT.name {
+                return Ok(Emitted::default());
+            }
+            self.inner.deliver(now, port, cdr)
+        }
+        fn timer(&mut self, now: Stamp, id: u32) -> Emitted {
+            // It makes its own signs of life.
+            self.count += 1;
+            let beat = GateHeartbeat {
+                started: 1,
+                count: self.count,
+                ..GateHeartbeat::default()
+            };
+            let mut inputs = self.inner.inputs().iter();
+            let port = inputs.position(|topic| topic.name == topics::GATE_HEARTBEAT.name);
+            let mut emitted = self.inner.deliver(now, port.expect("an input"), &to_cdr(&beat)).expect("a heartbeat");
+            let more = self.inner.timer(now, id);
+            emitted.messages.extend(more.messages);
+            emitted.timers.extend(more.timers);
+            emitted
+        }
+        fn snapshot(&self) -> serde_json::Value {
+            self.inner.snapshot()
+        }
+        fn restore(&mut self, snapshot: serde_json::Value) -> Result<(), RestoreError> {
+            self.inner.restore(snapshot)
+        }
+    }
+    let faults = [Fault {
+        at: 1.5,
+        kind: Kind::Kill("machine_state", 20.0, false),
+    }];
+    caught(Invariant::Unsupervised, 0, &faults, |node| {
+        if node.name() == "simulator" {
+            Box::new(Driver {
+                inner: node,
+                count: 0,
+            })
+        } else {
+            node
+        }
+    });
+}
+
+#[test]
+fn a_touch_that_is_lost_or_published_twice_is_seen() {
+    fn swallow(memory: &mut Memory, _: Stamp, _: (&'static str, &[u8]), said: &mut Said) {
+        if !said.of(topics::PROBE_EVENTS).is_empty() {
+            memory.count += 1;
+            if memory.count == 7 {
+                said.drop_all(topics::PROBE_EVENTS);
+            }
+        }
+    }
+    fn double(_: &mut Memory, _: Stamp, _: (&'static str, &[u8]), said: &mut Said) {
+        let again = said.messages.clone();
+        said.messages.extend(again);
+    }
+    caught(Invariant::TouchLost, 0, &[], |node| {
+        wrong(node, "probe_events", as_it_is, swallow)
+    });
+    caught(Invariant::TouchTwice, 0, &[], |node| {
+        wrong(node, "probe_events", as_it_is, double)
+    });
+}
+
+#[test]
+fn a_number_that_recurs_is_seen() {
+    fn recur(_: &mut Memory, _: Stamp, _: (&'static str, &[u8]), said: &mut Said) {
+        let requests = said.of(topics::OPERATION_REQUESTS).into_iter();
+        let requests: Vec<OperationRequest> = requests.map(read).collect();
+        for request in requests {
+            let other = OperationRequest {
+                operation: format!("{} again", request.operation),
+                ..request
+            };
+            said.add(topics::OPERATION_REQUESTS, &other);
+        }
+    }
+    caught(Invariant::Number, 0, &[], |node| {
+        wrong(node, "cycle", as_it_is, recur)
+    });
+}
+
+#[test]
+fn a_part_without_a_report_and_one_with_two_are_seen() {
+    fn swallow(_: &mut Memory, _: Stamp, _: (&'static str, &[u8]), said: &mut Said) {
+        said.drop_all(topics::PART_REPORTS);
+    }
+    fn double(_: &mut Memory, _: Stamp, _: (&'static str, &[u8]), said: &mut Said) {
+        let reports: Vec<Vec<u8>> =
+            said.of(topics::PART_REPORTS).into_iter().map(<[u8]>::to_vec).collect();
+        for report in reports {
+            said.add::<probecell_msgs::PartReport>(topics::PART_REPORTS, &read(&report));
+        }
+    }
+    caught(Invariant::PartLate, 0, &[], |node| {
+        wrong(node, "cycle", as_it_is, swallow)
+    });
+    caught(Invariant::ReportTwice, 0, &[], |node| {
+        wrong(node, "cycle", as_it_is, double)
+    });
+}
+
+#[test]
+fn a_session_that_replays_otherwise_is_seen() {
+    fn swallow(memory: &mut Memory, _: Stamp, _: (&'static str, &[u8]), said: &mut Said) {
+        memory.count += u64::from(!said.messages.is_empty());
+        if memory.count == 100 {
+            said.messages.clear();
+        }
+    }
+    caught(Invariant::Replay, 0, &[], |node| {
+        wrong(node, "visualization", as_it_is, swallow)
+    });
+}
+
+#[test]
+fn a_cell_that_makes_no_part_any_more_is_seen() {
+    fn from_the_third_on(
+        memory: &mut Memory,
+        _: Stamp,
+        (topic, _): (&'static str, &[u8]),
+        said: &mut Said,
+    ) {
+        memory.count += u64::from(topic == topics::RUN_REQUESTS.name);
+        if memory.count > 1 {
+            said.drop_all(topics::RUN_REPLIES);
+        }
+    }
+    caught(Invariant::Recovery, 0, &[], |node| {
+        wrong(node, "cycle", as_it_is, from_the_third_on)
+    });
+}

@@ -1,0 +1,245 @@
+//! What a link delivers late, twice or not at all, and clocks that were set: found by the seeds of `fault_world`.
+
+use graph::{Node, Outbox, START, Stamp};
+use machine_state::{Config, Input, MachineStateNode, Output, RawConfig, State};
+use probecell_msgs::{
+    ControllerStatus, Correction, CorrectionAcknowledgement as Ack, MeasurementOrder,
+    OperationReport, OperationRequest, OperatorRequest, PartReport, PartStatus, RecordingStatus,
+};
+use trust::{SecretKey, Trust, approval};
+
+const SECOND: i64 = 1_000_000_000;
+/// When the gate starts.
+const BEGIN: i64 = 1_000 * SECOND;
+
+struct Gate {
+    config: Config,
+    state: State,
+}
+
+impl Gate {
+    /// A gate whose machine stands, of a recorded cell, and whose part waits for corrections of plan p/1.
+    fn new() -> Self {
+        let key = SecretKey::from_seed([7; 32]);
+        let config = RawConfig::default().check(String::new(), "mill", false);
+        let mut gate = Self {
+            config: config.expect("defaults").with_trust(Trust {
+                cell: Some(key.public()),
+                automatic: true,
+                unsigned_operators: false,
+            }),
+            state: MachineStateNode::start(
+                &RawConfig::default()
+                    .check(String::new(), "mill", false)
+                    .expect("defaults"),
+            ),
+        };
+        gate.step(0.0, Input::Timer(START));
+        gate.sample(0.0, BEGIN);
+        gate.step(0.0, recording(0.0, RecordingStatus::RECORDING));
+        gate.step(0.0, part(0.0, PartStatus::MEASURING));
+        let order = MeasurementOrder {
+            plan_id: "p/1".to_owned(),
+            ..MeasurementOrder::default()
+        };
+        gate.step(0.0, Input::Order(order));
+        gate.step(0.0, request(0.0, 5, OperationRequest::MEASURE));
+        gate.state.operation = None;
+        gate.step(0.1, part(0.1, PartStatus::CORRECTING));
+        gate
+    }
+
+    fn step(&mut self, seconds: f64, input: Input) -> Vec<Output> {
+        let mut out = Outbox::default();
+        let now = Stamp(BEGIN).after_s(seconds);
+        MachineStateNode::step(&self.config, &mut self.state, now, input, &mut out);
+        out.messages().to_vec()
+    }
+
+    /// A sample with the stamp of the driver's clock, ns.
+    fn sample(&mut self, seconds: f64, clock: i64) -> Vec<Output> {
+        let sample = ControllerStatus {
+            header: Stamp(clock).header(""),
+            session: "run 1".to_owned(),
+            axis_names: vec!["X".to_owned()],
+            axis_positions: vec![0.25],
+            tool_numbers: vec![2],
+            tool_wear: vec![0.0],
+            ..ControllerStatus::default()
+        };
+        self.step(seconds, Input::Status(sample))
+    }
+
+    /// The outcome of a correction that is given at an instant; `None`: it is written.
+    fn correct(&mut self, seconds: f64, id: &str) -> Option<u8> {
+        let said = self.step(seconds, Input::Correction(correction(seconds, id)));
+        said.iter().find_map(|one| match one {
+            Output::Acknowledgement(ack) => Some(ack.outcome),
+            _ => None,
+        })
+    }
+
+    /// The answer to a request to cut.
+    fn cut(&mut self, seconds: f64, request_id: u64) -> (u8, String) {
+        self.state.writing.clear();
+        let said = self.step(seconds, request(seconds, request_id, OperationRequest::CUT));
+        let report = said.iter().find_map(|one| match one {
+            Output::Report(report) => Some((report.outcome, report.text.clone())),
+            _ => None,
+        });
+        report.expect("an answer")
+    }
+}
+
+fn part(seconds: f64, stage: u8) -> Input {
+    Input::PartStatus(PartStatus {
+        header: Stamp(BEGIN).after_s(seconds).header(""),
+        stage,
+        run_number: 1,
+        run_id: "p".to_owned(),
+        part_id: "p".to_owned(),
+        plan_id: "p/1".to_owned(),
+        ..PartStatus::default()
+    })
+}
+
+fn recording(seconds: f64, state: u8) -> Input {
+    Input::Recording(RecordingStatus {
+        header: Stamp(BEGIN).after_s(seconds).header(""),
+        state,
+        validity: 30.0,
+        ..RecordingStatus::default()
+    })
+}
+
+fn request(seconds: f64, request_id: u64, kind: u8) -> Input {
+    Input::Request(OperationRequest {
+        header: Stamp(BEGIN).after_s(seconds).header(""),
+        kind,
+        request_id,
+        operation: "turn".to_owned(),
+        plan_id: "p/1".to_owned(),
+        run_id: "p".to_owned(),
+        ..OperationRequest::default()
+    })
+}
+
+fn correction(seconds: f64, id: &str) -> Correction {
+    let key = SecretKey::from_seed([7; 32]);
+    let now = Stamp(BEGIN).after_s(seconds);
+    let mut correction = Correction {
+        header: now.header(""),
+        correction_id: id.to_owned(),
+        session: "run 1".to_owned(),
+        kind: Correction::TOOL_WEAR,
+        tool_number: 2,
+        new_value: -20e-6,
+        lower_bound: -50e-6,
+        upper_bound: 50e-6,
+        plan_id: "p/1".to_owned(),
+        feature_ids: vec!["D1".to_owned()],
+        sequences: vec![0],
+        measured_error: 20e-6,
+        standard_uncertainty: 1e-6,
+        approval: Correction::APPROVAL_POLICY,
+        approved_by: "policy".to_owned(),
+        approved_at: now.time(),
+        expires: now.after_s(60.0).time(),
+        ..Correction::default()
+    };
+    correction.signature = approval::sign(&key, &key.public(), &correction);
+    correction
+}
+
+fn ended(seconds: f64) -> Input {
+    Input::Part(PartReport {
+        header: Stamp(BEGIN).after_s(seconds).header(""),
+        run_id: "p".to_owned(),
+        verdict: PartReport::QUALIFIED,
+        ..PartReport::default()
+    })
+}
+
+#[test]
+fn a_correction_of_a_part_that_waits_for_it_is_written() {
+    let mut gate = Gate::new();
+    assert_eq!(gate.correct(0.5, "c"), None);
+    assert_eq!(gate.state.writing.len(), 1);
+}
+
+#[test]
+fn a_late_status_does_not_bring_a_part_back() {
+    let mut gate = Gate::new();
+    gate.step(0.5, ended(0.5));
+    gate.step(0.6, part(0.1, PartStatus::CORRECTING));
+    assert_eq!(gate.correct(0.7, "c"), Some(Ack::REFUSED_STALE));
+}
+
+#[test]
+fn nothing_begins_for_a_part_that_an_operator_has_stopped_though_cycle_has_not_heard_of_it() {
+    let mut gate = Gate::new();
+    gate.step(0.5, Input::Stop(OperatorRequest::default()));
+    gate.step(0.6, part(0.6, PartStatus::CORRECTING));
+    assert_eq!(gate.correct(0.7, "c"), Some(Ack::REFUSED_STALE));
+    let (outcome, text) = gate.cut(0.8, 6);
+    assert_eq!(outcome, OperationReport::REFUSED);
+    assert_eq!(text, "an operator has stopped the machine");
+    // Its end is known: its measurement may be resumed under the same identity.
+    gate.step(0.9, ended(0.9));
+    assert_eq!(gate.cut(1.0, 7).0, OperationReport::UNDERWAY);
+}
+
+#[test]
+fn nothing_is_corrected_from_a_measurement_of_which_a_correction_was_rejected() {
+    let mut gate = Gate::new();
+    let rejected = Correction {
+        approval: Correction::APPROVAL_REJECTED,
+        ..correction(0.5, "a")
+    };
+    gate.step(0.5, Input::Correction(rejected));
+    assert_eq!(gate.correct(0.6, "b"), Some(Ack::REFUSED_STALE));
+}
+
+#[test]
+fn a_late_status_of_the_recorder_does_not_bring_the_recording_back() {
+    let mut gate = Gate::new();
+    gate.step(0.5, recording(0.5, RecordingStatus::STOPPED));
+    gate.step(0.6, recording(0.0, RecordingStatus::RECORDING));
+    let (outcome, text) = gate.cut(0.7, 6);
+    assert_eq!(outcome, OperationReport::REFUSED);
+    assert!(text.contains("nothing is recorded"), "{text}");
+    // Another recorder, by a clock that is behind.
+    gate.step(31.0, recording(-500.0, RecordingStatus::RECORDING));
+    gate.sample(31.0, BEGIN + 31 * SECOND);
+    assert_eq!(gate.cut(31.1, 7).0, OperationReport::UNDERWAY);
+}
+
+/// Seed 57: the cell was started anew by a clock that had been set back; the driver, a process of its own, took the gate for
+/// its predecessor and its signs of life for late ones, and gave up every program.
+#[test]
+fn a_gate_is_known_as_another_process_although_the_clock_was_set_back() {
+    let mut gate = Gate::new();
+    let ahead = BEGIN + 3600 * SECOND;
+    let mut later = Gate {
+        state: MachineStateNode::start(&gate.config),
+        config: gate.config.clone(),
+    };
+    later.step(0.0, Input::Timer(START));
+    let said = later.sample(0.0, ahead);
+    let command = said.iter().find_map(|one| match one {
+        Output::Command(command) => Some(command.command_id),
+        _ => None,
+    });
+    assert!(command.is_some_and(|number| number >= ahead as u64));
+    let beat = |gate: &mut Gate| {
+        let said = gate.step(0.1, Input::Timer(1));
+        let beat = said.iter().find_map(|one| match one {
+            Output::Heartbeat(beat) => Some(beat.started),
+            _ => None,
+        });
+        beat.expect("a heartbeat")
+    };
+    assert!(beat(&mut later) >= ahead as u64);
+    // A driver whose clock is not ahead changes nothing.
+    assert_eq!(beat(&mut gate), BEGIN as u64);
+}
