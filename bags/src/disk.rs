@@ -95,7 +95,8 @@ impl Stream {
             return Err(io::Error::other("the disk has refused before"));
         }
         let done = operation();
-        let refused = (done.as_ref()).is_err_and(|error| error.kind() != io::ErrorKind::Interrupted);
+        let refused =
+            (done.as_ref()).is_err_and(|error| error.kind() != io::ErrorKind::Interrupted);
         if refused {
             self.refused.store(true, Ordering::Relaxed);
         }

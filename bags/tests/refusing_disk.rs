@@ -150,7 +150,9 @@ fn record(folder: &Path, disk: &Refusing) -> (u64, Result<(), Error>) {
         },
         compress: false,
         chunk_bytes: 300,
-        sealer: Some(Sealer::new(|bytes: &[u8]| bytes[..bytes.len().min(64)].to_vec())),
+        sealer: Some(Sealer::new(|bytes: &[u8]| {
+            bytes[..bytes.len().min(64)].to_vec()
+        })),
         disk: Arc::new(disk.clone()),
         ..RecorderOptions::new(folder)
     });
@@ -173,7 +175,10 @@ fn record(folder: &Path, disk: &Refusing) -> (u64, Result<(), Error>) {
     'batches: for _ in 0..8 {
         for _ in 0..6 {
             let payload = number.to_le_bytes().repeat(6);
-            if recorder.push(channel, number, number, number, payload).is_err() {
+            if recorder
+                .push(channel, number, number, number, payload)
+                .is_err()
+            {
                 break 'batches;
             }
             number += 1;

@@ -161,6 +161,13 @@ impl Session {
         self.executor.now()
     }
 
+    /// The whole state of a node.
+    pub fn snapshot(&self, name: &str) -> serde_json::Value {
+        let mut nodes = self.executor.nodes().iter();
+        let node = nodes.find(|node| node.name() == name);
+        node.map_or_else(|| panic!("there is no node {name}"), |node| node.snapshot())
+    }
+
     /// What was published on a topic so far.
     pub fn all<M: Message>(&self, topic: Topic) -> Vec<M> {
         messages(&self.log, topic.name)

@@ -21,8 +21,9 @@ use cell_tests::{
 };
 use graph::{Published, START, topics};
 use probecell_msgs::{
-    Correction, FeatureResult, InspectionPlan, MachineState, OperationRequest, OperatorRequest,
-    PartReport, ProbeEvent, ReferenceMeasurement, from_cdr, sensor_msgs::JointState, to_cdr,
+    ControllerCommand, Correction, FeatureResult, InspectionPlan, MachineState, OperationRequest,
+    OperatorRequest, PartReport, ProbeEvent, ProbeTrigger, ReferenceMeasurement, from_cdr,
+    sensor_msgs::JointState, to_cdr,
 };
 use serde_json::Value;
 
@@ -319,6 +320,44 @@ fn too_early() -> (Cell, Vec<Published>) {
     (cell, session.finish())
 }
 
+/// A link delivers a trigger, a command and a request for a part again; an operator rejects one correction, and another of its
+/// measurement was approved before.
+fn delivered_again() -> (Cell, Vec<Published>) {
+    let cell =
+        turn_mill(|text| text.replace("automatic_approval = true", "automatic_approval = false"));
+    let mut session = Session::new(&cell);
+    let request = OperatorRequest {
+        request_id: 9,
+        subject: "punch".to_owned(),
+        operator_name: "Ada".to_owned(),
+        expires: session.now().after_s(300.0).time(),
+        ..OperatorRequest::default()
+    };
+    session.send(topics::RUN_REQUESTS, &request);
+    session.run_to(topics::PROBE_EVENTS);
+    let trigger: ProbeTrigger = session.last(topics::PROBE_TRIGGERS);
+    session.send(topics::PROBE_TRIGGERS, &trigger);
+    session.run_to(topics::PASS_DECISIONS);
+    session.run_s(3.0);
+    let first: ControllerCommand = session.all(topics::CONTROLLER_COMMANDS).remove(1);
+    session.send(topics::CONTROLLER_COMMANDS, &first);
+    session.run_s(0.05);
+    let proposed: Vec<Correction> = session.all(topics::CORRECTIONS);
+    let rejected = Correction {
+        approval: Correction::APPROVAL_REJECTED,
+        ..proposed[0].clone()
+    };
+    session.send(topics::CORRECTIONS, &rejected);
+    let approved = cell_tests::session::approved(proposed[1].clone(), "Ada", session.now());
+    session.send(topics::CORRECTIONS, &approved);
+    session.run_s(1.0);
+    session.answer(&proposed[0], false);
+    session.run_s(2.0);
+    session.send(topics::RUN_REQUESTS, &request);
+    session.run_s(1.0);
+    (cell, session.finish())
+}
+
 fn gone_wrong(kind: &str) -> (Cell, Vec<Published>) {
     let cell = turn_mill(|text| with_fault(text, kind, 20));
     let mut session = Session::new(&cell);
@@ -416,6 +455,7 @@ fn sessions() -> Vec<(Cell, Vec<Published>)> {
         twice(),
         approved(),
         unanswered(),
+        delivered_again(),
         not_converging(),
         springing(),
         five_axis(),

@@ -347,6 +347,31 @@ fn no_operation_starts_while_nothing_is_recorded() {
     assert_eq!(session.make("recorded").verdict, PartReport::QUALIFIED);
 }
 
+/// What the launcher says when the recorder has ended, as it does when its disk refuses.
+#[test]
+fn the_end_of_the_recorder_stops_the_part() {
+    let cell = slow(str::to_owned);
+    let mut session = cutting(&cell);
+    let ended = Fault {
+        node: "recorder".to_owned(),
+        code: Fault::PROCESS_ENDED.to_owned(),
+        severity: Fault::ERROR,
+        text: "cannot write the recording: Input/output error (os error 5)".to_owned(),
+        ..Fault::default()
+    };
+    session.send(topics::LAUNCHER_FAULTS, &ended);
+    let report = session.wait_for_report();
+    assert_eq!(report.verdict, PartReport::STOPPED);
+    assert!(
+        report.text.contains("recorder: process_ended"),
+        "{}",
+        report.text
+    );
+    session.run_s(0.1);
+    let sample: ControllerStatus = session.last(topics::CONTROLLER_STATUS);
+    assert_eq!(sample.execution, MachineState::EXECUTION_IDLE);
+}
+
 #[test]
 fn a_gate_that_is_started_again_does_not_answer_corrections_of_before() {
     let cell = cell("turn_mill.toml", str::to_owned);

@@ -92,9 +92,14 @@ impl RecordingWriter {
             statistics: Statistics::default(),
             losses_written: 0,
         };
-        writer.open_split()?;
-        writer.write_folder_metadata()?;
-        Ok(writer)
+        let opened = writer.open_split().map(|_| ());
+        match opened.and_then(|()| writer.write_folder_metadata()) {
+            Ok(()) => Ok(writer),
+            Err(failure) => {
+                drop(writer.abandon());
+                Err(failure)
+            }
+        }
     }
 
     fn open_split(&mut self) -> Result<&mut SplitFile, Error> {
@@ -109,9 +114,15 @@ impl RecordingWriter {
             &self.options.chunks(),
             self.seals.is_some(),
         )?;
-        split.sync()?;
-        let folder = &self.options.folder;
-        (self.options.disk.sync_folder(folder)).map_err(|source| Error::io("sync the folder", folder, source))?;
+        let (disk, folder) = (&self.options.disk, &self.options.folder);
+        let named = split.sync().and_then(|()| {
+            let synced = disk.sync_folder(folder);
+            synced.map_err(|source| Error::io("sync the folder", folder, source))
+        });
+        if let Err(failure) = named {
+            split.abandon();
+            return Err(failure);
+        }
         self.statistics.files.push(path);
         Ok(self.split.insert(split))
     }

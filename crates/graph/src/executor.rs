@@ -238,7 +238,12 @@ impl Executor {
         match event {
             Event::Timer { node, id } => self.run_timer(node, id),
             Event::External { topic, payload } => self.publish(&topic, &payload),
-            Event::Arrival { to, sequence, payload, .. } => self.deliver(to, sequence, &payload),
+            Event::Arrival {
+                to,
+                sequence,
+                payload,
+                ..
+            } => self.deliver(to, sequence, &payload),
         }
     }
 
@@ -300,7 +305,9 @@ impl Executor {
         let count = self.counts.entry(topic.to_owned()).or_insert(0);
         *count += 1;
         let sequence = *count;
-        let node = topic.strip_suffix("/steps").and_then(|name| self.position(name));
+        let node = topic
+            .strip_suffix("/steps")
+            .and_then(|name| self.position(name));
         let producer = node.or_else(|| self.wiring.producer(topic));
         let at = producer.map_or(self.now, |node| self.clock(node));
         self.log.push(Published {

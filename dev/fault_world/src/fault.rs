@@ -157,10 +157,7 @@ pub fn of_seed(seed: u64, ways: &[Way]) -> Vec<Fault> {
 }
 
 fn kind(random: &mut Pcg64, ways: &[Way]) -> Kind {
-    let way = *ways.choose(random).unwrap_or(&Way {
-        topic: "",
-        to: "",
-    });
+    let way = *ways.choose(random).unwrap_or(&Way { topic: "", to: "" });
     let process = PROCESSES.choose(random).copied().unwrap_or_default();
     let mut seconds = |from: f64, to: f64| rounded((random.random_range(from.ln()..to.ln())).exp());
     let (short, long, step) = (seconds(0.05, 5.0), seconds(1.0, 30.0), seconds(1.0, 7200.0));

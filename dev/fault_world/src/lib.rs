@@ -9,6 +9,7 @@
 
 mod check;
 mod fault;
+mod gate;
 mod operators;
 mod recorder;
 mod settings;
@@ -18,11 +19,12 @@ mod world;
 
 pub use check::{Count, Invariant, Violation};
 pub use fault::{Fault, Forgery, Kind, Mood, Way, of_seed, ways};
-pub use settings::default_cell;
+pub use gate::{Bounds, Found, Search, Tamper};
 pub use shrink::shortened;
 pub use world::{Outcome, StandIn, run};
 
 use cell::Cell;
+use settings::default_cell;
 
 /// The cells of the runs, and the ways of their messages.
 pub struct Cells {

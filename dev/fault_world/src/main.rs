@@ -49,7 +49,10 @@ fn main() -> ExitCode {
             count.writes += outcome.count.writes;
             count.touches += outcome.count.touches;
             if arguments.verbose {
-                println!("seed {seed}: {:?}, replay {:?}", outcome.count, outcome.replay);
+                println!(
+                    "seed {seed}: {:?}, replay {:?}",
+                    outcome.count, outcome.replay
+                );
             }
             if let Some(found) = outcome.violation {
                 failures += 1;

@@ -9,7 +9,7 @@ pub(crate) const WEAR_LIMIT: f64 = 0.110e-3;
 pub(crate) const PART_LIMIT: f64 = 3.0;
 
 /// The default cell; operators approve its corrections where `automatic` is false.
-pub fn default_cell(automatic: bool) -> Cell {
+pub(crate) fn default_cell(automatic: bool) -> Cell {
     cell("turn_mill.toml", |text| {
         let limits = "[cycle]\noperation_limit_s = 100.0\ndecision_limit_s = 10.0\ncorrection_limit_s = 45.0\n";
         let changed = text.replacen("[cycle]\n", limits, 1);

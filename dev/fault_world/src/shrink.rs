@@ -6,7 +6,9 @@ use crate::{Cells, Fault, Invariant, run};
 pub fn shortened(cells: &Cells, seed: u64, invariant: Invariant) -> Vec<Fault> {
     let fails = |faults: &[Fault]| {
         let outcome = run(cells.of(seed), seed, faults, None);
-        outcome.violation.is_some_and(|found| found.invariant == invariant)
+        outcome
+            .violation
+            .is_some_and(|found| found.invariant == invariant)
     };
     let mut faults = cells.faults(seed);
     let mut size = faults.len().div_ceil(2);

@@ -55,7 +55,10 @@ enum Act {
     Batch,
 }
 
-#[expect(clippy::struct_excessive_bools, reason = "what has happened to the recording, each by itself")]
+#[expect(
+    clippy::struct_excessive_bools,
+    reason = "what has happened to the recording, each by itself"
+)]
 struct World<'a> {
     cell: &'a Cell,
     seed: u64,
@@ -221,10 +224,17 @@ impl<'a> World<'a> {
         });
         let (now, reply) = (self.executor.now(), self.reply.clone().unwrap_or_default());
         let refuted = reply.text.contains("no part is made until");
-        self.checker
-            .expect(now, answered && (reply.accepted || refuted), Invariant::Recovery, || {
-                format!("a part that was asked for last was refused: {:?}", reply.text)
-            });
+        self.checker.expect(
+            now,
+            answered && (reply.accepted || refuted),
+            Invariant::Recovery,
+            || {
+                format!(
+                    "a part that was asked for last was refused: {:?}",
+                    reply.text
+                )
+            },
+        );
         if refuted || self.checker.violation().is_some() {
             return;
         }
@@ -548,19 +558,24 @@ impl<'a> World<'a> {
             Verdict::Incomplete => self.incomplete || self.restarted,
             Verdict::Different => false,
         };
-        self.checker.expect(self.executor.now(), holds, Invariant::Replay, || {
-            let waits = report.nodes.iter().filter_map(|node| {
-                let waits = node.waits_for.as_ref()?;
-                Some(format!("{} waits for {waits}", node.node))
+        self.checker
+            .expect(self.executor.now(), holds, Invariant::Replay, || {
+                let waits = report.nodes.iter().filter_map(|node| {
+                    let waits = node.waits_for.as_ref()?;
+                    Some(format!("{} waits for {waits}", node.node))
+                });
+                let topics = (report.topics.iter())
+                    .filter(|topic| topic.not_recomputed + topic.not_recorded + topic.different > 0)
+                    .map(|topic| format!("{topic:?}"));
+                let waits: Vec<String> = waits.chain(topics).collect();
+                let first = report.first_difference.as_ref();
+                let first = first.map(|one| (one.topic.clone(), one.sequence));
+                format!(
+                    "{:?}, first difference {first:?}, {}",
+                    report.verdict,
+                    waits.join(", ")
+                )
             });
-            let topics = (report.topics.iter())
-                .filter(|topic| topic.not_recomputed + topic.not_recorded + topic.different > 0)
-                .map(|topic| format!("{topic:?}"));
-            let waits: Vec<String> = waits.chain(topics).collect();
-            let first = report.first_difference.as_ref();
-            let first = first.map(|one| (one.topic.clone(), one.sequence));
-            format!("{:?}, first difference {first:?}, {}", report.verdict, waits.join(", "))
-        });
         Some(report.verdict)
     }
 }

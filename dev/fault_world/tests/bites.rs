@@ -41,13 +41,18 @@ impl Said {
     }
 
     fn add<M: Message>(&mut self, topic: Topic, message: &M) {
-        let port = self.outputs.iter().position(|known| known.name == topic.name);
-        self.messages.push((port.expect("an output"), to_cdr(message)));
+        let port = self
+            .outputs
+            .iter()
+            .position(|known| known.name == topic.name);
+        self.messages
+            .push((port.expect("an output"), to_cdr(message)));
     }
 
     fn drop_all(&mut self, topic: Topic) {
         let outputs = self.outputs;
-        self.messages.retain(|(port, _)| outputs[*port].name != topic.name);
+        self.messages
+            .retain(|(port, _)| outputs[*port].name != topic.name);
     }
 }
 
@@ -192,7 +197,12 @@ fn caught(invariant: Invariant, seed: u64, faults: &[Fault], stand_in: StandIn) 
 }
 
 fn forged(invariant: Invariant, forgery: Forgery) {
-    caught(invariant, 0, &again_and_again(&Kind::Forge(forgery)), careless_gate);
+    caught(
+        invariant,
+        0,
+        &again_and_again(&Kind::Forge(forgery)),
+        careless_gate,
+    );
 }
 
 #[test]
@@ -229,17 +239,16 @@ fn a_second_write_of_a_correction_is_seen() {
 
 #[test]
 fn a_machine_that_carries_out_a_command_twice_is_seen() {
-    fn twice(
-        _: &mut Memory,
-        _: Stamp,
-        (topic, _): (&'static str, &[u8]),
-        said: &mut Said,
-    ) {
+    fn twice(_: &mut Memory, _: Stamp, (topic, _): (&'static str, &[u8]), said: &mut Said) {
         if topic == topics::CONTROLLER_COMMANDS.name {
-            let replies: Vec<Vec<u8>> =
-                said.of(topics::CONTROLLER_REPLIES).into_iter().map(<[u8]>::to_vec).collect();
+            let replies: Vec<Vec<u8>> = said
+                .of(topics::CONTROLLER_REPLIES)
+                .into_iter()
+                .map(<[u8]>::to_vec)
+                .collect();
             let port = said.messages.first().map_or(0, |(port, _)| *port);
-            said.messages.extend(replies.into_iter().map(|reply| (port, reply)));
+            said.messages
+                .extend(replies.into_iter().map(|reply| (port, reply)));
         }
     }
     caught(Invariant::Twice, 0, &[], |node| {
@@ -331,7 +340,12 @@ fn a_machine_that_moves_without_a_gate_is_seen() {
         fn fault_codes(&self) -> Vec<&'static str> {
             self.inner.fault_codes()
         }
-        fn deliver(&mut self, now: Stamp, port: usize, cdr: &[u8]) -> Result<Emitted, DeliverError> {
+        fn deliver(
+            &mut self,
+            now: Stamp,
+            port: usize,
+            cdr: &[u8],
+        ) -> Result<Emitted, DeliverError> {
             let topic = self.inner.inputs()[port].name;
             if topic == topics::GATE_HEARTBEAT.name {
                 return Ok(Emitted::default());
@@ -348,7 +362,10 @@ fn a_machine_that_moves_without_a_gate_is_seen() {
             };
             let mut inputs = self.inner.inputs().iter();
             let port = inputs.position(|topic| topic.name == topics::GATE_HEARTBEAT.name);
-            let mut emitted = self.inner.deliver(now, port.expect("an input"), &to_cdr(&beat)).expect("a heartbeat");
+            let mut emitted = self
+                .inner
+                .deliver(now, port.expect("an input"), &to_cdr(&beat))
+                .expect("a heartbeat");
             let more = self.inner.timer(now, id);
             emitted.messages.extend(more.messages);
             emitted.timers.extend(more.timers);
@@ -423,8 +440,11 @@ fn a_part_without_a_report_and_one_with_two_are_seen() {
         said.drop_all(topics::PART_REPORTS);
     }
     fn double(_: &mut Memory, _: Stamp, _: (&'static str, &[u8]), said: &mut Said) {
-        let reports: Vec<Vec<u8>> =
-            said.of(topics::PART_REPORTS).into_iter().map(<[u8]>::to_vec).collect();
+        let reports: Vec<Vec<u8>> = said
+            .of(topics::PART_REPORTS)
+            .into_iter()
+            .map(<[u8]>::to_vec)
+            .collect();
         for report in reports {
             said.add::<probecell_msgs::PartReport>(topics::PART_REPORTS, &read(&report));
         }

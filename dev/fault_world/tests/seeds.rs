@@ -32,12 +32,18 @@ fn no_invariant_is_broken_by_the_faults_of_these_seeds() {
     let counts: Vec<Count> = std::thread::scope(|scope| {
         let threads: Vec<_> = (0..threads).map(|_| scope.spawn(work)).collect();
         let joined = threads.into_iter().map(|thread| {
-            thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+            thread
+                .join()
+                .unwrap_or_else(|panic| std::panic::resume_unwind(panic))
         });
         joined.collect()
     });
     let sum = |of: fn(&Count) -> usize| counts.iter().map(of).sum::<usize>();
-    let (parts, writes, touches) = (sum(|one| one.parts), sum(|one| one.writes), sum(|one| one.touches));
+    let (parts, writes, touches) = (
+        sum(|one| one.parts),
+        sum(|one| one.writes),
+        sum(|one| one.touches),
+    );
     println!("{SEEDS} seeds: {parts} parts, {writes} corrections written, {touches} touches");
     // The faults leave the cell something to do.
     assert!(parts > 200 && writes > 60 && touches > 8000);

@@ -219,7 +219,14 @@ fn a_trigger_that_is_delivered_again_is_one_touch() {
             ..trigger("a", 0, 0.003)
         })
     };
-    let inputs = [plan("a"), of("s", 4), of("s", 5), of("s", 4), of("s", 5), of("t", 0)];
+    let inputs = [
+        plan("a"),
+        of("s", 4),
+        of("s", 5),
+        of("s", 4),
+        of("s", 5),
+        of("t", 0),
+    ];
     for input in inputs {
         ProbeEventsNode::step(&config, &mut state, Stamp(0), input, &mut out);
     }

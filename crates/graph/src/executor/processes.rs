@@ -23,7 +23,8 @@ impl Executor {
         }
         self.paused.remove(&node);
         self.queue.retain(|_, event| {
-            let repeated = matches!(event, Event::Arrival { repeat_of, .. } if *repeat_of == Some(node));
+            let repeated =
+                matches!(event, Event::Arrival { repeat_of, .. } if *repeat_of == Some(node));
             event.node() != Some(node) && !repeated
         });
         self.ended.insert(node);
@@ -61,14 +62,19 @@ impl Executor {
 
     /// Holds the process of a node, as SIGSTOP does, until [`Executor::resume`] or its end.
     pub fn pause(&mut self, name: &str) {
-        if let Some(node) = self.position(name).filter(|node| !self.ended.contains(node)) {
+        if let Some(node) = self
+            .position(name)
+            .filter(|node| !self.ended.contains(node))
+        {
             self.paused.entry(node).or_default();
         }
     }
 
     /// Lets the process of a node go on: its timers are late, and what has arrived meanwhile waits for it.
     pub fn resume(&mut self, name: &str) {
-        let held = self.position(name).and_then(|node| self.paused.remove(&node));
+        let held = self
+            .position(name)
+            .and_then(|node| self.paused.remove(&node));
         for event in held.into_iter().flatten() {
             self.schedule(self.now, event);
         }

@@ -86,12 +86,7 @@ impl Parts {
         }
     }
 
-    pub(super) fn published(
-        &mut self,
-        now: Stamp,
-        published: &Published,
-        findings: &mut Findings,
-    ) {
+    pub(super) fn published(&mut self, now: Stamp, published: &Published, findings: &mut Findings) {
         if published.topic == topics::PART_STATUS.name {
             let status: PartStatus = read(&published.payload);
             // By the clock of the world.
@@ -148,7 +143,8 @@ impl Parts {
         };
         // What a reference refutes is reported again.
         let again = part.reports.last().is_some_and(|before| {
-            before.verdict != PartReport::QUALIFIED || !report.text.starts_with("not qualified any more")
+            before.verdict != PartReport::QUALIFIED
+                || !report.text.starts_with("not qualified any more")
         });
         findings.expect(!again, Invariant::ReportTwice, || {
             format!(

@@ -45,10 +45,13 @@ impl Touches {
     pub(super) fn published(&mut self, published: &Published, findings: &mut Findings) {
         if published.topic == topics::PROBE_TRIGGERS.name {
             let trigger: ProbeTrigger = read(&published.payload);
-            let new = (self.numbers.entry(trigger.session.clone()).or_default())
-                .insert(trigger.sequence);
+            let new =
+                (self.numbers.entry(trigger.session.clone()).or_default()).insert(trigger.sequence);
             findings.expect(new, Invariant::Number, || {
-                format!("trigger {} comes twice in {}", trigger.sequence, trigger.session)
+                format!(
+                    "trigger {} comes twice in {}",
+                    trigger.sequence, trigger.session
+                )
             });
             self.triggers.insert((trigger.plan_id, trigger.sequence));
         } else if published.topic == topics::PROBE_EVENTS.name {
@@ -60,7 +63,10 @@ impl Touches {
             });
             let before = self.events.insert(key, event.clone());
             findings.expect(before.is_none(), Invariant::TouchTwice, || {
-                format!("touch {} of {} is published twice", event.sequence, event.plan_id)
+                format!(
+                    "touch {} of {} is published twice",
+                    event.sequence, event.plan_id
+                )
             });
         } else if published.topic == topics::PROBE_EVENTS_FAULTS.name {
             let fault: Fault = read(&published.payload);

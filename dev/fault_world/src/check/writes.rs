@@ -5,8 +5,7 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use graph::{Published, Stamp, topics};
 use probecell_msgs::{
     ControllerCommand, ControllerReply, ControllerStatus, Correction, GateHeartbeat, MachineState,
-    OperationRequest, OperatorKeys, PartReport, PartStatus, ProbeEvent,
-    RecordingStatus,
+    OperationRequest, OperatorKeys, PartReport, PartStatus, ProbeEvent, RecordingStatus,
 };
 use trust::{Approval, SecretKey, Trust};
 
@@ -130,7 +129,13 @@ impl Writes {
                     self.stopped.clear();
                 }
                 let resumed = status.stage != PartStatus::NONE
-                    && stamp > self.known.ended.get(&status.run_id).copied().unwrap_or(stamp);
+                    && stamp
+                        > self
+                            .known
+                            .ended
+                            .get(&status.run_id)
+                            .copied()
+                            .unwrap_or(stamp);
                 if resumed {
                     self.known.reported.remove(&status.run_id);
                 }
@@ -180,16 +185,21 @@ impl Writes {
         } else if topic == topics::OPERATION_REQUESTS.name {
             let request: OperationRequest = read(payload);
             let before = self.requests.insert(request.request_id, request.clone());
-            findings.expect(before.is_none_or(|before| before == request), Invariant::Number, || {
-                format!("request {} stands for two things", request.request_id)
-            });
+            findings.expect(
+                before.is_none_or(|before| before == request),
+                Invariant::Number,
+                || format!("request {} stands for two things", request.request_id),
+            );
         } else if topic == topics::CONTROLLER_COMMANDS.name {
             self.command(&read(payload), findings);
         } else if topic == topics::CONTROLLER_REPLIES.name {
             let reply: ControllerReply = read(payload);
             let new = self.replies.insert((reply.session, reply.command_id));
             findings.expect(new, Invariant::Twice, || {
-                format!("command {} is carried out or answered twice", reply.command_id)
+                format!(
+                    "command {} is carried out or answered twice",
+                    reply.command_id
+                )
             });
         } else if topic == topics::CONTROLLER_STATUS.name {
             self.sample(&read(payload), findings);
@@ -249,10 +259,15 @@ impl Writes {
         });
         // Of two of one name, the one for this machine.
         let first = entitled.clone().next();
-        let signed = entitled.find(|one| one.session == command.session).or(first);
+        let signed = entitled
+            .find(|one| one.session == command.session)
+            .or(first);
         let Some(signed) = signed else {
             return findings.expect(false, Invariant::Signature, || {
-                format!("{id} of {} m is written, which nobody entitled has signed", command.value)
+                format!(
+                    "{id} of {} m is written, which nobody entitled has signed",
+                    command.value
+                )
             });
         };
         self.sent.push_back((command.tool_number, command.value));
@@ -266,13 +281,19 @@ impl Writes {
             && !signed.sequences.is_empty()
             && events.is_some_and(|events| signed.sequences.iter().all(|one| events.contains(one)));
         findings.expect(sourced, Invariant::Source, || {
-            format!("{id} has no source among the touches of {:?}", signed.plan_id)
+            format!(
+                "{id} has no source among the touches of {:?}",
+                signed.plan_id
+            )
         });
         let held = self.wear.as_ref().map(|(session, _)| session);
-        let session = signed.session == command.session
-            && held.is_none_or(|held| *held == command.session);
+        let session =
+            signed.session == command.session && held.is_none_or(|held| *held == command.session);
         findings.expect(session, Invariant::Session, || {
-            format!("{id} is of session {:?}, the machine's is {held:?}", signed.session)
+            format!(
+                "{id} is of session {:?}, the machine's is {held:?}",
+                signed.session
+            )
         });
         let run = signed.plan_id.split('/').next().unwrap_or_default();
         let living = self.known.part.as_ref().is_some_and(|(at, status)| {
@@ -311,15 +332,18 @@ impl Writes {
                     format!("tool {tool} holds {value} m, which was written before or by nobody")
                 });
                 // What was sent before has been lost on its way, or overtaken.
-                self.sent.drain(..position.map_or(0, |position| position + 1));
+                self.sent
+                    .drain(..position.map_or(0, |position| position + 1));
             }
         }
         self.wear = Some((sample.session.clone(), now));
         let alone = (self.gate).map_or(0.0, |(_, heard)| findings.now.since_s(heard));
         let moves = sample.execution == MachineState::EXECUTION_RUNNING;
-        findings.expect(!moves || alone <= SILENCE + TICK, Invariant::Unsupervised, || {
-            format!("the machine moves {alone:.2} s after the last sign of life of its gate")
-        });
+        findings.expect(
+            !moves || alone <= SILENCE + TICK,
+            Invariant::Unsupervised,
+            || format!("the machine moves {alone:.2} s after the last sign of life of its gate"),
+        );
     }
 
     pub(super) fn written(&self) -> usize {
