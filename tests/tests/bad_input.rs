@@ -415,6 +415,7 @@ fn a_trigger_that_cannot_be_used_is_a_fault_and_no_event() {
     ] {
         let mut session = measuring();
         let mut trigger: ProbeTrigger = session.last(topics::PROBE_TRIGGERS);
+        trigger.sequence += 1;
         spoil(&mut trigger);
         let before = session.all::<ProbeEvent>(topics::PROBE_EVENTS).len();
         session.send(topics::PROBE_TRIGGERS, &trigger);

@@ -12,6 +12,7 @@ mod forward;
 mod offer;
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Deref;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -23,7 +24,7 @@ use tokio::sync::Semaphore;
 use trust::approval::{NotApproved, check};
 use trust::{Act, Kind, PublicKey, operators};
 
-use crate::live::Live;
+use crate::state::Hall;
 
 /// How long an offer counts: as long as an approval counts after it was signed.
 const OFFERED: Duration = Duration::from_secs(60);
@@ -163,10 +164,14 @@ impl Acts {
     }
 
     /// Offers an act; the error is a sentence for whoever asked. Blocks for as long as the cell takes to tell the time.
-    pub(crate) fn offer(&self, live: &Live, wish: &Wish) -> Result<Offered, String> {
+    pub(crate) fn offer(
+        &self,
+        hall: impl Deref<Target = Hall>,
+        wish: &Wish,
+    ) -> Result<Offered, String> {
         let (desk, _) = (self.desks.get(&wish.cell)).ok_or_else(|| no_desk(&wish.cell))?;
         let proposal = {
-            let hall = live.hall();
+            let hall = hall;
             let cell = hall
                 .cell(&wish.cell)
                 .filter(|cell| !cell.is_stale(host::now()));

@@ -14,7 +14,7 @@ use crate::{
     config::{Alignment, Config},
     result,
     state::{State, Touch},
-    tolerance::tolerance_result,
+    tolerance::evaluation::tolerance_result,
 };
 
 inputs! {

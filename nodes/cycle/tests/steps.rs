@@ -373,7 +373,7 @@ fn a_part_that_a_reference_refutes_is_not_qualified_and_the_series_stops() {
     );
 }
 
-/// Found in `fault_world`: a link delivered the request for a part again when the part had ended, and another was begun.
+/// A link delivered the request for a part again when the part had ended, and another was begun.
 #[test]
 fn a_request_for_a_part_that_is_delivered_again_begins_no_second_one() {
     let once = || {
@@ -393,7 +393,7 @@ fn a_request_for_a_part_that_is_delivered_again_begins_no_second_one() {
     );
 }
 
-/// Found in `fault_world`: `machine_state` told a restarted `cycle` twice which part there was.
+/// `machine_state` told a restarted `cycle` twice which part there was.
 #[test]
 fn the_part_of_an_earlier_process_is_reported_once() {
     let known = || {

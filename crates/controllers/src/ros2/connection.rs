@@ -10,10 +10,11 @@ use std::{
 use machine::Chain;
 use probecell_msgs::{
     ControllerCommand, ControllerReply, ControllerStatus, InspectionPlan, MachineState,
-    MeasurementOrder, builtin_interfaces::Time, std_msgs,
+    MeasurementOrder,
 };
 
 use super::{
+    action::{ANSWER_LIMIT, Action, header},
     calls::Pending,
     config::RawConfig,
     heard::{self, Heard, Joints},
@@ -21,39 +22,12 @@ use super::{
     program::{Cut, Offsets, Program},
     wire,
 };
-use crate::driver::{ConnectError, Connection, DriverOutput, RosBus, RosSample, RosService};
+use crate::driver::{ConnectError, Connection, DriverOutput, RosBus, RosSample};
 
 /// A robot of which nothing is heard for this long is gone.
 const SILENCE: Duration = Duration::from_secs(1);
 /// Longest time of a stop.
 const STOP_LIMIT: Duration = Duration::from_millis(4500);
-/// Longest time for an answer of a service that moves nothing.
-pub(super) const ANSWER_LIMIT: Duration = Duration::from_secs(4);
-
-/// Services of the action.
-#[derive(Clone)]
-pub(super) struct Action {
-    pub(super) send: Arc<dyn RosService>,
-    pub(super) result: Arc<dyn RosService>,
-    cancel: Arc<dyn RosService>,
-}
-
-impl Action {
-    fn join(name: &str, bus: &dyn RosBus) -> Result<Self, ConnectError> {
-        let service = |last: &str, ty| bus.service(&format!("{name}/_action/{last}"), ty);
-        Ok(Self {
-            send: service("send_goal", wire::SEND_GOAL)?,
-            result: service("get_result", wire::GET_RESULT)?,
-            cancel: service("cancel_goal", wire::CANCEL_GOAL)?,
-        })
-    }
-
-    /// Cancels all goals, whoever has sent them.
-    pub(super) fn cancel(&self) -> Pending {
-        Pending::call(&self.cancel, wire::cancel_all(), ANSWER_LIMIT)
-    }
-}
-
 /// What is under way.
 enum Work {
     Measure(Box<Measurement>),
@@ -568,13 +542,6 @@ impl Connection for Robot {
 
 pub(super) fn lock(heard: &Mutex<Heard>) -> MutexGuard<'_, Heard> {
     heard.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-pub(super) fn header(instant: i64) -> std_msgs::Header {
-    std_msgs::Header {
-        stamp: Time::from_nanos(instant),
-        frame_id: String::new(),
-    }
 }
 
 pub(super) fn reply(

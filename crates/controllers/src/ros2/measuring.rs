@@ -13,9 +13,9 @@ use probecell_msgs::{
 };
 
 use super::{
+    action::{ANSWER_LIMIT, Action, header},
     calls::Pending,
     config::{ContactPositions, RawContact},
-    connection::{ANSWER_LIMIT, Action, header},
     heard::{Heard, Joints},
     program::shifts,
     wire::{self, GoalId, Waypoint},

@@ -11,6 +11,7 @@
 //! is stopped by cancelling all goals. Positions that the cell sees are those of the program: where a work offset shifts the
 //! frame of an arm, they are the robot's without that shift.
 
+mod action;
 mod calls;
 mod config;
 mod connection;

@@ -10,9 +10,9 @@ use machine::{Chain, WorkOffset};
 use probecell_msgs::{ControllerCommand, ControllerReply};
 
 use super::{
+    action::{ANSWER_LIMIT, header},
     calls::Pending,
     config::RawProgram,
-    connection::{ANSWER_LIMIT, header},
     wire::{self, Parameter},
 };
 use crate::driver::{ConnectError, DriverOutput, RosBus, RosService};

@@ -34,7 +34,7 @@ pub(super) async fn offer(
     body: Bytes,
 ) -> Response {
     answered(shared, &headers, &body, |shared, wish: &Wish| {
-        shared.acts.offer(&shared.live, wish)
+        shared.acts.offer(shared.live.hall(), wish)
     })
     .await
 }

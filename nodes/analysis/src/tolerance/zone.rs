@@ -4,7 +4,7 @@ use metrology::fit::zone;
 use nalgebra::Vector3;
 use probecell_msgs::InspectionFeature;
 
-use super::{Characteristic, Touched};
+use super::Characteristic;
 use crate::feature::{self, Criterion, Sample, direction, vector_of};
 
 /// Touches whose heights along the nominal axis differ by less belong to one section, m.
@@ -17,6 +17,13 @@ const LEAST_CYLINDER: usize = 6;
 const STEPS: usize = 60;
 /// Half width in which the free direction of a plane is sought, rad.
 const SEARCH: f64 = 0.02;
+
+/// A feature and the touches of it that count.
+#[derive(Clone)]
+pub(super) struct Touched<'a> {
+    pub(super) feature: &'a InspectionFeature,
+    pub(super) samples: Vec<Sample>,
+}
 
 /// Width or diameter of the zone. An error is a sentence.
 pub(super) fn value(

@@ -1,0 +1,43 @@
+//! The action by which the robot moves, and what its other clients share.
+
+use std::{sync::Arc, time::Duration};
+
+use probecell_msgs::{builtin_interfaces::Time, std_msgs};
+
+use super::{calls::Pending, wire};
+use crate::driver::{ConnectError, RosBus, RosService};
+
+/// Longest time for an answer of a service that moves nothing.
+pub(super) const ANSWER_LIMIT: Duration = Duration::from_secs(4);
+
+/// Services of the action.
+#[derive(Clone)]
+pub(super) struct Action {
+    pub(super) send: Arc<dyn RosService>,
+    pub(super) result: Arc<dyn RosService>,
+    cancel: Arc<dyn RosService>,
+}
+
+impl Action {
+    pub(super) fn join(name: &str, bus: &dyn RosBus) -> Result<Self, ConnectError> {
+        let service = |last: &str, ty| bus.service(&format!("{name}/_action/{last}"), ty);
+        Ok(Self {
+            send: service("send_goal", wire::SEND_GOAL)?,
+            result: service("get_result", wire::GET_RESULT)?,
+            cancel: service("cancel_goal", wire::CANCEL_GOAL)?,
+        })
+    }
+
+    /// Cancels all goals, whoever has sent them.
+    pub(super) fn cancel(&self) -> Pending {
+        Pending::call(&self.cancel, wire::cancel_all(), ANSWER_LIMIT)
+    }
+}
+
+/// Header of a message of this instant, ns.
+pub(super) fn header(instant: i64) -> std_msgs::Header {
+    std_msgs::Header {
+        stamp: Time::from_nanos(instant),
+        frame_id: String::new(),
+    }
+}
