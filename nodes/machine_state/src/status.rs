@@ -1,6 +1,6 @@
 //! Controller samples: the contract's messages, faults that begin or end, and samples that fail to arrive.
 
-use graph::{Outbox, Stamp};
+use graph::{Outbox, Stamp, supervision::GATE_SILENCE};
 use probecell_msgs::{
     ControllerStatus, MachineState, OperationReport, ToolOffsets, sensor_msgs::JointState, std_msgs,
 };
@@ -84,7 +84,10 @@ pub(crate) fn sample(
         let clock = state.controller.as_ref().map_or(0, |known| {
             Stamp::from(&known.status.header.stamp).0.unsigned_abs()
         });
-        state.epoch = state.epoch.max(clock);
+        // A driver that began before this process stands on the same clock, or nearly: only one far ahead is of another time.
+        if clock > now.after_s(GATE_SILENCE).0.unsigned_abs() {
+            state.epoch = state.epoch.max(clock);
+        }
         state.next_command = state.next_command.max(clock);
         take_over(config, state, now, out);
     }

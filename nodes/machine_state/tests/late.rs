@@ -1,4 +1,4 @@
-//! What a link delivers late, twice or not at all, and clocks that were set: found by the seeds of `fault_world`.
+//! What a link delivers late, twice or not at all, and clocks that were set.
 
 use graph::{Node, Outbox, START, Stamp};
 use machine_state::{Config, Input, MachineStateNode, Output, RawConfig, State};
@@ -240,6 +240,14 @@ fn a_gate_is_known_as_another_process_although_the_clock_was_set_back() {
         beat.expect("a heartbeat")
     };
     assert!(beat(&mut later) >= ahead as u64);
-    // A driver whose clock is not ahead changes nothing.
+    // A driver whose clock is not ahead changes nothing, nor does one that began just before this process or stands on the
+    // clock of a neighbour: the first sample comes after the first signs of life.
     assert_eq!(beat(&mut gate), BEGIN as u64);
+    let mut beside = Gate {
+        state: MachineStateNode::start(&gate.config),
+        config: gate.config.clone(),
+    };
+    beside.step(0.0, Input::Timer(START));
+    beside.sample(0.1, BEGIN + SECOND / 2);
+    assert_eq!(beat(&mut beside), BEGIN as u64);
 }

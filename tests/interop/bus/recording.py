@@ -4,6 +4,7 @@ import argparse
 import json
 import logging
 import pathlib
+import shutil
 import signal
 import subprocess
 import tempfile
@@ -72,8 +73,14 @@ def main():
     options = parser.parse_args()
     logging.getLogger("zenoh_ros2_sdk").setLevel(logging.ERROR)
     root = pathlib.Path(options.msgs).resolve()
-    cell, probecell = pathlib.Path(options.cell).resolve(), pathlib.Path(options.probecell).resolve()
+    source, probecell = pathlib.Path(options.cell).resolve(), pathlib.Path(options.probecell).resolve()
     with tempfile.TemporaryDirectory() as scratch:
+        # The peer is a stranger: the cell file opens to it the two services that it calls.
+        cell = pathlib.Path(scratch) / source.name
+        text = source.read_text()
+        assert text.count("\n[bus]\n") == 1
+        cell.write_text(text.replace("\n[bus]\n", '\n[bus]\nstrangers_call = ["start_recording", "stop_recording"]\n'))
+        shutil.copy(source.with_name("turn_mill.urdf"), scratch)
         up = subprocess.Popen([probecell, "up", cell], cwd=scratch, stdout=subprocess.PIPE, text=True)
         try:
             session = ZenohSession.get_instance("127.0.0.1", 7447)

@@ -28,11 +28,12 @@ use crate::driver::{ConnectError, Connection, DriverOutput, RosBus, RosSample};
 const SILENCE: Duration = Duration::from_secs(1);
 /// Longest time of a stop.
 const STOP_LIMIT: Duration = Duration::from_millis(4500);
+
 /// What is under way.
 enum Work {
     Measure(Box<Measurement>),
-    Cut(Cut),
-    Stop(Stopping),
+    Cut(Box<Cut>),
+    Stop(Box<Stopping>),
 }
 
 /// A stop: what is cancelled, and what it ends.
@@ -219,7 +220,7 @@ impl Robot {
         self.idle()?;
         let program = self.program.as_ref();
         let program = program.ok_or_else(|| "the robot has no operations".to_owned())?;
-        self.work = Some(Work::Cut(program.cut(command.clone())?));
+        self.work = Some(Work::Cut(Box::new(program.cut(command.clone())?)));
         Ok(())
     }
 
@@ -257,14 +258,14 @@ impl Robot {
                 stopping.interrupted
             }
         };
-        self.work = Some(Work::Stop(Stopping {
+        self.work = Some(Work::Stop(Box::new(Stopping {
             command,
             interrupted,
             calls,
             since: Instant::now(),
             begun: now,
             failure: None,
-        }));
+        })));
     }
 
     /// The robot is gone: what was under way has failed.
@@ -299,7 +300,7 @@ impl Robot {
     fn work(&mut self, now: i64, out: &mut Vec<DriverOutput>) {
         match self.work.take() {
             None => {}
-            Some(Work::Stop(stopping)) => self.continue_stop(now, stopping, out),
+            Some(Work::Stop(stopping)) => self.continue_stop(now, *stopping, out),
             Some(Work::Cut(cut)) => match cut.ended() {
                 None => self.work = Some(Work::Cut(cut)),
                 Some(ended) => self.conclude(now, &cut.command, ended, out),
@@ -374,7 +375,7 @@ impl Robot {
         let stands = stopping.calls.is_empty() && lock(&self.heard).stands_since(stopping.begun);
         let late = stopping.since.elapsed() > STOP_LIMIT;
         if !(stands || late) {
-            self.work = Some(Work::Stop(stopping));
+            self.work = Some(Work::Stop(Box::new(stopping)));
             return;
         }
         let unconfirmed = stopping

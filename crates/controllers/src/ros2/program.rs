@@ -106,9 +106,9 @@ impl RosService for Told {
         let run = Parameter::Text(self.run.clone());
         let told = wire::set_parameter(&self.parameter, &run);
         let response = self.set.call(&told, found, ANSWER_LIMIT)?;
-        match wire::parameter_refused(&response) {
-            Some(None) => self.operation.call(request, found, answered),
-            Some(Some(reason)) => Err(format!("{:?} was not set: {reason}", self.parameter)),
+        match wire::parameter_set(&response) {
+            Some(Ok(())) => self.operation.call(request, found, answered),
+            Some(Err(reason)) => Err(format!("{:?} was not set: {reason}", self.parameter)),
             None => Err(format!("{:?} was not set", self.parameter)),
         }
     }
@@ -271,17 +271,17 @@ impl Program {
             }
         } else {
             let refused = answer.and_then(|response| {
-                let answer = wire::parameter_refused(&response);
+                let answer = wire::parameter_set(&response);
                 answer.ok_or_else(|| "the answer is no SetParameters".to_owned())
             });
             match refused {
-                Ok(None) => {
+                Ok(Ok(())) => {
                     writing.written = true;
                     writing.call = self.read();
                     self.writing = Some(writing);
                     return;
                 }
-                Ok(Some(reason)) => Err(format!("the robot does not take the offset: {reason}")),
+                Ok(Err(reason)) => Err(format!("the robot does not take the offset: {reason}")),
                 Err(text) => Err(text),
             }
         };

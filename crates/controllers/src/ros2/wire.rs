@@ -162,15 +162,15 @@ pub(super) fn set_parameter(name: &str, value: &Parameter) -> Vec<u8> {
     out.0
 }
 
-/// Why the parameter was not set; `Some(None)`: it was.
-pub(super) fn parameter_refused(response: &[u8]) -> Option<Option<String>> {
+/// Whether the one parameter was set, or why not; none for another answer.
+pub(super) fn parameter_set(response: &[u8]) -> Option<Result<(), String>> {
     let mut from = Reader::new(response)?;
     if from.u32()? != 1 {
         return None;
     }
     let successful = from.u8()? != 0;
     let reason = from.text()?;
-    Some((!successful).then_some(reason))
+    Some(if successful { Ok(()) } else { Err(reason) })
 }
 
 /// Request of the values of parameters.

@@ -178,9 +178,9 @@ impl State {
             }
             for (topic, letters) in &self.latched {
                 topic.hash(&mut hasher);
-                letters
-                    .iter()
-                    .for_each(|letter| letter.hash.hash(&mut hasher));
+                for letter in letters {
+                    letter.hash.hash(&mut hasher);
+                }
             }
             let published: Vec<u64> = self.published.iter().map(|letter| letter.hash).collect();
             (published, self.left, self.period, self.driver).hash(&mut hasher);

@@ -78,9 +78,10 @@ fn evaluate(
     let radius = plan.stylus.ball_radius;
     let take = |id: &String| touched(config, state, plan, placement.as_ref(), id);
     let own = take(&tolerance.feature)?;
-    let datum = match tolerance.kind.needs_place() {
-        true => None,
-        false => tolerance.datums.first().map(take).transpose()?,
+    let datum = if tolerance.kind.needs_place() {
+        None
+    } else {
+        tolerance.datums.first().map(take).transpose()?
     };
     let zone = |own: &Touched<'_>, datum: Option<&Touched<'_>>| {
         let rules = datum.map(|datum| config.rules(&datum.feature.id).criterion);
@@ -102,7 +103,9 @@ fn evaluate(
                     .collect();
                 let mut samples = fitted::disturbed(samples, &errors);
                 if let Some(by) = displaced {
-                    samples.iter_mut().for_each(|sample| displace(sample, &by));
+                    for sample in &mut samples {
+                        displace(sample, &by);
+                    }
                 }
                 Touched { feature, samples }
             };
