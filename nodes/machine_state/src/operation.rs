@@ -44,7 +44,8 @@ fn unrecorded(state: &State, now: Stamp) -> Option<&'static str> {
     }
 }
 
-/// Takes a request once. One that is repeated is answered by the last report on it.
+/// Takes a request once. One that is repeated is answered by the last report on it. While the driver has not confirmed a stop,
+/// nothing is begun, since the stop would end it: `cycle` repeats its request.
 pub(crate) fn request(
     config: &Config,
     state: &mut State,
@@ -61,6 +62,7 @@ pub(crate) fn request(
             }
             return;
         }
+        _ if request.kind != OperationRequest::STOP && !state.stops.is_empty() => return,
         _ => state.taken = Some((request.request_id, None)),
     }
     carry_out(config, state, now, request, out);

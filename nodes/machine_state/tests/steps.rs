@@ -429,6 +429,33 @@ fn nothing_is_asked_of_a_machine_that_has_not_been_heard_or_is_busy() {
     );
 }
 
+/// A stop that the driver has not confirmed would end what is begun meanwhile: the request waits until it is repeated.
+#[test]
+fn nothing_is_begun_while_a_stop_is_not_confirmed() {
+    let stopping = || vec![status(), request(OperationRequest::STOP, 3)];
+    check(
+        with(stopping(), vec![request(OperationRequest::CUT, 4)]),
+        &[],
+    );
+    let confirmed = Input::Reply(ControllerReply {
+        session: sample().session,
+        command_id: 0,
+        outcome: ControllerReply::DONE,
+        ..ControllerReply::default()
+    });
+    check(
+        with(
+            stopping(),
+            vec![
+                request(OperationRequest::CUT, 4),
+                confirmed,
+                request(OperationRequest::CUT, 4),
+            ],
+        ),
+        &["run 1 1 run turn"],
+    );
+}
+
 /// Steps are 0.1 s apart and the limit is 10 s: the order comes 16 s after the request.
 #[test]
 fn a_measurement_waits_on_while_progress_of_its_plan_is_heard() {
