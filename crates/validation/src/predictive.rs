@@ -20,6 +20,8 @@ mod statistics;
 #[cfg(test)]
 mod tests;
 
+use std::collections::BTreeSet;
+
 use diagnosis::residuals::TouchResiduals;
 use diagnosis::{Report, Residuals};
 use effects::declared::{Acting, predicted};
@@ -215,12 +217,14 @@ impl Predictive {
         let compare = |model: &Model, stream: u64| {
             let mut random = Pcg64Mcg::seed_from_u64(seed ^ stream);
             let pairs = self.draws(model).pairs(draws, &mut random);
+            let statistics = judged(groups.statistics(&pairs));
             Compared {
                 effects: model.names.clone(),
                 noise: self.noise,
                 lag1_correlation: self.lag1_correlation,
                 quantiles: statistics::quantiles(&pairs),
-                ..Compared::judged(groups.statistics(&pairs))
+                contradictions: statistics.iter().filter(|one| one.contradicts).count(),
+                statistics,
             }
         };
         Ok(Check {
@@ -291,22 +295,14 @@ impl Model {
     }
 }
 
-impl Compared {
-    fn judged(mut statistics: Vec<Statistic>) -> Self {
-        let all = statistics.len() as f64;
-        for one in &mut statistics {
-            one.contradicts = one.p * all < CONTRADICTS;
-        }
-        statistics.sort_by(|a, b| a.p.total_cmp(&b.p));
-        Self {
-            contradictions: statistics.iter().filter(|one| one.contradicts).count(),
-            effects: Vec::new(),
-            noise: 0.0,
-            lag1_correlation: 0.0,
-            statistics,
-            quantiles: Vec::new(),
-        }
+/// Marks the statistics that contradict the model; the most improbable first.
+fn judged(mut statistics: Vec<Statistic>) -> Vec<Statistic> {
+    let all = statistics.len() as f64;
+    for one in &mut statistics {
+        one.contradicts = one.p * all < CONTRADICTS;
     }
+    statistics.sort_by(|a, b| a.p.total_cmp(&b.p));
+    statistics
 }
 
 /// A found effect as a cell would declare it.
@@ -329,15 +325,12 @@ fn of_report(found: &diagnosis::report::Effect) -> DeclaredEffect {
 
 /// Rows of the touches that were not set aside, by time.
 fn compared(observations: &Observations, touches: &[TouchResiduals]) -> Vec<usize> {
-    let used = |row: usize| {
-        let sequence = observations.rows[row].sequence;
-        let all = touches.iter().flat_map(|one| &one.touches);
-        let own = all.filter(|touch| Some(touch.sequence) == sequence);
-        own.map(|touch| touch.after.is_some())
-            .reduce(|a, b| a && b)
-            .unwrap_or(false)
-    };
+    let all = touches.iter().flat_map(|one| &one.touches);
+    let set_aside = all.clone().filter(|touch| touch.after.is_none());
+    let set_aside: BTreeSet<u64> = set_aside.map(|touch| touch.sequence).collect();
+    let judged: BTreeSet<u64> = all.map(|touch| touch.sequence).collect();
+    let used = |sequence: u64| judged.contains(&sequence) && !set_aside.contains(&sequence);
     (0..observations.touches())
-        .filter(|&row| used(row))
+        .filter(|&row| observations.rows[row].sequence.is_some_and(used))
         .collect()
 }

@@ -3,8 +3,9 @@
 use graph::{Node, Outbox, START, Stamp};
 use machine_state::{Config, Input, MachineStateNode, Output, RawConfig, State};
 use probecell_msgs::{
-    ControllerStatus, Correction, CorrectionAcknowledgement as Ack, MeasurementOrder,
-    OperationReport, OperationRequest, OperatorRequest, PartReport, PartStatus, RecordingStatus,
+    ControllerCommand, ControllerReply, ControllerStatus, Correction,
+    CorrectionAcknowledgement as Ack, MeasurementOrder, OperationReport, OperationRequest,
+    OperatorRequest, PartReport, PartStatus, RecordingStatus,
 };
 use trust::{SecretKey, Trust, approval};
 
@@ -49,11 +50,25 @@ impl Gate {
         gate
     }
 
+    /// A step, after which the driver confirms each stop.
     fn step(&mut self, seconds: f64, input: Input) -> Vec<Output> {
         let mut out = Outbox::default();
         let now = Stamp(BEGIN).after_s(seconds);
         MachineStateNode::step(&self.config, &mut self.state, now, input, &mut out);
-        out.messages().to_vec()
+        let said = out.messages().to_vec();
+        for command in said.iter().filter_map(|one| match one {
+            Output::Command(command) if command.kind == ControllerCommand::STOP => Some(command),
+            _ => None,
+        }) {
+            let reply = Input::Reply(ControllerReply {
+                session: command.session.clone(),
+                command_id: command.command_id,
+                outcome: ControllerReply::DONE,
+                ..ControllerReply::default()
+            });
+            self.step(seconds, reply);
+        }
+        said
     }
 
     /// A sample with the stamp of the driver's clock, ns.

@@ -1,9 +1,12 @@
 //! Draws of the parameters and of the noise, and the touches of a simulated session.
 
+use std::collections::BTreeMap;
+
 use effects::observation::free_speeds;
 use effects::{Observations, Session};
 use inference::linear::{unwhiten, whiten};
 use nalgebra::{DMatrix, DVector};
+use probecell_msgs::ProbeEvent;
 use rand::Rng;
 use rand_distr::{ChiSquared, Distribution, StandardNormal};
 
@@ -93,12 +96,14 @@ pub(super) fn moved(
     changes: &[(usize, f64)],
 ) -> Simulated {
     let chain = &observations.chain;
+    let events_by_number: BTreeMap<u64, &ProbeEvent> =
+        (session.events.iter()).map(|event| (event.sequence, event)).collect();
     let mut events = Vec::with_capacity(changes.len());
     let mut deviations = Vec::with_capacity(changes.len());
     for &(row, change) in changes {
         let touched = &observations.rows[row];
-        let event = (session.events.iter()).find(|event| Some(event.sequence) == touched.sequence);
-        let (Some(event), Some(pose)) = (event, &touched.pose) else {
+        let event = touched.sequence.and_then(|number| events_by_number.get(&number));
+        let (Some(&event), Some(pose)) = (event, &touched.pose) else {
             continue;
         };
         let mut event = event.clone();
