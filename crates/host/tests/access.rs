@@ -1,12 +1,13 @@
 //! A secured cell, on real sessions over loopback: each user tries every topic and every service, and what reaches the
 //! others is exactly what the policy allows.
 
+mod common;
+
 use std::{
     collections::BTreeSet,
     net::TcpListener,
     path::Path,
     sync::{Arc, Mutex},
-    time::{Duration, Instant},
 };
 
 use cell::{
@@ -14,12 +15,10 @@ use cell::{
     keys::{BusUsers, KeyFolder},
     policy,
 };
+use common::{PATIENCE, reach};
 use host::bus::{Router, RouterConfig};
 use serde_json::{Value, json};
 use zenoh::{Session, Wait, query::Query, sample::Sample};
-
-/// Longest wait for what must happen.
-const PATIENCE: Duration = Duration::from_secs(30);
 
 /// What was heard: who said it, and on which key.
 type Heard = Arc<Mutex<BTreeSet<(String, String)>>>;
@@ -96,33 +95,10 @@ impl Secured {
 /// session before the question.
 fn sentinel(session: &Session, user: &str, topic: &str) -> String {
     let key = format!("0/{topic}/T/H/@adv/sentinel/{user}");
-    let answer = key.clone();
-    let queryable = session
-        .declare_queryable(&key)
-        .callback(move |query: Query| {
-            query.reply(&answer, "here").wait().expect("a reply");
-        });
-    queryable.background().wait().expect("a queryable");
-    key
+    common::serve(session, key)
 }
 
-/// Until the session reaches the sentinel, whose announcement may still be on its way.
-fn reach(session: &Session, sentinel: &str) {
-    let deadline = Instant::now() + PATIENCE;
-    loop {
-        let replies = session
-            .get(sentinel)
-            .timeout(PATIENCE)
-            .wait()
-            .expect("a question");
-        if replies.recv().is_ok_and(|reply| reply.result().is_ok()) {
-            return;
-        }
-        assert!(Instant::now() < deadline, "{sentinel} is not reached");
-        std::thread::yield_now();
-    }
-}
-
+/// Asks once, of a sentinel that has been reached before.
 fn ask(session: &Session, sentinel: &str) {
     let replies = session
         .get(sentinel)

@@ -1,15 +1,18 @@
 //! A cell that is not secured, on real sessions: its own processes reach the router by a private socket, a stranger over
 //! loopback. The stranger tries every topic, every service and every announcement, as a client, a peer and a router.
 
+mod common;
+
 use std::{
     collections::BTreeSet,
     net::TcpListener,
     path::Path,
     sync::{Arc, Mutex},
-    time::{Duration, Instant},
+    time::Instant,
 };
 
 use cell::{Cell, CellText, policy, strangers};
+use common::{PATIENCE, reach};
 use host::bus::{Router, RouterConfig};
 use serde_json::{Value, json};
 use zenoh::{
@@ -19,8 +22,6 @@ use zenoh::{
     sample::{Sample, SampleKind},
 };
 
-/// Longest wait for what must happen.
-const PATIENCE: Duration = Duration::from_secs(30);
 /// Ways to join.
 const MODES: [&str; 3] = ["client", "peer", "router"];
 
@@ -107,32 +108,7 @@ fn key(topic: &str) -> String {
 
 /// A key that everybody may ask. Its answer comes after all that was said before on the way to this session.
 fn sentinel(session: &Session) -> String {
-    let key = "0/any/sentinel/T/H/@adv/sentinel".to_owned();
-    let answer = key.clone();
-    let queryable = session
-        .declare_queryable(&key)
-        .callback(move |query: Query| {
-            query.reply(&answer, "here").wait().expect("a reply");
-        });
-    queryable.background().wait().expect("a queryable");
-    key
-}
-
-/// Asks until the sentinel answers, whose announcement may still be on its way; then all that was said before has arrived.
-fn ask(session: &Session, sentinel: &str) {
-    let deadline = Instant::now() + PATIENCE;
-    loop {
-        let replies = session
-            .get(sentinel)
-            .timeout(PATIENCE)
-            .wait()
-            .expect("asked");
-        if replies.recv().is_ok_and(|reply| reply.result().is_ok()) {
-            return;
-        }
-        assert!(Instant::now() < deadline, "{sentinel} is not reached");
-        std::thread::yield_now();
-    }
+    common::serve(session, "0/any/sentinel/T/H/@adv/sentinel".to_owned())
 }
 
 /// Everything that is put or deleted, by who put it.
@@ -190,9 +166,9 @@ fn a_stranger_reads_every_topic_and_writes_none() {
     let sentinel = sentinel(&witness);
     for mode in MODES {
         let stranger = guarded.stranger(mode);
-        ask(&stranger, &sentinel);
+        reach(&stranger, &sentinel);
         speak(&stranger, mode, &topics);
-        ask(&stranger, &sentinel);
+        reach(&stranger, &sentinel);
         assert_eq!(of(&heard, mode), BTreeSet::new(), "{mode}");
         stranger.close().wait().expect("closed");
     }
@@ -200,12 +176,12 @@ fn a_stranger_reads_every_topic_and_writes_none() {
     let stranger = guarded.stranger("client");
     let read = listen(&stranger);
     let own = guarded.own();
-    ask(&own, &sentinel);
+    reach(&own, &sentinel);
     let deadline = Instant::now() + PATIENCE;
     while of(&read, "own") != all(&topics) || of(&heard, "own") != all(&topics) {
         assert!(Instant::now() < deadline, "{:?}", of(&read, "own"));
         speak(&own, "own", &topics);
-        ask(&own, &sentinel);
+        reach(&own, &sentinel);
     }
 }
 
@@ -226,7 +202,7 @@ fn a_stranger_that_takes_the_identity_of_a_process_writes_nothing() {
         speak(&impostor, "impostor", &topics);
     }
     let other = guarded.stranger("client");
-    ask(&other, &sentinel);
+    reach(&other, &sentinel);
     assert_eq!(of(&heard, "impostor"), BTreeSet::new());
 }
 
@@ -266,9 +242,9 @@ fn a_stranger_announces_what_reads_under_a_name_of_its_own() {
     let sentinel = sentinel(&witness);
     for mode in MODES {
         let stranger = guarded.stranger(mode);
-        ask(&stranger, &sentinel);
+        reach(&stranger, &sentinel);
         let declared = announce(&stranger, mode, &names, "turn_mill/corrections");
-        ask(&stranger, &sentinel);
+        reach(&stranger, &sentinel);
         let expected = ["NN rviz", "MS rviz", "SC rviz"].map(str::to_owned);
         assert_eq!(of(&heard, mode), BTreeSet::from(expected), "{mode}");
         drop(declared);
@@ -277,10 +253,10 @@ fn a_stranger_announces_what_reads_under_a_name_of_its_own() {
     // A stranger finds the processes of the cell, those that come later and those that are there.
     let own = guarded.own();
     let declared = announce(&own, "own", &names, "turn_mill/corrections");
-    ask(&own, &sentinel);
+    reach(&own, &sentinel);
     assert_eq!(of(&heard, "own").len(), declared.len());
     let stranger = guarded.stranger("peer");
-    ask(&stranger, &sentinel);
+    reach(&stranger, &sentinel);
     let found = stranger
         .liveliness()
         .get("@ros2_lv/0/own/**")
@@ -350,16 +326,16 @@ fn a_stranger_calls_what_reads_and_serves_nothing() {
         let sentinel = sentinel(&own);
         for mode in MODES {
             let stranger = guarded.stranger(mode);
-            ask(&stranger, &sentinel);
+            reach(&stranger, &sentinel);
             call_all(&stranger, mode);
-            ask(&stranger, &sentinel);
+            reach(&stranger, &sentinel);
             let expected = called.iter().map(|name| format!("own {name}"));
             assert_eq!(of(&heard, mode), expected.collect(), "{mode} {more}");
             // Nobody is asked in the place of the cell.
             serve(&stranger, &format!("impostor {mode}"), &heard);
-            ask(&stranger, &sentinel);
+            reach(&stranger, &sentinel);
             let console = guarded.own();
-            ask(&console, &sentinel);
+            reach(&console, &sentinel);
             call_all(&console, &format!("console beside {mode}"));
             assert_eq!(
                 of(&heard, &format!("console beside {mode}")).len(),
@@ -378,9 +354,9 @@ fn an_external_driver_and_what_the_cell_file_names_are_open() {
     let heard = listen(&witness);
     let sentinel = sentinel(&witness);
     let stranger = guarded.stranger("client");
-    ask(&stranger, &sentinel);
+    reach(&stranger, &sentinel);
     speak(&stranger, "driver", &topics);
-    ask(&stranger, &sentinel);
+    reach(&stranger, &sentinel);
     let names = [
         "controller_status",
         "probe_triggers",
@@ -392,12 +368,12 @@ fn an_external_driver_and_what_the_cell_file_names_are_open() {
     // It is told what the cell says to it, and asked for what was lost.
     let told = listen(&stranger);
     let commands = BTreeSet::from(["external/controller_commands".to_owned()]);
-    ask(&stranger, &sentinel);
+    reach(&stranger, &sentinel);
     let deadline = Instant::now() + PATIENCE;
     while of(&told, "gate") != all(&commands) {
         assert!(Instant::now() < deadline);
         speak(&witness, "gate", &commands);
-        ask(&stranger, &sentinel);
+        reach(&stranger, &sentinel);
     }
     let late = "0/external/probe_triggers/T/H/@adv/pub/1/2/_";
     let cache = stranger
@@ -406,7 +382,7 @@ fn an_external_driver_and_what_the_cell_file_names_are_open() {
             query.reply(late, "late").wait().expect("a reply");
         });
     cache.background().wait().expect("a queryable");
-    ask(&witness, late);
+    reach(&witness, late);
 }
 
 #[test]
@@ -417,8 +393,8 @@ fn a_bus_that_the_cell_file_opens_is_open() {
     let heard = listen(&witness);
     let sentinel = sentinel(&witness);
     let stranger = guarded.stranger("client");
-    ask(&stranger, &sentinel);
+    reach(&stranger, &sentinel);
     speak(&stranger, "stranger", &topics);
-    ask(&stranger, &sentinel);
+    reach(&stranger, &sentinel);
     assert_eq!(of(&heard, "stranger"), all(&topics));
 }
