@@ -96,13 +96,16 @@ pub(super) fn moved(
     changes: &[(usize, f64)],
 ) -> Simulated {
     let chain = &observations.chain;
-    let events_by_number: BTreeMap<u64, &ProbeEvent> =
-        (session.events.iter()).map(|event| (event.sequence, event)).collect();
+    let events_by_number: BTreeMap<u64, &ProbeEvent> = (session.events.iter())
+        .map(|event| (event.sequence, event))
+        .collect();
     let mut events = Vec::with_capacity(changes.len());
     let mut deviations = Vec::with_capacity(changes.len());
     for &(row, change) in changes {
         let touched = &observations.rows[row];
-        let event = touched.sequence.and_then(|number| events_by_number.get(&number));
+        let event = touched
+            .sequence
+            .and_then(|number| events_by_number.get(&number));
         let (Some(&event), Some(pose)) = (event, &touched.pose) else {
             continue;
         };
