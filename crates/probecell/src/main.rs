@@ -147,6 +147,8 @@ enum Command {
     },
     /// Serve every cell of the bus and every recording as web pages, read only.
     Dashboard(commands::dashboard::Arguments),
+    /// Serve a running cell as an MTConnect agent, read only.
+    Mtconnect(commands::mtconnect::Arguments),
     /// Show every cell of the bus on one screen, those that need a person first.
     Watch(commands::watch::Arguments),
     /// Resume an interrupted measurement of a running cell, or repeat points of it; the part then continues.
@@ -399,6 +401,7 @@ fn run(command: Command) -> anyhow::Result<u8> {
         Command::Run { part, cell } => commands::run::run(&cell, &part),
         Command::Stop { operator, cell } => commands::stop::run(&cell, &operator),
         Command::Status { cell, json } => commands::status::run(&cell, json),
+        Command::Mtconnect(arguments) => commands::mtconnect::run(&arguments),
         Command::Dashboard(arguments) => {
             begin_process(arguments.supervised, arguments.clock)?;
             commands::dashboard::run(arguments)

@@ -3,6 +3,9 @@
 //! Each measurement is one `FEATURE_MEASUREMENT` table with an entry for each size: value, units, status, and its combined
 //! standard uncertainty. Offsets of the controller are tables `TOOL_OFFSETS` and `WORK_OFFSETS`. Lengths are millimetres.
 
+pub mod agent;
+
+use probecell_msgs::ToolOffsets;
 use probecell_msgs::builtin_interfaces::Time;
 
 use super::xml::Xml;
@@ -15,6 +18,73 @@ const AVAILABILITY: &str = "avail";
 const MEASUREMENTS: &str = "feature_measurements";
 const TOOLS: &str = "tool_offsets";
 const WORK: &str = "work_offsets";
+const EXECUTION: &str = "execution";
+const MODE: &str = "mode";
+const PROGRAM: &str = "program";
+
+/// Of whom a document tells, and when it was made.
+struct Document<'a> {
+    cell: &'a str,
+    instance: u64,
+    /// When the model of the device changed last.
+    changed: Time,
+    when: Time,
+}
+
+/// What a data item tells.
+#[derive(Clone, Debug)]
+enum Content {
+    Text(String),
+    /// Key of the cell of each entry, and the entries: name, m.
+    Offsets(&'static str, Vec<(String, f64)>),
+    Sizes(Vec<Size>),
+}
+
+impl Content {
+    fn text(text: &str) -> Self {
+        Self::Text(text.to_owned())
+    }
+
+    fn is_text(&self, text: &str) -> bool {
+        matches!(self, Self::Text(own) if own == text)
+    }
+}
+
+/// Element of the observations of a data item.
+fn item_element(item: &str) -> &'static str {
+    match item {
+        AVAILABILITY => "Availability",
+        EXECUTION => "Execution",
+        MODE => "ControllerMode",
+        PROGRAM => "Program",
+        TOOLS => "ToolOffsetsTable",
+        WORK => "WorkOffsetsTable",
+        _ => "FeatureMeasurementTable",
+    }
+}
+
+/// Writes one observation: identifier of its data item, number, instant.
+fn write(xml: &mut Xml, element: &str, place: (&str, &str, &str), content: &Content) {
+    match content {
+        Content::Text(text) => {
+            let (item, sequence, when) = place;
+            let mut attributes = vec![
+                ("dataItemId", item),
+                ("sequence", sequence),
+                ("timestamp", when),
+            ];
+            if element.ends_with("Table") {
+                attributes.push(("count", "0"));
+            }
+            xml.leaf_with(element, &attributes, text);
+        }
+        Content::Offsets(cell, entries) => table(xml, element, place, cell, entries),
+        Content::Sizes(sizes) => {
+            let sizes: Vec<&Size> = sizes.iter().collect();
+            measurement(xml, place, &sizes);
+        }
+    }
+}
 
 /// Status as MTConnect names it.
 fn status(status: Status) -> &'static str {
@@ -24,7 +94,7 @@ fn status(status: Status) -> &'static str {
     }
 }
 
-fn document(kind: &str, record: &Record, header: &[(&str, &str)]) -> Xml {
+fn document(kind: &str, of: &Document<'_>, header: &[(&str, &str)]) -> Xml {
     let space = format!("urn:mtconnect.org:MTConnect{kind}:{VERSION}");
     let schema =
         format!("{space} http://schemas.mtconnect.org/schemas/MTConnect{kind}_{VERSION}.xsd");
@@ -34,18 +104,30 @@ fn document(kind: &str, record: &Record, header: &[(&str, &str)]) -> Xml {
         ("xsi:schemaLocation", schema.as_str()),
     ];
     let mut xml = Xml::new(&format!("MTConnect{kind}"), &root);
-    let when = date_time(last(record));
+    let [when, changed] = [of.when, of.changed].map(date_time);
+    let (instance, buffer) = (of.instance.to_string(), agent::BUFFER.to_string());
     let mut all = vec![
         ("creationTime", when.as_str()),
         ("sender", "probecell"),
-        ("instanceId", "1"),
+        ("instanceId", instance.as_str()),
         ("version", VERSION),
-        ("deviceModelChangeTime", when.as_str()),
-        ("bufferSize", "131072"),
+        ("deviceModelChangeTime", changed.as_str()),
+        ("bufferSize", buffer.as_str()),
     ];
     all.extend(header);
     xml.leaf_with("Header", &all, "");
     xml
+}
+
+/// A document of a recording: as of its last size, so that the same recording gives the same document.
+fn of_record(record: &Record) -> Document<'_> {
+    let when = last(record);
+    Document {
+        cell: &record.cell,
+        instance: 1,
+        changed: when,
+        when,
+    }
 }
 
 /// When the last size was found.
@@ -56,22 +138,27 @@ fn last(record: &Record) -> Time {
         .unwrap_or_default()
 }
 
-fn uuid(record: &Record) -> String {
-    super::qif::unique(&["device", &record.cell])
+fn uuid(cell: &str) -> String {
+    super::qif::unique(&["device", cell])
 }
 
 /// The model of the device (`probe`).
 pub fn devices(record: &Record) -> String {
+    device(&of_record(record), false)
+}
+
+/// The model of the device; `live`: with what only an agent tells.
+fn device(of: &Document<'_>, live: bool) -> String {
     let mut xml = document(
         "Devices",
-        record,
+        of,
         &[("assetBufferSize", "8192"), ("assetCount", "0")],
     );
-    let uuid = uuid(record);
+    let uuid = uuid(of.cell);
     xml.open("Devices", &[]);
     let device = [
         ("id", "device"),
-        ("name", record.cell.as_str()),
+        ("name", of.cell),
         ("uuid", uuid.as_str()),
         ("mtconnectVersion", VERSION),
     ];
@@ -82,14 +169,21 @@ pub fn devices(record: &Record) -> String {
     );
     xml.open("DataItems", &[]);
     item(&mut xml, AVAILABILITY, "AVAILABILITY", None);
-    item(&mut xml, "asset_chg", "ASSET_CHANGED", None);
-    item(&mut xml, "asset_rem", "ASSET_REMOVED", None);
+    if !live {
+        item(&mut xml, "asset_chg", "ASSET_CHANGED", None);
+        item(&mut xml, "asset_rem", "ASSET_REMOVED", None);
+    }
     xml.close();
     xml.open("Components", &[]);
     xml.open("Controller", &[("id", "controller")]);
     xml.open("Components", &[]);
     xml.open("Path", &[("id", "path"), ("name", "path")]);
     xml.open("DataItems", &[]);
+    if live {
+        item(&mut xml, EXECUTION, "EXECUTION", None);
+        item(&mut xml, MODE, "CONTROLLER_MODE", None);
+        item(&mut xml, PROGRAM, "PROGRAM", None);
+    }
     item(&mut xml, MEASUREMENTS, "FEATURE_MEASUREMENT", Some(&CELLS));
     item(
         &mut xml,
@@ -174,8 +268,8 @@ pub fn streams(record: &Record, current: bool) -> String {
         ("lastSequence", end.as_str()),
         ("firstSequence", "1"),
     ];
-    let mut xml = document("Streams", record, &header);
-    let uuid = uuid(record);
+    let mut xml = document("Streams", &of_record(record), &header);
+    let uuid = uuid(&record.cell);
     let when = date_time(last(record));
     xml.open("Streams", &[]);
     xml.open(
@@ -210,30 +304,40 @@ pub fn streams(record: &Record, current: bool) -> String {
     let all = plans.len();
     for (number, (_, sizes)) in plans.into_iter().enumerate() {
         if !current || number + 1 == all {
-            measurement(&mut xml, &(number + 4).to_string(), &sizes);
+            let stamps = sizes.iter().map(|size| size.result.header.stamp);
+            let when = stamps
+                .max_by_key(|stamp| (stamp.sec, stamp.nanosec))
+                .unwrap_or_default();
+            let (sequence, when) = ((number + 4).to_string(), date_time(when));
+            measurement(&mut xml, (MEASUREMENTS, &sequence, &when), &sizes);
         }
     }
     xml.finish()
 }
 
 fn offsets(xml: &mut Xml, record: &Record, when: &str) {
-    let held = record.offsets.clone().unwrap_or_default();
-    let tools: Vec<(String, f64)> = (held.tool_numbers.iter().map(ToString::to_string))
-        .zip(held.wear.iter().copied())
-        .collect();
-    let work = held
-        .work_offset_axes
-        .iter()
-        .map(|axis| nmtoken(axis))
-        .zip(held.work_offsets.iter().copied());
-    table(xml, "ToolOffsetsTable", (TOOLS, "2", when), "LENGTH", tools);
+    let (tools, work) = held(&record.offsets.clone().unwrap_or_default());
     table(
         xml,
-        "WorkOffsetsTable",
-        (WORK, "3", when),
-        "OFFSET",
-        work.collect(),
+        "ToolOffsetsTable",
+        (TOOLS, "2", when),
+        "LENGTH",
+        &tools,
     );
+    table(xml, "WorkOffsetsTable", (WORK, "3", when), "OFFSET", &work);
+}
+
+/// Names and values (m).
+type Entries = Vec<(String, f64)>;
+
+/// Wear of each tool and work offset of each axis.
+fn held(offsets: &ToolOffsets) -> (Entries, Entries) {
+    let tools = offsets.tool_numbers.iter().map(ToString::to_string);
+    let work = offsets.work_offset_axes.iter().map(|axis| nmtoken(axis));
+    (
+        tools.zip(offsets.wear.iter().copied()).collect(),
+        work.zip(offsets.work_offsets.iter().copied()).collect(),
+    )
 }
 
 /// A table with one cell in each entry, mm; UNAVAILABLE without any.
@@ -242,7 +346,7 @@ fn table(
     element: &str,
     (id, sequence, when): (&str, &str, &str),
     cell: &str,
-    entries: Vec<(String, f64)>,
+    entries: &[(String, f64)],
 ) {
     let count = entries.len().to_string();
     let attributes = [
@@ -257,23 +361,19 @@ fn table(
     }
     xml.open(element, &attributes);
     for (key, value) in entries {
-        xml.open("Entry", &[("key", &key)]);
-        xml.leaf_with("Cell", &[("key", cell)], mm(value));
+        xml.open("Entry", &[("key", key)]);
+        xml.leaf_with("Cell", &[("key", cell)], mm(*value));
         xml.close();
     }
     xml.close();
 }
 
-fn measurement(xml: &mut Xml, sequence: &str, sizes: &[&Size]) {
-    let stamps = sizes.iter().map(|size| size.result.header.stamp);
-    let when = stamps
-        .max_by_key(|stamp| (stamp.sec, stamp.nanosec))
-        .unwrap_or_default();
-    let (when, count) = (date_time(when), sizes.len().to_string());
+fn measurement(xml: &mut Xml, (item, sequence, when): (&str, &str, &str), sizes: &[&Size]) {
+    let count = sizes.len().to_string();
     let attributes = [
-        ("dataItemId", MEASUREMENTS),
+        ("dataItemId", item),
         ("sequence", sequence),
-        ("timestamp", when.as_str()),
+        ("timestamp", when),
         ("count", count.as_str()),
     ];
     xml.open("FeatureMeasurementTable", &attributes);

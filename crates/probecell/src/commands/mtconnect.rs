@@ -1,0 +1,189 @@
+//! `probecell mtconnect`: a running cell as an MTConnect agent.
+
+mod http;
+
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, atomic::Ordering};
+use std::time::Duration;
+
+use anyhow::Context;
+use cell::Cell;
+use exchange::export::mtconnect::agent::Agent;
+use graph::topics::{self, Topic};
+use host::bus::{BusConfig, EntityKind, Observed, Observer, OnMissed, OnObserved};
+use host::bus_qos;
+use probecell_msgs::from_cdr;
+use tokio::sync::watch;
+
+use super::dashboard;
+use crate::{DEFAULT_CELL, GOOD, output, signals};
+
+/// The port that agents use.
+const ADDRESS: &str = "127.0.0.1:5000";
+/// What is read of the cell.
+const READ: [Topic; 5] = [
+    topics::MACHINE_STATE,
+    topics::TOOL_OFFSETS,
+    topics::INSPECTION_PLAN,
+    topics::FEATURE_RESULTS,
+    topics::VERDICTS,
+];
+/// How often it is looked whether the cell is on the bus, and whether this process is to end.
+const PERIOD: Duration = Duration::from_millis(200);
+/// Wait between two attempts to reach the router.
+const AGAIN: Duration = Duration::from_secs(1);
+
+/// What the user asks for.
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  \
+    The cell of this folder:\n    \
+    probecell mtconnect\n    \
+    curl http://127.0.0.1:5000/current\n  \
+    Reachable from a shop's network; whoever reaches it reads sizes, offsets and the state of the machine:\n    \
+    probecell mtconnect --cell launch-scripts/turn_mill.toml --listen 0.0.0.0:5000\n\n\
+    Requests: /probe, /current[?at=N], /sample[?from=N&count=N], both with interval=MS[&heartbeat=MS] as a stream, each\n\
+    also below the name of the cell.")]
+pub(crate) struct Arguments {
+    /// Cell file.
+    #[arg(long, default_value = DEFAULT_CELL)]
+    cell: PathBuf,
+    /// Address to listen on; port 0 takes a free one.
+    #[arg(long, default_value = ADDRESS)]
+    listen: SocketAddr,
+}
+
+/// The agent, and a signal for each number that it has given away.
+pub(super) struct Served {
+    agent: Mutex<Agent>,
+    next: watch::Sender<u64>,
+}
+
+impl Served {
+    /// The agent, locked. A panic of another thread leaves it whole: each message changes it in one step.
+    pub(super) fn agent(&self) -> MutexGuard<'_, Agent> {
+        self.agent.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Wakes at each observation.
+    pub(super) fn observations(&self) -> watch::Receiver<u64> {
+        self.next.subscribe()
+    }
+
+    fn change(&self, change: impl FnOnce(&mut Agent)) {
+        let mut agent = self.agent();
+        change(&mut agent);
+        let next = agent.next_sequence();
+        drop(agent);
+        self.next
+            .send_if_modified(|last| std::mem::replace(last, next) != next);
+    }
+
+    /// Takes a message; one that is not of its type is left out and logged.
+    fn take(&self, topic: &str, payload: &[u8]) {
+        let name = topic.rsplit('/').next().unwrap_or_default();
+        let taken = match name {
+            _ if name == topics::MACHINE_STATE.name => {
+                from_cdr(payload).map(|state| self.change(|agent| agent.machine(&state)))
+            }
+            _ if name == topics::TOOL_OFFSETS.name => {
+                from_cdr(payload).map(|offsets| self.change(|agent| agent.offsets(&offsets)))
+            }
+            _ if name == topics::INSPECTION_PLAN.name => {
+                from_cdr(payload).map(|plan| self.change(|agent| agent.plan(plan)))
+            }
+            _ if name == topics::FEATURE_RESULTS.name => {
+                from_cdr(payload).map(|result| self.change(|agent| agent.result(result)))
+            }
+            _ => from_cdr(payload).map(|verdict| self.change(|agent| agent.verdict(verdict))),
+        };
+        if let Err(error) = taken {
+            tracing::warn!(%topic, %error, "a message is not of its type");
+        }
+    }
+}
+
+/// Serves until SIGINT or SIGTERM.
+pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
+    let cell = Cell::read(&arguments.cell)?;
+    let bus = dashboard::buses(std::slice::from_ref(&cell), Vec::new(), 0)?;
+    let bus = bus.into_iter().next().context("the cell has no bus")?;
+    let now = host::now().time();
+    let instance = u64::from(now.sec.unsigned_abs());
+    let served = Arc::new(Served {
+        agent: Mutex::new(Agent::new(&cell.cell.name, instance, now)),
+        next: watch::Sender::new(0),
+    });
+    let name = cell.cell.name.clone();
+    std::thread::Builder::new()
+        .name("mtconnect bus".to_owned())
+        .spawn({
+            let served = Arc::clone(&served);
+            move || read(&served, &bus, &name)
+        })?;
+    let end = signals::end_flag()?;
+    let ended = async move {
+        while !end.load(Ordering::SeqCst) {
+            tokio::time::sleep(PERIOD).await;
+        }
+    };
+    http::serve(arguments.listen, served, ended, |address| {
+        output::line(&format!(
+            "MTConnect agent of cell {}: http://{address}/",
+            cell.cell.name
+        ));
+    })?;
+    Ok(GOOD)
+}
+
+/// Feeds the agent for as long as the process runs. A router that does not answer is tried again.
+fn read(served: &Arc<Served>, bus: &BusConfig, cell: &str) {
+    let on_sample: OnObserved = Arc::new({
+        let served = Arc::clone(served);
+        move |topic, received| served.take(topic, &received.payload)
+    });
+    let on_missed: OnMissed = Arc::new(|topic, _, count| {
+        tracing::warn!(%topic, count, "messages of the cell were missed");
+    });
+    let observer = loop {
+        match Observer::open(bus, &[], &on_sample, &on_missed) {
+            Ok(observer) => break observer,
+            Err(error) => {
+                tracing::debug!(%error, "no router yet");
+                std::thread::sleep(AGAIN);
+            }
+        }
+    };
+    let mut watched = Vec::new();
+    for topic in READ {
+        let observed = Observed {
+            name: topic.name.to_owned(),
+            ty: topic.message.into(),
+            qos: bus_qos(topic.qos),
+        };
+        match observer.watch(cell, &observed, &on_sample, &on_missed) {
+            Ok(one) => watched.push(one),
+            Err(error) => tracing::error!(topic = topic.name, %error, "a topic cannot be read"),
+        }
+    }
+    loop {
+        let is_present = is_present(&observer, cell);
+        served.change(|agent| agent.present(host::now().time(), is_present));
+        std::thread::sleep(PERIOD);
+    }
+}
+
+/// Whether somebody publishes the state of the cell's machine.
+fn is_present(observer: &Observer, cell: &str) -> bool {
+    let topic = format!("/{cell}/{}", topics::MACHINE_STATE.name);
+    let graph = observer.graph();
+    let mut publishers = graph
+        .entities()
+        .iter()
+        .filter(|one| one.kind == EntityKind::Publisher);
+    publishers.any(|one| {
+        one.channel
+            .as_ref()
+            .is_some_and(|channel| channel.name == topic)
+    })
+}
