@@ -46,7 +46,7 @@ pub use disk::{Disk, DiskFile, SystemDisk};
 pub use error::Error;
 pub use gaps::{Evidence, Gap};
 pub use info::{AttachmentInfo, FileInfo, Info, TopicInfo};
-pub use reader::{Attachment, Bag, Messages, Recorded, Stamped, Typed};
+pub use reader::{Attachment, Bag, Messages, Position, Recorded, Stamped, Typed};
 pub use recorder::{
     ChannelId, Losses, Overflow, Pushed, Pusher, Recorder, RecorderOptions, SplitAt, Statistics,
     TopicStatistics,

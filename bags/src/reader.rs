@@ -20,7 +20,7 @@ use crate::damage::Damage;
 use crate::error::Error;
 use crate::recorder::{LOSSES_RECORD, Losses};
 
-pub use merge::Messages;
+pub use merge::{Messages, Position};
 pub use typed::{Stamped, Typed};
 
 /// A message as recorded. The payload is a view into its chunk, which stays in memory as long as the view does.
@@ -172,17 +172,23 @@ impl Bag {
 
     /// All messages.
     pub fn messages(&self) -> Messages<'_> {
-        Messages::new(self, None)
+        Messages::new(self, None, Position::default())
     }
 
     /// Messages of some topics; chunks that do not contain them are skipped by the index.
     pub fn messages_on(&self, topics: &[&str]) -> Messages<'_> {
+        self.messages_after(topics, Position::default())
+    }
+
+    /// What [`Bag::messages_on`] gave, or would give, of the same topics of this recording after a [`Messages::position`]; chunks that
+    /// end before are not read.
+    pub fn messages_after(&self, topics: &[&str], position: Position) -> Messages<'_> {
         let wanted = self
             .channels
             .iter()
             .map(|channel| topics.contains(&channel.topic.as_str()))
             .collect();
-        Messages::new(self, Some(wanted))
+        Messages::new(self, Some(wanted), position)
     }
 
     /// Attachments in file order; a damaged one is an error of its own.

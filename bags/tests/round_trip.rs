@@ -210,6 +210,32 @@ fn splits_by_size_keep_every_message() {
 }
 
 #[test]
+fn a_reading_goes_on_where_it_stopped() {
+    let topics = ["/cell/t0", "/cell/t2"];
+    for (seed, qos) in [(5, Qos::default()), (6, Qos::latched())] {
+        let folder = tempfile::tempdir().unwrap();
+        let options = RecorderOptions {
+            split: SplitAt {
+                bytes: Some(20_000),
+                duration: None,
+            },
+            chunk_bytes: 1_000,
+            ..options(&folder)
+        };
+        let statistics = record(options, &messages(seed, 2000), qos);
+        assert!(statistics.files.len() > 5);
+        let bag = Bag::open(folder.path().join("run")).unwrap();
+        let all: Vec<_> = bag.messages_on(&topics).map(Result::unwrap).collect();
+        for stop in (0..=all.len()).step_by(37) {
+            let mut reading = bag.messages_on(&topics);
+            assert!(reading.by_ref().take(stop).map(Result::unwrap).eq(all[..stop].iter().cloned()));
+            let rest = bag.messages_after(&topics, reading.position());
+            assert!(rest.map(Result::unwrap).eq(all[stop..].iter().cloned()), "seed {seed}, after {stop}");
+        }
+    }
+}
+
+#[test]
 fn attachments_tables_and_losses_are_read_back() {
     let folder = tempfile::tempdir().unwrap();
     let recorder = Recorder::start(options(&folder)).unwrap();

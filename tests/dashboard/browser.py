@@ -17,6 +17,7 @@ import time
 
 from kit import ADDRESS, SAMPLES, Browser, Cable, Process, cell_file, fetch, metric, twin, until, wait
 from playwright.sync_api import sync_playwright
+from viewer import Viewer, compared, refused
 
 
 def live_cells(browser, folder, cable):
@@ -35,6 +36,10 @@ def live_cells(browser, folder, cable):
         print("hall: a second cell appeared by itself; its own dashboard took the next port")
         for one in (first, second):
             one.says("is ready")
+        viewer = Viewer("mill_a")
+        for name in ("mill_a", "mill_b"):
+            viewer.waits_for("offered", f"/{name}/touch_deviations")
+        refused()
 
         with browser.page() as cell:
             cell.goto(f"{cable.address}/cell/mill_a")
@@ -100,7 +105,11 @@ def live_cells(browser, folder, cable):
 
         nodes = live_nodes()
         assert nodes and not any("dashboard" in name for name in nodes), nodes
+        viewer.waits_for("gone", "/mill_b/touch_deviations")
+        seen = viewer.end()
         first.end()
+        (bag,) = (folder / "recordings").glob("mill_a_*")
+        compared(viewer, seen, bag)
         return folder / "recordings"
 
 
@@ -170,6 +179,11 @@ def recordings(browser, folder, recorded):
         browser.audit("/session/punch.mcap?t=12", "session")
         browser.audit("/session/ball_check.mcap", "session_ball_check")
         browser.audit("/compare?a=punch.mcap&b=punch_uncalibrated.mcap", "compare")
+        browser.audit("/session/punch_uncalibrated.mcap/report", "report")
+        browser.audit("/session/ball_check.mcap/diagnosis", "diagnosis")
+        (shown / "broken.mcap").write_bytes((SAMPLES / "punch.mcap").read_bytes()[:60000])
+        for path in ("/session/punch.mcap?t=0", "/session/broken.mcap", "/key", "/sessions", "/cell/none", "/none", "/machine/none", "/compare?a=punch.mcap&b=none", "/session/broken.mcap/report"):
+            browser.glance(path)
     finally:
         server.end()
 

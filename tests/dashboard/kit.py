@@ -22,7 +22,7 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 BINARY, PICTURES = sys.argv[1], pathlib.Path(sys.argv[2])
 SAMPLES = ROOT / "bags" / "samples"
 ADDRESS = "127.0.0.1:7480"
-PATIENCE = 120  # s
+PATIENCE = float(os.environ.get("PATIENCE_S", "120"))  # more where others use the machine
 WIDTHS = {"1400": (1400, 900), "800": (800, 1100), "390": (390, 844)}
 
 
@@ -52,12 +52,12 @@ def asked(*words, folder):
 
 
 class Process:
-    """A probecell process whose lines are kept."""
+    """A probecell process whose lines are kept; on another host where one is given."""
 
-    def __init__(self, *words, folder):
+    def __init__(self, *words, folder, host=None):
         self.lines = []
         self.process = subprocess.Popen(
-            [BINARY, *map(str, words)], cwd=folder, env=with_keys(folder), stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+            [*(host.inside if host else []), BINARY, *map(str, words)], cwd=folder, env=with_keys(folder), stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
             stdin=subprocess.DEVNULL, text=True,
         )
         self.reader = threading.Thread(target=self.read, daemon=True)
@@ -191,6 +191,17 @@ class Browser:
                         told = axe(page)
                         assert not told, f"{path} {width} {scheme}: {json.dumps(told, indent=1)[:4000]}"
                         self.audited += 1
+
+    def glance(self, path):
+        """The same of a page that is seen rarely, without pictures: wide and light, narrow and dark."""
+        for scheme, width in (("light", "1400"), ("dark", "390")):
+            with self.page(width, scheme) as page:
+                page.goto(f"http://{ADDRESS}{path}")
+                wide = page.evaluate("[document.documentElement.scrollWidth, document.documentElement.clientWidth]")
+                assert wide[0] <= wide[1], f"{path} scrolls sideways at {width} px: {wide}"
+                told = axe(page)
+                assert not told, f"{path} {width} {scheme}: {json.dumps(told, indent=1)[:4000]}"
+                self.audited += 1
 
 
 def axe(page):

@@ -22,6 +22,15 @@ pub struct Messages<'a> {
     next: BinaryHeap<Reverse<Key>>,
     repeats: Repeats,
     damage: VecDeque<Damage>,
+    /// What was given last, here or before the reading that is gone on with.
+    last: Option<Key>,
+}
+
+/// A place in the messages of some topics, to go on from with [`Bag::messages_after`].
+#[derive(Debug, Clone, Default)]
+pub struct Position {
+    last: Option<Key>,
+    repeats: Repeats,
 }
 
 /// Log time, file, offset of the block, position in the block.
@@ -35,7 +44,7 @@ struct OpenBlock {
 }
 
 /// Tells latched messages that a recorder wrote again at the start of a split.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 struct Repeats {
     /// What was given last on each latched channel.
     given: BTreeMap<usize, VecDeque<(u32, u64, Bytes)>>,
@@ -69,7 +78,7 @@ impl Repeats {
 }
 
 impl<'a> Messages<'a> {
-    pub(super) fn new(bag: &'a Bag, wanted: Option<Vec<bool>>) -> Self {
+    pub(super) fn new(bag: &'a Bag, wanted: Option<Vec<bool>>, from: Position) -> Self {
         let mut waiting: Vec<(usize, &Block)> = Vec::new();
         for (number, file) in bag.files.iter().enumerate() {
             let has_wanted = |block: &&Block| match (&wanted, &block.channels) {
@@ -80,10 +89,13 @@ impl<'a> Messages<'a> {
                 }),
                 _ => true,
             };
+            let is_ahead =
+                |block: &&Block| from.last.is_none_or(|last| block.bounds.1 >= last.0);
             waiting.extend(
                 file.blocks
                     .iter()
                     .filter(has_wanted)
+                    .filter(is_ahead)
                     .map(|block| (number, block)),
             );
         }
@@ -94,8 +106,17 @@ impl<'a> Messages<'a> {
             waiting: waiting.into(),
             open: BTreeMap::new(),
             next: BinaryHeap::new(),
-            repeats: Repeats::default(),
+            repeats: from.repeats,
             damage: VecDeque::new(),
+            last: from.last,
+        }
+    }
+
+    /// The place behind what was given last.
+    pub fn position(&self) -> Position {
+        Position {
+            last: self.last,
+            repeats: self.repeats.clone(),
         }
     }
 
@@ -128,9 +149,14 @@ impl<'a> Messages<'a> {
             return;
         }
         messages.sort_by_key(|message| message.log_time);
-        if let Some(first) = messages.first() {
-            self.next
-                .push(Reverse((first.log_time, file, block.offset, 0)));
+        // Of a block that was begun before, what is left.
+        let key = |(position, message): (usize, &MessageLocation)| {
+            (message.log_time, file, block.offset, position)
+        };
+        let mut keys = messages.iter().enumerate().map(key);
+        let is_ahead = |one: &Key| self.last.is_none_or(|last| *one > last);
+        if let Some(first) = keys.find(is_ahead) {
+            self.next.push(Reverse(first));
             self.open
                 .insert((file, block.offset), OpenBlock { records, messages });
         }
@@ -181,6 +207,7 @@ impl Iterator for Messages<'_> {
                 return Some(Err(damage));
             }
             let Reverse(key) = self.next.pop()?;
+            self.last = Some(key);
             if let Some(message) = self.take(key) {
                 return Some(Ok(message));
             }

@@ -2,6 +2,7 @@
 //! recording of the host as web pages; acts of operators are handed on with their signature.
 //!
 //! ```text
+//!  bus ── viewer (WebSocket: Foxglove, Lichtblick)
 //!  bus ── live ────────┐
 //!                      ├─► state::Hall ─► view (HTML, SVG) ─┬─► server (pages, /metrics)
 //!  bags ── recordings ─┘    a pure reducer                  └─► stream (what has changed)
@@ -23,6 +24,7 @@ mod server;
 pub mod state;
 mod stream;
 pub mod view;
+mod viewer;
 
 use std::future::Future;
 use std::net::SocketAddr;
@@ -56,6 +58,8 @@ pub struct Settings {
     pub desks: Vec<Desk>,
     /// Names of this host, besides its addresses and `localhost`.
     pub hosts: Vec<String>,
+    /// Origins of pages from elsewhere that may read topics as a viewer.
+    pub viewers: Vec<String>,
 }
 
 /// Why the dashboard cannot run.
@@ -119,8 +123,9 @@ pub fn run(
         let listener = listen(settings.listen, settings.any_port).await?;
         let acts = Arc::new(acts::Acts::new(settings.desks).map_err(DashboardError::Random)?);
         let live = live::Live::new(Arc::clone(&acts));
-        for bus in settings.buses {
-            live::read(Arc::clone(&live), bus)?;
+        let buses: Arc<[BusConfig]> = settings.buses.into();
+        for bus in buses.iter() {
+            live::read(Arc::clone(&live), bus.clone())?;
         }
         ready(listener.local_addr()?);
         let shared = server::Shared {
@@ -131,6 +136,9 @@ pub fn run(
             clients: stream::Clients::default(),
             acts,
             hosts: settings.hosts.into(),
+            buses,
+            viewers: settings.viewers.into(),
+            watching: stream::Clients::default(),
             making: Arc::new(Semaphore::new(1)),
             made: Arc::default(),
         };

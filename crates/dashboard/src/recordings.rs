@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use bags::Bag;
+use bags::{Bag, Position};
 use graph::Stamp;
 
 use crate::history::Summary;
@@ -52,10 +52,19 @@ pub(crate) struct Opened {
     pub(crate) listed: Listed,
     path: PathBuf,
     bag: Bag,
-    /// Log time (ns) of the last message taken, and the state then; in that order.
-    states: Vec<(u64, Hall)>,
+    /// States on the way, in order of time.
+    states: Vec<State>,
     /// What happened, s from the beginning.
     pub(crate) marks: Vec<(f64, String)>,
+}
+
+/// The hall after some of the messages of a recording.
+struct State {
+    /// Log time of the last message taken, ns.
+    taken: u64,
+    hall: Hall,
+    /// Where the messages go on.
+    position: Position,
 }
 
 impl Recordings {
@@ -222,14 +231,25 @@ impl Opened {
             .sum();
         let every = (total as usize / STATES).max(1);
         let mut hall = Hall::default();
-        let mut states = vec![(0, hall.clone())];
-        for (number, message) in bag.messages_on(&topics).flatten().enumerate() {
+        let mut messages = bag.messages_on(&topics);
+        let state = |taken, hall: &Hall, position| State {
+            taken,
+            hall: hall.clone(),
+            position,
+        };
+        let mut states = vec![state(0, &hall, messages.position())];
+        let mut number = 0;
+        while let Some(message) = messages.next() {
+            // What is damaged has been told.
+            let Ok(message) = message else { continue };
             let at = message.log_time;
             hall.apply(&message.channel.topic, &message.payload, Stamp(at as i64));
-            if number % every == every - 1 && states.len() < STATES {
-                states.push((at, hall.clone()));
+            number += 1;
+            if number % every == 0 && states.len() < STATES {
+                states.push(state(at, &hall, messages.position()));
             }
         }
+        drop(messages);
         let begin = listed.bounds.map_or(Stamp(0), |(begin, _)| begin);
         let (events, _) = hall.events_since(0, None);
         let marks = events
@@ -252,16 +272,11 @@ impl Opened {
         let topics = wanted(&self.bag);
         let topics: Vec<&str> = topics.iter().map(String::as_str).collect();
         // The last state before the instant; messages of its own instant may be on both sides of it.
-        let (_, state) = self
-            .states
-            .iter()
-            .rev()
-            .find(|(taken, _)| *taken < at)
-            .unwrap_or(&self.states[0]);
-        let mut hall = state.clone();
-        let taken = hall.messages();
-        let rest = self.bag.messages_on(&topics).flatten().skip(taken as usize);
-        for message in rest.take_while(|one| one.log_time <= at) {
+        let next = self.states.partition_point(|state| state.taken < at);
+        let state = &self.states[next.saturating_sub(1)];
+        let mut hall = state.hall.clone();
+        let rest = self.bag.messages_after(&topics, state.position.clone());
+        for message in rest.flatten().take_while(|one| one.log_time <= at) {
             hall.apply(
                 &message.channel.topic,
                 &message.payload,

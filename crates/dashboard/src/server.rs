@@ -5,6 +5,7 @@ mod act;
 mod answer;
 mod own;
 mod recorded;
+mod viewer;
 
 use std::future::{Future, Ready, ready};
 use std::io;
@@ -19,9 +20,10 @@ use axum::routing::{get, post};
 
 use self::act::{key_page, offer, sign, token};
 use self::answer::{Look, missing, page};
+use self::viewer::viewer;
 use self::recorded::{compare, diagnosis, download, machine, machines, report, session, sessions};
 use crate::metrics::{Process, metrics};
-use crate::stream::{Shown, seen_now, stream};
+use crate::stream::{CLIENTS, Shown, seen_now, stream};
 use crate::view;
 
 pub(crate) use self::answer::Shared;
@@ -58,6 +60,7 @@ fn router(shared: Shared) -> Router {
         .route("/machines", get(machines))
         .route("/machine/{*name}", get(machine))
         .route("/metrics", get(metrics_text))
+        .route("/viewer", get(viewer))
         .route("/key", get(key_page))
         .route("/act/token", get(token))
         .route("/act/offer", post(offer))
@@ -193,7 +196,7 @@ fn events(shared: Shared, shown: Shown, look: &Look, headers: &HeaderMap) -> Res
         .get("last-event-id")
         .and_then(|value| value.to_str().ok());
     let seen = last.or(look.since.as_deref());
-    match shared.clients.take() {
+    match shared.clients.take(CLIENTS) {
         Some(seat) => {
             Sse::new(stream(shared.live, shared.epoch, shown, seen, seat)).into_response()
         }

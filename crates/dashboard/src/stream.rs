@@ -26,7 +26,7 @@ const ROUND: Duration = Duration::from_millis(80);
 /// Longest time between two rounds: axes, ages and elapsed times go on without events.
 const IDLE: Duration = Duration::from_millis(500);
 /// Streams at once.
-const CLIENTS: usize = 256;
+pub(crate) const CLIENTS: usize = 256;
 
 /// What a page shows.
 #[derive(Clone, Debug)]
@@ -45,10 +45,10 @@ pub(crate) struct Clients(Arc<AtomicUsize>);
 pub(crate) struct Seat(Arc<AtomicUsize>);
 
 impl Clients {
-    /// Takes a place; none when all are taken.
-    pub(crate) fn take(&self) -> Option<Seat> {
+    /// Takes a place; none when `most` are taken.
+    pub(crate) fn take(&self, most: usize) -> Option<Seat> {
         let seat = Seat(Arc::clone(&self.0));
-        (self.0.fetch_add(1, Ordering::SeqCst) < CLIENTS).then_some(seat)
+        (self.0.fetch_add(1, Ordering::SeqCst) < most).then_some(seat)
     }
 
     pub(crate) fn count(&self) -> usize {

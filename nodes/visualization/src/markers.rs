@@ -175,7 +175,7 @@ impl Draw {
         marker.color = rgba(verdict.map_or(GREY, verdict_colour));
         marker.text = match verdict {
             None => name.to_owned(),
-            Some(verdict) => format!("{name}: {}", verdict_text(verdict)),
+            Some(verdict) => format!("{name}: {}", Verdict::word(verdict)),
         };
         marker
     }
@@ -211,20 +211,6 @@ fn verdict_colour(verdict: u8) -> [f32; 4] {
         Verdict::QUALIFIED => GREEN,
         Verdict::COMPENSABLE | Verdict::INDETERMINATE => ORANGE,
         _ => RED,
-    }
-}
-
-fn verdict_text(verdict: u8) -> &'static str {
-    match verdict {
-        Verdict::QUALIFIED => "qualified",
-        Verdict::COMPENSABLE => "can be recut",
-        Verdict::OVERCUT_NOT_COMPENSABLE => "overcut",
-        Verdict::TOOL_WORN => "tool worn",
-        Verdict::NOT_CONVERGED => "not converged",
-        Verdict::MEASUREMENT_INVALID => "measurement invalid",
-        Verdict::INDETERMINATE => "indeterminate",
-        Verdict::CONTRADICTED => "contradicted by a reference",
-        _ => "unknown verdict",
     }
 }
 

@@ -6,7 +6,6 @@
 set -euo pipefail
 probecell=$(realpath "${1:?usage: cell.sh PROBECELL}")
 here=$(cd "$(dirname "$0")" && pwd)
-root=$(cd "$here/../../.." && pwd)
 "$here/install.sh"
 scratch=$(mktemp -d)
 cleanup() {
@@ -14,28 +13,8 @@ cleanup() {
     rm -rf "$scratch"
 }
 trap cleanup EXIT INT TERM
-"$here/prepare.sh" "$scratch"
+"$here/bore_cell.sh" "$scratch"
 cd "$scratch"
-
-# The "cut": the program tells the simulated machine the radius that its tool leaves, 20 µm of material and the wear
-# offset of tool 2 included, through an analog output of the controller.
-cat >finish_bore.ngc <<'N'
-%
-G21 G90 G40 G49
-T2 M6
-M68 E0 Q[24.980 + [#5410 - 10.0] / 2]
-G4 P0.2
-M2
-%
-N
-sed 's/ommprobe.0.radius/ommprobe.0.radius/' omm3.hal >omm3.hal.new && mv omm3.hal.new omm3.hal
-echo 'net cut-radius motion.analog-out-00 => ommprobe.0.radius' >>omm3.hal
-printf 'T1   P1   D+6.000000 Z+0.000000 ;probe\nT2   P2   D+10.000000 Z+0.000000 ;endmill\n' >omm3.tbl
-
-for name in bore box; do
-    sed "s#/home/linuxcnc/omm3#$scratch#g" "$root/launch-scripts/linuxcnc_$name.toml" >"$name.toml"
-done
-cp "$root/launch-scripts/three_axis.urdf" .
 
 pins() { for pair in "$@"; do halcmd setp "ommprobe.0.${pair%%=*}" "${pair#*=}"; done; }
 start() { "$here/start.sh" "$scratch"; halcmd setp motion.analog-out-00 24.98 2>/dev/null || true; }

@@ -5,6 +5,7 @@ use std::sync::{Arc, Mutex};
 
 use axum::http::StatusCode;
 use axum::response::{Html, IntoResponse, Response};
+use host::bus::BusConfig;
 use serde::Deserialize;
 use tokio::sync::Semaphore;
 
@@ -37,6 +38,12 @@ pub(crate) struct Shared {
     pub(crate) acts: Arc<Acts>,
     /// Names of this host, besides its addresses.
     pub(crate) hosts: Arc<[String]>,
+    /// How to reach each router.
+    pub(crate) buses: Arc<[BusConfig]>,
+    /// Origins of pages from elsewhere that may read topics.
+    pub(crate) viewers: Arc<[String]>,
+    /// Viewers that are connected.
+    pub(crate) watching: Clients,
     /// One page of a report at a time.
     pub(crate) making: Arc<Semaphore>,
     pub(crate) made: Arc<Mutex<Vec<Made>>>,

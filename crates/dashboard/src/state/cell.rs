@@ -44,10 +44,10 @@ impl Section {
     /// All, in the order of the page.
     pub const ALL: [Self; 9] = [
         Self::State,
+        Self::Ledger,
         Self::Part,
         Self::Sizes,
         Self::Gap,
-        Self::Ledger,
         Self::Runs,
         Self::Order,
         Self::Faults,

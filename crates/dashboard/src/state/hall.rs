@@ -28,8 +28,6 @@ pub struct Hall {
     refused: BTreeSet<String>,
     /// Messages that the bus could not deliver to the dashboard, by topic name.
     missed: BTreeMap<String, u64>,
-    /// Messages taken.
-    messages: u64,
     /// Cells that take acts from pages.
     desks: BTreeSet<String>,
 }
@@ -88,7 +86,6 @@ impl Hall {
         let Some((cell, name)) = split(topic) else {
             return;
         };
-        self.messages += 1;
         if !self.cells.contains_key(cell) {
             if self.cells.len() >= CELLS {
                 if self.refused.len() < CELLS {
@@ -220,11 +217,6 @@ impl Hall {
     /// Messages that did not reach the dashboard.
     pub fn missed_total(&self) -> u64 {
         self.missed.values().sum()
-    }
-
-    /// Messages taken.
-    pub fn messages(&self) -> u64 {
-        self.messages
     }
 }
 

@@ -34,6 +34,7 @@ fn deeds(cell: &CellState, takes_acts: bool, report: &Report, number: usize) -> 
 
 fn in_full(report: &Report, deeds: &dyn Fn(usize) -> Markup) -> Markup {
     html! {
+        (what_to_do(report))
         @for (number, effect) in report.effects.iter().enumerate() {
             @let group = if effect.group.is_empty() { std::slice::from_ref(&effect.effect) } else { &effect.group };
             div.cause {
@@ -50,7 +51,6 @@ fn in_full(report: &Report, deeds: &dyn Fn(usize) -> Markup) -> Markup {
                         @for parameter in parameters(report, number, one) {
                             " " small { (parameter) }
                         }
-                        @if group.len() == 1 && let Some(remedy) = vocabulary::remedy(one) { p.remedy { b { "Remedy" } " " (remedy) } }
                     }
                 } }
             }
@@ -60,6 +60,31 @@ fn in_full(report: &Report, deeds: &dyn Fn(usize) -> Markup) -> Markup {
         (place(report))
         (next(report, deeds))
         @for warning in &report.warnings { p.note { "Note: " (warning) "." } }
+    }
+}
+
+/// The next step in a sentence: the remedy where a single cause is left, else the touches that part the causes.
+fn what_to_do(report: &Report) -> Markup {
+    let single = (report.effects.iter()).filter(|one| one.group.len() <= 1);
+    let remedies: Vec<(String, &str)> = single
+        .filter_map(|one| {
+            let name = capital(&vocabulary::describe(&one.effect));
+            Some((name, vocabulary::remedy(&one.effect)?))
+        })
+        .collect();
+    let rivals = report.effects.iter().any(|one| one.group.len() > 1);
+    let touches = (report.next_measurement.iter()).find(|one| !one.points.is_empty());
+    html! {
+        @if !remedies.is_empty() || rivals {
+            div.todo {
+                h3 { "What to do" }
+                @for (name, remedy) in &remedies { p { (name) ". Remedy: " b { (remedy) } } }
+                @if rivals {
+                    @if let Some(next) = touches { p { b { "Take the " (next.points.len()) " touches below" } ": they tell causes apart that those made so far cannot." } }
+                    @else { p { b { "Repair nothing of a group yet" } ": these touches cannot tell its causes apart, and no reachable touch would." } }
+                }
+            }
+        }
     }
 }
 

@@ -8,6 +8,9 @@ use super::deeds::deed;
 use super::numbers::{clock, signed_um, um};
 use crate::state::{CellState, Entry, wording};
 
+/// Corrections that stand open on the page; those before can be unfolded.
+const OPEN: usize = 4;
+
 /// The section, newest first.
 pub(super) fn ledger(cell: &CellState, takes_acts: bool, now: Stamp) -> Markup {
     let mut entries: Vec<&Entry> = cell.corrections().rev().collect();
@@ -15,7 +18,11 @@ pub(super) fn ledger(cell: &CellState, takes_acts: bool, now: Stamp) -> Markup {
     entries.sort_by_key(|one| !one.is_waiting(now));
     html! {
         @if entries.is_empty() { p.none { "No correction has been proposed." } }
-        ol.ledger { @for entry in entries { (item(entry, &deeds(cell, takes_acts, entry, now), now)) } }
+        @let open = entries.iter().filter(|one| one.is_waiting(now)).count().max(OPEN).min(entries.len());
+        @let (new, old) = entries.split_at(open);
+        @let list = |entries: &[&Entry]| html! { ol.ledger { @for entry in entries { (item(entry, &deeds(cell, takes_acts, entry, now), now)) } } };
+        (list(new))
+        @if !old.is_empty() { details { summary { (old.len()) " earlier" } (list(old)) } }
     }
 }
 

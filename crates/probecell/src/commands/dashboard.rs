@@ -29,7 +29,8 @@ const PERIOD: Duration = Duration::from_millis(50);
     probecell dashboard --connect tcp/10.0.0.5:7447 --connect tcp/10.0.0.6:7447\n  \
     With the router, user and TLS settings of a cell file; operators can act on this cell, each with a signature:\n    \
     probecell dashboard --cell launch-scripts/turn_mill.toml\n\n\
-    Pages: / (hall), /?wall, /cell/NAME, /sessions, /session/NAME?t=SECONDS, /compare?a=A&b=B, /key, /metrics (Prometheus).")]
+    Pages: / (hall), /?wall, /cell/NAME, /sessions, /session/NAME?t=SECONDS, /compare?a=A&b=B, /key, /metrics (Prometheus).\n\
+    Foxglove, Lichtblick, PlotJuggler: open a connection to ws://127.0.0.1:7480/viewer.")]
 pub(crate) struct Arguments {
     /// Address to listen on; port 0 takes a free one.
     #[arg(long, default_value = ADDRESS)]
@@ -50,6 +51,10 @@ pub(crate) struct Arguments {
     /// Name by which this host is reached, besides its addresses and its own name; may be repeated.
     #[arg(long, value_name = "NAME")]
     host: Vec<String>,
+    /// Origin of a page from elsewhere (https://app.foxglove.dev) that may read topics at ws://ADDRESS/viewer, as applications on
+    /// this computer may; may be repeated.
+    #[arg(long, value_name = "ORIGIN")]
+    viewer: Vec<String>,
     /// Take another port where that of --listen is taken.
     #[arg(long)]
     any_port: bool,
@@ -193,6 +198,7 @@ pub(crate) fn run(arguments: Arguments) -> anyhow::Result<u8> {
         pages: Pages { report, diagnosis },
         desks: desks(&cells)?,
         hosts,
+        viewers: arguments.viewer,
     };
     let (end, supervised) = (signals::end_flag()?, arguments.supervised);
     let ended = async move {
