@@ -33,7 +33,7 @@ pub(super) fn state(cell: &CellState, takes_acts: bool, now: Stamp) -> Markup {
                     @let (rule, risk) = wording::rule_and_risk(&last.text);
                     div { dt { "Last verdict" } dd { span.verdict.(class_of(last.verdict)) { (last.feature_id) " " (Verdict::word(last.verdict)) ", " (wording::micrometres(last.error)) } small { (rule) @if let Some(risk) = risk { "; risk " (risk) } } } }
                 }
-                @if let Some(one) = &cell.decision { div { dt { "Decision" } dd { (wording::decision(one.decision)) small { (one.text) } } } }
+                @if let Some(one) = cell.decision.as_ref().filter(|one| part.stage != PartStatus::NONE || cell.ended.back().is_none_or(|last| last.text != one.text)) { div { dt { "Decision" } dd { (wording::decision(one.decision)) small { (one.text) } } } }
                 div { dt { "Parts" } dd { @if cell.parts.is_empty() { "none ended" } @for (index, (code, count)) in cell.parts.iter().enumerate() { @if index > 0 { ", " } (count) " " (PartReport::word(*code)) } } }
                 @if let Some(one) = &cell.recording { div { dt { "Recording" } dd { (match one.state { RecordingStatus::RECORDING => "recording", RecordingStatus::WAIVED => "waived", _ => "stopped" }) } } }
                 div { dt { "Last word" } dd.age { (silence(cell.age_s(now))) } }
