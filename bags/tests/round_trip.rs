@@ -228,9 +228,18 @@ fn a_reading_goes_on_where_it_stopped() {
         let all: Vec<_> = bag.messages_on(&topics).map(Result::unwrap).collect();
         for stop in (0..=all.len()).step_by(37) {
             let mut reading = bag.messages_on(&topics);
-            assert!(reading.by_ref().take(stop).map(Result::unwrap).eq(all[..stop].iter().cloned()));
+            assert!(
+                reading
+                    .by_ref()
+                    .take(stop)
+                    .map(Result::unwrap)
+                    .eq(all[..stop].iter().cloned())
+            );
             let rest = bag.messages_after(&topics, reading.position());
-            assert!(rest.map(Result::unwrap).eq(all[stop..].iter().cloned()), "seed {seed}, after {stop}");
+            assert!(
+                rest.map(Result::unwrap).eq(all[stop..].iter().cloned()),
+                "seed {seed}, after {stop}"
+            );
         }
     }
 }

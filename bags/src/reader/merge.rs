@@ -89,8 +89,7 @@ impl<'a> Messages<'a> {
                 }),
                 _ => true,
             };
-            let is_ahead =
-                |block: &&Block| from.last.is_none_or(|last| block.bounds.1 >= last.0);
+            let is_ahead = |block: &&Block| from.last.is_none_or(|last| block.bounds.1 >= last.0);
             waiting.extend(
                 file.blocks
                     .iter()

@@ -20,8 +20,8 @@ use axum::routing::{get, post};
 
 use self::act::{key_page, offer, sign, token};
 use self::answer::{Look, missing, page};
-use self::viewer::viewer;
 use self::recorded::{compare, diagnosis, download, machine, machines, report, session, sessions};
+use self::viewer::viewer;
 use crate::metrics::{Process, metrics};
 use crate::stream::{CLIENTS, Shown, seen_now, stream};
 use crate::view;

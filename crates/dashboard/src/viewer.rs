@@ -56,10 +56,12 @@ where
     let outbox = Arc::new(Outbox::default());
     outbox.say(&json!({ "op": "serverInfo", "name": "probecell", "capabilities": [], "sessionId": format!("{session:x}") }));
     let (asked, requests) = sync_channel(WAITING);
-    std::thread::Builder::new().name("viewer".to_owned()).spawn({
-        let outbox = Arc::clone(&outbox);
-        move || Session::new(outbox).run(&buses, &requests)
-    })?;
+    std::thread::Builder::new()
+        .name("viewer".to_owned())
+        .spawn({
+            let outbox = Arc::clone(&outbox);
+            move || Session::new(outbox).run(&buses, &requests)
+        })?;
     let reading = async {
         // What the protocol answers by itself (pong, close) goes the way of everything else.
         let mut answer = |frame: Frame<'_>| {
@@ -93,7 +95,10 @@ where
 /// Hands a request on; false when the viewer asks faster than it is served.
 fn take(frame: &Frame<'_>, asked: &SyncSender<String>, outbox: &Outbox) -> bool {
     if frame.opcode != OpCode::Text {
-        outbox.status(ERROR, "this dashboard only reads: nothing is published for a viewer");
+        outbox.status(
+            ERROR,
+            "this dashboard only reads: nothing is published for a viewer",
+        );
         return true;
     }
     let text = String::from_utf8_lossy(&frame.payload).into_owned();

@@ -30,7 +30,10 @@ pub(super) async fn viewer(State(shared): State<Shared>, mut request: Request) -
         return (StatusCode::FORBIDDEN, text + "\n").into_response();
     }
     let Some(protocol) = protocol(headers) else {
-        let text = format!("the protocols spoken here are {}\n", PROTOCOLS.join(" and "));
+        let text = format!(
+            "the protocols spoken here are {}\n",
+            PROTOCOLS.join(" and ")
+        );
         return (StatusCode::BAD_REQUEST, text).into_response();
     };
     let Some(seat) = shared.watching.take(VIEWERS) else {
@@ -99,7 +102,11 @@ mod tests {
     fn pages_from_elsewhere_are_let_in_when_they_are_named() {
         let named = ["https://app.foxglove.dev".to_owned()];
         let host = (header::HOST, "127.0.0.1:7480");
-        for origin in ["file://", "http://127.0.0.1:7480", "https://app.foxglove.dev"] {
+        for origin in [
+            "file://",
+            "http://127.0.0.1:7480",
+            "https://app.foxglove.dev",
+        ] {
             let headers = headers(&[host.clone(), (header::ORIGIN, origin)]);
             assert_eq!(known_origin(&headers, &named), Ok(()), "{origin}");
         }

@@ -102,15 +102,19 @@ fn parameters(report: &Report, effect: usize, one: &str) -> Vec<String> {
     let own = (effect.effect == one).then_some(&effect.parameters);
     let all = own.or(alternative.map(|other| &other.parameters));
     let all = all.into_iter().flatten();
-    all.map(|one| in_shop_units(&one.name, one.value, &one.unit, Some(one.ci95)).replace("= -", "= −"))
-        .collect()
+    all.map(|one| {
+        in_shop_units(&one.name, one.value, &one.unit, Some(one.ci95)).replace("= -", "= −")
+    })
+    .collect()
 }
 
 fn place(report: &Report) -> Markup {
     let shares: Vec<String> = (report.place.iter())
         .filter(|one| one.share > 0.0)
         .take(PLACES)
-        .map(|one| format!("{} {} {:.0} %", one.dimension, one.key, one.share * 100.0).replace(" -", " −"))
+        .map(|one| {
+            format!("{} {} {:.0} %", one.dimension, one.key, one.share * 100.0).replace(" -", " −")
+        })
         .collect();
     html! { @if !shares.is_empty() { p { b { "Where" } " " (shares.join(", ")) } } }
 }

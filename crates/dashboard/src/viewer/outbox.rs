@@ -78,7 +78,11 @@ impl Outbox {
                 let status = json!({ "op": "status", "level": WARNING, "message": text });
                 frames.push(whole(OpCode::Text, status.to_string().into_bytes()));
             }
-            frames.extend(held.samples.into_iter().map(|one| whole(OpCode::Binary, one)));
+            frames.extend(
+                held.samples
+                    .into_iter()
+                    .map(|one| whole(OpCode::Binary, one)),
+            );
             if !frames.is_empty() {
                 return frames;
             }
