@@ -4,7 +4,10 @@ use std::{collections::BTreeMap, sync::Arc};
 
 use controllers::{
     axes::Axis,
-    driver::{Demands, Driver, DriverSettings, Role, SectionError, SimulatedMachine, by_name},
+    driver::{
+        Demands, Driver, DriverSettings, Role, RosEndpoints, SectionError, SimulatedMachine,
+        by_name,
+    },
 };
 use machine::Chain;
 use serde::Deserialize;
@@ -111,6 +114,16 @@ impl Cell {
     /// Others start and end the driver; the cell waits for it.
     pub fn is_driver_external(&self) -> bool {
         matches!(self.driver_role(), Role::External)
+    }
+
+    /// What nodes of ROS 2 that belong to the machine publish and serve.
+    pub(crate) fn ros_endpoints(&self) -> RosEndpoints {
+        match self.driver_role() {
+            Role::Robot(machine) => machine.endpoints(),
+            Role::Node(_) | Role::Process(_) | Role::External | Role::Playback => {
+                RosEndpoints::default()
+            }
+        }
     }
 
     /// Name of the driver's own process, where it has one beside the nodes.

@@ -63,6 +63,8 @@ pub(crate) const SPEAK: [&str; 5] = [
     "reply",
     "liveliness_token",
 ];
+/// Messages by which a server offers and answers.
+pub(crate) const SERVE: [&str; 3] = ["declare_queryable", "reply", "liveliness_token"];
 /// Every message.
 pub(crate) const ALL: [&str; 9] = [
     "put",

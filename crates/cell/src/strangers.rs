@@ -7,6 +7,7 @@
 //! |---|---|
 //! | Unix socket | everything |
 //! | any other | read every topic, call `status`; publish and call what the cell file names |
+//! | any other, for a robot on ROS 2 | publish the topics and serve the services and actions that `[ros2]` names |
 //!
 //! The policy names no cell where it can do without, so that several cells of one user share a router.
 
@@ -17,7 +18,7 @@ use toml::Table;
 
 use crate::{
     Cell, CellError, Strangers,
-    policy::{self, ALL, DRIVER, EVERYTHING, LISTEN, Policy, SERVICES, SPEAK, TOLD},
+    policy::{self, ALL, DRIVER, EVERYTHING, LISTEN, Policy, SERVE, SERVICES, SPEAK, TOLD},
 };
 
 /// Protocol of the private socket, as Zenoh's rules and locators name it.
@@ -46,26 +47,52 @@ pub fn opened(cell: &Cell) -> Result<BTreeSet<String>, CellError> {
         return Ok(BTreeSet::from(["**".to_owned()]));
     }
     let domain = cell.setting(cell.bus.domain())?;
-    let names = published(cell).chain(cell.bus.strangers_call.iter().map(String::as_str));
-    Ok(names.map(|name| key(cell, domain, name)).collect())
+    let names = published(cell).into_iter().chain(called(cell));
+    let names = names.chain(cell.ros_endpoints().services);
+    Ok(names.map(|name| key(domain, &name)).collect())
 }
 
-/// Topics that strangers publish.
-fn published(cell: &Cell) -> impl Iterator<Item = &str> {
+/// Topics that strangers publish, by their absolute names.
+fn published(cell: &Cell) -> Vec<String> {
     let external = cell.is_driver_external();
     let driver = topics::ALL
         .iter()
         .filter(move |topic| external && topic.producer == DRIVER)
         .map(|topic| topic.name);
-    driver.chain(cell.bus.strangers_publish.iter().map(String::as_str))
+    let names = driver.chain(cell.bus.strangers_publish.iter().map(String::as_str));
+    let names = names.map(|name| cell.topic(name));
+    names.chain(cell.ros_endpoints().topics).collect()
 }
 
-fn key(cell: &Cell, domain: u32, name: &str) -> String {
-    format!("{domain}/{}/{name}/**", cell.cell.name)
+/// Services of the cell that strangers call, by their absolute names.
+fn called(cell: &Cell) -> impl Iterator<Item = String> {
+    (cell.bus.strangers_call.iter()).map(|name| cell.topic(name))
 }
 
-/// Names that no topic or service of the cell has are refused.
+/// Keys of an absolute name.
+fn key(domain: u32, name: &str) -> String {
+    format!("{domain}{name}/**")
+}
+
+/// Tokens of endpoints of that kind and absolute name. Session, node, entity, kind, enclave, namespace and name of the node
+/// come before the name.
+fn token(domain: u32, kind: &str, name: &str) -> String {
+    let name = name.replace('/', "%");
+    format!("@ros2_lv/{domain}/*/*/*/{kind}/*/*/*/{name}/**")
+}
+
+/// Names that no topic or service of the cell has are refused, and those of the cell where another is meant.
 pub(crate) fn check(cell: &Cell) -> Result<(), String> {
+    let machine = cell.ros_endpoints();
+    let own = format!("{}/", cell.namespace());
+    if let Some(name) =
+        (machine.topics.iter().chain(&machine.services)).find(|name| name.starts_with(&own))
+    {
+        return Err(format!(
+            "{}: {name:?} is a name of this cell, not of its machine",
+            cell.driver.source
+        ));
+    }
     for name in &cell.bus.strangers_publish {
         if topics::by_name(name).is_none() {
             return Err(format!(
@@ -109,7 +136,7 @@ pub fn access_control(cell: &Cell) -> Result<Option<Table>, CellError> {
         &everything[..2],
     );
     let mut called = vec![format!("*/*/{STATUS}/**")];
-    called.extend((cell.bus.strangers_call.iter()).map(|name| key(cell, domain, name)));
+    called.extend(self::called(cell).map(|name| key(domain, &name)));
     policy.rule("call", &["ingress"], &["query"], &called);
     // Nodes, subscriptions and clients announce themselves, under other names than those of the processes of a cell.
     let shown = ["NN", "MS", "SC"].map(|kind| format!("@ros2_lv/*/*/*/*/{kind}/**"));
@@ -134,17 +161,24 @@ pub fn access_control(cell: &Cell) -> Result<Option<Table>, CellError> {
     ];
     let mut spoken = Vec::new();
     for name in published(cell) {
-        let data = key(cell, domain, name);
+        let data = key(domain, &name);
         spoken.push(format!("{data}/@adv/**"));
         spoken.push(data);
-        // Session, node, entity, kind, enclave, namespace and name of the node; then the topic.
-        let topic = cell.topic(name).replace('/', "%");
-        spoken.push(format!("@ros2_lv/{domain}/*/*/*/MP/*/*/*/{topic}/**"));
+        spoken.push(token(domain, "MP", &name));
     }
     if !spoken.is_empty() {
         policy.rule("speak", &["ingress"], &SPEAK, &spoken);
         policy.rule("be_asked", &["egress"], &ALL, &spoken);
         rules.extend(["speak", "be_asked"]);
+    }
+    let services = cell.ros_endpoints().services;
+    if !services.is_empty() {
+        let keys = services.iter().map(|name| key(domain, name));
+        let tokens = services.iter().map(|name| token(domain, "SS", name));
+        let served: Vec<String> = keys.chain(tokens).collect();
+        policy.rule("serve", &["ingress"], &SERVE, &served);
+        policy.rule("be_called", &["egress"], &["query"], &served);
+        rules.extend(["serve", "be_called"]);
     }
     policy.who("own", "link_protocols", &[SOCKET], &["everything"]);
     policy.who("stranger", "link_protocols", &NETWORK, &rules);

@@ -5,11 +5,9 @@ use std::path::Path;
 use cell::{Cell, CellText, NODES};
 use controllers::driver::{
     ConnectError, Connection, Controller, Demands, DoctorCheck, Driver, DriverOutput,
-    DriverSettings, Role, Section, SectionError, required,
+    DriverSettings, Inbox, Role, Section, SectionError, required,
 };
-use probecell_msgs::{
-    ControllerCommand, ControllerReply, ControllerStatus, InspectionPlan, MeasurementOrder,
-};
+use probecell_msgs::{ControllerCommand, ControllerReply, ControllerStatus};
 use serde::Deserialize;
 
 /// A controller that stands still and says `DONE` to everything.
@@ -28,7 +26,7 @@ struct ToySettings {
 struct ToyConnection {
     session: String,
     position: f64,
-    commands: Vec<ControllerCommand>,
+    inbox: Inbox,
 }
 
 impl Driver for Toy {
@@ -80,21 +78,15 @@ impl Controller for ToySettings {
         Ok(Box::new(ToyConnection {
             session: session.to_owned(),
             position: self.position_mm * 1e-3,
-            commands: Vec::new(),
+            inbox: Inbox::default(),
         }))
     }
 }
 
 impl Connection for ToyConnection {
-    fn plan(&mut self, _plan: InspectionPlan) {}
-
-    fn order(&mut self, _order: MeasurementOrder) {}
-
-    fn command(&mut self, command: ControllerCommand) {
-        self.commands.push(command);
+    fn inbox(&mut self) -> &mut Inbox {
+        &mut self.inbox
     }
-
-    fn stop(&mut self, _why: &str) {}
 
     fn poll(&mut self, _now: i64) -> Vec<DriverOutput> {
         let status = ControllerStatus {
@@ -102,7 +94,7 @@ impl Connection for ToyConnection {
             axis_positions: vec![self.position],
             ..ControllerStatus::default()
         };
-        let replies = self.commands.drain(..).map(|command| {
+        let replies = self.inbox.commands.drain(..).map(|command| {
             DriverOutput::Reply(ControllerReply {
                 command_id: command.command_id,
                 outcome: ControllerReply::DONE,
@@ -144,7 +136,7 @@ fn a_driver_from_outside_is_configured_checked_and_started() {
         panic!("the toy is a process");
     };
     let mut connection = controller.connect("toy-1").expect("a toy");
-    connection.command(ControllerCommand {
+    connection.inbox().commands.push_back(ControllerCommand {
         command_id: 7,
         ..ControllerCommand::default()
     });

@@ -17,6 +17,7 @@
 
 use std::{
     any::Any,
+    collections::VecDeque,
     fmt::Debug,
     net::{TcpStream, ToSocketAddrs},
     sync::Arc,
@@ -121,6 +122,9 @@ pub trait Controller {
 
 /// A machine behind nodes of ROS 2.
 pub trait RosMachine {
+    /// What those nodes publish and serve for the cell: everything that [`RosMachine::join`] subscribes to and calls.
+    fn endpoints(&self) -> RosEndpoints;
+
     /// Subscribes to its topics and announces clients of its services; whether it is there shows later. `session` as of
     /// [`Controller::connect`], `chain` is the machine with the limits of its motion.
     ///
@@ -132,6 +136,15 @@ pub trait RosMachine {
         chain: Chain,
         bus: &dyn RosBus,
     ) -> Result<Box<dyn Connection>, ConnectError>;
+}
+
+/// Topics that nodes of ROS 2 publish and services that they serve, by their absolute names.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct RosEndpoints {
+    /// Topics.
+    pub topics: Vec<String>,
+    /// Services, those of actions included.
+    pub services: Vec<String>,
 }
 
 /// Topics and services of ROS 2 nodes that are not the cell's, on its bus.
@@ -188,22 +201,26 @@ pub type ConnectError = Box<dyn std::error::Error + Send + Sync>;
 
 /// A connection to a controller. The host calls [`Connection::poll`] at least 50 times a second.
 pub trait Connection {
-    /// Takes the plan that the next measurement is made of.
-    fn plan(&mut self, plan: InspectionPlan);
-
-    /// Takes the order and the moves of that plan.
-    fn order(&mut self, order: MeasurementOrder);
-
-    /// Takes a command, to be executed by the next polls. A command number that was already taken is a repeated delivery and
-    /// is ignored.
-    fn command(&mut self, command: ControllerCommand);
-
-    /// Ends with the next poll what is under way, because nobody supervises it any more; `why` is a sentence. Nothing happens
-    /// when nothing is under way.
-    fn stop(&mut self, why: &str);
+    /// What the cell has sent, for the next poll.
+    fn inbox(&mut self) -> &mut Inbox;
 
     /// Samples the controller, continues what is under way, and gives what is to be published; `now` is ns since 1970.
     fn poll(&mut self, now: i64) -> Vec<DriverOutput>;
+}
+
+/// What the cell has sent to a connection.
+#[derive(Clone, Debug, Default)]
+pub struct Inbox {
+    /// The plan that the next measurement is made of.
+    pub plan: Option<InspectionPlan>,
+    /// Order and moves of that plan.
+    pub order: Option<MeasurementOrder>,
+    /// Commands to be executed, in the order of their arrival. A command number that was already taken is a repeated delivery
+    /// and is ignored.
+    pub commands: VecDeque<ControllerCommand>,
+    /// Why nobody supervises the machine any more, in a sentence: what is under way ends with the next poll. Nothing happens
+    /// when nothing is under way.
+    pub stop: Option<String>,
 }
 
 /// What a driver publishes.

@@ -225,9 +225,9 @@ impl Cell {
             order: order.order.clone(),
             ..ControllerCommand::default()
         };
-        self.driver.plan(plan);
-        self.driver.order(order);
-        self.driver.command(command);
+        self.driver.inbox().plan = Some(plan);
+        self.driver.inbox().order = Some(order);
+        self.driver.inbox().commands.push_back(command);
         self.until(|cell, _| cell.shell.told().contains(&"set run".to_owned()));
         self.shell.set("program_status", "RUNNING");
         self.poll();
@@ -380,7 +380,7 @@ fn an_emergency_stop_fails_the_program_and_shows_in_the_status() {
         command_id: 1,
         ..ControllerCommand::default()
     };
-    cell.driver.command(again);
+    cell.driver.inbox().commands.push_back(again);
     let (_, reply, _) = cell.reply();
     assert_eq!(
         (reply.outcome, reply.text.as_str()),
@@ -414,7 +414,7 @@ fn a_controller_that_goes_in_mid_program_is_named_and_ends_the_session() {
         Some("set abort"),
         "nobody hears the program that ran on"
     );
-    cell.driver.command(ControllerCommand {
+    cell.driver.inbox().commands.push_back(ControllerCommand {
         session: "run.0".to_owned(),
         ..ControllerCommand::default()
     });
@@ -448,8 +448,8 @@ fn a_repeated_delivery_is_obeyed_once() {
         kind: ControllerCommand::RUN_OPERATION,
         ..ControllerCommand::default()
     };
-    cell.driver.command(command.clone());
-    cell.driver.command(command);
+    cell.driver.inbox().commands.push_back(command.clone());
+    cell.driver.inbox().commands.push_back(command);
     let (_, reply, _) = cell.reply();
     assert_eq!(reply.outcome, ControllerReply::DONE, "{}", reply.text);
     for _ in 0..100 {
@@ -478,7 +478,7 @@ fn a_repeated_delivery_is_obeyed_once() {
 fn a_wear_beyond_the_limit_of_the_driver_itself_is_refused_whoever_asks() {
     let mut cell = Cell::new("wear_limit");
     for (number, value) in [5e-3, -5e-3, f64::NAN].into_iter().enumerate() {
-        cell.driver.command(ControllerCommand {
+        cell.driver.inbox().commands.push_back(ControllerCommand {
             session: "run.0".to_owned(),
             command_id: number as u64,
             kind: ControllerCommand::SET_TOOL_WEAR,
@@ -500,7 +500,7 @@ fn a_wear_beyond_the_limit_of_the_driver_itself_is_refused_whoever_asks() {
 #[test]
 fn a_wear_that_is_not_read_back_is_not_called_written() {
     let mut cell = Cell::new("wear");
-    cell.driver.command(ControllerCommand {
+    cell.driver.inbox().commands.push_back(ControllerCommand {
         session: "run.0".to_owned(),
         kind: ControllerCommand::SET_TOOL_WEAR,
         tool_number: 2,
@@ -524,7 +524,7 @@ fn a_wear_that_is_not_read_back_is_not_called_written() {
 #[test]
 fn a_volumetric_table_is_refused_by_a_controller_that_has_none() {
     let mut cell = Cell::new("table");
-    cell.driver.command(ControllerCommand {
+    cell.driver.inbox().commands.push_back(ControllerCommand {
         session: "run.0".to_owned(),
         kind: ControllerCommand::SET_VOLUMETRIC,
         entries: vec!["EX0C".to_owned()],
@@ -556,9 +556,9 @@ fn what_cannot_be_measured_is_refused_before_the_first_move() {
         let (mut plan, mut order) = plan();
         let given = order.order.clone();
         change(&mut cell, &mut plan, &mut order);
-        cell.driver.plan(plan);
-        cell.driver.order(order);
-        cell.driver.command(ControllerCommand {
+        cell.driver.inbox().plan = Some(plan);
+        cell.driver.inbox().order = Some(order);
+        cell.driver.inbox().commands.push_back(ControllerCommand {
             session: "run.0".to_owned(),
             kind: ControllerCommand::RUN_MEASUREMENT,
             plan_id: "p".to_owned(),

@@ -140,7 +140,7 @@ pub fn run_driver(
     let mut next = Instant::now();
     while !stopped() {
         if let Some(why) = gate.missing(&bus) {
-            driver.stop(why);
+            driver.inbox().stop = Some(why.to_owned());
         }
         outputs.poll(driver.as_mut())?;
         next = (next + POLL).max(Instant::now());
@@ -149,17 +149,17 @@ pub fn run_driver(
                 Ok(Incoming::Command(command)) => {
                     gate.watch.command(now());
                     gate.present = true;
-                    driver.command(*command);
+                    driver.inbox().commands.push_back(*command);
                 }
                 Ok(Incoming::Beat(beat)) => take_beat(&mut gate, driver.as_mut(), now(), &beat),
-                Ok(Incoming::Plan(plan)) => driver.plan(*plan),
-                Ok(Incoming::Order(order)) => driver.order(*order),
+                Ok(Incoming::Plan(plan)) => driver.inbox().plan = Some(*plan),
+                Ok(Incoming::Order(order)) => driver.inbox().order = Some(*order),
                 Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => break,
             }
         }
     }
     drop(subscriptions);
-    driver.stop("the driver was ended");
+    driver.inbox().stop = Some("the driver was ended".to_owned());
     for _ in 0..LAST_POLLS {
         outputs.poll(driver.as_mut())?;
     }
@@ -168,7 +168,8 @@ pub fn run_driver(
 
 fn take_beat(gate: &mut Gate, driver: &mut dyn Connection, now: Stamp, beat: &GateHeartbeat) {
     if gate.watch.beat(now, beat) {
-        driver.stop("machine_state is another process than before");
+        let why = "machine_state is another process than before";
+        driver.inbox().stop = Some(why.to_owned());
     }
 }
 

@@ -15,7 +15,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use controllers::driver::{Connection, DriverOutput};
+use controllers::driver::{Connection, DriverOutput, Inbox};
 use graph::topics;
 use host::{
     SUBSCRIBED,
@@ -32,33 +32,34 @@ const TIMEOUT: Duration = Duration::from_secs(20);
 
 /// Replies to every command, and reports which messages came.
 struct Toy {
-    commands: Vec<ControllerCommand>,
+    inbox: Inbox,
     seen: Sender<&'static str>,
     stopped: Sender<String>,
 }
 
 impl Connection for Toy {
-    fn plan(&mut self, _plan: InspectionPlan) {
-        self.seen.send("plan").unwrap();
-    }
-
-    fn order(&mut self, _order: MeasurementOrder) {
-        self.seen.send("order").unwrap();
-    }
-
-    fn command(&mut self, command: ControllerCommand) {
-        // Nobody listens in the tests that are not about it.
-        self.seen.send("command").unwrap_or_default();
-        self.commands.push(command);
-    }
-
-    fn stop(&mut self, why: &str) {
-        // Nobody listens in the tests that are not about it.
-        drop(self.stopped.send(why.to_owned()));
+    fn inbox(&mut self) -> &mut Inbox {
+        &mut self.inbox
     }
 
     fn poll(&mut self, _now: i64) -> Vec<DriverOutput> {
-        let replies = self.commands.drain(..).map(|command| {
+        let Inbox {
+            plan,
+            order,
+            commands,
+            stop,
+        } = std::mem::take(&mut self.inbox);
+        let plan = plan.map(|_| "plan");
+        let order = order.map(|_| "order");
+        let came = commands.iter().map(|_| "command");
+        // Nobody listens in the tests that are not about it.
+        for seen in plan.into_iter().chain(order).chain(came) {
+            self.seen.send(seen).unwrap_or_default();
+        }
+        if let Some(why) = stop {
+            drop(self.stopped.send(why));
+        }
+        let replies = commands.into_iter().map(|command| {
             DriverOutput::Reply(ControllerReply {
                 command_id: command.command_id,
                 ..ControllerReply::default()
@@ -93,7 +94,7 @@ fn what_is_under_way_is_stopped_when_the_gate_leaves_the_bus_and_when_it_falls_s
     let (seen, seen_by_toy) = channel();
     let (stopped, stops) = channel();
     let toy = Toy {
-        commands: Vec::new(),
+        inbox: Inbox::default(),
         seen,
         stopped,
     };
@@ -170,7 +171,7 @@ fn a_command_reaches_the_connection_and_its_reply_the_bus() {
     let (seen, seen_by_toy) = channel();
     let (stopped, _) = channel();
     let toy = Toy {
-        commands: Vec::new(),
+        inbox: Inbox::default(),
         seen,
         stopped,
     };

@@ -28,6 +28,7 @@ const MODES: [&str; 3] = ["client", "peer", "router"];
 /// What was heard: who said it, and what.
 type Heard = Arc<Mutex<BTreeSet<(String, String)>>>;
 
+/// A cell and the router that `up` would carry for it.
 struct Guarded {
     cell: Cell,
     network: String,
@@ -39,15 +40,22 @@ struct Guarded {
 impl Guarded {
     /// The shipped cell of that name, with more settings of its section `[bus]`.
     fn start(name: &str, more: &str) -> Self {
+        let own = format!("[bus]\n{more}\n");
+        Self::start_changed(name, |text| {
+            if text.contains("[bus]\n") {
+                text.replace("[bus]\n", &own)
+            } else {
+                format!("{text}\n{own}")
+            }
+        })
+    }
+
+    /// The shipped cell of that name, its file changed.
+    fn start_changed(name: &str, change: impl Fn(&str) -> String) -> Self {
         let file = format!("{}/../../launch-scripts/{name}", env!("CARGO_MANIFEST_DIR"));
         let shipped = Cell::read(Path::new(&file)).expect("a shipped cell");
         let text = shipped.text().clone();
-        let own = format!("[bus]\n{more}\n");
-        let cell = if text.cell.contains("[bus]\n") {
-            text.cell.replace("[bus]\n", &own)
-        } else {
-            format!("{}\n{own}", text.cell)
-        };
+        let cell = change(&text.cell);
         let cell = Cell::from_text(CellText { cell, ..text }).expect("a cell");
         let folder = tempfile::tempdir().expect("a folder");
         let port = TcpListener::bind("127.0.0.1:0").and_then(|socket| socket.local_addr());
@@ -73,6 +81,15 @@ impl Guarded {
         open(&self.socket, "client", &json!({})).expect("an own session")
     }
 
+    fn witness(&self) -> Witness {
+        let session = self.own();
+        Witness {
+            heard: listen(&session),
+            sentinel: sentinel(&session),
+            session,
+        }
+    }
+
     fn stranger(&self, mode: &str) -> Session {
         open(&self.network, mode, &json!({})).expect("a stranger may join")
     }
@@ -86,6 +103,23 @@ impl Guarded {
             format!("{}/other", self.cell.cell.name),
         ]);
         topics
+    }
+}
+
+/// A session of the cell that hears everything that is put or deleted.
+struct Witness {
+    session: Session,
+    heard: Heard,
+    sentinel: String,
+}
+
+impl Witness {
+    /// Puts and deletes on `topics` in another session, and what of it is heard.
+    fn hears(&self, session: &Session, who: &str, topics: &BTreeSet<String>) -> BTreeSet<String> {
+        reach(session, &self.sentinel);
+        speak(session, who, topics);
+        reach(session, &self.sentinel);
+        of(&self.heard, who)
     }
 }
 
@@ -159,39 +193,28 @@ fn all(topics: &BTreeSet<String>) -> BTreeSet<String> {
 #[test]
 fn a_stranger_reads_every_topic_and_writes_none() {
     let guarded = Guarded::start("turn_mill.toml", "");
-    let topics = guarded.topics();
+    let (topics, witness) = (guarded.topics(), guarded.witness());
     assert!(topics.len() > 50, "{}", topics.len());
-    let witness = guarded.own();
-    let heard = listen(&witness);
-    let sentinel = sentinel(&witness);
     for mode in MODES {
         let stranger = guarded.stranger(mode);
-        reach(&stranger, &sentinel);
-        speak(&stranger, mode, &topics);
-        reach(&stranger, &sentinel);
-        assert_eq!(of(&heard, mode), BTreeSet::new(), "{mode}");
+        let heard = witness.hears(&stranger, mode, &topics);
+        assert_eq!(heard, BTreeSet::new(), "{mode}");
         stranger.close().wait().expect("closed");
     }
     // The same by the socket is heard, and a stranger hears it, too.
     let stranger = guarded.stranger("client");
     let read = listen(&stranger);
     let own = guarded.own();
-    reach(&own, &sentinel);
     let deadline = Instant::now() + PATIENCE;
-    while of(&read, "own") != all(&topics) || of(&heard, "own") != all(&topics) {
+    while witness.hears(&own, "own", &topics) != all(&topics) || of(&read, "own") != all(&topics) {
         assert!(Instant::now() < deadline, "{:?}", of(&read, "own"));
-        speak(&own, "own", &topics);
-        reach(&own, &sentinel);
     }
 }
 
 #[test]
 fn a_stranger_that_takes_the_identity_of_a_process_writes_nothing() {
     let guarded = Guarded::start("turn_mill.toml", "");
-    let topics = guarded.topics();
-    let witness = guarded.own();
-    let heard = listen(&witness);
-    let sentinel = sentinel(&witness);
+    let (topics, witness) = (guarded.topics(), guarded.witness());
     let own = guarded.own();
     let more = json!({
         "id": own.zid().to_string(),
@@ -202,8 +225,8 @@ fn a_stranger_that_takes_the_identity_of_a_process_writes_nothing() {
         speak(&impostor, "impostor", &topics);
     }
     let other = guarded.stranger("client");
-    reach(&other, &sentinel);
-    assert_eq!(of(&heard, "impostor"), BTreeSet::new());
+    reach(&other, &witness.sentinel);
+    assert_eq!(of(&witness.heard, "impostor"), BTreeSet::new());
 }
 
 /// Tokens of every kind on a topic, under the names of the processes and under one that is none.
@@ -349,14 +372,8 @@ fn a_stranger_calls_what_reads_and_serves_nothing() {
 #[test]
 fn an_external_driver_and_what_the_cell_file_names_are_open() {
     let guarded = Guarded::start("external.toml", "strangers_publish = [\"reference\"]");
-    let topics = guarded.topics();
-    let witness = guarded.own();
-    let heard = listen(&witness);
-    let sentinel = sentinel(&witness);
+    let witness = guarded.witness();
     let stranger = guarded.stranger("client");
-    reach(&stranger, &sentinel);
-    speak(&stranger, "driver", &topics);
-    reach(&stranger, &sentinel);
     let names = [
         "controller_status",
         "probe_triggers",
@@ -364,16 +381,19 @@ fn an_external_driver_and_what_the_cell_file_names_are_open() {
         "reference",
     ];
     let open = names.map(|name| format!("external/{name}"));
-    assert_eq!(of(&heard, "driver"), all(&BTreeSet::from(open)));
+    assert_eq!(
+        witness.hears(&stranger, "driver", &guarded.topics()),
+        all(&BTreeSet::from(open))
+    );
     // It is told what the cell says to it, and asked for what was lost.
     let told = listen(&stranger);
     let commands = BTreeSet::from(["external/controller_commands".to_owned()]);
-    reach(&stranger, &sentinel);
     let deadline = Instant::now() + PATIENCE;
     while of(&told, "gate") != all(&commands) {
         assert!(Instant::now() < deadline);
-        speak(&witness, "gate", &commands);
-        reach(&stranger, &sentinel);
+        reach(&stranger, &witness.sentinel);
+        speak(&witness.session, "gate", &commands);
+        reach(&stranger, &witness.sentinel);
     }
     let late = "0/external/probe_triggers/T/H/@adv/pub/1/2/_";
     let cache = stranger
@@ -382,19 +402,81 @@ fn an_external_driver_and_what_the_cell_file_names_are_open() {
             query.reply(late, "late").wait().expect("a reply");
         });
     cache.background().wait().expect("a queryable");
-    reach(&witness, late);
+    reach(&witness.session, late);
+}
+
+/// What a robot publishes, and what it serves.
+const ROBOT_TOPICS: [&str; 2] = ["joint_states", "contact"];
+const ROBOT_SERVICES: [&str; 7] = [
+    "arm/follow_joint_trajectory/_action/send_goal",
+    "arm/follow_joint_trajectory/_action/get_result",
+    "arm/follow_joint_trajectory/_action/cancel_goal",
+    "program/bore",
+    "program/stop",
+    "program/set_parameters",
+    "program/get_parameters",
+];
+const ROBOT: &str = r#"
+[ros2]
+action = "/arm/follow_joint_trajectory"
+contact = { topic = "/contact", positions = "interpolated", time_standard_uncertainty_ms = 0.2 }
+[ros2.program]
+node = "/program"
+stop = "/program/stop"
+operations = [{ id = "bore", service = "/program/bore" }]
+tools = [{ number = 1, parameter = "wear" }]
+work_offsets = [{ axis = "X", parameter = "x" }, { axis = "Y", parameter = "y" }, { axis = "Z", parameter = "z" }]
+"#;
+
+#[test]
+fn a_robot_on_ros_2_speaks_and_serves_what_its_section_names() {
+    let guarded = Guarded::start_changed("robot_cell.toml", |text| {
+        let source = "source = \"simulator\"";
+        assert!(text.contains(source));
+        text.replace(source, "source = \"ros2\"") + ROBOT
+    });
+    let witness = guarded.witness();
+    let robot = guarded.stranger("client");
+    let mut topics = guarded.topics();
+    topics.extend(ROBOT_TOPICS.map(str::to_owned));
+    topics.extend(ROBOT_SERVICES.map(str::to_owned));
+    let heard = witness.hears(&robot, "robot", &topics);
+    let spoken: BTreeSet<String> = ROBOT_TOPICS.into_iter().map(str::to_owned).collect();
+    assert_eq!(heard, all(&spoken));
+    // The driver finds its services and calls them.
+    for name in ROBOT_SERVICES {
+        let key = common::serve(&robot, format!("0/{name}/T/H"));
+        reach(&witness.session, &key);
+    }
+    // It announces them under a name of its own, and nothing else that speaks.
+    let into = Heard::default();
+    let found = Arc::clone(&into);
+    let tokens = witness
+        .session
+        .liveliness()
+        .declare_subscriber("@ros2_lv/0/robot/**")
+        .callback(move |sample: Sample| {
+            let key = sample.key_expr().to_string();
+            let parts: Vec<&str> = key.split('/').collect();
+            let said = (parts[5].to_owned(), parts[9].replace('%', "/"));
+            found.lock().expect("no panic").insert(said);
+        });
+    tokens.background().wait().expect("a subscription");
+    let mut declared = Vec::new();
+    for topic in &topics {
+        declared.extend(announce(&robot, "robot", &["ur10".to_owned()], topic));
+    }
+    reach(&robot, &witness.sentinel);
+    let spoken = ROBOT_TOPICS.map(|name| format!("/{name}"));
+    assert_eq!(of(&into, "MP"), BTreeSet::from(spoken));
+    let served = ROBOT_SERVICES.map(|name| format!("/{name}"));
+    assert_eq!(of(&into, "SS"), BTreeSet::from(served));
 }
 
 #[test]
 fn a_bus_that_the_cell_file_opens_is_open() {
     let guarded = Guarded::start("turn_mill.toml", "strangers = \"write\"");
-    let topics = guarded.topics();
-    let witness = guarded.own();
-    let heard = listen(&witness);
-    let sentinel = sentinel(&witness);
+    let (topics, witness) = (guarded.topics(), guarded.witness());
     let stranger = guarded.stranger("client");
-    reach(&stranger, &sentinel);
-    speak(&stranger, "stranger", &topics);
-    reach(&stranger, &sentinel);
-    assert_eq!(of(&heard, "stranger"), all(&topics));
+    assert_eq!(witness.hears(&stranger, "stranger", &topics), all(&topics));
 }

@@ -39,12 +39,11 @@ work_offsets = [
 def cell_of(folder, name, contact, change=lambda text: text):
     """A shipped cell of the simulated robot, with the robot on ROS 2 instead, and shorter ways."""
     text = (ROOT / "launch-scripts" / f"{name}.toml").read_text()
-    # The robot is a stranger on the bus, with topics and services of its own names.
     for old, new in [('source = "simulator"', 'source = "ros2"'), ("approach_mm = 3.0", "approach_mm = 1.5"),
                      ("retract_mm = 3.0", "retract_mm = 1.5"), ("feed_mm_per_min = 300.0", "feed_mm_per_min = 600.0")]:
         assert old in text, old
         text = text.replace(old, new)
-    ros2 = f'\n[bus]\nstrangers = "write"\n\n[ros2]\naction = "/arm_controller/follow_joint_trajectory"\ncontact = {{ topic = "/contact", {contact} }}\n'
+    ros2 = f'\n[ros2]\naction = "/arm_controller/follow_joint_trajectory"\ncontact = {{ topic = "/contact", {contact} }}\n'
     text = change(text) + ros2 + (PROGRAM if name == "robot_cell" else "")
     shutil.copy(ROOT / "launch-scripts" / "robot_arm.urdf", folder)
     (folder / f"{name}.toml").write_text(text)

@@ -127,7 +127,7 @@ impl Rig {
         let id = self.next_command;
         self.next_command += 1;
         let session = self.driver.session().to_owned();
-        self.driver.command(ControllerCommand {
+        self.driver.inbox().commands.push_back(ControllerCommand {
             session,
             command_id: id,
             ..command
@@ -174,7 +174,7 @@ impl Rig {
                 sent = true;
                 let session = driver.session().to_owned();
                 let kind = ControllerCommand::STOP;
-                driver.command(ControllerCommand {
+                driver.inbox().commands.push_back(ControllerCommand {
                     session,
                     command_id,
                     kind,
@@ -202,8 +202,8 @@ impl Rig {
             order: order.order.clone(),
             ..ControllerCommand::default()
         };
-        self.driver.plan(plan);
-        self.driver.order(order);
+        self.driver.inbox().plan = Some(plan);
+        self.driver.inbox().order = Some(order);
         command
     }
 

@@ -10,6 +10,13 @@ use crate::driver::{ConnectError, RosBus, RosService};
 /// Longest time for an answer of a service that moves nothing.
 pub(super) const ANSWER_LIMIT: Duration = Duration::from_secs(4);
 
+/// Sends a goal.
+const SEND: &str = "send_goal";
+/// Answers when a goal has ended.
+const RESULT: &str = "get_result";
+/// Cancels goals.
+const CANCEL: &str = "cancel_goal";
+
 /// Services of the action.
 #[derive(Clone)]
 pub(super) struct Action {
@@ -20,11 +27,11 @@ pub(super) struct Action {
 
 impl Action {
     pub(super) fn join(name: &str, bus: &dyn RosBus) -> Result<Self, ConnectError> {
-        let service = |last: &str, ty| bus.service(&format!("{name}/_action/{last}"), ty);
+        let service = |last, ty| bus.service(&service_name(name, last), ty);
         Ok(Self {
-            send: service("send_goal", wire::SEND_GOAL)?,
-            result: service("get_result", wire::GET_RESULT)?,
-            cancel: service("cancel_goal", wire::CANCEL_GOAL)?,
+            send: service(SEND, wire::SEND_GOAL)?,
+            result: service(RESULT, wire::GET_RESULT)?,
+            cancel: service(CANCEL, wire::CANCEL_GOAL)?,
         })
     }
 
@@ -32,6 +39,15 @@ impl Action {
     pub(super) fn cancel(&self) -> Pending {
         Pending::call(&self.cancel, wire::cancel_all(), ANSWER_LIMIT)
     }
+}
+
+/// Names of the services of an action.
+pub(super) fn services(action: &str) -> [String; 3] {
+    [SEND, RESULT, CANCEL].map(|last| service_name(action, last))
+}
+
+fn service_name(action: &str, last: &str) -> String {
+    format!("{action}/_action/{last}")
 }
 
 /// Header of a message of this instant, ns.

@@ -1,52 +1,37 @@
-//! The robot as a connection: its sessions, commands, samples, and how it is stopped.
+//! The robot as a connection: its sessions and commands.
+
+mod samples;
+mod stopping;
 
 use std::{
     any::Any,
-    collections::{BTreeSet, VecDeque},
+    collections::BTreeSet,
     sync::{Arc, Mutex, MutexGuard, PoisonError},
-    time::{Duration, Instant},
+    time::Duration,
 };
 
 use machine::Chain;
-use probecell_msgs::{
-    ControllerCommand, ControllerReply, ControllerStatus, InspectionPlan, MachineState,
-    MeasurementOrder,
-};
+use probecell_msgs::{ControllerCommand, ControllerReply};
 
+use self::stopping::Stopping;
 use super::{
     action::{ANSWER_LIMIT, Action, header},
-    calls::Pending,
     config::RawConfig,
-    heard::{self, Heard, Joints},
+    heard::{self, Heard},
     measuring::{Frame, Measurement, Progress},
     program::{Cut, Offsets, Program},
     wire,
 };
-use crate::driver::{ConnectError, Connection, DriverOutput, RosBus, RosSample};
+use crate::driver::{ConnectError, Connection, DriverOutput, Inbox, RosBus, RosSample};
 
 /// A robot of which nothing is heard for this long is gone.
 const SILENCE: Duration = Duration::from_secs(1);
-/// Longest time of a stop.
-const STOP_LIMIT: Duration = Duration::from_millis(4500);
 
 /// What is under way.
 enum Work {
     Measure(Box<Measurement>),
     Cut(Box<Cut>),
     Stop(Box<Stopping>),
-}
-
-/// A stop: what is cancelled, and what it ends.
-struct Stopping {
-    /// None where nobody supervises any more.
-    command: Option<ControllerCommand>,
-    /// What was under way, and what is said of it.
-    interrupted: Option<(ControllerCommand, String)>,
-    calls: Vec<Pending>,
-    since: Instant,
-    /// ns; samples of a robot that stands are newer.
-    begun: i64,
-    failure: Option<String>,
 }
 
 /// A robot on ROS 2.
@@ -59,12 +44,9 @@ pub(super) struct Robot {
     heard: Arc<Mutex<Heard>>,
     action: Action,
     program: Option<Program>,
-    plan: Option<InspectionPlan>,
-    order: Option<MeasurementOrder>,
-    commands: VecDeque<ControllerCommand>,
+    inbox: Inbox,
     taken: BTreeSet<u64>,
     work: Option<Work>,
-    unsupervised: Option<String>,
     alarms: Vec<String>,
     triggers: u64,
     last_stamp: i64,
@@ -113,12 +95,9 @@ impl Robot {
             session: session.to_owned(),
             sessions: 0,
             heard,
-            plan: None,
-            order: None,
-            commands: VecDeque::new(),
+            inbox: Inbox::default(),
             taken: BTreeSet::new(),
             work: None,
-            unsupervised: None,
             alarms: Vec::new(),
             triggers: 0,
             last_stamp: 0,
@@ -242,61 +221,6 @@ impl Robot {
         Ok(())
     }
 
-    /// Begins to end what is under way; nothing else begins meanwhile.
-    fn begin_stop(&mut self, now: i64, command: Option<ControllerCommand>, why: &str) {
-        let mut calls = vec![self.action.cancel()];
-        let interrupted = match self.work.take() {
-            None => None,
-            Some(Work::Measure(measurement)) => Some((measurement.command, why.to_owned())),
-            Some(Work::Cut(cut)) => {
-                calls.extend(self.program.as_ref().map(Program::stop));
-                Some((cut.command, why.to_owned()))
-            }
-            Some(Work::Stop(stopping)) => {
-                // The former stop ends with this one.
-                calls.extend(stopping.calls);
-                stopping.interrupted
-            }
-        };
-        self.work = Some(Work::Stop(Box::new(Stopping {
-            command,
-            interrupted,
-            calls,
-            since: Instant::now(),
-            begun: now,
-            failure: None,
-        })));
-    }
-
-    /// The robot is gone: what was under way has failed.
-    fn end_work(&mut self, now: i64, why: &str, out: &mut Vec<DriverOutput>) {
-        let command = match self.work.take() {
-            None => return,
-            Some(Work::Measure(measurement)) => measurement.command,
-            Some(Work::Cut(cut)) => cut.command,
-            Some(Work::Stop(stopping)) => {
-                let ended = stopping.interrupted.into_iter().map(|(command, _)| command);
-                for command in ended.chain(stopping.command) {
-                    out.push(reply(
-                        now,
-                        &self.session,
-                        &command,
-                        ControllerReply::FAILED,
-                        why,
-                    ));
-                }
-                return;
-            }
-        };
-        out.push(reply(
-            now,
-            &self.session,
-            &command,
-            ControllerReply::FAILED,
-            why,
-        ));
-    }
-
     fn work(&mut self, now: i64, out: &mut Vec<DriverOutput>) {
         match self.work.take() {
             None => {}
@@ -316,7 +240,7 @@ impl Robot {
         out: &mut Vec<DriverOutput>,
     ) {
         let offsets = self.offsets();
-        let Some(plan) = &self.plan else {
+        let Some(plan) = &self.inbox.plan else {
             self.work = Some(Work::Measure(measurement));
             return;
         };
@@ -339,7 +263,7 @@ impl Robot {
                 &heard,
                 &self.action,
                 &frame,
-                self.order.as_ref(),
+                self.inbox.order.as_ref(),
                 &self.config.contact,
             )
         };
@@ -362,47 +286,6 @@ impl Robot {
         }
     }
 
-    fn continue_stop(&mut self, now: i64, mut stopping: Stopping, out: &mut Vec<DriverOutput>) {
-        let failure = &mut stopping.failure;
-        stopping.calls.retain(|call| match call.answer() {
-            None => true,
-            Some(Ok(_)) => false,
-            Some(Err(text)) => {
-                *failure = Some(text);
-                false
-            }
-        });
-        let stands = stopping.calls.is_empty() && lock(&self.heard).stands_since(stopping.begun);
-        let late = stopping.since.elapsed() > STOP_LIMIT;
-        if !(stands || late) {
-            self.work = Some(Work::Stop(Box::new(stopping)));
-            return;
-        }
-        let unconfirmed = stopping
-            .failure
-            .or_else(|| late.then(|| "the robot has not come to a standstill".to_owned()));
-        if let Some((command, why)) = stopping.interrupted {
-            let text = match &unconfirmed {
-                None => why,
-                Some(text) => format!("{why}; {text}"),
-            };
-            out.push(reply(
-                now,
-                &self.session,
-                &command,
-                ControllerReply::FAILED,
-                &text,
-            ));
-        }
-        if let Some(command) = stopping.command {
-            let (outcome, text) = match unconfirmed {
-                None => (ControllerReply::DONE, String::new()),
-                Some(text) => (ControllerReply::FAILED, format!("controller_alarm: {text}")),
-            };
-            out.push(reply(now, &self.session, &command, outcome, &text));
-        }
-    }
-
     fn conclude(
         &mut self,
         now: i64,
@@ -419,90 +302,16 @@ impl Robot {
         };
         out.push(reply(now, &self.session, command, outcome, &text));
     }
-
-    /// A sample, where the robot has published a new one.
-    fn sample(&mut self, out: &mut Vec<DriverOutput>) {
-        let heard = lock(&self.heard);
-        let Some(newest) = heard
-            .newest()
-            .filter(|joints| joints.stamp > self.last_stamp)
-        else {
-            return;
-        };
-        let (newest, level) = (newest.clone(), heard.level());
-        drop(heard);
-        let offsets = self.offsets();
-        let Some(positions) = self.programmed(&newest, &offsets) else {
-            return;
-        };
-        self.last_stamp = newest.stamp;
-        let program = match &self.work {
-            None => String::new(),
-            Some(Work::Cut(cut)) => cut.command.operation.clone(),
-            Some(Work::Measure(measurement)) => measurement.command.plan_id.clone(),
-            Some(Work::Stop(_)) => "stop".to_owned(),
-        };
-        let execution = match (&self.work, self.alarms.is_empty()) {
-            (Some(_), _) => MachineState::EXECUTION_RUNNING,
-            (None, true) => MachineState::EXECUTION_IDLE,
-            (None, false) => MachineState::EXECUTION_ALARM,
-        };
-        let declared = self.config.program.as_ref();
-        let tools = declared.map_or(&[][..], |program| &program.tools);
-        let axes = declared.map_or(&[][..], |program| &program.work_offsets);
-        out.push(DriverOutput::Status(ControllerStatus {
-            header: header(newest.stamp),
-            session: self.session.clone(),
-            mode: MachineState::MODE_AUTO,
-            execution,
-            program,
-            feed_override: 1.0,
-            axis_names: self.chain.axis_names().map(str::to_owned).collect(),
-            axis_positions: positions,
-            probe_tripped: level.unwrap_or(false),
-            alarms: self.alarms.clone(),
-            tool_numbers: tools.iter().map(|tool| tool.number).collect(),
-            tool_wear: offsets.wear,
-            work_offset_axes: axes.iter().map(|own| own.axis.clone()).collect(),
-            work_offsets: offsets.work.iter().map(|(_, value)| *value).collect(),
-            ..ControllerStatus::default()
-        }));
-    }
-
-    /// Positions as the program has them; `None` where the robot is out of its reach.
-    fn programmed(&self, joints: &Joints, offsets: &Offsets) -> Option<Vec<f64>> {
-        let Some(plan) = &self.plan else {
-            // Where the part lies is not known yet, along whose directions the frame is shifted.
-            return Some(joints.positions.clone());
-        };
-        if offsets.work.iter().all(|(_, value)| *value == 0.0) {
-            return Some(joints.positions.clone());
-        }
-        let frame = Frame::new(&self.chain, plan, &offsets.work).ok()?;
-        frame.programmed(&joints.positions).ok()
-    }
 }
 
 impl Connection for Robot {
-    fn plan(&mut self, plan: InspectionPlan) {
-        self.plan = Some(plan);
-    }
-
-    fn order(&mut self, order: MeasurementOrder) {
-        self.order = Some(order);
-    }
-
-    fn command(&mut self, command: ControllerCommand) {
-        self.commands.push_back(command);
-    }
-
-    fn stop(&mut self, why: &str) {
-        self.unsupervised = Some(why.to_owned());
+    fn inbox(&mut self) -> &mut Inbox {
+        &mut self.inbox
     }
 
     fn poll(&mut self, now: i64) -> Vec<DriverOutput> {
         let mut out = Vec::new();
-        if let Some(why) = self.unsupervised.take()
+        if let Some(why) = self.inbox.stop.take()
             && self
                 .work
                 .as_ref()
@@ -519,7 +328,7 @@ impl Connection for Robot {
             }
         }
         let present = self.look(now, &mut out);
-        for command in std::mem::take(&mut self.commands) {
+        for command in std::mem::take(&mut self.inbox.commands) {
             if present {
                 self.take(now, &command, &mut out);
             } else {

@@ -27,8 +27,8 @@ pub use config::{
 use machine::Chain;
 
 use crate::driver::{
-    ConnectError, Connection, Demands, Driver, DriverSettings, Role, RosBus, RosMachine, Section,
-    SectionError, required,
+    ConnectError, Connection, Demands, Driver, DriverSettings, Role, RosBus, RosEndpoints,
+    RosMachine, Section, SectionError, required,
 };
 
 /// A robot on ROS 2.
@@ -67,6 +67,15 @@ impl DriverSettings for RawConfig {
 }
 
 impl RosMachine for RawConfig {
+    fn endpoints(&self) -> RosEndpoints {
+        let contact = &self.contact;
+        let mut topics = vec![self.joint_states.clone(), contact.topic.clone()];
+        topics.extend(contact.latched_joint_states.clone());
+        let mut services = Vec::from(action::services(&self.action));
+        services.extend(self.program.iter().flat_map(program::services));
+        RosEndpoints { topics, services }
+    }
+
     fn join(
         &self,
         session: &str,

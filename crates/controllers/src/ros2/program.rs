@@ -93,6 +93,25 @@ impl RawProgram {
     }
 }
 
+/// Services that the program serves.
+pub(super) fn services(settings: &RawProgram) -> impl Iterator<Item = String> {
+    let node = &settings.node;
+    let operations = settings.operations.iter().map(|one| one.service.clone());
+    operations.chain([
+        settings.stop.clone(),
+        set_parameters(node),
+        get_parameters(node),
+    ])
+}
+
+fn set_parameters(node: &str) -> String {
+    format!("{node}/set_parameters")
+}
+
+fn get_parameters(node: &str) -> String {
+    format!("{node}/get_parameters")
+}
+
 /// Sets the run of the part, then cuts.
 struct Told {
     set: Arc<dyn RosService>,
@@ -130,8 +149,8 @@ impl Program {
             parameters: tools.chain(offsets).collect(),
             operations: operations.collect::<Result<_, _>>()?,
             stop: bus.service(&settings.stop, wire::TRIGGER)?,
-            set: bus.service(&format!("{node}/set_parameters"), wire::SET_PARAMETERS)?,
-            get: bus.service(&format!("{node}/get_parameters"), wire::GET_PARAMETERS)?,
+            set: bus.service(&set_parameters(node), wire::SET_PARAMETERS)?,
+            get: bus.service(&get_parameters(node), wire::GET_PARAMETERS)?,
             values: None,
             reading: None,
             read_at: None,

@@ -8,12 +8,10 @@ mod messages;
 
 use std::collections::{BTreeSet, VecDeque};
 
-use controllers::driver::{Connection, DriverOutput};
+use controllers::driver::{Connection, DriverOutput, Inbox};
 use host::bus::{Bus, BusConfig, BusError, Transport};
 use machine::{Machine, Step, TOOL};
-use probecell_msgs::{
-    ControllerCommand as Command, ControllerReply as Reply, InspectionPlan, MeasurementOrder,
-};
+use probecell_msgs::{ControllerCommand as Command, ControllerReply as Reply};
 
 /// One session.
 #[derive(Default)]
@@ -22,7 +20,7 @@ struct Driver {
     session: String,
     touches: u64,
     taken: BTreeSet<u64>,
-    order: Option<MeasurementOrder>,
+    inbox: Inbox,
     /// What is under way, and the rest of its steps; none while it waits for its order.
     command: Option<Command>,
     program: Option<VecDeque<Step>>,
@@ -45,7 +43,8 @@ impl Driver {
 
     /// Carries out the next step of what is under way.
     fn step(&mut self) {
-        if let (None, Some(command), Some(order)) = (&self.program, &self.command, &self.order)
+        if let (None, Some(command), Some(order)) =
+            (&self.program, &self.command, &self.inbox.order)
             && (&command.plan_id, &command.order) == (&order.plan_id, &order.order)
         {
             self.program = Some(self.machine.measure(order));
@@ -70,16 +69,8 @@ impl Driver {
             }
         }
     }
-}
 
-impl Connection for Driver {
-    fn plan(&mut self, _: InspectionPlan) {}
-
-    fn order(&mut self, order: MeasurementOrder) {
-        self.order = Some(order);
-    }
-
-    fn command(&mut self, command: Command) {
+    fn take(&mut self, command: Command) {
         let (idle, wear) = (self.command.is_none(), command.value);
         if command.session != self.session {
             return self.reply(
@@ -113,12 +104,20 @@ impl Connection for Driver {
             ),
         }
     }
+}
 
-    fn stop(&mut self, why: &str) {
-        self.fail(&format!("gate_lost: {why}"));
+impl Connection for Driver {
+    fn inbox(&mut self) -> &mut Inbox {
+        &mut self.inbox
     }
 
     fn poll(&mut self, now: i64) -> Vec<DriverOutput> {
+        if let Some(why) = self.inbox.stop.take() {
+            self.fail(&format!("gate_lost: {why}"));
+        }
+        for command in std::mem::take(&mut self.inbox.commands) {
+            self.take(command);
+        }
         self.step();
         let sample = messages::status(&self.machine, &self.session, self.command.as_ref(), now);
         self.out.push(DriverOutput::Status(sample));

@@ -31,10 +31,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use probecell_msgs::{
-    ControllerCommand, InspectionPlan, MeasurementOrder, ProbeTrigger, builtin_interfaces::Time,
-    std_msgs,
-};
+use probecell_msgs::{ProbeTrigger, builtin_interfaces::Time, std_msgs};
 
 use self::{
     job::{Files, Job, Probed, Progress, Work},
@@ -47,7 +44,7 @@ use super::{
     protocol::{Interpreter, Mode, Set},
 };
 use crate::{
-    driver::{Connection, DriverOutput},
+    driver::{Connection, DriverOutput, Inbox},
     text::ParseError,
 };
 
@@ -97,9 +94,7 @@ pub struct LinuxCncConnection {
     client: Option<Client>,
     next_attempt: Instant,
     power_on: Option<PowerOn>,
-    plan: Option<InspectionPlan>,
-    order: Option<MeasurementOrder>,
-    commands: VecDeque<ControllerCommand>,
+    inbox: Inbox,
     next_command: u64,
     job: Option<Job>,
     files: Option<Files>,
@@ -111,8 +106,6 @@ pub struct LinuxCncConnection {
     alarms: Vec<String>,
     tool_wear: Vec<f64>,
     last: Option<Sample>,
-    /// Why the work under way is to end with the next poll.
-    unsupervised: Option<String>,
     /// A job was lost with the last connection: its program must not continue unsupervised.
     orphaned: bool,
 }
@@ -141,9 +134,7 @@ impl LinuxCncConnection {
             client: Some(client),
             next_attempt: Instant::now(),
             power_on,
-            plan: None,
-            order: None,
-            commands: VecDeque::new(),
+            inbox: Inbox::default(),
             next_command: 0,
             job: None,
             files: None,
@@ -153,7 +144,6 @@ impl LinuxCncConnection {
             alarms: Vec::new(),
             tool_wear: Vec::new(),
             last: None,
-            unsupervised: None,
             orphaned: false,
             config,
         };
@@ -171,7 +161,7 @@ impl LinuxCncConnection {
         self.client.is_some()
             && self.power_on.is_none()
             && self.job.is_none()
-            && self.commands.is_empty()
+            && self.inbox.commands.is_empty()
             && self.restore.is_empty()
     }
 
@@ -188,7 +178,7 @@ impl LinuxCncConnection {
             self.abort()?;
             self.orphaned = false;
         }
-        if let Some(why) = self.unsupervised.take() {
+        if let Some(why) = self.inbox.stop.take() {
             self.give_up(now, &why, out)?;
         }
         self.power_up()?;
@@ -438,20 +428,8 @@ impl LinuxCncConnection {
 }
 
 impl Connection for LinuxCncConnection {
-    fn plan(&mut self, plan: InspectionPlan) {
-        self.plan = Some(plan);
-    }
-
-    fn order(&mut self, order: MeasurementOrder) {
-        self.order = Some(order);
-    }
-
-    fn command(&mut self, command: ControllerCommand) {
-        self.commands.push_back(command);
-    }
-
-    fn stop(&mut self, why: &str) {
-        self.unsupervised = Some(why.to_owned());
+    fn inbox(&mut self) -> &mut Inbox {
+        &mut self.inbox
     }
 
     fn poll(&mut self, now: i64) -> Vec<DriverOutput> {

@@ -228,7 +228,7 @@ impl LinuxCncConnection {
 
     /// Refuses all commands that have come: the controller is gone.
     pub(super) fn refuse_all(&mut self, now: i64, out: &mut Vec<DriverOutput>) {
-        for command in std::mem::take(&mut self.commands) {
+        for command in std::mem::take(&mut self.inbox.commands) {
             Self::reply(
                 now,
                 &command,

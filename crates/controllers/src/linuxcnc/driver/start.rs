@@ -37,7 +37,7 @@ impl LinuxCncConnection {
         out: &mut Vec<DriverOutput>,
     ) -> Result<(), ClientError> {
         let mut waiting = VecDeque::new();
-        while let Some(command) = self.commands.pop_front() {
+        while let Some(command) = self.inbox.commands.pop_front() {
             if command.session != self.session {
                 let text = format!(
                     "the command is for session {:?}, this is {:?}",
@@ -59,7 +59,7 @@ impl LinuxCncConnection {
                 self.take(now, sample, command, out)?;
             }
         }
-        self.commands = waiting;
+        self.inbox.commands = waiting;
         Ok(())
     }
 
@@ -131,7 +131,7 @@ impl LinuxCncConnection {
         why: &str,
         out: &mut Vec<DriverOutput>,
     ) -> Result<(), ClientError> {
-        for command in std::mem::take(&mut self.commands) {
+        for command in std::mem::take(&mut self.inbox.commands) {
             Self::reply(now, &command, ControllerReply::REFUSED, None, why, out);
         }
         if self.job.is_some() {
@@ -199,11 +199,13 @@ impl LinuxCncConnection {
         command: &ControllerCommand,
     ) -> Result<Begin, Refusal> {
         let plan = self
+            .inbox
             .plan
             .as_ref()
             .filter(|plan| plan.plan_id == command.plan_id);
         let plan = plan.ok_or_else(|| format!("plan {:?} was not received", command.plan_id))?;
         let order = self
+            .inbox
             .order
             .as_ref()
             .filter(|order| order.plan_id == command.plan_id);

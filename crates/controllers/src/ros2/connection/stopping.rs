@@ -1,0 +1,130 @@
+//! How the robot is stopped: goals and operations are cancelled, and it has stopped when its joints stand.
+
+use std::time::{Duration, Instant};
+
+use probecell_msgs::{ControllerCommand, ControllerReply};
+
+use super::{Robot, Work, lock, reply};
+use crate::{
+    driver::DriverOutput,
+    ros2::{calls::Pending, program::Program},
+};
+
+/// Longest time of a stop.
+const STOP_LIMIT: Duration = Duration::from_millis(4500);
+
+/// A stop: what is cancelled, and what it ends.
+pub(super) struct Stopping {
+    /// None where nobody supervises any more.
+    command: Option<ControllerCommand>,
+    /// What was under way, and what is said of it.
+    interrupted: Option<(ControllerCommand, String)>,
+    pub(super) calls: Vec<Pending>,
+    since: Instant,
+    /// ns; samples of a robot that stands are newer.
+    begun: i64,
+    pub(super) failure: Option<String>,
+}
+
+impl Robot {
+    /// Begins to end what is under way; nothing else begins meanwhile.
+    pub(super) fn begin_stop(&mut self, now: i64, command: Option<ControllerCommand>, why: &str) {
+        let mut calls = vec![self.action.cancel()];
+        let interrupted = match self.work.take() {
+            None => None,
+            Some(Work::Measure(measurement)) => Some((measurement.command, why.to_owned())),
+            Some(Work::Cut(cut)) => {
+                calls.extend(self.program.as_ref().map(Program::stop));
+                Some((cut.command, why.to_owned()))
+            }
+            Some(Work::Stop(stopping)) => {
+                // The former stop ends with this one.
+                calls.extend(stopping.calls);
+                stopping.interrupted
+            }
+        };
+        self.work = Some(Work::Stop(Box::new(Stopping {
+            command,
+            interrupted,
+            calls,
+            since: Instant::now(),
+            begun: now,
+            failure: None,
+        })));
+    }
+
+    /// The robot is gone: what was under way has failed.
+    pub(super) fn end_work(&mut self, now: i64, why: &str, out: &mut Vec<DriverOutput>) {
+        let command = match self.work.take() {
+            None => return,
+            Some(Work::Measure(measurement)) => measurement.command,
+            Some(Work::Cut(cut)) => cut.command,
+            Some(Work::Stop(stopping)) => {
+                let ended = stopping.interrupted.into_iter().map(|(command, _)| command);
+                for command in ended.chain(stopping.command) {
+                    out.push(reply(
+                        now,
+                        &self.session,
+                        &command,
+                        ControllerReply::FAILED,
+                        why,
+                    ));
+                }
+                return;
+            }
+        };
+        out.push(reply(
+            now,
+            &self.session,
+            &command,
+            ControllerReply::FAILED,
+            why,
+        ));
+    }
+
+    pub(super) fn continue_stop(
+        &mut self,
+        now: i64,
+        mut stopping: Stopping,
+        out: &mut Vec<DriverOutput>,
+    ) {
+        let failure = &mut stopping.failure;
+        stopping.calls.retain(|call| match call.answer() {
+            None => true,
+            Some(Ok(_)) => false,
+            Some(Err(text)) => {
+                *failure = Some(text);
+                false
+            }
+        });
+        let stands = stopping.calls.is_empty() && lock(&self.heard).stands_since(stopping.begun);
+        let late = stopping.since.elapsed() > STOP_LIMIT;
+        if !(stands || late) {
+            self.work = Some(Work::Stop(Box::new(stopping)));
+            return;
+        }
+        let unconfirmed = stopping
+            .failure
+            .or_else(|| late.then(|| "the robot has not come to a standstill".to_owned()));
+        if let Some((command, why)) = stopping.interrupted {
+            let text = match &unconfirmed {
+                None => why,
+                Some(text) => format!("{why}; {text}"),
+            };
+            out.push(reply(
+                now,
+                &self.session,
+                &command,
+                ControllerReply::FAILED,
+                &text,
+            ));
+        }
+        if let Some(command) = stopping.command {
+            let (outcome, text) = match unconfirmed {
+                None => (ControllerReply::DONE, String::new()),
+                Some(text) => (ControllerReply::FAILED, format!("controller_alarm: {text}")),
+            };
+            out.push(reply(now, &self.session, &command, outcome, &text));
+        }
+    }
+}
