@@ -1,13 +1,15 @@
 //! What a link delivers late, twice or not at all, and clocks that were set.
 
+mod common;
+
+use common::{approved, config, correction, sample};
 use graph::{Node, Outbox, START, Stamp};
-use machine_state::{Config, Input, MachineStateNode, Output, RawConfig, State};
+use machine_state::{Config, Input, MachineStateNode, Output, State};
 use probecell_msgs::{
     ControllerCommand, ControllerReply, ControllerStatus, Correction,
     CorrectionAcknowledgement as Ack, MeasurementOrder, OperationReport, OperationRequest,
     OperatorRequest, PartReport, PartStatus, RecordingStatus,
 };
-use trust::{SecretKey, Trust, approval};
 
 const SECOND: i64 = 1_000_000_000;
 /// When the gate starts.
@@ -21,19 +23,10 @@ struct Gate {
 impl Gate {
     /// A gate whose machine stands, of a recorded cell, and whose part waits for corrections of plan p/1.
     fn new() -> Self {
-        let key = SecretKey::from_seed([7; 32]);
-        let config = RawConfig::default().check(String::new(), "mill", false);
+        let config = config();
         let mut gate = Self {
-            config: config.expect("defaults").with_trust(Trust {
-                cell: Some(key.public()),
-                automatic: true,
-                unsigned_operators: false,
-            }),
-            state: MachineStateNode::start(
-                &RawConfig::default()
-                    .check(String::new(), "mill", false)
-                    .expect("defaults"),
-            ),
+            state: MachineStateNode::start(&config),
+            config,
         };
         gate.step(0.0, Input::Timer(START));
         gate.sample(0.0, BEGIN);
@@ -75,19 +68,14 @@ impl Gate {
     fn sample(&mut self, seconds: f64, clock: i64) -> Vec<Output> {
         let sample = ControllerStatus {
             header: Stamp(clock).header(""),
-            session: "run 1".to_owned(),
-            axis_names: vec!["X".to_owned()],
-            axis_positions: vec![0.25],
-            tool_numbers: vec![2],
-            tool_wear: vec![0.0],
-            ..ControllerStatus::default()
+            ..sample()
         };
         self.step(seconds, Input::Status(sample))
     }
 
     /// The outcome of a correction that is given at an instant; `None`: it is written.
     fn correct(&mut self, seconds: f64, id: &str) -> Option<u8> {
-        let said = self.step(seconds, Input::Correction(correction(seconds, id)));
+        let said = self.step(seconds, Input::Correction(correction_at(seconds, id)));
         said.iter().find_map(|one| match one {
             Output::Acknowledgement(ack) => Some(ack.outcome),
             _ => None,
@@ -139,31 +127,15 @@ fn request(seconds: f64, request_id: u64, kind: u8) -> Input {
     })
 }
 
-fn correction(seconds: f64, id: &str) -> Correction {
-    let key = SecretKey::from_seed([7; 32]);
+fn correction_at(seconds: f64, id: &str) -> Correction {
     let now = Stamp(BEGIN).after_s(seconds);
-    let mut correction = Correction {
+    let correction = Correction {
         header: now.header(""),
         correction_id: id.to_owned(),
-        session: "run 1".to_owned(),
-        kind: Correction::TOOL_WEAR,
-        tool_number: 2,
-        new_value: -20e-6,
-        lower_bound: -50e-6,
-        upper_bound: 50e-6,
-        plan_id: "p/1".to_owned(),
-        feature_ids: vec!["D1".to_owned()],
-        sequences: vec![0],
-        measured_error: 20e-6,
-        standard_uncertainty: 1e-6,
-        approval: Correction::APPROVAL_POLICY,
-        approved_by: "policy".to_owned(),
-        approved_at: now.time(),
         expires: now.after_s(60.0).time(),
-        ..Correction::default()
+        ..correction()
     };
-    correction.signature = approval::sign(&key, &key.public(), &correction);
-    correction
+    approved(correction, now)
 }
 
 fn ended(seconds: f64) -> Input {
@@ -209,7 +181,7 @@ fn nothing_is_corrected_from_a_measurement_of_which_a_correction_was_rejected() 
     let mut gate = Gate::new();
     let rejected = Correction {
         approval: Correction::APPROVAL_REJECTED,
-        ..correction(0.5, "a")
+        ..correction_at(0.5, "a")
     };
     gate.step(0.5, Input::Correction(rejected));
     assert_eq!(gate.correct(0.6, "b"), Some(Ack::REFUSED_STALE));

@@ -1,49 +1,21 @@
 //! Step by step: what is told of the machine, and what the machine is told.
 
+mod common;
+
+use common::{approved, config, correction, key, sample};
 use graph::{Node, Outbox, START, Stamp};
-use machine_state::{Config, Input, MachineStateNode, Output, RawConfig};
+use machine_state::{Input, MachineStateNode, Output};
 use probecell_msgs::{
     ControllerCommand, ControllerReply, ControllerStatus, Correction,
     CorrectionAcknowledgement as Ack, MachineState, MeasurementOrder, OperationReport,
     OperationRequest, OperatorKeys, PartReport, PartStatus, PlanProgress, RecordingStatus,
-    builtin_interfaces::Time,
 };
-use trust::{SecretKey, Trust, approval};
-
-fn config() -> Config {
-    RawConfig::default()
-        .check("<robot/>".to_owned(), "mill", false)
-        .expect("defaults")
-        .with_trust(Trust {
-            cell: Some(key().public()),
-            automatic: true,
-            unsigned_operators: false,
-        })
-}
-
-/// Of the cell.
-fn key() -> SecretKey {
-    SecretKey::from_seed([7; 32])
-}
 
 /// A correction with the signature of the cell's policy at that instant; anything else as it is.
 fn signed(input: Input, now: Stamp) -> Input {
-    let Input::Correction(mut correction) = input else {
-        return input;
-    };
-    correction.approved_at = now.time();
-    correction.signature = approval::sign(&key(), &key().public(), &correction);
-    Input::Correction(correction)
-}
-
-fn sample() -> ControllerStatus {
-    ControllerStatus {
-        session: "run 1".to_owned(),
-        axis_names: vec!["X".to_owned()],
-        axis_positions: vec![0.25],
-        tool_numbers: vec![2],
-        tool_wear: vec![0.0],
-        ..ControllerStatus::default()
+    match input {
+        Input::Correction(correction) => Input::Correction(approved(correction, now)),
+        other => other,
     }
 }
 
@@ -89,30 +61,6 @@ fn measured() -> Vec<Input> {
         request(OperationRequest::MEASURE, 5),
         reply(0, ControllerReply::DONE, 0.0),
     ]
-}
-
-fn correction() -> Correction {
-    Correction {
-        correction_id: "c".to_owned(),
-        session: "run 1".to_owned(),
-        kind: Correction::TOOL_WEAR,
-        tool_number: 2,
-        new_value: -20e-6,
-        lower_bound: -50e-6,
-        upper_bound: 50e-6,
-        plan_id: "p/1".to_owned(),
-        feature_ids: vec!["D1".to_owned()],
-        sequences: vec![0],
-        measured_error: 20e-6,
-        standard_uncertainty: 1e-6,
-        approval: Correction::APPROVAL_POLICY,
-        approved_by: "policy".to_owned(),
-        expires: Time {
-            sec: 100,
-            nanosec: 0,
-        },
-        ..Correction::default()
-    }
 }
 
 /// The cell is recorded, and the part whose measurement is `p/1` waits for its corrections.

@@ -8,6 +8,12 @@
 //! uint8 decision   # one of CONFORMS to INVALID, of the fit  from the first to the second, as declared
 //! ```
 //!
+//! A field that takes constants of another message as well is no enumeration of either, and says so:
+//!
+//! ```text
+//! uint8 kind       # InspectionFeature kind, or one of ROUNDNESS to TOTAL_RUN_OUT
+//! ```
+//!
 //! The message keeps the byte, as on the wire; the enum is named after message and field (`CorrectionKind`).
 
 use std::fmt::Write as _;
@@ -62,6 +68,26 @@ pub fn codes(message: &Message) -> Result<Vec<Code<'_>>> {
         });
     }
     Ok(codes)
+}
+
+/// Names of the `uint8` constants of a message that no field takes.
+///
+/// # Errors
+/// As of [`codes`].
+pub fn unread(message: &Message) -> Result<Vec<&str>> {
+    let mut read: Vec<&Constant> = Vec::new();
+    for code in codes(message)? {
+        read.extend(code.variants.iter().map(|(_, constant)| *constant));
+    }
+    let comments = message.fields.iter().filter_map(|field| field.doc.last());
+    for (_, range) in comments.filter_map(|comment| comment.split_once(", or one of ")) {
+        let shared =
+            variants(message, range).with_context(|| format!("{}: {range}", message.name))?;
+        read.extend(shared.into_iter().map(|(_, constant)| constant));
+    }
+    let bytes = message.constants.iter();
+    let bytes = bytes.filter(|one| one.primitive == Primitive::U8 && !read.contains(one));
+    Ok(bytes.map(|one| one.name.as_str()).collect())
 }
 
 fn variants<'a>(message: &'a Message, range: &str) -> Result<Vec<(String, &'a Constant)>> {

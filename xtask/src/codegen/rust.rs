@@ -119,6 +119,12 @@ fn structure(interfaces: &Interfaces, message: &Message) -> Result<String> {
         code += "}\n\n";
     }
     if message.package == OWN_PACKAGE {
+        let unread = codes::unread(message)?;
+        ensure!(
+            unread.is_empty(),
+            "no field of {} takes {unread:?}",
+            message.name
+        );
         for enumeration in codes::codes(message)? {
             code += &codes::code(&enumeration)?;
         }
