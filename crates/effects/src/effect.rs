@@ -9,7 +9,6 @@ use machine::{Chain, Joint, JointKind};
 
 use crate::drive::columns::{Drive, DriveEffect};
 use crate::library::{Parameter, Variant};
-use crate::motion::{Limit, Moves};
 use crate::observation::Observations;
 
 /// Components of a location error, as ISO 230-1 letters them.
@@ -51,11 +50,6 @@ pub trait Effect: Sync {
     /// Why a cell file cannot declare it; `None` for an effect of touches that lasts.
     fn undeclarable(&self) -> Option<&'static str> {
         None
-    }
-
-    /// The numbers of the motion model that it may replace; none where the moves of the session cannot show it.
-    fn limits(&self, _: &Moves) -> Vec<Limit> {
-        Vec::new()
     }
 
     /// Its columns over the samples of one axis; `before` are the effects of the same axis that come before it.

@@ -6,6 +6,7 @@
 //! [`Limit`] says which numbers are tried, and what the model makes of one. Seconds, m or rad.
 
 mod acceleration;
+mod axis_limit;
 mod blending;
 mod dwell;
 mod jerk;
@@ -29,11 +30,20 @@ const TRIED: usize = 24;
 /// Largest factor between a limit and the declared one.
 const FARTHEST: f64 = 10.0;
 
+/// An effect on the time of moves.
+pub trait MotionEffect: Effect {
+    /// The numbers of the motion model that it may replace; none where the moves of the session cannot show it.
+    fn limits(&self, moves: &Moves) -> Vec<Limit>;
+
+    /// What to do about it, after `[motion]`: `name` of it has the size `size`, `instead` of a declared one.
+    fn sized_remedy(&self, of: &Instance<'_>, name: &str, size: &str, instead: &str) -> String;
+}
+
 /// All of them, in the order in which equals are named.
-pub const ALL: &[&dyn Effect] = &[
-    &acceleration::Acceleration,
-    &velocity::Velocity,
-    &jerk::Jerk,
+pub const ALL: &[&dyn MotionEffect] = &[
+    &acceleration::ACCELERATION,
+    &velocity::VELOCITY,
+    &jerk::JERK,
     &dwell::Dwell,
     &latency::Latency,
     &speed_override::SpeedOverride,
@@ -158,46 +168,12 @@ pub fn library(moves: &Moves) -> Vec<Limit> {
 
 /// What to do about an effect that has this size, in the words of the trade; `declared` as in [`Limit`].
 pub fn remedy(effect: &str, name: &str, size: &str, declared: Option<&str>) -> Option<String> {
-    let (_, of) = crate::registry::find(effect)?;
+    let mut named = ALL.iter().copied();
+    let (found, of) =
+        named.find_map(|found| Some((found, Instance::parse(found.id(), effect)?)))?;
     let instead = declared.map_or_else(String::new, |declared| format!(" instead of {declared}"));
-    Some(match effect {
-        "motion.dwell" => format!(
-            "[motion] declare a standstill of {size} after each touch{instead}, or shorten it at the controller"
-        ),
-        "motion.latency" => format!(
-            "[motion] declare a delay of {size} before each move{instead}, or look for what the controller waits for"
-        ),
-        "motion.override" => format!(
-            "[motion] declare an override ({name}) of {size}{instead}, or turn the controller's override back"
-        ),
-        "motion.blending" => format!(
-            "[motion] declare a blending of {size}{instead}, or choose the controller's path mode to match"
-        ),
-        _ => format!(
-            "[motion] {name} of {}: declare {size}{instead}, or set the axis to what is declared",
-            of.axis
-        ),
-    })
-}
-
-/// The unit of a limit of an axis: linear, or turning.
-fn unit(turns: bool, linear: &'static str, turning: &'static str) -> &'static str {
-    if turns { turning } else { linear }
-}
-
-/// One limit of each axis that moves.
-fn of_moving_axes(
-    moves: &Moves,
-    pattern: &str,
-    limit: impl Fn(usize, bool, String, &AxisLimits) -> Limit,
-) -> Vec<Limit> {
-    let moving = (moves.axes.iter().enumerate()).filter(|(axis, _)| moves.is_moved(*axis));
-    moving
-        .zip(std::iter::repeat(moves.declared.axes()))
-        .map(|((axis, (name, turns)), limits)| {
-            limit(axis, *turns, Instance::on(name).id(pattern), &limits[axis])
-        })
-        .collect()
+    let remedy = found.sized_remedy(&of, name, size, &instead);
+    Some(format!("[motion] {remedy}"))
 }
 
 #[cfg(test)]

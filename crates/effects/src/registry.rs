@@ -11,11 +11,10 @@ use crate::touch;
 
 /// Every effect that can be reported.
 pub fn all() -> impl Iterator<Item = &'static dyn Effect> {
-    (touch::ALL.iter())
-        .chain(drive::ALL)
-        .chain(motion::ALL)
-        .chain(record::ALL)
-        .copied()
+    let motion = motion::ALL.iter().map(|&effect| effect as &dyn Effect);
+    (touch::ALL.iter().chain(drive::ALL).copied())
+        .chain(motion)
+        .chain(record::ALL.iter().copied())
 }
 
 /// The effect that an identifier names, and which of its instances; `None` outside the vocabulary.

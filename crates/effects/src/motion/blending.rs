@@ -3,7 +3,7 @@
 
 use machine::Chain;
 
-use super::{Limit, Moves, UNDECLARABLE, acts_on};
+use super::{Limit, MotionEffect, Moves, UNDECLARABLE, acts_on};
 use crate::effect::{ActsOn, Effect, Instance};
 use crate::library::Parameter;
 
@@ -33,7 +33,9 @@ impl Effect for Blending {
     fn undeclarable(&self) -> Option<&'static str> {
         Some(UNDECLARABLE)
     }
+}
 
+impl MotionEffect for Blending {
     fn limits(&self, moves: &Moves) -> Vec<Limit> {
         let declared = moves.declared.program.blending;
         let shares = [0.0, 0.25, 0.5, 0.75, 1.0].into_iter();
@@ -42,6 +44,12 @@ impl Effect for Blending {
             .collect();
         let limit = Limit::linear(self.id(), ("blending", "1"), declared, tried, [0.0, 1.0]);
         vec![limit.setting(|motion, value| motion.program.blending = value)]
+    }
+
+    fn sized_remedy(&self, _: &Instance<'_>, _: &str, size: &str, instead: &str) -> String {
+        format!(
+            "declare a blending of {size}{instead}, or choose the controller's path mode to match"
+        )
     }
 }
 

@@ -2,7 +2,7 @@
 
 use machine::Chain;
 
-use super::{Limit, Moves, UNDECLARABLE, acts_on};
+use super::{Limit, MotionEffect, Moves, UNDECLARABLE, acts_on};
 use crate::effect::{ActsOn, Effect, Instance};
 use crate::library::Parameter;
 
@@ -35,12 +35,20 @@ impl Effect for Dwell {
     fn undeclarable(&self) -> Option<&'static str> {
         Some(UNDECLARABLE)
     }
+}
 
+impl MotionEffect for Dwell {
     fn limits(&self, moves: &Moves) -> Vec<Limit> {
         let declared = moves.declared.program.touch_dwell;
         let tried = vec![declared + 0.1];
         let limit = Limit::linear(self.id(), ("dwell", "s"), declared, tried, [0.0, LONGEST]);
         vec![limit.setting(|motion, value| motion.program.touch_dwell = value)]
+    }
+
+    fn sized_remedy(&self, _: &Instance<'_>, _: &str, size: &str, instead: &str) -> String {
+        format!(
+            "declare a standstill of {size} after each touch{instead}, or shorten it at the controller"
+        )
     }
 }
 

@@ -3,7 +3,7 @@
 
 use machine::Chain;
 
-use super::{Limit, Moves, UNDECLARABLE, acts_on};
+use super::{Limit, MotionEffect, Moves, UNDECLARABLE, acts_on};
 use crate::effect::{ActsOn, Effect, Instance};
 use crate::library::Parameter;
 
@@ -36,12 +36,20 @@ impl Effect for Latency {
     fn undeclarable(&self) -> Option<&'static str> {
         Some(UNDECLARABLE)
     }
+}
 
+impl MotionEffect for Latency {
     fn limits(&self, moves: &Moves) -> Vec<Limit> {
         let declared = moves.declared.program.latency;
         let tried = vec![declared + 0.05];
         let limit = Limit::linear(self.id(), ("latency", "s"), declared, tried, [0.0, LONGEST]);
         vec![limit.setting(|motion, value| motion.program.latency = value)]
+    }
+
+    fn sized_remedy(&self, _: &Instance<'_>, _: &str, size: &str, instead: &str) -> String {
+        format!(
+            "declare a delay of {size} before each move{instead}, or look for what the controller waits for"
+        )
     }
 }
 

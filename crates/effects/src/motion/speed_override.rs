@@ -3,7 +3,7 @@
 
 use machine::Chain;
 
-use super::{Limit, Moves, UNDECLARABLE, acts_on};
+use super::{Limit, MotionEffect, Moves, UNDECLARABLE, acts_on};
 use crate::effect::{ActsOn, Effect, Instance};
 use crate::library::Parameter;
 
@@ -33,7 +33,9 @@ impl Effect for SpeedOverride {
     fn undeclarable(&self) -> Option<&'static str> {
         Some(UNDECLARABLE)
     }
+}
 
+impl MotionEffect for SpeedOverride {
     fn limits(&self, moves: &Moves) -> Vec<Limit> {
         let declared = moves.declared.program;
         let around = |name, value| Limit::around(self.id().to_owned(), (name, "1"), value);
@@ -48,6 +50,12 @@ impl Effect for SpeedOverride {
             around("feed", declared.feed_override)
                 .setting(|motion, value| motion.program.feed_override = value),
         ]
+    }
+
+    fn sized_remedy(&self, _: &Instance<'_>, name: &str, size: &str, instead: &str) -> String {
+        format!(
+            "declare an override ({name}) of {size}{instead}, or turn the controller's override back"
+        )
     }
 }
 
