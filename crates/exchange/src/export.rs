@@ -5,6 +5,7 @@ pub mod aqdef;
 pub mod mtconnect;
 pub mod qif;
 pub mod table;
+mod uuid;
 mod xml;
 
 use probecell_msgs::builtin_interfaces::Time;
@@ -64,6 +65,20 @@ pub enum Status {
     SystemError,
     /// It has no limits.
     NotAnalyzed,
+}
+
+impl Status {
+    /// Its name in QIF, which tables and AQDEF use as well.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Pass => "PASS",
+            Self::Fail => "FAIL",
+            Self::Rework => "REWORK",
+            Self::Indeterminate => "INDETERMINATE",
+            Self::SystemError => "SYSERROR",
+            Self::NotAnalyzed => "NOT_ANALYZED",
+        }
+    }
 }
 
 impl Size {

@@ -129,7 +129,7 @@ fn remark(size: &Size) -> String {
     format!(
         "U = {expanded} mm (k = {}); {}",
         result.coverage_factor,
-        super::qif::status(size.status())
+        size.status().name()
     )
 }
 

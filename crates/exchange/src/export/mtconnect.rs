@@ -90,7 +90,7 @@ fn write(xml: &mut Xml, element: &str, place: (&str, &str, &str), content: &Cont
 fn status(status: Status) -> &'static str {
     match status {
         Status::SystemError => "SYSTEM_ERROR",
-        other => super::qif::status(other),
+        other => other.name(),
     }
 }
 
@@ -139,7 +139,7 @@ fn last(record: &Record) -> Time {
 }
 
 fn uuid(cell: &str) -> String {
-    super::qif::unique(&["device", cell])
+    super::uuid::unique(&["device", cell])
 }
 
 /// The model of the device (`probe`).
@@ -384,11 +384,11 @@ fn measurement(xml: &mut Xml, (item, sequence, when): (&str, &str, &str), sizes:
         cell("MEASUREMENT_ID", result.plan_id.clone());
         cell(
             "FEATURE_PERSISTENT_ID",
-            super::qif::unique(&["feature", &result.part_id, &result.feature_id]),
+            super::uuid::unique(&["feature", &result.part_id, &result.feature_id]),
         );
         cell(
             "CHARACTERISTIC_PERSISTENT_ID",
-            super::qif::unique(&["size", &result.part_id, &result.feature_id]),
+            super::uuid::unique(&["size", &result.part_id, &result.feature_id]),
         );
         cell(
             "MEASUREMENT_TYPE",

@@ -4,7 +4,7 @@
 
 use std::fmt::Write as _;
 
-use super::{Record, Status, date_time, kind_name, mm};
+use super::{Record, date_time, kind_name, mm};
 
 /// A table of sizes.
 pub fn sizes(record: &Record) -> String {
@@ -42,7 +42,7 @@ pub fn sizes(record: &Record) -> String {
             limit(0),
             limit(1),
             value(um(result.form)),
-            name(size.status()).to_owned(),
+            size.status().name().to_owned(),
             result.touches.to_string(),
             quoted(if valid { &size.text } else { &result.text }),
         ];
@@ -93,11 +93,6 @@ pub fn touches(record: &Record) -> String {
 
 fn um(metres: f64) -> f64 {
     metres * 1e6
-}
-
-/// Status in the words of QIF.
-fn name(status: Status) -> &'static str {
-    super::qif::status(status)
 }
 
 fn quoted(text: &str) -> String {
