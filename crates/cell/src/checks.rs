@@ -31,6 +31,12 @@ pub(crate) fn sections(cell: &Cell) -> Result<(), String> {
             endpoint(key, one)?;
         }
     }
+    let prefix = bus.frame_prefix.as_deref();
+    if let Some(prefix) = prefix.filter(|prefix| prefix.starts_with('/')) {
+        return Err(format!(
+            "bus.frame_prefix = {prefix:?} begins with a slash, which tf2 refuses"
+        ));
+    }
     access::check(cell)?;
     strangers::check(cell)?;
     recorder(cell)?;

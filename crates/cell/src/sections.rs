@@ -41,6 +41,9 @@ pub struct BusSection {
     pub strangers_publish: Vec<String>,
     /// Services of the cell that strangers call; `status` need not be listed.
     pub strangers_call: Vec<String>,
+    /// Begins the name of every frame on `/tf` and `/tf_static`, which all robots of a domain share; without it the name of the
+    /// cell and a slash. Empty where the cell is the only robot of its domain.
+    pub frame_prefix: Option<String>,
     /// A DDS cell starts although its sockets, which listen on all addresses, can be reached from other machines.
     pub dds_on_all_addresses: bool,
     /// Routers of other machines that the router of `up` joins.
@@ -63,6 +66,7 @@ impl Default for BusSection {
             strangers: Strangers::Read,
             strangers_publish: Vec::new(),
             strangers_call: Vec::new(),
+            frame_prefix: None,
             dds_on_all_addresses: false,
             join: Vec::new(),
             listen: vec!["tcp/127.0.0.1:0".to_owned()],

@@ -204,7 +204,7 @@ impl Predictive {
     /// [`PredictiveError::Draws`] for too few.
     pub fn check(&self, draws: usize, seed: u64) -> Result<Check, PredictiveError> {
         let groups = Groups::of(&self.observations, &self.rows);
-        let statistics = groups.statistics(&[]).len();
+        let statistics = groups.count();
         // The smallest two-sided p is 2/(draws + 1).
         let needed = (2.0 * statistics as f64 / CONTRADICTS).ceil() as usize;
         if draws < needed {

@@ -1,6 +1,10 @@
 //! A run: the nodes of the default cell with its simulated machine, under a list of faults.
 
-use std::{cell::RefCell, collections::BTreeMap, rc::Rc};
+use std::{
+    cell::RefCell,
+    collections::{BTreeMap, BTreeSet},
+    rc::Rc,
+};
 
 use cell::Cell;
 use cell_tests::{BEGIN, factories, instance, recording, session::operator_keys};
@@ -23,8 +27,6 @@ use crate::{
     traffic::{Shared, Traffic, chance},
 };
 
-/// What a report says of a part whose conformity nobody can tell (ISO 14253-1).
-const UNDECIDED: &str = "is neither proved nor refuted";
 /// s in which every part must have ended after all faults are over.
 const SETTLING: f64 = 250.0;
 /// s in which the part that is made last must end.
@@ -87,6 +89,8 @@ struct World<'a> {
     asked: u64,
     last_correction: Option<Correction>,
     last_report: Option<PartReport>,
+    /// Parts of which conformity is neither proved nor refuted (ISO 14253-1).
+    indeterminate: BTreeSet<String>,
     reply: Option<OperatorReply>,
     healed: bool,
 }
@@ -141,6 +145,7 @@ impl<'a> World<'a> {
             asked: 0,
             last_correction: None,
             last_report: None,
+            indeterminate: BTreeSet::new(),
             reply: None,
             healed: false,
         };
@@ -244,7 +249,7 @@ impl<'a> World<'a> {
         let (now, report) = (self.executor.now(), self.last_report.clone());
         // A part whose size lies within its uncertainty of a limit is made, and given to a person to decide.
         let made = (report.as_ref()).is_some_and(|report| {
-            report.verdict != PartReport::STOPPED || report.text.contains(UNDECIDED)
+            report.verdict != PartReport::STOPPED || self.indeterminate.contains(&report.part_id)
         });
         self.checker.expect(now, made, Invariant::Recovery, || {
             let text = report.map_or("no report".to_owned(), |report| report.text);
@@ -289,6 +294,11 @@ impl<'a> World<'a> {
             if topic == topics::CORRECTIONS.name {
                 let correction = decoded(topics::CORRECTIONS, payload);
                 self.proposed(correction);
+            } else if topic == topics::VERDICTS.name {
+                let verdict: probecell_msgs::Verdict = decoded(topics::VERDICTS, payload);
+                if verdict.verdict == probecell_msgs::Verdict::INDETERMINATE {
+                    self.indeterminate.insert(verdict.part_id);
+                }
             } else if topic == topics::PART_REPORTS.name {
                 self.last_report = Some(decoded(topics::PART_REPORTS, payload));
                 if !self.healed {

@@ -1,5 +1,8 @@
 //! Settings of `analysis`.
 
+mod alignment;
+mod budget;
+
 use std::collections::BTreeMap;
 
 use machine::Chain;
@@ -7,6 +10,8 @@ use metrology::uncertainty::{Budget, Coverage, Input, Uncertainty, UncertaintyEr
 use probecell_msgs::InspectionPlan;
 use serde::Deserialize;
 
+pub use self::alignment::{Alignment, Method, RawAlignment};
+pub use self::budget::{Distribution, RawContribution};
 use crate::feature::{Criterion, Rules, common_sensitivity};
 use crate::tolerance::Tolerance;
 
@@ -38,38 +43,6 @@ pub struct RawConfig {
     pub alignment: Option<RawAlignment>,
 }
 
-/// One line of the budget of what all touches share, as written: a standard uncertainty, readings, or limits.
-#[derive(Clone, Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct RawContribution {
-    /// What it comes from.
-    pub name: String,
-    /// A standard uncertainty known from elsewhere, such as a certificate.
-    pub standard_uncertainty_um: Option<f64>,
-    /// Its degrees of freedom; none: known exactly.
-    pub degrees_of_freedom: Option<f64>,
-    /// Experimental standard deviation of one reading, with `readings`.
-    pub deviation_um: Option<f64>,
-    /// Number of readings that were averaged, at least 2.
-    pub readings: Option<u32>,
-    /// Limits ±, with `distribution`.
-    pub half_width_um: Option<f64>,
-    /// How values are distributed within the limits; none: `rectangular`.
-    pub distribution: Option<Distribution>,
-}
-
-/// Distribution within limits (GUM 4.3.7, 4.3.9, JCGM 101 6.4.6).
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Distribution {
-    /// All values are equally probable.
-    Rectangular,
-    /// Values near the middle are more probable.
-    Triangular,
-    /// A sinusoidal variation, such as a controlled temperature.
-    Arcsine,
-}
-
 /// As written.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -81,48 +54,6 @@ pub struct RawFit {
     pub criterion: Criterion,
     /// Touches farther from the fit than this many robust standard deviations are left out as outliers; none: all count.
     pub outlier_limit: Option<f64>,
-}
-
-/// As written.
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct RawAlignment {
-    /// Datum features in order of precedence (ISO 5459).
-    #[serde(default)]
-    pub datums: Vec<String>,
-    /// Instead: features whose touches are best-fitted together.
-    #[serde(default)]
-    pub best_fit: Vec<String>,
-    /// Degrees of freedom of a best fit: shifts along `x`, `y`, `z`, rotations `a`, `b`, `c` about them.
-    #[serde(default = "all_free")]
-    pub free: Vec<String>,
-}
-
-/// Shifts along the axes of the part frame and rotations about them.
-const DISPLACEMENTS: [&str; 6] = ["x", "y", "z", "a", "b", "c"];
-
-fn all_free() -> Vec<String> {
-    DISPLACEMENTS.map(str::to_owned).to_vec()
-}
-
-/// How the part is aligned.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Method {
-    /// By datums in order of precedence.
-    Datums,
-    /// By least squares of the deviations.
-    BestFit,
-}
-
-/// As checked.
-#[derive(Clone, Debug)]
-pub struct Alignment {
-    /// How.
-    pub method: Method,
-    /// Features, in order of precedence.
-    pub features: Vec<String>,
-    /// Shifts along and rotations about x, y and z that a best fit has free.
-    pub free: [bool; 6],
 }
 
 impl Default for RawConfig {
@@ -349,48 +280,6 @@ impl RawConfig {
     }
 }
 
-impl RawContribution {
-    fn check(&self) -> Result<Input, ConfigError> {
-        let Self {
-            standard_uncertainty_um: standard,
-            degrees_of_freedom,
-            deviation_um: deviation,
-            readings,
-            half_width_um: half_width,
-            distribution,
-            ..
-        } = *self;
-        let input = match (standard, deviation.zip(readings), half_width) {
-            (Some(standard), None, None) => Input::Normal {
-                standard: standard * 1e-6,
-                degrees_of_freedom: degrees_of_freedom.unwrap_or(f64::INFINITY),
-            },
-            (None, Some((deviation, count)), None) => Input::Readings {
-                deviation: deviation * 1e-6,
-                count,
-            },
-            (None, None, Some(half_width)) => {
-                let half_width = half_width * 1e-6;
-                match distribution.unwrap_or(Distribution::Rectangular) {
-                    Distribution::Rectangular => Input::Rectangular { half_width },
-                    Distribution::Triangular => Input::Triangular { half_width },
-                    Distribution::Arcsine => Input::Arcsine { half_width },
-                }
-            }
-            _ => return Err(ConfigError::Contribution(self.name.clone())),
-        };
-        // What belongs to another kind of line would have no effect.
-        let superfluous = standard.is_none() && degrees_of_freedom.is_some()
-            || half_width.is_none() && distribution.is_some()
-            || deviation.is_some() != readings.is_some();
-        if superfluous {
-            return Err(ConfigError::Contribution(self.name.clone()));
-        }
-        input.check(&self.name)?;
-        Ok(input)
-    }
-}
-
 impl RawFit {
     /// Fewer robust deviations than this would leave out touches that only noise has moved.
     const LEAST_LIMIT: f64 = 3.0;
@@ -408,29 +297,6 @@ impl RawFit {
         Ok(Rules {
             criterion: self.criterion,
             outlier_limit: self.outlier_limit,
-        })
-    }
-}
-
-impl RawAlignment {
-    fn check(&self) -> Result<Alignment, ConfigError> {
-        let (method, features) = match (&self.datums[..], &self.best_fit[..]) {
-            ([], features @ [_, ..]) => (Method::BestFit, features),
-            (datums @ [_, ..], []) => (Method::Datums, datums),
-            _ => return Err(ConfigError::Method),
-        };
-        let mut free = [false; 6];
-        for name in &self.free {
-            let index = DISPLACEMENTS.iter().position(|known| known == name);
-            free[index.ok_or_else(|| ConfigError::Displacement(name.clone()))?] = true;
-        }
-        if method == Method::Datums && free != [true; 6] {
-            return Err(ConfigError::FreeDatums);
-        }
-        Ok(Alignment {
-            method,
-            features: features.to_vec(),
-            free,
         })
     }
 }

@@ -7,9 +7,6 @@ use serde::Deserialize;
 #[derive(Clone, Debug, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RawConfig {
-    /// Begins the name of every frame on `/tf`, which all cells of a bus share; without it the name of the cell and a slash.
-    /// Empty where the cell is the only robot of its ROS domain.
-    pub frame_prefix: Option<String>,
     /// Length of the line of a deviation over the deviation.
     pub magnification: f64,
 }
@@ -17,7 +14,6 @@ pub struct RawConfig {
 impl Default for RawConfig {
     fn default() -> Self {
         Self {
-            frame_prefix: None,
             magnification: 1000.0,
         }
     }
@@ -29,9 +25,6 @@ pub enum ConfigError {
     /// No length can be drawn.
     #[error("visualization.magnification is {0}, it must be above 0 and finite")]
     Magnification(f64),
-    /// tf2 refuses such frames.
-    #[error("visualization.frame_prefix {0:?} begins with a slash, which tf2 refuses")]
-    FramePrefix(String),
     /// The text is no robot description.
     #[error(transparent)]
     Robot(#[from] ChainError),
@@ -46,10 +39,6 @@ impl RawConfig {
         let magnification = self.magnification;
         if !(magnification.is_finite() && magnification > 0.0) {
             return Err(ConfigError::Magnification(magnification));
-        }
-        let prefix = self.frame_prefix.as_deref().unwrap_or_default();
-        if prefix.starts_with('/') {
-            return Err(ConfigError::FramePrefix(prefix.to_owned()));
         }
         Ok(Config {
             joints: machine::tree::joints(robot_description)?,

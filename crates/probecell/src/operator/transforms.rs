@@ -15,7 +15,7 @@ use crate::output;
 
 /// Repeats both topics until the subscriptions are dropped.
 pub(super) fn relay(bus: &Bus, cell: &Cell) -> anyhow::Result<Vec<Subscription>> {
-    let prefix = cell.visualization.frame_prefix.clone();
+    let prefix = cell.bus.frame_prefix.clone();
     let prefix = prefix.unwrap_or_else(|| format!("{}/", cell.cell.name));
     [(topics::TF, "/tf"), (topics::TF_STATIC, "/tf_static")]
         .into_iter()

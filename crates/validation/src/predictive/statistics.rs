@@ -41,7 +41,7 @@ pub struct Statistic {
 struct Group {
     dimension: &'static str,
     key: String,
-    /// Places in the residuals.
+    /// Indices of the residuals.
     members: Vec<usize>,
 }
 
@@ -72,7 +72,7 @@ impl Groups {
             let numbered = rows.iter().enumerate();
             numbered
                 .filter(|&(_, &row)| wanted(row))
-                .map(|(place, _)| place)
+                .map(|(index, _)| index)
                 .collect()
         };
         let features = observations.features.iter().enumerate();
@@ -102,41 +102,76 @@ impl Groups {
         Self(groups)
     }
 
+    /// Number of statistics.
+    pub(super) fn count(&self) -> usize {
+        self.0.iter().map(|group| group.measures().count()).sum()
+    }
+
     /// Every statistic, from real and simulated residuals draw by draw.
     pub(super) fn statistics(&self, pairs: &[Pair]) -> Vec<Statistic> {
-        let mut all = Vec::new();
-        for group in &self.0 {
-            let pick = |values: &[f64]| -> Vec<f64> {
-                group.members.iter().map(|&place| values[place]).collect()
-            };
-            let mut judge = |statistic: &'static str, unit: &'static str, of: fn(&[f64]) -> f64| {
-                let values: Vec<(f64, f64)> = (pairs.iter())
-                    .map(|(real, simulated)| (of(&pick(real)), of(&pick(simulated))))
-                    .collect();
-                let (real, mut simulated): (Vec<f64>, Vec<f64>) = values.iter().copied().unzip();
-                simulated.sort_by(f64::total_cmp);
-                all.push(Statistic {
-                    dimension: group.dimension,
-                    key: group.key.clone(),
-                    statistic,
-                    unit,
-                    touches: group.members.len(),
-                    real: mean(&real),
-                    simulated: [0.025, 0.5, 0.975].map(|share| at(&simulated, share)),
-                    p: two_sided(&values),
-                    contradicts: false,
-                });
-            };
-            judge("rms", "m", rms);
-            judge("mean", "m", mean);
-            if group.dimension == "all" {
-                judge("lag-1 correlation", "1", lag1);
-                judge("largest", "m", largest);
-            }
-        }
-        all
+        let measured = |group: &Group| -> Vec<Statistic> {
+            let judge = |measure: &Measure| group.judge(measure, pairs);
+            group.measures().map(judge).collect()
+        };
+        self.0.iter().flat_map(measured).collect()
     }
 }
+
+impl Group {
+    /// What is compared of it.
+    fn measures(&self) -> impl Iterator<Item = &'static Measure> {
+        let overall = self.dimension == "all";
+        let more = if overall { OVERALL } else { &[] };
+        MEASURES.iter().chain(more)
+    }
+
+    fn judge(&self, measure: &Measure, pairs: &[Pair]) -> Statistic {
+        let of = |values: &[f64]| {
+            let picked: Vec<f64> = self.members.iter().map(|&index| values[index]).collect();
+            (measure.of)(&picked)
+        };
+        let values: Vec<(f64, f64)> = (pairs.iter())
+            .map(|(real, simulated)| (of(real), of(simulated)))
+            .collect();
+        let (real, mut simulated): (Vec<f64>, Vec<f64>) = values.iter().copied().unzip();
+        simulated.sort_by(f64::total_cmp);
+        Statistic {
+            dimension: self.dimension,
+            key: self.key.clone(),
+            statistic: measure.name,
+            unit: measure.unit,
+            touches: self.members.len(),
+            real: mean(&real),
+            simulated: [0.025, 0.5, 0.975].map(|share| at(&simulated, share)),
+            p: two_sided(&values),
+            contradicts: false,
+        }
+    }
+}
+
+/// A number of the residuals of a group.
+struct Measure {
+    name: &'static str,
+    unit: &'static str,
+    of: fn(&[f64]) -> f64,
+}
+
+impl Measure {
+    const fn new(name: &'static str, unit: &'static str, of: fn(&[f64]) -> f64) -> Self {
+        Self { name, unit, of }
+    }
+}
+
+/// Of every group.
+const MEASURES: &[Measure] = &[
+    Measure::new("rms", "m", rms),
+    Measure::new("mean", "m", mean),
+];
+/// Of all touches together as well.
+const OVERALL: &[Measure] = &[
+    Measure::new("lag-1 correlation", "1", lag1),
+    Measure::new("largest", "m", largest),
+];
 
 /// Twice the smaller tail: the share of draws in which the simulated value is at least, or at most, the real one.
 fn two_sided(values: &[(f64, f64)]) -> f64 {

@@ -1,0 +1,281 @@
+//! The commands of `probecell` and their options, as `--help`, man pages and completions print them.
+
+use std::path::PathBuf;
+
+use clap::{Parser, Subcommand};
+
+use crate::{DEFAULT_CELL, commands};
+
+#[derive(Parser)]
+#[command(version, about, arg_required_else_help = true)]
+pub(crate) struct Arguments {
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+#[derive(Subcommand)]
+pub(crate) enum Command {
+    /// Start a cell: router, nodes, driver and recorder; supervise and restart its processes.
+    Up {
+        /// Cell file.
+        #[arg(default_value = DEFAULT_CELL)]
+        cell: PathBuf,
+        /// Make one part, then exit.
+        #[arg(long)]
+        once: bool,
+        /// Do not record.
+        #[arg(long)]
+        no_record: bool,
+        /// Do not serve the dashboard, which otherwise prints its address: 127.0.0.1:7480, or one of the next ports.
+        #[arg(long)]
+        no_dashboard: bool,
+    },
+    /// Run one node of a cell in this process.
+    Node {
+        /// Name of the node.
+        name: String,
+        /// Cell file.
+        #[arg(long, default_value = DEFAULT_CELL)]
+        cell: PathBuf,
+        /// Number of earlier starts of this node in this session.
+        #[arg(long, default_value_t = 0)]
+        incarnation: u32,
+        /// Do not wait for a recorder.
+        #[arg(long)]
+        no_record: bool,
+        /// Exit when the parent process exits.
+        #[arg(long, hide = true)]
+        supervised: bool,
+        /// Clock of the cell: ns from the monotonic clock of the system to stamps.
+        #[arg(long, hide = true, allow_hyphen_values = true)]
+        clock: Option<i64>,
+    },
+    /// Run a Zenoh router, for a cell that spans machines.
+    Router {
+        /// Endpoint to listen on; use a network address of this machine to accept connections from others.
+        #[arg(long, default_value = host::bus::ROUTER_ENDPOINT)]
+        listen: Vec<String>,
+        /// Endpoint of another machine's router to connect to; may be repeated.
+        #[arg(long)]
+        join: Vec<String>,
+    },
+    /// Record a cell.
+    Record {
+        /// Cell file.
+        #[arg(long, default_value = DEFAULT_CELL)]
+        cell: PathBuf,
+        /// Output folder; must not exist.
+        #[arg(long)]
+        folder: Option<PathBuf>,
+        /// Exit when the parent process exits.
+        #[arg(long, hide = true)]
+        supervised: bool,
+        /// Clock of the cell: ns from the monotonic clock of the system to stamps.
+        #[arg(long, hide = true, allow_hyphen_values = true)]
+        clock: Option<i64>,
+    },
+    /// Start or stop the recording of a running cell.
+    #[command(subcommand)]
+    Recording(commands::recording::Command),
+    /// Request a part from a running cell.
+    Run {
+        /// Name of the part.
+        part: String,
+        /// Cell file.
+        #[arg(long, default_value = DEFAULT_CELL)]
+        cell: PathBuf,
+    },
+    /// Stop the machine of a running cell, and the part that is being made.
+    Stop {
+        /// Name of the operator who stops it.
+        #[arg(long, default_value = "operator")]
+        operator: String,
+        /// Cell file.
+        #[arg(long, default_value = DEFAULT_CELL)]
+        cell: PathBuf,
+    },
+    /// Print what a running cell is doing.
+    Status {
+        /// Cell file.
+        #[arg(long, default_value = DEFAULT_CELL)]
+        cell: PathBuf,
+        /// Print JSON.
+        #[arg(long)]
+        json: bool,
+    },
+    /// Serve every cell of the bus and every recording as web pages, read only.
+    Dashboard(commands::dashboard::Arguments),
+    /// Serve a running cell as an MTConnect agent, read only.
+    Mtconnect(commands::mtconnect::Arguments),
+    /// Show every cell of the bus on one screen, those that need a person first.
+    Watch(commands::watch::Arguments),
+    /// Resume an interrupted measurement of a running cell, or repeat points of it; the part then continues.
+    #[command(group(clap::ArgGroup::new("what").required(true)))]
+    Measure {
+        /// Measure the remaining points.
+        #[arg(long, group = "what")]
+        resume: bool,
+        /// Repeat these points and measure the remaining ones: indices into the plan, from 0.
+        #[arg(long, group = "what", value_name = "POINT", num_args = 1..)]
+        again: Vec<u32>,
+        /// Cell file.
+        #[arg(long, default_value = DEFAULT_CELL)]
+        cell: PathBuf,
+    },
+    /// Approve or reject a correction that a running cell proposes, with the signature of an operator.
+    Approve {
+        /// Identifier of the correction.
+        correction: String,
+        /// Name of the operator who decides.
+        #[arg(long)]
+        operator: String,
+        /// Reject instead of approving.
+        #[arg(long)]
+        reject: bool,
+        /// Cell file.
+        #[arg(long, default_value = DEFAULT_CELL)]
+        cell: PathBuf,
+    },
+    /// Make, list or withdraw the keys with which operators sign approvals.
+    #[command(subcommand)]
+    Key(commands::key::Command),
+    /// Secure the bus of a cell: a user and password for each process, and a policy that denies everything else.
+    Secure {
+        /// Cell file.
+        #[arg(default_value = DEFAULT_CELL)]
+        cell: PathBuf,
+        /// Folder of the session files for ROS 2; without it, that of the cell's keys.
+        #[arg(long)]
+        out: Option<PathBuf>,
+        /// Take it back.
+        #[arg(long)]
+        off: bool,
+    },
+    /// Play back a recording under another namespace. Commands, requests and approvals are never published.
+    Play(commands::play::Arguments),
+    /// Recompute every node of a recording and compare the output with the recorded one, byte for byte.
+    Replay {
+        /// Bag: a folder or an .mcap file.
+        bag: PathBuf,
+        /// Print JSON.
+        #[arg(long)]
+        json: bool,
+    },
+    /// Print the contents of a recording.
+    Info {
+        /// Bag: a folder or an .mcap file.
+        bag: PathBuf,
+        /// Read the whole recording to find all damage.
+        #[arg(long)]
+        verify: bool,
+        /// Print JSON.
+        #[arg(long)]
+        json: bool,
+    },
+    /// Import files of other systems as a recorded session.
+    #[command(subcommand)]
+    Import(commands::import::Command),
+    /// Write sizes and touches of a recording in the format of another system.
+    Export(commands::export::Arguments),
+    /// Recover the readable part of a damaged recording.
+    Recover {
+        /// Bag: a folder or an .mcap file.
+        bag: PathBuf,
+        /// Output folder; must not exist.
+        to: PathBuf,
+        /// Recording of the same session begun after it, which tells what was lost at its end.
+        #[arg(long, value_name = "BAG")]
+        later: Option<PathBuf>,
+    },
+    /// Plan the measuring order of a cell's part, or of the plan in a recording.
+    Plan {
+        /// Cell file, or a bag whose plan is reordered.
+        #[arg(default_value = DEFAULT_CELL)]
+        source: PathBuf,
+        /// Print JSON.
+        #[arg(long)]
+        json: bool,
+    },
+    /// Write the measuring program of a plan for a controller.
+    Program(commands::program::Arguments),
+    /// Read the result files of a controller and compute sizes from their touches.
+    Results(commands::results::Arguments),
+    /// Explain why a recorded session differs from the declared model of its cell.
+    Diagnose(commands::diagnose::Arguments),
+    /// Write the inspection record of the parts made in a recorded session.
+    Report(commands::report::Arguments),
+    /// Add the effects found by a gap report to the cell's declared model, or remove them.
+    Adopt(commands::adopt::Arguments),
+    /// Simulate a recorded session again with its model before and after the diagnosis, and compare the residuals (posterior
+    /// predictive check). Exit status 1 where the model with the effects would not have measured such a session.
+    Simulate(commands::simulate::Arguments),
+    /// Analyse the identifiability of a plan: detection limits and confounded effects.
+    Identifiability(commands::identifiability::Arguments),
+    /// Validate the diagnosis on sessions with hidden effects, and print the score card.
+    Blind {
+        /// Number of sessions, distributed evenly over the kinds of hidden content.
+        #[arg(long, default_value_t = 120, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
+        trials: u64,
+        /// Instead compare eight additional touches (chosen, random, repeated) on this many sessions whose first diagnosis is
+        /// wrong or uncertain.
+        #[arg(long, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
+        refine: Option<u64>,
+        /// Seed of the sessions.
+        #[arg(long, default_value_t = 1)]
+        seed: u64,
+        /// Cell file or bag whose machine and plan are used instead of generated ones.
+        #[arg(long, value_name = "CELL_OR_BAG", conflicts_with = "refine")]
+        on: Option<PathBuf>,
+        /// Write every session and its hidden content as a recording below this folder.
+        #[arg(long, value_name = "DIR", conflicts_with = "refine")]
+        keep: Option<PathBuf>,
+        /// Print JSON.
+        #[arg(long)]
+        json: bool,
+    },
+    /// Compute the tool-path correction of the next part of a free-form profile, and write its program.
+    Correct(commands::correct::Arguments),
+    /// Run the register of known gaps between a cell and its model, and judge each against its source.
+    #[command(subcommand)]
+    Scenario(commands::scenario::Command),
+    /// Keep sessions in a lake of Parquet tables: hands over to `probecell-fleet lake`.
+    Lake(commands::fleet::Arguments),
+    /// Watch the sessions of many machines for trends: hands over to `probecell-fleet`.
+    Fleet(commands::fleet::Arguments),
+    /// Check a driver on the bus against the driver guide, in the place of the cell: its machine moves.
+    Conformance(commands::conformance::Arguments),
+    /// Check the installation and the cell file.
+    Doctor {
+        /// Cell file.
+        #[arg(default_value = DEFAULT_CELL)]
+        cell: PathBuf,
+        /// Print JSON.
+        #[arg(long)]
+        json: bool,
+    },
+    /// Write layouts of Foxglove, Lichtblick, RViz and PlotJuggler for the topics of a cell.
+    Layouts {
+        /// Cell file.
+        #[arg(default_value = DEFAULT_CELL)]
+        cell: PathBuf,
+        /// Output folder; created if it does not exist.
+        #[arg(long, default_value = "layouts")]
+        out: PathBuf,
+    },
+    /// Print the JSON Schema of what a command prints with --json, or list the schemas.
+    Schema {
+        /// Name of a schema.
+        #[arg(value_parser = commands::schema::names())]
+        name: Option<String>,
+    },
+    /// Print shell completions.
+    Completions {
+        /// Shell.
+        shell: clap_complete::Shell,
+    },
+    /// Write man pages.
+    Man {
+        /// Output folder; created if it does not exist.
+        folder: PathBuf,
+    },
+}

@@ -1,0 +1,239 @@
+//! The processes of a cell: how each is started, restarted after it has died, and ended.
+
+use std::{
+    os::unix::process::CommandExt,
+    path::{Path, PathBuf},
+    process::{Child, Command},
+    time::{Duration, Instant},
+};
+
+use anyhow::Context;
+use rustix::process::{Pid, Signal, kill_process};
+
+use super::{END_TIMEOUT, PERIOD};
+use crate::{cell_bus::CellFailure, commands, operator::ProcessState, output};
+
+/// Name of the process that records.
+const RECORDER: &str = "recorder";
+/// Delay before a dead process is restarted; it doubles each time, up to the longest.
+const FIRST_DELAY: Duration = Duration::from_millis(200);
+const LONGEST_DELAY: Duration = Duration::from_secs(10);
+
+/// A process, and its restarts.
+struct Supervised {
+    name: String,
+    child: Child,
+    starts: u32,
+    delay: Duration,
+    restart_at: Option<Instant>,
+}
+
+/// The processes of a cell.
+pub(super) struct Processes {
+    file: PathBuf,
+    recorded: bool,
+    nodes: Vec<Supervised>,
+    recorder: Option<Supervised>,
+    /// It only reads: the cell does not depend on it.
+    dashboard: Option<Child>,
+}
+
+impl Processes {
+    pub(super) fn new(file: &Path, recorded: bool) -> Self {
+        Self {
+            file: file.to_owned(),
+            recorded,
+            nodes: Vec::new(),
+            recorder: None,
+            dashboard: None,
+        }
+    }
+
+    /// The dashboard prints its address itself, or why it does not run; the cell runs in any case.
+    pub(super) fn start_dashboard(&mut self) -> anyhow::Result<()> {
+        let mut command = Command::new(std::env::current_exe()?);
+        command
+            .args(commands::dashboard::arguments(&self.file))
+            .process_group(0);
+        let child = command.spawn().context("cannot start the dashboard")?;
+        self.dashboard = Some(child);
+        Ok(())
+    }
+
+    pub(super) fn start(&mut self, name: &str) -> anyhow::Result<()> {
+        let child = self.spawn_node(name, 0)?;
+        let name = name.to_owned();
+        self.nodes.push(Supervised {
+            name,
+            child,
+            starts: 1,
+            delay: FIRST_DELAY,
+            restart_at: None,
+        });
+        Ok(())
+    }
+
+    fn spawn_node(&self, name: &str, incarnation: u32) -> anyhow::Result<Child> {
+        let mut command = Command::new(std::env::current_exe()?);
+        command
+            .args([
+                "node",
+                name,
+                "--supervised",
+                "--incarnation",
+                &incarnation.to_string(),
+                "--clock",
+                &host::clock::offset().to_string(),
+                "--cell",
+            ])
+            .arg(&self.file)
+            .process_group(0);
+        if !self.recorded {
+            command.arg("--no-record");
+        }
+        command
+            .spawn()
+            .with_context(|| format!("cannot start the process of {name}"))
+    }
+
+    pub(super) fn start_recorder(&mut self, folder: &Path) -> anyhow::Result<()> {
+        let mut command = Command::new(std::env::current_exe()?);
+        command
+            .args([
+                "record",
+                "--supervised",
+                "--clock",
+                &host::clock::offset().to_string(),
+                "--cell",
+            ])
+            .process_group(0)
+            .arg(&self.file)
+            .arg("--folder")
+            .arg(folder);
+        let child = command.spawn().context("cannot start the recorder")?;
+        let name = RECORDER.to_owned();
+        self.recorder = Some(Supervised {
+            name,
+            child,
+            starts: 1,
+            delay: FIRST_DELAY,
+            restart_at: None,
+        });
+        Ok(())
+    }
+
+    /// Finds processes that have died, and restarts nodes when their delay is over, if they are to be. Gives the name of each
+    /// that has died since the last call, with a sentence.
+    pub(super) fn supervise(&mut self, restarted: bool) -> anyhow::Result<Vec<(String, String)>> {
+        let mut ended = Vec::new();
+        for index in 0..self.nodes.len() {
+            let node = &mut self.nodes[index];
+            match node.restart_at {
+                None => {
+                    if let Some(status) = node.child.try_wait()? {
+                        // A wrong setting stays wrong at the next attempt.
+                        if status.code() == Some(i32::from(crate::BAD_INPUT)) {
+                            return Err(CellFailure(format!(
+                                "{} cannot run: see the error above",
+                                node.name
+                            ))
+                            .into());
+                        }
+                        let text = format!("{} ended ({status}); restarting it", node.name);
+                        output::remark(&text);
+                        ended.push((node.name.clone(), text));
+                        node.restart_at = Some(Instant::now() + node.delay);
+                        node.delay = (node.delay * 2).min(LONGEST_DELAY);
+                    }
+                }
+                Some(at) if restarted && Instant::now() >= at => {
+                    let (name, starts) = (node.name.clone(), node.starts);
+                    let child = self.spawn_node(&name, starts)?;
+                    let node = &mut self.nodes[index];
+                    node.child = child;
+                    node.starts += 1;
+                    node.restart_at = None;
+                }
+                Some(_) => {}
+            }
+        }
+        if let Some(recorder) = &mut self.recorder
+            && let Some(status) = recorder.child.try_wait()?
+        {
+            return Err(CellFailure(format!(
+                "the recorder ended ({status}): the cell is stopped, for it must not run unrecorded"
+            ))
+            .into());
+        }
+        Ok(ended)
+    }
+
+    /// The state of each process.
+    pub(super) fn states(&self) -> Vec<ProcessState> {
+        let all = self.nodes.iter().chain(&self.recorder);
+        all.map(|process| ProcessState {
+            name: process.name.clone(),
+            running: process.restart_at.is_none(),
+            starts: process.starts,
+        })
+        .collect()
+    }
+
+    /// Stops the nodes, then the recorder. True when the recorder lost something.
+    pub(super) fn end_all(&mut self) -> anyhow::Result<bool> {
+        for node in &mut self.nodes {
+            terminate(&mut node.child);
+        }
+        for node in &mut self.nodes {
+            wait_for_end(&mut node.child)?;
+        }
+        if let Some(dashboard) = &mut self.dashboard {
+            terminate(dashboard);
+            wait_for_end(dashboard)?;
+        }
+        let Some(recorder) = &mut self.recorder else {
+            return Ok(false);
+        };
+        terminate(&mut recorder.child);
+        let code = wait_for_end(&mut recorder.child)?;
+        Ok(code != Some(0))
+    }
+}
+
+impl Drop for Processes {
+    fn drop(&mut self) {
+        let supervised = self.nodes.iter_mut().chain(&mut self.recorder);
+        let children = supervised.map(|process| &mut process.child);
+        for child in children.chain(&mut self.dashboard) {
+            if matches!(child.try_wait(), Ok(None)) {
+                // Already gone, or not ours any more: nothing is left to do in either case.
+                drop(child.kill());
+                drop(child.wait());
+            }
+        }
+    }
+}
+
+fn terminate(child: &mut Child) {
+    if matches!(child.try_wait(), Ok(None))
+        && let Some(pid) = i32::try_from(child.id()).ok().and_then(Pid::from_raw)
+    {
+        // It may have ended between the two lines; then there is nothing to signal.
+        kill_process(pid, Signal::TERM).unwrap_or_default();
+    }
+}
+
+fn wait_for_end(child: &mut Child) -> anyhow::Result<Option<i32>> {
+    let deadline = Instant::now() + END_TIMEOUT;
+    loop {
+        if let Some(status) = child.try_wait()? {
+            return Ok(status.code());
+        }
+        if Instant::now() > deadline {
+            child.kill()?;
+            child.wait()?;
+            return Ok(None);
+        }
+        std::thread::sleep(PERIOD);
+    }
+}
