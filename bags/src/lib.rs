@@ -1,5 +1,11 @@
 //! Recordings as MCAP: write, split, read, recover, describe.
 //!
+//! ```text
+//!  topic, type, bytes ──> Recorder ──> folder: run_0.mcap … run_n.mcap, metadata.yaml, seals.txt
+//!                                        │ damaged ──> recover ──> another folder
+//!                                        └──> Bag ──> messages, info, Session: one measurement
+//! ```
+//!
 //! Files are what ROS 2 users have: profile `ros2`, schemas `ros2msg`, payloads `cdr`, zstd chunks with index, a folder
 //! with rosbag2's `metadata.yaml` of version 9. The crate takes topic, type and bytes; it knows no node and no
 //! transport. Times are nanoseconds since 1970.

@@ -67,6 +67,9 @@ impl Bag {
     ///
     /// A file with a whole summary opens at once and its chunks are checked as they are read; any other is walked and
     /// checked now. Damage does not fail: see [`Bag::damage`] and the items of [`Messages`].
+    ///
+    /// # Errors
+    /// Neither an MCAP file nor a folder with one, or what the system says.
     pub fn open(path: impl AsRef<Path>) -> Result<Self, Error> {
         let path = path.as_ref();
         let (paths, missing) = files::of(path)?;

@@ -239,6 +239,9 @@ impl Pusher {
     }
 
     /// Registers a channel; the same channel gives the same number again.
+    ///
+    /// # Errors
+    /// Too many channels, or the recorder has stopped.
     pub fn channel(&self, channel: &Channel) -> Result<ChannelId, Error> {
         self.queue.channel(channel).map(ChannelId)
     }
@@ -247,6 +250,9 @@ impl Pusher {
     ///
     /// `sequence` is the publication number on the topic; MCAP keeps its low 32 bits. `log_time` is the instant of
     /// reception, `publish_time` that of the source, both ns since 1970. The payload is not copied.
+    ///
+    /// # Errors
+    /// The recorder has stopped.
     pub fn push(
         &self,
         channel: ChannelId,
@@ -270,6 +276,9 @@ impl Pusher {
 
     /// Adds a file to the recording (the cell file, a node's config), stamped `log_time` (ns since 1970).
     /// Waits for room, whatever the policy.
+    ///
+    /// # Errors
+    /// The recorder has stopped.
     pub fn attach(
         &self,
         name: impl Into<String>,
@@ -287,6 +296,9 @@ impl Pusher {
     }
 
     /// Adds a named table of texts (source revision, session) to the recording. Waits for room, whatever the policy.
+    ///
+    /// # Errors
+    /// The recorder has stopped.
     pub fn metadata(
         &self,
         name: impl Into<String>,
@@ -341,6 +353,9 @@ impl Deref for Recorder {
 
 impl Recorder {
     /// Makes the folder and its first file, and starts the writer thread.
+    ///
+    /// # Errors
+    /// The folder exists, an option is out of its range, or what the system says.
     pub fn start(options: RecorderOptions) -> Result<Self, Error> {
         options.check()?;
         let folder = options.folder.clone();
@@ -364,6 +379,9 @@ impl Recorder {
 
     /// Writes everything queued, closes the files and returns what was written. Pushers on other threads get
     /// [`Error::Stopped`] from now on.
+    ///
+    /// # Errors
+    /// What could not be written.
     pub fn stop(mut self) -> Result<Statistics, Error> {
         self.join()
     }

@@ -157,6 +157,9 @@ pub struct Sealed {
 
 /// Compares a recording with its seals; `None` where it has none. `is_signed` says whether a signature (second) is that of
 /// the recorder on these bytes (first).
+///
+/// # Errors
+/// What the system says of a file; a seal that does not hold is a result, not an error.
 pub fn verify(
     folder: &Path,
     is_signed: &dyn Fn(&[u8], &[u8]) -> bool,

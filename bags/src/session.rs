@@ -72,6 +72,9 @@ pub struct Session {
 
 impl Session {
     /// Reads the only cell of a bag, which measured one plan.
+    ///
+    /// # Errors
+    /// [`SessionError`] says what the bag lacks or contradicts.
     pub fn read(bag: &Bag) -> Result<Self, SessionError> {
         Self::read_measurement(bag, &Measurement::Only)
     }
@@ -79,6 +82,9 @@ impl Session {
     /// Reads one measurement of the only cell of a bag. A cell that cuts and measures in several passes has a plan for
     /// each; touches and references of the other plans are left out. Events may be missing unless the measurement is
     /// [`Measurement::Only`]: see [`Session::missing`].
+    ///
+    /// # Errors
+    /// [`SessionError`] says what the bag lacks or contradicts.
     pub fn read_measurement(bag: &Bag, measurement: &Measurement) -> Result<Self, SessionError> {
         let mut found = namespaces(bag);
         match (found.pop(), found.is_empty()) {

@@ -4,7 +4,7 @@
 
 /// A byte that none of the constants of its field has, such as one from a newer version of the interface package.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{field} = {value} is none of its constants")]
+#[error("{field} = {value} is not one of its constants")]
 pub struct UnknownCode {
     /// The field, `Message.field`.
     pub field: &'static str,

@@ -307,5 +307,5 @@ fn codes_are_read_back_and_unknown_ones_are_named() {
         })
     );
     let text = unknown.unwrap_err().to_string();
-    assert_eq!(text, "Correction.kind = 9 is none of its constants");
+    assert_eq!(text, "Correction.kind = 9 is not one of its constants");
 }

@@ -621,12 +621,12 @@ def event_of_the_largest_number(session):
     session.events[-1]["sequence"] = 2**64 - 1
 
 
-@broken("diagnose {}", 2, "event 12 stands in the bag twice")
+@broken("diagnose {}", 2, "event 12 is in the bag twice")
 def one_event_twice(session):
     session.events[13]["sequence"] = 12
 
 
-@broken("diagnose {}", 2, "event 0 stands in the bag after event 1|after")
+@broken("diagnose {}", 2, "event 0 is recorded after event 1|after")
 def events_reordered(session):
     number_events(session, [1, 0])
 

@@ -167,7 +167,7 @@ def operator(browser, page, cell, folder):
     told = axe(page)
     assert not told, told
     page.goto(f"http://{ADDRESS}/cell/{CELL}")
-    press(page, "make", "Refused: ada is no operator of this cell", subject="early")
+    press(page, "make", "Refused: ada is not an operator of this cell", subject="early")
     code, text = asked("key", "add", "ada", public, "--cell", cell, folder=folder)
     assert code == 0, text
     until("the key in force", lambda: "is not of this act" in forged("ada", CELL))

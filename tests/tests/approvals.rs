@@ -92,7 +92,7 @@ fn the_word_of_a_correction_about_its_own_approval_counts_for_nothing() {
     // Signed by a key of the stranger's own.
     let mut signed = forged(Correction::APPROVAL_OPERATOR);
     sign(&mut signed, &SecretKey::from_seed([66; 32]));
-    let says = "Chief Engineer is no operator of this cell: probecell key list shows who is";
+    let says = "Chief Engineer is not an operator of this cell: probecell key list prints them";
     assert_eq!(
         put(&mut session, &signed),
         (Ack::REFUSED_NOT_APPROVED, says.to_owned())

@@ -30,6 +30,9 @@ pub struct Typed<'a, T> {
 
 impl Bag {
     /// Messages of a topic as `T`. Fails if the topic is not there or carries another type, by name or by type hash.
+    ///
+    /// # Errors
+    /// No topic of that name, or messages of another type on it.
     pub fn typed<T: Message>(&self, topic: &str) -> Result<Typed<'_, T>, Error> {
         let mut there = false;
         for channel in self.channels_of(topic) {

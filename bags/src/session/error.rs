@@ -52,10 +52,10 @@ pub enum SessionError {
     #[error(transparent)]
     MissingEvents(Missing),
     /// An event twice.
-    #[error("probe event {0} stands in the bag twice")]
+    #[error("probe event {0} is in the bag twice")]
     DuplicateEvent(u64),
     /// An event after a later one.
-    #[error("probe event {sequence} stands in the bag after event {after}")]
+    #[error("probe event {sequence} is recorded after event {after}")]
     ReorderedEvent {
         /// Its number.
         sequence: u64,

@@ -134,6 +134,9 @@ impl Cell {
 
     /// The machine's axes as its controller names them, where the settings of a driver say that: of the one that runs, or of
     /// another that the file has settings of.
+    ///
+    /// # Errors
+    /// Settings of a driver that name no axis of a machine.
     pub fn controller_axes(&self) -> Result<Option<Vec<Axis>>, CellError> {
         let running = self.driver_settings(&self.driver.source);
         let others = self.drivers.settings.values().map(AsRef::as_ref);

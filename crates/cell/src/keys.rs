@@ -33,7 +33,7 @@ pub(crate) struct Trusted {
 
 /// A recorded key that is none.
 #[derive(Debug, thiserror::Error)]
-#[error("the key of the cell, {text:?}, is none: {source}")]
+#[error("the key of the cell, {text:?}, is invalid: {source}")]
 pub(crate) struct RecordedKeyError {
     text: String,
     source: NotAKey,

@@ -183,6 +183,9 @@ pub enum CellError {
 
 impl Cell {
     /// Reads a cell file and its robot description, and checks everything.
+    ///
+    /// # Errors
+    /// [`CellError`] names file, line and key.
     pub fn read(path: &Path) -> Result<Self, CellError> {
         let read = |what, path: &Path| {
             std::fs::read_to_string(path).map_err(|source| CellError::Read {
@@ -219,11 +222,17 @@ impl Cell {
     }
 
     /// The cell of texts that belong together. Every node is built once, so that a wrong setting is reported here.
+    ///
+    /// # Errors
+    /// [`CellError`] names file, line and key.
     pub fn from_text(text: CellText) -> Result<Self, CellError> {
         Self::from_text_with(text, DRIVERS)
     }
 
     /// The same with other drivers than those of [`controllers::driver`].
+    ///
+    /// # Errors
+    /// [`CellError`] names file, line and key.
     pub fn from_text_with(
         text: CellText,
         drivers: &'static [&'static dyn Driver],
@@ -323,6 +332,9 @@ impl Cell {
     }
 
     /// All nodes at their start.
+    ///
+    /// # Errors
+    /// A setting that a node refuses.
     pub fn nodes(&self, replayed: bool) -> Result<Vec<Box<dyn Instance>>, CellError> {
         self.node_names()
             .into_iter()
@@ -331,6 +343,9 @@ impl Cell {
     }
 
     /// One node at its start. `replayed`: it runs on a recording, so nothing may reach a machine.
+    ///
+    /// # Errors
+    /// No node of that name, or a setting that it refuses.
     pub fn instance(&self, name: &str, replayed: bool) -> Result<Box<dyn Instance>, CellError> {
         let chain = self.chain()?;
         if let Some(node) = self.entries().find(|node| node.name == name) {
@@ -351,11 +366,17 @@ impl Cell {
     }
 
     /// Every topic of the cell: those of the table, and those that only one of its nodes declares.
+    ///
+    /// # Errors
+    /// A setting that a node refuses.
     pub fn topics(&self) -> Result<Vec<Topic>, CellError> {
         Ok(graph::topics::of(&self.nodes(false)?))
     }
 
     /// The chain of its robot description, with the limits of `[motion]`.
+    ///
+    /// # Errors
+    /// A robot description or `[motion]` that is not valid.
     pub fn chain(&self) -> Result<Chain, CellError> {
         let chain = Chain::from_urdf(&self.text.robot_description);
         let chain = chain.map_err(|error| CellError::Setting {

@@ -87,7 +87,7 @@ pub enum AdoptError {
         expected_print: String,
     },
     /// One of several that nobody can tell apart.
-    #[error("the session cannot tell {effect:?} from {others}: pick one with --as")]
+    #[error("the session cannot distinguish {effect:?} from {others}: pick one with --as")]
     Indistinguishable {
         /// The effect.
         effect: String,

@@ -82,6 +82,9 @@ pub(crate) const ALL: [&str; 9] = [
 pub(crate) const EVERYTHING: [&str; 3] = ["**", "**/@adv/**", "@ros2_lv/**"];
 
 /// Users of a secured cell.
+///
+/// # Errors
+/// A setting that a node refuses.
 pub fn users(cell: &Cell) -> Result<Vec<String>, CellError> {
     let processes = productions(cell)?;
     let others = [CONSOLE, ROS, SCREEN].map(str::to_owned);
@@ -89,6 +92,9 @@ pub fn users(cell: &Cell) -> Result<Vec<String>, CellError> {
 }
 
 /// Topics that each process produces, by absolute name without the first slash.
+///
+/// # Errors
+/// A setting that a node refuses.
 pub fn productions(cell: &Cell) -> Result<BTreeMap<String, Vec<String>>, CellError> {
     let name = &cell.cell.name;
     let mut processes: BTreeMap<String, Vec<String>> = BTreeMap::new();
@@ -129,6 +135,9 @@ pub fn productions(cell: &Cell) -> Result<BTreeMap<String, Vec<String>>, CellErr
 }
 
 /// The section `access_control` of the router of a secured cell.
+///
+/// # Errors
+/// A setting that a node refuses, or a domain that is none.
 pub fn access_control(cell: &Cell) -> Result<Table, CellError> {
     let domain = cell.setting(cell.bus.domain())?;
     let everything = EVERYTHING.map(str::to_owned).to_vec();

@@ -42,6 +42,9 @@ pub fn has_own_policy(cell: &Cell) -> bool {
 }
 
 /// What the cell file opens to strangers beyond reading: key expressions of topics and services, `**` for everything.
+///
+/// # Errors
+/// A domain that is none.
 pub fn opened(cell: &Cell) -> Result<BTreeSet<String>, CellError> {
     if cell.bus.strangers == Strangers::Write {
         return Ok(BTreeSet::from(["**".to_owned()]));
@@ -112,6 +115,9 @@ pub(crate) fn check(cell: &Cell) -> Result<(), String> {
 }
 
 /// The section `access_control` of the router that `up` carries; none where the bus is open to strangers.
+///
+/// # Errors
+/// A domain that is none, or a setting that a node refuses.
 pub fn access_control(cell: &Cell) -> Result<Option<Table>, CellError> {
     if cell.bus.strangers == Strangers::Write {
         return Ok(None);

@@ -61,7 +61,7 @@ fn the_key_of_a_cell_is_made_once_and_for_its_owner_only() {
     fs::write(&file, "no key").expect("its owner");
     let refused = folder.private().expect_err("no key").to_string();
     assert!(
-        refused.ends_with("holds no key: a key has 64 hexadecimal digits"),
+        refused.ends_with("does not hold a key: a key has 64 hexadecimal digits"),
         "{refused}"
     );
 }
@@ -95,15 +95,15 @@ fn operators_are_registered_and_withdrawn_and_each_change_has_a_number() {
         ),
         (
             folder.register("../Eve", key(4)),
-            "\"../Eve\" is no name of an operator",
+            "\"../Eve\" is not a valid name of an operator",
         ),
         (
             folder.register("", key(4)),
-            "\"\" is no name of an operator",
+            "\"\" is not a valid name of an operator",
         ),
         (
             folder.register("a\u{1b}[2J", key(4)),
-            "is no name of an operator",
+            "is not a valid name of an operator",
         ),
     ] {
         let error = refused.expect_err(says).to_string();

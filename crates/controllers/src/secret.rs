@@ -27,10 +27,10 @@ pub enum Secret {
 #[derive(Debug, thiserror::Error)]
 pub enum SecretError {
     /// No such variable.
-    #[error("the environment variable {0} that a password is to be in is not set, or is no text")]
+    #[error("the environment variable {0}, which should hold a password, is not set or is not text")]
     Environment(String),
     /// The file cannot be read.
-    #[error("the file {file} that a password is to be in cannot be read: {source}")]
+    #[error("the file {file}, which should hold a password, cannot be read: {source}")]
     File {
         /// The file.
         file: String,

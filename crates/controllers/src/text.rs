@@ -55,6 +55,9 @@ impl<'a> Words<'a> {
     }
 
     /// Takes the next word if it is `keyword`, in any case of letters.
+    ///
+    /// # Errors
+    /// The next word is another one.
     pub fn keyword(&mut self, keyword: &str) -> Result<(), ParseError> {
         self.take(keyword, |word| {
             word.eq_ignore_ascii_case(keyword).then_some(())
@@ -62,6 +65,9 @@ impl<'a> Words<'a> {
     }
 
     /// A finite number.
+    ///
+    /// # Errors
+    /// The next word is no number.
     pub fn number(&mut self) -> Result<f64, ParseError> {
         self.take("a finite number", |word| {
             word.parse().ok().filter(|value: &f64| value.is_finite())
@@ -69,6 +75,9 @@ impl<'a> Words<'a> {
     }
 
     /// A whole number that is not negative; `1.0` is taken too, as some controllers print it.
+    ///
+    /// # Errors
+    /// The next word is no whole number.
     pub fn count(&mut self) -> Result<u32, ParseError> {
         self.take("a whole number", |word| {
             let value: f64 = word.parse().ok()?;
@@ -78,6 +87,9 @@ impl<'a> Words<'a> {
     }
 
     /// Takes the next word if `read` makes something of it; `expected` names that in the error.
+    ///
+    /// # Errors
+    /// `read` takes the next word for none.
     pub fn take<T>(
         &mut self,
         expected: &str,
@@ -94,6 +106,9 @@ impl<'a> Words<'a> {
     }
 
     /// Succeeds when nothing but white space is left.
+    ///
+    /// # Errors
+    /// A word is left.
     pub fn end(&mut self) -> Result<(), ParseError> {
         let rest = self.rest_from_word();
         if rest.is_empty() {
@@ -145,6 +160,9 @@ pub struct Lines {
 
 impl Lines {
     /// Takes bytes in.
+    ///
+    /// # Errors
+    /// A line that is too long, or no UTF-8.
     pub fn push(&mut self, bytes: &[u8]) -> Result<(), ParseError> {
         for piece in bytes.split_inclusive(|&byte| byte == b'\n') {
             self.pending.extend_from_slice(piece);

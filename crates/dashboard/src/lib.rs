@@ -13,6 +13,18 @@
 //! signed on a page is handed to the services of the cell by a session of its own, as the command line would. Cells are found by what they publish; a session is shown by the reducer and the views of a live cell. Pages are
 //! written here, work without scripts as far as reading goes, and load nothing from elsewhere. Memory is bounded: see
 //! [`state`], [`CellState`](state::CellState), and the constants of each module.
+//!
+//! A message of a cell, reduced and shown as text:
+//!
+//! ```
+//! use dashboard::{state::Hall, view::hall_text};
+//! use graph::Stamp;
+//! use probecell_msgs::{MachineState, to_cdr};
+//!
+//! let mut hall = Hall::default();
+//! hall.apply("/lathe/machine_state", &to_cdr(&MachineState::default()), Stamp(0));
+//! assert!(hall_text(&hall, Stamp(0), "").contains("lathe"));
+//! ```
 
 mod acts;
 mod download;

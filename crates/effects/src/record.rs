@@ -7,7 +7,7 @@ pub mod quantisation;
 use crate::effect::Effect;
 
 /// Why none of them can be declared.
-const UNDECLARABLE: &str = "it tells of the records of one session, not of the machine";
+const UNDECLARABLE: &str = "it describes the records of one session, not the machine";
 
 /// All of them.
 pub const ALL: &[&dyn Effect] = &[

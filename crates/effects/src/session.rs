@@ -74,7 +74,7 @@ pub enum DiagnoseError {
     )]
     NoPlan,
     /// A sequence number came twice with other content.
-    #[error("event {0} came twice with different content")]
+    #[error("event {0} is recorded twice with different content")]
     Conflicting(u64),
     /// Too few touches.
     #[error("the session has {0} touches; at least {1} are needed")]
@@ -117,7 +117,7 @@ pub enum DiagnoseError {
     },
     /// A drive session in which nothing can be compared.
     #[error(
-        "no axis of the drive session has enough samples of an effort, or of commands beside its motion"
+        "no axis of the drive session has enough samples of its effort, or of its commands and motion"
     )]
     NoEffort,
     /// Drive effects that cannot be fitted.

@@ -10,7 +10,7 @@ pub struct ImportError {
 }
 
 impl ImportError {
-    /// Wrong at a place.
+    /// An error at a line and a column, both from 1.
     pub fn at(line: u64, column: u64, what: impl Into<String>) -> Self {
         Self {
             place: Some((line, column)),
@@ -18,7 +18,7 @@ impl ImportError {
         }
     }
 
-    /// Wrong as a whole.
+    /// An error of the file as a whole.
     pub fn whole(what: impl Into<String>) -> Self {
         Self {
             place: None,

@@ -95,6 +95,9 @@ pub struct Executor {
 
 impl Executor {
     /// A graph whose nodes all start at `start`.
+    ///
+    /// # Errors
+    /// Two producers of a topic, or two types on it.
     pub fn new(nodes: Vec<Box<dyn Instance>>, start: Stamp) -> Result<Self, WiringError> {
         let wiring = Wiring::of(&nodes)?;
         let journals = nodes
@@ -141,6 +144,9 @@ impl Executor {
     }
 
     /// Replaces the state of node `name` by a snapshot.
+    ///
+    /// # Errors
+    /// A snapshot that is not a state of the node.
     pub fn restore(
         &mut self,
         name: &str,

@@ -122,6 +122,9 @@ impl Player<'_> {
 }
 
 /// Replays `recording` through the nodes that `factories` make.
+///
+/// # Errors
+/// Two producers of a topic, or two types on it.
 pub fn replay(recording: &Recording, factories: &[Factory]) -> Result<Report, WiringError> {
     let nodes: Vec<Box<dyn Instance>> = factories.iter().map(|make| make()).collect();
     let wiring = Wiring::of(&nodes)?;

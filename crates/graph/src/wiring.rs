@@ -42,6 +42,9 @@ pub struct Wiring {
 
 impl Wiring {
     /// Joins the nodes' ports by topic name.
+    ///
+    /// # Errors
+    /// Two producers of a topic, or two types on it.
     pub fn of(nodes: &[Box<dyn Instance>]) -> Result<Self, WiringError> {
         let mut wiring = Self::default();
         let mut types: BTreeMap<&str, &str> = BTreeMap::new();

@@ -115,6 +115,9 @@ impl Gate {
 
 /// Runs a connection to a controller on `bus` until `stopped` returns true. What is under way at the machine ends when
 /// `machine_state` is no longer there, and with this process.
+///
+/// # Errors
+/// What the bus says.
 pub fn run_driver(
     bus: Bus,
     mut driver: Box<dyn Connection>,

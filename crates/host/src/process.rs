@@ -83,6 +83,9 @@ enum Event {
 }
 
 /// Runs `node` on `bus` until it is stopped. `hand_over` is given the means to stop it before anything else.
+///
+/// # Errors
+/// What the bus says, or a recorder that does not come.
 pub fn run_node(
     bus: Bus,
     node: Box<dyn Instance>,

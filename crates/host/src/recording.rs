@@ -64,6 +64,9 @@ struct Losses {
 
 impl RecorderProcess {
     /// Makes the bag and subscribes to every topic of the cell.
+    ///
+    /// # Errors
+    /// What the bus or the file system says.
     pub fn start(bus: &Bus, settings: RecordingSettings) -> Result<Self, RecordingError> {
         let mut options = RecorderOptions::new(&settings.folder);
         options.sync_interval = settings.sync_interval;
@@ -157,6 +160,9 @@ impl RecorderProcess {
     }
 
     /// Writes what is queued, closes the files and returns what was written.
+    ///
+    /// # Errors
+    /// What could not be written.
     pub fn finish(mut self) -> Result<Statistics, RecordingError> {
         self.subscriptions.clear();
         Ok(self.recorder.stop()?)

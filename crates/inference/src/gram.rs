@@ -68,7 +68,7 @@ impl Solution {
         self.residual / (self.rows + 1.0)
     }
 
-    /// Covariance of the coefficients over the noise variance.
+    /// Covariance of the coefficients over the noise variance, m⁻²: a row and a column for each solved column.
     pub fn covariance(&self) -> DMatrix<f64> {
         self.factor.inverse()
     }

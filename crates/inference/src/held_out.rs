@@ -96,7 +96,7 @@ impl Blocks {
         residuals
     }
 
-    /// Size of held-out residuals and its interval.
+    /// Root mean square of held-out residuals (m; `None`: not held out), and its interval.
     pub fn size(&self, residuals: &[Option<f64>]) -> HeldOut {
         let mut sums = vec![(0.0, 0.0); self.count];
         for (residual, block) in residuals.iter().zip(&self.of) {

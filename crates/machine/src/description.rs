@@ -46,10 +46,10 @@ pub enum ChainError {
         name: String,
     },
     /// A link hangs on two joints.
-    #[error("link `{0}` hangs on more than one joint: the chain has a loop")]
+    #[error("link `{0}` is the child of more than one joint: the chain has a loop")]
     Loop(String),
     /// The branch of a link does not begin at the foundation.
-    #[error("link `{link}` does not hang on `foundation` but on `{root}`")]
+    #[error("the root of link `{link}` is `{root}`, not `foundation`")]
     OtherRoot {
         /// Link whose branch was followed.
         link: String,

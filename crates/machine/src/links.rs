@@ -17,7 +17,7 @@ const COMPONENTS: [char; 6] = ['X', 'Y', 'Z', 'A', 'B', 'C'];
 pub enum LinkNameError {
     /// Not of the form E<component>0<axis>.
     #[error(
-        "`{0}` is no location error: expected E, a component of X Y Z A B C, 0 and an axis, as in EC0X"
+        "`{0}` is not a location error: expected E, a component of X Y Z A B C, 0 and an axis, as in EC0X"
     )]
     Form(String),
     /// The machine has no such axis.

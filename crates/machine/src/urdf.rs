@@ -126,13 +126,13 @@ impl Robot {
 }
 
 /// Element and name, for a sentence.
-fn place(of: Node<'_, '_>) -> String {
+fn location(of: Node<'_, '_>) -> String {
     let name = of.attribute("name").unwrap_or_default();
     format!("{} `{name}`", of.tag_name().name())
 }
 
 fn wrong(of: Node<'_, '_>, what: &str) -> ChainError {
-    ChainError::Urdf(format!("{} {what}", place(of)))
+    ChainError::Urdf(format!("{} {what}", location(of)))
 }
 
 fn child<'a, 'i>(of: Node<'a, 'i>, tag: &str) -> Option<Node<'a, 'i>> {

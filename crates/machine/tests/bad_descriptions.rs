@@ -62,7 +62,7 @@ fn a_branch_that_begins_elsewhere_is_refused() {
     let adrift = TOOL.replace(r#"parent link="foundation""#, r#"parent link="ram""#);
     check(
         &format!(r#"{LINKS}<link name="ram"/>{PART}{adrift}"#),
-        "does not hang on `foundation` but on `ram`",
+        "is `ram`, not `foundation`",
     );
 }
 

@@ -49,7 +49,7 @@ pub struct SizeGap {
 #[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
 pub enum SizeGapError {
     /// Fewer than three pairs.
-    #[error("the law of the gaps needs at least 3 pairs, {0} given")]
+    #[error("a gap that depends on size needs at least 3 pairs, {0} given")]
     TooFewPairs(usize),
     /// A size or gap is NaN or infinite.
     #[error("pair {0} has a value that is not a number")]

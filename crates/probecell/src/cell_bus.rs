@@ -9,7 +9,7 @@ use cell::{
 };
 use host::bus::{BusConfig, RouterConfig, Transport};
 
-use crate::own_socket::{OwnSocket, own_way};
+use crate::own_socket::{OwnSocket, own_locator};
 
 /// A failure of the running cell, as opposed to wrong input.
 #[derive(Debug, thiserror::Error)]
@@ -25,7 +25,7 @@ pub(crate) fn bus_config(cell: &Cell, node: &str) -> anyhow::Result<BusConfig> {
             TransportName::Dds => Transport::Dds,
         },
         domain_id: cell.bus.domain().map_err(anyhow::Error::msg)?,
-        endpoints: vec![way_to_router(cell, node)?],
+        endpoints: vec![router_locator(cell, node)?],
         listen: cell.bus.listen.clone(),
         zenoh: session_settings(cell, node)?,
         own_namespace_only: sees_own_namespace_only(cell, node),
@@ -43,12 +43,12 @@ fn sees_own_namespace_only(cell: &Cell, node: &str) -> bool {
 }
 
 /// Where a process of the cell finds the router. What only reads comes as a stranger, who may do no more.
-fn way_to_router(cell: &Cell, node: &str) -> anyhow::Result<String> {
+fn router_locator(cell: &Cell, node: &str) -> anyhow::Result<String> {
     let endpoint = &cell.bus.router_endpoint;
     if node == policy::SCREEN || !has_own_socket(cell)? {
         return Ok(endpoint.clone());
     }
-    Ok(own_way(endpoint))
+    Ok(own_locator(endpoint))
 }
 
 /// The router of the cell tells the user's processes from strangers by a private socket: over Zenoh, where neither `probecell
@@ -135,7 +135,7 @@ pub(crate) fn router_config(cell: &Cell) -> anyhow::Result<RouterConfig> {
         Some(users) => zenoh_settings(Some(&users.router(cell)?))?,
         None => zenoh_settings(cell.bus.router_zenoh.as_ref())?,
     };
-    // The socket first: see own_way.
+    // The socket first: see own_locator.
     let mut listen = vec![cell.bus.router_endpoint.clone()];
     if let Some(socket) = own_socket(cell)? {
         listen.insert(0, socket.locator());

@@ -147,7 +147,7 @@ pub(crate) enum Command {
         /// Folder of the session files for ROS 2; without it, that of the cell's keys.
         #[arg(long)]
         out: Option<PathBuf>,
-        /// Take it back.
+        /// Remove users, passwords and policy again.
         #[arg(long)]
         off: bool,
     },
@@ -183,7 +183,7 @@ pub(crate) enum Command {
         bag: PathBuf,
         /// Output folder; must not exist.
         to: PathBuf,
-        /// Recording of the same session begun after it, which tells what was lost at its end.
+        /// Recording of the same session begun after it, which shows what was lost at its end.
         #[arg(long, value_name = "BAG")]
         later: Option<PathBuf>,
     },
@@ -207,13 +207,13 @@ pub(crate) enum Command {
     /// Add the effects found by a gap report to the cell's declared model, or remove them.
     Adopt(commands::adopt::Arguments),
     /// Simulate a recorded session again with its model before and after the diagnosis, and compare the residuals (posterior
-    /// predictive check). Exit status 1 where the model with the effects would not have measured such a session.
+    /// predictive check). Exit status 1 if the session contradicts the model with the effects.
     Simulate(commands::simulate::Arguments),
     /// Analyse the identifiability of a plan: detection limits and confounded effects.
     Identifiability(commands::identifiability::Arguments),
     /// Validate the diagnosis on sessions with hidden effects, and print the score card.
     Blind {
-        /// Number of sessions, distributed evenly over the kinds of hidden content.
+        /// Number of sessions, distributed evenly over the kinds of hidden effects.
         #[arg(long, default_value_t = 120, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
         trials: u64,
         /// Instead compare eight additional touches (chosen, random, repeated) on this many sessions whose first diagnosis is
@@ -226,7 +226,7 @@ pub(crate) enum Command {
         /// Cell file or bag whose machine and plan are used instead of generated ones.
         #[arg(long, value_name = "CELL_OR_BAG", conflicts_with = "refine")]
         on: Option<PathBuf>,
-        /// Write every session and its hidden content as a recording below this folder.
+        /// Write every session and its hidden effects as a recording below this folder.
         #[arg(long, value_name = "DIR", conflicts_with = "refine")]
         keep: Option<PathBuf>,
         /// Print JSON.
@@ -242,7 +242,7 @@ pub(crate) enum Command {
     Lake(commands::fleet::Arguments),
     /// Watch the sessions of many machines for trends: hands over to `probecell-fleet`.
     Fleet(commands::fleet::Arguments),
-    /// Check a driver on the bus against the driver guide, in the place of the cell: its machine moves.
+    /// Check a driver on the bus against the driver guide, acting as its cell: its machine moves.
     Conformance(commands::conformance::Arguments),
     /// Check the installation and the cell file.
     Doctor {

@@ -8,7 +8,7 @@ use host::bus::{EntityKind, Graph, TypeId};
 
 use crate::operator::ProcessState;
 
-/// Between two looks at the graph.
+/// Period at which the graph of the bus is read.
 const PERIOD: Duration = Duration::from_millis(250);
 /// A driver announces its topics one after the other; one that still lacks some after this time lacks them.
 const ANNOUNCEMENT: Duration = Duration::from_secs(3);
@@ -60,18 +60,18 @@ pub(crate) fn announced(graph: &Graph, namespace: &str, topic: Topic) -> Announc
     if count > 0 {
         return Announced::Publishers(count);
     }
-    let spelt = |ty: &TypeId| format!("{} {}", ty.ros_name(), ty.hash());
+    let type_and_hash = |ty: &TypeId| format!("{} {}", ty.ros_name(), ty.hash());
     publishers()
         .next()
         .map_or(Announced::Nothing, |other| Announced::OtherType {
-            expected: spelt(&expected),
-            came: spelt(&other.ty),
+            expected: type_and_hash(&expected),
+            came: type_and_hash(&other.ty),
         })
 }
 
-/// What is to be told of the driver.
+/// A change of the driver that is reported.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) enum News {
+pub(crate) enum Change {
     /// It is there, for the first time or again.
     Joined(String),
     /// It was there and has left.
@@ -86,8 +86,8 @@ pub(crate) struct ExternalDriver {
     starts: u32,
     present: bool,
     incomplete_since: Option<Instant>,
-    told: String,
-    looked: Option<Instant>,
+    reported: String,
+    polled: Option<Instant>,
 }
 
 impl ExternalDriver {
@@ -98,8 +98,8 @@ impl ExternalDriver {
             starts: 0,
             present: false,
             incomplete_since: None,
-            told: String::new(),
-            looked: None,
+            reported: String::new(),
+            polled: None,
         })
     }
 
@@ -126,17 +126,17 @@ impl ExternalDriver {
         }
     }
 
-    /// Looks at what is announced; gives what has changed.
-    pub(crate) fn look(&mut self, graph: impl FnOnce() -> Graph) -> Option<News> {
-        if self.looked.is_some_and(|looked| looked.elapsed() < PERIOD) {
+    /// Reads what is announced on the bus; gives what has changed.
+    pub(crate) fn poll(&mut self, graph: impl FnOnce() -> Graph) -> Option<Change> {
+        if self.polled.is_some_and(|polled| polled.elapsed() < PERIOD) {
             return None;
         }
         let now = Instant::now();
-        self.looked = Some(now);
+        self.polled = Some(now);
         self.judge(&graph(), now)
     }
 
-    fn judge(&mut self, graph: &Graph, now: Instant) -> Option<News> {
+    fn judge(&mut self, graph: &Graph, now: Instant) -> Option<Change> {
         let found = PUBLISHED.map(|topic| (topic.name, announced(graph, &self.namespace, topic)));
         let complete = found
             .iter()
@@ -144,26 +144,26 @@ impl ExternalDriver {
         if self.present && !complete {
             self.present = false;
             self.incomplete_since = None;
-            self.told.clear();
+            self.reported.clear();
             let text = "the external driver has left the bus; the cell waits for it".to_owned();
-            return Some(News::Left(text));
+            return Some(Change::Left(text));
         }
         if complete && !self.present {
             self.present = true;
             self.starts += 1;
-            self.told.clear();
+            self.reported.clear();
             let again = if self.starts > 1 { " again" } else { "" };
-            return Some(News::Joined(format!("the external driver is there{again}")));
+            return Some(Change::Joined(format!("the external driver is there{again}")));
         }
         let wrong = Self::wrong(&found)?;
         // While the first topics of several are announced, the others are not yet.
         let since = *self.incomplete_since.get_or_insert(now);
         let settled = complete || now.duration_since(since) >= ANNOUNCEMENT;
-        if !settled || self.told == wrong {
+        if !settled || self.reported == wrong {
             return None;
         }
-        self.told.clone_from(&wrong);
-        Some(News::Wrong(wrong))
+        self.reported.clone_from(&wrong);
+        Some(Change::Wrong(wrong))
     }
 
     /// What is wrong with what is announced, where anything is announced.
@@ -195,8 +195,8 @@ mod tests {
             starts: 0,
             present: false,
             incomplete_since: None,
-            told: String::new(),
-            looked: None,
+            reported: String::new(),
+            polled: None,
         }
     }
 

@@ -21,7 +21,7 @@ use self::processes::Processes;
 use crate::{
     FAILED, GOOD, LOSS,
     cell_bus::{CellFailure, bus_config, has_own_socket, new_recording, users},
-    external_driver::{ExternalDriver, News},
+    external_driver::{ExternalDriver, Change},
     operator::Operator,
     output,
     routing::Routing,
@@ -226,14 +226,14 @@ fn watch(
 /// Tells what has become of an external driver. When it leaves, the part that is being made ends as with the driver of this
 /// project.
 fn follow(driver: &mut ExternalDriver, operator: &Operator) {
-    match driver.look(|| operator.graph()) {
+    match driver.poll(|| operator.graph()) {
         None => {}
-        Some(News::Joined(text)) => output::remark(&text),
-        Some(News::Left(text)) => {
+        Some(Change::Joined(text)) => output::remark(&text),
+        Some(Change::Left(text)) => {
             output::remark(&text);
             operator.report_ended(&driver.state().name, &text);
         }
-        Some(News::Wrong(text)) => {
+        Some(Change::Wrong(text)) => {
             output::remark(&text);
             operator.warn("driver_wrong", &text);
         }

@@ -1,7 +1,7 @@
 //! The private socket of a router: a Unix socket in a folder that only its user can open, by which that user's processes and
 //! commands reach it. Whoever comes by the network is a stranger ([`cell::strangers`]).
 //!
-//! Its place follows from the endpoint of the router, so that cells which share a router share the socket, and from the host
+//! Its path follows from the endpoint of the router, so that cells which share a router share the socket, and from the host
 //! and the network namespace, since an endpoint on loopback means another router in each of them. It lies in the user's state
 //! folder (XDG Base Directory Specification 0.8) and not in that of the login session, which a service does not have, and
 //! which ends with the last login.
@@ -48,12 +48,12 @@ impl OwnSocket {
     pub(crate) fn of(endpoint: &str) -> Option<Self> {
         let here = fs::read_link("/proc/self/ns/net").unwrap_or_default();
         let host = fs::read("/proc/sys/kernel/hostname").unwrap_or_default();
-        let place = [
+        let identity = [
             host.as_slice(),
             here.as_os_str().as_bytes(),
             endpoint.as_bytes(),
         ];
-        let name = format!("{:016x}.socket", fnv1a(&place.join(&b'\n')));
+        let name = format!("{:016x}.socket", fnv1a(&identity.join(&b'\n')));
         Some(Self(folder()?.join(name)))
     }
 
@@ -94,21 +94,21 @@ impl OwnSocket {
         Ok(())
     }
 
-    /// Leaves word what the router opens to strangers.
-    pub(crate) fn tell(&self, endpoint: &str, opened: &BTreeSet<String>) -> anyhow::Result<()> {
+    /// Writes what the router opens to strangers, beside its socket.
+    pub(crate) fn write_opened(&self, endpoint: &str, opened: &BTreeSet<String>) -> anyhow::Result<()> {
         let (endpoint, opened) = (endpoint.to_owned(), opened.clone());
         let text = serde_json::to_string(&Opened { endpoint, opened })?;
-        let path = self.beside();
+        let path = self.sidecar();
         fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))
     }
 
     /// What the router there opens to strangers.
-    pub(crate) fn told(&self) -> BTreeSet<String> {
-        let text = fs::read_to_string(self.beside()).unwrap_or_default();
+    pub(crate) fn read_opened(&self) -> BTreeSet<String> {
+        let text = fs::read_to_string(self.sidecar()).unwrap_or_default();
         serde_json::from_str(&text).map_or_else(|_| BTreeSet::new(), |one: Opened| one.opened)
     }
 
-    fn beside(&self) -> PathBuf {
+    fn sidecar(&self) -> PathBuf {
         self.0.with_extension("json")
     }
 }
@@ -116,7 +116,7 @@ impl OwnSocket {
 /// How a process of this user reaches the router at an endpoint: by its private socket, where it has one, else as a stranger.
 /// A router listens on its socket before it listens on the network, so a process that finds the network alone has found
 /// the router of others.
-pub(crate) fn own_way(endpoint: &str) -> String {
+pub(crate) fn own_locator(endpoint: &str) -> String {
     let Some(socket) = OwnSocket::of(endpoint) else {
         return endpoint.to_owned();
     };

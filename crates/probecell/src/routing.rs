@@ -56,7 +56,7 @@ impl Routing {
             routing.join(cell)?;
         } else {
             routing.own = Some(Router::start(&config)?);
-            routing.tell(&cell.bus.router_endpoint)?;
+            routing.write_opened(&cell.bus.router_endpoint)?;
         }
         routing.config = Some((config, cell.bus.router_endpoint.clone()));
         Ok(routing)
@@ -75,14 +75,14 @@ impl Routing {
             ));
             return Ok(());
         }
-        let told = socket.told();
-        if told.contains("**") {
+        let opened = socket.read_opened();
+        if opened.contains("**") {
             if cell.bus.strangers == Strangers::Read {
                 output::remark(&format!(
                     "warning: the cell that carries the router at {endpoint} opens it to strangers: they may command this cell, too"
                 ));
             }
-        } else if let Some(key) = self.opened.difference(&told).next() {
+        } else if let Some(key) = self.opened.difference(&opened).next() {
             bail!(
                 "{file}: bus.router_endpoint = {endpoint:?}: the router of the cell that runs there does not open {key} to \
                  strangers, as this cell needs: start this cell first, or choose another endpoint"
@@ -91,10 +91,10 @@ impl Routing {
         Ok(())
     }
 
-    /// Leaves word for cells that join.
-    fn tell(&self, endpoint: &str) -> anyhow::Result<()> {
+    /// Writes what the router opens, for cells that join it.
+    fn write_opened(&self, endpoint: &str) -> anyhow::Result<()> {
         match &self.socket {
-            Some(socket) => socket.tell(endpoint, &self.opened),
+            Some(socket) => socket.write_opened(endpoint, &self.opened),
             None => Ok(()),
         }
     }
@@ -127,7 +127,7 @@ impl Routing {
                 "no router answers at {endpoint} any more: this cell carries it now"
             ));
             self.own = Some(router);
-            if let Err(reason) = self.tell(endpoint) {
+            if let Err(reason) = self.write_opened(endpoint) {
                 output::remark(&format!("warning: {reason:#}"));
             }
         }

@@ -33,6 +33,9 @@ fn parts(description: &str) -> (String, String) {
 }
 
 /// The cell of a recording; `None` where it carries none.
+///
+/// # Errors
+/// An attachment that cannot be read, or a cell file that is not valid.
 pub fn cell(bag: &Bag) -> anyhow::Result<Option<Cell>> {
     let Some(text) = text(bag)? else {
         return Ok(None);
@@ -41,6 +44,9 @@ pub fn cell(bag: &Bag) -> anyhow::Result<Option<Cell>> {
 }
 
 /// Its texts: those of the first file that has some.
+///
+/// # Errors
+/// An attachment that cannot be read.
 pub fn text(bag: &Bag) -> anyhow::Result<Option<CellText>> {
     let mut text = CellText {
         name: format!("{} of {}", CELL_FILE, bag.path().display()),

@@ -1,5 +1,13 @@
 //! A measurement of a bag as the diagnosis takes it: the last one or a named one, with what it adds to, and with the model
-//! that the bag's cell declares. The command `diagnose` and the function of the same name in SQL both read by it.
+//! that the bag's cell declares.
+//!
+//! ```text
+//!  bag ──> bags::Session of the measurement ──┐
+//!      ──> that of the plan it supplements ───┼──> effects::Session, and what a person has to know of it
+//!      ──> cell file: declared effects ───────┘
+//! ```
+//!
+//! The command `diagnose` and `probecell-fleet` read by it, so that both answer alike.
 //!
 //! ```no_run
 //! use bags::Measurement;

@@ -36,7 +36,7 @@ pub enum NotApproved {
     #[error("the keys of the operators are not known yet")]
     NoKeys,
     /// The name is not on the list.
-    #[error("{0} is no operator of this cell: probecell key list shows who is")]
+    #[error("{0} is not an operator of this cell: probecell key list prints them")]
     Unknown(String),
     /// The key was withdrawn.
     #[error("the key of {0} was withdrawn")]
@@ -79,6 +79,9 @@ pub struct Trust {
 
 impl Trust {
     /// Whether a correction bears the approval, or the rejection, that it claims. `keys`: the operators' keys in force.
+    ///
+    /// # Errors
+    /// [`NotApproved`] says why.
     pub fn check(
         &self,
         keys: Option<&OperatorKeys>,
@@ -115,6 +118,9 @@ impl Trust {
 }
 
 /// Whether the operator in whose name an act is has signed it with a key in force.
+///
+/// # Errors
+/// [`NotApproved`] says why.
 pub fn check(keys: &OperatorKeys, act: &Act<'_>, signature: &[u8]) -> Result<(), NotApproved> {
     let by = || act.by.to_owned();
     if signature.is_empty() {
@@ -132,6 +138,9 @@ pub fn check(keys: &OperatorKeys, act: &Act<'_>, signature: &[u8]) -> Result<(),
 }
 
 /// Whether an approval that arrives at an instant (ns since 1970) was signed lately.
+///
+/// # Errors
+/// [`NotApproved`] says why.
 pub fn is_fresh(now: i64, correction: &Correction) -> Result<(), NotApproved> {
     let age = now - nanoseconds(correction.approved_at);
     let by = || correction.approved_by.clone();

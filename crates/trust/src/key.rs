@@ -11,7 +11,7 @@ pub enum KeyError {
     #[error("a key has 64 hexadecimal digits")]
     Digits,
     /// Not a point of the curve.
-    #[error("these digits are no ed25519 public key")]
+    #[error("these digits are not an ed25519 public key")]
     Point,
 }
 

@@ -7,6 +7,11 @@
 //! | [`approval`] | acts on corrections, and whether one entitles a correction to be written |
 //! | [`operators`] | the operators' keys in force, signed by the cell's key |
 //!
+//! ```text
+//!  correction ──> statement (bytes) ──> sign, with the key of an operator or of the cell ──> signature
+//!                     └──────────────> check: is the signer registered now, is the signature of these bytes, is it fresh?
+//! ```
+//!
 //! Everything here is a function of its arguments: no file, no clock, no randomness. The gate of `machine_state` verifies in
 //! its step, so that a replay verifies again. Where keys are kept is a matter of `cell::keys`.
 //!

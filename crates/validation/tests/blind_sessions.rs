@@ -158,7 +158,7 @@ fn unusable_sessions_are_refused_with_the_reason() {
             twin.axis_positions[0] += 0.001;
             bad.events.push(twin);
         },
-        "event 7 came twice",
+        "event 7 is recorded twice",
     );
 }
 

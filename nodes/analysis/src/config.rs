@@ -216,6 +216,9 @@ pub enum ConfigError {
 
 impl RawConfig {
     /// Checks the settings.
+    ///
+    /// # Errors
+    /// [`ConfigError`] names the key.
     pub fn check(&self, chain: Chain) -> Result<Config, ConfigError> {
         for (key, value) in [
             (

@@ -191,7 +191,7 @@ pub enum ConfigError {
     },
     /// Somebody could approve what is void.
     #[error(
-        "compensation.approval_limit_s = {limit} is longer than validity_s = {validity}: a correction is void by then"
+        "compensation.approval_limit_s = {limit} is longer than validity_s = {validity}: a correction has expired by then"
     )]
     ApprovalLimit {
         /// s; as written.
@@ -216,6 +216,9 @@ pub enum ConfigError {
 
 impl RawConfig {
     /// Checks the settings against the machine and the names of the cycle's passes, in their order.
+    ///
+    /// # Errors
+    /// [`ConfigError`] names the key.
     pub fn check(
         &self,
         chain: &Chain,

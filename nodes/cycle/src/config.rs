@@ -97,6 +97,9 @@ pub enum ConfigError {
 
 impl RawConfig {
     /// Checks the settings.
+    ///
+    /// # Errors
+    /// [`ConfigError`] names the key.
     pub fn check(&self) -> Result<Config, ConfigError> {
         if self.passes.is_empty() {
             return Err(ConfigError::NoPass);

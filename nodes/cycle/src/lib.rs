@@ -21,8 +21,41 @@
 //! it ends as MEASURED. A run that names the plan with whose measurement the last part ended resumes that part: the rest
 //! of the plan is measured and decided on together with the earlier touches. Nothing can be resumed after a cut or a
 //! correction.
+//!
+//! A part of one pass is requested, and the machine is asked to cut it:
+//!
+//! ```
+//! use cycle::{Config, CycleNode, Input, Output, Pass};
+//! use graph::{Node, Outbox, Stamp};
+//! use probecell_msgs::{OperationRequest, OperatorRequest, PartStatus};
+//!
+//! let pass = Pass {
+//!     name: "finish".to_owned(),
+//!     operations: vec!["face".to_owned()],
+//!     allowance_mm: 0.0,
+//!     for_record: false,
+//! };
+//! let config = Config {
+//!     passes: vec![pass],
+//!     decision_limit: 30.0,
+//!     operation_limit: 600.0,
+//!     correction_limit: 60.0,
+//!     answer_limit: 10.0,
+//! };
+//! let mut state = CycleNode::start(&config);
+//! let mut out = Outbox::default();
+//! let punch = OperatorRequest { subject: "punch".to_owned(), ..OperatorRequest::default() };
+//! for input in [Input::Supervised(PartStatus::default()), Input::Run(punch)] {
+//!     CycleNode::step(&config, &mut state, Stamp(0), input, &mut out);
+//! }
+//! let requests = out.messages().iter().filter_map(|output| match output {
+//!     Output::Request(request) => Some((request.kind, request.operation.as_str())),
+//!     _ => None,
+//! });
+//! assert_eq!(requests.collect::<Vec<_>>(), [(OperationRequest::CUT, "face")]);
+//! ```
 
-mod asking;
+mod requests;
 mod config;
 mod ending;
 mod ports;

@@ -4,7 +4,7 @@ use graph::{Outbox, Stamp};
 use probecell_msgs::{OperationRequest, OperatorRequest, PlanId};
 
 use crate::{
-    asking,
+    requests,
     ports::Output,
     state::{Run, Stage, State},
 };
@@ -123,5 +123,5 @@ pub(crate) fn measure(
         only_measure,
         ..OperationRequest::default()
     };
-    asking::request(state, now, run, asked, out)
+    requests::request(state, now, run, asked, out)
 }

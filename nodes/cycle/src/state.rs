@@ -45,7 +45,7 @@ pub struct Run {
     /// Begin of the stage.
     pub since: Stamp,
     /// What was requested last of the machine.
-    pub asked: Option<Asked>,
+    pub asked: Option<PendingRequest>,
     /// When the status was published last.
     pub told: Stamp,
     /// Index of the pass.
@@ -110,7 +110,7 @@ pub enum Stage {
 
 /// A request to the machine.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Asked {
+pub struct PendingRequest {
     /// The request, repeated as it is until it is taken.
     pub request: OperationRequest,
     /// It has been taken.

@@ -7,7 +7,7 @@ use probecell_msgs::{
 };
 
 use crate::{
-    asking,
+    requests,
     config::Config,
     ending::end,
     ports::{Input, Output},
@@ -40,11 +40,11 @@ impl Node for CycleNode {
         input: Input,
         out: &mut Outbox<Output>,
     ) {
-        let before = asking::stage(state);
+        let before = requests::stage(state);
         match input {
             // A restarted process must not take reports on the requests of its predecessor for its own.
             Input::Timer(START) => state.next_request = now.0.unsigned_abs(),
-            Input::Timer(_) => asking::tick(config, state, now, out),
+            Input::Timer(_) => requests::tick(config, state, now, out),
             Input::Run(request) => handle_run_request(config, state, now, &request, out),
             Input::Report(report) => handle_report(config, state, now, &report, out),
             Input::Decision(decision) => handle_decision(config, state, now, &decision, out),
@@ -56,12 +56,12 @@ impl Node for CycleNode {
                 handle_supervised(state, now, &status, out);
                 if first {
                     // Only now a part can be asked for.
-                    asking::publish(config, state, now, out);
+                    requests::publish(config, state, now, out);
                 }
             }
             Input::Stop(request) => {
                 let text = format!("stopped by {}", request.operator_name);
-                asking::stop(state, now, &text, out);
+                requests::stop(state, now, &text, out);
             }
             Input::MachineFault(fault)
             | Input::ProbeFault(fault)
@@ -69,10 +69,10 @@ impl Node for CycleNode {
             | Input::AnalysisFault(fault)
             | Input::LauncherFault(fault) => handle_fault(state, now, &fault, out),
         }
-        if asking::stage(state) != before {
-            asking::publish(config, state, now, out);
+        if requests::stage(state) != before {
+            requests::publish(config, state, now, out);
         }
-        asking::wake(state, now, out);
+        requests::wake(state, now, out);
     }
 }
 
@@ -80,7 +80,7 @@ impl Node for CycleNode {
 fn handle_fault(state: &mut State, now: Stamp, fault: &Fault, out: &mut Outbox<Output>) {
     if fault.severity == Fault::ERROR {
         let text = format!("{}: {}: {}", fault.node, fault.code, fault.text);
-        asking::stop(state, now, &text, out);
+        requests::stop(state, now, &text, out);
     }
     if invalidates_measurements(fault) {
         state.last = None;
@@ -179,7 +179,7 @@ fn cut(config: &Config, state: &mut State, now: Stamp, index: usize, out: &mut O
             pass_number: run.pass,
             ..OperationRequest::default()
         };
-        let request_id = asking::request(state, now, &mut run, asked, out);
+        let request_id = requests::request(state, now, &mut run, asked, out);
         run.stage = Stage::Cutting { index, request_id };
     } else {
         run.cuts += u32::from(!pass.operations.is_empty());
@@ -204,7 +204,7 @@ fn handle_report(
     out: &mut Outbox<Output>,
 ) {
     let Some(run) = &mut state.run else { return };
-    if !asking::hear(run, now, report) {
+    if !requests::take_report(run, now, report) {
         return;
     }
     if let Some(Stopping {
@@ -251,7 +251,7 @@ fn handle_report(
             // Nothing was begun.
             end(state, now, PartReport::STOPPED, &text, out);
         } else {
-            asking::stop(state, now, &text, out);
+            requests::stop(state, now, &text, out);
         }
         return;
     }
@@ -331,7 +331,7 @@ fn handle_decision(
 /// none is begun any more.
 fn revoke(state: &mut State, now: Stamp, decision: &PassDecision, out: &mut Outbox<Output>) {
     let run_id = PlanId::from(&decision.plan_id).run();
-    asking::stop(state, now, &decision.text, out);
+    requests::stop(state, now, &decision.text, out);
     if let Some(stopping) = state.run.as_mut().and_then(|run| run.stopping.as_mut()) {
         stopping.void = true;
     }

@@ -67,6 +67,9 @@ pub enum ConfigError {
 
 impl RawConfig {
     /// Checks the settings; `vocabulary` holds the effects of this machine, `declared` those that its model has already.
+    ///
+    /// # Errors
+    /// [`ConfigError`] names the key.
     pub fn check(
         &self,
         vocabulary: &[String],

@@ -98,6 +98,9 @@ pub struct ConfigError {
 
 impl RawConfig {
     /// Checks the settings.
+    ///
+    /// # Errors
+    /// [`ConfigError`] names the key.
     pub fn check(
         &self,
         robot_description: String,

@@ -23,6 +23,33 @@
 //! a part that is not being made. The first command to a session is STOP. A request is taken once; without a recording none is. A driver that does
 //! not answer a correction in time has failed it, and an operation has failed when the controller stays idle without a
 //! report. A volumetric table is written as a whole, and applied only when every entry is read back.
+//!
+//! A driver comes up while nobody has asked for anything: its machine is stopped.
+//!
+//! ```
+//! use graph::{Node, Outbox, START, Stamp};
+//! use machine_state::{Input, MachineStateNode, Output, RawConfig};
+//! use probecell_msgs::{ControllerCommand, ControllerStatus};
+//!
+//! let config = RawConfig::default().check("<robot/>".to_owned(), "mill", false)?;
+//! let mut state = MachineStateNode::start(&config);
+//! let mut out = Outbox::default();
+//! let sample = ControllerStatus {
+//!     session: "run 1".to_owned(),
+//!     axis_names: vec!["X".to_owned()],
+//!     axis_positions: vec![0.25],
+//!     ..ControllerStatus::default()
+//! };
+//! for input in [Input::Timer(START), Input::Status(sample)] {
+//!     MachineStateNode::step(&config, &mut state, Stamp(0), input, &mut out);
+//! }
+//! let commands = out.messages().iter().filter_map(|output| match output {
+//!     Output::Command(command) => Some((command.session.as_str(), command.kind)),
+//!     _ => None,
+//! });
+//! assert_eq!(commands.collect::<Vec<_>>(), [("run 1", ControllerCommand::STOP)]);
+//! # Ok::<(), machine_state::ConfigError>(())
+//! ```
 
 mod command;
 mod config;

@@ -93,7 +93,7 @@ pub(crate) fn watch(config: &Config, state: &mut State, now: Stamp, out: &mut Ou
         && !part.abandoned
         && now.since_s(part.at) > config.part_limit
     {
-        let text = format!("cycle has said nothing of it for {} s", config.part_limit);
+        let text = format!("cycle has not reported on it for {} s", config.part_limit);
         abandon(config, state, now, &text, out);
     }
 }
@@ -134,7 +134,7 @@ pub(crate) fn check(
     }
     if now.since_s(part.at) > config.part_limit {
         let text = format!(
-            "cycle has said nothing of the part for {} s",
+            "cycle has not reported on the part for {} s",
             config.part_limit
         );
         return refuse(Ack::REFUSED_STALE, text);

@@ -104,7 +104,7 @@ fn take_over(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Ou
         known.filter(|status| at_work.contains(&status.execution) && !status.program.is_empty())
     {
         let text = format!(
-            "the machine was executing {:?} and is told to stop: nobody has supervised it",
+            "the machine was executing {:?} and is commanded to stop: nobody has supervised it",
             status.program
         );
         raise(state, now, MachineFault::UnsupervisedMotion, &text, out);

@@ -95,6 +95,9 @@ pub enum ConfigError {
 
 impl RawConfig {
     /// Checks the settings against the machine and the part.
+    ///
+    /// # Errors
+    /// [`ConfigError`] names the key.
     pub fn check(
         &self,
         chain: Chain,

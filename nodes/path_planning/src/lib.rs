@@ -29,6 +29,61 @@
 //! again under its name is resumed with its remaining points ([`resume`]): the plan stands, only an order is published.
 //!
 //! Lengths in m, angles in rad, times in s; contacts and normals in the part frame, targets as joint positions.
+//!
+//! A shaft touched at four heights, listed in no good order. A preview is requested, and made in slices:
+//!
+//! ```
+//! use graph::{Node, Outbox, Stamp};
+//! use machine::Chain;
+//! use path_planning::{Input, Output, PathPlanningNode, RawConfig, part::RawPart};
+//! use probecell_msgs::OperatorRequest;
+//!
+//! let robot = r#"<robot name="xyzc"><link name="foundation"/><link name="workpiece"/><link name="probe_mount"/>
+//! <link name="a"/><link name="b"/>
+//! <joint name="C" type="revolute"><parent link="foundation"/><child link="workpiece"/><axis xyz="0 0 1"/>
+//! <limit lower="-7" upper="7" effort="0" velocity="1"/></joint>
+//! <joint name="X" type="prismatic"><parent link="foundation"/><child link="a"/><axis xyz="1 0 0"/>
+//! <limit lower="-0.1" upper="0.1" effort="0" velocity="0.1"/></joint>
+//! <joint name="Y" type="prismatic"><parent link="a"/><child link="b"/><axis xyz="0 1 0"/>
+//! <limit lower="-0.1" upper="0.1" effort="0" velocity="0.1"/></joint>
+//! <joint name="Z" type="prismatic"><parent link="b"/><child link="probe_mount"/><axis xyz="0 0 1"/>
+//! <limit lower="-0.1" upper="0.1" effort="0" velocity="0.1"/></joint></robot>"#;
+//! let part: RawPart = toml::from_str(
+//!     r#"
+//!     id = "shaft"
+//!     indexing_axis = "C"
+//!     facing = [1.0, 0.0, 0.0]
+//!     approach_mm = 1.0
+//!     retract_mm = 1.0
+//!     feed_mm_per_min = 300.0
+//!     stylus = { id = "s", ball_center_mm = [0.0, 0.0, 0.0], ball_radius_mm = 2.0 }
+//!     [[features]]
+//!     id = "D"
+//!     kind = "cylinder"
+//!     axis = [0.0, 0.0, 1.0]
+//!     radius_mm = 10.0
+//!     tolerance_um = [-10.0, 10.0]
+//!     touch_angles_deg = [0.0]
+//!     touch_heights_mm = [40.0, 0.0, 30.0, 10.0]
+//!     "#,
+//! )?;
+//! let config = RawConfig::default().check(Chain::from_urdf(robot)?, &part, vec![0.0])?;
+//! let mut state = PathPlanningNode::start(&config);
+//! let mut out = Outbox::default();
+//! PathPlanningNode::step(&config, &mut state, Stamp(0), Input::Plan(OperatorRequest::default()), &mut out);
+//! let order = loop {
+//!     if let Some(order) = out.messages().iter().find_map(|output| match output {
+//!         Output::Order(order) => Some(order.order.clone()),
+//!         _ => None,
+//!     }) {
+//!         break order;
+//!     }
+//!     let (at, timer) = *out.timers().last().expect("the next slice");
+//!     PathPlanningNode::step(&config, &mut state, at, Input::Timer(timer), &mut out);
+//! };
+//! assert!([[0, 2, 3, 1], [1, 3, 2, 0]].contains(&order[..].try_into()?), "{order:?}");
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod attitudes;
 mod candidates;

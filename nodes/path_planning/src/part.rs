@@ -36,6 +36,9 @@ pub struct Part {
 
 impl RawPart {
     /// Checks the part against the machine.
+    ///
+    /// # Errors
+    /// [`PartError`] names the feature or key.
     pub fn check(&self, chain: &Chain) -> Result<Part, PartError> {
         for (key, value) in [
             ("approach_mm", self.approach_mm),

@@ -7,7 +7,7 @@ use probecell_msgs::InspectionPlan;
 
 use crate::{
     joint::{Joint, JointError},
-    points::{Cut, Place, places, points_of},
+    points::{Cut, SurfacePoint, points_of, positions_by_feature},
     probe,
     raw::{HomePosition, RawConfig},
     tool::Runout,
@@ -45,7 +45,7 @@ pub struct Config {
     /// m; deviation that the process leaves at each point of a feature, or that an uncut feature was delivered with.
     pub surfaces: BTreeMap<String, Vec<f64>>,
     /// Points of each feature in the plan of the part: position (m) and outward normal, part frame.
-    pub places: BTreeMap<String, Vec<Place>>,
+    pub places: BTreeMap<String, Vec<SurfacePoint>>,
     /// As written, lengths still in the units of their names.
     pub raw: RawConfig,
 }
@@ -112,6 +112,9 @@ pub enum ConfigError {
 
 impl RawConfig {
     /// Checks the settings against the machine and the plan of the finished part.
+    ///
+    /// # Errors
+    /// [`ConfigError`] names the key.
     pub fn check(&self, chain: Chain, plan: &InspectionPlan) -> Result<Config, ConfigError> {
         let mut home: Vec<f64> = (0..chain.axes().len())
             .map(|index| {
@@ -159,7 +162,7 @@ impl RawConfig {
                 .collect(),
             cuts: BTreeMap::new(),
             surfaces: self.surfaces(plan)?,
-            places: places(plan),
+            places: positions_by_feature(plan),
             chain,
             home,
             center_error,

@@ -19,6 +19,49 @@
 //! offsets and a volumetric table, reports them and accepts new ones; with the table it corrects the axes, while it reports
 //! positions of the programme. Every run begins with the offsets of the cell file. All randomness comes from a seed, and
 //! time is an argument of `step`. A cut of another run than before begins with a new bar; a program ends when the gate is silent.
+//!
+//! A machine of one axis starts, and reports where it stands:
+//!
+//! ```
+//! use graph::{Node, Outbox, START, Stamp};
+//! use machine::Chain;
+//! use probecell_msgs::{InspectionPlan, Stylus};
+//! use simulator::{Input, Output, RawConfig, SimulatorNode};
+//!
+//! let robot = r#"<robot name="one_axis">
+//!   <link name="foundation"/><link name="workpiece"/><link name="probe_mount"/>
+//!   <joint name="W" type="fixed"><parent link="foundation"/><child link="workpiece"/></joint>
+//!   <joint name="Z" type="prismatic"><parent link="foundation"/><child link="probe_mount"/>
+//!     <axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="0" velocity="1"/></joint>
+//! </robot>"#;
+//! let raw: RawConfig = toml::from_str(
+//!     r#"
+//!     seed = 1
+//!     home = { Z = { position_mm = 100.0 } }
+//!     probe = { center_error_um = [0.0, 0.0, 0.0], radius_error_um = 0.0, touch_sd_um = 1.0 }
+//!     plant = { spring_back = 0.0, cut_sd_um = 0.0 }
+//!     tools = [{ number = 2, error_um = 15.0 }]
+//!     sizes = [{ id = "D", features = ["D"], nominal_mm = 20.0, stock_mm = 21.0 }]
+//!     operations = [{ id = "turn", tool_number = 2, sizes = ["D"], duration_s = 2.0, spindle_rpm = 60.0 }]
+//!     "#,
+//! )?;
+//! let plan = InspectionPlan {
+//!     stylus: Stylus { ball_radius: 2e-3, ..Stylus::default() },
+//!     ..InspectionPlan::default()
+//! };
+//! let config = raw.check(Chain::from_urdf(robot)?, &plan)?;
+//! let mut state = SimulatorNode::start(&config);
+//! let mut out = Outbox::default();
+//! for timer in [START, 1] {
+//!     SimulatorNode::step(&config, &mut state, Stamp(0), Input::Timer(timer), &mut out);
+//! }
+//! let sample = out.messages().iter().find_map(|output| match output {
+//!     Output::Status(sample) => Some(sample),
+//!     _ => None,
+//! });
+//! assert_eq!(sample.map(|sample| sample.axis_positions.clone()), Some(vec![0.1])); // m
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod config;
 mod controller;

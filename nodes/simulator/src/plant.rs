@@ -13,7 +13,7 @@ use probecell_msgs::{
 use rand::Rng;
 use rand_distr::StandardNormal;
 
-use crate::{config::Config, points::Place, raw::RawSize, state::State};
+use crate::{config::Config, points::SurfacePoint, raw::RawSize, state::State};
 
 /// Touches within this distance of each other, across the normal, are of the same point, m.
 const SAME_POINT: f64 = 1e-6;
@@ -129,14 +129,14 @@ pub(crate) fn excess(config: &Config, state: &State, plan: &InspectionPlan, poin
     let given = known.or_else(|| config.surfaces.get(&feature.id));
     let deviation = given
         .zip(config.places.get(&feature.id))
-        .map_or(0.0, |(values, places)| at_place(places, values, nominal));
+        .map_or(0.0, |(values, places)| shepard_interpolation(places, values, nominal));
     deviation + by_size(config, state, feature, nominal.position.z)
 }
 
 /// Interpolates values that are given at the points of the part's plan: at such a point its value, elsewhere their mean
 /// weighted by the inverse square of the distance (Shepard 1968). Distances are across the normal, since a pass leaves an
 /// allowance along it; points that face away do not count.
-fn at_place(places: &[Place], values: &[f64], point: &InspectionPoint) -> f64 {
+fn shepard_interpolation(places: &[SurfacePoint], values: &[f64], point: &InspectionPoint) -> f64 {
     let at = Point3::new(point.position.x, point.position.y, point.position.z);
     let normal = Vector3::new(point.normal.x, point.normal.y, point.normal.z);
     let (mut sum, mut weights) = (0.0, 0.0);

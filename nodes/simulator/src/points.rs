@@ -7,11 +7,11 @@ use nalgebra::{Point3, Vector3};
 use probecell_msgs::InspectionPlan;
 
 /// Position (m) and outward normal of a touch, part frame.
-pub(crate) type Place = (Point3<f64>, Vector3<f64>);
+pub(crate) type SurfacePoint = (Point3<f64>, Vector3<f64>);
 
 /// Position and normal of every point, by feature, in the order of the plan.
-pub(crate) fn places(plan: &InspectionPlan) -> BTreeMap<String, Vec<Place>> {
-    let mut places: BTreeMap<String, Vec<Place>> = BTreeMap::new();
+pub(crate) fn positions_by_feature(plan: &InspectionPlan) -> BTreeMap<String, Vec<SurfacePoint>> {
+    let mut places: BTreeMap<String, Vec<SurfacePoint>> = BTreeMap::new();
     for point in &plan.points {
         if let Some(feature) = plan.features.get(point.feature as usize) {
             let (at, out) = (&point.position, &point.normal);
@@ -48,7 +48,7 @@ pub struct Cut {
 /// One point of it.
 #[derive(Clone, Debug)]
 pub(crate) struct CutPoint {
-    pub(crate) place: Place,
+    pub(crate) place: SurfacePoint,
     /// Programme positions of the axes, m and rad.
     pub(crate) positions: Vec<f64>,
     /// m; increase of the effective tool radius by run-out.

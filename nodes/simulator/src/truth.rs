@@ -135,6 +135,9 @@ pub enum TruthError {
 
 impl Truth {
     /// Checks a volumetric table against the machine: each entry stands there once.
+    ///
+    /// # Errors
+    /// [`TruthError`] names the entry.
     pub fn table(raw: &[RawError], chain: &Chain) -> Result<Self, TruthError> {
         for (index, entry) in raw.iter().enumerate() {
             if raw[..index].iter().any(|known| known.name == entry.name) {
@@ -145,6 +148,9 @@ impl Truth {
     }
 
     /// Checks errors against the machine.
+    ///
+    /// # Errors
+    /// [`TruthError`] names the entry.
     pub fn new(raw: &[RawError], chain: &Chain) -> Result<Self, TruthError> {
         let terms = raw.iter().map(|raw| Term::new(raw, chain));
         Ok(Self {
@@ -184,6 +190,9 @@ impl Truth {
     }
 
     /// Axis positions to which a controller with these errors in its volumetric table corrects `positions`.
+    ///
+    /// # Errors
+    /// Positions that the machine does not have.
     pub fn corrected(
         &self,
         chain: &Chain,

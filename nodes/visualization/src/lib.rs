@@ -24,6 +24,22 @@
 //! of each feature; `characteristics`: verdicts on what is made of several. Green is a deviation within its expanded uncertainty (k = 2), orange material in excess, blue material
 //! missing. The whole set is published again with a plan, and at most a hundred points per second while touches come, so that
 //! a viewer that joins late sees all of it.
+//!
+//! The links of a machine that do not move are frames from the start:
+//!
+//! ```
+//! use graph::{Node, Outbox, START, Stamp};
+//! use machine::models::XFYZBA;
+//! use visualization::{Input, Output, RawConfig, VisualizationNode};
+//!
+//! let config = RawConfig::default().check(XFYZBA)?;
+//! let mut state = VisualizationNode::start(&config);
+//! let mut out = Outbox::default();
+//! VisualizationNode::step(&config, &mut state, Stamp(0), Input::Timer(START), &mut out);
+//! let [Output::Fixed(frames)] = out.messages() else { panic!("frames that do not move") };
+//! assert!(frames.transforms.iter().all(|frame| !frame.child_frame_id.contains('/')));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod config;
 mod markers;

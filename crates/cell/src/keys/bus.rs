@@ -52,6 +52,9 @@ impl KeyFolder {
     }
 
     /// Makes new passwords for every user of the cell's bus; from its next start on the cell uses them.
+    ///
+    /// # Errors
+    /// A cell on DDS, one with a policy of its own, or files that cannot be written.
     pub fn secure(&self, cell: &Cell) -> Result<BusUsers, SecureError> {
         check(cell)?;
         let mut passwords = BTreeMap::new();
@@ -68,6 +71,9 @@ impl KeyFolder {
     }
 
     /// The users of a secured cell; none where `probecell secure` was not given.
+    ///
+    /// # Errors
+    /// Files that cannot be read, or that others can read.
     pub fn bus_users(&self, cell: &Cell) -> Result<Option<BusUsers>, SecureError> {
         let path = self.users_file();
         let text = match read_private_text(&path) {
@@ -85,6 +91,9 @@ impl KeyFolder {
     }
 
     /// Takes the security of the bus back. True where there was any.
+    ///
+    /// # Errors
+    /// Files that cannot be removed.
     pub fn open_bus(&self) -> Result<bool, KeyError> {
         let path = self.users_file();
         match fs::remove_file(&path) {
@@ -141,6 +150,9 @@ impl BusUsers {
     }
 
     /// Settings of the router, laid over those of the cell file.
+    ///
+    /// # Errors
+    /// [`CellError`] of the cell file.
     pub fn router(&self, cell: &Cell) -> Result<Table, CellError> {
         let mut usrpwd = Table::new();
         let path = self.path.display().to_string();

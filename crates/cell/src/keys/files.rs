@@ -28,7 +28,7 @@ static WRITTEN: AtomicU64 = AtomicU64::new(0);
 pub enum KeyError {
     /// The user has no folder.
     #[error(
-        "keys have no place: neither HOME nor XDG_CONFIG_HOME is set; name a folder by [approvals] key_folder"
+        "there is no folder for keys: neither HOME nor XDG_CONFIG_HOME is set; name one by [approvals] key_folder"
     )]
     NoHome,
     /// A file cannot be read or written.
@@ -50,7 +50,7 @@ pub enum KeyError {
         path: PathBuf,
     },
     /// The file holds something else.
-    #[error("{path} holds no key: {source}")]
+    #[error("{path} does not hold a key: {source}")]
     NotAKey {
         /// The file.
         path: PathBuf,
@@ -73,7 +73,7 @@ pub enum KeyError {
     },
     /// A name that is no file name.
     #[error(
-        "{0:?} is no name of an operator: up to 64 letters, digits, dots, dashes and underscores, no dot first"
+        "{0:?} is not a valid name of an operator: up to 64 letters, digits, dots, dashes and underscores, no dot first"
     )]
     Name(String),
     /// The list of operators is wrong.
@@ -92,6 +92,9 @@ pub struct KeyFolder(PathBuf);
 
 impl KeyFolder {
     /// That of a cell, which need not exist yet.
+    ///
+    /// # Errors
+    /// No home folder, and none named in the cell file.
     pub fn of(cell: &Cell) -> Result<Self, KeyError> {
         if let Some(folder) = &cell.approvals.key_folder {
             return Ok(Self(folder.clone()));
@@ -105,6 +108,9 @@ impl KeyFolder {
     }
 
     /// The private key of the cell, made if there is none.
+    ///
+    /// # Errors
+    /// A key that others can read, that is none, or that cannot be made.
     pub fn private(&self) -> Result<SecretKey, KeyError> {
         let path = self.0.join("cell.key");
         if !path.exists() {
@@ -126,6 +132,9 @@ impl KeyFolder {
     }
 
     /// The public key of the cell; its keys are made if there are none.
+    ///
+    /// # Errors
+    /// As of [`Self::private`].
     pub fn public(&self) -> Result<PublicKey, KeyError> {
         let path = self.0.join("cell.pub");
         match fs::read_to_string(&path) {
@@ -136,6 +145,9 @@ impl KeyFolder {
     }
 
     /// The operators of the cell.
+    ///
+    /// # Errors
+    /// A file that cannot be read, or that holds no keys.
     pub fn operators(&self) -> Result<Operators, KeyError> {
         let path = self.0.join("operators.toml");
         match fs::read_to_string(&path) {
@@ -148,12 +160,18 @@ impl KeyFolder {
     }
 
     /// Registers the key of an operator, whose earlier keys stay as they are.
+    ///
+    /// # Errors
+    /// A name that is not valid, a key that is registered already, or a file that cannot be written.
     pub fn register(&self, name: &str, key: PublicKey) -> Result<(), KeyError> {
         checked(name)?;
         self.change(|operators| operators.register(name, key))
     }
 
     /// Withdraws every key of an operator.
+    ///
+    /// # Errors
+    /// No key of that name, or a file that cannot be written.
     pub fn withdraw(&self, name: &str) -> Result<(), KeyError> {
         self.change(|operators| operators.withdraw(name))
     }
@@ -174,6 +192,9 @@ impl KeyFolder {
 }
 
 /// The private key of an operator who works as this user.
+///
+/// # Errors
+/// No key of that name, or one that others can read.
 pub fn operator_key(name: &str) -> Result<SecretKey, KeyError> {
     let path = operator_file(name)?;
     if !path.exists() {
@@ -184,6 +205,9 @@ pub fn operator_key(name: &str) -> Result<SecretKey, KeyError> {
 }
 
 /// Makes the private key of an operator; gives its file, too.
+///
+/// # Errors
+/// A key of that name that exists already, or a file that cannot be written.
 pub fn new_operator_key(name: &str) -> Result<(SecretKey, PathBuf), KeyError> {
     let path = operator_file(name)?;
     let key = new_key(&path)?;

@@ -11,7 +11,7 @@ pub enum OperatorsError {
     #[error("{0}")]
     Syntax(#[from] toml::de::Error),
     /// An entry without a key.
-    #[error("the key of {name:?} is none: {source}")]
+    #[error("the key of {name:?} is invalid: {source}")]
     NotAKey {
         /// Of the operator.
         name: String,
@@ -19,7 +19,7 @@ pub enum OperatorsError {
         source: NotAKey,
     },
     /// Nobody of that name has a key in force.
-    #[error("{0:?} has no key that could be withdrawn")]
+    #[error("no key of {0:?} is registered")]
     Unknown(String),
     /// Somebody has this key.
     #[error("this key is registered for {0:?} already")]

@@ -31,6 +31,9 @@ const ARGUMENTS: [(Letter, u32); 6] = [
 
 /// Writes the measuring program O0390 and its protected move O0410. `axes` are in the order of the controller's axis
 /// numbers; moves between touches are made at `travel_feed` (m/s) at most.
+///
+/// # Errors
+/// [`ProgramError`] names the move that the controller cannot make.
 pub fn measuring_program(
     plan: &InspectionPlan,
     order: &MeasurementOrder,

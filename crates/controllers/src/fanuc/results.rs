@@ -68,6 +68,9 @@ pub struct PrintedTouch {
 
 /// Reads printed lines: `AXES X Y …`, then `TOUCH n p …` and `MISS n p …` with a position for each axis. Blank lines are
 /// passed over; each new `AXES` must name the same.
+///
+/// # Errors
+/// Line and column of what is not of the format.
 pub fn printed_touches(text: &str) -> Result<Printed, ParseError> {
     let mut printed = Printed::default();
     for (line, content) in lines(text) {

@@ -45,6 +45,9 @@ impl Inspected {
 }
 
 /// Reads an inspection printout: `COMPONENT NO`, `SIZE`, `POSN`, `OUT OF TOL`.
+///
+/// # Errors
+/// Line and column of what is not of the format.
 pub fn inspection_printout(text: &str) -> Result<Vec<Inspected>, ParseError> {
     let mut results: Vec<Inspected> = Vec::new();
     let mut current = None;

@@ -39,6 +39,9 @@ pub struct SurfaceFile {
 
 /// Reads a surface-result file: an envelope `START … END` with named lines and `G330`, `G331` in any order, and for each
 /// point `G800` (nominal), `G801` (centre of the ball) and `G802` (deviation).
+///
+/// # Errors
+/// Line and column of what is not of the format.
 pub fn surface_results(text: &str) -> Result<SurfaceFile, ParseError> {
     let mut file = SurfaceFile::default();
     let (mut begun, mut ended) = (false, false);

@@ -125,6 +125,9 @@ pub struct Client {
 
 impl Client {
     /// Connects, opens the session and takes control.
+    ///
+    /// # Errors
+    /// Nobody answers at the address, or the remote shell refuses the session.
     pub fn connect(address: &Address) -> Result<Self, ClientError> {
         let failed = |source| ClientError::Connect {
             host: address.host.clone(),
@@ -173,6 +176,9 @@ impl Client {
     }
 
     /// Tells the controller something; comes back when it was received, which takes up to 0.1 s.
+    ///
+    /// # Errors
+    /// The connection has ended, or the controller refuses.
     pub fn set(&mut self, set: &Set) -> Result<(), ClientError> {
         let line = set.encode()?;
         let shown = if matches!(set, Set::Enable(_)) {
@@ -206,6 +212,9 @@ impl Client {
     ///
     /// One request waits for the answer to the one before: the server delays small packets, so requests sent together
     /// are answered 40 ms later, requests sent in turn within 1 ms.
+    ///
+    /// # Errors
+    /// The connection has ended, or an answer is not of the protocol.
     pub fn sample(&mut self) -> Result<Sample, ClientError> {
         let begun = Instant::now();
         let joints = self.get(Get::JointPositions, protocol::positions)?;
@@ -240,6 +249,9 @@ impl Client {
     }
 
     /// Which of joints 0 to 5 are homed.
+    ///
+    /// # Errors
+    /// The connection has ended, or an answer is not of the protocol.
     pub fn homed(&mut self) -> Result<[bool; 6], ClientError> {
         self.get(Get::JointHomed, protocol::homed)
     }
@@ -248,6 +260,9 @@ impl Client {
     ///
     /// The queue behind it also holds operator messages. Only errors are read here: to read both in turn would let the
     /// server overwrite one by the next, which is why results come by a log file and never by a message.
+    ///
+    /// # Errors
+    /// The connection has ended, or an answer is not of the protocol.
     pub fn take_error(&mut self) -> Result<Option<String>, ClientError> {
         self.get(Get::Error, |words| Ok(protocol::text(words)))
     }

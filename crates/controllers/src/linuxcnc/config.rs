@@ -185,6 +185,9 @@ pub struct ConfigError {
 
 impl RawConfig {
     /// Checks the settings.
+    ///
+    /// # Errors
+    /// [`ConfigError`] names the key.
     pub fn check(self) -> Result<Config, ConfigError> {
         let reply_timeout = positive("reply_timeout_s", self.reply_timeout_s)?;
         let axes = check_axes(&self.axes)?;

@@ -58,6 +58,9 @@ pub enum Fate {
 }
 
 /// Reads one line of a log of a machine with `axes` axes.
+///
+/// # Errors
+/// Column of what is not of the format.
 pub fn parse(line: u64, text: &str, axes: usize) -> Result<Entry, ParseError> {
     let mut words = Words::new(line, text);
     let kind = words.take(
@@ -112,6 +115,9 @@ pub fn parse(line: u64, text: &str, axes: usize) -> Result<Entry, ParseError> {
 }
 
 /// Reads a whole log. The first touch tells how many axes there are.
+///
+/// # Errors
+/// Line and column of what is not of the format.
 pub fn read_log(text: &str) -> Result<Vec<Entry>, ParseError> {
     let mut entries = Vec::new();
     let mut axes = None;
@@ -166,7 +172,10 @@ impl Follower {
     }
 
     /// What was written since the last look.
-    pub fn look(&mut self) -> Result<Vec<Entry>, LogError> {
+    ///
+    /// # Errors
+    /// The file cannot be read, or a line is not of the format.
+    pub fn read_new(&mut self) -> Result<Vec<Entry>, LogError> {
         let failed = |source| LogError::File {
             source,
             path: self.path.clone(),

@@ -160,6 +160,9 @@ impl Set {
     }
 
     /// The request's line, without its end.
+    ///
+    /// # Errors
+    /// A text with a control character, or longer than the remote shell takes.
     pub fn encode(&self) -> Result<String, RequestError> {
         let subject = self.subject().to_ascii_lowercase();
         check(match self {
@@ -180,6 +183,9 @@ impl Set {
 }
 
 /// The request that opens a session: password, and name of the client.
+///
+/// # Errors
+/// A text with a control character, or longer than the remote shell takes.
 pub fn hello(password: &str, client: &str) -> Result<String, RequestError> {
     check(format!("hello {password} {client} 1.0"))
 }
@@ -216,6 +222,9 @@ pub enum Reply {
 }
 
 /// Reads one line of the server; `line` is its number.
+///
+/// # Errors
+/// Column of what is not of the protocol.
 pub fn parse(line: u64, text: &str) -> Result<Reply, ParseError> {
     let mut words = Words::new(line, text);
     let first = words.take("a reply", |word| {
@@ -266,6 +275,9 @@ fn verdict(word: &str) -> Option<bool> {
 }
 
 /// Reads the answer to `get`: the words after its subject, which was checked.
+///
+/// # Errors
+/// Column of what is not the answer to `get`.
 pub fn value(get: Get, line: u64, text: &str) -> Result<Words<'_>, ParseError> {
     let mut words = Words::new(line, text);
     words.keyword(get.subject())?;
@@ -273,6 +285,9 @@ pub fn value(get: Get, line: u64, text: &str) -> Result<Words<'_>, ParseError> {
 }
 
 /// Six positions, as `joint_pos` (joints 0 to 5) and `abs_cmd_pos` (X Y Z A B C) give them; mm and degrees.
+///
+/// # Errors
+/// Column of what is not a number.
 pub fn positions(mut words: Words) -> Result<[f64; 6], ParseError> {
     let mut positions = [0.0; 6];
     for position in &mut positions {
@@ -283,6 +298,9 @@ pub fn positions(mut words: Words) -> Result<[f64; 6], ParseError> {
 }
 
 /// `ON` or `OFF`.
+///
+/// # Errors
+/// Column of what is neither.
 pub fn on_or_off(words: Words) -> Result<bool, ParseError> {
     one(words, "ON or OFF", |word| match word {
         "ON" => Some(true),
@@ -292,6 +310,9 @@ pub fn on_or_off(words: Words) -> Result<bool, ParseError> {
 }
 
 /// Mode of the controller.
+///
+/// # Errors
+/// Column of what is no mode.
 pub fn mode(words: Words) -> Result<Mode, ParseError> {
     one(words, "MANUAL, MDI or AUTO", |word| match word {
         "MANUAL" => Some(Mode::Manual),
@@ -302,6 +323,9 @@ pub fn mode(words: Words) -> Result<Mode, ParseError> {
 }
 
 /// State of the interpreter.
+///
+/// # Errors
+/// Column of what is no state.
 pub fn interpreter(words: Words) -> Result<Interpreter, ParseError> {
     one(words, "IDLE, RUNNING or PAUSED", |word| match word {
         "IDLE" => Some(Interpreter::Idle),
@@ -312,6 +336,9 @@ pub fn interpreter(words: Words) -> Result<Interpreter, ParseError> {
 }
 
 /// A number that counts something: line, tool, per cent, level.
+///
+/// # Errors
+/// Column of what is no number.
 pub fn count(mut words: Words) -> Result<u32, ParseError> {
     let count = words.count()?;
     words.end()?;
@@ -319,6 +346,9 @@ pub fn count(mut words: Words) -> Result<u32, ParseError> {
 }
 
 /// Sign of the spindle's rotation. Newer servers repeat the spindle's number before the word.
+///
+/// # Errors
+/// Column of what is no direction.
 pub fn spindle_direction(mut words: Words) -> Result<f64, ParseError> {
     let mut with_number = words.clone();
     if with_number.count().is_ok() {
@@ -334,6 +364,9 @@ pub fn spindle_direction(mut words: Words) -> Result<f64, ParseError> {
 }
 
 /// Programmed spindle speed in revolutions per minute, from the list of active codes.
+///
+/// # Errors
+/// Column of what is no number.
 pub fn programmed_speed(mut words: Words) -> Result<f64, ParseError> {
     let mut speed = 0.0;
     while let Some(word) = words.clone().next_word() {
@@ -348,6 +381,9 @@ pub fn programmed_speed(mut words: Words) -> Result<f64, ParseError> {
 }
 
 /// Whether each of the first six joints is homed.
+///
+/// # Errors
+/// Column of what is neither.
 pub fn homed(mut words: Words) -> Result<[bool; 6], ParseError> {
     let mut homed = [false; 6];
     for joint in &mut homed {

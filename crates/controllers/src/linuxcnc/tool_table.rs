@@ -15,6 +15,9 @@ pub struct Tool {
 }
 
 /// Reads the table.
+///
+/// # Errors
+/// Line and column of what is not of the format.
 pub fn parse(text: &str) -> Result<Vec<Tool>, ParseError> {
     let mut tools = Vec::new();
     for (index, line) in text.lines().enumerate() {

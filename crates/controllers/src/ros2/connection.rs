@@ -17,14 +17,14 @@ use self::stopping::Stopping;
 use super::{
     action::{ANSWER_LIMIT, Action, header},
     config::RawConfig,
-    heard::{self, Heard},
+    received::{self, Received},
     measuring::{Frame, Measurement, Progress},
     program::{Cut, Offsets, Program},
     wire,
 };
 use crate::driver::{ConnectError, Connection, DriverOutput, Inbox, RosBus, RosSample};
 
-/// A robot of which nothing is heard for this long is gone.
+/// A robot of which nothing is received for this long is gone.
 const SILENCE: Duration = Duration::from_secs(1);
 
 /// What is under way.
@@ -41,7 +41,7 @@ pub(super) struct Robot {
     name: String,
     session: String,
     sessions: u32,
-    heard: Arc<Mutex<Heard>>,
+    received: Arc<Mutex<Received>>,
     action: Action,
     program: Option<Program>,
     inbox: Inbox,
@@ -61,14 +61,14 @@ impl Robot {
         chain: Chain,
         bus: &dyn RosBus,
     ) -> Result<Self, ConnectError> {
-        let names = heard::names(&chain, &config.joints)?;
+        let names = received::names(&chain, &config.joints)?;
         if let Some(program) = &config.program {
             program.check_frame(&chain)?;
         }
-        let heard = Arc::new(Mutex::new(Heard::new(names)));
-        let hear = |take: fn(&mut Heard, RosSample<'_>)| {
-            let heard = Arc::clone(&heard);
-            Box::new(move |sample: RosSample<'_>| take(&mut lock(&heard), sample))
+        let received = Arc::new(Mutex::new(Received::new(names)));
+        let hear = |take: fn(&mut Received, RosSample<'_>)| {
+            let received = Arc::clone(&received);
+            Box::new(move |sample: RosSample<'_>| take(&mut lock(&received), sample))
         };
         let contact = &config.contact;
         let mut subscriptions = vec![
@@ -76,12 +76,12 @@ impl Robot {
                 &config.joint_states,
                 wire::JOINT_STATE,
                 false,
-                hear(Heard::take_joints),
+                hear(Received::take_joints),
             )?,
-            bus.subscribe(&contact.topic, wire::BOOL, true, hear(Heard::take_level))?,
+            bus.subscribe(&contact.topic, wire::BOOL, true, hear(Received::take_level))?,
         ];
         if let Some(topic) = &contact.latched_joint_states {
-            let take = hear(Heard::take_latched);
+            let take = hear(Received::take_latched);
             subscriptions.push(bus.subscribe(topic, wire::JOINT_STATE, true, take)?);
         }
         let program = config.program.as_ref();
@@ -94,7 +94,7 @@ impl Robot {
             name: session.to_owned(),
             session: session.to_owned(),
             sessions: 0,
-            heard,
+            received,
             inbox: Inbox::default(),
             taken: BTreeSet::new(),
             work: None,
@@ -115,12 +115,12 @@ impl Robot {
     }
 
     /// Whether the robot is there, and its offsets are known; one that was away begins a new session.
-    fn look(&mut self, now: i64, out: &mut Vec<DriverOutput>) -> bool {
-        let silence = lock(&self.heard).silence();
+    fn update_presence(&mut self, now: i64, out: &mut Vec<DriverOutput>) -> bool {
+        let silence = lock(&self.received).silence();
         let is_heard = silence.is_some_and(|silence| silence < SILENCE);
         if self.present && !is_heard {
             self.present = false;
-            lock(&self.heard).forget();
+            lock(&self.received).forget();
             self.end_work(
                 now,
                 "controller_lost: the robot publishes no joint states",
@@ -147,7 +147,7 @@ impl Robot {
         self.present
     }
 
-    fn take(&mut self, now: i64, command: &ControllerCommand, out: &mut Vec<DriverOutput>) {
+    fn execute(&mut self, now: i64, command: &ControllerCommand, out: &mut Vec<DriverOutput>) {
         if command.session != self.session {
             let text = "it is addressed to another session";
             return out.push(reply(
@@ -206,13 +206,13 @@ impl Robot {
     fn begin_measurement(&mut self, command: &ControllerCommand) -> Result<(), String> {
         self.idle()?;
         {
-            let heard = lock(&self.heard);
-            if heard
+            let received = lock(&self.received);
+            if received
                 .level_silence()
                 .is_none_or(|silence| silence > SILENCE)
             {
                 return Err(format!(
-                    "nothing is heard on {}: the probe's level is unknown",
+                    "no message is received on {}: the probe's level is unknown",
                     self.config.contact.topic
                 ));
             }
@@ -248,26 +248,26 @@ impl Robot {
             Ok(frame) => frame,
             Err(text) => return self.conclude(now, &measurement.command, Err(text), out),
         };
-        let heard = lock(&self.heard);
-        let progress = if heard
+        let received = lock(&self.received);
+        let progress = if received
             .level_silence()
             .is_none_or(|silence| silence > SILENCE)
         {
             Progress::Broken(format!(
-                "controller_alarm: nothing is heard on {}",
+                "controller_alarm: no message is received on {}",
                 self.config.contact.topic
             ))
         } else {
             measurement.poll(
                 now,
-                &heard,
+                &received,
                 &self.action,
                 &frame,
                 self.inbox.order.as_ref(),
                 &self.config.contact,
             )
         };
-        drop(heard);
+        drop(received);
         for mut trigger in measurement.triggers.drain(..) {
             trigger.session.clone_from(&self.session);
             trigger.sequence = self.triggers;
@@ -327,10 +327,10 @@ impl Connection for Robot {
                 }
             }
         }
-        let present = self.look(now, &mut out);
+        let present = self.update_presence(now, &mut out);
         for command in std::mem::take(&mut self.inbox.commands) {
             if present {
-                self.take(now, &command, &mut out);
+                self.execute(now, &command, &mut out);
             } else {
                 let text = "controller_lost: the robot is not there";
                 out.push(reply(
@@ -350,8 +350,8 @@ impl Connection for Robot {
     }
 }
 
-pub(super) fn lock(heard: &Mutex<Heard>) -> MutexGuard<'_, Heard> {
-    heard.lock().unwrap_or_else(PoisonError::into_inner)
+pub(super) fn lock(received: &Mutex<Received>) -> MutexGuard<'_, Received> {
+    received.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 pub(super) fn reply(

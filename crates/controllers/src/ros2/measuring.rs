@@ -16,7 +16,7 @@ use super::{
     action::{ANSWER_LIMIT, Action, header},
     calls::Pending,
     config::{ContactPositions, RawContact},
-    heard::{Heard, Joints},
+    received::{Received, Joints},
     program::shifts,
     wire::{self, GoalId, Waypoint},
 };
@@ -115,11 +115,11 @@ impl Measurement {
         }
     }
 
-    /// Goes on as far as what was heard allows.
+    /// Goes on as far as what was received allows.
     pub(super) fn poll(
         &mut self,
         now: i64,
-        heard: &Heard,
+        received: &Received,
         action: &Action,
         frame: &Frame<'_>,
         order: Option<&MeasurementOrder>,
@@ -134,8 +134,8 @@ impl Measurement {
             return Progress::Ended;
         };
         let done = match self.leg.take() {
-            None => self.begin(now, heard, action, frame, (order, one)),
-            Some(leg) => self.follow(leg, heard, action, frame, one, contact),
+            None => self.begin(now, received, action, frame, (order, one)),
+            Some(leg) => self.follow(leg, received, action, frame, one, contact),
         };
         match done {
             Ok(false) => Progress::Working,
@@ -151,18 +151,18 @@ impl Measurement {
     fn begin(
         &mut self,
         now: i64,
-        heard: &Heard,
+        received: &Received,
         action: &Action,
         frame: &Frame<'_>,
         (order, one): (&MeasurementOrder, &ProbingMove),
     ) -> Result<bool, String> {
         let alarm = |text: String| format!("controller_alarm: {text}");
-        let Some(newest) = heard.newest() else {
+        let Some(newest) = received.newest() else {
             return Ok(false);
         };
         let from = newest.positions.clone();
         let is_touch = one.kind == ProbingMove::TOUCH;
-        if is_touch && heard.level() == Some(true) {
+        if is_touch && received.level() == Some(true) {
             self.trigger(one, frame, newest, [true, true])
                 .map_err(alarm)?;
             return Err(format!(
@@ -185,7 +185,7 @@ impl Measurement {
         }
         let points = trajectory(frame, &from, &target, one.feed);
         let duration = points.last().map_or(0.0, |last| last.time);
-        let names = heard.joint_names();
+        let names = received.joint_names();
         let goal = goal_id(now, self.next);
         let request = wire::send_goal(&goal, names, &points);
         self.leg = Some(Leg {
@@ -205,7 +205,7 @@ impl Measurement {
     fn follow(
         &mut self,
         mut leg: Leg,
-        heard: &Heard,
+        received: &Received,
         action: &Action,
         frame: &Frame<'_>,
         one: &ProbingMove,
@@ -214,7 +214,7 @@ impl Measurement {
         let alarm = |text: String| format!("controller_alarm: {text}");
         if leg.contact.is_none()
             && one.kind != ProbingMove::RETRACT
-            && let Some(trip) = heard.trip_after(leg.begun)
+            && let Some(trip) = received.trip_after(leg.begun)
         {
             leg.contact = Some((trip, Instant::now()));
             leg.cancel = Some(action.cancel());
@@ -242,7 +242,7 @@ impl Measurement {
                 )));
             }
         }
-        if !(leg.ended && heard.stands_since(leg.begun)) {
+        if !(leg.ended && received.stands_since(leg.begun)) {
             self.leg = Some(leg);
             return Ok(false);
         }
@@ -250,16 +250,16 @@ impl Measurement {
             return Ok(true);
         }
         let Some((trip, since)) = leg.contact else {
-            let newest = heard.newest().cloned();
+            let newest = received.newest().cloned();
             let newest = newest.ok_or_else(|| alarm("no joint states".to_owned()))?;
             self.trigger(one, frame, &newest, [false, false])
                 .map_err(alarm)?;
             return Ok(true);
         };
         let latch = match contact.positions {
-            ContactPositions::Latched => heard.latched_after(leg.begun).cloned(),
+            ContactPositions::Latched => received.latched_after(leg.begun).cloned(),
             ContactPositions::Interpolated => {
-                heard.at(trip - (contact.delay_ms * 1e6).round() as i64)
+                received.at(trip - (contact.delay_ms * 1e6).round() as i64)
             }
         };
         match latch {

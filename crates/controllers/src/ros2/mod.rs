@@ -2,7 +2,7 @@
 //! it cuts, services and parameters of its program (docs/driver-guide.md, "A robot on ROS 2").
 //!
 //! ```text
-//!   joint_states, contact [, latched positions] ---> heard --> poll: samples, triggers
+//!   joint_states, contact [, latched positions] ---> received --> poll: samples, triggers
 //!   send_goal, get_result, cancel_goal  <--- measuring: a trajectory for each move
 //!   operations, stop, parameters        <--- program: cuts, wear offsets, work offsets
 //! ```
@@ -15,7 +15,7 @@ mod action;
 mod calls;
 mod config;
 mod connection;
-mod heard;
+mod received;
 mod measuring;
 mod program;
 mod wire;

@@ -112,15 +112,15 @@ fn get_parameters(node: &str) -> String {
     format!("{node}/get_parameters")
 }
 
-/// Sets the run of the part, then cuts.
-struct Told {
+/// An operation, before which the program is given the run of the part.
+struct CutOfRun {
     set: Arc<dyn RosService>,
     parameter: String,
     run: String,
     operation: Arc<dyn RosService>,
 }
 
-impl RosService for Told {
+impl RosService for CutOfRun {
     fn call(&self, request: &[u8], found: Duration, answered: Duration) -> Result<Vec<u8>, String> {
         let run = Parameter::Text(self.run.clone());
         let told = wire::set_parameter(&self.parameter, &run);
@@ -199,7 +199,7 @@ impl Program {
         };
         let service: Arc<dyn RosService> = match &self.settings.run_parameter {
             None => Arc::clone(service),
-            Some(parameter) => Arc::new(Told {
+            Some(parameter) => Arc::new(CutOfRun {
                 set: Arc::clone(&self.set),
                 parameter: parameter.clone(),
                 run: command.run_id.clone(),

@@ -26,6 +26,9 @@ pub const DEFLECTED: u32 = 65187;
 pub const NOT_WRITTEN: u32 = 65188;
 
 /// Writes the measuring program. Moves between touches are made at `travel_feed` (m/s) at most.
+///
+/// # Errors
+/// [`ProgramError`] names the move that the controller cannot make.
 pub fn measuring_program(
     plan: &InspectionPlan,
     order: &MeasurementOrder,

@@ -78,6 +78,9 @@ pub struct Log {
 }
 
 /// Reads a log.
+///
+/// # Errors
+/// Line and column of what is not of the format.
 pub fn sinumerik_log(text: &str) -> Result<Log, ParseError> {
     let mut log = Log::default();
     for (line, content) in lines(text) {

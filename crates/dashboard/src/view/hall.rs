@@ -160,7 +160,8 @@ pub(super) fn whole(hall: &Hall, now: Stamp) -> Markup {
     }
 }
 
-/// The page.
+/// The page of all cells at an instant, without controls on a `wall`. `seen` identifies the state shown, from which the page
+/// subscribes to changes; `bus` says what is wrong with the bus, empty if nothing is.
 pub fn hall_page(hall: &Hall, now: Stamp, wall: bool, seen: &str, bus: &str) -> Markup {
     let body = html! {
         div.title {

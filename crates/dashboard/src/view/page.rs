@@ -74,7 +74,7 @@ pub(super) fn frame(frame: &Frame<'_>, body: &Markup) -> Markup {
     }
 }
 
-/// A page that says one thing.
+/// A page with a title and one sentence, such as an error.
 pub fn message_page(title: &str, text: &str, place: Place) -> Markup {
     let page = Frame {
         title,

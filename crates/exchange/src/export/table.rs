@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 
 use super::{Record, date_time, kind_name, mm};
 
-/// A table of sizes.
+/// Sizes, a row each below a row of names (units as the names say), lines ending in CR LF.
 pub fn sizes(record: &Record) -> String {
     let mut out = String::from(
         "plan,feature,kind,time,nominal_mm,size_mm,deviation_um,standard_uncertainty_um,coverage_factor,\

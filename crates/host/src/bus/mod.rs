@@ -118,6 +118,9 @@ impl Bus {
     }
 
     /// Publishes on `topic` (absolute).
+    ///
+    /// # Errors
+    /// A name or type that is none of ROS, or what the transport says.
     pub fn publisher(
         &self,
         topic: &str,
@@ -133,6 +136,9 @@ impl Bus {
     }
 
     /// Subscribes to `topic` (absolute) until the subscription is dropped.
+    ///
+    /// # Errors
+    /// A name or type that is none of ROS, or what the transport says.
     pub fn subscribe(
         &self,
         topic: &str,
@@ -157,6 +163,9 @@ impl Bus {
 
     /// Serves `name` (absolute) until the server is dropped; requests are answered one after the other on a thread
     /// of the service's own.
+    ///
+    /// # Errors
+    /// A name or type that is none of ROS, or what the transport says.
     pub fn serve(
         &self,
         name: &str,
@@ -173,6 +182,9 @@ impl Bus {
     }
 
     /// Announces a client of service `name` (absolute).
+    ///
+    /// # Errors
+    /// A name or type that is none of ROS, or what the transport says.
     pub fn client(&self, name: &str, ty: impl Into<ServiceId>) -> Result<Client, BusError> {
         wire::check_name(name)?;
         Ok(Client {
@@ -184,6 +196,9 @@ impl Bus {
     }
 
     /// Calls service `name` once; for several calls keep a [`Client`].
+    ///
+    /// # Errors
+    /// No server within the timeout, no answer, or its refusal.
     pub fn call(
         &self,
         name: &str,
@@ -195,6 +210,9 @@ impl Bus {
     }
 
     /// The same for a service that may take longer to answer than to be discovered.
+    ///
+    /// # Errors
+    /// No server within the first timeout, no answer within the second, or its refusal.
     pub fn call_with_timeouts(
         &self,
         name: &str,
@@ -234,6 +252,9 @@ impl Bus {
     }
 
     /// Leaves the bus; what was published before is written out first, for at most `within`.
+    ///
+    /// # Errors
+    /// What the transport says.
     pub fn close(self, within: Duration) -> Result<(), BusError> {
         match self.inner {
             Inner::Zenoh(bus) => bus.close(within),
@@ -259,6 +280,9 @@ enum PublisherInner {
 impl Publisher {
     /// Publishes one message (CDR with header) with the source time `source_time_ns`, and returns its sequence number.
     /// Bytes that are given away are not copied.
+    ///
+    /// # Errors
+    /// A payload that is not CDR with its header, or what the transport says.
     pub fn publish(&self, cdr: impl Into<Vec<u8>>, source_time_ns: i64) -> Result<u64, BusError> {
         let cdr = cdr.into();
         match &self.inner {
@@ -318,6 +342,9 @@ impl Client {
     }
 
     /// The same for a service that may take longer to answer than to be discovered.
+    ///
+    /// # Errors
+    /// No server within the first timeout, no answer within the second, or its refusal.
     pub fn call_with_timeouts(
         &self,
         request: &[u8],

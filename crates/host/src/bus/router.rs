@@ -47,6 +47,9 @@ impl Router {
     }
 
     /// Stops routing and closes all links.
+    ///
+    /// # Errors
+    /// What the transport says.
     pub fn close(self) -> Result<(), BusError> {
         self.session
             .close()

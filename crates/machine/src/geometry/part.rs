@@ -1,4 +1,4 @@
-//! The part as far as its touches tell of it.
+//! The part as far as its touches determine it.
 
 use nalgebra::{Point3, Unit, Vector3};
 use probecell_msgs::{InspectionFeature, InspectionPlan};
@@ -25,7 +25,7 @@ pub struct Contact {
 }
 
 impl Contact {
-    /// The points of a plan.
+    /// The points of a plan, in its order, with `nominal` positions and normals of the same plan.
     pub fn of_plan(plan: &InspectionPlan, nominal: &Nominal) -> Vec<Self> {
         let points = plan.points.iter().enumerate();
         points
@@ -46,7 +46,7 @@ pub(crate) fn is_plane(plan: &InspectionPlan, feature: usize) -> bool {
     feature.is_some_and(|feature| feature.kind == InspectionFeature::PLANE)
 }
 
-/// The bodies that contacts tell of, feature by feature: the block between the planes, where they bound a convex one, else each
+/// The bodies that contacts determine, feature by feature: the block between the planes, where they bound a convex one, else each
 /// plane as far as it is touched; cylinders and the walls of bores over the heights touched; balls; a disc at each
 /// contact of any other surface. Bores are cut out of the block at any depth.
 ///

@@ -24,7 +24,7 @@ pub(crate) struct Arguments {
 
 /// Runs the program with `before` and the arguments, and gives its exit status.
 pub(crate) fn run(before: &[&str], arguments: &Arguments) -> anyhow::Result<u8> {
-    let program = beside().unwrap_or_else(|| PathBuf::from(PROGRAM));
+    let program = in_own_folder().unwrap_or_else(|| PathBuf::from(PROGRAM));
     let mut command = Command::new(&program);
     command.args(before).args(&arguments.arguments);
     match command.status() {
@@ -34,14 +34,14 @@ pub(crate) fn run(before: &[&str], arguments: &Arguments) -> anyhow::Result<u8> 
             .and_then(|code| u8::try_from(code).ok())
             .unwrap_or(FAILED)),
         Err(error) if error.kind() == ErrorKind::NotFound => bail!(
-            "{PROGRAM} is neither beside this program nor on PATH: it is built by `cargo build --release` in the folder fleet"
+            "{PROGRAM} is neither in the folder of this program nor on PATH: it is built by `cargo build --release` in the folder fleet"
         ),
         Err(error) => Err(error).with_context(|| format!("cannot start {}", program.display())),
     }
 }
 
 /// The program in the folder of this one.
-fn beside() -> Option<PathBuf> {
+fn in_own_folder() -> Option<PathBuf> {
     let own = std::env::current_exe().ok()?;
     let file = own.with_file_name(format!("{PROGRAM}{}", std::env::consts::EXE_SUFFIX));
     file.is_file().then_some(file)

@@ -50,7 +50,7 @@ impl Seals {
 
     fn print(&self) {
         let Some(sealed) = &self.sealed else {
-            return output::line("seals     none: what was changed later cannot be told");
+            return output::line("seals     none: later changes cannot be detected");
         };
         for change in &sealed.changes {
             output::line(&format!("CHANGED   {change}"));

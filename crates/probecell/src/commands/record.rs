@@ -57,7 +57,7 @@ struct RecorderService<'a> {
     /// Tells the cell whether it is recorded.
     status: Publisher,
     /// When that was told last.
-    told: Instant,
+    status_sent: Instant,
     making: Making,
 }
 
@@ -125,7 +125,7 @@ pub(crate) fn run(file: &Path, folder: Option<PathBuf>, supervised: bool) -> any
         current: None,
         missing: 0,
         status,
-        told: Instant::now(),
+        status_sent: Instant::now(),
         making,
     };
     service.begin(folder.unwrap_or_else(|| cell_bus::new_recording(&cell)))?;
@@ -159,11 +159,11 @@ impl RecorderService<'_> {
         let process =
             RecorderProcess::start(self.bus, settings(self.cell, &self.key, folder.clone())?)?;
         self.current = Some((process, folder));
-        self.tell()
+        self.publish_status()
     }
 
     /// Tells the cell whether it is recorded.
-    fn tell(&mut self) -> anyhow::Result<()> {
+    fn publish_status(&mut self) -> anyhow::Result<()> {
         let instant = host::now();
         let folder = self.current.as_ref().map(|(_, folder)| folder);
         let status = RecordingStatus {
@@ -177,7 +177,7 @@ impl RecorderService<'_> {
             validity: VALIDITY,
         };
         self.status.publish(to_cdr(&status), instant.0)?;
-        self.told = Instant::now();
+        self.status_sent = Instant::now();
         Ok(())
     }
 
@@ -208,8 +208,8 @@ impl RecorderService<'_> {
             {
                 return Err(failure.into());
             }
-            if self.told.elapsed() >= STATUS_PERIOD {
-                self.tell()?;
+            if self.status_sent.elapsed() >= STATUS_PERIOD {
+                self.publish_status()?;
             }
         }
     }
@@ -273,7 +273,7 @@ impl RecorderService<'_> {
             ),
             Err(error) => (false, String::new(), 0, format!("{error:#}")),
         };
-        let text = match self.tell() {
+        let text = match self.publish_status() {
             Ok(()) => text,
             Err(error) => format!("{text} {error:#}"),
         };

@@ -562,7 +562,7 @@ mod tests {
             ..ParsingOptions::default()
         };
         let page_read = Document::parse_with_options(&html, options).expect("a well-formed page");
-        let steps = rows(&page_read, "Who let what pass, and what the machine said");
+        let steps = rows(&page_read, "Approvals, commands and answers of the machine");
         let when: Vec<&str> = steps.iter().map(|row| row[0].as_str()).collect();
         let mut sorted = when.clone();
         sorted.sort_unstable();

@@ -45,7 +45,7 @@ fn causes(report: &Report) -> String {
     match report.effects.as_slice() {
         [one] if one.group.len() > 1 => {
             format!(
-                "one effect of a group that these data cannot tell apart: {}",
+                "one effect of a group that these data cannot distinguish: {}",
                 one.group.join(", ")
             )
         }

@@ -6,7 +6,9 @@ use ::diagnosis::{Report, Residuals};
 use effects::vocabulary;
 
 use crate::pages::conclusion::{findings, position, verdict};
-use crate::pages::numbers::{Turns, interval, parameters, percent, place, probability, unit_of};
+use crate::pages::numbers::{
+    Turns, interval, location_text, parameters, percent, probability, unit_of,
+};
 use crate::pages::{drives, moves, provenance, touches};
 
 /// The page of a report and the residuals behind it.
@@ -29,7 +31,7 @@ pub fn diagnosis_page(report: &Report, residuals: &Residuals) -> Result<Page, Pl
         effects(&mut page, report)?;
     }
     sessions(&mut page, report);
-    places(&mut page, report, &|axis| turns(residuals, axis))?;
+    localisation(&mut page, report, &|axis| turns(residuals, axis))?;
     provenance::noise(&mut page, report);
     match residuals {
         Residuals::Touches(all) => {
@@ -216,14 +218,14 @@ fn sessions(page: &mut Page, report: &Report) {
     }
 }
 
-fn places(page: &mut Page, report: &Report, turns: Turns<'_>) -> Result<(), PlotError> {
+fn localisation(page: &mut Page, report: &Report, turns: Turns<'_>) -> Result<(), PlotError> {
     let shares = |title: &str, places: &[Place], caption: &str| Bars {
         title: title.to_owned(),
         label: "share".to_owned(),
         unit: Unit::PERCENT,
         bars: (places.iter())
             .map(|one| Bar {
-                label: place(one, turns),
+                label: location_text(one, turns),
                 value: one.share,
                 ci95: None,
                 group: 0,
@@ -251,7 +253,7 @@ fn places(page: &mut Page, report: &Report, turns: Turns<'_>) -> Result<(), Plot
         ));
         let mut table = Table::new("Dependence", &["on", "probability"]);
         for one in &report.unexplained.place {
-            table.row(vec![place(one, turns), percent(one.share)]);
+            table.row(vec![location_text(one, turns), percent(one.share)]);
         }
         page.table(&table);
     }

@@ -62,7 +62,7 @@ pub(crate) fn percent(share: f64) -> String {
 pub(crate) type Turns<'a> = &'a dyn Fn(&str) -> bool;
 
 /// A location of the report: `axis X, -12 to 33 mm`.
-pub(crate) fn place(place: &Place, turns: Turns<'_>) -> String {
+pub(crate) fn location_text(place: &Place, turns: Turns<'_>) -> String {
     let (name, unit) = match place.dimension.as_str() {
         "time" => ("time".to_owned(), Unit::S),
         "region" if place.key.starts_with("part ") => (place.key.clone(), Unit::MM),
@@ -109,7 +109,7 @@ mod tests {
             to: Some(0.5),
             share: 0.8,
         };
-        let text = |dimension: &str, key: &str| place(&at(dimension, key), &|axis| axis == "C");
+        let text = |dimension: &str, key: &str| location_text(&at(dimension, key), &|axis| axis == "C");
         assert_eq!(text("axis", "X"), "axis X, 0.0 to 500.0 mm");
         assert_eq!(text("axis", "C"), "axis C, 0.0 to 28.6 °");
         assert_eq!(text("region", "part z"), "part z, 0.0 to 500.0 mm");

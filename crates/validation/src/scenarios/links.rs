@@ -213,7 +213,7 @@ fn run(run: &Run<'_>) -> Result<Outcome, ScenarioError> {
             identified(&test, &e1, &found),
         ],
         remarks: vec![
-            "Mismatches validate a calibration; from them alone the links are told only weakly."
+            "Mismatches validate a calibration; they alone determine the location errors only weakly."
                 .to_owned(),
         ],
     })

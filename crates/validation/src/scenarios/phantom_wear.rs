@@ -133,7 +133,7 @@ fn run(run: &Run<'_>) -> Result<Outcome, ScenarioError> {
     };
     let gauges = [gauge_before, gauge_after, gauge_after].map(|error| error * 1e6);
     let plot = Plot::new(
-        "A register looks worn; a gauge tells why",
+        "Apparent wear in a register; a gauge shows its cause",
         Axis::named(
             "probe; error of the tool",
             [

@@ -243,7 +243,7 @@ fn run(run: &Run<'_>) -> Result<Outcome, ScenarioError> {
         .rule(Rule::SizeAtMost(TOLERANCE)),
         Figure::new(
             "law",
-            "law of the gaps over the sizes",
+            "gap against size: constant and proportional part",
             "",
             law_name(law_before.law),
         )

@@ -29,6 +29,9 @@ pub struct Recorded {
 
 impl Recorded {
     /// Diagnoses the session.
+    ///
+    /// # Errors
+    /// Why the session cannot be diagnosed.
     pub fn diagnose(&self) -> Result<Report, ScenarioError> {
         Ok(diagnose(&self.session, &Options::default())?)
     }

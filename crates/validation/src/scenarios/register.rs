@@ -40,6 +40,9 @@ pub struct Unknown {
 }
 
 /// The scenario of that name.
+///
+/// # Errors
+/// The nearest name.
 pub fn find(name: &str) -> Result<&'static Scenario, Unknown> {
     let all = register();
     if let Some(found) = all.iter().find(|scenario| scenario.name == name) {

@@ -57,6 +57,9 @@ pub struct Judged {
 
 impl Scenario {
     /// Runs the scenario, diagnoses its sessions and judges both.
+    ///
+    /// # Errors
+    /// Why it cannot be run.
     pub fn judge(&self, run: &Run<'_>) -> Result<Judged, ScenarioError> {
         let mut outcome = (self.run)(run)?;
         let mut sessions = Vec::new();

@@ -88,7 +88,7 @@ pub(super) fn value(
 }
 
 fn few(own: &Touched<'_>) -> String {
-    format!("{}: too few touches to tell its form", own.feature.id)
+    format!("{}: too few touches to evaluate its form", own.feature.id)
 }
 
 fn centres(own: &Touched<'_>) -> Vec<Vector3<f64>> {

@@ -121,7 +121,7 @@ impl Job {
         let entries = match &mut self.work {
             Work::Measure { follower, .. }
             | Work::Shift { follower, .. }
-            | Work::Wear { follower, .. } => follower.look()?,
+            | Work::Wear { follower, .. } => follower.read_new()?,
             Work::Operation | Work::Stop => return Ok(Vec::new()),
         };
         let mut probed = Vec::new();

@@ -120,6 +120,9 @@ struct PowerOn {
 
 impl LinuxCncConnection {
     /// Connects to the controller. `name` begins the name of each session; it must differ between runs of the driver.
+    ///
+    /// # Errors
+    /// The controller cannot be reached, or its tool table cannot be read.
     pub fn connect(config: Config, name: &str) -> Result<Self, LinuxCncError> {
         let client = Client::connect(&config.address)?;
         let power_on = config.power_on.then(|| PowerOn {

@@ -59,7 +59,7 @@ impl LinuxCncConnection {
                     };
                     self.finish(now, ControllerReply::DONE, None, &text, out);
                 } else {
-                    let text = format!("the log tells of {} of {count} touches", tally.ended);
+                    let text = format!("the log holds {} of {count} touches", tally.ended);
                     self.fail(now, "controller_alarm", &text, out);
                 }
             }
@@ -79,7 +79,7 @@ impl LinuxCncConnection {
                     _ => self.fail(
                         now,
                         "controller_alarm",
-                        "the log does not tell the work offset",
+                        "the log does not hold the work offset",
                         out,
                     ),
                 }

@@ -85,6 +85,9 @@ pub struct MeasuringProgram {
 }
 
 /// Writes the measuring program of a plan in the order given.
+///
+/// # Errors
+/// [`ProgramError`] names the move that the controller cannot make.
 pub fn measuring_program(
     plan: &InspectionPlan,
     order: &MeasurementOrder,
@@ -107,6 +110,9 @@ pub fn measuring_program(
 }
 
 /// Writes the program that sets one axis of a work offset (system 1 is G54) and logs it before and after; m or rad.
+///
+/// # Errors
+/// A value that is not finite, or a text that cannot stand in a comment.
 pub fn work_offset_program(
     system: u8,
     letter: Letter,
@@ -129,6 +135,9 @@ pub fn work_offset_program(
 
 /// Writes the program that sets the diameter of a tool, m. The table file tells what became of it: a program can read
 /// the entry of the tool in the spindle only.
+///
+/// # Errors
+/// A value that is not finite, or a text that cannot stand in a comment.
 pub fn tool_diameter_program(
     tool: u32,
     diameter: f64,

@@ -5,21 +5,21 @@ use probecell_msgs::{ControllerStatus, MachineState};
 use super::{Robot, Work, lock};
 use crate::{
     driver::DriverOutput,
-    ros2::{action::header, heard::Joints, measuring::Frame, program::Offsets},
+    ros2::{action::header, received::Joints, measuring::Frame, program::Offsets},
 };
 
 impl Robot {
     /// A sample, where the robot has published a new one.
     pub(super) fn sample(&mut self, out: &mut Vec<DriverOutput>) {
-        let heard = lock(&self.heard);
-        let Some(newest) = heard
+        let received = lock(&self.received);
+        let Some(newest) = received
             .newest()
             .filter(|joints| joints.stamp > self.last_stamp)
         else {
             return;
         };
-        let (newest, level) = (newest.clone(), heard.level());
-        drop(heard);
+        let (newest, level) = (newest.clone(), received.level());
+        drop(received);
         let offsets = self.offsets();
         let Some(positions) = self.programmed(&newest, &offsets) else {
             return;

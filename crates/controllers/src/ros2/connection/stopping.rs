@@ -97,7 +97,7 @@ impl Robot {
                 false
             }
         });
-        let stands = stopping.calls.is_empty() && lock(&self.heard).stands_since(stopping.begun);
+        let stands = stopping.calls.is_empty() && lock(&self.received).stands_since(stopping.begun);
         let late = stopping.since.elapsed() > STOP_LIMIT;
         if !(stands || late) {
             self.work = Some(Work::Stop(Box::new(stopping)));

@@ -115,7 +115,7 @@ pub(super) fn stop(gate: &mut Gate, judge: &mut Judge) -> bool {
         let last = gate.last();
         last.is_some_and(|sample| sample.execution == MachineState::EXECUTION_IDLE)
     };
-    if judge.holds() && !gate.hear(Duration::from_secs(2), idle) {
+    if judge.holds() && !gate.receive_until(Duration::from_secs(2), idle) {
         let came = gate.last().map_or(0, |sample| sample.execution);
         judge.wrong("execution", "0 (idle) after it", came);
     }
@@ -280,7 +280,7 @@ fn offset(
             }
         }
         let is_shown = |gate: &Gate| shown(gate).is_some_and(|now| offsets_of::is_same(now, value));
-        if !gate.hear(Duration::from_secs(2), is_shown) {
+        if !gate.receive_until(Duration::from_secs(2), is_shown) {
             judge.wrong(
                 &format!("controller_status.{field}"),
                 format!("{value:e} after it was written"),
@@ -352,7 +352,7 @@ pub(super) fn runs_and_ends(gate: &mut Gate, judge: &mut Judge, mark: usize) {
         let mut samples = gate.samples(end);
         samples.any(|sample| sample.execution == MachineState::EXECUTION_IDLE)
     };
-    if !gate.hear(Duration::from_secs(2), idle) {
+    if !gate.receive_until(Duration::from_secs(2), idle) {
         let came = gate.last().map_or(0, |sample| sample.execution);
         judge.wrong("execution", "0 (idle) after it", came);
     }

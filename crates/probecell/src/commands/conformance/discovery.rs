@@ -24,9 +24,9 @@ pub(super) fn check(gate: &mut Gate, judge: &mut Judge, wait: Duration) -> bool 
             .any(|(_, one)| *one != Announced::Nothing)
     };
     let begun = Instant::now();
-    gate.hear(wait, anything);
+    gate.receive_until(wait, anything);
     let left = ANNOUNCEMENT.min(wait.saturating_sub(begun.elapsed()).max(ANNOUNCEMENT));
-    gate.hear(left, |gate| {
+    gate.receive_until(left, |gate| {
         let complete = |(_, one): &(_, Announced)| matches!(one, Announced::Publishers(_));
         there(gate).iter().all(complete)
     });
@@ -105,7 +105,7 @@ fn subscriptions(gate: &mut Gate, judge: &mut Judge) {
             })
         })
     };
-    gate.hear(ANNOUNCEMENT, |gate| missing(gate).is_none());
+    gate.receive_until(ANNOUNCEMENT, |gate| missing(gate).is_none());
     if let Some(topic) = missing(gate) {
         let expected = format!("a subscription to {} of this version", gate.topic(topic));
         judge.wrong(topic.name, expected, "none");

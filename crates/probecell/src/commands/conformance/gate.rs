@@ -32,7 +32,7 @@ pub(super) enum What {
 }
 
 /// One message, and when it came.
-pub(super) struct Heard {
+pub(super) struct Received {
     /// Instant of reception, ns since 1970.
     pub(super) received: i64,
     /// Instant of publication that the publisher gives, ns since 1970.
@@ -60,8 +60,8 @@ pub(super) struct Gate {
     beats: Arc<Mutex<Beats>>,
     heart: JoinHandle<()>,
     subscriptions: Vec<Subscription>,
-    receiver: Receiver<Heard>,
-    log: Vec<Heard>,
+    receiver: Receiver<Received>,
+    log: Vec<Received>,
     next_command: u64,
     plans_made: u32,
 }
@@ -164,7 +164,7 @@ impl Gate {
     }
 
     /// What was heard since a mark.
-    pub(super) fn since(&self, mark: usize) -> &[Heard] {
+    pub(super) fn since(&self, mark: usize) -> &[Received] {
         &self.log[mark..]
     }
 
@@ -218,7 +218,7 @@ impl Gate {
     }
 
     /// Takes what comes until `enough`, for at most `within`; whether it was enough.
-    pub(super) fn hear(&mut self, within: Duration, mut enough: impl FnMut(&Self) -> bool) -> bool {
+    pub(super) fn receive_until(&mut self, within: Duration, mut enough: impl FnMut(&Self) -> bool) -> bool {
         let deadline = Instant::now() + within;
         loop {
             while let Ok(heard) = self.receiver.try_recv() {
@@ -244,7 +244,7 @@ impl Gate {
 
     /// Takes what comes for so long.
     pub(super) fn hear_for(&mut self, time: Duration) {
-        self.hear(time, |_| false);
+        self.receive_until(time, |_| false);
     }
 
     /// The first reply to a command since a mark, within a time.
@@ -254,7 +254,7 @@ impl Gate {
         command_id: u64,
         within: Duration,
     ) -> Option<ControllerReply> {
-        self.hear(within, |gate| !gate.replies(mark, command_id).is_empty());
+        self.receive_until(within, |gate| !gate.replies(mark, command_id).is_empty());
         self.replies(mark, command_id).into_iter().next()
     }
 
@@ -331,10 +331,10 @@ fn subscribe<M: Message>(
     bus: &Bus,
     namespace: &str,
     topic: Topic,
-    sender: &Sender<Heard>,
+    sender: &Sender<Received>,
     wrap: impl Fn(M) -> What + Send + Sync + 'static,
 ) -> Result<Subscription, BusError> {
-    let heard = move |received: &Received<'_>, what| Heard {
+    let heard = move |received: &Received<'_>, what| Received {
         received: received.received_ns,
         source: received.source_time_ns,
         topic: topic.name,
@@ -351,7 +351,7 @@ fn subscribe<M: Message>(
     };
     let on_lost = move |lost: Lost| {
         let instant = host::now().0;
-        drop(losses.send(Heard {
+        drop(losses.send(Received {
             received: instant,
             source: instant,
             topic: topic.name,

@@ -97,7 +97,7 @@ pub(super) fn await_touches(
     count: usize,
 ) -> bool {
     let ended = |gate: &Gate| !gate.replies(run.mark, run.command.command_id).is_empty();
-    gate.hear(run.limit, |gate| {
+    gate.receive_until(run.limit, |gate| {
         gate.triggers(run.mark).len() >= count || ended(gate)
     });
     let touched = gate.triggers(run.mark).len();
@@ -136,7 +136,7 @@ pub(super) fn whole(gate: &mut Gate, judge: &mut Judge, cell: &Cell) -> anyhow::
         (ControllerReply::DONE, run.limit),
     );
     // The last triggers may be on their way, on a topic of their own.
-    gate.hear(Duration::from_secs(1), |gate| {
+    gate.receive_until(Duration::from_secs(1), |gate| {
         gate.triggers(run.mark).len() >= run.order.order.len()
     });
     runs_and_ends(gate, judge, run.mark);

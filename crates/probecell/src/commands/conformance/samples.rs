@@ -28,7 +28,7 @@ pub(super) fn check(gate: &mut Gate, judge: &mut Judge, cell: &Cell) -> anyhow::
     let chain = cell.chain()?;
     judge.begin("samples");
     let mark = gate.mark();
-    if !gate.hear(FIRST, |gate| gate.samples(mark).next().is_some()) {
+    if !gate.receive_until(FIRST, |gate| gate.samples(mark).next().is_some()) {
         unreadable(gate, judge);
         judge.wrong(
             topics::CONTROLLER_STATUS.name,

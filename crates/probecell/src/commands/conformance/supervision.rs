@@ -61,7 +61,7 @@ fn end_run(gate: &mut Gate, run: &Measurement) {
         let command = gate.command(of_kind(ControllerCommand::STOP));
         gate.reply(mark, command.command_id, STOP_LIMIT);
     }
-    gate.hear(STOP_LIMIT, |gate| {
+    gate.receive_until(STOP_LIMIT, |gate| {
         let last = gate.last();
         last.is_some_and(|sample| sample.execution == MachineState::EXECUTION_IDLE)
     });
@@ -105,7 +105,7 @@ fn stop(gate: &mut Gate, judge: &mut Judge, cell: &Cell, chain: &Chain) -> anyho
         (ControllerReply::DONE, run.limit),
     );
     let wanted = run.order.order.len();
-    gate.hear(Duration::from_secs(1), |gate| {
+    gate.receive_until(Duration::from_secs(1), |gate| {
         gate.triggers(run.mark).len() >= wanted
     });
     // The samples around the last touch.

@@ -74,7 +74,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
         frame_id: "part".to_owned(),
     };
     copied(&bag, arguments, &session.namespace, &reference, end)?;
-    said(&arguments.out, &plan, &reference);
+    print_summary(&arguments.out, &plan, &reference);
     Ok(output::damage(&session.damage))
 }
 
@@ -157,7 +157,7 @@ fn copied(
     Ok(())
 }
 
-fn said(out: &Path, plan: &InspectionPlan, reference: &ReferenceMeasurement) {
+fn print_summary(out: &Path, plan: &InspectionPlan, reference: &ReferenceMeasurement) {
     output::line(&format!(
         "{}: {} of {} points of plan {:?} by {}",
         out.display(),

@@ -28,7 +28,7 @@ struct Step {
 pub(super) fn add(page: &mut Page, session: &PartSession) {
     let mut steps: Vec<Step> = (session.corrections.iter())
         .map(proposed_or_approved)
-        .chain(session.approvals.iter().map(|one| asked(session, one)))
+        .chain(session.approvals.iter().map(|one| request_step(session, one)))
         .chain(session.acknowledgements.iter().map(at_the_machine))
         .collect();
     if steps.is_empty() {
@@ -37,7 +37,7 @@ pub(super) fn add(page: &mut Page, session: &PartSession) {
     // Stable: of steps of one instant a correction stands before the answer to it.
     steps.sort_by_key(|step| (step.stamp.sec, step.stamp.nanosec));
     let mut table = Table::new(
-        "Who let what pass, and what the machine said",
+        "Approvals, commands and answers of the machine",
         &[
             "when",
             "correction",
@@ -106,7 +106,7 @@ fn proposed_or_approved(correction: &Correction) -> Step {
     }
 }
 
-fn asked(session: &PartSession, request: &OperatorRequest) -> Step {
+fn request_step(session: &PartSession, request: &OperatorRequest) -> Step {
     let said = if request.approve {
         "to approve it"
     } else {

@@ -1,4 +1,4 @@
-//! What has been heard of the robot: its joints, its probe, and what it has latched.
+//! What the robot has published: positions of its joints, level of its probe, and latched positions.
 //!
 //! Instants are ns since 1970 by the robot's clock: of joints the stamp of their message, of the level of the probe the
 //! instant of its publication, which `std_msgs/Bool` has no field for. Positions are m or rad in the order of the axes.
@@ -28,9 +28,9 @@ pub(super) struct Joints {
     pub(super) positions: Vec<f64>,
 }
 
-/// What has been heard.
+/// The newest messages of the robot.
 #[derive(Debug, Default)]
-pub(super) struct Heard {
+pub(super) struct Received {
     /// Names of the robot's joints, in the order of the axes.
     names: Vec<String>,
     joints: VecDeque<Joints>,
@@ -44,7 +44,7 @@ pub(super) struct Heard {
     pub(super) unusable: Option<String>,
 }
 
-impl Heard {
+impl Received {
     pub(super) fn new(names: Vec<String>) -> Self {
         Self {
             names,
@@ -130,7 +130,7 @@ impl Heard {
         self.joints.back()
     }
 
-    /// How long nothing has been heard of the joints.
+    /// How long nothing has been received of the joints.
     pub(super) fn silence(&self) -> Option<Duration> {
         self.joints_at.map(|at| at.elapsed())
     }
@@ -145,7 +145,7 @@ impl Heard {
         self.level
     }
 
-    /// How long nothing has been heard of the probe.
+    /// How long nothing has been received of the probe.
     pub(super) fn level_silence(&self) -> Option<Duration> {
         self.level_at.map(|at| at.elapsed())
     }

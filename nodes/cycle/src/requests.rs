@@ -10,7 +10,7 @@ use crate::{
     config::Config,
     ending::end,
     ports::Output,
-    state::{Asked, Run, Stage, State, Stopping},
+    state::{PendingRequest, Run, Stage, State, Stopping},
 };
 
 /// Timer of the checks of a part.
@@ -42,7 +42,7 @@ pub(crate) fn request(
     };
     out.send(Output::Request(request.clone()));
     run.since = now;
-    run.asked = Some(Asked {
+    run.asked = Some(PendingRequest {
         request,
         taken: false,
         heard: now,
@@ -72,8 +72,8 @@ pub(crate) fn stop(state: &mut State, now: Stamp, text: &str, out: &mut Outbox<O
     state.run = Some(run);
 }
 
-/// What the machine says of a request. True when it is the answer, not only a sign that the request was taken.
-pub(crate) fn hear(run: &mut Run, now: Stamp, report: &OperationReport) -> bool {
+/// Takes a report on a request. True for its outcome, false for the acknowledgement that it is under way.
+pub(crate) fn take_report(run: &mut Run, now: Stamp, report: &OperationReport) -> bool {
     let asked = run.asked.as_mut();
     let Some(asked) = asked.filter(|asked| asked.request.request_id == report.request_id) else {
         return false;
@@ -134,7 +134,7 @@ fn overdue(config: &Config, run: &Run, now: Stamp) -> Option<String> {
     {
         let limit = config.answer_limit;
         return Some(format!(
-            "machine_state has said nothing for {limit} s of what was requested"
+            "machine_state has not answered the request for {limit} s"
         ));
     }
     let limit = limit(config, run);
