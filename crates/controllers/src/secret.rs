@@ -27,7 +27,9 @@ pub enum Secret {
 #[derive(Debug, thiserror::Error)]
 pub enum SecretError {
     /// No such variable.
-    #[error("the environment variable {0}, which should hold a password, is not set or is not text")]
+    #[error(
+        "the environment variable {0}, which should hold a password, is not set or is not text"
+    )]
     Environment(String),
     /// The file cannot be read.
     #[error("the file {file}, which should hold a password, cannot be read: {source}")]

@@ -153,7 +153,9 @@ impl ExternalDriver {
             self.starts += 1;
             self.reported.clear();
             let again = if self.starts > 1 { " again" } else { "" };
-            return Some(Change::Joined(format!("the external driver is there{again}")));
+            return Some(Change::Joined(format!(
+                "the external driver is there{again}"
+            )));
         }
         let wrong = Self::wrong(&found)?;
         // While the first topics of several are announced, the others are not yet.

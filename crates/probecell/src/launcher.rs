@@ -21,7 +21,7 @@ use self::processes::Processes;
 use crate::{
     FAILED, GOOD, LOSS,
     cell_bus::{CellFailure, bus_config, has_own_socket, new_recording, users},
-    external_driver::{ExternalDriver, Change},
+    external_driver::{Change, ExternalDriver},
     operator::Operator,
     output,
     routing::Routing,

@@ -95,7 +95,11 @@ impl OwnSocket {
     }
 
     /// Writes what the router opens to strangers, beside its socket.
-    pub(crate) fn write_opened(&self, endpoint: &str, opened: &BTreeSet<String>) -> anyhow::Result<()> {
+    pub(crate) fn write_opened(
+        &self,
+        endpoint: &str,
+        opened: &BTreeSet<String>,
+    ) -> anyhow::Result<()> {
         let (endpoint, opened) = (endpoint.to_owned(), opened.clone());
         let text = serde_json::to_string(&Opened { endpoint, opened })?;
         let path = self.sidecar();

@@ -55,10 +55,10 @@
 //! assert_eq!(requests.collect::<Vec<_>>(), [(OperationRequest::CUT, "face")]);
 //! ```
 
-mod requests;
 mod config;
 mod ending;
 mod ports;
+mod requests;
 mod run;
 mod state;
 mod step;

@@ -4,8 +4,8 @@ use graph::{Outbox, Stamp};
 use probecell_msgs::{OperationRequest, OperatorRequest, PlanId};
 
 use crate::{
-    requests,
     ports::Output,
+    requests,
     state::{Run, Stage, State},
 };
 

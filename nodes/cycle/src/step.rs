@@ -7,10 +7,10 @@ use probecell_msgs::{
 };
 
 use crate::{
-    requests,
     config::Config,
     ending::end,
     ports::{Input, Output},
+    requests,
     run::{REFUTED, begin, measure, refusal, resume},
     state::{Run, Stage, State, Stopping},
 };

@@ -26,7 +26,10 @@ pub(crate) fn stop(
 ) {
     state.order = None;
     if let Some(awaited) = state.awaited.take() {
-        let (id, text) = (awaited.request.request_id, "the machine was commanded to stop");
+        let (id, text) = (
+            awaited.request.request_id,
+            "the machine was commanded to stop",
+        );
         operation::report(state, now, id, OperationReport::FAILED, text, out);
     }
     let controller = state.controller.as_ref();

@@ -129,7 +129,9 @@ pub(crate) fn excess(config: &Config, state: &State, plan: &InspectionPlan, poin
     let given = known.or_else(|| config.surfaces.get(&feature.id));
     let deviation = given
         .zip(config.places.get(&feature.id))
-        .map_or(0.0, |(values, places)| shepard_interpolation(places, values, nominal));
+        .map_or(0.0, |(values, places)| {
+            shepard_interpolation(places, values, nominal)
+        });
     deviation + by_size(config, state, feature, nominal.position.z)
 }
 

@@ -17,9 +17,9 @@ use self::stopping::Stopping;
 use super::{
     action::{ANSWER_LIMIT, Action, header},
     config::RawConfig,
-    received::{self, Received},
     measuring::{Frame, Measurement, Progress},
     program::{Cut, Offsets, Program},
+    received::{self, Received},
     wire,
 };
 use crate::driver::{ConnectError, Connection, DriverOutput, Inbox, RosBus, RosSample};

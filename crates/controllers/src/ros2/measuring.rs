@@ -16,8 +16,8 @@ use super::{
     action::{ANSWER_LIMIT, Action, header},
     calls::Pending,
     config::{ContactPositions, RawContact},
-    received::{Received, Joints},
     program::shifts,
+    received::{Joints, Received},
     wire::{self, GoalId, Waypoint},
 };
 

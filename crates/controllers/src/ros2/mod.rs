@@ -15,9 +15,9 @@ mod action;
 mod calls;
 mod config;
 mod connection;
-mod received;
 mod measuring;
 mod program;
+mod received;
 mod wire;
 
 pub use config::{

@@ -109,7 +109,8 @@ mod tests {
             to: Some(0.5),
             share: 0.8,
         };
-        let text = |dimension: &str, key: &str| location_text(&at(dimension, key), &|axis| axis == "C");
+        let text =
+            |dimension: &str, key: &str| location_text(&at(dimension, key), &|axis| axis == "C");
         assert_eq!(text("axis", "X"), "axis X, 0.0 to 500.0 mm");
         assert_eq!(text("axis", "C"), "axis C, 0.0 to 28.6 °");
         assert_eq!(text("region", "part z"), "part z, 0.0 to 500.0 mm");

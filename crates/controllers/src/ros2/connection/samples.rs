@@ -5,7 +5,7 @@ use probecell_msgs::{ControllerStatus, MachineState};
 use super::{Robot, Work, lock};
 use crate::{
     driver::DriverOutput,
-    ros2::{action::header, received::Joints, measuring::Frame, program::Offsets},
+    ros2::{action::header, measuring::Frame, program::Offsets, received::Joints},
 };
 
 impl Robot {

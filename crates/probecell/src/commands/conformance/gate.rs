@@ -32,7 +32,7 @@ pub(super) enum What {
 }
 
 /// One message, and when it came.
-pub(super) struct Received {
+pub(super) struct Observation {
     /// Instant of reception, ns since 1970.
     pub(super) received: i64,
     /// Instant of publication that the publisher gives, ns since 1970.
@@ -60,8 +60,8 @@ pub(super) struct Gate {
     beats: Arc<Mutex<Beats>>,
     heart: JoinHandle<()>,
     subscriptions: Vec<Subscription>,
-    receiver: Receiver<Received>,
-    log: Vec<Received>,
+    receiver: Receiver<Observation>,
+    log: Vec<Observation>,
     next_command: u64,
     plans_made: u32,
 }
@@ -164,7 +164,7 @@ impl Gate {
     }
 
     /// What was heard since a mark.
-    pub(super) fn since(&self, mark: usize) -> &[Received] {
+    pub(super) fn since(&self, mark: usize) -> &[Observation] {
         &self.log[mark..]
     }
 
@@ -331,10 +331,10 @@ fn subscribe<M: Message>(
     bus: &Bus,
     namespace: &str,
     topic: Topic,
-    sender: &Sender<Received>,
+    sender: &Sender<Observation>,
     wrap: impl Fn(M) -> What + Send + Sync + 'static,
 ) -> Result<Subscription, BusError> {
-    let heard = move |received: &Received<'_>, what| Received {
+    let heard = move |received: &Received<'_>, what| Observation {
         received: received.received_ns,
         source: received.source_time_ns,
         topic: topic.name,
@@ -351,7 +351,7 @@ fn subscribe<M: Message>(
     };
     let on_lost = move |lost: Lost| {
         let instant = host::now().0;
-        drop(losses.send(Received {
+        drop(losses.send(Observation {
             received: instant,
             source: instant,
             topic: topic.name,

@@ -8,7 +8,7 @@ use machine::Chain;
 use probecell_msgs::{ControllerStatus, MachineState};
 
 use super::{
-    gate::{Gate, Heard, What},
+    gate::{Gate, Observation, What},
     judge::Judge,
 };
 
@@ -92,7 +92,7 @@ pub(super) fn nothing_lost(gate: &mut Gate, judge: &mut Judge) {
 }
 
 fn unreadable(gate: &Gate, judge: &mut Judge) {
-    for Heard { topic, what, .. } in gate.since(0) {
+    for Observation { topic, what, .. } in gate.since(0) {
         if let What::Unreadable(why) = what {
             judge.wrong(topic, "CDR of its type", why);
         }

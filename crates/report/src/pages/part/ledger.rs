@@ -28,7 +28,12 @@ struct Step {
 pub(super) fn add(page: &mut Page, session: &PartSession) {
     let mut steps: Vec<Step> = (session.corrections.iter())
         .map(proposed_or_approved)
-        .chain(session.approvals.iter().map(|one| request_step(session, one)))
+        .chain(
+            session
+                .approvals
+                .iter()
+                .map(|one| request_step(session, one)),
+        )
         .chain(session.acknowledgements.iter().map(at_the_machine))
         .collect();
     if steps.is_empty() {
