@@ -218,7 +218,11 @@ impl Gate {
     }
 
     /// Takes what comes until `enough`, for at most `within`; whether it was enough.
-    pub(super) fn receive_until(&mut self, within: Duration, mut enough: impl FnMut(&Self) -> bool) -> bool {
+    pub(super) fn receive_until(
+        &mut self,
+        within: Duration,
+        mut enough: impl FnMut(&Self) -> bool,
+    ) -> bool {
         let deadline = Instant::now() + within;
         loop {
             while let Ok(heard) = self.receiver.try_recv() {

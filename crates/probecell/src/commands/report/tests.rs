@@ -4,8 +4,8 @@ use bags::{Channel, Overflow, Qos, Recorder, RecorderOptions};
 use cell::{Cell, CellText};
 use graph::{Executor, Published, Stamp};
 use probecell_msgs::{
-    Correction, CorrectionAcknowledgement, FeatureResult, OperatorReply, OperatorRequest,
-    Verdict, from_cdr, to_cdr,
+    Correction, CorrectionAcknowledgement, FeatureResult, OperatorReply, OperatorRequest, Verdict,
+    from_cdr, to_cdr,
 };
 use roxmltree::{Document, Node, ParsingOptions};
 
@@ -15,12 +15,12 @@ const BEGIN: Stamp = Stamp(1_767_225_600_000_000_000);
 
 /// What the turn-mill publishes while it makes a punch.
 fn made() -> Vec<Published> {
-    let file = include_str!("../../../../launch-scripts/turn_mill.toml");
+    let file = include_str!("../../../../../launch-scripts/turn_mill.toml");
     let short = "[path_planning]\nkicks = 50\n";
     let cell = Cell::from_text(CellText {
         name: "turn_mill".to_owned(),
         cell: file.replacen("[path_planning]\n", short, 1),
-        robot_description: include_str!("../../../../launch-scripts/turn_mill.urdf").to_owned(),
+        robot_description: include_str!("../../../../../launch-scripts/turn_mill.urdf").to_owned(),
         ..CellText::default()
     })
     .expect("a cell")
@@ -193,8 +193,8 @@ fn the_page_says_what_the_messages_say_and_stands_alone() {
 #[test]
 fn a_record_shows_the_reference_and_qualifies_nothing_that_it_contradicts() {
     let folder = tempfile::tempdir().expect("a folder");
-    let sample = Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("../../bags/samples/punch_uncalibrated.mcap");
+    let sample =
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("../../bags/samples/punch_uncalibrated.mcap");
     let file = folder.path().join("page.html");
     let arguments = Arguments {
         bag: sample.clone(),
