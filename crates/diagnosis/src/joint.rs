@@ -27,7 +27,7 @@ use crate::report::{
     declared, localisation,
 };
 use blocks::BlockPool;
-use cross_validation::{Judge, Judged};
+use cross_validation::{Judge, Judged, superfluous};
 use rows::Joined;
 use selection::{Rows, Selection, contains_effect, price};
 
@@ -172,20 +172,16 @@ impl Reporter<'_> {
             gram,
             mut solution,
         } = selection;
-        let mut judged = self.judge.prefixes(self.pool, &gram, &set);
-        // An effect that does not reduce the residuals of held-out touches is no cause.
-        while let Some(index) = (0..set.members.len()).find(|&p| !judged[p + 1].better(&judged[p]))
-        {
+        // An effect without which the others predict held-out touches as well is no cause.
+        while let Some(index) = superfluous(&self.judge.without_each(self.pool, &gram, &set)) {
             set = set.without(index);
             let Some(again) = gram.maximise(&mut set, 1) else {
                 break;
             };
             solution = again;
-            judged = self.judge.prefixes(self.pool, &gram, &set);
         }
-        if let Some(judge) = self.withheld_judge {
-            judged = judge.prefixes(self.pool, &gram, &set);
-        }
+        let judge = self.withheld_judge.unwrap_or(self.judge);
+        let judged = judge.prefixes(self.pool, &gram, &set);
         let variance = solution.variance();
         let unknown = self.unknown(&gram, &solution);
         let floor =

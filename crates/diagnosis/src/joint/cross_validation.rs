@@ -20,6 +20,18 @@ const FOLDS: usize = 5;
 /// Paired gains over blocks must exceed this many standard errors.
 const STANDARD_ERRORS: f64 = 2.0;
 
+/// The member without which held-out residuals grow least, where that is by no more than [`STANDARD_ERRORS`]; from the sizes of
+/// [`Judge::without_each`].
+pub(super) fn superfluous(judged: &[Judged]) -> Option<usize> {
+    let (whole, reduced) = judged.split_first()?;
+    let gains = reduced.iter().map(|without| whole.gain(without));
+    gains
+        .enumerate()
+        .min_by(|a, b| a.1.total_cmp(&b.1))
+        .filter(|&(_, gain)| gain <= STANDARD_ERRORS)
+        .map(|(index, _)| index)
+}
+
 /// Held-out sizes of one set.
 pub(super) struct Judged {
     pub(super) all: HeldOut,
@@ -81,8 +93,42 @@ impl<'a> Judge<'a> {
 
     /// Held-out residuals of all rows with no effect, the first, the first two, and so on; only rows that judge count.
     pub(super) fn residuals(&self, pool: &BlockPool, gram: &Gram, set: &BlockSet) -> Vec<Vec<f64>> {
+        self.of_fits(set.members.len() + 1, pool, gram, set, |training| {
+            self.rows.prefixes(pool, gram, set, training)
+        })
+    }
+
+    /// Held-out sizes of a set, then without each of its members.
+    pub(super) fn without_each(
+        &self,
+        pool: &BlockPool,
+        gram: &Gram,
+        set: &BlockSet,
+    ) -> Vec<Judged> {
+        let count = set.members.len() + 1;
+        let residuals = self.of_fits(count, pool, gram, set, |training| {
+            match self.rows.without_each(pool, gram, set, training) {
+                Some(fits) => fits.into_iter().map(Some).collect(),
+                None => vec![None; count],
+            }
+        });
+        residuals
+            .iter()
+            .map(|residuals| self.size(residuals))
+            .collect()
+    }
+
+    /// Held-out residuals of all rows under each of `count` fits to training rows.
+    fn of_fits(
+        &self,
+        count: usize,
+        pool: &BlockPool,
+        gram: &Gram,
+        set: &BlockSet,
+        fits: impl Fn(&[bool]) -> Vec<Option<Vec<f64>>>,
+    ) -> Vec<Vec<f64>> {
         let (columns, _) = gram.columns(set);
-        let mut residuals = vec![self.rows.y.to_vec(); set.members.len() + 1];
+        let mut residuals = vec![self.rows.y.to_vec(); count];
         let folds = if self.withheld { 1 } else { FOLDS };
         for fold in 0..folds {
             let held = |row: usize| {
@@ -93,8 +139,7 @@ impl<'a> Judge<'a> {
             let training: Vec<bool> = (0..self.rows.y.len())
                 .map(|row| self.rows.active[row] && !held(row))
                 .collect();
-            let fits = self.rows.prefixes(pool, gram, set, &training);
-            for (residuals, mean) in residuals.iter_mut().zip(fits) {
+            for (residuals, mean) in residuals.iter_mut().zip(fits(&training)) {
                 let Some(mut mean) = mean else { continue };
                 if self.withheld {
                     // Poses of the fitted sessions say nothing of the withheld ones: their own are taken out below.
@@ -149,15 +194,15 @@ impl<'a> Judge<'a> {
 }
 
 impl Judged {
-    /// True when this set leaves smaller residuals than another by [`STANDARD_ERRORS`] of the paired differences of blocks.
-    pub(super) fn better(&self, than: &Self) -> bool {
+    /// By how many standard errors of the paired differences of blocks this set leaves smaller residuals than another.
+    fn gain(&self, than: &Self) -> f64 {
         let gains: Vec<f64> = (than.blocks.iter().zip(&self.blocks))
             .map(|(before, after)| before.0 - after.0)
             .collect();
-        let count = gains.len() as f64;
-        let mean = gains.iter().sum::<f64>() / count.max(1.0);
+        let count = gains.len().max(1) as f64;
+        let mean = gains.iter().sum::<f64>() / count;
         let around: Vec<f64> = gains.iter().map(|gain| gain - mean).collect();
-        mean > STANDARD_ERRORS * rms(&around) / count.max(1.0).sqrt()
+        mean / (rms(&around) / count.sqrt()).max(f64::MIN_POSITIVE)
     }
 
     /// Sizes session by session, with the names of those that judge.

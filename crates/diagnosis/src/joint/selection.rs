@@ -5,6 +5,7 @@ use inference::evidence::SIZE_PRICE;
 use inference::gram::{BlockSet, Gram, Solution, active_columns, active_values, combination};
 
 use effects::observation::Observations;
+use nalgebra::{DMatrix, DVector};
 
 /// Most effects of a set.
 const MOST: usize = 30;
@@ -119,6 +120,26 @@ impl Rows<'_> {
         self.y.iter().zip(&predicted).map(|(y, p)| y - p).collect()
     }
 
+    /// Normal equations of a set over the rows in `training` only: products with their prior precisions, and projections.
+    fn normal_equations(
+        &self,
+        pool: &BlockPool,
+        gram: &Gram,
+        set: &BlockSet,
+        training: &[bool],
+    ) -> (DMatrix<f64>, DVector<f64>) {
+        let (columns, precision) = gram.columns(set);
+        let all = self.columns(pool);
+        let chosen: Vec<&Vec<f64>> = columns.iter().map(|&column| all[column]).collect();
+        let matrix = active_columns(&chosen, training);
+        let right = matrix.tr_mul(&DVector::from_vec(active_values(self.y, training)));
+        let mut normal = matrix.tr_mul(&matrix);
+        for (index, precision) in precision.iter().enumerate() {
+            normal[(index, index)] += precision;
+        }
+        (normal, right)
+    }
+
     /// Coefficients of the first one, two, … members of a set, fitted to the rows in `training` only.
     pub(super) fn prefixes(
         &self,
@@ -127,17 +148,7 @@ impl Rows<'_> {
         set: &BlockSet,
         training: &[bool],
     ) -> Vec<Option<Vec<f64>>> {
-        let (columns, precision) = gram.columns(set);
-        let all = self.columns(pool);
-        let chosen: Vec<&Vec<f64>> = columns.iter().map(|&column| all[column]).collect();
-        let matrix = active_columns(&chosen, training);
-        let right = matrix.tr_mul(&nalgebra::DVector::from_vec(active_values(
-            self.y, training,
-        )));
-        let mut normal = matrix.tr_mul(&matrix);
-        for (index, precision) in precision.iter().enumerate() {
-            normal[(index, index)] += precision;
-        }
+        let (normal, right) = self.normal_equations(pool, gram, set, training);
         let mut width = self.free.len();
         let mut widths = vec![width];
         for &member in &set.members {
@@ -153,6 +164,30 @@ impl Rows<'_> {
                 Some(mean.as_slice().to_vec())
             })
             .collect()
+    }
+
+    /// Coefficients of a set fitted to the rows in `training` only: of the whole set, then without each of its members, whose
+    /// own are zero there.
+    pub(super) fn without_each(
+        &self,
+        pool: &BlockPool,
+        gram: &Gram,
+        set: &BlockSet,
+        training: &[bool],
+    ) -> Option<Vec<Vec<f64>>> {
+        let (normal, right) = self.normal_equations(pool, gram, set, training);
+        let factor = nalgebra::Cholesky::new(normal)?;
+        let mean = factor.solve(&right);
+        let covariance = factor.inverse();
+        let mut all = vec![mean.as_slice().to_vec()];
+        let mut first = self.free.len();
+        for &member in &set.members {
+            let width = pool.blocks[member].columns.len();
+            let rest = without(&mean, &covariance, first..first + width)?;
+            all.push(rest.as_slice().to_vec());
+            first += width;
+        }
+        Some(all)
     }
 }
 
@@ -197,4 +232,45 @@ pub(super) fn least(gram: &Gram) -> f64 {
 /// Log price of choosing a block.
 pub(super) fn price(pool: &BlockPool, block: usize) -> f64 {
     SIZE_PRICE + pool.blocks[block].price
+}
+
+/// Coefficients where those in `own` are zero, from the mean of all and their covariance over that of the noise: the
+/// conditional mean of a joint normal distribution.
+fn without(
+    mean: &DVector<f64>,
+    covariance: &DMatrix<f64>,
+    own: std::ops::Range<usize>,
+) -> Option<DVector<f64>> {
+    let (first, width) = (own.start, own.len());
+    let block = covariance.view((first, first), (width, width));
+    let taken = nalgebra::Cholesky::new(block.into_owned())?.solve(&mean.rows(first, width));
+    let mut rest = mean - covariance.columns(first, width) * taken;
+    rest.rows_mut(first, width).fill(0.0);
+    Some(rest)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Against the normal equations solved without the block.
+    #[test]
+    fn the_conditional_mean_is_that_of_the_smaller_fit() {
+        let value = |i: usize, j: usize| ((i * 37 + j * 101 + i * j * 7) % 23) as f64 / 23.0 - 0.4;
+        let matrix = DMatrix::from_fn(30, 6, value);
+        let y = DVector::from_fn(30, |row, _| value(row, 11));
+        let normal = matrix.tr_mul(&matrix) + DMatrix::identity(6, 6) * 0.3;
+        let right = matrix.tr_mul(&y);
+        let factor = nalgebra::Cholesky::new(normal.clone()).expect("positive definite");
+        let found = without(&factor.solve(&right), &factor.inverse(), 2..4).expect("solvable");
+        let kept = [0, 1, 4, 5];
+        let smaller = normal.select_rows(&kept).select_columns(&kept);
+        let expected = nalgebra::Cholesky::new(smaller)
+            .expect("positive definite")
+            .solve(&right.select_rows(&kept));
+        for (&place, expected) in kept.iter().zip(&expected) {
+            assert!((found[place] - expected).abs() < 1e-12);
+        }
+        assert_eq!((found[2], found[3]), (0.0, 0.0));
+    }
 }
