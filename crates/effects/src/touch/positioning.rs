@@ -3,7 +3,11 @@
 //! δq is interpolated linearly between evenly spaced targets over the travel used; each inner target has its mean
 //! bidirectional positioning error, and both ends have none: what is left at them, a constant and a slope, is the
 //! axis's place and its `scale`. A smooth curve needs fewer targets, between which a cubic spline runs (constant `cubic` 1;
-//! de Boor 1978, ch. IV). What repeats with a pitch is `cyclic`. Typical 1–10 µm.
+//! de Boor 1978, ch. IV). An axis whose targets are read repeatedly has a table with errors at both ends too (constant `ends`
+//! 1), as the standard states it: its curve need not begin and end at nothing. What repeats with a pitch is `cyclic`.
+//! Typical 1–10 µm.
+
+use std::ops::RangeInclusive;
 
 use machine::{Chain, JointKind};
 use nalgebra::DMatrix;
@@ -20,6 +24,8 @@ const TARGETS: [(usize, f64); 4] = [(3, 0.5), (7, 0.25), (15, 0.12), (31, 0.06)]
 const SMOOTH_TARGETS: [(usize, f64); 3] = [(3, 0.5), (7, 0.25), (15, 0.12)];
 /// The constant that says that a table is smooth.
 const CUBIC: &str = "cubic";
+/// The constant that says that a table has errors at both ends of the travel.
+const ENDS: &str = "ends";
 /// Positions that the touches must visit for each target.
 const POSITIONS: usize = 5;
 /// The same where each position is visited so often that its own mean is known (ISO 230-2: five times from either side).
@@ -50,7 +56,7 @@ impl Effect for Positioning {
     }
 
     fn parameters(&self, _: &Chain, _: &Instance<'_>) -> Vec<Parameter> {
-        parameters(TARGETS[0].0)
+        parameters(Table::straight(TARGETS[0].0))
     }
 
     fn acts_on(&self) -> ActsOn {
@@ -67,17 +73,28 @@ impl Effect for Positioning {
                 let positions = distinct_positions(rows, axis);
                 let repeated = rows.touches() >= REPEATED.1 * positions;
                 let for_each = if repeated { REPEATED.0 } else { POSITIONS };
-                let straight = TARGETS.into_iter().map(|targets| (targets, false));
+                let straight = TARGETS
+                    .into_iter()
+                    .map(|(targets, weight)| (Table::straight(targets), weight));
                 // A curve of single readings may as well be the form of the part.
                 let smooth = SMOOTH_TARGETS.into_iter().filter(move |_| repeated);
-                let smooth = smooth.map(|(targets, weight)| ((targets, weight), true));
-                let targets = straight
+                let smooth = smooth.flat_map(|(targets, weight)| {
+                    [false, true].map(|ends| {
+                        let table = Table {
+                            targets,
+                            smooth: true,
+                            ends,
+                        };
+                        (table, weight)
+                    })
+                });
+                let tables = straight
                     .chain(smooth)
-                    .filter(move |((targets, _), _)| positions >= FEWEST.max(for_each * targets));
-                targets.filter_map(move |((targets, weight), smooth)| {
+                    .filter(move |(table, _)| positions >= FEWEST.max(for_each * table.targets));
+                tables.filter_map(move |(table, weight)| {
                     let of = Instance::on(&rows.chain.axis(axis).name);
-                    let way = self.way(&rows.chain, &of, travel, (targets, smooth))?;
-                    let way = way.with_constants(&all_constants(travel, targets, smooth));
+                    let way = self.way(&rows.chain, &of, travel, table)?;
+                    let way = way.with_constants(&all_constants(travel, table));
                     // Who reads each target repeatedly looks for such a table.
                     Some(way.with_prior_weight(if repeated { 1.0 } else { weight }))
                 })
@@ -98,68 +115,102 @@ impl Effect for Positioning {
             || (1..=MOST).take_while(is_told).count().max(1),
             |number| (number as usize).clamp(1, MOST),
         );
-        let smooth = constants.get(CUBIC, 0.0) > 0.5;
-        let Some(way) = self.way(chain, of, travel, (targets, smooth)) else {
+        let table = Table {
+            targets,
+            smooth: constants.get(CUBIC, 0.0) > 0.5,
+            ends: constants.get(ENDS, 0.0) > 0.5,
+        };
+        let Some(way) = self.way(chain, of, travel, table) else {
             return Vec::new();
         };
         if number.is_none() {
             return vec![way];
         }
         // A target near which nothing was touched has no error in a report.
-        let told: Vec<usize> = (1..=targets).filter(is_told).map(|one| one - 1).collect();
+        let numbers = table.numbers().enumerate();
+        let told: Vec<usize> = numbers
+            .filter(|(_, number)| is_told(number))
+            .map(|(place, _)| place)
+            .collect();
         vec![
             way.with_only(&told)
-                .with_constants(&all_constants(travel, targets, smooth)),
+                .with_constants(&all_constants(travel, table)),
         ]
     }
 }
 
-/// Name of the error at an inner target, counted from 1.
+/// What kind of table.
+#[derive(Debug, Clone, Copy)]
+struct Table {
+    /// Number of inner targets.
+    targets: usize,
+    /// A cubic spline runs between the targets, else straight lines.
+    smooth: bool,
+    /// The ends of the travel have errors too.
+    ends: bool,
+}
+
+impl Table {
+    fn straight(targets: usize) -> Self {
+        Self {
+            targets,
+            smooth: false,
+            ends: false,
+        }
+    }
+
+    /// Numbers of the targets that have an error; the ends are 0 and one more than there are inner ones.
+    fn numbers(self) -> RangeInclusive<usize> {
+        if self.ends {
+            0..=self.targets + 1
+        } else {
+            1..=self.targets
+        }
+    }
+}
+
+/// Name of the error at a target, the inner ones counted from 1.
 fn name(target: usize) -> String {
     format!("e{target}")
 }
 
-/// The travel, the number of inner targets, and whether the table is smooth between them.
-fn all_constants(
-    (from, to): (f64, f64),
-    targets: usize,
-    smooth: bool,
-) -> Vec<(&'static str, f64, &'static str)> {
+/// The travel and the kind of table.
+fn all_constants((from, to): (f64, f64), table: Table) -> Vec<(&'static str, f64, &'static str)> {
     let mut all = vec![
         ("from", from, "m"),
         ("to", to, "m"),
-        (TARGETS_TOLD, targets as f64, "1"),
+        (TARGETS_TOLD, table.targets as f64, "1"),
     ];
-    if smooth {
-        all.push((CUBIC, 1.0, "1"));
-    }
+    all.extend(table.smooth.then_some((CUBIC, 1.0, "1")));
+    all.extend(table.ends.then_some((ENDS, 1.0, "1")));
     all
 }
 
-fn parameters(targets: usize) -> Vec<Parameter> {
+fn parameters(table: Table) -> Vec<Parameter> {
     let of = |target| Parameter::new(name(target), "m", 1e-4);
-    (1..=targets).map(of).collect()
+    table.numbers().map(of).collect()
 }
 
 impl Positioning {
-    /// A table with this many inner targets between the ends of the travel, smooth or straight between them.
+    /// A table whose targets are evenly spaced over the travel.
     fn way(
         &self,
         chain: &Chain,
         of: &Instance<'_>,
         (from, to): (f64, f64),
-        (targets, smooth): (usize, bool),
+        table: Table,
     ) -> Option<Variant> {
         let (axis, joint) = of.joint(chain)?;
         if joint.kind != JointKind::Prismatic {
             return None;
         }
-        let spacing = (to - from) / (targets as f64 + 1.0);
+        let last = table.targets as f64 + 1.0;
+        let spacing = (to - from) / last;
         let build = move |rows: &Observations| {
-            let bends = smooth.then(|| bends(targets));
+            let bends = table.smooth.then(|| bends(table.targets));
             let column = |target: usize| {
                 rows.machine_column(true, |pose, _| {
-                    let along = (pose.positions[axis] - from) / spacing;
+                    let along = ((pose.positions[axis] - from) / spacing).clamp(0.0, last);
                     let straight = (1.0 - (along - target as f64).abs()).max(0.0);
                     let bent = bends
                         .as_ref()
@@ -167,16 +218,16 @@ impl Positioning {
                     pose.sensitivity.axes[axis] * (straight + bent)
                 })
             };
-            (1..=targets).map(column).collect()
+            table.numbers().map(column).collect()
         };
-        let variant = Variant::linear(of.id(self.id()), parameters(targets), build);
+        let variant = Variant::linear(of.id(self.id()), parameters(table), build);
         Some(variant.with_constants(&[("from", from, "m"), ("to", to, "m")]))
     }
 }
 
-/// Second derivatives, per spacing², at both ends and the inner targets (rows) of the cubic spline that is 1 at one of the inner
-/// targets (columns) and 0 at the others and at both ends; not a knot at the first and the last of them, since nothing says
-/// that the curve is straight where the travel ends.
+/// Second derivatives, per spacing², at both ends and the inner targets (rows) of the cubic spline that is 1 at one of them
+/// (columns) and 0 at the others; not a knot at the first and the last inner target, since nothing says that the curve is
+/// straight where the travel ends.
 fn bends(targets: usize) -> DMatrix<f64> {
     let last = targets + 1;
     // Continuity of the slope: M(i−1)/6 + 2M(i)/3 + M(i+1)/6 = y(i−1) − 2y(i) + y(i+1).
@@ -190,27 +241,24 @@ fn bends(targets: usize) -> DMatrix<f64> {
             _ => 0.0,
         }
     });
-    let values = DMatrix::from_fn(targets + 2, targets, |row, column| {
-        match (row == 0 || row == last, row.abs_diff(column + 1)) {
+    let values = DMatrix::from_fn(targets + 2, targets + 2, |row, column| {
+        match (row == 0 || row == last, row.abs_diff(column)) {
             (false, 0) => -2.0,
             (false, 1) => 1.0,
             _ => 0.0,
         }
     });
     let solved = slopes.lu().solve(&values);
-    solved.unwrap_or_else(|| DMatrix::zeros(targets + 2, targets))
+    solved.unwrap_or_else(|| DMatrix::zeros(targets + 2, targets + 2))
 }
 
 /// What a spline of these second derivatives, 1 at `target`, adds to the straight lines between targets at a place in
-/// spacings from the beginning of the travel.
+/// spacings from the beginning of the travel, within it.
 fn bend(bends: &DMatrix<f64>, target: usize, along: f64) -> f64 {
-    let spacings = bends.ncols() + 1;
-    if !(0.0..=spacings as f64).contains(&along) {
-        return 0.0;
-    }
+    let spacings = bends.ncols() - 1;
     let before = (along.floor() as usize).min(spacings - 1);
     let (past, ahead) = (along - before as f64, before as f64 + 1.0 - along);
-    let at = |place: usize| bends[(place, target - 1)];
+    let at = |place: usize| bends[(place, target)];
     ((ahead.powi(3) - ahead) * at(before) + (past.powi(3) - past) * at(before + 1)) / 6.0
 }
 
@@ -258,6 +306,28 @@ mod tests {
             let q = seen.position("X");
             let within = (-0.04..=0.04).contains(&q);
             -seen.normal.x * if within { curve(q) } else { 0.0 }
+        });
+    }
+
+    /// With errors at both ends it follows any cubic.
+    #[test]
+    fn a_smooth_table_with_ends_follows_any_cubic() {
+        let curve = |q: f64| 2e-6 + 1e-4 * q - 3e-3 * q * q + 0.3 * q.powi(3);
+        let errors = [-0.04, -0.02, 0.0, 0.02, 0.04].map(curve);
+        let table = [
+            ("e0", errors[0], "m"),
+            ("e1", errors[1], "m"),
+            ("e2", errors[2], "m"),
+            ("e3", errors[3], "m"),
+            ("e4", errors[4], "m"),
+            ("from", -0.04, "m"),
+            ("to", 0.04, "m"),
+            ("targets", 3.0, "1"),
+            ("cubic", 1.0, "1"),
+            ("ends", 1.0, "1"),
+        ];
+        predicts("axis.X.positioning", &table, |seen| {
+            -seen.normal.x * curve(seen.position("X").clamp(-0.04, 0.04))
         });
     }
 
