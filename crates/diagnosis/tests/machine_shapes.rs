@@ -8,6 +8,7 @@ mod layouts;
 
 use diagnosis::{Options, Report, Session, Verdict, diagnose, diagnose_together_with_residuals};
 use layouts::bed::{Pose, block, formed_bed, height_map};
+use layouts::sealed::{Class, draw};
 use layouts::{arm, groups, innocents, iso230, left, names, plate, warming};
 
 fn alone(session: &Session) -> Report {
@@ -22,6 +23,41 @@ fn together(fit: &[Session], withheld: &[Session]) -> Report {
         .0;
     println!("{report}");
     report
+}
+
+/// Uneven or correlated noise, stray readings, forms and curves that no formula of an effect follows: the main cause of each is
+/// named, and nothing else that did not act.
+#[test]
+fn sealed_sessions_name_their_main_cause_and_nothing_innocent() {
+    for (class, seeds) in [
+        (Class::Axis, 1..5),
+        (Class::Bed, 1..7),
+        (Class::Block, 1..7),
+    ] {
+        for seed in seeds {
+            let sealed = draw(class, seed);
+            let [session] = sealed.fit.as_slice() else {
+                panic!("{class:?} is one session");
+            };
+            let report = alone(session);
+            assert!(
+                names(&report, sealed.causes[0]),
+                "{class:?} {seed}, {}: {report}",
+                sealed.drawn
+            );
+            let guilty = |name: &&str| {
+                let mut guilty = sealed.causes.iter().chain(&sealed.allowed);
+                *name == "data.outliers" || guilty.any(|own| name.starts_with(own))
+            };
+            for group in groups(&report) {
+                assert!(
+                    group.iter().any(guilty),
+                    "{class:?} {seed}, {}: {report}",
+                    sealed.drawn
+                );
+            }
+        }
+    }
 }
 
 /// What an expert leaves who knows the causes, at most so many times.

@@ -47,11 +47,25 @@ pub(crate) fn formed_bed(
     seed: u64,
 ) -> Session {
     let mut chance = Chance(seed);
+    touched(pose, |x, y| form(x, y) + noise * chance.normal(), [13, 11])
+}
+
+/// The same without noise, touched on a grid of so many places.
+pub(crate) fn formed_bed_of(
+    pose: &Pose,
+    form: impl Fn(f64, f64) -> f64,
+    grid: [i32; 2],
+) -> Session {
+    touched(pose, form, grid)
+}
+
+fn touched(pose: &Pose, mut form: impl FnMut(f64, f64) -> f64, [along, rows]: [i32; 2]) -> Session {
     let mut readings = Vec::new();
-    for row in 0..11 {
-        for step in 0..13 {
-            let step = if row % 2 == 0 { step } else { 12 - step };
-            let (x, y) = (f64::from(step - 6) * 0.25 / 6.0, f64::from(row - 5) * 0.04);
+    for row in 0..rows {
+        for step in 0..along {
+            let step = if row % 2 == 0 { step } else { along - 1 - step };
+            let share = |number: i32, of: i32| 2.0 * f64::from(number) / f64::from(of - 1) - 1.0;
+            let (x, y) = (0.25 * share(step, along), 0.2 * share(row, rows));
             let formed = form(x, y);
             let up = stops(pose, [x, y, 0.0], [0.0, 0.0, 1.0], 5e-4) + formed;
             readings.push(Reading {
@@ -59,7 +73,7 @@ pub(crate) fn formed_bed(
                 point: [x, y, 0.0],
                 normal: [0.0, 0.0, 1.0],
                 feed: 0.002,
-                axes: vec![x, y, 0.1 + 5e-4 + up + noise * chance.normal()],
+                axes: vec![x, y, 0.1 + 5e-4 + up],
                 time: 4.0 * readings.len() as f64,
             });
         }

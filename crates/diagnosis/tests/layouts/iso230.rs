@@ -29,27 +29,40 @@ pub(crate) struct Errors {
 /// The run: each target up and down, five times, 8 s a reading.
 pub(crate) fn run(errors: &Errors, seed: u64) -> Session {
     let mut chance = Chance(seed);
-    let targets: Vec<f64> = (0..=60).map(|number| 0.005 * f64::from(number)).collect();
+    axis(0.3, 0.005, |x, up, share| {
+        let u = x / 0.3;
+        let behind = if up { -0.5 } else { 0.5 } * errors.lost_motion;
+        behind
+            + errors.cyclic.0 * (TAU * x / errors.cyclic.1.max(1e-6) + 0.4).sin()
+            + errors.curve * 10.39 * u * (1.0 - u) * (0.5 - u)
+            + errors.drift * 8.0 * 610.0 * share
+            + errors.noise * chance.normal()
+    })
+}
+
+/// Targets every `step` (m) of a travel, up and down, five times, 8 s a reading; `error` (m) of the place, whether it is
+/// approached upwards, and the share of the time that went by.
+pub(crate) fn axis(
+    travel: f64,
+    step: f64,
+    mut error: impl FnMut(f64, bool, f64) -> f64,
+) -> Session {
+    let last = (travel / step).round() as u32;
+    let targets: Vec<f64> = (0..=last).map(|number| step * f64::from(number)).collect();
+    let count = 10.0 * targets.len() as f64;
     let mut readings: Vec<Reading> = Vec::new();
     for _ in 0..5 {
         for up in [true, false] {
             for place in 0..targets.len() {
                 let x = targets[if up { place } else { targets.len() - 1 - place }];
-                let time = 8.0 * readings.len() as f64;
-                let u = x / 0.3;
-                let behind = if up { -0.5 } else { 0.5 } * errors.lost_motion;
-                let gone = behind
-                    + errors.cyclic.0 * (TAU * x / errors.cyclic.1.max(1e-6) + 0.4).sin()
-                    + errors.curve * 10.39 * u * (1.0 - u) * (0.5 - u)
-                    + errors.drift * time
-                    + errors.noise * chance.normal();
+                let number = readings.len() as f64;
                 readings.push(Reading {
                     feature: 0,
-                    point: [x + gone, 0.0, 0.0],
+                    point: [x + error(x, up, number / count), 0.0, 0.0],
                     normal: [1.0, 0.0, 0.0],
                     feed: 0.0,
                     axes: vec![x],
-                    time,
+                    time: 8.0 * number,
                 });
             }
         }

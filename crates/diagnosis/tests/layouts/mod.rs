@@ -8,6 +8,7 @@ pub(crate) mod arm;
 pub(crate) mod bed;
 pub(crate) mod iso230;
 pub(crate) mod plate;
+pub(crate) mod sealed;
 pub(crate) mod warming;
 
 use diagnosis::{Report, Session};

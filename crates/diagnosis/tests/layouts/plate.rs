@@ -14,8 +14,17 @@ pub(crate) struct Errors {
     pub(crate) noise: f64,
 }
 
+/// The CMM goes from hole to hole in an order of its own.
 pub(crate) fn plate(errors: &Errors, seed: u64) -> Session {
-    let mut chance = Chance(seed);
+    measured(errors, |hole| hole * 237 % 640, &mut Chance(seed))
+}
+
+/// Without noise, each hole measured at its place in an order.
+pub(crate) fn ordered(errors: &Errors, order: impl Fn(u32) -> u32) -> Session {
+    measured(errors, order, &mut Chance(1))
+}
+
+fn measured(errors: &Errors, order: impl Fn(u32) -> u32, chance: &mut Chance) -> Session {
     let mut readings = Vec::new();
     for row in 0..20 {
         for column in 0..32 {
@@ -45,8 +54,7 @@ pub(crate) fn plate(errors: &Errors, seed: u64) -> Session {
                     normal,
                     feed: 0.0,
                     axes: vec![x, y, 0.1],
-                    // The CMM goes from hole to hole in an order of its own.
-                    time: 2.0 * f64::from((row * 32 + column) * 237 % 640),
+                    time: 2.0 * f64::from(order(row as u32 * 32 + column as u32)),
                 });
             }
         }
