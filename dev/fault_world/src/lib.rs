@@ -19,7 +19,7 @@ mod world;
 
 pub use check::{Count, Invariant, Violation};
 pub use fault::{Fault, Forgery, Kind, Mood, Way, of_seed, ways};
-pub use gate::{Bounds, Found, Search, Tamper};
+pub use gate::{Bounds, DEEP, Found, SEARCHES, Search};
 pub use shrink::shortened;
 pub use world::{Outcome, StandIn, run};
 

@@ -1,5 +1,6 @@
 //! `cargo run --release -p fault_world -- --seeds A..B`: runs as many seeds as you like on all cores, and prints of each
-//! failure its seed, the shortened list of faults and the invariant.
+//! failure its seed, the shortened list of faults and the invariant. `-- --gate STATES`: searches the orders of events about
+//! two corrections, up to that many states in each search.
 
 #![allow(clippy::print_stdout, reason = "a command prints")]
 
@@ -9,14 +10,18 @@ use std::{
 };
 
 use clap::Parser;
-use fault_world::{Cells, Count, shortened};
+use fault_world::{Cells, Count, DEEP, SEARCHES, Search, shortened};
 
 /// Runs the default cell under the faults of each seed.
 #[derive(Parser)]
 struct Arguments {
     /// Seeds, the last one excluded.
-    #[arg(long, value_name = "A..B", value_parser = seeds)]
-    seeds: (u64, u64),
+    #[arg(long, value_name = "A..B", value_parser = seeds, required_unless_present = "gate")]
+    seeds: Option<(u64, u64)>,
+    /// Search the orders of events about two corrections, up to so many states in each search: 48 bytes each, and 1 kB of
+    /// those that are still to be left.
+    #[arg(long, value_name = "STATES", conflicts_with = "seeds")]
+    gate: Option<usize>,
     /// Print the faults of each seed and what came of it.
     #[arg(long)]
     verbose: bool,
@@ -33,7 +38,10 @@ fn seeds(text: &str) -> Result<(u64, u64), String> {
 
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
-    let (from, to) = arguments.seeds;
+    if let Some(limit) = arguments.gate {
+        return search(limit);
+    }
+    let (from, to) = arguments.seeds.unwrap_or_default();
     let next = AtomicU64::new(from);
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
     let work = || {
@@ -96,4 +104,21 @@ fn main() -> ExitCode {
     } else {
         ExitCode::FAILURE
     }
+}
+
+fn search(limit: usize) -> ExitCode {
+    let cells = Cells::default();
+    let mut search = Search::new(cells.of(1), None);
+    let mut states = 0;
+    for bounds in SEARCHES.iter().chain(DEEP) {
+        let found = search.run(*bounds, limit);
+        states += found.states;
+        println!("{found}, of {bounds:?}");
+        if let Some((events, why)) = found.violation {
+            println!("{why}:\n{}", events.join("\n"));
+            return ExitCode::FAILURE;
+        }
+    }
+    println!("{states} states");
+    ExitCode::SUCCESS
 }

@@ -1,59 +1,30 @@
 //! The states of the search, and the events that lead from one to another.
 
 use std::{
-    collections::{BTreeMap, BTreeSet, VecDeque},
+    collections::{BTreeMap, BTreeSet},
     fmt,
     hash::{DefaultHasher, Hash, Hasher},
-    rc::Rc,
 };
 
 use cell_tests::session::Session;
 use graph::topics;
 use probecell_msgs::ControllerStatus;
-use serde_json::Value;
 
-use super::{Bounds, NODES};
+use super::{Bounds, NODES, store::Store};
 
 /// The way to the driver.
-pub(super) const DRIVER: usize = NODES.len();
+pub(super) const DRIVER: u8 = NODES.len() as u8;
+/// Who answers proposals.
+pub(super) const OPERATORS: [&str; 2] = ["Ada", "Grace"];
 
-/// A message on its way, and the hash of its bytes.
-#[derive(Clone)]
-pub(super) struct Letter {
-    pub(super) payload: Rc<Vec<u8>>,
-    hash: u64,
-}
+/// A topic, and who receives it.
+pub(super) type Way = (&'static str, u8);
 
-impl Letter {
-    pub(super) fn new(payload: Vec<u8>) -> Self {
-        let mut hasher = DefaultHasher::new();
-        payload.hash(&mut hasher);
-        Self {
-            hash: hasher.finish(),
-            payload: Rc::new(payload),
-        }
-    }
-}
-
-#[derive(Clone)]
+/// A node: the number of its state, and how often `cycle` has published since something last happened from outside.
+#[derive(Clone, Copy, Hash)]
 pub(super) struct Node {
-    pub(super) snapshot: Rc<Value>,
-    hash: u64,
-    /// Steps made: no two steps of a node are at the same instant.
-    pub(super) steps: u32,
-}
-
-impl Node {
-    pub(super) fn new(snapshot: Rc<Value>, steps: u32) -> Self {
-        let mut hasher = DefaultHasher::new();
-        // A map of JSON is ordered by its keys.
-        snapshot.to_string().hash(&mut hasher);
-        Self {
-            hash: hasher.finish(),
-            snapshot,
-            steps,
-        }
-    }
+    pub(super) snapshot: u32,
+    pub(super) said: u16,
 }
 
 /// What has reached the gate that runs now.
@@ -65,42 +36,65 @@ pub(super) struct Heard {
     pub(super) over: bool,
     /// An operator has stopped the machine.
     pub(super) stopped: bool,
-    /// Period of the last new word of `cycle` on the living part.
-    pub(super) alive: u8,
+    /// Period of the last new word of `cycle` on the living part, and its stamp, ns.
+    pub(super) alive: (u8, i64),
+    /// Number and payload of the latest list of operators' keys.
+    pub(super) keys: (u64, Option<u32>),
+    /// The last session of the driver.
+    pub(super) session: u8,
     /// ns; begin of the process.
     pub(super) began: i64,
+    /// It has commanded something since.
+    pub(super) commanded: bool,
 }
 
-#[derive(Clone)]
-pub(super) struct State {
-    pub(super) nodes: Vec<Node>,
-    pub(super) ways: BTreeMap<(&'static str, usize), VecDeque<Letter>>,
-    pub(super) latched: BTreeMap<&'static str, VecDeque<Letter>>,
-    pub(super) left: Bounds,
-    pub(super) period: u8,
-    /// Restarts of the driver.
-    pub(super) driver: u8,
+/// The driver and its machine.
+#[derive(Clone, Default, Hash)]
+pub(super) struct Driver {
+    pub(super) restarts: u8,
     /// Wear of each tool, m, in bits.
     pub(super) wear: BTreeMap<u32, u64>,
-    /// Numbers of the commands that the driver has taken.
+    /// Numbers of the commands that it has taken.
     pub(super) taken: BTreeSet<u64>,
-    /// Corrections on the bus so far.
-    pub(super) published: Vec<Letter>,
-    /// Corrections that were written, and answers that were given.
+    /// A program runs.
+    pub(super) running: bool,
+}
+
+#[derive(Clone, Hash)]
+pub(super) struct State {
+    pub(super) nodes: [Node; NODES.len()],
+    /// Payloads on their way, the oldest first; no way is empty.
+    pub(super) ways: BTreeMap<Way, Vec<u32>>,
+    /// Payloads that were lost, or came already: they may come at any time.
+    pub(super) late: BTreeSet<(Way, u32)>,
+    pub(super) latched: BTreeMap<&'static str, Vec<u32>>,
+    pub(super) left: Bounds,
+    pub(super) period: u8,
+    /// Events from outside so far.
+    pub(super) happened: u8,
+    pub(super) driver: Driver,
+    /// Approved corrections on the bus so far.
+    pub(super) approved: BTreeSet<u32>,
+    /// Corrections that were written, and answers that were given: operator and proposal.
     pub(super) written: BTreeSet<String>,
-    pub(super) answered: BTreeSet<(usize, &'static str)>,
+    pub(super) answered: BTreeSet<(u8, u8)>,
     pub(super) heard: Heard,
 }
 
 /// What happens next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Event {
-    Arrive(&'static str, usize),
-    Lose(&'static str, usize),
-    Repeat(&'static str, usize),
-    Answer(usize, &'static str, bool),
+    Arrive(Way),
+    /// A link loses it: it is fetched at any time later, or never.
+    Lose(Way),
+    /// It arrives, and comes once more at any time later, or never.
+    Repeat(Way),
+    Late(Way, u32),
+    /// Proposal, operator, approved.
+    Answer(u8, u8, bool),
+    Withdraw,
     Stop,
-    Restart(usize),
+    Restart(u8),
     Forge(Forged),
     Period,
 }
@@ -111,51 +105,83 @@ pub(super) enum Forged {
     Unsigned,
     OutOfBounds,
     NoSource,
+    NoTouch,
     Session,
+    WithdrawnKey,
+    Approval,
+}
+
+impl Forged {
+    const ALL: [Self; 7] = [
+        Self::Unsigned,
+        Self::OutOfBounds,
+        Self::NoSource,
+        Self::NoTouch,
+        Self::Session,
+        Self::WithdrawnKey,
+        Self::Approval,
+    ];
+}
+
+fn receiver(to: u8) -> &'static str {
+    NODES.get(usize::from(to)).copied().unwrap_or("driver")
 }
 
 impl fmt::Display for Event {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{self:?}")
+        match *self {
+            Self::Arrive((topic, to)) => write!(f, "{topic} reaches {}", receiver(to)),
+            Self::Lose((topic, to)) => write!(f, "{topic} to {} is lost", receiver(to)),
+            Self::Repeat((topic, to)) => write!(f, "{topic} reaches {} once", receiver(to)),
+            Self::Late((topic, to), _) => write!(f, "{topic} reaches {} late", receiver(to)),
+            Self::Answer(index, by, approve) => {
+                let answer = if approve { "approves" } else { "rejects" };
+                let by = OPERATORS[usize::from(by)];
+                write!(f, "{by} {answer} correction {}", index + 1)
+            }
+            Self::Withdraw => write!(f, "the key of {} is withdrawn", OPERATORS[0]),
+            Self::Stop => f.write_str("an operator stops"),
+            Self::Restart(who) => write!(f, "{} is restarted", receiver(who)),
+            Self::Forge(what) => write!(f, "a stranger forges {what:?}"),
+            Self::Period => f.write_str("1.3 s pass"),
+        }
     }
 }
 
 impl State {
-    pub(super) fn new(snapshots: [Value; 3], session: &Session) -> Self {
-        let mut latched: BTreeMap<&str, VecDeque<Letter>> = BTreeMap::new();
-        for topic in [
-            topics::OPERATOR_KEYS,
-            topics::RECORDING_STATUS,
-            topics::TOOL_OFFSETS,
-            topics::CORRECTIONS,
-            topics::PASS_DECISIONS,
-            topics::PART_STATUS,
-            topics::SUPERVISED_PART,
-        ] {
+    pub(super) fn new(snapshots: [u32; 3], session: &Session, store: &mut Store) -> Self {
+        let mut latched: BTreeMap<&str, Vec<u32>> = BTreeMap::new();
+        for topic in topics::ALL.iter().filter(|topic| topic.qos.transient_local) {
             let all = session.log().iter().filter(|one| one.topic == topic.name);
-            let all: Vec<Letter> = all.map(|one| Letter::new(one.payload.clone())).collect();
+            let all: Vec<u32> = all.map(|one| store.payload(&one.payload)).collect();
             let depth = topic.qos.depth.unwrap_or(1) as usize;
-            let kept = all.into_iter().rev().take(depth).collect::<Vec<_>>();
-            latched.insert(topic.name, kept.into_iter().rev().collect());
+            if !all.is_empty() {
+                latched.insert(topic.name, all[all.len().saturating_sub(depth)..].to_vec());
+            }
         }
         let sample: ControllerStatus = session.last(topics::CONTROLLER_STATUS);
-        let published = latched[topics::CORRECTIONS.name].iter().cloned().collect();
         let wear = sample.tool_wear.iter().map(|wear| wear.to_bits());
+        let keys = latched[topics::OPERATOR_KEYS.name].last().copied();
         Self {
-            nodes: (snapshots.into_iter())
-                .map(|snapshot| Node::new(Rc::new(snapshot), 0))
-                .collect(),
+            nodes: snapshots.map(|snapshot| Node { snapshot, said: 0 }),
             ways: BTreeMap::new(),
+            late: BTreeSet::new(),
             latched,
             left: Bounds::default(),
             period: 0,
-            driver: 0,
-            wear: sample.tool_numbers.iter().copied().zip(wear).collect(),
-            taken: BTreeSet::new(),
-            published,
+            happened: 0,
+            driver: Driver {
+                wear: sample.tool_numbers.iter().copied().zip(wear).collect(),
+                ..Driver::default()
+            },
+            approved: BTreeSet::new(),
             written: BTreeSet::new(),
             answered: BTreeSet::new(),
-            heard: Heard::default(),
+            heard: Heard {
+                keys: (1, keys),
+                commanded: true,
+                ..Heard::default()
+            },
         }
     }
 
@@ -163,29 +189,7 @@ impl State {
     pub(super) fn key(&self) -> u128 {
         let half = |salt: u8| {
             let mut hasher = DefaultHasher::new();
-            salt.hash(&mut hasher);
-            for node in &self.nodes {
-                (node.hash, node.steps).hash(&mut hasher);
-            }
-            for (way, letters) in &self.ways {
-                if !letters.is_empty() {
-                    way.hash(&mut hasher);
-                    for letter in letters {
-                        letter.hash.hash(&mut hasher);
-                    }
-                    u8::MAX.hash(&mut hasher);
-                }
-            }
-            for (topic, letters) in &self.latched {
-                topic.hash(&mut hasher);
-                for letter in letters {
-                    letter.hash.hash(&mut hasher);
-                }
-            }
-            let published: Vec<u64> = self.published.iter().map(|letter| letter.hash).collect();
-            (published, self.left, self.period, self.driver).hash(&mut hasher);
-            (&self.wear, &self.taken, &self.written).hash(&mut hasher);
-            (&self.answered, &self.heard).hash(&mut hasher);
+            (salt, self).hash(&mut hasher);
             u128::from(hasher.finish())
         };
         (half(0) << 64) | half(1)
@@ -194,23 +198,27 @@ impl State {
     /// Everything that can happen in this state.
     pub(super) fn events(&self) -> Vec<Event> {
         let mut events = Vec::new();
-        let under_way = self.ways.iter().filter(|(_, letters)| !letters.is_empty());
-        for (&(topic, to), _) in under_way {
-            events.push(Event::Arrive(topic, to));
+        for &way in self.ways.keys() {
+            events.push(Event::Arrive(way));
             if self.left.losses > 0 {
-                events.push(Event::Lose(topic, to));
+                events.push(Event::Lose(way));
             }
             if self.left.repeats > 0 {
-                events.push(Event::Repeat(topic, to));
+                events.push(Event::Repeat(way));
             }
         }
+        let late = self.late.iter();
+        events.extend(late.map(|&(way, payload)| Event::Late(way, payload)));
         if self.left.answers > 0 {
-            for (index, by) in [(0, "Ada"), (1, "Grace")] {
+            for (index, by) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
                 if !self.answered.contains(&(index, by)) {
                     events.push(Event::Answer(index, by, true));
                     events.push(Event::Answer(index, by, false));
                 }
             }
+        }
+        if self.left.withdrawals > 0 {
+            events.push(Event::Withdraw);
         }
         if self.left.stops > 0 {
             events.push(Event::Stop);
@@ -219,13 +227,7 @@ impl State {
             events.extend((0..=DRIVER).map(Event::Restart));
         }
         if self.left.forgeries > 0 {
-            let all = [
-                Forged::Unsigned,
-                Forged::OutOfBounds,
-                Forged::NoSource,
-                Forged::Session,
-            ];
-            events.extend(all.map(Event::Forge));
+            events.extend(Forged::ALL.map(Event::Forge));
         }
         if self.left.periods > 0 {
             events.push(Event::Period);
@@ -233,23 +235,36 @@ impl State {
         events
     }
 
-    /// Puts a message on its ways.
-    pub(super) fn post(&mut self, topic: &'static str, payload: &[u8], to: &[usize]) {
-        let letter = Letter::new(payload.to_vec());
-        for &node in to {
-            let way = self.ways.entry((topic, node)).or_default();
-            way.push_back(letter.clone());
+    /// Takes the oldest payload off a way.
+    pub(super) fn take(&mut self, way: Way) -> Option<u32> {
+        let payloads = self.ways.get_mut(&way)?;
+        let first = payloads.remove(0);
+        if payloads.is_empty() {
+            self.ways.remove(&way);
         }
-        if topic == topics::CORRECTIONS.name {
-            self.published.push(letter.clone());
+        Some(first)
+    }
+
+    /// Puts a payload on its ways.
+    pub(super) fn post(&mut self, topic: &'static str, payload: u32, to: impl Iterator<Item = u8>) {
+        for node in to {
+            self.ways.entry((topic, node)).or_default().push(payload);
         }
         let known = topics::by_name(topic).filter(|known| known.qos.transient_local);
         if let Some(depth) = known.and_then(|known| known.qos.depth) {
             let kept = self.latched.entry(topic).or_default();
-            kept.push_back(letter);
-            while kept.len() > depth as usize {
-                kept.pop_front();
+            kept.push(payload);
+            if kept.len() > depth as usize {
+                kept.remove(0);
             }
+        }
+    }
+
+    /// Something happens from outside: time goes on.
+    pub(super) fn outside(&mut self) {
+        self.happened += 1;
+        for node in &mut self.nodes {
+            node.said = 0;
         }
     }
 }

@@ -2,23 +2,34 @@
 
 use std::rc::Rc;
 
-use cell_tests::session::{answer, approved};
-use graph::{Emitted, START, Stamp, topics};
+use cell_tests::session::{answer, approved, operator_keys};
+use graph::{START, Stamp, topics};
 use probecell_msgs::{
-    ControllerCommand, ControllerReply, ControllerStatus, Correction, OperatorRequest, from_cdr,
-    to_cdr,
+    ControllerCommand, ControllerReply, ControllerStatus, Correction, Fault, Message,
+    OperatorRequest, from_cdr, to_cdr,
 };
 
 use super::{
-    GATE, NODES, PERIOD, Search, check,
-    state::{DRIVER, Event, Forged, Heard, Node, State},
+    CYCLE, GATE, NODES, PERIOD, Search, check,
+    state::{DRIVER, Driver, Event, Forged, Heard, Node, OPERATORS, State, Way},
+    store::{Given, Made},
 };
 
 /// Timer of the periodic checks of each of the nodes.
 const TICK: u32 = 1;
+/// Who says nothing in these searches: what they have said before reaches a node that is restarted at once.
+const STANDING: [&str; 5] = [
+    "operator",
+    "recorder",
+    "path_planning",
+    "analysis",
+    "instrument",
+];
+/// ns between an event from outside and the steps before it: more than a node publishes messages in between, in µs.
+const EVENT: i64 = 1_000_000;
 
 impl Search {
-    /// Makes an event happen; a sentence where a write must not be.
+    /// Makes an event happen; a sentence where something must not be.
     pub(super) fn happen(
         &mut self,
         state: &mut State,
@@ -26,145 +37,231 @@ impl Search {
         writes: &mut usize,
     ) -> Option<String> {
         match event {
-            Event::Arrive(topic, to) => {
-                let letter = state.ways.get_mut(&(topic, to))?.pop_front()?;
-                return self.arrive(state, topic, to, &letter.payload, writes);
+            Event::Arrive(way) => {
+                let payload = state.take(way)?;
+                return self.arrive(state, way, payload, writes);
             }
-            Event::Repeat(topic, to) => {
+            Event::Late(way, payload) => {
+                state.late.remove(&(way, payload));
+                return self.arrive(state, way, payload, writes);
+            }
+            Event::Repeat(way) => {
                 state.left.repeats -= 1;
-                let letter = state.ways.get(&(topic, to))?.front()?.clone();
-                return self.arrive(state, topic, to, &letter.payload, writes);
+                let payload = state.take(way)?;
+                state.late.insert((way, payload));
+                return self.arrive(state, way, payload, writes);
             }
-            Event::Lose(topic, to) => {
+            Event::Lose(way) => {
                 state.left.losses -= 1;
-                state.ways.get_mut(&(topic, to))?.pop_front();
+                let payload = state.take(way)?;
+                state.late.insert((way, payload));
+                return None;
             }
+            _ => state.outside(),
+        }
+        match event {
             Event::Answer(index, by, approve) => {
                 state.left.answers -= 1;
                 state.answered.insert((index, by));
-                let request = answer(&self.proposed[index], by, approve, self.now(state));
-                self.post(state, topics::APPROVALS.name, &to_cdr(&request));
+                let by = OPERATORS[usize::from(by)];
+                let proposal = &self.proposed[usize::from(index)];
+                let request = answer(proposal, by, approve, self.instant(state));
+                self.post(state, topics::APPROVALS.name, &request);
+            }
+            Event::Withdraw => {
+                state.left.withdrawals -= 1;
+                let keys = operator_keys(2, &["Eve", OPERATORS[0]]);
+                self.post(state, topics::OPERATOR_KEYS.name, &keys);
             }
             Event::Stop => {
                 state.left.stops -= 1;
-                let request = to_cdr(&OperatorRequest::default());
+                let request = OperatorRequest::default();
                 self.post(state, topics::STOP_REQUESTS.name, &request);
             }
             Event::Forge(forged) => {
                 state.left.forgeries -= 1;
-                let correction = self.forged(forged, self.now(state));
-                self.post(state, topics::CORRECTIONS.name, &to_cdr(&correction));
+                self.forge(state, forged);
             }
             Event::Restart(DRIVER) => {
                 state.left.restarts -= 1;
-                state.driver += 1;
-                state.taken.clear();
+                let wear = self.sample.tool_wear.iter().map(|wear| wear.to_bits());
+                state.driver = Driver {
+                    restarts: state.driver.restarts + 1,
+                    wear: (self.sample.tool_numbers.iter().copied())
+                        .zip(wear)
+                        .collect(),
+                    ..Driver::default()
+                };
                 state.ways.retain(|(_, to), _| *to != DRIVER);
-                state.wear = (self.sample.tool_numbers.iter().copied())
-                    .zip(self.sample.tool_wear.iter().map(|wear| wear.to_bits()))
-                    .collect();
                 self.sample(state);
+                self.process_ended(state, "driver");
             }
             Event::Restart(node) => {
                 state.left.restarts -= 1;
+                self.process_ended(state, NODES[usize::from(node)]);
                 return self.restart(state, node, writes);
             }
             Event::Period => return self.period(state, writes),
+            _ => {}
         }
         None
     }
 
-    /// The instant of a period, by the clock of an operator.
-    fn now(&self, state: &State) -> Stamp {
-        Stamp(self.begin.0 + PERIOD * i64::from(state.period) + 1)
+    /// The instant of an event from outside.
+    fn instant(&self, state: &State) -> Stamp {
+        Stamp(
+            self.begin.0
+                + PERIOD * i64::from(state.period)
+                + EVENT * (1 + i64::from(state.happened)),
+        )
+    }
+
+    /// The instant of a step: of the last event from outside, and of `cycle` later than what it has published since. So it
+    /// does not depend on the order in which messages arrive.
+    fn now(&self, state: &State, node: u8) -> Stamp {
+        let said = i64::from(state.nodes[usize::from(node)].said);
+        Stamp(self.instant(state).0 + 1000 * (1 + said))
     }
 
     /// Puts a message on its ways to the nodes that subscribe to it.
-    fn post(&self, state: &mut State, topic: &'static str, payload: &[u8]) {
-        let to = (0..NODES.len()).filter(|&node| {
-            let mut inputs = self.workers[node].inputs().iter();
+    fn post<M: Message>(&mut self, state: &mut State, topic: &'static str, message: &M) {
+        let payload = self.store.payload(&to_cdr(message));
+        self.deliver(state, topic, payload);
+    }
+
+    /// Puts a payload on its ways to the nodes that subscribe to it; whether there are any.
+    fn deliver(&mut self, state: &mut State, topic: &'static str, payload: u32) -> bool {
+        let to = (0..DRIVER).filter(|&node| {
+            let mut inputs = self.workers[usize::from(node)].inputs().iter();
             inputs.any(|known| known.name == topic)
         });
-        let to: Vec<usize> = to.collect();
-        state.post(topic, payload, &to);
+        let to: Vec<u8> = to.collect();
+        let heard = !to.is_empty();
+        if heard {
+            state.post(topic, payload, to.into_iter());
+        }
+        if topic == topics::CORRECTIONS.name
+            && from_cdr::<Correction>(&self.store.bytes(payload))
+                .is_ok_and(|one| one.approval == Correction::APPROVAL_OPERATOR)
+        {
+            state.approved.insert(payload);
+        }
+        heard
+    }
+
+    /// A sample of the machine.
+    fn sampled(&mut self, state: &State) -> u32 {
+        let wear = state.driver.wear.values();
+        let sample = ControllerStatus {
+            session: self.session(state.driver.restarts),
+            tool_wear: wear.copied().map(f64::from_bits).collect(),
+            ..self.sample.clone()
+        };
+        self.store.payload(&to_cdr(&sample))
     }
 
     /// A sample of the machine goes to the gate.
-    fn sample(&self, state: &mut State) {
-        let sample = ControllerStatus {
-            session: self.session(state),
-            tool_wear: state.wear.values().copied().map(f64::from_bits).collect(),
-            ..self.sample.clone()
-        };
-        state.post(topics::CONTROLLER_STATUS.name, &to_cdr(&sample), &[GATE]);
+    fn sample(&mut self, state: &mut State) {
+        let sample = self.sampled(state);
+        state.post(topics::CONTROLLER_STATUS.name, sample, [GATE].into_iter());
     }
 
-    /// Name of the driver's session.
-    pub(super) fn session(&self, state: &State) -> String {
-        match state.driver {
+    /// Name of the session of a driver that was restarted so often.
+    pub(super) fn session(&self, restarts: u8) -> String {
+        match restarts {
             0 => self.sample.session.clone(),
-            restarts => format!("{}-{restarts}", self.sample.session),
+            _ => format!("{}-{restarts}", self.sample.session),
         }
     }
 
-    fn forged(&self, forged: Forged, now: Stamp) -> Correction {
+    /// The launcher reports that a process has ended.
+    fn process_ended(&mut self, state: &mut State, name: &str) {
+        let fault = Fault {
+            header: self.instant(state).header(""),
+            severity: Fault::ERROR,
+            code: "process_ended".to_owned(),
+            text: format!("{name} has ended"),
+            ..Fault::default()
+        };
+        self.post(state, topics::LAUNCHER_FAULTS.name, &fault);
+    }
+
+    fn forge(&mut self, state: &mut State, forged: Forged) {
+        let now = self.instant(state);
+        let proposal = self.proposed[0].clone();
         let first = Correction {
             header: now.header(""),
             correction_id: "forged".to_owned(),
-            ..self.proposed[0].clone()
+            ..proposal.clone()
         };
-        match forged {
+        let correction = match forged {
+            Forged::Approval => {
+                let request = OperatorRequest {
+                    signature: vec![1; 64],
+                    ..answer(&proposal, OPERATORS[0], true, now)
+                };
+                return self.post(state, topics::APPROVALS.name, &request);
+            }
             Forged::Unsigned => Correction {
+                header: now.header(""),
                 approval: Correction::APPROVAL_OPERATOR,
-                approved_by: "Ada".to_owned(),
+                approved_by: OPERATORS[0].to_owned(),
                 approved_at: now.time(),
-                signature: vec![1; 64],
-                ..self.proposed[0].clone()
+                ..proposal
             },
-            Forged::OutOfBounds => {
-                let changed = Correction {
-                    new_value: 5e-3,
-                    upper_bound: 1.0,
-                    ..first
-                };
-                approved(changed, "Ada", now)
-            }
-            Forged::NoSource => {
-                let changed = Correction {
-                    plan_id: "other/1".to_owned(),
-                    ..first
-                };
-                approved(changed, "Ada", now)
-            }
-            Forged::Session => {
-                let changed = Correction {
-                    session: "another".to_owned(),
-                    ..first
-                };
-                approved(changed, "Ada", now)
-            }
-        }
+            Forged::OutOfBounds => Correction {
+                new_value: 5e-3,
+                upper_bound: 1.0,
+                ..first
+            },
+            Forged::NoSource => Correction {
+                plan_id: "other/1".to_owned(),
+                ..first
+            },
+            Forged::NoTouch => Correction {
+                sequences: Vec::new(),
+                ..first
+            },
+            Forged::Session => Correction {
+                session: "another".to_owned(),
+                ..first
+            },
+            Forged::WithdrawnKey => first,
+        };
+        let correction = match forged {
+            Forged::Unsigned => correction,
+            Forged::WithdrawnKey => approved(correction, "Eve", now),
+            _ => approved(correction, OPERATORS[0], now),
+        };
+        self.post(state, topics::CORRECTIONS.name, &correction);
     }
 
-    fn restart(&mut self, state: &mut State, node: usize, writes: &mut usize) -> Option<String> {
-        for topic in self.workers[node].outputs() {
+    fn restart(&mut self, state: &mut State, node: u8, writes: &mut usize) -> Option<String> {
+        let index = usize::from(node);
+        for topic in self.workers[index].outputs() {
             state.latched.remove(topic.name);
         }
         state.ways.retain(|(_, to), _| *to != node);
-        let steps = state.nodes[node].steps;
-        state.nodes[node] = Node::new(Rc::clone(&self.fresh[node]), steps);
+        state.nodes[index] = Node {
+            snapshot: self.fresh[index],
+            said: 0,
+        };
         if node == GATE {
             state.heard = Heard {
-                began: self.now(state).0 - 1 + i64::from(steps) * 1000,
-                alive: state.period,
+                began: self.now(state, node).0,
+                alive: (state.period, 0),
                 ..Heard::default()
             };
         }
-        let wrong = self.step(state, node, |worker, now| worker.timer(now, START), writes);
-        for topic in self.workers[node].inputs() {
-            for letter in state.latched.get(topic.name).into_iter().flatten() {
-                let way = state.ways.entry((topic.name, node)).or_default();
-                way.push_back(letter.clone());
+        let mut wrong = self.step(state, node, Given::Timer(START), writes);
+        for topic in self.workers[index].inputs() {
+            for payload in state.latched.get(topic.name).cloned().unwrap_or_default() {
+                let way = (topic.name, node);
+                if STANDING.contains(&topic.producer) && topic.name != topics::OPERATOR_KEYS.name {
+                    wrong = wrong.or_else(|| self.arrive(state, way, payload, writes));
+                } else {
+                    state.ways.entry(way).or_default().push(payload);
+                }
             }
         }
         if node == GATE {
@@ -177,87 +274,94 @@ impl Search {
     fn period(&mut self, state: &mut State, writes: &mut usize) -> Option<String> {
         state.left.periods -= 1;
         state.period += 1;
-        let sample = ControllerStatus {
-            session: self.session(state),
-            tool_wear: state.wear.values().copied().map(f64::from_bits).collect(),
-            ..self.sample.clone()
-        };
-        let sample = to_cdr(&sample);
-        self.arrive(state, topics::CONTROLLER_STATUS.name, GATE, &sample, writes)
-            .or_else(|| {
-                (0..NODES.len()).find_map(|node| {
-                    self.step(state, node, |worker, now| worker.timer(now, TICK), writes)
-                })
-            })
+        let sample = self.sampled(state);
+        let way = (topics::CONTROLLER_STATUS.name, GATE);
+        self.arrive(state, way, sample, writes).or_else(|| {
+            (0..DRIVER).find_map(|node| self.step(state, node, Given::Timer(TICK), writes))
+        })
     }
 
     fn arrive(
         &mut self,
         state: &mut State,
-        topic: &'static str,
-        to: usize,
-        payload: &[u8],
+        (topic, to): Way,
+        payload: u32,
         writes: &mut usize,
     ) -> Option<String> {
         if to == DRIVER {
-            self.obey(state, payload);
-            return None;
+            return self.obey(state, payload);
         }
         if to == GATE {
-            check::hear(state, topic, payload);
+            check::hear(self, state, topic, payload);
         }
-        let mut inputs = self.workers[to].inputs().iter();
+        let mut inputs = self.workers[usize::from(to)].inputs().iter();
         let port = inputs.position(|known| known.name == topic)?;
-        let deliver = |worker: &mut Box<dyn graph::Instance>, now| {
-            worker.deliver(now, port, payload).unwrap_or_default()
+        self.step(state, to, Given::Message(port, payload), writes)
+    }
+
+    /// A step of a node, computed once for each state, input and instant.
+    fn made(&mut self, state: &State, node: u8, given: Given) -> (Stamp, Rc<Made>) {
+        let (index, now) = (usize::from(node), self.now(state, node));
+        let before = state.nodes[index].snapshot;
+        let step = (node, before, now.0, given);
+        if let Some(made) = self.store.made.get(&step) {
+            return (now, Rc::clone(made));
+        }
+        let worker = &mut self.workers[index];
+        let restored = worker.restore(self.store.value(before));
+        restored.unwrap_or_else(|error| panic!("{error}"));
+        let emitted = match given {
+            Given::Timer(id) => worker.timer(now, id),
+            Given::Message(port, payload) => {
+                let payload = self.store.bytes(payload);
+                worker.deliver(now, port, &payload).unwrap_or_default()
+            }
         };
-        self.step(state, to, deliver, writes)
+        let snapshot = self.store.snapshot(&worker.snapshot());
+        let messages = emitted.messages.into_iter();
+        let messages = messages.map(|(port, payload)| (port, self.store.payload(&payload)));
+        let made = Rc::new(Made {
+            snapshot,
+            messages: messages.collect(),
+        });
+        self.store.made.insert(step, Rc::clone(&made));
+        (now, made)
     }
 
     fn step(
         &mut self,
         state: &mut State,
-        node: usize,
-        step: impl FnOnce(&mut Box<dyn graph::Instance>, Stamp) -> Emitted,
+        node: u8,
+        given: Given,
         writes: &mut usize,
     ) -> Option<String> {
-        let steps = state.nodes[node].steps + 1;
-        let now = Stamp(self.now(state).0 - 1 + i64::from(steps) * 1000);
-        let worker = &mut self.workers[node];
-        let before = (*state.nodes[node].snapshot).clone();
-        worker
-            .restore(before)
-            .unwrap_or_else(|error| panic!("{error}"));
-        let emitted = step(worker, now);
-        let mut snapshot = worker.snapshot();
-        if let Some(tamper) = self.tamper.filter(|_| node == GATE) {
-            tamper(&mut snapshot);
-        }
-        state.nodes[node] = Node::new(Rc::new(snapshot), steps);
-        let outputs = self.workers[node].outputs();
-        for (port, payload) in emitted.messages {
+        let (now, made) = self.made(state, node, given);
+        let outputs = self.workers[usize::from(node)].outputs();
+        let mut heard = false;
+        for &(port, payload) in &made.messages {
             let topic = outputs[port].name;
             if topic == topics::CONTROLLER_COMMANDS.name {
-                let command: ControllerCommand = from_cdr(&payload).ok()?;
-                let wear = command.kind == ControllerCommand::SET_TOOL_WEAR;
-                *writes += usize::from(wear);
-                if wear && let Some(why) = check::write(self, state, now, &command) {
+                if let Some(why) = check::command(self, state, now, payload, writes) {
                     return Some(why);
                 }
-                state.post(topic, &payload, &[DRIVER]);
+                state.post(topic, payload, [DRIVER].into_iter());
+                heard = true;
             } else {
-                self.post(state, topic, &payload);
+                heard |= self.deliver(state, topic, payload);
             }
         }
+        let made_by = &mut state.nodes[usize::from(node)];
+        made_by.snapshot = made.snapshot;
+        // The stamps of `part_status` tell which of two is the later one; those of other messages are compared with no others
+        // of the same instant.
+        made_by.said += u16::from(heard && node == CYCLE);
         None
     }
 
     /// The machine, as docs/driver-guide.md has it; a program runs for longer than any search.
-    fn obey(&self, state: &mut State, payload: &[u8]) {
-        let Ok(command) = from_cdr::<ControllerCommand>(payload) else {
-            return;
-        };
-        let session = self.session(state);
+    fn obey(&mut self, state: &mut State, payload: u32) -> Option<String> {
+        let command: ControllerCommand = from_cdr(&self.store.bytes(payload)).ok()?;
+        let session = self.session(state.driver.restarts);
         let mut reply = ControllerReply {
             session: session.clone(),
             command_id: command.command_id,
@@ -266,18 +370,26 @@ impl Search {
         };
         if command.session != session {
             reply.outcome = ControllerReply::REFUSED;
-        } else if !state.taken.insert(command.command_id) {
-            return;
+        } else if !state.driver.taken.insert(command.command_id) {
+            return None;
         } else if command.kind == ControllerCommand::SET_TOOL_WEAR {
-            let before = state
-                .wear
-                .insert(command.tool_number, command.value.to_bits());
+            if state.driver.running {
+                let id = command.correction_id;
+                return Some(format!("{id} is written while a program runs"));
+            }
+            let bits = command.value.to_bits();
+            let before = state.driver.wear.insert(command.tool_number, bits);
             reply.value_before = before.map_or(0.0, f64::from_bits);
             reply.value = command.value;
             self.sample(state);
-        } else if command.kind != ControllerCommand::STOP {
-            return;
+        } else if command.kind == ControllerCommand::STOP {
+            state.driver.running = false;
+        } else {
+            state.driver.running = true;
+            return None;
         }
-        state.post(topics::CONTROLLER_REPLIES.name, &to_cdr(&reply), &[GATE]);
+        let payload = self.store.payload(&to_cdr(&reply));
+        state.post(topics::CONTROLLER_REPLIES.name, payload, [GATE].into_iter());
+        None
     }
 }
