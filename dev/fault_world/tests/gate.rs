@@ -240,17 +240,6 @@ fn mutations() -> Vec<Mutation> {
             bounds: bounds(1, |bounds| bounds.periods = 3),
             says: "for a part of which nothing has been heard",
         },
-        Mutation {
-            name: "does not know when it began, and takes what it knew for known",
-            gate: |node| {
-                changed(node, |state| {
-                    state["started"] = json!(0);
-                    state["measured"] = json!({"punch/rough/1": 1});
-                })
-            },
-            bounds: bounds(1, |bounds| bounds.restarts = 1),
-            says: "approved before the gate began",
-        },
     ]
 }
 
