@@ -99,7 +99,7 @@ fn closed(text: &str) -> Problem {
 }
 
 /// A closed generalised tour. The path begins and ends in copies of the smallest cluster; that both are the same
-/// place is not a rule the solver knows, so each place of that cluster is tried as a fixed end.
+/// pose is not a rule the solver knows, so each pose of that cluster is tried as a fixed end.
 fn clustered(text: &str) -> Vec<Problem> {
     let (cities, length) = lengths(text);
     let section = text.split("GTSP_SET_SECTION").nth(1).unwrap();
@@ -122,12 +122,11 @@ fn clustered(text: &str) -> Vec<Problem> {
         .min_by_key(|&cluster| clusters[cluster].len())
         .unwrap();
     let ends = clusters[smallest].clone();
-    let place = |i: usize, end: usize| if i == cities { end } else { i };
+    let pose = |i: usize, end: usize| if i == cities { end } else { i };
     ends.into_iter()
         .map(|end| {
             let costs =
-                CostMatrix::from_fn(cities + 1, |i, j| length(place(i, end), place(j, end)))
-                    .unwrap();
+                CostMatrix::from_fn(cities + 1, |i, j| length(pose(i, end), pose(j, end))).unwrap();
             let copy = std::iter::once(vec![cities]);
             Problem::new(costs)
                 .alternatives(clusters.iter().cloned().chain(copy).collect())

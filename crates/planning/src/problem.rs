@@ -1,8 +1,8 @@
 //! Holds what is to be ordered: costs, fixed ends, poses, precedence, and the order that has to be beaten.
 //!
-//! A *place* is a row of the cost table: one way to stand at a point. A *point* is what is measured. Without
-//! alternatives they are the same; with them, every point lists its places (probe poses) and exactly one is visited:
-//! the generalised travelling salesman problem. Stages and precedence speak of points, ends and orders of places.
+//! A *pose* is a row of the cost table: one attitude of probe or machine at a point. A *point* is what is measured. Without
+//! alternatives they are the same; with them, every point lists its poses and exactly one is visited: the generalised
+//! travelling salesman problem. Stages and precedence speak of points, ends and orders of poses.
 
 use serde::{Deserialize, Serialize};
 
@@ -11,25 +11,25 @@ use crate::costs::CostMatrix;
 /// Why a problem was refused.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ProblemError {
-    /// A fixed end names a place that does not exist.
-    #[error("the fixed {end} is place {place}, but there are {places} places")]
+    /// A fixed end names a pose that does not exist.
+    #[error("the fixed {end} is pose {pose}, but there are {poses} poses")]
     End {
         /// `start` or `end`.
         end: &'static str,
         /// Index given.
-        place: usize,
-        /// Number of places.
-        places: usize,
+        pose: usize,
+        /// Number of poses.
+        poses: usize,
     },
     /// One point cannot be both ends of a path of several.
     #[error("point {0} cannot be both start and end of a path of several points")]
     SameEnds(usize),
-    /// The alternatives do not divide the places among the points.
-    #[error("place {0} belongs not to exactly one point, or it does not exist")]
+    /// The alternatives do not divide the poses among the points.
+    #[error("pose {0} does not exist, or it does not belong to exactly one point")]
     Alternatives(usize),
-    /// A point without any place cannot be visited.
-    #[error("point {0} has no place")]
-    NoPlace(usize),
+    /// A point without any pose cannot be visited.
+    #[error("point {0} has no pose")]
+    NoPose(usize),
     /// There is not one stage per point.
     #[error("{stages} stages were given for {points} points")]
     Stages {
@@ -52,10 +52,10 @@ pub enum ProblemError {
     )]
     Contradiction(usize),
     /// The given order does not visit every point once.
-    #[error("the given order visits the point of place {0} not exactly once, or it does not exist")]
+    #[error("pose {0} of the given order does not exist, or its point is not visited exactly once")]
     GivenNotAPermutation(usize),
     /// The given order does not keep an end, a stage or a precedence.
-    #[error("the given order visits place {0} where ends, stages or precedence do not allow it")]
+    #[error("the given order has pose {0} where ends, stages or precedence do not allow it")]
     GivenForbidden(usize),
 }
 
@@ -73,7 +73,7 @@ pub struct Problem {
 }
 
 impl Problem {
-    /// Every place is a point; ends are free; compared with the order 0, 1, 2, …
+    /// Every pose is a point; ends are free; compared with the order 0, 1, 2, …
     pub fn new(costs: CostMatrix) -> Self {
         Self {
             costs,
@@ -86,28 +86,28 @@ impl Problem {
         }
     }
 
-    /// Fixes the first place of the path.
-    pub fn starting_at(mut self, place: usize) -> Self {
-        self.start = Some(place);
+    /// Fixes the first pose of the path.
+    pub fn starting_at(mut self, pose: usize) -> Self {
+        self.start = Some(pose);
         self
     }
 
-    /// Fixes the last place of the path.
-    pub fn ending_at(mut self, place: usize) -> Self {
-        self.end = Some(place);
+    /// Fixes the last pose of the path.
+    pub fn ending_at(mut self, pose: usize) -> Self {
+        self.end = Some(pose);
         self
     }
 
-    /// The order of places in use so far; the answer is never longer. Without it, the points by stage and index with
-    /// the first place of each, as far as ends and precedence allow.
+    /// The order of poses in use so far; the answer is never longer. Without it, the points by stage and index with
+    /// the first pose of each, as far as ends and precedence allow.
     pub fn given(mut self, order: Vec<usize>) -> Self {
         self.given = Some(order);
         self
     }
 
-    /// The places of each point, of which exactly one is visited.
-    pub fn alternatives(mut self, places_of_point: Vec<Vec<usize>>) -> Self {
-        self.alternatives = Some(places_of_point);
+    /// The poses of each point, of which exactly one is visited.
+    pub fn alternatives(mut self, poses_of_point: Vec<Vec<usize>>) -> Self {
+        self.alternatives = Some(poses_of_point);
         self
     }
 
@@ -144,10 +144,10 @@ pub(crate) struct Checked<'a> {
     pub(crate) end: Option<usize>,
     /// The order to beat.
     pub(crate) given: Vec<usize>,
-    /// Point of each place.
+    /// Point of each pose.
     pub(crate) point_of: Vec<usize>,
-    /// Places of each point.
-    pub(crate) places_of: Vec<Vec<usize>>,
+    /// Poses of each point.
+    pub(crate) poses_of: Vec<Vec<usize>>,
     /// Stage of each point.
     pub(crate) stage: Vec<u32>,
     /// Points to be measured after and before each point, directly.
@@ -157,16 +157,16 @@ pub(crate) struct Checked<'a> {
 
 impl<'a> Checked<'a> {
     pub(crate) fn new(problem: &'a Problem) -> Result<Self, ProblemError> {
-        let places = problem.costs.len();
-        let places_of = problem
+        let poses = problem.costs.len();
+        let poses_of = problem
             .alternatives
             .clone()
-            .unwrap_or_else(|| (0..places).map(|place| vec![place]).collect());
-        let point_of = divide(places, &places_of)?;
-        let points = places_of.len();
+            .unwrap_or_else(|| (0..poses).map(|pose| vec![pose]).collect());
+        let point_of = divide(poses, &poses_of)?;
+        let points = poses_of.len();
         for (end, fixed) in [("start", problem.start), ("end", problem.end)] {
-            if let Some(place) = fixed.filter(|&place| place >= places) {
-                return Err(ProblemError::End { end, place, places });
+            if let Some(pose) = fixed.filter(|&pose| pose >= poses) {
+                return Err(ProblemError::End { end, pose, poses });
             }
         }
         if let (Some(start), Some(end)) = (problem.start, problem.end)
@@ -195,14 +195,14 @@ impl<'a> Checked<'a> {
             end: problem.end,
             given: Vec::new(),
             point_of,
-            places_of,
+            poses_of,
             stage,
             later,
             earlier,
         };
         checked.given = if checked.is_plain() && problem.precedence.is_empty() {
             let ends = [problem.start, problem.end];
-            let inner = (0..places).filter(|&place| !ends.contains(&Some(place)));
+            let inner = (0..poses).filter(|&pose| !ends.contains(&Some(pose)));
             let last = problem.end.filter(|_| problem.start != problem.end);
             problem.start.into_iter().chain(inner).chain(last).collect()
         } else {
@@ -215,9 +215,9 @@ impl<'a> Checked<'a> {
         Ok(checked)
     }
 
-    /// True when points may be exchanged freely and each has one place.
+    /// True when points may be exchanged freely and each has one pose.
     pub(crate) fn is_plain(&self) -> bool {
-        self.point_of.len() == self.places_of.len() && self.is_free()
+        self.point_of.len() == self.poses_of.len() && self.is_free()
     }
 
     /// True when points may be exchanged freely.
@@ -225,20 +225,20 @@ impl<'a> Checked<'a> {
         self.later.iter().all(Vec::is_empty) && self.stage.windows(2).all(|pair| pair[0] == pair[1])
     }
 
-    /// Grows an order from the front: `choose` picks among the places allowed next (never none), given the last one.
+    /// Grows an order from the front: `choose` picks among the poses allowed next (never none), given the last one.
     ///
     /// # Errors
-    /// [`ProblemError::Contradiction`] when no place is allowed next.
+    /// [`ProblemError::Contradiction`] when no pose is allowed next.
     pub(crate) fn build(
         &self,
         mut choose: impl FnMut(Option<usize>, &[usize]) -> usize,
     ) -> Result<Vec<usize>, ProblemError> {
-        let points = self.places_of.len();
+        let points = self.poses_of.len();
         let mut waits: Vec<usize> = self.earlier.iter().map(Vec::len).collect();
         let mut rest: Vec<usize> = (0..points).collect();
         let mut order: Vec<usize> = Vec::with_capacity(points);
         let fixed =
-            |end: Option<usize>, point: usize| end.filter(|&place| self.point_of[place] == point);
+            |end: Option<usize>, point: usize| end.filter(|&pose| self.point_of[pose] == point);
         while let Some(stage) = rest.iter().map(|&point| self.stage[point]).min() {
             let mut allowed = Vec::new();
             for &point in &rest {
@@ -247,18 +247,18 @@ impl<'a> Checked<'a> {
                 let last_ok = rest.len() == 1 || fixed(self.end, point).is_none();
                 if waits[point] == 0 && self.stage[point] == stage && first_ok && last_ok {
                     match fixed(self.start, point).or(fixed(self.end, point)) {
-                        Some(place) => allowed.push(place),
-                        None => allowed.extend(&self.places_of[point]),
+                        Some(pose) => allowed.push(pose),
+                        None => allowed.extend(&self.poses_of[point]),
                     }
                 }
             }
             if allowed.is_empty() {
                 return Err(ProblemError::Contradiction(rest[0]));
             }
-            let place = choose(order.last().copied(), &allowed);
-            order.push(place);
-            rest.retain(|&point| point != self.point_of[place]);
-            for &after in &self.later[self.point_of[place]] {
+            let pose = choose(order.last().copied(), &allowed);
+            order.push(pose);
+            rest.retain(|&point| point != self.point_of[pose]);
+            for &after in &self.later[self.point_of[pose]] {
                 waits[after] -= 1;
             }
         }
@@ -267,48 +267,48 @@ impl<'a> Checked<'a> {
 
     /// Checks that an order visits every point once and keeps every rule.
     pub(crate) fn accept(&self, order: &[usize]) -> Result<(), ProblemError> {
-        let points = self.places_of.len();
+        let points = self.poses_of.len();
         let mut seen = vec![false; points];
         let mut stage = 0;
-        for (at, &place) in order.iter().enumerate() {
+        for (at, &pose) in order.iter().enumerate() {
             let point = *self
                 .point_of
-                .get(place)
-                .ok_or(ProblemError::GivenNotAPermutation(place))?;
+                .get(pose)
+                .ok_or(ProblemError::GivenNotAPermutation(pose))?;
             if std::mem::replace(&mut seen[point], true) {
-                return Err(ProblemError::GivenNotAPermutation(place));
+                return Err(ProblemError::GivenNotAPermutation(pose));
             }
-            let start_ok = at > 0 || self.start.is_none_or(|start| start == place);
-            let end_ok = at + 1 < points || self.end.is_none_or(|end| end == place);
+            let start_ok = at > 0 || self.start.is_none_or(|start| start == pose);
+            let end_ok = at + 1 < points || self.end.is_none_or(|end| end == pose);
             let after_ok = self.earlier[point].iter().all(|&before| seen[before]);
             if !start_ok || !end_ok || !after_ok || self.stage[point] < stage {
-                return Err(ProblemError::GivenForbidden(place));
+                return Err(ProblemError::GivenForbidden(pose));
             }
             stage = self.stage[point];
         }
         match seen.iter().position(|&seen| !seen) {
-            Some(point) => Err(ProblemError::GivenNotAPermutation(self.places_of[point][0])),
+            Some(point) => Err(ProblemError::GivenNotAPermutation(self.poses_of[point][0])),
             None => Ok(()),
         }
     }
 }
 
-/// Point of each place; every place must belong to exactly one.
-fn divide(places: usize, places_of: &[Vec<usize>]) -> Result<Vec<usize>, ProblemError> {
-    let mut point_of = vec![usize::MAX; places];
-    for (point, own) in places_of.iter().enumerate() {
-        if own.is_empty() {
-            return Err(ProblemError::NoPlace(point));
+/// Point of each pose; every pose must belong to exactly one.
+fn divide(poses: usize, poses_of: &[Vec<usize>]) -> Result<Vec<usize>, ProblemError> {
+    let mut point_of = vec![usize::MAX; poses];
+    for (point, poses) in poses_of.iter().enumerate() {
+        if poses.is_empty() {
+            return Err(ProblemError::NoPose(point));
         }
-        for &place in own {
-            match point_of.get_mut(place) {
+        for &pose in poses {
+            match point_of.get_mut(pose) {
                 Some(owner) if *owner == usize::MAX => *owner = point,
-                _ => return Err(ProblemError::Alternatives(place)),
+                _ => return Err(ProblemError::Alternatives(pose)),
             }
         }
     }
     match point_of.iter().position(|&owner| owner == usize::MAX) {
-        Some(place) => Err(ProblemError::Alternatives(place)),
+        Some(pose) => Err(ProblemError::Alternatives(pose)),
         None => Ok(point_of),
     }
 }

@@ -1,7 +1,7 @@
 //! Decides a short path for more points than can be solved exactly: iterated local search.
 //!
 //! A symmetric problem without rules is a ring, improved by exchanges of edges ([`tour`]); points may have alternative
-//! places there. Everything else is a path with a direction ([`directed`]): Or-opt, 2-opt, and exchange of
+//! poses there. Everything else is a path with a direction ([`directed`]): Or-opt, 2-opt, and exchange of
 //! neighbouring stretches. Moves are proposed by a short list of near neighbours and driven by a work queue. Kicks are
 //! double bridges confined to a short stretch; a kicked path is accepted like in annealing. Costs are integers, so sums
 //! are exact and comparisons need no tolerance; a free end is a dummy point without costs. Between two kicks a search is
@@ -52,10 +52,10 @@ const RING: usize = 8;
 /// A path between two kicks, in the numbers of the grid.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Path {
-    /// Points of a ring as they lie in memory, or places of a path with a direction.
+    /// Points of a ring as they lie in memory, or poses of a path with a direction.
     order: Vec<u32>,
-    /// The place of each point of a ring with alternatives.
-    places: Vec<u32>,
+    /// The pose of each point of a ring with alternatives.
+    poses: Vec<u32>,
     /// Where a large ring is kicked next, and how often it was kicked there.
     window: (usize, usize),
 }
@@ -63,7 +63,7 @@ struct Path {
 /// A search between two kicks: with the problem, all that is needed to resume it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Checkpoint {
-    /// The order of places by which the grid numbers them.
+    /// The order of poses by which the grid numbers them.
     beginning: Vec<usize>,
     path: Path,
     /// Length of that path.
@@ -82,12 +82,12 @@ pub(crate) struct Checkpoint {
 
 /// A path that can be kicked, improved and brought back.
 trait Kicked {
-    /// Writes the places, as a path or a ring.
+    /// Writes the poses, as a path or a ring.
     fn write(&self, order: &mut Vec<u32>);
     /// The path between two kicks.
-    fn put_down(&self) -> Path;
-    /// Becomes a path that was put down, of this length.
-    fn take_up(&mut self, path: &Path, length: i64);
+    fn suspend(&self) -> Path;
+    /// Becomes a path that was suspended, of this length.
+    fn resume(&mut self, path: &Path, length: i64);
     fn length(&self) -> i64;
     fn can_be_kicked(&self) -> bool;
     fn improve_all(&mut self);
@@ -108,7 +108,7 @@ enum Cooling {
     Steady { hot: f64, power: f64 },
 }
 
-/// Begins a search, or goes on with one that was put down, until `until` kicks are made or the caller stops it.
+/// Begins a search, or resumes a suspended one, until `until` kicks are made or the caller stops it.
 pub(crate) fn run(
     problem: &Checked,
     options: &Options,
@@ -134,7 +134,7 @@ pub(crate) fn run(
         }
         let checkpoint = checkpoint(&mut tour, &grid, taken, beginning, options.seed);
         iterate(tour, &grid, checkpoint, until, options, &mut reporter)
-    } else if problem.costs.is_symmetric() && problem.is_free() && problem.places_of.len() >= RING {
+    } else if problem.costs.is_symmetric() && problem.is_free() && problem.poses_of.len() >= RING {
         let beginning = begun.unwrap_or_else(nearest);
         let grid = Grid::new(problem, &beginning, Lists::Points);
         let mut tour = Tour::new(Chosen::new(&grid));
@@ -142,14 +142,14 @@ pub(crate) fn run(
         iterate(tour, &grid, checkpoint, until, options, &mut reporter)
     } else {
         let beginning = begun.unwrap_or_else(nearest);
-        let grid = Grid::new(problem, &beginning, Lists::Places);
+        let grid = Grid::new(problem, &beginning, Lists::Poses);
         let mut path = Directed::new(&grid, (0..grid.points() as u32).collect());
         let checkpoint = checkpoint(&mut path, &grid, taken, beginning, options.seed);
         iterate(path, &grid, checkpoint, until, options, &mut reporter)
     }
 }
 
-/// Takes up the path of a search that was put down, or improves the one it begins with.
+/// Resumes the path of a suspended search, or improves the one that a new search begins with.
 fn checkpoint(
     path: &mut impl Kicked,
     grid: &Grid,
@@ -158,7 +158,7 @@ fn checkpoint(
     seed: u64,
 ) -> Checkpoint {
     if let Some(checkpoint) = taken {
-        path.take_up(&checkpoint.path, checkpoint.here);
+        path.resume(&checkpoint.path, checkpoint.here);
         return checkpoint;
     }
     path.improve_all();
@@ -167,7 +167,7 @@ fn checkpoint(
     let length = path.length();
     Checkpoint {
         beginning,
-        path: path.put_down(),
+        path: path.suspend(),
         here: length,
         shortest: length,
         mean_move: length as f64 / order.len() as f64,
@@ -235,7 +235,7 @@ struct Reporter<'a> {
     problem: &'a Checked<'a>,
     given_cost: f64,
     keep_going: &'a mut dyn FnMut(&Progress) -> bool,
-    told: i64,
+    reported: i64,
     order: Vec<usize>,
     cost: f64,
 }
@@ -247,15 +247,15 @@ impl<'a> Reporter<'a> {
             problem,
             given_cost,
             keep_going,
-            told: i64::MAX,
+            reported: i64::MAX,
             order: problem.given.clone(),
             cost: given_cost,
         }
     }
 
-    fn tell(&mut self, checkpoint: &Checkpoint) -> bool {
-        if checkpoint.shortest < self.told {
-            self.told = checkpoint.shortest;
+    fn report(&mut self, checkpoint: &Checkpoint) -> bool {
+        if checkpoint.shortest < self.reported {
+            self.reported = checkpoint.shortest;
             let order = checkpoint.order.clone();
             let cost = self.problem.costs.path_cost(&order);
             (self.order, self.cost) = if cost <= self.given_cost {
@@ -286,7 +286,7 @@ fn iterate(
     let size = grid.points();
     let cooling = path.cooling();
     let every = options.report_every.max(1);
-    // The shortest ring or path since the order was told last; empty when there is none.
+    // The shortest ring or path since the order was last reported; empty when there is none.
     let mut best = Vec::new();
     loop {
         if checkpoint.kicks.is_multiple_of(every) {
@@ -294,7 +294,7 @@ fn iterate(
                 checkpoint.order = grid.strip(&best);
                 best.clear();
             }
-            checkpoint.over |= !reporter.tell(&checkpoint);
+            checkpoint.over |= !reporter.report(&checkpoint);
         }
         checkpoint.over |= !path.can_be_kicked();
         if checkpoint.kicks >= until || checkpoint.over {
@@ -326,6 +326,6 @@ fn iterate(
     if !best.is_empty() {
         checkpoint.order = grid.strip(&best);
     }
-    checkpoint.path = path.put_down();
+    checkpoint.path = path.suspend();
     checkpoint
 }

@@ -6,7 +6,7 @@ use crate::exact::{EXACT_LIMIT, shortest_path};
 use crate::problem::{Checked, Problem, ProblemError};
 use crate::search::{self, Checkpoint};
 
-/// Most places (poses of all points) for which the exact table is kept.
+/// Most poses (poses of all points) for which the exact table is kept.
 const EXACT_PLACES: usize = 100;
 
 /// How long to search, and with which random numbers.
@@ -47,7 +47,7 @@ pub struct Progress<'a> {
 /// The answer.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Solution {
-    /// Places in measuring order, one of each point.
+    /// Poses in measuring order, one of each point.
     pub order: Vec<usize>,
     /// Its cost, summed from the table along the order.
     pub cost: f64,
@@ -87,7 +87,7 @@ pub fn solve(
 }
 
 /// A search that can be suspended between two kicks, serialised and resumed. Slicing changes nothing: it makes the kicks
-/// that [`solve`] makes and gives its answer. Each slice begins by computing the neighbour lists again, O(n²) for n places.
+/// that [`solve`] makes and gives its answer. Each slice begins by computing the neighbour lists again, O(n²) for n poses.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Search {
@@ -165,7 +165,7 @@ impl Search {
 
 /// True when the answer can be proven shortest.
 fn is_small(problem: &Checked) -> bool {
-    problem.places_of.len() <= EXACT_LIMIT && problem.point_of.len() <= EXACT_PLACES
+    problem.poses_of.len() <= EXACT_LIMIT && problem.point_of.len() <= EXACT_PLACES
 }
 
 fn exact(problem: &Checked) -> Solution {

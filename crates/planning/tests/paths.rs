@@ -317,8 +317,8 @@ fn bad_input_is_named() {
         error(problem.clone().starting_at(5)),
         ProblemError::End {
             end: "start",
-            place: 5,
-            places: 5
+            pose: 5,
+            poses: 5
         }
     );
     assert_eq!(

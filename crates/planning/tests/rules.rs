@@ -5,13 +5,13 @@ use planning::{CostMatrix, Options, Problem, ProblemError, Solution, solve};
 use rand_pcg::Pcg32;
 use rand_pcg::rand_core::{RngCore, SeedableRng};
 
-fn table(places: usize, seed: u64) -> CostMatrix {
+fn table(poses: usize, seed: u64) -> CostMatrix {
     let mut rng = Pcg32::seed_from_u64(seed);
-    let positions: Vec<[f64; 2]> = (0..places)
+    let positions: Vec<[f64; 2]> = (0..poses)
         .map(|_| [0, 1].map(|_| f64::from(rng.next_u32()) / 4_294_967_296.0))
         .collect();
     // Slightly asymmetric, as with retracts that end elsewhere than approaches begin.
-    CostMatrix::from_fn(places, |i, j| {
+    CostMatrix::from_fn(poses, |i, j| {
         let [a, b] = [positions[i], positions[j]];
         (a[0] - b[0]).hypot(a[1] - b[1]) + 0.05 * f64::from(rng.next_u32()) / 4_294_967_296.0
     })
@@ -32,7 +32,7 @@ fn shortest(problem: &Problem, kicks: u64) -> Solution {
 }
 
 struct Rules {
-    places_of: Vec<Vec<usize>>,
+    poses_of: Vec<Vec<usize>>,
     stages: Vec<u32>,
     precedence: Vec<(usize, usize)>,
 }
@@ -40,23 +40,23 @@ struct Rules {
 impl Rules {
     fn problem(&self, costs: CostMatrix) -> Problem {
         Problem::new(costs)
-            .alternatives(self.places_of.clone())
+            .alternatives(self.poses_of.clone())
             .stages(self.stages.clone())
             .precedence(self.precedence.clone())
     }
 
     fn allow(&self, order: &[usize]) -> bool {
-        let point = |place: &usize| {
-            self.places_of
+        let point = |pose: &usize| {
+            self.poses_of
                 .iter()
-                .position(|own| own.contains(place))
+                .position(|own| own.contains(pose))
                 .unwrap()
         };
         let points: Vec<usize> = order.iter().map(point).collect();
         let at = |point: usize| points.iter().position(|&p| p == point);
         let mut sorted = points.clone();
         sorted.sort_unstable();
-        sorted.into_iter().eq(0..self.places_of.len())
+        sorted.into_iter().eq(0..self.poses_of.len())
             && points
                 .windows(2)
                 .all(|pair| self.stages[pair[0]] <= self.stages[pair[1]])
@@ -80,8 +80,8 @@ impl Rules {
             }
             for at in 0..left.len() {
                 let point = left.remove(at);
-                for &place in &rules.places_of[point] {
-                    order.push(place);
+                for &pose in &rules.poses_of[point] {
+                    order.push(pose);
                     extend(rules, costs, order, left, best);
                     order.pop();
                 }
@@ -93,7 +93,7 @@ impl Rules {
             self,
             costs,
             &mut Vec::new(),
-            &mut (0..self.places_of.len()).collect(),
+            &mut (0..self.poses_of.len()).collect(),
             &mut best,
         );
         best
@@ -111,7 +111,7 @@ fn rules(points: usize, poses: usize, seed: u64) -> Rules {
         }
     }
     Rules {
-        places_of: (0..points)
+        poses_of: (0..points)
             .map(|point| (0..poses).map(|pose| point + pose * points).collect())
             .collect(),
         stages: (0..points)
@@ -147,12 +147,12 @@ fn search_with_all_rules_equals_exact() {
         assert!(exact.optimal);
         // Three more points in a last stage of their own, each as far from all as from another.
         let mut large = Rules {
-            places_of: small.places_of.clone(),
+            poses_of: small.poses_of.clone(),
             stages: small.stages.clone(),
             precedence: small.precedence.clone(),
         };
         for extra in 33..36 {
-            large.places_of.push(vec![extra]);
+            large.poses_of.push(vec![extra]);
             large.stages.push(9);
         }
         let costs = CostMatrix::from_fn(
@@ -178,16 +178,16 @@ fn search_with_all_rules_equals_exact() {
 fn search_of_poses_equals_exact() {
     for seed in 0..12 {
         let poses = 2 + seed as usize % 3;
-        let mut places_of = rules(11, poses, seed).places_of;
-        let places = 11 * poses;
-        let one_way = table(places, seed);
-        let small = CostMatrix::from_fn(places, |i, j| one_way.cost(i.min(j), i.max(j))).unwrap();
-        let exact = Problem::new(small.clone()).alternatives(places_of.clone());
+        let mut poses_of = rules(11, poses, seed).poses_of;
+        let poses = 11 * poses;
+        let one_way = table(poses, seed);
+        let small = CostMatrix::from_fn(poses, |i, j| one_way.cost(i.min(j), i.max(j))).unwrap();
+        let exact = Problem::new(small.clone()).alternatives(poses_of.clone());
         let exact = shortest(&exact, 0);
         assert!(exact.optimal);
-        places_of.extend((places..places + 3).map(|extra| vec![extra]));
-        let costs = CostMatrix::from_fn(places + 3, |i, j| {
-            if i.max(j) < places {
+        poses_of.extend((poses..poses + 3).map(|extra| vec![extra]));
+        let costs = CostMatrix::from_fn(poses + 3, |i, j| {
+            if i.max(j) < poses {
                 small.cost(i, j)
             } else {
                 f64::from(u8::from(i != j)) * 2.0
@@ -195,8 +195,8 @@ fn search_of_poses_equals_exact() {
         })
         .unwrap();
         let large = Rules {
-            stages: vec![0; places_of.len()],
-            places_of,
+            stages: vec![0; poses_of.len()],
+            poses_of,
             precedence: Vec::new(),
         };
         let problem = large.problem(costs);
@@ -218,15 +218,15 @@ fn search_of_poses_equals_exact() {
     }
 }
 
-/// Where few points have so many places that no exact table is kept, and where an end is fixed at one of its places.
+/// Where few points have so many poses that no exact table is kept, and where an end is fixed at one of its poses.
 #[test]
 fn few_points_of_many_poses_are_searched() {
     for (points, poses) in [(2, 60), (5, 30), (8, 15), (11, 12)] {
-        let places_of = rules(points, poses, 7).places_of;
-        let places = points * poses;
-        let one_way = table(places, 7);
-        let costs = CostMatrix::from_fn(places, |i, j| one_way.cost(i.min(j), i.max(j))).unwrap();
-        let free = Problem::new(costs).alternatives(places_of);
+        let poses_of = rules(points, poses, 7).poses_of;
+        let poses = points * poses;
+        let one_way = table(poses, 7);
+        let costs = CostMatrix::from_fn(poses, |i, j| one_way.cost(i.min(j), i.max(j))).unwrap();
+        let free = Problem::new(costs).alternatives(poses_of);
         let best = shortest(&free, 2_000);
         let (first, last) = (best.order[0], best.order[points - 1]);
         let fixed = shortest(&free.starting_at(first).ending_at(last), 2_000);
@@ -266,7 +266,7 @@ fn poses_help_and_rules_cost() {
         let all = rules(12, 2, seed);
         let costs = table(24, seed);
         let free = Rules {
-            places_of: all.places_of.clone(),
+            poses_of: all.poses_of.clone(),
             stages: vec![0; 12],
             precedence: Vec::new(),
         };
@@ -327,7 +327,7 @@ fn contradictions_are_named() {
     );
     assert_eq!(
         problem.clone().alternatives(vec![vec![], vec![0]]).check(),
-        Err(ProblemError::NoPlace(0))
+        Err(ProblemError::NoPose(0))
     );
     assert_eq!(
         problem

@@ -6,11 +6,11 @@ use rand_pcg::Pcg32;
 use rand_pcg::rand_core::{RngCore, SeedableRng};
 
 /// Distances on a plate, of points in four far corners where `clusters`; longer by a part of itself one way.
-fn table(places: usize, clusters: bool, one_way: f64) -> CostMatrix {
-    let mut rng = Pcg32::seed_from_u64(places as u64);
+fn table(poses: usize, clusters: bool, one_way: f64) -> CostMatrix {
+    let mut rng = Pcg32::seed_from_u64(poses as u64);
     let mut draw = || f64::from(rng.next_u32()) / 4_294_967_296.0;
     let corner = |at: usize| f64::from(u8::from(at % 4 > 1)) * 50.0;
-    let positions: Vec<[f64; 2]> = (0..places)
+    let positions: Vec<[f64; 2]> = (0..poses)
         .map(|at| {
             let off = if clusters {
                 [corner(at), corner(at + 1)]
@@ -20,15 +20,15 @@ fn table(places: usize, clusters: bool, one_way: f64) -> CostMatrix {
             [off[0] + draw(), off[1] + draw()]
         })
         .collect();
-    CostMatrix::from_fn(places, |i, j| {
+    CostMatrix::from_fn(poses, |i, j| {
         let [a, b] = [positions[i], positions[j]];
         (a[0] - b[0]).hypot(a[1] - b[1]) * (1.0 + one_way * f64::from(u8::from(i > j)))
     })
     .unwrap()
 }
 
-fn in_threes(places: usize) -> Vec<Vec<usize>> {
-    (0..places / 3)
+fn in_threes(poses: usize) -> Vec<Vec<usize>> {
+    (0..poses / 3)
         .map(|point| (3 * point..3 * point + 3).collect())
         .collect()
 }
@@ -60,7 +60,7 @@ fn in_slices(problem: &Problem, options: &Options, slice: u64) -> Solution {
 /// One of each class of search, with the kicks made and the slices: what is found does not depend on them.
 #[test]
 fn slices_of_any_size_give_the_path_of_one_run() {
-    let plain = |places, clusters, one_way| Problem::new(table(places, clusters, one_way));
+    let plain = |poses, clusters, one_way| Problem::new(table(poses, clusters, one_way));
     let staged: Vec<u32> = (0..60).map(|point| u32::from(point % 2 == 0)).collect();
     let poses = |one_way| plain(90, false, one_way).alternatives(in_threes(90));
     let few: &[(u64, u64)] = &[(1, 150), (7, 1_100), (1_000, 1_100)];

@@ -19,7 +19,7 @@ pub(super) fn by_nearest(problem: &Checked) -> Vec<usize> {
     let starts = match problem.start {
         Some(start) => vec![start],
         None => (0..costs.len())
-            .filter(|&place| Some(place) != problem.end)
+            .filter(|&pose| Some(pose) != problem.end)
             .collect(),
     };
     let affordable = (MOVES / (costs.len() * costs.len())).clamp(1, starts.len());
@@ -66,14 +66,14 @@ fn shortest(problem: &Checked, paths: impl Iterator<Item = Vec<usize>>) -> Vec<u
     best
 }
 
-/// Goes to the nearest place that is allowed next, beginning with `start` when that is allowed.
+/// Goes to the nearest pose that is allowed next, beginning with `start` when that is allowed.
 fn nearest_allowed(problem: &Checked, start: usize) -> Vec<usize> {
     let path = problem.build(|here, allowed| {
-        let cost = |place: usize| match here {
-            Some(here) => problem.costs.cost(here, place),
-            None => f64::from(u8::from(place != start)),
+        let cost = |pose: usize| match here {
+            Some(here) => problem.costs.cost(here, pose),
+            None => f64::from(u8::from(pose != start)),
         };
-        let nearest = allowed.iter().map(|&place| (place, cost(place)));
+        let nearest = allowed.iter().map(|&pose| (pose, cost(pose)));
         nearest
             .reduce(|best, next| if next.1 < best.1 { next } else { best })
             .map_or(start, |best| best.0)

@@ -34,8 +34,8 @@ pub(super) fn between_clusters(
                 *best = (cost, there as u32);
             }
         }
-        let own = cluster[here] as usize;
-        for (shortest, nearest) in shortest[own * clusters..].iter_mut().zip(nearest) {
+        let here_in = cluster[here] as usize;
+        for (shortest, nearest) in shortest[here_in * clusters..].iter_mut().zip(nearest) {
             *shortest = nearest.0.min(*shortest);
         }
     }
@@ -45,10 +45,10 @@ pub(super) fn between_clusters(
     }
     let distance = |a: u32, b: u32| i64::from(shortest[a as usize * clusters + b as usize]);
     let mut bridges = Vec::new();
-    for (own, members) in members.iter().enumerate() {
+    for (cluster, members) in members.iter().enumerate() {
         let others = (0..clusters as u32)
-            .filter(|&other| other as usize != own)
-            .map(|other| (other, distance(own as u32, other) as i32))
+            .filter(|&other| other as usize != cluster)
+            .map(|other| (other, distance(cluster as u32, other) as i32))
             .collect();
         for (other, _) in near::select(others, LOOK, distance) {
             let mut moves: Vec<(i32, u32, u32)> = members

@@ -1,7 +1,7 @@
-//! Holds what the moves of a ring cost: between points with one place each, or with alternatives of which one is chosen.
+//! Holds what the moves of a ring cost: between points with one pose each, or with alternatives of which one is chosen.
 //!
-//! Exchanges of edges know points only; at which place a point is visited is decided here, by the cheapest chain of
-//! places through a few neighbouring points (dynamic programming through its layers). Chosen places are logged, so
+//! Exchanges of edges know points only; at which pose a point is visited is decided here, by the cheapest chain of
+//! poses through a few neighbouring points (dynamic programming through its layers). Chosen poses are logged, so
 //! that going back costs what was changed.
 
 use std::cell::Cell;
@@ -10,7 +10,7 @@ use super::Cooling;
 use super::grid::Grid;
 use super::ring::{MOST, Ring};
 
-/// Points to either side of a changed one whose places are chosen with its own.
+/// Points to either side of a changed one whose poses are chosen with its own.
 const REACH: usize = 1;
 
 /// Costs kept at hand of each point.
@@ -18,7 +18,7 @@ const CACHED: usize = 32;
 
 /// What a ring asks about its points.
 pub(super) trait Moves {
-    /// True when some point has several places.
+    /// True when some point has several poses.
     const ALTERNATIVES: bool;
     /// Continuations followed after the first, the second and the third removed edge.
     const BREADTH: [usize; MOST - 2];
@@ -32,18 +32,18 @@ pub(super) trait Moves {
     fn cost_to(&self, here: u32, there: u32, least: i32) -> i64;
     /// What an added edge at this point costs at least, nearly always.
     fn least(&self, here: u32) -> i64;
-    /// The place at which a point is visited.
-    fn place(&self, point: u32) -> u32;
-    fn choose(&mut self, point: u32, place: u32);
-    /// Finds the cheapest places about a point, tells the points whose place changed, and returns the gain.
+    /// The pose at which a point is visited.
+    fn pose(&self, point: u32) -> u32;
+    fn choose(&mut self, point: u32, pose: u32);
+    /// Finds the cheapest poses about a point, appends the points whose pose changed, and returns the gain.
     fn choose_about(&mut self, ring: &Ring, point: u32, changed: &mut Vec<u32>) -> i64;
     /// Forgets how to go back.
     fn keep(&mut self);
-    /// Goes back to the places at the last [`Moves::keep`].
+    /// Goes back to the poses at the last [`Moves::keep`].
     fn undo(&mut self);
 }
 
-/// Points with one place each: point and place have the same number.
+/// Points with one pose each: point and pose have the same number.
 pub(super) struct Plain<'a> {
     grid: &'a Grid,
     /// Cost to the nearest candidate of each point.
@@ -102,11 +102,11 @@ impl Moves for Plain<'_> {
         self.least[here as usize]
     }
 
-    fn place(&self, point: u32) -> u32 {
+    fn pose(&self, point: u32) -> u32 {
         point
     }
 
-    fn choose(&mut self, _point: u32, _place: u32) {}
+    fn choose(&mut self, _point: u32, _pose: u32) {}
 
     fn choose_about(&mut self, _ring: &Ring, _point: u32, _changed: &mut Vec<u32>) -> i64 {
         0
@@ -117,15 +117,15 @@ impl Moves for Plain<'_> {
     fn undo(&mut self) {}
 }
 
-/// Points with alternatives. The near places of the grid are points here.
+/// Points with alternatives. The near poses of the grid are points here.
 pub(super) struct Chosen<'a> {
     grid: &'a Grid,
-    /// The place of each point.
+    /// The pose of each point.
     visited: Vec<u32>,
     log: Vec<(u32, u32)>,
-    /// The chain looked at: its points, and for each of their places the cheapest way to it and the place before.
+    /// The chain looked at: its points, and for each of their poses the cost of the cheapest chain to it and the pose before.
     chain: Vec<u32>,
-    ways: Vec<(i64, u32)>,
+    reached: Vec<(i64, u32)>,
 }
 
 impl<'a> Chosen<'a> {
@@ -135,12 +135,12 @@ impl<'a> Chosen<'a> {
             visited: (0..grid.points() as u32).collect(),
             log: Vec::new(),
             chain: Vec::new(),
-            ways: Vec::new(),
+            reached: Vec::new(),
         }
     }
 
-    fn places(&self, point: u32) -> &'a [u32] {
-        &self.grid.rules.places_of[point as usize]
+    fn poses(&self, point: u32) -> &'a [u32] {
+        &self.grid.rules.poses_of[point as usize]
     }
 
     /// The point and its neighbours to either side, as far as [`REACH`] and one further.
@@ -191,12 +191,12 @@ impl Moves for Chosen<'_> {
         self.near(here).first().map_or(0, |near| i64::from(near.1))
     }
 
-    fn place(&self, point: u32) -> u32 {
+    fn pose(&self, point: u32) -> u32 {
         self.visited[point as usize]
     }
 
-    fn choose(&mut self, point: u32, place: u32) {
-        let old = std::mem::replace(&mut self.visited[point as usize], place);
+    fn choose(&mut self, point: u32, pose: u32) {
+        let old = std::mem::replace(&mut self.visited[point as usize], pose);
         self.log.push((point, old));
     }
 
@@ -204,9 +204,9 @@ impl Moves for Chosen<'_> {
         self.gather(ring, point);
         let last = self.chain.len() - 1;
         let grid = self.grid;
-        let (mut ways, chain) = (std::mem::take(&mut self.ways), &self.chain);
-        ways.clear();
-        ways.push((0, 0));
+        let (mut reached, chain) = (std::mem::take(&mut self.reached), &self.chain);
+        reached.clear();
+        reached.push((0, 0));
         let mut old = 0;
         let first = [self.visited[chain[0] as usize]];
         let end = [self.visited[chain[last] as usize]];
@@ -214,41 +214,41 @@ impl Moves for Chosen<'_> {
         for at in 1..=last {
             old += self.cost(chain[at - 1], chain[at]);
             let layer = if at < last {
-                self.places(chain[at])
+                self.poses(chain[at])
             } else {
                 &end
             };
-            let next = ways.len();
-            for &place in layer {
+            let next = reached.len();
+            for &pose in layer {
                 let mut best = (i64::MAX, 0);
                 for (which, &before) in ahead.iter().enumerate() {
-                    let way = ways[begin + which].0 + grid.cost(before, place);
-                    if way < best.0 {
-                        best = (way, which as u32);
+                    let cost = reached[begin + which].0 + grid.cost(before, pose);
+                    if cost < best.0 {
+                        best = (cost, which as u32);
                     }
                 }
-                ways.push(best);
+                reached.push(best);
             }
             (ahead, begin) = (layer, next);
         }
-        let mut at = ways.len() - 1;
-        let gain = old - ways[at].0;
+        let mut at = reached.len() - 1;
+        let gain = old - reached[at].0;
         if gain > 0 {
-            let mut which = ways[at].1 as usize;
+            let mut which = reached[at].1 as usize;
             let mut behind = begin;
             for layer in (1..last).rev() {
                 let point = self.chain[layer];
-                let places = self.places(point);
-                behind -= places.len();
+                let poses = self.poses(point);
+                behind -= poses.len();
                 at = behind + which;
-                if self.visited[point as usize] != places[which] {
-                    self.choose(point, places[which]);
+                if self.visited[point as usize] != poses[which] {
+                    self.choose(point, poses[which]);
                     changed.push(point);
                 }
-                which = ways[at].1 as usize;
+                which = reached[at].1 as usize;
             }
         }
-        self.ways = ways;
+        self.reached = reached;
         gain.max(0)
     }
 

@@ -1,10 +1,10 @@
 //! Holds a path whose direction matters, as an array with positions: asymmetric costs, stages, precedence, and points
-//! with alternative places.
+//! with alternative poses.
 //!
 //! Moves: 2-opt, Or-opt (segments up to three points, both directions), exchange of two neighbouring stretches
-//! (Or-3opt), and another place for a point. The first and the last position never change. What walking a stretch
+//! (Or-3opt), and another pose for a point. The first and the last position never change. What walking a stretch
 //! backwards costs comes from running sums. Stages never fall along the path, so a stretch may be rearranged only
-//! within one stage. Where points have alternatives, the best places for the stretch that a kick changed are found by
+//! within one stage. Where points have alternatives, the best poses for the stretch that a kick changed are found by
 //! dynamic programming through its layers. A refused kick is undone by copying back the positions it touched.
 
 use rand_pcg::Pcg32;
@@ -69,8 +69,8 @@ impl<'a> Directed<'a> {
         self.grid.rules.point_of[self.order[at] as usize]
     }
 
-    fn position_of(&self, place: u32) -> usize {
-        self.position[self.grid.rules.point_of[place as usize] as usize] as usize
+    fn position_of(&self, pose: u32) -> usize {
+        self.position[self.grid.rules.point_of[pose as usize] as usize] as usize
     }
 
     fn push(&mut self, at: usize) {
@@ -102,15 +102,15 @@ impl<'a> Directed<'a> {
                 && (from..=to).all(|at| !rules.later[self.point_at(at) as usize].iter().any(inside))
     }
 
-    /// True when the rules let the stretches `from..second` and `second..=to` change places.
+    /// True when the rules let the stretches `from..second` and `second..=to` swap.
     fn may_exchange(&self, from: usize, second: usize, to: usize) -> bool {
         let rules = &self.grid.rules;
         if rules.free {
             return true;
         }
         let none =
-            |own: std::ops::Range<usize>, lists: &[Vec<u32>], other: std::ops::Range<usize>| {
-                own.into_iter().all(|at| {
+            |inner: std::ops::Range<usize>, lists: &[Vec<u32>], other: std::ops::Range<usize>| {
+                inner.into_iter().all(|at| {
                     let points = &lists[self.point_at(at) as usize];
                     !points
                         .iter()
@@ -132,16 +132,16 @@ impl<'a> Directed<'a> {
 
     fn improve(&mut self, point: u32) -> bool {
         let at = self.position[point as usize] as usize;
-        self.try_turn(at) || self.try_insert(at) || self.try_exchange(at) || self.try_places(point)
+        self.try_turn(at) || self.try_insert(at) || self.try_exchange(at) || self.try_poses(point)
     }
 
     /// 2-opt: turns a stretch around so that this position gets a near neighbour.
     fn try_turn(&mut self, at: usize) -> bool {
         let last = self.order.len() - 1;
         let grid = self.grid;
-        let place = self.order[at];
+        let pose = self.order[at];
         if at < last {
-            for near in grid.after(place) {
+            for near in grid.after(pose) {
                 let there = self.position_of(near);
                 if there > at + 1 && there < last && self.turn_if_shorter(at + 1, there) {
                     return true;
@@ -149,7 +149,7 @@ impl<'a> Directed<'a> {
             }
         }
         if at > 0 {
-            for near in grid.before(place) {
+            for near in grid.before(pose) {
                 let there = self.position_of(near);
                 if there > 0 && there + 1 < at && self.turn_if_shorter(there, at - 1) {
                     return true;
@@ -176,20 +176,20 @@ impl<'a> Directed<'a> {
         true
     }
 
-    /// Or-opt: moves a segment that begins or ends here beside a near neighbour, in either direction.
+    /// Or-opt: moves a segment that begins or ends here next to a near neighbour, in either direction.
     fn try_insert(&mut self, at: usize) -> bool {
         let last = self.order.len() - 1;
         if at == 0 || at == last {
             return false;
         }
         let grid = self.grid;
-        let place = self.order[at];
+        let pose = self.order[at];
         for size in 1..=SEGMENT.min(last - 1) {
             for (from, to) in [(at, at + size - 1), ((at + 1).saturating_sub(size), at)] {
                 if from == 0 || to >= last {
                     continue;
                 }
-                for near in grid.before(place).chain(grid.after(place)) {
+                for near in grid.before(pose).chain(grid.after(pose)) {
                     let there = self.position_of(near);
                     for gap in [there, there.wrapping_sub(1)] {
                         if gap < last
@@ -324,31 +324,31 @@ impl<'a> Directed<'a> {
         }
     }
 
-    /// Takes a point out and puts it back at any of its places, where it is or beside a place near that.
-    fn try_places(&mut self, point: u32) -> bool {
+    /// Takes a point out and puts it back at any of its poses, where it is or next to a pose near that.
+    fn try_poses(&mut self, point: u32) -> bool {
         let grid = self.grid;
-        let places = &grid.rules.places_of[point as usize];
+        let poses = &grid.rules.poses_of[point as usize];
         let at = self.position[point as usize] as usize;
         let last = self.order.len() - 1;
-        if places.len() < 2 || at == 0 || at == last {
+        if poses.len() < 2 || at == 0 || at == last {
             return false;
         }
         let freed = self.cost(at - 1, at) + self.cost(at, at + 1) - self.cost(at - 1, at + 1);
         let mut best = (0, 0, self.order[at]);
-        for &place in places {
-            let here = grid.cost(self.order[at - 1], place) + grid.cost(place, self.order[at + 1])
+        for &pose in poses {
+            let here = grid.cost(self.order[at - 1], pose) + grid.cost(pose, self.order[at + 1])
                 - self.cost(at - 1, at + 1);
             if here - freed < best.0 {
-                best = (here - freed, at, place);
+                best = (here - freed, at, pose);
             }
-            for near in grid.before(place).chain(grid.after(place)) {
+            for near in grid.before(pose).chain(grid.after(pose)) {
                 let there = self.position_of(near);
                 for gap in [there, there.wrapping_sub(1)] {
                     if gap >= last || gap == at || gap + 1 == at {
                         continue;
                     }
-                    let added = grid.cost(self.order[gap], place)
-                        + grid.cost(place, self.order[gap + 1])
+                    let added = grid.cost(self.order[gap], pose)
+                        + grid.cost(pose, self.order[gap + 1])
                         - self.cost(gap, gap + 1);
                     let (low, second, high) = if gap > at {
                         (at, at + 1, gap)
@@ -356,16 +356,16 @@ impl<'a> Directed<'a> {
                         (gap + 1, at, at)
                     };
                     if added - freed < best.0 && self.may_exchange(low, second, high) {
-                        best = (added - freed, gap, place);
+                        best = (added - freed, gap, pose);
                     }
                 }
             }
         }
-        let (change, gap, place) = best;
+        let (change, gap, pose) = best;
         if change >= 0 {
             return false;
         }
-        self.order[at] = place;
+        self.order[at] = pose;
         self.length += change;
         let (low, second, high) = match gap.cmp(&at) {
             std::cmp::Ordering::Greater => (at, at + 1, gap),
@@ -387,9 +387,9 @@ impl<'a> Directed<'a> {
         true
     }
 
-    fn replace(&mut self, at: usize, place: u32) {
+    fn replace(&mut self, at: usize, pose: u32) {
         self.length -= self.cost(at - 1, at) + self.cost(at, at + 1);
-        self.order[at] = place;
+        self.order[at] = pose;
         self.length += self.cost(at - 1, at) + self.cost(at, at + 1);
         self.settle(at, at);
         for near in [at - 1, at, at + 1] {
@@ -397,43 +397,44 @@ impl<'a> Directed<'a> {
         }
     }
 
-    /// Finds the best places of the positions `from..=to`, whose outer neighbours stay, layer by layer.
-    fn choose_places(&mut self, from: usize, to: usize) -> bool {
+    /// Finds the best poses of the positions `from..=to`, whose outer neighbours stay, layer by layer.
+    fn choose_poses(&mut self, from: usize, to: usize) -> bool {
         let rules = &self.grid.rules;
-        // For each layer: each place with the cost of the best way to it and the place before it.
-        let mut ways: Vec<Vec<(i64, usize)>> = vec![vec![(0, 0)]];
+        // For each layer: each pose with the cost of the cheapest chain to it and the pose before it.
+        let mut reached: Vec<Vec<(i64, usize)>> = vec![vec![(0, 0)]];
         let mut layers: Vec<&[u32]> = vec![std::slice::from_ref(&self.order[from - 1])];
         for at in from..=to + 1 {
             let layer = if at <= to {
-                &rules.places_of[self.point_at(at) as usize][..]
+                &rules.poses_of[self.point_at(at) as usize][..]
             } else {
                 std::slice::from_ref(&self.order[at])
             };
-            let (ahead, ways_ahead) = (layers[at - from], &ways[at - from]);
-            let reach = |&place: &u32| {
-                let ways = ahead.iter().zip(ways_ahead).enumerate();
-                let costs = ways
-                    .map(|(which, (&before, way))| (way.0 + self.grid.cost(before, place), which));
+            let (ahead, reached_ahead) = (layers[at - from], &reached[at - from]);
+            let reach = |&pose: &u32| {
+                let reached = ahead.iter().zip(reached_ahead).enumerate();
+                let costs = reached.map(|(which, (&before, chain))| {
+                    (chain.0 + self.grid.cost(before, pose), which)
+                });
                 costs.min().unwrap_or((0, 0))
             };
             let next = layer.iter().map(reach).collect();
-            ways.push(next);
+            reached.push(next);
             layers.push(layer);
         }
         let old = self.grid.length(&self.order[from - 1..=to + 1]);
-        let new = ways[to + 2 - from][0].0;
+        let new = reached[to + 2 - from][0].0;
         if new >= old {
             return false;
         }
         let mut which = 0;
         let mut chosen = Vec::with_capacity(to + 1 - from);
         for layer in (1..=to + 1 - from).rev() {
-            which = ways[layer + 1][which].1;
+            which = reached[layer + 1][which].1;
             chosen.push(layers[layer][which]);
         }
-        for (at, place) in (from..=to).rev().zip(chosen) {
-            if self.order[at] != place {
-                self.order[at] = place;
+        for (at, pose) in (from..=to).rev().zip(chosen) {
+            if self.order[at] != pose {
+                self.order[at] = pose;
                 self.push(at - 1);
                 self.push(at);
                 self.push(at + 1);
@@ -469,7 +470,7 @@ impl<'a> Directed<'a> {
                 self.touched.0.max(1),
                 self.touched.1.min(self.order.len() - 2),
             );
-            if !self.grid.rules.alternatives || from > to || !self.choose_places(from, to) {
+            if !self.grid.rules.alternatives || from > to || !self.choose_poses(from, to) {
                 break;
             }
         }
@@ -481,15 +482,15 @@ impl Kicked for Directed<'_> {
         order.clone_from(&self.order);
     }
 
-    fn put_down(&self) -> Path {
+    fn suspend(&self) -> Path {
         Path {
             order: self.order.clone(),
-            places: Vec::new(),
+            poses: Vec::new(),
             window: (0, 0),
         }
     }
 
-    fn take_up(&mut self, path: &Path, length: i64) {
+    fn resume(&mut self, path: &Path, length: i64) {
         self.order.clone_from(&path.order);
         self.kept.clone_from(&path.order);
         self.settle(0, self.order.len() - 1);
@@ -514,7 +515,7 @@ impl Kicked for Directed<'_> {
     }
 
     /// Exchanges neighbouring stretches among up to [`KICK_SPAN`] positions, at times twice: of a short path, the
-    /// improvement would undo a single exchange at once. As many points change their place.
+    /// improvement would undo a single exchange at once. As many points change their pose.
     fn kick(&mut self, rng: &mut Pcg32) {
         if self.touched.0 <= self.touched.1 {
             let range = self.touched.0..=self.touched.1;
@@ -543,8 +544,8 @@ impl Kicked for Directed<'_> {
         if self.grid.rules.alternatives {
             for _ in 0..wanted {
                 let at = begin + draw(width);
-                let places = &self.grid.rules.places_of[self.point_at(at) as usize];
-                self.replace(at, places[draw(places.len())]);
+                let poses = &self.grid.rules.poses_of[self.point_at(at) as usize];
+                self.replace(at, poses[draw(poses.len())]);
             }
         }
         self.improve_queue();

@@ -10,9 +10,9 @@ use super::ring::{Layout, MOST, Ring};
 pub(super) struct Exchange {
     pub(super) edges: usize,
     pub(super) ends: [u32; 2 * MOST],
-    /// True where ranks rise with the places of the ring.
+    /// True where ranks rise with the positions of the ring.
     pub(super) forwards: bool,
-    /// Place of rank zero.
+    /// Position of rank zero.
     begin: u32,
     /// Rank of the lower end of each removed edge.
     cuts: [u32; MOST],
@@ -30,19 +30,19 @@ impl Exchange {
             edges: 1,
             ends,
             forwards: ring.next(from) == to,
-            begin: ring.place(to),
+            begin: ring.position(to),
             cuts,
             signature: 0,
         }
     }
 
-    /// Rank of the point at this place, in a ring of `size` points.
+    /// Rank of the point at this position, in a ring of `size` points.
     #[inline]
-    pub(super) fn rank(&self, place: u32, size: u32) -> u32 {
+    pub(super) fn rank(&self, position: u32, size: u32) -> u32 {
         let steps = if self.forwards {
-            place.wrapping_sub(self.begin)
+            position.wrapping_sub(self.begin)
         } else {
-            self.begin.wrapping_sub(place)
+            self.begin.wrapping_sub(position)
         };
         if steps < size {
             steps
@@ -82,8 +82,8 @@ impl Exchange {
         let size = ring.len() as u32;
         let mut cuts = [0; MOST];
         for (edge, cut) in cuts[..edges].iter_mut().enumerate() {
-            let [at_a, at_b] = [0, 1].map(|end| ring.place(self.ends[2 * edge + end]));
-            *cut = if ring.next_place(at_a) == at_b {
+            let [at_a, at_b] = [0, 1].map(|end| ring.position(self.ends[2 * edge + end]));
+            *cut = if ring.next_position(at_a) == at_b {
                 at_a
             } else {
                 at_b
@@ -96,7 +96,7 @@ impl Exchange {
         let mut numbers = [0_u8; 2 * MOST];
         for edge in 0..edges {
             let cut = cuts[..edges].partition_point(|&cut| cut < left[edge]);
-            let a_is_left = ring.place(self.ends[2 * edge]) == left[edge];
+            let a_is_left = ring.position(self.ends[2 * edge]) == left[edge];
             let last = (2 * ((cut + edges - 1) % edges) + 1) as u8;
             let head = (2 * cut) as u8;
             (numbers[2 * edge], numbers[2 * edge + 1]) = if a_is_left {
@@ -200,7 +200,7 @@ const fn leaves_one_ring(edges: usize, signature: usize) -> bool {
 mod tests {
     use super::*;
 
-    /// Removes edges of a ring of `size` points at every choice of places and directions, and asks `closes` and
+    /// Removes edges of a ring of `size` points at every choice of positions and directions, and asks `closes` and
     /// `layout` against a walk along the edges that then are there.
     fn compare(ring: &Ring, exchange: Exchange, seen: &mut [usize; 2]) {
         let size = ring.len();
@@ -223,7 +223,7 @@ mod tests {
             return;
         }
         for near in 0..size as u32 {
-            let rank = exchange.rank(ring.place(near), size as u32);
+            let rank = exchange.rank(ring.position(near), size as u32);
             for up in [true, false] {
                 let cut = if up {
                     rank
@@ -247,9 +247,9 @@ mod tests {
     /// Both neighbours of a point once the exchange is closed: those of the ring, each removed edge replaced.
     fn neighbours(ring: &Ring, exchange: &Exchange, point: u32) -> [u32; 2] {
         let ends = &exchange.ends[..2 * exchange.edges];
-        [ring.previous(point), ring.next(point)].map(|beside| {
-            let removed = |at: &usize| ends[*at] == point && ends[*at ^ 1] == beside;
-            (0..ends.len()).find(removed).map_or(beside, |at| {
+        [ring.previous(point), ring.next(point)].map(|adjacent| {
+            let removed = |at: &usize| ends[*at] == point && ends[*at ^ 1] == adjacent;
+            (0..ends.len()).find(removed).map_or(adjacent, |at| {
                 let other = if at % 2 == 1 {
                     at + 1
                 } else {

@@ -8,7 +8,7 @@ use crate::problem::Checked;
 /// The largest cost becomes this integer; rounding is 7e-9 of it.
 const LARGEST: f64 = (1_u32 << 26) as f64;
 
-/// Nearest places among which relative neighbours are sought.
+/// Nearest poses among which relative neighbours are sought.
 const LOOK: usize = 300;
 
 /// Neighbours kept of those, where the search goes by how likely they belong to a shortest ring.
@@ -20,23 +20,23 @@ const POINTS: usize = 8;
 /// Cost of the edge that closes the path to a ring: so cheap that no exchange of a few edges removes it.
 const CLOSING: i32 = -(1 << 30);
 
-/// What is near a place.
+/// What is near a pose.
 #[derive(Clone, Copy)]
 pub(super) enum Lists<'a> {
-    /// The points most likely beside it in a shortest ring, found among these, and those across these bridges between
+    /// The points most likely adjacent in a shortest ring, found among these, and those across these bridges between
     /// clusters; both are in the caller's numbers: where all points are plain and moves symmetric.
     Promising(&'a Near, &'a [(u32, u32, i32)]),
-    /// The nearest places of other points.
-    Places,
-    /// The nearest other points, each by the nearest of its places.
+    /// The nearest poses of other points.
+    Poses,
+    /// The nearest other points, each by the nearest of its poses.
     Points,
 }
 
-/// Integer costs between places and, where an end is free, a dummy place. Places are numbered along a short path, so
-/// that near places lie near each other in memory too; alternatives not on that path come last. The rules speak of
-/// points, numbered like their place on that path.
+/// Integer costs between poses and, where an end is free, a dummy pose. Poses are numbered along a short path, so
+/// that near poses lie near each other in memory too; alternatives not on that path come last. The rules speak of
+/// points, numbered like their pose on that path.
 pub(super) struct Grid {
-    /// The caller's index of each place; dummies have none.
+    /// The caller's index of each pose; dummies have none.
     labels: Vec<Option<usize>>,
     points: usize,
     entries: Vec<i32>,
@@ -48,11 +48,11 @@ pub(super) struct Grid {
 
 /// What an order must keep.
 pub(super) struct Rules {
-    /// Point of each place.
+    /// Point of each pose.
     pub(super) point_of: Vec<u32>,
-    /// Places of each point.
-    pub(super) places_of: Vec<Vec<u32>>,
-    /// True when some point has several places.
+    /// Poses of each point.
+    pub(super) poses_of: Vec<Vec<u32>>,
+    /// True when some point has several poses.
     pub(super) alternatives: bool,
     /// True when there are no stages and no precedence.
     pub(super) free: bool,
@@ -65,22 +65,22 @@ pub(super) struct Rules {
 
 impl Rules {
     fn new(problem: &Checked, labels: &[Option<usize>], points: usize) -> Self {
-        let mut number = vec![0; problem.places_of.len()];
-        for (at, place) in labels[..points].iter().enumerate() {
-            if let Some(place) = place {
-                number[problem.point_of[*place]] = at as u32;
+        let mut number = vec![0; problem.poses_of.len()];
+        for (at, pose) in labels[..points].iter().enumerate() {
+            if let Some(pose) = pose {
+                number[problem.point_of[*pose]] = at as u32;
             }
         }
         let point_of: Vec<u32> = labels
             .iter()
             .enumerate()
-            .map(|(at, place)| place.map_or(at as u32, |place| number[problem.point_of[place]]))
+            .map(|(at, pose)| pose.map_or(at as u32, |pose| number[problem.point_of[pose]]))
             .collect();
-        let mut places_of = vec![Vec::new(); points];
-        for (place, &point) in point_of.iter().enumerate() {
-            places_of[point as usize].push(place as u32);
+        let mut poses_of = vec![Vec::new(); points];
+        for (pose, &point) in point_of.iter().enumerate() {
+            poses_of[point as usize].push(pose as u32);
         }
-        let ask = |at: usize| labels[at].map(|place| problem.point_of[place]);
+        let ask = |at: usize| labels[at].map(|pose| problem.point_of[pose]);
         let renumber = |lists: &[Vec<usize>]| -> Vec<Vec<u32>> {
             (0..points)
                 .map(|at| {
@@ -102,7 +102,7 @@ impl Rules {
             later: renumber(&problem.later),
             earlier: renumber(&problem.earlier),
             point_of,
-            places_of,
+            poses_of,
         }
     }
 }
@@ -117,16 +117,16 @@ pub(super) fn scale(costs: &CostMatrix) -> f64 {
     }
 }
 
-/// The costs between places as integers, row by row; moves from and to dummies, which stand at either end of the points,
+/// The costs between poses as integers, row by row; moves from and to dummies, which stand at either end of the points,
 /// cost nothing.
 fn integers(problem: &Checked, labels: &[Option<usize>], points: usize, scale: f64) -> Vec<i32> {
-    let places = labels.len();
+    let poses = labels.len();
     let first = usize::from(problem.start.is_none());
     let plain = points - first - usize::from(problem.end.is_none());
     let known: Vec<u32> = labels.iter().flatten().map(|&label| label as u32).collect();
     let (on_path, others) = known.split_at(plain);
-    let mut entries = vec![0; places * places];
-    for (row, from) in entries.chunks_exact_mut(places.max(1)).zip(labels) {
+    let mut entries = vec![0; poses * poses];
+    for (row, from) in entries.chunks_exact_mut(poses.max(1)).zip(labels) {
         let Some(from) = from else { continue };
         let costs = problem.costs.row(*from);
         for (begin, labels) in [(first, on_path), (points, others)] {
@@ -139,7 +139,7 @@ fn integers(problem: &Checked, labels: &[Option<usize>], points: usize, scale: f
 }
 
 impl Grid {
-    /// `beginning` is the order of places by which the points are numbered; it becomes 0, 1, 2, …
+    /// `beginning` is the order of poses by which the points are numbered; it becomes 0, 1, 2, …
     pub(super) fn new(problem: &Checked, beginning: &[usize], lists: Lists) -> Self {
         let costs = problem.costs;
         let head = problem.start.is_none().then_some(None);
@@ -150,23 +150,22 @@ impl Grid {
             .chain(tail)
             .collect();
         let points = labels.len();
-        let fixed =
-            [problem.start, problem.end].map(|end| end.map(|place| problem.point_of[place]));
-        for (point, places) in problem.places_of.iter().enumerate() {
-            if places.len() > 1 && !fixed.contains(&Some(point)) {
+        let fixed = [problem.start, problem.end].map(|end| end.map(|pose| problem.point_of[pose]));
+        for (point, poses) in problem.poses_of.iter().enumerate() {
+            if poses.len() > 1 && !fixed.contains(&Some(point)) {
                 labels.extend(
-                    places
+                    poses
                         .iter()
-                        .filter(|&place| !beginning.contains(place))
-                        .map(|&place| Some(place)),
+                        .filter(|&pose| !beginning.contains(pose))
+                        .map(|&pose| Some(pose)),
                 );
             }
         }
-        let places = labels.len();
+        let poses = labels.len();
         let scale = scale(costs);
         let mut entries = integers(problem, &labels, points, scale);
         entries[points - 1] = CLOSING;
-        entries[(points - 1) * places] = CLOSING;
+        entries[(points - 1) * poses] = CLOSING;
         let rules = Rules::new(problem, &labels, points);
         let mut grid = Self {
             labels,
@@ -185,7 +184,7 @@ impl Grid {
                 let cost = |a, b| grid.cost(a, b);
                 grid.after = most_promising(&near, &bridges, PROMISING, cost);
             }
-            Lists::Places => {
+            Lists::Poses => {
                 grid.after = grid.nearest(Self::cost);
                 if !grid.symmetric {
                     grid.before = Some(grid.nearest(|grid, here, there| grid.cost(there, here)));
@@ -196,7 +195,7 @@ impl Grid {
         grid
     }
 
-    /// The place of each label.
+    /// The pose of each label.
     fn numbers(&self) -> Vec<u32> {
         let mut number = vec![0; self.labels.len()];
         for (at, label) in self.labels.iter().enumerate() {
@@ -207,7 +206,7 @@ impl Grid {
         number
     }
 
-    /// Near places of each place in the numbers of the grid; dummies have none, and the ends are not near each other.
+    /// Near poses of each pose in the numbers of the grid; dummies have none, and the ends are not near each other.
     fn renumber(&self, near: &Near, number: &[u32]) -> Vec<Vec<(u32, i32)>> {
         let others = |here: usize, label: usize| {
             near.of(label as u32)
@@ -236,17 +235,17 @@ impl Grid {
             .collect()
     }
 
-    /// For each place the nearest places of other points; dummies stay out.
+    /// For each pose the nearest poses of other points; dummies stay out.
     fn nearest(&self, cost: impl Fn(&Self, u32, u32) -> i64) -> Near {
-        let places = self.labels.len() as u32;
-        let point = |place: u32| self.rules.point_of[place as usize];
-        let wanted = |place: u32| self.labels[place as usize].is_some();
-        (0..places)
+        let poses = self.labels.len() as u32;
+        let point = |pose: u32| self.rules.point_of[pose as usize];
+        let wanted = |pose: u32| self.labels[pose as usize].is_some();
+        (0..poses)
             .map(|here| {
                 if !wanted(here) {
                     return Vec::new();
                 }
-                let others = (0..places)
+                let others = (0..poses)
                     .filter(|&there| {
                         point(there) != point(here) && wanted(there) && self.cost(here, there) >= 0
                     })
@@ -257,17 +256,17 @@ impl Grid {
             .collect()
     }
 
-    /// For each place the nearest other points, by the nearest of their places; dummies stay out.
+    /// For each pose the nearest other points, by the nearest of their poses; dummies stay out.
     fn nearest_points(&self) -> Near {
-        let places = self.labels.len() as u32;
+        let poses = self.labels.len() as u32;
         let mut nearest = vec![(i32::MAX, 0); self.points];
-        (0..places)
+        (0..poses)
             .map(|here| {
                 if self.labels[here as usize].is_none() {
                     return Vec::new();
                 }
                 nearest.fill((i32::MAX, 0));
-                for there in (0..places).filter(|&there| self.labels[there as usize].is_some()) {
+                for there in (0..poses).filter(|&there| self.labels[there as usize].is_some()) {
                     let point = self.rules.point_of[there as usize] as usize;
                     let cost = self.cost(here, there);
                     if cost >= 0 && (cost as i32) < nearest[point].0 {
@@ -324,14 +323,14 @@ impl Grid {
             .sum()
     }
 
-    /// The path of a caller's order of places, with its dummies.
+    /// The path of a caller's order of poses, with its dummies.
     pub(super) fn path(&self, order: &[usize]) -> Vec<u32> {
         let number = self.numbers();
         let head = self.labels[0].is_none().then_some(0);
         let last = self.points - 1;
         let tail = self.labels[last].is_none().then_some(last as u32);
         head.into_iter()
-            .chain(order.iter().map(|&place| number[place]))
+            .chain(order.iter().map(|&pose| number[pose]))
             .chain(tail)
             .collect()
     }

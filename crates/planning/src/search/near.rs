@@ -44,7 +44,7 @@ impl FromIterator<Vec<(u32, i32)>> for Near {
     }
 }
 
-/// Of `others`, unsorted, the nearest ones, nearest first and lowest index among equals. Beside the nearest, a
+/// Of `others`, unsorted, the nearest ones, nearest first and lowest index among equals. Besides the nearest, a
 /// point further off is kept when no kept one is nearer to it (a relative neighbour, Toussaint 1980): so clusters stay
 /// connected, whatever the unit of cost. Relative neighbours are sought among the `look` nearest.
 pub(super) fn select(

@@ -17,7 +17,7 @@ pub(super) struct Ring {
     /// The points, with the last one again in front and the first one again behind: a neighbour is found without
     /// asking for the end.
     padded: Vec<u32>,
-    place: Vec<u32>,
+    position: Vec<u32>,
     log: Vec<(u32, u32)>,
     scratch: Vec<u32>,
 }
@@ -25,9 +25,9 @@ pub(super) struct Ring {
 impl Ring {
     /// `order` holds every number below its length once.
     pub(super) fn new(order: &[u32]) -> Self {
-        let mut place = vec![0; order.len()];
+        let mut position = vec![0; order.len()];
         for (at, &point) in order.iter().enumerate() {
-            place[point as usize] = at as u32;
+            position[point as usize] = at as u32;
         }
         let ends = [order.last(), order.first()].map(|end| end.copied().unwrap_or(0));
         let mut padded = vec![ends[0]];
@@ -35,39 +35,39 @@ impl Ring {
         padded.push(ends[1]);
         Self {
             padded,
-            place,
+            position,
             log: Vec::new(),
             scratch: Vec::with_capacity(order.len()),
         }
     }
 
     pub(super) fn order(&self) -> &[u32] {
-        &self.padded[1..=self.place.len()]
+        &self.padded[1..=self.position.len()]
     }
 
     pub(super) fn len(&self) -> usize {
-        self.place.len()
+        self.position.len()
     }
 
-    pub(super) fn place(&self, point: u32) -> u32 {
-        self.place[point as usize]
+    pub(super) fn position(&self, point: u32) -> u32 {
+        self.position[point as usize]
     }
 
-    pub(super) fn at(&self, place: usize) -> u32 {
-        self.padded[place + 1]
+    pub(super) fn at(&self, position: usize) -> u32 {
+        self.padded[position + 1]
     }
 
     #[inline]
     pub(super) fn next(&self, point: u32) -> u32 {
-        self.padded[self.place[point as usize] as usize + 2]
+        self.padded[self.position[point as usize] as usize + 2]
     }
 
     #[inline]
     pub(super) fn previous(&self, point: u32) -> u32 {
-        self.padded[self.place[point as usize] as usize]
+        self.padded[self.position[point as usize] as usize]
     }
 
-    pub(super) fn next_place(&self, at: u32) -> u32 {
+    pub(super) fn next_position(&self, at: u32) -> u32 {
         if at as usize + 1 == self.len() {
             0
         } else {
@@ -89,12 +89,12 @@ impl Ring {
 
     fn write(&mut self, at: usize, point: u32) {
         self.padded[at + 1] = point;
-        self.place[point as usize] = at as u32;
+        self.position[point as usize] = at as u32;
         if at == 0 {
             let end = self.padded.len() - 1;
             self.padded[end] = point;
         }
-        if at + 1 == self.place.len() {
+        if at + 1 == self.position.len() {
             self.padded[0] = point;
         }
     }
@@ -102,12 +102,12 @@ impl Ring {
     /// Moves a point behind another one, which is neither itself nor already before it.
     pub(super) fn transfer(&mut self, point: u32, left: u32) {
         let size = self.len() as u32;
-        let [from, to] = [point, left].map(|point| self.place(point));
+        let [from, to] = [point, left].map(|point| self.position(point));
         let between = (to + size - from) % size;
         let stretches = [
-            (self.next_place(from), between, false),
+            (self.next_position(from), between, false),
             (from, 1, false),
-            (self.next_place(to), size - 1 - between, false),
+            (self.next_position(to), size - 1 - between, false),
             (0, 0, false),
             (0, 0, false),
         ];

@@ -1,6 +1,6 @@
 //! Holds a symmetric path as a ring and improves it by sequential exchanges of up to five edges (Lin and Kernighan
-//! 1973, in the form of Helsgaun's k-opt moves). Where points have alternatives, other places are chosen about each
-//! changed point, and a point may go elsewhere together with its place.
+//! 1973, in the form of Helsgaun's k-opt moves). Where points have alternatives, other poses are chosen about each
+//! changed point, and a point may go elsewhere together with its pose.
 //!
 //! The ring closes over the edge from the last point to the first, which is so cheap that no exchange removes it. A
 //! kick exchanges neighbouring stretches of very different lengths: short ones mend details, long ones change in
@@ -23,15 +23,15 @@ const WIDEST: usize = 4;
 /// Bounds of the longest stretch of a kick; it is drawn evenly in its logarithm.
 const SPAN: (f64, f64) = (5.0, 100.0);
 
-/// Most points that a kick visits at a random place.
+/// Most points that a kick visits at a random pose.
 const SHAKEN: usize = 2;
 
-/// Places among which successive kicks begin, and how many do before the next places follow: what a search of many points
-/// looks at then stays near at hand in memory.
+/// Positions among which successive kicks begin, and how many do before the next positions follow: what a search of many
+/// points looks at then stays in the processor's cache.
 const WINDOW: usize = 50;
 const KICKS: usize = 20;
 
-/// Fewer points than this are always near at hand.
+/// Fewer points than this always stay there.
 const SPREAD: usize = 1500;
 
 /// Where the next kick begins.
@@ -42,7 +42,7 @@ struct Window {
 }
 
 impl Window {
-    fn place(&mut self, size: usize, draw: &mut impl FnMut(usize) -> usize) -> usize {
+    fn position(&mut self, size: usize, draw: &mut impl FnMut(usize) -> usize) -> usize {
         if size < SPREAD {
             return draw(size);
         }
@@ -62,19 +62,19 @@ pub(super) struct Tour<M> {
     kept_length: i64,
     queue: Vec<u32>,
     queued: Vec<bool>,
-    /// Points whose place has just changed.
+    /// Points whose pose has just changed.
     changed: Vec<u32>,
     window: Window,
 }
 
 impl<M: Moves> Tour<M> {
-    /// Begins with the points in the order of their numbers, each at the place of the same number.
+    /// Begins with the points in the order of their numbers, each at the pose of the same number.
     pub(super) fn new(moves: M) -> Self {
         let order: Vec<u32> = (0..moves.grid().points() as u32).collect();
         Self::along(moves, &order)
     }
 
-    /// Begins with this order of all points, each at the place of the same number.
+    /// Begins with this order of all points, each at the pose of the same number.
     pub(super) fn along(moves: M, order: &[u32]) -> Self {
         let length = moves.grid().length(order);
         Self {
@@ -98,12 +98,12 @@ impl<M: Moves> Tour<M> {
     fn improve_queue(&mut self) {
         while let Some(point) = self.queue.pop() {
             self.queued[point as usize] = false;
-            while self.improve(point) || M::ALTERNATIVES && self.improve_place(point) {}
+            while self.improve(point) || M::ALTERNATIVES && self.improve_pose(point) {}
         }
     }
 
-    /// Chooses other places about this point, or visits it elsewhere.
-    fn improve_place(&mut self, point: u32) -> bool {
+    /// Chooses other poses about this point, or visits it elsewhere.
+    fn improve_pose(&mut self, point: u32) -> bool {
         let mut changed = std::mem::take(&mut self.changed);
         changed.clear();
         let gain = self.moves.choose_about(&self.ring, point, &mut changed);
@@ -121,19 +121,19 @@ impl<M: Moves> Tour<M> {
         }
     }
 
-    /// Takes a point out and puts it back, at any of its places, beside a point near that.
+    /// Takes a point out and puts it back, at any of its poses, next to a near point.
     fn insert(&mut self, point: u32) -> bool {
         let grid = self.moves.grid();
         let (before, behind) = (self.ring.previous(point), self.ring.next(point));
         let freed = self.moves.cost(before, point) + self.moves.cost(point, behind)
             - self.moves.cost(before, behind);
         let mut best = (0, 0, 0);
-        for &place in &grid.rules.places_of[point as usize] {
-            for &(near, least) in grid.near(place) {
+        for &pose in &grid.rules.poses_of[point as usize] {
+            for &(near, least) in grid.near(pose) {
                 if i64::from(least) >= freed {
                     break;
                 }
-                let cost = grid.cost(place, self.moves.place(near));
+                let cost = grid.cost(pose, self.moves.pose(near));
                 for (left, right) in [
                     (near, self.ring.next(near)),
                     (self.ring.previous(near), near),
@@ -142,20 +142,20 @@ impl<M: Moves> Tour<M> {
                         continue;
                     }
                     let other = if left == near { right } else { left };
-                    let added = cost + grid.cost(place, self.moves.place(other))
+                    let added = cost + grid.cost(pose, self.moves.pose(other))
                         - self.moves.cost(left, right);
                     if added - freed < best.0 {
-                        best = (added - freed, left, place);
+                        best = (added - freed, left, pose);
                     }
                 }
             }
         }
-        let (change, left, place) = best;
+        let (change, left, pose) = best;
         if change >= 0 {
             return false;
         }
         self.length += change;
-        self.moves.choose(point, place);
+        self.moves.choose(point, pose);
         self.ring.transfer(point, left);
         self.push_about(point);
         self.push(before);
@@ -181,7 +181,7 @@ impl<M: Moves> Tour<M> {
         false
     }
 
-    /// Goes on from the open end of `EDGES` removed edges with near neighbours: tells the gain where closing the ring
+    /// Goes on from the open end of `EDGES` removed edges with near neighbours: returns the gain where closing the ring
     /// shortens it, otherwise follows the few continuations that leave the most to gain.
     fn shorten<const EDGES: usize>(&self, exchange: &mut Exchange, gain: i64) -> Option<i64> {
         let (moves, ring) = (&self.moves, &self.ring);
@@ -202,7 +202,7 @@ impl<M: Moves> Tour<M> {
             if left <= 0 {
                 continue;
             }
-            let rank = exchange.rank(ring.place(near), size);
+            let rank = exchange.rank(ring.position(near), size);
             for up in [true, false] {
                 let cut = if up { rank } else { rank.wrapping_sub(1) };
                 let cut = if cut < size { cut } else { size - 1 };
@@ -262,18 +262,18 @@ impl<M: Moves> Tour<M> {
         let mut draw = |below: usize| ((u64::from(rng.next_u32()) * below as u64) >> 32) as usize;
         let part = draw(1 << 16) as f64 / f64::from(1 << 16);
         let span = (SPAN.0 * (SPAN.1 / SPAN.0).powf(part)) as usize;
-        let mut at = self.window.place(size, &mut draw);
-        let mut places = [at; BRIDGED];
+        let mut at = self.window.position(size, &mut draw);
+        let mut positions = [at; BRIDGED];
         let mut lengths = [0; BRIDGED];
         for stretch in 0..3 {
             lengths[stretch] = 1 + draw(span.min(size / BRIDGED));
             at += lengths[stretch];
-            places[stretch + 1] = at % size;
+            positions[stretch + 1] = at % size;
         }
-        lengths[3] = places[0] + size - (at - usize::from(at >= size) * size);
+        lengths[3] = positions[0] + size - (at - usize::from(at >= size) * size);
         lengths[3] %= size;
-        let before = places.map(|at| self.ring.at((at + size - 1) % size));
-        let behind = places.map(|at| self.ring.at(at));
+        let before = positions.map(|at| self.ring.at((at + size - 1) % size));
+        let behind = positions.map(|at| self.ring.at(at));
         let mut change = 0;
         for cut in 0..BRIDGED {
             let cost = self.moves.cost(before[cut], behind[cut]);
@@ -287,7 +287,7 @@ impl<M: Moves> Tour<M> {
         }
         let mut stretches = [(0, 0, false); MOST];
         for (stretch, i) in stretches.iter_mut().zip([3, 2, 1, 0]) {
-            *stretch = (places[i] as u32, lengths[i] as u32, false);
+            *stretch = (positions[i] as u32, lengths[i] as u32, false);
         }
         self.ring.rearrange(&Layout {
             edges: BRIDGED,
@@ -301,18 +301,18 @@ impl<M: Moves> Tour<M> {
             let wanted = draw(SHAKEN + 1);
             for _ in 0..wanted {
                 let point = behind[draw(BRIDGED)];
-                let places = &self.moves.grid().rules.places_of[point as usize];
-                self.visit(point, places[draw(places.len())]);
+                let poses = &self.moves.grid().rules.poses_of[point as usize];
+                self.visit(point, poses[draw(poses.len())]);
             }
         }
     }
 
-    /// Visits a point at this place.
-    fn visit(&mut self, point: u32, place: u32) {
+    /// Visits a point at this pose.
+    fn visit(&mut self, point: u32, pose: u32) {
         let (before, behind) = (self.ring.previous(point), self.ring.next(point));
         let about = |moves: &M| moves.cost(before, point) + moves.cost(point, behind);
         let old = about(&self.moves);
-        self.moves.choose(point, place);
+        self.moves.choose(point, pose);
         self.length += about(&self.moves) - old;
         self.push_about(point);
     }
@@ -325,29 +325,29 @@ impl<M: Moves> Kicked for Tour<M> {
             self.ring
                 .order()
                 .iter()
-                .map(|&point| self.moves.place(point)),
+                .map(|&point| self.moves.pose(point)),
         );
     }
 
-    fn put_down(&self) -> Path {
+    fn suspend(&self) -> Path {
         let order = self.ring.order().to_vec();
-        let places = if M::ALTERNATIVES {
+        let poses = if M::ALTERNATIVES {
             let points = 0..order.len() as u32;
-            points.map(|point| self.moves.place(point)).collect()
+            points.map(|point| self.moves.pose(point)).collect()
         } else {
             Vec::new()
         };
         Path {
             order,
-            places,
+            poses,
             window: (self.window.begin, self.window.kicks),
         }
     }
 
-    fn take_up(&mut self, path: &Path, length: i64) {
+    fn resume(&mut self, path: &Path, length: i64) {
         self.ring = Ring::new(&path.order);
-        for (point, &place) in path.places.iter().enumerate() {
-            self.moves.choose(point as u32, place);
+        for (point, &pose) in path.poses.iter().enumerate() {
+            self.moves.choose(point as u32, pose);
         }
         self.moves.keep();
         (self.window.begin, self.window.kicks) = path.window;
