@@ -9,6 +9,7 @@ what the dashboard promises in seconds: a killed cell is stale within 3 s.
 """
 
 import atexit
+import contextlib
 import os
 import pathlib
 import re
@@ -59,7 +60,7 @@ class Host:
 class LinuxCnc:
     """A controller on that host, with a cell that cuts and measures a bore; none where the simulated machine is not there."""
 
-    def __init__(self, host, folder):
+    def __init__(self, host, folder, ending):
         self.host, self.scratch = host, folder / "linuxcnc"
         status = subprocess.run([LINUXCNC / "install.sh"]).returncode
         self.there = status != 77
@@ -67,7 +68,7 @@ class LinuxCnc:
             return
         assert status == 0
         self.run("bore_cell.sh")
-        atexit.register(lambda: self.run("stop.sh"))
+        ending.callback(self.run, "stop.sh")
         self.run("start.sh")
         for pin, value in (("motion.analog-out-00", 24.98), ("ommprobe.0.artefact", 2), ("ommprobe.0.ball-r", 2.995)):
             # The first is already driven where a program has set it.
@@ -82,12 +83,12 @@ class LinuxCnc:
 
 
 def tile(cell):
-    return f"document.querySelector('#tile-{cell}')?.innerText ?? ''"
+    return f"(document.querySelector('#tile-{cell}')?.innerText ?? '')"
 
 
-def appear(hall, folder, there, host):
+def appear(hall, folder, there, host, ending):
     """Three cells start and are on the page that was open before; gives their names and processes."""
-    linuxcnc = LinuxCnc(host, there)
+    linuxcnc = LinuxCnc(host, there, ending)
     a = cell_file(folder, "mill_a")
     b = cell_file(there, "mill_b", router=("tcp/127.0.0.1:7447", ROUTER_THERE))
     c = linuxcnc.cell if linuxcnc.there else cell_file(there, "mill_c", router=("tcp/127.0.0.1:7447", ROUTER_THERE))
@@ -173,7 +174,7 @@ def lost(browser, hall, cells, host):
     wait(hall, f"{tile(last)}.includes('silent')")
     killed = time.monotonic() - begun
     assert killed <= STALE, killed
-    assert hall.evaluate(f"{tile('mill_b')}.includes('silent')") is False
+    wait(hall, f"{tile('mill_b')} && !{tile('mill_b')}.includes('silent')")
     host.plug("down")
     begun = time.monotonic()
     wait(hall, f"{tile('mill_b')}.includes('silent')")
@@ -187,7 +188,7 @@ def lost(browser, hall, cells, host):
 
 
 def main():
-    with tempfile.TemporaryDirectory() as work, sync_playwright() as playwright:
+    with tempfile.TemporaryDirectory() as work, contextlib.ExitStack() as ending, sync_playwright() as playwright:
         folder = pathlib.Path(work)
         there = folder / "there"
         there.mkdir()
@@ -195,7 +196,7 @@ def main():
         chromium = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"] if os.getuid() == 0 else [])
         browser = Browser(chromium)
         with browser.page() as hall:
-            files, cells = appear(hall, folder, there, host)
+            files, cells = appear(hall, folder, there, host, ending)
             parts(browser, hall, files, folder, there, host, cable)
             browser.audit("/", "hall_hosts")
             lost(browser, hall, cells, host)

@@ -6,13 +6,13 @@ use diagnosis::in_shop_units;
 use effects::vocabulary;
 use maud::{Markup, html};
 
-use super::numbers::{date, signed_um, um};
+use super::numbers::{date, mm, signed_um, um};
 use super::page::{Frame, Place, frame};
 use crate::history::{Change, Found, Sized, Summary, changes};
 use crate::state::{Characteristic, capability};
 
-const WIDTH: f64 = 640.0;
-const HEIGHT: f64 = 150.0;
+const WIDTH: f64 = 420.0;
+const HEIGHT: f64 = 130.0;
 const LEFT: f64 = 12.0;
 const EDGE: f64 = 14.0;
 
@@ -60,7 +60,7 @@ pub(crate) fn machine_page(name: &str, sessions: &[Summary], unread: usize) -> M
 }
 
 fn shop(of: &(String, String), value: f64, unit: &str, ci95: Option<[f64; 2]>) -> String {
-    in_shop_units(&of.1, value, unit, ci95)
+    in_shop_units(&of.1, value, unit, ci95).replace("= -", "= −")
 }
 
 fn change_list(changes: &[Change]) -> Markup {
@@ -119,6 +119,10 @@ fn chart(
     html! {
         svg.run viewBox={ "0 0 " (WIDTH) " " (HEIGHT) } role="img" aria-label={ (vocabulary::describe(&of.0)) " in " (found.len()) " sessions; table below" } {
             line.nominal x1=(LEFT) x2=(WIDTH - LEFT) y1=(y(0.0)) y2=(y(0.0)) {}
+            @if let Some((_, one)) = found.first() {
+                @if high > 0.0 { text.axis x=(LEFT + 6.0) y=(EDGE - 3.0) { (shop(of, high, &one.unit, None)) } }
+                @if low < 0.0 { text.axis x=(LEFT + 6.0) y=(HEIGHT - 2.0) { (shop(of, low, &one.unit, None)) } }
+            }
             @for one in changes.iter().filter(|one| one.of == *of) { line.limit x1=(x(one.at.0)) x2=(x(one.at.0)) y1="0" y2=(HEIGHT) { title { (date(one.at)) ": changed" } } }
             @for (session, one) in found {
                 line.spread x1=(x(session.begin.0)) x2=(x(session.begin.0)) y1=(y(one.ci95[0])) y2=(y(one.ci95[1])) {}
@@ -149,7 +153,7 @@ fn days(sessions: &[Summary]) -> Markup {
                     @let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
                     @let limits = made.last().and_then(|one| one.limits);
                     @let index = limits.and_then(|(lower, upper)| capability(&values, lower, upper));
-                    tr { th scope="row" { (key.1) " " small { (key.0) } } td { (day) } td.number { (values.len()) } td.number { (signed_um(mean)) }
+                    tr { th scope="row" { (key.1) " " small { (key.0) ", nominal " (mm(key.2 as f64 * 1e-9)) " mm" } } td { (day) } td.number { (values.len()) } td.number { (signed_um(mean)) }
                         @if let Some(one) = index { td.number { (um(one.deviation)) } td.number { (format!("{:.2} ({:.2} to {:.2})", one.cpk, one.cpk_ci95[0], one.cpk_ci95[1])) } } @else { td.number { "–" } td.number { "from 8 parts" } }
                     }
                 } }
