@@ -240,7 +240,7 @@ fn linear_names(variant: &Variant) -> Vec<&str> {
     }
 }
 
-/// Names of everything that a report tells of a variant.
+/// Names of everything that a report states of a variant.
 fn names(variant: &Variant) -> Vec<&str> {
     let mut names = linear_names(variant);
     names.extend(variant.shape.as_ref().map(|shape| shape.name));

@@ -24,7 +24,7 @@ pub struct ParameterEstimate {
     pub ci95: [f64; 2],
 }
 
-/// What a report tells of a fitted candidate: its parameters, its nonlinear constant and its fixed constants.
+/// What a report states of a fitted candidate: its parameters, its nonlinear constant and its fixed constants.
 ///
 /// `coefficients` (m) and their covariance `spread` (m²) are of the block's columns, `shape` is the variance of the
 /// nonlinear constant, `quantile` the half width of an interval over the standard uncertainty.

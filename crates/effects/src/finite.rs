@@ -1,6 +1,6 @@
 //! Displacements of finite size: errors of the chain through the whole chain instead of through its derivatives.
 //!
-//! A column holds the derivative at zero error. A part that lies tilted by ε displaces the ball by ½·ε²·lever beside it:
+//! A column holds the derivative at zero error. A part that lies tilted by ε displaces the ball by ½·ε²·lever in addition:
 //! 1 µm at 5 mrad and 0.1 m, which is more than the noise. The same holds for the location errors of an arm. Metres,
 //! radians; displacements in the part frame.
 

@@ -27,7 +27,7 @@
 //! ```
 //!
 //! To add an effect: one file in `touch`, `drive` or `record` that implements [`Effect`], its test included, and one line
-//! in the list beside it. Vocabulary, wording, `--without`, `adopt`, the effects that a discrepancy may stand for and those
+//! in the list of its folder. Vocabulary, wording, `--without`, `adopt`, the effects that a discrepancy may stand for and those
 //! that a joint diagnosis leaves out follow from it.
 //!
 //! Metres, radians, seconds, kelvins; vectors in the part frame. Decides nothing: `inference` weighs the candidates.

@@ -74,7 +74,7 @@ pub struct Shape {
     pub trials: Vec<f64>,
     /// True where any value between the trials makes sense, so that the best is refined.
     pub continuous: bool,
-    /// Number of values that this session could tell apart: the price of having chosen one.
+    /// Number of values that this session could distinguish: the price of having chosen one.
     pub distinct: f64,
 }
 
@@ -168,7 +168,7 @@ impl Variant {
         self
     }
 
-    /// Reports fixed constants beside the coefficients.
+    /// Reports fixed constants with the coefficients.
     pub fn with_constants(mut self, constants: &[(&'static str, f64, &'static str)]) -> Self {
         self.constants = constants.to_vec();
         self

@@ -28,7 +28,7 @@ pub(super) fn by_feature(observations: &Observations) -> Vec<Vec<f64>> {
 
 /// Each direction of the probe and of the part, and each feed.
 ///
-/// None beside a reference: what the machine errs while it measures stands in the touches alone, and would pass for noise.
+/// None where there is a reference: what the machine errs while it measures stands in the touches alone, and would pass for noise.
 pub(super) fn by_touch(observations: &Observations) -> Vec<Vec<f64>> {
     let rows = &observations.rows;
     let mut all: Vec<Vec<f64>> = Vec::new();

@@ -3,7 +3,7 @@
 //! Motion of an axis: δq = −c·load, the measured effort or, without one, the acceleration of the command.
 //! Touches of an arm: joints yield to the weight they carry. Each revolute axis of the tool branch turns by c·torque, the
 //! torque of the weights beyond it by the masses of the robot description, gravity along −z of the foundation. Where it has
-//! no masses, nobody knows a torque: the axis turns by c for each metre of the ball's lever about it, rad/m. Weights pull
+//! no masses, nobody knows a torque: the axis turns by c for each metre of the ball's lever about that axis, rad/m. Weights pull
 //! downwards and joints yield: no parameter is negative. Arms only: slides of a machine tool do not carry their load so.
 
 use machine::{Chain, JointKind, Side};

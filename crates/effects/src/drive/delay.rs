@@ -54,7 +54,7 @@ impl Effect for Delay {
     }
 }
 
-/// Delays that are tried beside the infinitesimal one, samples.
+/// Delays that are tried in addition to the infinitesimal one, samples.
 const LATE: [usize; 12] = [1, 2, 3, 4, 5, 6, 8, 10, 13, 17, 22, 28];
 
 /// The slope of a signal, and its later copies.

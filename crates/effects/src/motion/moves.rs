@@ -312,7 +312,7 @@ fn is_held(states: &[MachineState], [from, to]: [f64; 2]) -> bool {
         .any(|state| !free.contains(&state.execution))
 }
 
-/// What the controller itself tells about its override.
+/// What the controller itself reports of its override.
 fn spoken(states: &[MachineState]) -> Vec<String> {
     let mut overrides: Vec<f64> = states
         .iter()

@@ -1,4 +1,4 @@
-//! Moves read from the recorded axes, where no order tells them: the targets on the way between two touches.
+//! Moves read from the recorded axes, where no order states them: the targets on the way between two touches.
 //!
 //! A target is where the machine stops: the axes of a rapid move need not keep in step, so that a bend of their way is none.
 //! A machine that does not stop turns where an axis reverses.

@@ -1,4 +1,4 @@
-//! One session from two of the same clamping: touches taken later stand beside those taken before.
+//! One session from two of the same clamping: touches taken later are appended to those taken before.
 //!
 //! Both must have the same machine, part pose and stylus. Points, features and operations of the later plan are appended
 //! where the first plan lacks them; sequences go on. Times are those of the stamps. The later plan is a supplement of the

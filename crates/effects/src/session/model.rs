@@ -10,7 +10,7 @@ pub struct DeclaredEffect {
     pub effect: String,
     /// Its parameters, as a gap report names them.
     pub parameters: Vec<DeclaredParameter>,
-    /// Effects among which a person chose it, where the session that showed it could not tell them apart.
+    /// Effects among which a person chose it, where the session that showed it could not distinguish them.
     #[serde(default)]
     pub chosen_from: Vec<String>,
     /// The session that showed it.

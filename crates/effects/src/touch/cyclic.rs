@@ -1,7 +1,7 @@
 //! `axis.<A>.cyclic`: a linear axis errs with the pitch of its screw or scale (ISO 230-2).
 //!
 //! δq = a·sin(2πq/period + phase), the period profiled over 1–40 mm. Typical 0.5–5 µm. Points spaced by a pitch cannot
-//! see it, and between targets of even spacing no period below two spacings is told from a longer one.
+//! see it, and between targets of even spacing no period below two spacings is distinguishable from a longer one.
 
 use std::collections::BTreeSet;
 use std::f64::consts::TAU;
@@ -14,7 +14,7 @@ use crate::observation::Observations;
 
 /// Longest and shortest period that a screw or a scale has, m.
 const PERIODS: (f64, f64) = (0.04, 0.001);
-/// Fewest positions that a wave is told from: through a few of them goes a wave of almost any period.
+/// Fewest positions from which a wave is identified: through a few of them goes a wave of almost any period.
 pub(super) const FEWEST: usize = 12;
 /// Positions closer than this are one, m: a quarter of the shortest period.
 const APART: f64 = 2.5e-4;

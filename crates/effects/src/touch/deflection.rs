@@ -62,7 +62,7 @@ impl Effect for Deflection {
     }
 }
 
-/// Overhangs that differ by less tell nothing, m.
+/// Overhangs that differ by less do not determine the deflection, m.
 const SHORTEST: f64 = 1e-6;
 /// Longest overhang where a declaration names none, m.
 const LENGTH: f64 = 0.1;

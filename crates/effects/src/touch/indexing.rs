@@ -6,7 +6,7 @@
 //!
 //! A joint that yields under the weight it carries (an arm sags) is off by δq = compliance × effort of gravity, a harmonic in
 //! the angles of all joints behind it: where the robot description gives masses, that variant (constant `sag` 1) stands
-//! beside the harmonics. Typical 0.1–10 µrad per N m.
+//! in addition to the harmonics. Typical 0.1–10 µrad per N m.
 
 use machine::{Chain, JointKind};
 

@@ -18,7 +18,7 @@ use crate::library::{Parameter, Variant, linear_axes};
 use crate::observation::Observations;
 
 /// Inner targets of the tables that are offered, with their prior weights. None is the usual way of an axis to err: a table
-/// follows any few touches, so that it must not tell which of them are outliers.
+/// follows any few touches, so that it must not decide which of them are outliers.
 const TARGETS: [(usize, f64); 4] = [(3, 0.5), (7, 0.25), (15, 0.12), (31, 0.06)];
 /// The same of the tables that are smooth, which are offered where each position is visited often.
 const SMOOTH_TARGETS: [(usize, f64); 3] = [(3, 0.5), (7, 0.25), (15, 0.12)];
@@ -34,7 +34,7 @@ const REPEATED: (usize, usize) = (2, 4);
 const SHORTEST: f64 = 0.02;
 /// Largest number of inner targets that a declared table may have.
 const MOST: usize = 64;
-/// The constant that tells how many inner targets a table has; without it they are those whose errors are given.
+/// The constant that holds how many inner targets a table has; without it they are those whose errors are given.
 const TARGETS_TOLD: &str = "targets";
 
 pub(super) struct Positioning;

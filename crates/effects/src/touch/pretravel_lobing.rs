@@ -2,7 +2,7 @@
 //!
 //! d = sinθ·a·cos(k(φ − phase)), θ from the mount's z, φ about it, k = 3 for a kinematic seat of three rollers (k = 2, 4
 //! are tried as well). The lobes of such a seat are sharper than a sine: its first overtone, a2·cos(2k(φ − phase2)), is
-//! offered beside it. Typical 0.25–5 µm.
+//! offered in addition. Typical 0.25–5 µm.
 
 use machine::Chain;
 

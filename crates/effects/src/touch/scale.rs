@@ -1,6 +1,6 @@
 //! `axis.<A>.scale`: true travel = reading × (1 + k) (ISO 230-2; ISO 841 names the axes).
 //!
-//! δq = k·q from the axis's zero. Typical 5–50 µm/m for linear axes; a rotary axis geared wrong is told apart from its
+//! δq = k·q from the axis's zero. Typical 5–50 µm/m for linear axes; a rotary axis with a wrong gear ratio is distinguished from its
 //! indexing only over many turns. The geared joints of an arm have whole-numbered ratios and no scale error.
 
 use machine::Chain;

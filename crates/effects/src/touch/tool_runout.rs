@@ -64,7 +64,7 @@ impl Effect for ToolRunout {
     }
 }
 
-/// Heights that differ by less tell nothing, m.
+/// Heights that differ by less do not determine the run-out, m.
 const SHORTEST: f64 = 1e-6;
 /// Greatest height along the tool where a declaration names none, m.
 const HEIGHT: f64 = 0.1;

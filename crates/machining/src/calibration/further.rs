@@ -1,7 +1,7 @@
 //! Indexations at which further touches of the same balls would determine what the touches made do not.
 //!
 //! Candidates are multiples of 45° of the rotary axes within their travel, where the linear axes reach the balls. At each
-//! a ball is imagined touched from the tool's side: from its end and from four sides. The best one is taken, then the best beside it, up to
+//! a ball is taken as touched from the tool's side: from its end and from four sides. The best one is taken, then the best in addition to it, up to
 //! [`MOST`]; what is best lowers the worst uncertainty against its limit. Nothing is said about what stands in the way.
 
 use machine::{JointKind, Target};
