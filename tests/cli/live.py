@@ -308,6 +308,43 @@ def a_killed_gate_stops_the_part(folder):
     assert sum(topic["different"] for topic in topics) == 0, replay.stdout
 
 
+def a_killed_launcher_leaves_nothing_that_holds_commands_up(folder):
+    """Its socket is there, nobody answers on it: commands say so, and the cell is started again."""
+    cell = own_cell(folder)
+    for _ in range(2):
+        with cell_that_is_ready(cell, folder) as up:
+            cutting(cell, folder)
+            children = pathlib.Path(f"/proc/{up.pid}/task/{up.pid}/children").read_text().split()
+            up.kill()
+            up.wait()
+            until("the end of its processes", lambda: not any(pathlib.Path(f"/proc/{child}").exists() for child in children))
+        assert list(STATE.glob("probecell/bus/*.socket"))
+        begun = time.monotonic()
+        code, output, errors = asked("status", "--cell", cell, folder=folder)
+        print(f"    a command without a cell ends after {time.monotonic() - begun:.1f} s", flush=True)
+        assert code == 1 and "no router answers" in errors, (code, output, errors)
+
+
+def a_disk_that_fails_stops_the_part_and_the_cell(folder):
+    """Every sync of the recorder fails with EIO while a part is cut: the failure is told, and what was synced before is there."""
+    cell = own_cell(folder)
+    with cell_that_is_ready(cell, folder, errors=subprocess.PIPE) as up:
+        cutting(cell, folder)
+        children = pathlib.Path(f"/proc/{up.pid}/task/{up.pid}/children").read_text().split()
+        (recorder,) = [one for one in children if b"\0record\0" in pathlib.Path(f"/proc/{one}/cmdline").read_bytes()]
+        before = recorded(folder)
+        syncs = "trace=fsync,fdatasync"
+        subprocess.run(
+            ["strace", "-f", "-qq", "-o", "/dev/null", "-e", syncs, "-e", "inject=fsync,fdatasync:error=EIO", "-p", recorder],
+            timeout=PATIENCE, stderr=subprocess.DEVNULL, check=False,
+        )
+        code, output, errors = ended(up)
+    assert code == 1 and "part punch: stopped" in output, (code, output, errors)
+    assert "Input/output error" in errors and "must not run unrecorded" in errors, errors
+    after = recorded(folder)
+    assert after["run_requests"] == 1 and all(after[topic] >= count for topic, count in before.items()), (before, after)
+
+
 @contextlib.contextmanager
 def router(folder):
     with started("router", folder=folder) as process:
@@ -624,7 +661,8 @@ def main():
             the_documented_policy_lets_the_cell_work_and_nobody_else_command_it,
             a_machine_stops_when_its_gate_is_paused, an_operator_stops_a_part_and_ctrl_c_the_cell,
             a_paused_cycle_starts_nothing_late, the_same_cell_is_not_started_twice_and_another_outlives_its_router,
-            a_wall_clock_set_back_is_a_recorded_fault,
+            a_wall_clock_set_back_is_a_recorded_fault, a_disk_that_fails_stops_the_part_and_the_cell,
+            a_killed_launcher_leaves_nothing_that_holds_commands_up,
             corrections_are_approved_by_signature_and_a_withdrawn_key_is_refused,
             a_secured_cell_works_and_nobody_else_speaks, a_stranger_reads_and_commands_nothing,
             another_user_reads_and_commands_nothing,

@@ -4,8 +4,10 @@
     faults.py PROBECELL [SECONDS [SEED]]
 
 Needs root, in network and mount namespaces of its own: unshare -mn bash -c 'ip link set lo up; faults.py …'. Each session starts
-a cell, asks for parts, and meanwhile kills processes (SIGKILL), pauses them (SIGSTOP), sets the wall clock both ways (libfaketime), or
-gives the recording a disk that fills up. It ends by Ctrl-C, or by SIGKILL of the launcher or the recorder. A failure names its seed.
+a cell, asks for parts, and meanwhile kills processes (SIGKILL; each node, driver, recorder, router, launcher), pauses them (SIGSTOP),
+sets the wall clock both ways (libfaketime), cuts the link to the host of the router or of the recorder (veth), loads the processors, or
+gives the recording a disk that is small, slow (a throttled block device) or takes writes and refuses them when they are synced.
+It ends by Ctrl-C, or by SIGKILL of the launcher or the recorder, in some sessions while a part is made. A failure names its seed.
 """
 
 import collections
@@ -21,14 +23,15 @@ import tempfile
 import threading
 import time
 
-from mcap.reader import make_reader
-from mcap_ros2.decoder import DecoderFactory
+from disks import Disk
+from judge import Judge
+from places import KINDS, Place
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 PATIENCE = 90  # s for a part to end in a report, whatever happened to it
 NODES = ("machine_state", "probe_events", "path_planning", "analysis", "compensation", "cycle", "gap", "visualization", "simulator")
-APPLIED = 0
-SIGNED_BY = (1, 2)  # policy, operator
+DISKS = ("sound",) * 6 + ("small", "slow", "slow", "refusing")
+ENDS = ("ctrl-c", "ctrl-c", "ctrl-c", "launcher", "recorder")
 
 
 class Session:
@@ -36,29 +39,37 @@ class Session:
 
     def __init__(self, seed, folder):
         self.random, self.folder, self.faults = random.Random(seed), folder, []
+        self.environment = os.environ | {"XDG_CONFIG_HOME": str(folder / "config"), "XDG_STATE_HOME": str(folder / "state")}
+        self.place = Place(self.random.choice(KINDS), folder, BINARY, self.environment)
+        # A recorder on another host has no launcher that starts it again.
+        self.disk = Disk("sound" if self.place.kind == "far" else self.random.choice(DISKS), folder / "recordings", self.random)
         text = (ROOT / "launch-scripts" / "turn_mill.toml").read_text()
-        (folder / "cell.toml").write_text(text.replace("seed = 1\n", f"seed = {seed % 1000 + 1}\n"))
+        (folder / "cell.toml").write_text(self.place.cell_file(text.replace("seed = 1\n", f"seed = {seed % 1000 + 1}\n")))
         (folder / "turn_mill.urdf").write_text((ROOT / "launch-scripts" / "turn_mill.urdf").read_text())
-        self.small_disk = self.random.random() < 0.15
-        if self.small_disk:
-            (folder / "recordings").mkdir()
-            size = f"size={self.random.randint(600, 2500)}k"
-            subprocess.run(["mount", "-t", "tmpfs", "-o", size, "tmpfs", folder / "recordings"], check=True)
         library = next(pathlib.Path("/usr/lib").glob("*/faketime/libfaketime.so.1"))
         self.clock = folder / "clock"
         self.clock.write_text("+0\n")
-        self.environment = os.environ | {"XDG_CONFIG_HOME": str(folder / "config"), "XDG_STATE_HOME": str(folder / "state")}
-        faked = {
+        self.faked = {
             "LD_PRELOAD": str(library), "FAKETIME_TIMESTAMP_FILE": str(self.clock), "FAKETIME_NO_CACHE": "1",
             "FAKETIME_DONT_FAKE_MONOTONIC": "1", "DONT_FAKE_MONOTONIC": "1",
         }
+        self.up, self.lines = None, []
+        busy = self.random.choice((0, 0, 0, 0, 1, 2))
+        self.load = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(busy)]
+
+    def start(self):
+        self.place.start_router()
+        if self.place.kind == "far":
+            self.place.start_recorder()
+        unrecorded = ["--no-record"] if self.place.kind == "far" else []
         self.up = subprocess.Popen(
-            [BINARY, "up", "cell.toml"], cwd=folder, env=self.environment | faked, text=True,
-            stdout=subprocess.PIPE, stderr=open(folder / "errors.txt", "w"), stdin=subprocess.DEVNULL,
+            [BINARY, "up", "cell.toml", "--no-dashboard", *unrecorded], cwd=self.folder, env=self.environment | self.faked, text=True,
+            stdout=subprocess.PIPE, stderr=open(self.folder / "errors.txt", "w"), stdin=subprocess.DEVNULL,
         )
-        self.lines = []
         self.reader = threading.Thread(target=lambda: self.lines.extend(self.up.stdout), daemon=True)
         self.reader.start()
+        if not self.wait(lambda: self.says("is ready")) and self.disk.is_sound:
+            raise AssertionError("the cell did not get ready")
 
     def wait(self, ready, seconds=PATIENCE):
         """Until it is, the cell has ended, or the time is over."""
@@ -71,36 +82,48 @@ class Session:
         return any(re.search(pattern, line) for line in list(self.lines))
 
     def process(self, name):
+        if self.up.poll() is not None:
+            return None
         for child in pathlib.Path(f"/proc/{self.up.pid}/task/{self.up.pid}/children").read_text().split():
             try:
                 words = pathlib.Path(f"/proc/{child}/cmdline").read_bytes().split(b"\0")
             except OSError:
                 continue
-            if name.encode() in (words[2:3] or [b""])[0:1] or (name == "recorder" and words[1:2] == [b"record"]):
+            if words[1:3] == [b"node", name.encode()] or (name == "recorder" and words[1:2] == [b"record"]):
                 return int(child)
         return None
 
     def fault(self):
         """One fault, drawn by the seed."""
-        kind = self.random.choice(("kill", "kill", "pause", "pause", "clock"))
-        name = self.random.choice(NODES)
+        kinds = ["kill", "kill", "kill", "pause", "pause", "clock"]
+        kinds += ["cut"] * 4 * self.place.is_apart + ["kill router"] * (self.place.kind == "beside")
+        kind = self.random.choice(kinds)
+        name = self.random.choice(NODES + ("recorder",) * (self.place.kind != "far"))
+        held = self.random.uniform(0.1, 4.0)
         if kind == "clock":
             step = self.random.choice((-3600, -5, 5, 3600))
             self.faults.append(f"clock {step:+d} s")
             self.clock.write_text(f"{step:+d}\n")
-            return
-        process = self.process(name)
-        if process is None:
-            return  # it is being restarted
-        if kind == "kill":
+        elif kind == "cut":
+            held = self.random.choice((held / 4, held, 3 * held))
+            self.faults.append(f"cut link {held:.1f} s")
+            self.place.cut()
+            self.wait(lambda: False, held)
+            self.place.join()
+        elif kind == "kill router":
+            if self.place.router.poll() is None:
+                self.faults.append(kind)
+                self.place.router.kill()
+        elif (process := self.process(name)) is None:
+            pass  # it is being restarted
+        elif kind == "kill":
             self.faults.append(f"kill {name}")
             self.signal(process, signal.SIGKILL)
-            return
-        held = self.random.uniform(0.1, 4.0)
-        self.faults.append(f"pause {name} {held:.1f} s")
-        self.signal(process, signal.SIGSTOP)
-        self.wait(lambda: False, held)
-        self.signal(process, signal.SIGCONT)
+        else:
+            self.faults.append(f"pause {name} {held:.1f} s")
+            self.signal(process, signal.SIGSTOP)
+            self.wait(lambda: False, held)
+            self.signal(process, signal.SIGCONT)
 
     @staticmethod
     def signal(process, number):
@@ -109,11 +132,11 @@ class Session:
         except ProcessLookupError:
             pass  # it has ended by itself
 
-    def run(self, parts=2):
-        """Makes parts under faults; gives names of the parts that were accepted and that were said to have ended."""
+    def make(self, parts=3):
+        """Makes parts under faults; gives those that were accepted, those that were said to have ended, and whether the cell was left
+        with its last part under way."""
         accepted, reported = [], []
-        if not self.wait(lambda: self.says("is ready")) and not self.small_disk:
-            raise AssertionError("the cell did not get ready")
+        leave = self.random.random() < 0.25
         for number in range(parts):
             name = f"part_{number}"
             told = subprocess.run(
@@ -128,99 +151,84 @@ class Session:
                 if self.wait(ended, self.random.uniform(0.5, 12.0)):
                     break
                 self.fault()
+            if leave and number + 1 == parts:
+                self.wait(ended, self.random.uniform(0.5, 12.0))
+                return accepted, reported, not ended()
             if self.wait(ended):
                 reported.append(name)
             elif self.up.poll() is None:
                 raise AssertionError(f"{name} did not end in a report within {PATIENCE} s")
-        return accepted, reported
+            else:
+                self.reader.join(PATIENCE)
+                assert ended(), f"the cell has ended, and {name} has no report"
+                reported.append(name)
+        return accepted, reported, False
 
     def end(self):
         """Ends the cell in one of the ways; true where all of it ended in order."""
-        how = self.random.choice(("ctrl-c", "ctrl-c", "ctrl-c", "launcher", "recorder"))
+        how = self.random.choice(ENDS)
         running = self.up.poll() is None
+        # Without its recorder it does.
+        excused = not self.disk.is_sound or "kill recorder" in self.faults
+        assert running or excused, ("the cell has ended by itself", self.up.returncode)
         if running:
             self.faults.append(f"end by {how}")
             if how == "recorder" and (process := self.process("recorder")):
                 self.signal(process, signal.SIGKILL)
-            else:
-                self.up.send_signal(signal.SIGKILL if how == "launcher" else signal.SIGINT)
+                # The launcher starts another one.
+                self.wait(lambda: False, self.random.uniform(0.0, 3.0))
+                how = "ctrl-c"
+                self.faults.append("end by ctrl-c")
+            self.up.send_signal(signal.SIGKILL if how == "launcher" else signal.SIGINT)
         self.up.wait(PATIENCE)
         self.reader.join(PATIENCE)
+        # What is late is fetched for ten seconds.
+        if self.place.kind == "far":
+            time.sleep(11)
+        self.place.end_recorder(PATIENCE)
+        self.disk.heal()
         return running and how == "ctrl-c"
 
+    def undisturbed_recording(self):
+        """Nothing was done to the recorder, its disk and its links."""
+        own = any(word in one for one in self.faults for word in ("recorder", "cut", "router", "launcher"))
+        return not own and self.disk.kind == "sound"
+
+    def kinds(self):
+        """What was done, for the figures."""
+        own = [" ".join(one.split()[:2]) if not one.startswith("clock") else one for one in self.faults]
+        return [*own, f"disk {self.disk.kind}", f"router {self.place.kind}", *["load"] * bool(self.load)]
+
     def close(self):
-        if self.up.poll() is None:
+        for process in self.load:
+            process.kill()
+            process.wait()
+        if self.up and self.up.poll() is None:
             self.up.kill()
             self.up.wait(PATIENCE)
-        if self.small_disk:
-            subprocess.run(["umount", "-l", self.folder / "recordings"], check=True)
+        self.place.close()
+        self.disk.close()
 
 
-def messages(bag, *topics):
-    """Messages of topics of the cell, decoded by a library that is not ours."""
-    found = collections.defaultdict(list)
-    wanted = [f"/turn_mill/{topic}" for topic in topics]
-    for file in sorted(bag.glob("*.mcap")):
-        with open(file, "rb") as stream:
-            reader = make_reader(stream, decoder_factories=[DecoderFactory()])
-            for _, channel, _, message in reader.iter_decoded_messages(wanted):
-                found[channel.topic.removeprefix("/turn_mill/")].append(message)
-    return found
-
-
-def stamp(message):
-    return message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
-
-
-def judge(session, bag, accepted, orderly, figures):
-    """What must hold of a recording, whatever was done to the cell."""
-    # What a killed recorder leaves has no index; readers of others need one.
-    unindexed, whole = not orderly, bag
-    if unindexed:
-        whole = session.folder / f"saved_{bag.name}"
-        told = subprocess.run([BINARY, "recover", bag, whole], cwd=session.folder, capture_output=True, text=True)
-        assert told.returncode in (0, 3), ("recover", told.returncode, told.stdout, told.stderr)
-        figures["recordings cut off and recovered"] += 1
-    told = subprocess.run([BINARY, "replay", bag], cwd=session.folder, env=session.environment, capture_output=True, text=True)
-    assert told.returncode in (0, 3) and "DIFFERENT" not in told.stdout, ("replay", told.returncode, told.stdout[-2000:], told.stderr)
-    figures["replays equal" if told.returncode == 0 else "replays incomplete, and said so"] += 1
-    read = messages(
-        whole, "probe_triggers", "probe_events", "corrections", "correction_acknowledgements", "part_reports",
-    )
-    triggers = {(stamp(one), one.plan_id, one.point_index): one for one in read["probe_triggers"]}
-    events = [(stamp(one), one.plan_id, one.point_index) for one in read["probe_events"]]
-    figures["triggers"] += len(triggers)
-    figures["events"] += len(events)
-    assert len(events) == len(set(events)), "an event twice"
-    assert len(triggers) == len(read["probe_triggers"]), "a trigger twice"
-    assert set(events) <= set(triggers) or unindexed, "an event without its trigger"
-    lost = set(triggers) - set(events)
-    figures["triggers without event"] += len(lost)
-    blamed = any("probe_events" in one or one.startswith("end") for one in session.faults)
-    assert not lost or blamed or unindexed, ("events lost", len(lost))
-    approved = collections.defaultdict(list)
-    for one in read["corrections"]:
-        if one.approval in SIGNED_BY:
-            approved[one.correction_id].append(one)
-    reports = {one.part_id: stamp(one) for one in read["part_reports"]}
-    applied = [one for one in read["correction_acknowledgements"] if one.outcome == APPLIED]
-    names = [one.correction_id for one in applied]
-    assert len(names) == len(set(names)), ("a correction twice", names)
-    figures["corrections written"] += len(applied)
-    for one in applied:
-        source = approved[one.correction_id]
-        assert source and all(len(bytes(other.signature)) == 64 for other in source), ("unsigned", one.correction_id)
-        assert all(other.lower_bound <= one.value_after <= other.upper_bound for other in source), ("out of bounds", one.correction_id)
-        part = one.correction_id.split("/")[0].split("#")[0]
-        assert part in accepted, ("without a part", one.correction_id)
-        assert part not in reports or stamp(one) <= reports[part], ("late", one.correction_id)
-    figures["reports"] += len(read["part_reports"])
-    if orderly and not session.small_disk:
-        missing = [name for name in accepted if name not in reports]
-        assert not missing, ("no report recorded", missing)
-        verified = subprocess.run([BINARY, "info", "--verify", bag], cwd=session.folder, env=session.environment, capture_output=True, text=True)
-        assert verified.returncode == 0, verified.stdout[-500:]
-        figures["seals verified"] += 1
+def one(seed, scratch, figures, kinds):
+    """A session of a seed; what did not hold, in a text."""
+    session = Session(seed, scratch)
+    try:
+        session.start()
+        accepted, reported, left = session.make()
+        orderly = session.end() and session.undisturbed_recording()
+        figures["parts accepted"] += len(accepted)
+        figures["parts that ended in a report on the terminal"] += len(reported)
+        figures["parts left under way"] += left
+        Judge(BINARY, session, figures).all(accepted, orderly)
+        return None
+    except (AssertionError, subprocess.TimeoutExpired) as failure:
+        said = "".join(session.lines[-5:]) + (session.folder / "errors.txt").read_text()[-1500:]
+        return f"{failure!r}\n  {session.kinds()}\n  faults: {session.faults}\n{said}"
+    finally:
+        session.close()
+        kinds.update(session.kinds())
+        figures["sessions"] += 1
 
 
 def main():
@@ -230,23 +238,10 @@ def main():
     failures = []
     while time.monotonic() - begun < seconds:
         with tempfile.TemporaryDirectory(prefix="faults_") as scratch:
-            session = Session(seed, pathlib.Path(scratch))
-            try:
-                accepted, reported = session.run()
-                orderly = session.end() and not session.small_disk
-                figures["parts accepted"] += len(accepted)
-                figures["parts that ended in a report on the terminal"] += len(reported)
-                for bag in (session.folder / "recordings").glob("*"):
-                    judge(session, bag, accepted, orderly, figures)
-            except AssertionError as failure:
-                failures.append(seed)
-                print(f"seed {seed}: {failure}\n  faults: {session.faults}", flush=True)
-                print("".join(session.lines[-5:]) + (session.folder / "errors.txt").read_text()[-1500:], flush=True)
-            finally:
-                session.close()
-            kinds.update(" ".join(one.split()[:2]) if not one.startswith("clock") else "clock" for one in session.faults)
-            kinds["small disk"] += session.small_disk
-            figures["sessions"] += 1
+            failure = one(seed, pathlib.Path(scratch), figures, kinds)
+        if failure:
+            failures.append(seed)
+        print(f"seed {seed}: {failure or 'good'}", flush=True)
         seed += 1
     print(json.dumps({"seconds": round(time.monotonic() - begun), "seeds": [first, seed - 1], **figures}, indent=1))
     print(json.dumps({"faults": dict(sorted(kinds.items()))}))

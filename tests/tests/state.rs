@@ -358,6 +358,17 @@ fn delivered_again() -> (Cell, Vec<Published>) {
     (cell, session.finish())
 }
 
+/// A machine that takes its time to stand is told to stop while it cuts.
+fn slow_to_stop() -> (Cell, Vec<Published>) {
+    let cell = turn_mill(|text| text.replace("[simulator]\n", "[simulator]\nstop_s = 3.0\n"));
+    let mut session = Session::new(&cell);
+    session.ask_for("punch");
+    session.run_s(4.0);
+    session.send(topics::STOP_REQUESTS, &OperatorRequest::default());
+    session.run_s(6.0);
+    (cell, session.finish())
+}
+
 fn gone_wrong(kind: &str) -> (Cell, Vec<Published>) {
     let cell = turn_mill(|text| with_fault(text, kind, 20));
     let mut session = Session::new(&cell);
@@ -456,6 +467,7 @@ fn sessions() -> Vec<(Cell, Vec<Published>)> {
         approved(),
         unanswered(),
         delivered_again(),
+        slow_to_stop(),
         not_converging(),
         springing(),
         five_axis(),

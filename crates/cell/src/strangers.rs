@@ -18,7 +18,10 @@ use toml::Table;
 
 use crate::{
     Cell, CellError, Strangers,
-    policy::{self, ALL, DRIVER, EVERYTHING, LISTEN, Policy, SERVE, SERVICES, SPEAK, TOLD},
+    policy::{
+        self, ALL, DRIVER, EVERYTHING, LAUNCHER, LISTEN, Policy, RECORDER, SERVE, SERVICES, SPEAK,
+        TOLD,
+    },
 };
 
 /// Protocol of the private socket, as Zenoh's rules and locators name it.
@@ -27,6 +30,8 @@ pub const SOCKET: &str = "unixsock-stream";
 const NETWORK: [&str; 8] = [
     "tcp", "udp", "tls", "quic", "serial", "unixpipe", "vsock", "ws",
 ];
+/// The process of the simulated machine, which drives in the place of `driver`.
+const SIMULATOR: &str = "simulator";
 /// The service that changes nothing.
 const STATUS: &str = "status";
 
@@ -123,6 +128,43 @@ pub fn access_control(cell: &Cell) -> Result<Option<Table>, CellError> {
         return Ok(None);
     }
     let domain = cell.setting(cell.bus.domain())?;
+    let external = cell.is_driver_external();
+    let productions = policy::productions(cell)?;
+    let own = productions
+        .keys()
+        .filter(|name| !(external && *name == DRIVER));
+    let called = self::called(cell).map(|name| key(domain, &name)).collect();
+    let mut spoken = Vec::new();
+    for name in published(cell) {
+        let data = key(domain, &name);
+        spoken.push(format!("{data}/@adv/**"));
+        spoken.push(data);
+        spoken.push(token(domain, "MP", &name));
+    }
+    let services = cell.ros_endpoints().services;
+    let keys = services.iter().map(|name| key(domain, name));
+    let tokens = services.iter().map(|name| token(domain, "SS", name));
+    let served: Vec<String> = keys.chain(tokens).collect();
+    let own = own.map(String::as_str);
+    Ok(Some(section(own, called, &spoken, &served)))
+}
+
+/// The section `access_control` of a router that is of no cell: strangers read, and processes of the user who started it do
+/// everything.
+pub fn read_only() -> Table {
+    let producers = topics::ALL.iter().map(|topic| topic.producer);
+    let own: BTreeSet<&str> = producers.chain([LAUNCHER, RECORDER, SIMULATOR]).collect();
+    section(own.into_iter(), Vec::new(), &[], &[])
+}
+
+/// `own`: names of processes that no stranger may bear; `called`, `spoken` and `served`: keys that strangers may ask, put on and
+/// serve, beside `status`.
+fn section<'a>(
+    own: impl Iterator<Item = &'a str>,
+    mut called: Vec<String>,
+    spoken: &[String],
+    served: &[String],
+) -> Table {
     let everything = EVERYTHING.map(str::to_owned);
     let mut policy = Policy::default();
     policy.rule("everything", &["ingress", "egress"], &ALL, &everything);
@@ -141,17 +183,11 @@ pub fn access_control(cell: &Cell) -> Result<Option<Table>, CellError> {
         &["declare_queryable"],
         &everything[..2],
     );
-    let mut called = vec![format!("*/*/{STATUS}/**")];
-    called.extend(self::called(cell).map(|name| key(domain, &name)));
+    called.insert(0, format!("*/*/{STATUS}/**"));
     policy.rule("call", &["ingress"], &["query"], &called);
     // Nodes, subscriptions and clients announce themselves, under other names than those of the processes of a cell.
     let shown = ["NN", "MS", "SC"].map(|kind| format!("@ros2_lv/*/*/*/*/{kind}/**"));
     policy.rule("show_reader", &["ingress"], &["liveliness_token"], &shown);
-    let external = cell.is_driver_external();
-    let productions = policy::productions(cell)?;
-    let own = productions
-        .keys()
-        .filter(|name| !(external && *name == DRIVER));
     let own: Vec<String> = own
         .map(|name| format!("@ros2_lv/*/*/*/*/*/*/*/{name}/**"))
         .collect();
@@ -165,28 +201,17 @@ pub fn access_control(cell: &Cell) -> Result<Option<Table>, CellError> {
         "show_reader",
         "own_names",
     ];
-    let mut spoken = Vec::new();
-    for name in published(cell) {
-        let data = key(domain, &name);
-        spoken.push(format!("{data}/@adv/**"));
-        spoken.push(data);
-        spoken.push(token(domain, "MP", &name));
-    }
     if !spoken.is_empty() {
-        policy.rule("speak", &["ingress"], &SPEAK, &spoken);
-        policy.rule("be_asked", &["egress"], &ALL, &spoken);
+        policy.rule("speak", &["ingress"], &SPEAK, spoken);
+        policy.rule("be_asked", &["egress"], &ALL, spoken);
         rules.extend(["speak", "be_asked"]);
     }
-    let services = cell.ros_endpoints().services;
-    if !services.is_empty() {
-        let keys = services.iter().map(|name| key(domain, name));
-        let tokens = services.iter().map(|name| token(domain, "SS", name));
-        let served: Vec<String> = keys.chain(tokens).collect();
-        policy.rule("serve", &["ingress"], &SERVE, &served);
-        policy.rule("be_called", &["egress"], &["query"], &served);
+    if !served.is_empty() {
+        policy.rule("serve", &["ingress"], &SERVE, served);
+        policy.rule("be_called", &["egress"], &["query"], served);
         rules.extend(["serve", "be_called"]);
     }
     policy.who("own", "link_protocols", &[SOCKET], &["everything"]);
     policy.who("stranger", "link_protocols", &NETWORK, &rules);
-    Ok(Some(policy.table()))
+    policy.table()
 }

@@ -86,6 +86,8 @@ pub struct Executor {
     retained: BTreeMap<String, VecDeque<(u64, Vec<u8>)>>,
     /// Nodes whose process has ended and has not been started again.
     ended: BTreeSet<usize>,
+    /// Of those, the nodes that have never been started.
+    unstarted: BTreeSet<usize>,
     /// Nodes whose process stands still, and what it will find when it goes on.
     paused: BTreeMap<usize, Vec<Event>>,
     /// ns by which the clock of a node is ahead.
@@ -115,6 +117,7 @@ impl Executor {
             log: Vec::new(),
             retained: BTreeMap::new(),
             ended: BTreeSet::new(),
+            unstarted: BTreeSet::new(),
             paused: BTreeMap::new(),
             clocks: Vec::new(),
             link: None,

@@ -45,6 +45,12 @@ impl<'a> Session<'a> {
         self.recording.producer(topic, &self.replayed)
     }
 
+    /// The place of a process of a node among those that left a journal.
+    fn place(&self, node: &str, incarnation: u32) -> u32 {
+        let journal = self.recording.journals.get(node);
+        journal.map_or(0, |journal| journal.place(incarnation))
+    }
+
     fn payload(&self, topic: &str, key: Key) -> Option<&'a [u8]> {
         Some(&self.keyed.get(topic)?.get(&key)?.payload)
     }
@@ -85,8 +91,9 @@ impl Player<'_> {
             key.1 = 0;
             session.producer(inputs[usize::from(port)].name).is_none()
         });
+        let place = session.place(self.node.name(), incarnation);
         for key in self.published.values_mut() {
-            *key = (key.0 + 1, 0);
+            *key = (place, 0);
         }
     }
 
@@ -131,23 +138,29 @@ pub fn replay(recording: &Recording, factories: &[Factory]) -> Result<Report, Wi
     let session = Session::new(recording, &nodes);
     let mut players: Vec<Player<'_>> = nodes
         .into_iter()
-        .map(|node| Player {
-            steps: recording
+        .map(|node| {
+            let steps = recording
                 .journals
                 .get(node.name())
-                .map_or(&[], |journal| journal.steps.as_slice()),
-            incarnation: 0,
-            next: 0,
-            pending: BTreeMap::new(),
-            received: BTreeMap::new(),
-            published: node
-                .outputs()
-                .iter()
-                .map(|topic| (topic.name, (0, 0)))
-                .collect(),
-            timers_not_asked_for: 0,
-            waits_for: None,
-            node,
+                .map_or(&[][..], |journal| journal.steps.as_slice());
+            // A recording may begin with a process that is not the first of its node.
+            let incarnation = steps.first().map_or(0, |(incarnation, _)| *incarnation);
+            let place = session.place(node.name(), incarnation);
+            Player {
+                steps,
+                incarnation,
+                next: 0,
+                pending: BTreeMap::new(),
+                received: BTreeMap::new(),
+                published: node
+                    .outputs()
+                    .iter()
+                    .map(|topic| (topic.name, (place, 0)))
+                    .collect(),
+                timers_not_asked_for: 0,
+                waits_for: None,
+                node,
+            }
         })
         .collect();
     let mut comparison = Comparison::new(&session);

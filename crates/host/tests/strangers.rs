@@ -480,3 +480,21 @@ fn a_bus_that_the_cell_file_opens_is_open() {
     let stranger = guarded.stranger("client");
     assert_eq!(witness.hears(&stranger, "stranger", &topics), all(&topics));
 }
+
+/// `probecell router` is of no cell: its rules are those that the tests above prove, for the names of the processes of any cell.
+#[test]
+fn a_router_of_no_cell_has_the_rules_of_a_cell() {
+    let guarded = Guarded::start("turn_mill.toml", "");
+    let rules = strangers::access_control(&guarded.cell).expect("a policy");
+    let [mut of_cell, mut of_none] =
+        [rules.expect("rules"), strangers::read_only()].map(|rules| json!(rules));
+    let own = |rules: &mut Value| -> BTreeSet<String> {
+        let rules = rules["rules"].as_array_mut().expect("rules");
+        let own = rules.iter_mut().find(|rule| rule["id"] == "own_names");
+        let names = own.expect("own names")["key_exprs"].take();
+        serde_json::from_value(names).expect("keys")
+    };
+    let names = own(&mut of_cell);
+    assert!(names.len() > 8 && own(&mut of_none).is_superset(&names));
+    assert_eq!(of_cell, of_none);
+}

@@ -9,7 +9,7 @@ use cell::{
 };
 use host::bus::{BusConfig, RouterConfig, Transport};
 
-use crate::own_socket::{OwnSocket, own_locator};
+use crate::own_socket::{COMMAND_PATIENCE, OwnSocket, PATIENCE, own_locator};
 
 /// A failure of the running cell, as opposed to wrong input.
 #[derive(Debug, thiserror::Error)]
@@ -36,8 +36,12 @@ pub(crate) fn bus_config(cell: &Cell, node: &str) -> anyhow::Result<BusConfig> {
 /// Processes of the cell look for one another only; the launcher of an external driver looks for that everywhere.
 fn sees_own_namespace_only(cell: &Cell, node: &str) -> bool {
     let launcher = node == policy::LAUNCHER && !cell.is_driver_external();
-    launcher
-        || node == policy::RECORDER
+    launcher || is_supervised(cell, node)
+}
+
+/// It is a process that the launcher starts.
+fn is_supervised(cell: &Cell, node: &str) -> bool {
+    node == policy::RECORDER
         || cell.node_names().contains(&node)
         || cell.driver_process() == Some(node)
 }
@@ -48,7 +52,12 @@ fn router_locator(cell: &Cell, node: &str) -> anyhow::Result<String> {
     if node == policy::SCREEN || !has_own_socket(cell)? {
         return Ok(endpoint.clone());
     }
-    Ok(own_locator(endpoint))
+    let patience = if is_supervised(cell, node) {
+        PATIENCE
+    } else {
+        COMMAND_PATIENCE
+    };
+    Ok(own_locator(endpoint, patience))
 }
 
 /// The router of the cell tells the user's processes from strangers by a private socket: over Zenoh, where neither `probecell

@@ -21,6 +21,7 @@ use crate::{
     FAILED, GOOD,
     cell_bus::{CellFailure, bus_config},
     output,
+    own_socket::COMMAND_PATIENCE,
     routing::refuse_unheard,
 };
 
@@ -39,11 +40,9 @@ impl CellClient {
     /// Connects.
     pub(crate) fn connect(file: &Path) -> anyhow::Result<Self> {
         let cell = Cell::read(file)?;
-        let bus = Bus::open(
-            &bus_config(&cell, "operator_call")?,
-            "operator_call",
-            &cell.namespace(),
-        )?;
+        let mut config = bus_config(&cell, "operator_call")?;
+        config.connect_timeout = COMMAND_PATIENCE;
+        let bus = Bus::open(&config, "operator_call", &cell.namespace())?;
         Ok(Self { cell, bus })
     }
 

@@ -58,6 +58,9 @@ pub(crate) enum Command {
         /// Endpoint of another machine's router to connect to; may be repeated.
         #[arg(long)]
         join: Vec<String>,
+        /// What every program may do that is not of this user on this host.
+        #[arg(long, value_enum, default_value = "read")]
+        strangers: commands::router::Strangers,
     },
     /// Record a cell.
     Record {
@@ -168,6 +171,9 @@ pub(crate) enum Command {
         /// Read the whole recording to find all damage.
         #[arg(long)]
         verify: bool,
+        /// Recording of the same session begun after it, which tells what was lost at its end.
+        #[arg(long, value_name = "BAG")]
+        later: Option<PathBuf>,
         /// Print JSON.
         #[arg(long)]
         json: bool,

@@ -6,7 +6,13 @@ use clap::Command;
 const EXAMPLES: &[(&str, &[&str])] = &[
     ("up", &["up", "up my_cell.toml --once"]),
     ("node", &["node analysis --cell my_cell.toml"]),
-    ("router", &["router --listen tcp/192.168.1.10:7447"]),
+    (
+        "router",
+        &[
+            "router",
+            "router --listen tcp/192.168.1.10:7447 --strangers write",
+        ],
+    ),
     (
         "record",
         &["record --cell my_cell.toml --folder recordings/by_hand"],

@@ -148,10 +148,8 @@ fn end_part(processes: &mut Processes, operator: &Operator) {
     }
     let deadline = Instant::now() + END_TIMEOUT;
     while operator.is_making() && Instant::now() < deadline {
-        // A process that ends now is not started again.
-        if processes.supervise(false).is_err() {
-            return;
-        }
+        // A process that ends now is not started again; that of the recorder may be why the cell ends.
+        drop(processes.supervise(false));
         std::thread::sleep(PERIOD);
     }
 }

@@ -117,7 +117,11 @@ fn run(command: Command) -> anyhow::Result<u8> {
             begin_process(supervised, clock)?;
             commands::node::run(&name, &cell, incarnation, !no_record, supervised)
         }
-        Command::Router { listen, join } => commands::router::run(&listen, &join),
+        Command::Router {
+            listen,
+            join,
+            strangers,
+        } => commands::router::run(&listen, &join, strangers),
         Command::Record {
             cell,
             folder,
@@ -148,7 +152,12 @@ fn run(command: Command) -> anyhow::Result<u8> {
         Command::Key(command) => commands::key::run(&command),
         Command::Play(arguments) => commands::play::run(&arguments),
         Command::Replay { bag, json } => commands::replay::run(&bag, json),
-        Command::Info { bag, verify, json } => commands::info::run(&bag, verify, json),
+        Command::Info {
+            bag,
+            verify,
+            later,
+            json,
+        } => commands::info::run(&bag, verify, json, later.as_deref()),
         Command::Import(command) => commands::import::run(&command),
         Command::Export(arguments) => commands::export::run(&arguments),
         Command::Recover { bag, to, later } => commands::recover::run(&bag, &to, later.as_deref()),

@@ -29,7 +29,10 @@ const PRIVATE: u32 = 0o700;
 /// Longest path of a Unix socket on Linux, in bytes: `sun_path` of unix(7) without the final zero.
 const LONGEST: usize = 107;
 /// How long a router that begins is waited for.
-const PATIENCE: Duration = Duration::from_secs(5);
+pub(crate) const PATIENCE: Duration = Duration::from_secs(5);
+/// How long a command waits: another cell takes the place of a router within half a second, and what a killed router has left
+/// of its socket looks the same as one that begins.
+pub(crate) const COMMAND_PATIENCE: Duration = Duration::from_secs(1);
 /// Between two looks.
 const PERIOD: Duration = Duration::from_millis(20);
 
@@ -120,11 +123,11 @@ impl OwnSocket {
 /// How a process of this user reaches the router at an endpoint: by its private socket, where it has one, else as a stranger.
 /// A router listens on its socket before it listens on the network, so a process that finds the network alone has found
 /// the router of others.
-pub(crate) fn own_locator(endpoint: &str) -> String {
+pub(crate) fn own_locator(endpoint: &str, patience: Duration) -> String {
     let Some(socket) = OwnSocket::of(endpoint) else {
         return endpoint.to_owned();
     };
-    let deadline = Instant::now() + PATIENCE;
+    let deadline = Instant::now() + patience;
     // Where none was ever made there is nothing to wait for.
     while socket.0.exists() {
         if socket.answers() {

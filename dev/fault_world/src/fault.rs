@@ -43,6 +43,8 @@ pub enum Kind {
     Repeat(Way, f64, f64),
     /// A process is killed and started again so many s later, with empty memory. `true`: the launcher reports it.
     Kill(&'static str, f64, bool),
+    /// A process is started at first so many s after the others.
+    StartsLate(&'static str, f64),
     /// A process stands still for so many s.
     Pause(&'static str, f64),
     /// The recorder stops for so many s and says so: an operator has stopped it, or the disk is full.
@@ -152,6 +154,25 @@ pub fn of_seed(seed: u64, ways: &[Way]) -> Vec<Fault> {
             kind: kind(&mut random, ways),
         })
         .collect();
+    // The driver or the gate is older than the other in most runs, and now and then another process comes late.
+    let late = [
+        "simulator",
+        "machine_state",
+        "simulator",
+        "machine_state",
+        "",
+        PROCESSES[random.random_range(0..8)],
+    ];
+    if let Some(&process) = late
+        .choose(&mut random)
+        .filter(|process| !process.is_empty())
+    {
+        let seconds = rounded(random.random_range(0.02_f64.ln()..6.0_f64.ln()).exp());
+        faults.push(Fault {
+            at: 0.0,
+            kind: Kind::StartsLate(process, seconds),
+        });
+    }
     faults.sort_by(|one, other| one.at.total_cmp(&other.at));
     faults
 }

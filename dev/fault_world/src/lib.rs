@@ -1,7 +1,7 @@
 //! Whole cells on virtual time under faults of all kinds, from one seed.
 //!
 //! [`of_seed`] draws a list of [`Fault`]s: messages late, lost and twice, processes killed, paused and started again with
-//! empty memory, a recorder that stops, wall clocks that are set, operators who stop, reject, disagree and click twice,
+//! empty memory or at first some seconds after the others, a machine that takes its time to stop, a recorder that stops, wall clocks that are set, operators who stop, reject, disagree and click twice,
 //! strangers who forge. [`run`] puts the real nodes of the default cell and its simulated machine through it and checks
 //! every [`Invariant`] at every step; then everything is in order again, every part must have its report, a further part
 //! must be made, and a replay of what was recorded must equal it or say truthfully that it is incomplete. A run is a
@@ -24,34 +24,37 @@ pub use shrink::shortened;
 pub use world::{Outcome, StandIn, run};
 
 use cell::Cell;
-use settings::default_cell;
+use settings::{STOPS, default_cell};
 
 /// The cells of the runs, and the ways of their messages.
 pub struct Cells {
-    by_policy: Cell,
-    by_operators: Cell,
+    by_policy: Vec<Cell>,
+    by_operators: Vec<Cell>,
     ways: Vec<Way>,
 }
 
 impl Default for Cells {
     fn default() -> Self {
-        let by_policy = default_cell(true);
+        let cells = |automatic| STOPS.map(|stop| default_cell(automatic, stop)).to_vec();
+        let by_policy = cells(true);
         Self {
-            ways: ways(&by_policy),
-            by_operators: default_cell(false),
+            ways: ways(&by_policy[0]),
+            by_operators: cells(false),
             by_policy,
         }
     }
 }
 
 impl Cells {
-    /// The cell of a seed: of three seeds, two have their corrections approved by operators.
+    /// The cell of a seed: of three seeds, two have their corrections approved by operators; of twelve, three have a machine that
+    /// stands at once when it is told to stop.
     pub fn of(&self, seed: u64) -> &Cell {
-        if seed.is_multiple_of(3) {
+        let cells = if seed.is_multiple_of(3) {
             &self.by_policy
         } else {
             &self.by_operators
-        }
+        };
+        &cells[(seed / 3) as usize % cells.len()]
     }
 
     /// The faults of a seed.

@@ -151,7 +151,18 @@ impl<'a> World<'a> {
         };
         let keys = to_cdr(&operator_keys(1, &["Eve"]));
         world.plan(BEGIN, Act::Send(topics::OPERATOR_KEYS.name, keys));
-        world.plan(BEGIN.after_s(1.0), Act::Run);
+        let mut ready = BEGIN;
+        for fault in faults {
+            if let Kind::StartsLate(node, seconds) = fault.kind
+                && !world.down.contains(&node)
+            {
+                world.executor.start_later(node);
+                world.down.push(node);
+                ready = ready.max(BEGIN.after_s(seconds));
+                world.plan(BEGIN.after_s(seconds), Act::Start(node));
+            }
+        }
+        world.plan(ready.after_s(1.0), Act::Run);
         world.plan(BEGIN.after_s(BATCH), Act::Batch);
         for fault in faults {
             world.plan(BEGIN.after_s(fault.at), Act::Fault(fault.clone()));
@@ -220,8 +231,29 @@ impl<'a> World<'a> {
             .collect()
     }
 
-    /// Everything is in order again: a part can be made.
+    /// The gate is started again, and has received a sample of the machine and the status of the recorder.
+    fn renew_gate(&mut self) {
+        self.kill("machine_state", 0.1, true);
+        let limit = self.executor.now().after_s(10.0);
+        let mut knows = false;
+        while !knows && self.executor.now() < limit {
+            let next = self.executor.now().after_s(0.01);
+            self.run_until(next, |_| false);
+            let mut nodes = self.executor.nodes().iter();
+            let gate = nodes.find(|node| node.name() == "machine_state");
+            let state = gate.map(|node| node.snapshot()).unwrap_or_default();
+            knows = !self.down.contains(&"machine_state")
+                && !state["controller"].is_null()
+                && !state["recording"].is_null();
+        }
+        let then = [0.0, 0.03, 0.2, 1.0][(self.seed / 12 % 4) as usize];
+        let then = self.executor.now().after_s(then);
+        self.run_until(then, |_| false);
+    }
+
+    /// Everything is in order again: a part can be made, also right after a start of the gate.
     fn recover(&mut self) {
+        self.renew_gate();
         self.last_report = None;
         self.reply = None;
         self.ask();
@@ -387,7 +419,7 @@ impl<'a> World<'a> {
 
     fn strike(&mut self, now: Stamp, fault: &Fault) {
         match fault.kind {
-            Kind::Lose(..) | Kind::Delay(..) | Kind::Repeat(..) => {}
+            Kind::Lose(..) | Kind::Delay(..) | Kind::Repeat(..) | Kind::StartsLate(..) => {}
             Kind::Kill(node, down, told) => self.kill(node, down, told),
             Kind::Pause(node, seconds) => {
                 if !self.down.contains(&node) && !self.paused.contains(&node) {

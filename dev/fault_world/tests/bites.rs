@@ -11,8 +11,8 @@ use std::sync::LazyLock;
 use fault_world::{Cells, Fault, Forgery, Invariant, Kind, Mood, StandIn, Way, run};
 use graph::{DeliverError, Emitted, Instance, RestoreError, Stamp, Topic, topics};
 use probecell_msgs::{
-    ControllerCommand, Correction, CorrectionAcknowledgement as Ack, GateHeartbeat, Message,
-    OperationRequest, RecordingStatus, from_cdr, to_cdr,
+    ControllerCommand, ControllerStatus, Correction, CorrectionAcknowledgement as Ack,
+    GateHeartbeat, Message, OperationRequest, RecordingStatus, from_cdr, to_cdr,
 };
 
 /// What a wrong node is given in the place of an input; `None`: nothing.
@@ -388,6 +388,90 @@ fn a_machine_that_moves_without_a_gate_is_seen() {
                 inner: node,
                 count: 0,
             })
+        } else {
+            node
+        }
+    });
+}
+
+/// Found on a real driver on 2026-11-22: after its first sample a gate gave itself out for another process than before, so that
+/// the driver ended what the gate had begun meanwhile.
+#[test]
+fn a_gate_that_changes_its_identity_is_seen() {
+    fn later(
+        memory: &mut Memory,
+        _: Stamp,
+        (topic, payload): (&'static str, &[u8]),
+        said: &mut Said,
+    ) {
+        if topic == topics::CONTROLLER_STATUS.name && memory.count == 0 {
+            let sample: ControllerStatus = read(payload);
+            memory.count = Stamp::from(&sample.header.stamp).0.unsigned_abs();
+        }
+        let beats: Vec<GateHeartbeat> = (said.of(topics::GATE_HEARTBEAT).into_iter())
+            .map(read)
+            .collect();
+        said.drop_all(topics::GATE_HEARTBEAT);
+        for beat in beats {
+            let started = beat.started.max(memory.count);
+            said.add(topics::GATE_HEARTBEAT, &GateHeartbeat { started, ..beat });
+        }
+    }
+    caught(Invariant::Recovery, 0, &[], |node| {
+        wrong(node, "machine_state", as_it_is, later)
+    });
+}
+
+/// Found on LinuxCNC on 2026-11-22: a gate that begins an operation while a stop is not confirmed yet, which ends it.
+#[test]
+fn a_gate_that_does_not_wait_for_the_end_of_a_stop_is_seen() {
+    struct Hasty(Box<dyn Instance>);
+    impl Instance for Hasty {
+        fn name(&self) -> &'static str {
+            self.0.name()
+        }
+        fn inputs(&self) -> &'static [Topic] {
+            self.0.inputs()
+        }
+        fn outputs(&self) -> &'static [Topic] {
+            self.0.outputs()
+        }
+        fn fault_codes(&self) -> Vec<&'static str> {
+            self.0.fault_codes()
+        }
+        fn deliver(
+            &mut self,
+            now: Stamp,
+            port: usize,
+            cdr: &[u8],
+        ) -> Result<Emitted, DeliverError> {
+            if self.0.inputs()[port].name != topics::OPERATION_REQUESTS.name {
+                return self.0.deliver(now, port, cdr);
+            }
+            // It does not know of stops while it takes a request.
+            let mut state = self.0.snapshot();
+            let stops = std::mem::replace(&mut state["stops"], serde_json::json!({}));
+            self.0.restore(state).expect("a state of the node");
+            let emitted = self.0.deliver(now, port, cdr);
+            let mut state = self.0.snapshot();
+            state["stops"] = stops;
+            self.0.restore(state).expect("a state of the node");
+            emitted
+        }
+        fn timer(&mut self, now: Stamp, id: u32) -> Emitted {
+            self.0.timer(now, id)
+        }
+        fn snapshot(&self) -> serde_json::Value {
+            self.0.snapshot()
+        }
+        fn restore(&mut self, snapshot: serde_json::Value) -> Result<(), RestoreError> {
+            self.0.restore(snapshot)
+        }
+    }
+    // The machine of this seed takes two seconds to stand.
+    caught(Invariant::Recovery, 9, &[], |node| {
+        if node.name() == "machine_state" {
+            Box::new(Hasty(node))
         } else {
             node
         }

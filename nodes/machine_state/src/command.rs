@@ -1,7 +1,7 @@
 //! The way to the driver: every command carries the session of the driver that runs now, and a number of its own.
 
 use graph::{Outbox, Stamp};
-use probecell_msgs::ControllerCommand;
+use probecell_msgs::{ControllerCommand, GateHeartbeat};
 
 use crate::{ports::Output, state::State};
 
@@ -27,4 +27,16 @@ pub(crate) fn send(
         ..command
     }));
     command_id
+}
+
+/// Gives a sign of life.
+pub(crate) fn beat(state: &mut State, now: Stamp, out: &mut Outbox<Output>) {
+    state.beats += 1;
+    let session = state.controller.as_ref().map(|known| &known.status.session);
+    out.send(Output::Heartbeat(GateHeartbeat {
+        header: now.header(""),
+        session: session.cloned().unwrap_or_default(),
+        started: state.epoch,
+        count: state.beats,
+    }));
 }

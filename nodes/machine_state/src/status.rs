@@ -6,6 +6,7 @@ use probecell_msgs::{
 };
 
 use crate::{
+    command,
     config::Config,
     operation,
     ports::{MachineFault, Output},
@@ -87,6 +88,8 @@ pub(crate) fn sample(
         // A driver that began before this process stands on the same clock, or nearly: only one far ahead is of another time.
         if clock > now.after_s(GATE_SILENCE).0.unsigned_abs() {
             state.epoch = state.epoch.max(clock);
+            // Before the first command: a driver that learns only later that this is another process ends what it has begun.
+            command::beat(state, now, out);
         }
         state.next_command = state.next_command.max(clock);
         take_over(config, state, now, out);

@@ -1,9 +1,10 @@
 //! The rules of `machine_state`.
 
 use graph::{Node, Outbox, START, Stamp};
-use probecell_msgs::{GateHeartbeat, PlanProgress, RecordingStatus, std_msgs};
+use probecell_msgs::{PlanProgress, RecordingStatus, std_msgs};
 
 use crate::{
+    command,
     config::Config,
     operation, part,
     ports::{Input, MachineFault, Output},
@@ -53,7 +54,7 @@ impl Node for MachineStateNode {
                     out.send(Output::RobotDescription(description));
                     part::publish(state, now, out);
                 }
-                beat(state, now, out);
+                command::beat(state, now, out);
                 status::watch(config, state, now, out);
                 part::watch(config, state, now, out);
                 stop::expire(state, now, out);
@@ -115,16 +116,4 @@ fn hear_of_recording(state: &mut State, now: Stamp, status: RecordingStatus) {
     if !outdated {
         state.recording = Some((status, now));
     }
-}
-
-/// Gives a sign of life.
-fn beat(state: &mut State, now: Stamp, out: &mut Outbox<Output>) {
-    state.beats += 1;
-    let session = state.controller.as_ref().map(|known| &known.status.session);
-    out.send(Output::Heartbeat(GateHeartbeat {
-        header: now.header(""),
-        session: session.cloned().unwrap_or_default(),
-        started: state.epoch,
-        count: state.beats,
-    }));
 }

@@ -201,6 +201,7 @@ impl RawConfig {
         let not_negative = [
             ("probe.touch_sd_um", self.probe.touch_sd_um),
             ("plant.cut_sd_um", self.plant.cut_sd_um),
+            ("stop_s", self.stop_s),
             (
                 "cmm.standard_uncertainty_um",
                 self.cmm

@@ -9,6 +9,7 @@ use crate::{
     plant,
     ports::Output,
     state::{State, Then},
+    stopping::{stand, stop},
 };
 
 /// Commands that move the machine, or that change where it goes.
@@ -47,6 +48,8 @@ pub(crate) fn obey(
         Some("emergency stop")
     } else if state.program.is_some() && MOVES.contains(&command.kind) {
         Some("a program is running")
+    } else if state.stopping.is_some() && MOVES.contains(&command.kind) {
+        Some("the machine does not stand yet")
     } else {
         None
     };
@@ -65,8 +68,8 @@ pub(crate) fn obey(
         ControllerCommand::SET_VOLUMETRIC => set_table(config, state, now, &command, out),
         ControllerCommand::SET_WORK_OFFSET => set_work_offset(config, state, now, &command, out),
         ControllerCommand::STOP => {
-            abort(state, now, "stopped", out);
-            out.send(Output::Reply(reply(state, now, &command)));
+            stop(config, state, now, command);
+            stand(state, now, out);
         }
         kind => {
             let text = format!("commands of kind {kind} are not supported");
@@ -285,23 +288,6 @@ fn set_table(
     out.send(Output::Reply(answer));
 }
 
-pub(crate) fn abort(state: &mut State, now: Stamp, text: &str, out: &mut Outbox<Output>) {
-    for command in [
-        state.program.take().map(|program| program.command),
-        state.awaiting.take(),
-    ]
-    .into_iter()
-    .flatten()
-    {
-        let outcome = ControllerReply::FAILED;
-        out.send(Output::Reply(ControllerReply {
-            outcome,
-            text: text.to_owned(),
-            ..reply(state, now, &command)
-        }));
-    }
-}
-
 pub(crate) fn sample(config: &Config, state: &State, now: Stamp, out: &mut Outbox<Output>) {
     if state.silent {
         return;
@@ -315,7 +301,7 @@ pub(crate) fn sample(config: &Config, state: &State, now: Stamp, out: &mut Outbo
         MachineState::EXECUTION_ESTOP
     } else if !state.alarms.is_empty() {
         MachineState::EXECUTION_ALARM
-    } else if state.program.is_some() {
+    } else if state.program.is_some() || state.stopping.is_some() {
         MachineState::EXECUTION_RUNNING
     } else {
         MachineState::EXECUTION_IDLE
@@ -354,7 +340,7 @@ pub(crate) fn sample(config: &Config, state: &State, now: Stamp, out: &mut Outbo
     }));
 }
 
-fn reply(state: &State, now: Stamp, command: &ControllerCommand) -> ControllerReply {
+pub(crate) fn reply(state: &State, now: Stamp, command: &ControllerCommand) -> ControllerReply {
     ControllerReply {
         header: now.header(""),
         session: state.session.clone(),

@@ -75,6 +75,7 @@ mod probe;
 mod raw;
 mod state;
 mod step;
+mod stopping;
 mod tool;
 mod truth;
 

@@ -38,6 +38,9 @@ pub struct RawConfig {
     pub cmm: Option<RawCmm>,
     /// A fault to inject.
     pub fault: Option<RawFault>,
+    /// s that the machine takes to stand once it is told to stop; only then does the driver confirm it.
+    #[serde(default)]
+    pub stop_s: f64,
 }
 
 /// A home position in the unit of its axis.

@@ -62,6 +62,20 @@ pub struct State {
     pub taken: VecDeque<u64>,
     /// What is known of the gate.
     pub gate: GateWatch,
+    /// The machine has been told to stop and does not stand yet.
+    #[serde(default)]
+    pub stopping: Option<Stopping>,
+}
+
+/// A machine that is about to stand.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Stopping {
+    /// When it stands.
+    pub until: Stamp,
+    /// The commands that this ends.
+    pub ended: Vec<ControllerCommand>,
+    /// The commands to stop.
+    pub stops: Vec<ControllerCommand>,
 }
 
 /// A program under execution.

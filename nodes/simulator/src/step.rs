@@ -7,11 +7,12 @@ use rand_pcg::Pcg32;
 
 use crate::{
     config::Config,
-    controller::{abort, measure_when_ready, obey, sample},
+    controller::{measure_when_ready, obey, sample},
     plant,
     ports::{Input, Output},
     raw::Injected,
     state::{Segment, State, Then},
+    stopping::{abort, stand},
 };
 
 /// Timer of the regular samples.
@@ -65,6 +66,7 @@ impl Node for SimulatorNode {
             run_id: String::new(),
             taken: std::collections::VecDeque::new(),
             gate: graph::supervision::GateWatch::default(),
+            stopping: None,
         }
     }
 
@@ -81,6 +83,7 @@ impl Node for SimulatorNode {
                     state.session = format!("simulator-{}", now.0);
                 }
                 run(config, state, now, out);
+                stand(state, now, out);
                 if state.gate.is_silent(now) {
                     give_up(state, now, "machine_state has fallen silent", out);
                 }

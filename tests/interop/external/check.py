@@ -230,7 +230,7 @@ def a_template_conforms(folder, name):
         )
     else:
         # It joins a router that is there.
-        with running(BINARY, "router", folder=folder) as router:
+        with running(BINARY, "router", "--strangers", "write", folder=folder) as router:
             router.says("listens on")
             with running(*program, folder=folder):
                 told = subprocess.run(

@@ -45,7 +45,8 @@ wait_for() { # COMMAND…: until it succeeds, at most 30 s
   echo "gave up waiting for: $*"; return 1
 }
 
-ip netns exec "$router_host" "$probecell" router --listen tcp/10.77.1.2:7447 --listen tcp/10.77.2.2:7447 \
+ip netns exec "$router_host" "$probecell" router --strangers write --listen tcp/10.77.1.2:7447 \
+  --listen tcp/10.77.2.2:7447 \
   >"$work/router.log" 2>&1 &
 wait_for grep -q "listens on" "$work/router.log"
 ip netns exec "$recorder_host" "$probecell" record --cell "$work/recorder.toml" --folder "$work/bag" \

@@ -6,6 +6,15 @@ use super::{Event, Executor};
 use crate::{Instance, START, Stamp, journal::Journal, topics};
 
 impl Executor {
+    /// Takes back the start of a node, before the first event: nothing reaches it until [`Executor::restart`] starts it.
+    pub fn start_later(&mut self, name: &str) {
+        if let Some(node) = self.position(name) {
+            self.queue.retain(|_, event| event.node() != Some(node));
+            self.ended.insert(node);
+            self.unstarted.insert(node);
+        }
+    }
+
     /// Ends the process of a node at this instant, as SIGKILL does: its state, its timers and its latched messages are lost, and
     /// nothing reaches it until [`Executor::restart`].
     pub fn kill(&mut self, name: &str) {
@@ -44,7 +53,9 @@ impl Executor {
         self.ended.remove(&node);
         self.now = Stamp(self.now.0 + 1);
         let journal = topics::journal_name(fresh.name());
-        self.journals[node] = Journal::new(fresh.name(), self.journals[node].incarnation() + 1);
+        let starts = u32::from(!self.unstarted.remove(&node));
+        let incarnation = self.journals[node].incarnation() + starts;
+        self.journals[node] = Journal::new(fresh.name(), incarnation);
         for topic in fresh.outputs() {
             self.counts.remove(topic.name);
         }

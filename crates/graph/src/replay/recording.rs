@@ -39,6 +39,8 @@ pub(super) struct NodeJournal {
     pub(super) steps: Vec<(u32, Step)>,
     /// Process and number of the step that comes next.
     next: (u32, u64),
+    /// The processes that left a journal: of each, how often the node had been started before.
+    processes: Vec<u32>,
     /// Instant of the first step listed of each process, in order.
     starts: Vec<Stamp>,
     /// Instant of its last step listed.
@@ -56,7 +58,8 @@ impl NodeJournal {
         let (Some(&first), Some(&last)) = (message.now.first(), message.now.last()) else {
             return;
         };
-        if message.incarnation > process || self.starts.is_empty() {
+        if (self.processes.last()).is_none_or(|&known| message.incarnation > known) {
+            self.processes.push(message.incarnation);
             self.starts.push(Stamp(first));
             self.ends.push(Stamp(last));
         } else if let Some(end) = self.ends.last_mut() {
@@ -88,6 +91,11 @@ impl NodeJournal {
         self.starts
             .partition_point(|&start| start <= instant)
             .saturating_sub(1) as u32
+    }
+
+    /// The place of a process among those that left a journal.
+    pub(super) fn place(&self, incarnation: u32) -> u32 {
+        self.processes.partition_point(|&known| known < incarnation) as u32
     }
 
     /// Published by a process that was killed before it had published its last steps: it cannot be recomputed.

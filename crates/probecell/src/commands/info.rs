@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use anyhow::Context;
-use bags::{Bag, Sealed, verify_seals};
+use bags::{Bag, Gap, Info, Sealed, verify_seals};
 use serde::Serialize;
 use trust::PublicKey;
 
@@ -71,10 +71,26 @@ impl Seals {
     }
 }
 
-/// Prints the description.
-pub(crate) fn run(path: &Path, verify: bool, json: bool) -> anyhow::Result<u8> {
+/// Messages that are missing by number. They are looked for where the whole recording is read, or where it was cut off so that it
+/// has to be.
+fn gaps(bag: &Bag, info: &Info, verify: bool, later: Option<&Path>) -> anyhow::Result<Vec<Gap>> {
+    if !verify && info.damage.is_empty() && later.is_none() {
+        return Ok(Vec::new());
+    }
+    let later = later.map(Bag::open).transpose()?;
+    Ok(bag.gaps(later.as_ref()))
+}
+
+/// Prints the description. `later`: a recording of the same session begun after it.
+pub(crate) fn run(
+    path: &Path,
+    verify: bool,
+    json: bool,
+    later: Option<&Path>,
+) -> anyhow::Result<u8> {
     let bag = Bag::open(path)?;
     let mut info = bag.info(verify);
+    let gaps = gaps(&bag, &info, verify, later)?;
     let seals = verify.then(|| Seals::read(&bag)).transpose()?;
     // A recording of an earlier version may hold the cell file with its passwords.
     for table in info.metadata.values_mut() {
@@ -84,6 +100,7 @@ pub(crate) fn run(path: &Path, verify: bool, json: bool) -> anyhow::Result<u8> {
     }
     if json {
         let mut value = serde_json::to_value(&info)?;
+        value["gaps"] = serde_json::to_value(&gaps)?;
         if let Some(seals) = &seals {
             value["seals"] = serde_json::to_value(seals)?;
         }
@@ -123,6 +140,9 @@ pub(crate) fn run(path: &Path, verify: bool, json: bool) -> anyhow::Result<u8> {
         for damage in &info.damage {
             output::line(&format!("damage    {damage}"));
         }
+        for gap in &gaps {
+            output::line(&format!("missing   {gap}"));
+        }
         if let Some(seals) = &seals {
             seals.print();
         }
@@ -130,5 +150,6 @@ pub(crate) fn run(path: &Path, verify: bool, json: bool) -> anyhow::Result<u8> {
     if seals.is_some_and(|seals| seals.is_changed()) {
         return Ok(FAILED);
     }
-    Ok(if info.damage.is_empty() { GOOD } else { LOSS })
+    let whole = info.damage.is_empty() && gaps.is_empty();
+    Ok(if whole { GOOD } else { LOSS })
 }

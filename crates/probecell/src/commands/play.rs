@@ -20,7 +20,11 @@ use host::bus::{self, Bus, BusConfig, Publisher, Qos, TypeId};
 use indicatif::ProgressBar;
 use probecell_msgs::{Message, rosgraph_msgs::Clock, to_cdr};
 
-use crate::{output, own_socket::own_locator, signals};
+use crate::{
+    output,
+    own_socket::{COMMAND_PATIENCE, own_locator},
+    signals,
+};
 
 /// Longest interval between two messages of `/clock`.
 const CLOCK_PERIOD: Duration = Duration::from_millis(25);
@@ -121,7 +125,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
     }
     let domain = (arguments.domain_id).map_or_else(cell::domain_of_environment, Ok);
     let config = BusConfig {
-        endpoints: vec![own_locator(&arguments.router)],
+        endpoints: vec![own_locator(&arguments.router, COMMAND_PATIENCE)],
         domain_id: domain.map_err(anyhow::Error::msg)?,
         ..BusConfig::default()
     };

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use ::report::{Page, PartSession, ShortDiagnosis, part_page};
 use anyhow::{Context, bail};
-use bags::{Bag, Damage};
+use bags::{Bag, Damage, Gap};
 use diagnosis::Options;
 use graph::{Topic, topics};
 use probecell_msgs::{Fault, InspectionPlan, LossReport, Message, ReferenceMeasurement};
@@ -52,10 +52,31 @@ fn read(path: &Path) -> anyhow::Result<(PartSession, Vec<Damage>)> {
     let bag = Bag::open(path)?;
     let damage = bag.verify();
     let session = PartSession {
-        damage: damage.iter().map(ToString::to_string).collect(),
+        damage: told(&damage, &bag.gaps(None)),
         ..gather(&bag, path)?
     };
     Ok((session, damage))
+}
+
+/// Gaps of a topic that are listed one by one.
+const GAPS_LISTED: usize = 10;
+
+/// Damage, and the messages that are missing by number. Where a topic lacks very many, its last line is their count.
+fn told(damage: &[Damage], gaps: &[Gap]) -> Vec<String> {
+    let mut lines: Vec<String> = damage.iter().map(ToString::to_string).collect();
+    for of_topic in gaps.chunk_by(|one, other| one.topic == other.topic) {
+        let listed = of_topic.len().min(GAPS_LISTED);
+        lines.extend(of_topic[..listed].iter().map(ToString::to_string));
+        let more = of_topic[listed..].iter();
+        let missing: u64 = more.map(|gap| u64::from(gap.last - gap.first) + 1).sum();
+        if missing > 0 {
+            let (topic, places) = (&of_topic[0].topic, of_topic.len() - listed);
+            lines.push(format!(
+                "{topic}: {missing} further messages are missing in {places} places"
+            ));
+        }
+    }
+    lines
 }
 
 fn page(bag: &Path, session: &PartSession) -> anyhow::Result<Page> {

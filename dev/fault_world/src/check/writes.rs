@@ -82,12 +82,7 @@ impl Writes {
 
     pub(super) fn ended(&mut self, node: &str) {
         match node {
-            "machine_state" => {
-                self.known = Known::default();
-                // Who stopped it told `cycle` as well; the next process begins with a STOP of its own.
-                self.stopped.clear();
-                self.rejected.clear();
-            }
+            "machine_state" => self.known = Known::default(),
             "simulator" => {
                 (self.wear, self.gate) = (None, None);
                 self.sent.clear();
@@ -338,7 +333,9 @@ impl Writes {
         }
         self.wear = Some((sample.session.clone(), now));
         let alone = (self.gate).map_or(0.0, |(_, heard)| findings.now.since_s(heard));
-        let moves = sample.execution == MachineState::EXECUTION_RUNNING;
+        // Without a program it is about to stand.
+        let moves =
+            sample.execution == MachineState::EXECUTION_RUNNING && !sample.program.is_empty();
         findings.expect(
             !moves || alone <= SILENCE + TICK,
             Invariant::Unsupervised,

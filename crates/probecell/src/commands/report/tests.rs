@@ -425,3 +425,18 @@ fn what_holds_no_part_is_refused_in_a_sentence() {
     assert!(told(&whole, &nowhere).contains("cannot write"));
     assert!(!page.exists());
 }
+
+#[test]
+fn what_a_cut_recording_lacks_is_named_by_number() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let bag = folder.path().join("session");
+    let mut log = made();
+    let lost =
+        |one: &Published| one.topic == topics::PROBE_EVENTS.name && (5..=7).contains(&one.sequence);
+    log.retain(|one| !lost(one));
+    write(&log, &bag);
+    let (session, damage) = read(&bag).expect("a session");
+    assert!(damage.is_empty());
+    let expected = "/turn_mill/probe_events: messages 5 to 7 are missing: later numbers are there";
+    assert_eq!(session.damage, [expected]);
+}

@@ -1,0 +1,25 @@
+//! Counterexamples that seeds have found, as shortened: each is repeated here with what it needed.
+
+use fault_world::{Cells, Fault, Kind, run};
+
+fn holds(seed: u64, faults: &[(f64, Kind)]) {
+    let cells = Cells::default();
+    let faults: Vec<Fault> = (faults.iter().cloned())
+        .map(|(at, kind)| Fault { at, kind })
+        .collect();
+    assert_eq!(run(cells.of(seed), seed, &faults, None).violation, None);
+}
+
+/// A gate whose driver is of another time took its number from the first sample, and told the driver so only with its next sign
+/// of life: what it had begun in between was ended by the driver.
+#[test]
+fn a_gate_tells_a_driver_of_another_time_who_it_is_before_it_begins() {
+    holds(13, &[(69.05, Kind::CellRestart(-39.38))]);
+}
+
+/// A replay took the first process in a recording for the first process of its node: where that one was the second, and the node
+/// was started once more, what the one had published was compared with what the other had.
+#[test]
+fn a_recording_may_begin_with_the_second_process_of_a_node() {
+    holds(1, &[(3.16, Kind::CellRestart(66.38))]);
+}

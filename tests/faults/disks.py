@@ -1,0 +1,77 @@
+"""Disks of a recording that are full, slow, or refuse what was written when it is to be synced. Needs root and a mount namespace."""
+
+import pathlib
+import subprocess
+
+THROTTLE = pathlib.Path("/sys/fs/cgroup/blkio/blkio.throttle.write_bps_device")
+
+
+def ran(*words):
+    told = subprocess.run([str(word) for word in words], capture_output=True, text=True)
+    assert told.returncode == 0, (words, told.stdout, told.stderr)
+    return told.stdout.strip()
+
+
+class Disk:
+    """The file system below a folder; `kind` is `sound`, `small`, `slow` or `refusing`."""
+
+    def __init__(self, kind, folder, random):
+        self.kind, self.folder, self.mounts, self.device, self.bandwidth = kind, folder, [], None, None
+        if kind == "sound":
+            return
+        folder.mkdir()
+        if kind == "small":
+            # A write says that there is no space left.
+            self.mount("-t", "tmpfs", "-o", f"size={random.randint(600, 2500)}k", "tmpfs", folder)
+        elif kind == "slow":
+            self.on_loop(folder, None, "64M")
+            if THROTTLE.exists():  # cgroup v1: a limit for the whole device, the journal of its file system included
+                self.bandwidth = random.randint(60_000, 400_000)
+                self.throttle(self.bandwidth)
+        elif kind == "refusing":
+            # Writes go to the page cache and succeed; the device has no room for them when they are synced.
+            self.on_loop(folder, random.randint(1_000, 3_500), "64M")
+        else:
+            raise ValueError(kind)
+
+    def mount(self, *words):
+        ran("mount", *words)
+        self.mounts.append(words[-1])
+
+    def on_loop(self, folder, room, size):
+        """An ext4 file system in a sparse file; `room`: KiB that the file may really take."""
+        below = folder.parent / "below"
+        below.mkdir()
+        if room is not None:
+            self.mount("-t", "tmpfs", "-o", f"size={room}k", "tmpfs", below)
+        image = below / "image"
+        ran("truncate", "-s", size, image)
+        journal = [] if room is None else ["-O", "^has_journal"]
+        ran("mkfs.ext4", "-q", "-F", *journal, "-E", "lazy_itable_init=1", image)
+        self.device = ran("losetup", "--find", "--show", image)
+        self.mount("-o", "errors=continue", self.device, folder)
+
+    def throttle(self, bandwidth):
+        """Bytes a second; 0: without a limit."""
+        number = ran("lsblk", "-dno", "MAJ:MIN", self.device)
+        THROTTLE.write_text(f"{number} {bandwidth}\n")
+
+    @property
+    def is_sound(self):
+        """All that is written is kept, sooner or later."""
+        return self.kind in ("sound", "slow")
+
+    def heal(self):
+        """As fast as it can, so that what is written can be read."""
+        if self.bandwidth:
+            self.throttle(0)
+            self.bandwidth = None
+
+    def close(self):
+        self.heal()
+        for folder in reversed(self.mounts[1:] if self.kind == "refusing" else self.mounts):
+            subprocess.run(["umount", "-l", folder], check=True)
+        if self.device:
+            subprocess.run(["losetup", "-d", self.device], check=True)
+        if self.kind == "refusing":
+            subprocess.run(["umount", "-l", self.mounts[0]], check=True)
