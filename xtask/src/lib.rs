@@ -9,6 +9,7 @@ pub mod code;
 pub mod codegen;
 pub mod imports;
 pub mod licences;
+pub mod sbom;
 pub mod unused;
 
 /// Why writing into a `String` is not handled.

@@ -6,7 +6,9 @@ use std::{
 };
 
 use anyhow::{Result, bail};
-use xtask::{allowed::Allowed, code::Code, codegen, imports, licences, unused, workspace_root};
+use xtask::{
+    allowed::Allowed, code::Code, codegen, imports, licences, sbom, unused, workspace_root,
+};
 
 const USAGE: &str = "\
 usage: cargo run --release -p xtask -- TASK
@@ -23,6 +25,7 @@ usage: cargo run --release -p xtask -- TASK
                      fields and variants; code behind conditions that never hold; items of generated.rs.
   licences           Checks licences and sources of all dependencies against deny.toml, as cargo-deny does, which is not
                      needed; exit status 1 if one does not fit.
+  sbom               Prints the bill of materials of the program on Linux, x86-64: CycloneDX 1.5.
 ";
 
 /// Packages that exist for development only: neither searched from nor reported.
@@ -39,22 +42,38 @@ fn main() -> Result<ExitCode> {
         ["imports", ..] => print_imports(&arguments[1..]),
         ["unused"] => print_unused(),
         ["licences"] => print_licences(),
+        ["sbom"] => print_bill(),
         _ => bail!("{USAGE}"),
     }
 }
 
-fn print_licences() -> Result<ExitCode> {
+/// What `cargo metadata` tells of the workspace, as JSON.
+fn metadata(more: &[&str]) -> Result<Vec<u8>> {
     let cargo = std::env::var("CARGO").unwrap_or_else(|_| "cargo".to_owned());
-    let root = workspace_root()?;
     let told = Command::new(cargo)
         .args(["metadata", "--locked", "--format-version", "1"])
-        .current_dir(&root)
+        .args(more)
+        .current_dir(workspace_root()?)
         .output()?;
     if !told.status.success() {
         bail!("cargo metadata: {}", String::from_utf8_lossy(&told.stderr));
     }
+    Ok(told.stdout)
+}
+
+fn print_bill() -> Result<ExitCode> {
+    let told = metadata(&["--filter-platform", "x86_64-unknown-linux-gnu"])?;
+    let lock = std::fs::read_to_string(workspace_root()?.join("Cargo.lock"))?;
+    let bill = sbom::bill(&serde_json::from_slice(&told)?, &lock, "probecell")?;
+    writeln!(stdout(), "{bill:#}")?;
+    Ok(ExitCode::SUCCESS)
+}
+
+fn print_licences() -> Result<ExitCode> {
+    let root = workspace_root()?;
+    let told = metadata(&[])?;
     let policy = licences::Policy::read(&std::fs::read_to_string(root.join("deny.toml"))?)?;
-    let refused = policy.refused(&serde_json::from_slice(&told.stdout)?);
+    let refused = policy.refused(&serde_json::from_slice(&told)?);
     let mut out = stdout().lock();
     for sentence in &refused {
         writeln!(out, "{sentence}")?;
