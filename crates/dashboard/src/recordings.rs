@@ -238,14 +238,14 @@ impl Opened {
             position,
         };
         let mut states = vec![state(0, &hall, messages.position())];
-        let mut number = 0;
+        let mut number = 0_usize;
         while let Some(message) = messages.next() {
             // What is damaged has been told.
             let Ok(message) = message else { continue };
             let at = message.log_time;
             hall.apply(&message.channel.topic, &message.payload, Stamp(at as i64));
             number += 1;
-            if number % every == 0 && states.len() < STATES {
+            if number.is_multiple_of(every) && states.len() < STATES {
                 states.push(state(at, &hall, messages.position()));
             }
         }
