@@ -17,7 +17,7 @@ use std::{
 use cell::{Cell, Strangers, TransportName, keys::KeyFolder};
 use host::{bus::Bus, clock::WallClock};
 
-use self::processes::Processes;
+use self::processes::{END_TIMEOUT, PERIOD, Processes};
 use crate::{
     FAILED, GOOD, LOSS,
     cell_bus::{CellFailure, bus_config, has_own_socket, new_recording, users},
@@ -28,10 +28,6 @@ use crate::{
     signals,
 };
 
-/// Supervision period.
-const PERIOD: Duration = Duration::from_millis(20);
-/// A process that does not end within this time is killed.
-const END_TIMEOUT: Duration = Duration::from_secs(10);
 /// Time in which a session that has joined discovers the other nodes.
 const DISCOVERY: Duration = Duration::from_secs(1);
 /// Timeout of a cell to become ready for its first part.

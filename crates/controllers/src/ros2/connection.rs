@@ -2,6 +2,7 @@
 
 mod samples;
 mod stopping;
+mod work;
 
 use std::{
     any::Any,
@@ -13,12 +14,12 @@ use std::{
 use machine::Chain;
 use probecell_msgs::{ControllerCommand, ControllerReply};
 
-use self::stopping::Stopping;
+use self::work::Work;
 use super::{
     action::{ANSWER_LIMIT, Action, header},
     config::RawConfig,
     measuring::{Frame, Measurement, Progress},
-    program::{Cut, Offsets, Program},
+    program::{Offsets, Program},
     received::{self, Received},
     wire,
 };
@@ -26,13 +27,6 @@ use crate::driver::{ConnectError, Connection, DriverOutput, Inbox, RosBus, RosSa
 
 /// A robot of which nothing is received for this long is gone.
 const SILENCE: Duration = Duration::from_secs(1);
-
-/// What is under way.
-enum Work {
-    Measure(Box<Measurement>),
-    Cut(Box<Cut>),
-    Stop(Box<Stopping>),
-}
 
 /// A robot on ROS 2.
 pub(super) struct Robot {

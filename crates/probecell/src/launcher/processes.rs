@@ -10,9 +10,12 @@ use std::{
 use anyhow::Context;
 use rustix::process::{Pid, Signal, kill_process};
 
-use super::{END_TIMEOUT, PERIOD};
 use crate::{cell_bus::CellFailure, commands, operator::ProcessState, output};
 
+/// Supervision period.
+pub(super) const PERIOD: Duration = Duration::from_millis(20);
+/// A process that does not end within this time is killed.
+pub(super) const END_TIMEOUT: Duration = Duration::from_secs(10);
 /// Name of the process that records.
 const RECORDER: &str = "recorder";
 /// Delay before a dead process is restarted; it doubles each time, up to the longest.

@@ -3,7 +3,7 @@
 use metrology::uncertainty::Input;
 use serde::Deserialize;
 
-use super::ConfigError;
+use super::error::ConfigError;
 
 /// One line of the budget of what all touches share, as written: a standard uncertainty, readings, or limits.
 #[derive(Clone, Debug, Default, Deserialize)]

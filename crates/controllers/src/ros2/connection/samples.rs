@@ -2,7 +2,7 @@
 
 use probecell_msgs::{ControllerStatus, MachineState};
 
-use super::{Robot, Work, lock};
+use super::{Robot, lock, work::Work};
 use crate::{
     driver::DriverOutput,
     ros2::{action::header, measuring::Frame, program::Offsets, received::Joints},

@@ -4,27 +4,14 @@ use std::time::{Duration, Instant};
 
 use probecell_msgs::{ControllerCommand, ControllerReply};
 
-use super::{Robot, Work, lock, reply};
-use crate::{
-    driver::DriverOutput,
-    ros2::{calls::Pending, program::Program},
+use super::{
+    Robot, lock, reply,
+    work::{Stopping, Work},
 };
+use crate::{driver::DriverOutput, ros2::program::Program};
 
 /// Longest time of a stop.
 const STOP_LIMIT: Duration = Duration::from_millis(4500);
-
-/// A stop: what is cancelled, and what it ends.
-pub(super) struct Stopping {
-    /// None where nobody supervises any more.
-    command: Option<ControllerCommand>,
-    /// What was under way, and what is said of it.
-    interrupted: Option<(ControllerCommand, String)>,
-    pub(super) calls: Vec<Pending>,
-    since: Instant,
-    /// ns; samples of a robot that stands are newer.
-    begun: i64,
-    pub(super) failure: Option<String>,
-}
 
 impl Robot {
     /// Begins to end what is under way; nothing else begins meanwhile.
