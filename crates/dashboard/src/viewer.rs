@@ -65,7 +65,7 @@ where
     let reading = async {
         // What the protocol answers by itself (pong, close) goes the way of everything else.
         let mut answer = |frame: Frame<'_>| {
-            outbox.answer(frame);
+            outbox.answer(&frame);
             std::future::ready(Ok::<(), WebSocketError>(()))
         };
         loop {

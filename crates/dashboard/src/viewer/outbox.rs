@@ -42,7 +42,7 @@ impl Outbox {
     }
 
     /// What the transport answers: pong or close.
-    pub(super) fn answer(&self, frame: Frame<'_>) {
+    pub(super) fn answer(&self, frame: &Frame<'_>) {
         self.push(frame.opcode, frame.payload.to_vec());
     }
 

@@ -138,7 +138,7 @@ fn displace(session: &mut Session, instrument: bool, by: &[f64]) {
             point.position.x += by * normal[0];
             point.position.y += by * normal[1];
             point.position.z += by * normal[2];
-            event.tip = point.position.clone();
+            event.tip = point.position;
         } else {
             for (axis, normal) in event.axis_positions.iter_mut().zip(normal) {
                 *axis += by * normal;
