@@ -89,10 +89,7 @@ fn operators_are_registered_and_withdrawn_and_each_change_has_a_number() {
             folder.register("Eve", key(2)),
             "this key is registered for \"Grace\" already",
         ),
-        (
-            folder.withdraw("Eve"),
-            "\"Eve\" has no key that could be withdrawn",
-        ),
+        (folder.withdraw("Eve"), "no key of \"Eve\" is registered"),
         (
             folder.register("../Eve", key(4)),
             "\"../Eve\" is not a valid name of an operator",
@@ -116,7 +113,7 @@ fn operators_are_registered_and_withdrawn_and_each_change_has_a_number() {
     .expect("its owner");
     let error = folder.operators().expect_err("no key").to_string();
     assert!(
-        error.ends_with("the key of \"A\" is none: a key has 64 hexadecimal digits"),
+        error.ends_with("the key of \"A\" is invalid: a key has 64 hexadecimal digits"),
         "{error}"
     );
 }

@@ -70,9 +70,9 @@ fn names_are_read_and_written_as_iso_230_has_them() {
         assert_eq!(link.turns(), name != "EX0C");
     }
     for (name, said) in [
-        ("EXX", "no location error"),
-        ("", "no location error"),
-        ("ED0B", "no location error"),
+        ("EXX", "not a location error"),
+        ("", "not a location error"),
+        ("ED0B", "not a location error"),
         ("EA0A", "axis `A`"),
         ("EA0", "axis ``"),
     ] {

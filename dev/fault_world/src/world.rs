@@ -89,7 +89,7 @@ struct World<'a> {
     asked: u64,
     last_correction: Option<Correction>,
     last_report: Option<PartReport>,
-    /// Parts of which conformity is neither proved nor refuted (ISO 14253-1).
+    /// Plans by which the conformity of a part is neither proved nor refuted (ISO 14253-1).
     indeterminate: BTreeSet<String>,
     reply: Option<OperatorReply>,
     healed: bool,
@@ -281,7 +281,11 @@ impl<'a> World<'a> {
         let (now, report) = (self.executor.now(), self.last_report.clone());
         // A part whose size lies within its uncertainty of a limit is made, and given to a person to decide.
         let made = (report.as_ref()).is_some_and(|report| {
-            report.verdict != PartReport::STOPPED || self.indeterminate.contains(&report.part_id)
+            let of_run = |plan: &String| {
+                let rest = plan.strip_prefix(&report.run_id);
+                rest.is_some_and(|rest| rest.starts_with('/'))
+            };
+            report.verdict != PartReport::STOPPED || self.indeterminate.iter().any(of_run)
         });
         self.checker.expect(now, made, Invariant::Recovery, || {
             let text = report.map_or("no report".to_owned(), |report| report.text);
@@ -329,7 +333,7 @@ impl<'a> World<'a> {
             } else if topic == topics::VERDICTS.name {
                 let verdict: probecell_msgs::Verdict = decoded(topics::VERDICTS, payload);
                 if verdict.verdict == probecell_msgs::Verdict::INDETERMINATE {
-                    self.indeterminate.insert(verdict.part_id);
+                    self.indeterminate.insert(verdict.plan_id);
                 }
             } else if topic == topics::PART_REPORTS.name {
                 self.last_report = Some(decoded(topics::PART_REPORTS, payload));

@@ -633,7 +633,7 @@ fn a_table_of_links_that_the_machine_lacks_or_of_none_is_refused() {
             vec!["EC0W"],
             "`EC0W` names axis `W`, which the robot description lacks",
         ),
-        (vec!["ECY"], "`ECY` is no location error"),
+        (vec!["ECY"], "`ECY` is not a location error"),
         (vec!["EC0Y", "EX0C", "EC0Y"], "\"EC0Y\" is listed twice"),
     ] {
         let table = RawVolumetric {

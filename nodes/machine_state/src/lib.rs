@@ -41,7 +41,7 @@
 //!     ..ControllerStatus::default()
 //! };
 //! for input in [Input::Timer(START), Input::Status(sample)] {
-//!     MachineStateNode::step(&config, &mut state, Stamp(0), input, &mut out);
+//!     MachineStateNode::step(&config, &mut state, Stamp(1_000_000_000), input, &mut out);
 //! }
 //! let commands = out.messages().iter().filter_map(|output| match output {
 //!     Output::Command(command) => Some((command.session.as_str(), command.kind)),

@@ -110,7 +110,10 @@ mod tests {
             let headers = headers(&[host.clone(), (header::ORIGIN, origin)]);
             assert_eq!(known_origin(&headers, &named), Ok(()), "{origin}");
         }
-        assert_eq!(known_origin(&headers(std::slice::from_ref(&host)), &[]), Ok(()));
+        assert_eq!(
+            known_origin(&headers(std::slice::from_ref(&host)), &[]),
+            Ok(())
+        );
         for origin in ["https://evil.example", "null", "http://127.0.0.1:8080"] {
             let headers = headers(&[host.clone(), (header::ORIGIN, origin)]);
             assert_eq!(known_origin(&headers, &named), Err(origin), "{origin}");

@@ -28,7 +28,10 @@ pub(super) struct Node {
 }
 
 /// What has reached the gate that runs now.
-#[expect(clippy::struct_excessive_bools, reason = "each is a fact of its own, in any combination")]
+#[expect(
+    clippy::struct_excessive_bools,
+    reason = "each is a fact of its own, in any combination"
+)]
 #[derive(Clone, Default, Hash)]
 pub(super) struct Heard {
     /// A correction of the measurement was rejected.
