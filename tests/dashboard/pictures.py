@@ -9,7 +9,7 @@ import sys
 
 from PIL import Image
 
-PAGES = ("hall_hosts", "wall", "cell", "sessions", "session", "session_ball_check", "machine", "compare", "report", "diagnosis")
+PAGES = ("hall_hosts", "wall", "cell_waiting", "cell", "sessions", "session", "session_ball_check", "machine", "compare", "report", "diagnosis")
 COLOURS = 32
 LONGEST = 1900  # px; what is below is on the other pictures
 

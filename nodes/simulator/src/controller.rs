@@ -8,6 +8,7 @@ use crate::{
     motion::{self, Builder},
     plant,
     ports::Output,
+    replies::{refused, reply},
     state::{State, Then},
     stopping::{stand, stop},
 };
@@ -338,28 +339,4 @@ pub(crate) fn sample(config: &Config, state: &State, now: Stamp, out: &mut Outbo
         work_offsets: state.work_offsets.clone(),
         ..ControllerStatus::default()
     }));
-}
-
-pub(crate) fn reply(state: &State, now: Stamp, command: &ControllerCommand) -> ControllerReply {
-    ControllerReply {
-        header: now.header(""),
-        session: state.session.clone(),
-        command_id: command.command_id,
-        outcome: ControllerReply::DONE,
-        ..ControllerReply::default()
-    }
-}
-
-/// The reply that refuses a command.
-fn refused(
-    state: &State,
-    now: Stamp,
-    command: &ControllerCommand,
-    text: impl Into<String>,
-) -> Output {
-    Output::Reply(ControllerReply {
-        outcome: ControllerReply::REFUSED,
-        text: text.into(),
-        ..reply(state, now, command)
-    })
 }

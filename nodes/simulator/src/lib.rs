@@ -73,6 +73,7 @@ mod points;
 mod ports;
 mod probe;
 mod raw;
+mod replies;
 mod state;
 mod step;
 mod stopping;

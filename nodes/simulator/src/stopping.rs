@@ -1,12 +1,12 @@
 //! Programs that are ended, and a machine that stands some time after it was told to.
 
 use graph::{Outbox, Stamp};
-use probecell_msgs::{ControllerCommand, ControllerReply};
+use probecell_msgs::ControllerCommand;
 
 use crate::{
     config::Config,
-    controller::reply,
     ports::Output,
+    replies::{failed, reply},
     state::{State, Stopping},
 };
 
@@ -47,13 +47,4 @@ pub(crate) fn abort(state: &mut State, now: Stamp, text: &str, out: &mut Outbox<
     {
         out.send(failed(state, now, &command, text));
     }
-}
-
-/// The reply that ends a command which had begun.
-fn failed(state: &State, now: Stamp, command: &ControllerCommand, text: &str) -> Output {
-    Output::Reply(ControllerReply {
-        outcome: ControllerReply::FAILED,
-        text: text.to_owned(),
-        ..reply(state, now, command)
-    })
 }

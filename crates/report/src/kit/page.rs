@@ -20,11 +20,9 @@ pub struct Page {
 /// A block of a page. Texts are plain.
 #[derive(Clone, Debug)]
 enum Block {
-    /// On paper a section begins on a new page, a heading does not.
-    Heading {
-        text: String,
-        section: bool,
-    },
+    Heading(String),
+    /// On paper only: who released the record, when, and the signature.
+    Signature,
     Lead(String),
     Paragraph(String),
     List(Vec<String>),
@@ -66,6 +64,8 @@ impl Table {
 
 /// Rows from which on a printed table may continue on the next sheet, with its head repeated.
 const KEPT_WHOLE: usize = 20;
+/// Most columns that a phone shows side by side; of a wider table each row stands upright there.
+const NARROW: usize = 4;
 /// Characters on a line of plain text; a wider table is printed row by row.
 const LINE: usize = 140;
 
@@ -78,13 +78,20 @@ th, td { text-align: left; vertical-align: top; padding: .2rem .8rem .2rem 0; bo
 .plots { display: flex; flex-wrap: wrap; gap: 1rem; } figure { margin: 0; break-inside: avoid; }
 figcaption { font-size: .85rem; color: #444; max-width: 46rem; } .plots figcaption { max-width: 480px; } svg { max-width: 100%; height: auto; }
 .lead { font-size: 1.1rem; } li { margin: .2rem 0; }
-@media screen and (max-width: 40rem) { body { overflow-wrap: anywhere; } table { font-size: .8rem; } th, td { padding-right: .4rem; } }
+@media screen and (max-width: 40rem) {
+body { overflow-wrap: anywhere; } table { font-size: .85rem; } th, td { padding-right: .4rem; }
+.wide, .wide tbody, .wide tr, .wide caption { display: block; } .wide thead { display: none; } .wide tr { border-bottom: 1px solid #bbb; padding: .3rem 0; }
+.wide td { display: grid; grid-template-columns: 8rem 1fr; border: 0; padding: .1rem 0; } .wide td::before { content: attr(data-label); color: #555; }
+.wide td:first-child { font-weight: 600; }
+}
+.signature { display: none; }
 @page { size: A4; margin: 15mm; @bottom-right { content: counter(page) ' / ' counter(pages); font-size: 8pt; } }
 @media print {
 body { margin: 0; padding: 0; max-width: none; font-size: 10pt; color: #000; background: none; }
-h1, h2, caption { break-after: avoid; } h2.section { break-before: page; margin-top: 0; } p, li { orphans: 3; widows: 3; }
-table { font-size: 8pt; max-width: 100%; break-inside: avoid; } table.long { break-inside: auto; } thead { display: table-header-group; }
-tr { break-inside: avoid; } th, td { padding-right: .5rem; border-bottom: .5pt solid #999; } td { overflow-wrap: anywhere; } td:first-child { overflow-wrap: break-word; }
+h1, h2, caption { break-after: avoid; } p, li { orphans: 3; widows: 3; }
+table { font-size: 8pt; max-width: 100%; break-inside: avoid; } table.long, table.wide { break-inside: auto; } thead { display: table-header-group; }
+tr { break-inside: avoid; } th, td { padding-right: .5rem; border-bottom: .5pt solid #999; } td { overflow-wrap: break-word; } td.quantity { white-space: nowrap; }
+.signature { display: flex; gap: 8mm; margin-top: 14mm; break-inside: avoid; } .signature span { flex: 1; border-top: .5pt solid #000; padding-top: 1mm; font-size: 8pt; }
 .plots { display: block; } figure { margin: .5rem 0; } figcaption { color: #000; max-width: none; } svg { max-height: 230mm; }
 }
 ";
@@ -100,18 +107,12 @@ impl Page {
 
     /// A heading of the second order.
     pub fn heading(&mut self, text: &str) -> &mut Self {
-        self.add(Block::Heading {
-            text: text.to_owned(),
-            section: false,
-        })
+        self.add(Block::Heading(text.to_owned()))
     }
 
-    /// A heading whose section begins on a new page when printed.
-    pub fn section(&mut self, text: &str) -> &mut Self {
-        self.add(Block::Heading {
-            text: text.to_owned(),
-            section: true,
-        })
+    /// A line to be signed, which is on paper only.
+    pub fn signature(&mut self) -> &mut Self {
+        self.add(Block::Signature)
     }
 
     /// A paragraph in larger type: the conclusion.
@@ -205,7 +206,7 @@ impl Page {
         let mut heading = None;
         for block in &self.blocks {
             match block {
-                Block::Heading { .. } => heading = Some(block),
+                Block::Heading(_) => heading = Some(block),
                 Block::Figures { .. } => {}
                 other => {
                     if let Some(heading) = heading.take() {
@@ -222,9 +223,14 @@ impl Page {
 impl Block {
     fn html(&self, body: &mut String) {
         match self {
-            Self::Heading { text, section } => {
-                let class = if *section { " class=\"section\"" } else { "" };
-                element(body, "h2", class, text);
+            Self::Heading(text) => element(body, "h2", "", text),
+            Self::Signature => {
+                let names = ["Released by", "Date", "Signature"];
+                let lines = names.map(|name| format!("<span>{name}</span>"));
+                put(
+                    body,
+                    format_args!("<p class=\"signature\">{}</p>\n", lines.concat()),
+                );
             }
             Self::Lead(text) => element(body, "p", " class=\"lead\"", text),
             Self::Paragraph(text) => element(body, "p", "", text),
@@ -256,7 +262,7 @@ impl Block {
 
     fn text(&self, text: &mut String) {
         match self {
-            Self::Heading { text: name, .. } => {
+            Self::Heading(name) => {
                 let name = plain(name);
                 let line = "-".repeat(name.chars().count());
                 put(text, format_args!("\n{name}\n{line}\n"));
@@ -271,7 +277,7 @@ impl Block {
                 }
             }
             Self::Table(table) => table.text(text),
-            Self::Figures { .. } => {}
+            Self::Figures { .. } | Self::Signature => {}
         }
     }
 }
@@ -283,10 +289,12 @@ impl Table {
 
     fn html(&self, body: &mut String) {
         let long = self.rows.len() > KEPT_WHOLE;
-        body.push_str(if long {
-            "<table class=\"long\">\n"
-        } else {
-            "<table>\n"
+        let wide = self.has_head() && self.columns.len() > NARROW;
+        body.push_str(match (long, wide) {
+            (false, false) => "<table>\n",
+            (false, true) => "<table class=\"wide\">\n",
+            (true, false) => "<table class=\"long\">\n",
+            (true, true) => "<table class=\"long wide\">\n",
         });
         if !self.caption.is_empty() {
             element(body, "caption", "", &self.caption);
@@ -294,12 +302,33 @@ impl Table {
         if self.has_head() {
             // Repeated on every sheet to which the table continues.
             body.push_str("<thead>\n");
-            cells_html(body, &self.columns, "th");
+            body.push_str("<tr>");
+            for name in &self.columns {
+                put(body, format_args!("<th>{}</th>", escaped(name)));
+            }
+            body.push_str("</tr>\n");
             body.push_str("</thead>\n");
         }
         body.push_str("<tbody>\n");
         for cells in &self.rows {
-            cells_html(body, cells, "td");
+            body.push_str("<tr>");
+            for (column, cell) in cells.iter().enumerate() {
+                // What a phone writes before the cell, where the row stands upright.
+                let name = self.columns.get(column).filter(|_| wide);
+                let label = name.map_or(String::new(), |name| {
+                    format!(" data-label=\"{}\"", escaped(name))
+                });
+                let class = if is_quantity(cell) {
+                    " class=\"quantity\""
+                } else {
+                    ""
+                };
+                put(
+                    body,
+                    format_args!("<td{class}{label}>{}</td>", escaped(cell)),
+                );
+            }
+            body.push_str("</tr>\n");
         }
         body.push_str("</tbody>\n");
         body.push_str("</table>\n");
@@ -344,12 +373,10 @@ impl Table {
     }
 }
 
-fn cells_html(body: &mut String, cells: &[String], tag: &str) {
-    body.push_str("<tr>");
-    for cell in cells {
-        put(body, format_args!("<{tag}>{}</{tag}>", escaped(cell)));
-    }
-    body.push_str("</tr>\n");
+/// A number with its unit, or two limits: not to be broken into lines on paper.
+fn is_quantity(cell: &str) -> bool {
+    let is_short = cell.chars().count() <= 22;
+    is_short && cell.starts_with(|first: char| first.is_ascii_digit() || "+-−±".contains(first))
 }
 
 fn element(body: &mut String, tag: &str, attributes: &str, text: &str) {

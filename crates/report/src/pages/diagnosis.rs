@@ -43,7 +43,7 @@ pub fn diagnosis_page(report: &Report, residuals: &Residuals) -> Result<Page, Pl
         Residuals::Moves(all) => moves::pictures(&mut page, all)?,
     }
     if !report.next_measurement.is_empty() {
-        page.section("Further measurements");
+        page.heading("Further measurements");
         next(&mut page, report);
     }
     considered(&mut page, report);

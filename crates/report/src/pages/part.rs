@@ -120,6 +120,7 @@ pub fn part_page(session: &PartSession, diagnosis: ShortDiagnosis<'_>) -> Result
          rule of the cell file and its risk (JCGM 106:2012). A size that a reference contradicts (E_n > 1, ISO 13528:2015) is \
          not qualified, whatever the reading was. Times are UTC.",
     );
+    page.signature();
     Ok(page)
 }
 
@@ -245,7 +246,7 @@ fn measurement(
     session: &PartSession,
     plan: &InspectionPlan,
 ) -> Result<(), PlotError> {
-    page.section(&format!("Measurement {}", plan.plan_id));
+    page.heading(&format!("Measurement {}", plan.plan_id));
     let decision = (session.decisions.iter()).find(|one| one.plan_id == plan.plan_id);
     page.paragraph(&decision.map_or_else(
         || "No decision was based on it.".to_owned(),
@@ -282,7 +283,7 @@ fn measurement(
 }
 
 fn troubles(page: &mut Page, session: &PartSession) {
-    page.section("Faults and losses");
+    page.heading("Faults and losses");
     if session.faults.is_empty() {
         page.paragraph("No node reported a fault.");
     } else {

@@ -16,7 +16,7 @@ const MOST_FEATURES: usize = 40;
 
 /// Adds the pictures of one comparison.
 pub(crate) fn pictures(page: &mut Page, touches: &TouchResiduals) -> Result<(), PlotError> {
-    page.section(&format!("On the part: {}", touches.compared));
+    page.heading(&format!("On the part: {}", touches.compared));
     let outliers = touches.touches.iter().filter(|touch| touch.after.is_none());
     let outliers: Vec<String> = outliers.map(|touch| touch.sequence.to_string()).collect();
     if !outliers.is_empty() {
@@ -26,7 +26,7 @@ pub(crate) fn pictures(page: &mut Page, touches: &TouchResiduals) -> Result<(), 
         ));
     }
     page.plots(&on_the_part(touches))?;
-    page.section(&format!(
+    page.heading(&format!(
         "Dependence on the coordinates: {}",
         touches.compared
     ));

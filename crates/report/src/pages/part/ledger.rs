@@ -62,7 +62,7 @@ pub(super) fn add(page: &mut Page, session: &PartSession) {
             step.source,
         ]);
     }
-    page.section("Corrections, step by step").table(&table);
+    page.heading("Corrections, step by step").table(&table);
     let waiting = unanswered(session);
     if !waiting.is_empty() {
         page.paragraph(&format!(

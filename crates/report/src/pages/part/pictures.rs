@@ -45,14 +45,10 @@ pub(super) fn before_and_after(page: &mut Page, session: &PartSession) -> Result
             None => passes.push((plan, plan)),
         }
     }
-    for (number, (first, last)) in passes.into_iter().enumerate() {
+    for (first, last) in passes {
         let corrected = first.plan_id != last.plan_id;
         let title = format!("Deviations of {}", run(first));
-        if number == 0 {
-            page.section(&title);
-        } else {
-            page.heading(&title);
-        }
+        page.heading(&title);
         let mut measured = vec![(
             if corrected {
                 "before correction"
