@@ -17,7 +17,7 @@ import tempfile
 HERE = pathlib.Path(__file__).resolve().parent
 ROOT = HERE.parents[2]
 SCHEMAS = ROOT.parent / "shared" / "data" / "schemas"
-sys.path.insert(0, str(HERE))
+sys.path[:0] = [str(HERE), str(HERE.parent)]
 PROGRAM = pathlib.Path(sys.argv[1]).resolve()
 CHECKS = []
 
@@ -37,20 +37,6 @@ def probecell(*arguments, status=0):
 def answer(*arguments):
     """The JSON that a command prints."""
     return json.loads(probecell(*arguments, "--json")[0])
-
-
-def messages(bag):
-    """Messages of a recording by topic, read by the mcap library of Python."""
-    from mcap.reader import make_reader
-    from mcap_ros2.decoder import DecoderFactory
-
-    found = {}
-    for file in sorted(pathlib.Path(bag).glob("*.mcap")):
-        with open(file, "rb") as stream:
-            reader = make_reader(stream, decoder_factories=[DecoderFactory()])
-            for _, channel, _, message in reader.iter_decoded_messages():
-                found.setdefault(channel.topic.rsplit("/", 1)[1], []).append(message)
-    return found
 
 
 def main():

@@ -7,7 +7,8 @@ import math
 import pathlib
 
 import touches
-from check import ROOT, SCHEMAS, check, close, messages, probecell
+from check import ROOT, SCHEMAS, check, close, probecell
+from recorded import messages
 
 SAMPLES = ROOT / "bags" / "samples"
 DIAMETERS = {1, 2, 3}  # CYLINDER, BORE, SPHERE

@@ -4,7 +4,8 @@ import csv
 import math
 import random
 
-from check import ROOT, SCHEMAS, answer, check, close, messages, probecell
+from check import ROOT, SCHEMAS, answer, check, close, probecell
+from recorded import messages
 
 SAMPLES = SCHEMAS / "qif3" / "samples"
 SPACE = {"q": "http://qifstandards.org/xsd/qif3"}

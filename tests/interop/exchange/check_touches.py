@@ -3,7 +3,8 @@
 import csv
 
 import touches
-from check import answer, check, close, messages, probecell
+from check import answer, check, close, probecell
+from recorded import messages
 
 TABLE = ["--columns", touches.COLUMNS, "--units", touches.UNITS]
 

@@ -19,7 +19,9 @@ from lxml import etree
 ROOT = pathlib.Path(__file__).resolve().parents[3]
 SCHEMAS = ROOT.parent / "shared" / "data" / "schemas" / "mtconnect"
 PROGRAM = pathlib.Path(sys.argv[1]).resolve()
-sys.path[:0] = [str(ROOT / "tests" / "interop" / "exchange")]
+sys.path[:0] = [str(ROOT / "tests" / "interop")]
+from recorded import messages  # noqa: E402
+
 READY = re.compile(r"http://127\.0\.0\.1:(\d+)/")
 
 
@@ -98,18 +100,6 @@ def close(text, metres):
     assert abs(float(text) - metres * 1e3) <= abs(metres * 1e3) * 4e-16 + 1e-300, (text, metres)
 
 
-def recorded(folder):
-    from mcap.reader import make_reader
-    from mcap_ros2.decoder import DecoderFactory
-
-    held = {}
-    for file in sorted(folder.glob("**/*.mcap")):
-        with open(file, "rb") as stream:
-            for _, channel, _, message in make_reader(stream, decoder_factories=[DecoderFactory()]).iter_decoded_messages():
-                held.setdefault(channel.topic.rsplit("/", 1)[1], []).append(message)
-    return held
-
-
 def errors_are_documents(agent, last):
     for path, word in (
         ("/sample?from=99999999", "OutOfRange"),
@@ -118,6 +108,8 @@ def errors_are_documents(agent, last):
         ("/sample?count=many", "InvalidParameterValue"),
         ("/current?path=//Path", "Unsupported"),
         ("/assets", "Unsupported"),
+        ("/sample?interval=100&heartbeat=0", "InvalidParameterValue"),
+        ("/current?interval=0", "InvalidParameterValue"),
         ("/other/probe", "NoDevice"),
         ("/a/b/c/d", "Unsupported"),
     ):
@@ -169,7 +161,8 @@ def main():
         assert {item: what for _, item, what in observations(agent.get(f"/current?at={middle}", "Streams"))} == held
         executions = [text for _, item, text in whole if item == "execution"]
         assert "ACTIVE" in executions and "READY" in executions, executions
-        check_figures(whole, recorded(work / "recordings"))
+        (recording,) = (work / "recordings").iterdir()
+        check_figures(whole, messages(recording))
         errors_are_documents(agent, len(whole))
         third_party(port, devices)
     finally:

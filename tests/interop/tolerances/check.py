@@ -20,8 +20,9 @@ from scipy.optimize import least_squares, linprog
 from scipy.spatial.transform import Rotation
 
 ROOT = pathlib.Path(__file__).resolve().parents[3]
-sys.path[:0] = [str(ROOT / "tests" / "interop" / "plans")]
+sys.path[:0] = [str(ROOT / "tests" / "interop"), str(ROOT / "tests" / "interop" / "plans")]
 from checker import Machine, Plan  # noqa: E402
+from recorded import messages  # noqa: E402
 
 PROGRAM = pathlib.Path(sys.argv[1]).resolve()
 SAME = 2e-9  # m
@@ -42,18 +43,6 @@ TOLERANCES = [  # name, feature, kind, µm, datums
     ("bore_too_tight", "bore", "cylindricity", 0.5, []),
 ]
 TERMS = {"total_run_out": "total run-out", "profile": "profile of a surface"}
-
-
-def messages(bag):
-    from mcap.reader import make_reader
-    from mcap_ros2.decoder import DecoderFactory
-
-    found = {}
-    for file in sorted(bag.glob("*.mcap")):
-        with open(file, "rb") as stream:
-            for _, channel, _, message in make_reader(stream, decoder_factories=[DecoderFactory()]).iter_decoded_messages():
-                found.setdefault(channel.topic.rsplit("/", 1)[1], []).append(message)
-    return found
 
 
 def plane_zone(points, start, across=None):

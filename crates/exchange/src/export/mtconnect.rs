@@ -44,10 +44,6 @@ impl Content {
     fn text(text: &str) -> Self {
         Self::Text(text.to_owned())
     }
-
-    fn is_text(&self, text: &str) -> bool {
-        matches!(self, Self::Text(own) if own == text)
-    }
 }
 
 /// Element of the observations of a data item.

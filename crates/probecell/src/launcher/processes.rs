@@ -31,6 +31,18 @@ struct Supervised {
     restart_at: Option<Instant>,
 }
 
+impl Supervised {
+    fn new(name: &str, child: Child) -> Self {
+        Self {
+            name: name.to_owned(),
+            child,
+            starts: 1,
+            delay: FIRST_DELAY,
+            restart_at: None,
+        }
+    }
+}
+
 /// The processes of a cell.
 pub(super) struct Processes {
     file: PathBuf,
@@ -65,14 +77,7 @@ impl Processes {
 
     pub(super) fn start(&mut self, name: &str) -> anyhow::Result<()> {
         let child = self.spawn_node(name, 0)?;
-        let name = name.to_owned();
-        self.nodes.push(Supervised {
-            name,
-            child,
-            starts: 1,
-            delay: FIRST_DELAY,
-            restart_at: None,
-        });
+        self.nodes.push(Supervised::new(name, child));
         Ok(())
     }
 
@@ -114,14 +119,7 @@ impl Processes {
             .arg("--folder")
             .arg(folder);
         let child = command.spawn().context("cannot start the recorder")?;
-        let name = RECORDER.to_owned();
-        self.recorder = Some(Supervised {
-            name,
-            child,
-            starts: 1,
-            delay: FIRST_DELAY,
-            restart_at: None,
-        });
+        self.recorder = Some(Supervised::new(RECORDER, child));
         Ok(())
     }
 

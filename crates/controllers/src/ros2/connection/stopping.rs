@@ -42,31 +42,24 @@ impl Robot {
 
     /// The robot is gone: what was under way has failed.
     pub(super) fn end_work(&mut self, now: i64, why: &str, out: &mut Vec<DriverOutput>) {
-        let command = match self.work.take() {
+        let ended: Vec<ControllerCommand> = match self.work.take() {
             None => return,
-            Some(Work::Measure(measurement)) => measurement.command,
-            Some(Work::Cut(cut)) => cut.command,
+            Some(Work::Measure(measurement)) => vec![measurement.command],
+            Some(Work::Cut(cut)) => vec![cut.command],
             Some(Work::Stop(stopping)) => {
-                let ended = stopping.interrupted.into_iter().map(|(command, _)| command);
-                for command in ended.chain(stopping.command) {
-                    out.push(reply(
-                        now,
-                        &self.session,
-                        &command,
-                        ControllerReply::FAILED,
-                        why,
-                    ));
-                }
-                return;
+                let interrupted = stopping.interrupted.map(|(command, _)| command);
+                interrupted.into_iter().chain(stopping.command).collect()
             }
         };
-        out.push(reply(
-            now,
-            &self.session,
-            &command,
-            ControllerReply::FAILED,
-            why,
-        ));
+        for command in ended {
+            out.push(reply(
+                now,
+                &self.session,
+                &command,
+                ControllerReply::FAILED,
+                why,
+            ));
+        }
     }
 
     pub(super) fn continue_stop(

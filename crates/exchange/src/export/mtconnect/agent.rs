@@ -41,6 +41,8 @@ pub struct Agent {
     buffer: VecDeque<Observation>,
     /// What each data item told last before the oldest observation kept.
     before: BTreeMap<&'static str, Observation>,
+    /// What each data item with a text told last, so that a sample of the machine is compared without a search.
+    latest: BTreeMap<&'static str, String>,
     plans: BTreeMap<String, InspectionPlan>,
     results: Vec<FeatureResult>,
     verdicts: Vec<Verdict>,
@@ -56,6 +58,7 @@ impl Agent {
             next: 1,
             buffer: VecDeque::new(),
             before: BTreeMap::new(),
+            latest: BTreeMap::new(),
             plans: BTreeMap::new(),
             results: Vec::new(),
             verdicts: Vec::new(),
@@ -69,7 +72,7 @@ impl Agent {
             TOOLS,
             WORK,
         ] {
-            agent.observe(item, now, Content::text("UNAVAILABLE"));
+            agent.change(item, now, "UNAVAILABLE");
         }
         agent
     }
@@ -92,9 +95,8 @@ impl Agent {
 
     /// The same, where a data item tells something else than before.
     fn change(&mut self, item: &'static str, when: Time, text: &str) {
-        let kept = self.buffer.iter().rev().find(|one| one.item == item);
-        let last = kept.or_else(|| self.before.get(item));
-        if !last.is_some_and(|last| last.content.is_text(text)) {
+        if self.latest.get(item).is_none_or(|latest| latest != text) {
+            self.latest.insert(item, text.to_owned());
             self.observe(item, when, Content::text(text));
         }
     }
@@ -256,11 +258,10 @@ impl Agent {
         if !range.contains(&at) {
             return Err(self.out_of_range("at", at, now));
         }
-        let mut last = self.before.clone();
-        for one in self.buffer.iter().take_while(|one| one.sequence <= at) {
-            last.insert(one.item, one.clone());
-        }
-        let mut last: Vec<&Observation> = last.values().collect();
+        let kept = self.buffer.iter().take_while(|one| one.sequence <= at);
+        let all = self.before.values().chain(kept);
+        let last: BTreeMap<&str, &Observation> = all.map(|one| (one.item, one)).collect();
+        let mut last: Vec<&Observation> = last.into_values().collect();
         last.sort_by_key(|one| one.sequence);
         Ok(self.streams(&last, self.next, now))
     }

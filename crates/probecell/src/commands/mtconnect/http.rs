@@ -124,6 +124,10 @@ fn respond(served: &Arc<Served>, request: &str, parameters: &Parameters) -> Resp
         ("probe", None) => answer(Ok(served.agent().probe(now))),
         ("current", None) => answer(served.agent().current(asked.at, now)),
         ("sample", None) => answer(served.agent().sample(asked.from, asked.count, now)),
+        ("current", Some(Duration::ZERO)) => {
+            let text = "interval = 0 is for sample: current is answered at intervals from 1 ms";
+            answer(Err(served.agent().invalid("interval", text, now)))
+        }
         ("current" | "sample", Some(interval)) => {
             let is_sample = request == "sample";
             let first = served.agent().sample(asked.from, asked.count, now);
@@ -154,7 +158,7 @@ struct Asked {
 }
 
 impl Asked {
-    /// Reads them; the name of the one that is no number, and a sentence.
+    /// Reads them; the name of the one that is not a number, and a sentence.
     fn read(parameters: &Parameters) -> Result<Self, (&'static str, String)> {
         let number = |name: &'static str| {
             let text = parameters.get(name);
@@ -171,7 +175,10 @@ impl Asked {
             from: number("from")?,
             count,
             interval: number("interval")?.map(Duration::from_millis),
-            heartbeat: Duration::from_millis(number("heartbeat")?.unwrap_or(HEARTBEAT)),
+            heartbeat: match number("heartbeat")?.unwrap_or(HEARTBEAT) {
+                0 => return Err(("heartbeat", "heartbeat = 0 is below 1 ms".to_owned())),
+                heartbeat => Duration::from_millis(heartbeat),
+            },
         })
     }
 }
@@ -183,9 +190,10 @@ fn follow(served: Arc<Served>, is_sample: bool, asked: &Asked, interval: Duratio
     let from = asked.from.unwrap_or_else(|| served.agent().first());
     let observations = served.observations();
     let parts = unfold(
-        (served, observations, from, true),
+        (served, observations, Some(from), true),
         move |state| async move {
             let (served, mut observations, from, is_first) = state;
+            let from = from?;
             if !is_first {
                 tokio::time::sleep(interval).await;
             }
@@ -208,11 +216,10 @@ fn follow(served: Arc<Served>, is_sample: bool, asked: &Asked, interval: Duratio
                 document.len()
             );
             let part = Bytes::from(head + &document + "\r\n");
-            // A reader that fell out of the buffer gets the error document, and must ask again.
-            let from = next.unwrap_or(u64::MAX);
+            // A reader that fell out of the buffer gets the error document, which ends the stream.
             Some((
                 Ok::<_, Infallible>(part),
-                (served, observations, from, false),
+                (served, observations, next, false),
             ))
         },
     );
