@@ -178,18 +178,13 @@ def check_figures(whole, held):
     sizes = {}
     for _, item, what in whole:
         if item == "feature_measurements" and isinstance(what, dict):
-            for cells in what.values():
-                sizes[(cells["MEASUREMENT_ID"], cells["FEATURE_PERSISTENT_ID"])] = cells
-    last = {}
-    for result in held["feature_results"]:
-        last[(result.plan_id, result.feature_id)] = result
-    assert len(sizes) == len(last) > 0, (len(sizes), len(last))
-    values = sorted(float(cells["MEASUREMENT_VALUE"]) for cells in sizes.values())
-    for value, size in zip(values, sorted(result.size for result in last.values())):
-        close(value, size)
-    uncertainties = sorted(float(cells["UNCERTAINTY"]) for cells in sizes.values())
-    for value, uncertainty in zip(uncertainties, sorted(result.standard_uncertainty for result in last.values())):
-        close(value, uncertainty)
+            for feature, cells in what.items():
+                sizes[(cells["MEASUREMENT_ID"], feature)] = cells
+    last = {(result.plan_id, result.feature_id): result for result in held["feature_results"]}
+    assert set(sizes) == set(last) and last, set(sizes) ^ set(last)
+    for key, result in last.items():
+        close(sizes[key]["MEASUREMENT_VALUE"], result.size)
+        close(sizes[key]["UNCERTAINTY"], result.standard_uncertainty)
     judged = {cells["CHARACTERISTIC_STATUS"] for cells in sizes.values()}
     assert "PASS" in judged, judged
     offsets = [what for _, item, what in whole if item == "tool_offsets" and isinstance(what, dict)][-1]
