@@ -14,17 +14,4 @@ pub mod lake;
 pub mod trend;
 pub mod year;
 
-/// An error as one sentence; causes that it already contains are left out.
-pub fn sentence(error: &anyhow::Error) -> String {
-    let mut sentence = String::new();
-    for cause in error.chain().map(ToString::to_string) {
-        if !sentence.contains(&cause) {
-            sentence = if sentence.is_empty() {
-                cause
-            } else {
-                format!("{sentence}: {cause}")
-            };
-        }
-    }
-    sentence.replace('\n', " ")
-}
+pub use recorded::sentence;

@@ -40,6 +40,7 @@ mod model;
 mod motion;
 mod nodes;
 mod numbers;
+mod order;
 pub mod policy;
 pub mod secrets;
 mod sections;
@@ -60,6 +61,7 @@ pub use driver::DriverSection;
 pub use model::{AdoptError, Adopted, ModelSection, adopt, remove};
 pub use motion::{AdoptedMotion, adopt_motion, motion_of_text};
 pub use nodes::{NodeEntry, Site};
+pub use order::OrderError;
 pub use sections::{
     ApprovalsSection, BusSection, CellSection, RecorderSection, Strangers, TransportName,
     domain_of_environment,

@@ -105,19 +105,9 @@ pub(crate) fn damage(found: &[bags::Damage]) -> u8 {
     }
 }
 
-/// An error as one sentence; causes that the sentence already contains are omitted.
+/// An error as one sentence.
 pub(crate) fn error(error: &anyhow::Error) {
-    let mut sentence = String::new();
-    for cause in error.chain().map(ToString::to_string) {
-        if !sentence.contains(&cause) {
-            sentence = if sentence.is_empty() {
-                cause
-            } else {
-                format!("{sentence}: {cause}")
-            };
-        }
-    }
-    eprintln!("probecell: {}", printable(&sentence.replace('\n', " ")));
+    eprintln!("probecell: {}", printable(&recorded::sentence(error)));
 }
 
 #[cfg(test)]

@@ -13,6 +13,8 @@ pub const CELL_FILE: &str = "cell.toml";
 pub const ROBOT_FILE: &str = "robot.urdf";
 /// Name of the attachment with the cell's public key.
 pub const KEY_FILE: &str = "cell.pub";
+/// Name of the table of what made a recording: version and source revision of the program.
+pub const PROVENANCE: &str = "probecell";
 
 /// Begin of the first line of a description: a comment in TOML.
 const KEY_LINE: &str = "# public key of the cell: ";

@@ -1,13 +1,17 @@
-//! A measurement of a bag as the diagnosis takes it: the last one or a named one, with what it adds to, and with the model
-//! that the bag's cell declares.
+//! What a recording is to the rest: a measurement as the diagnosis takes it, with the model that its cell declares; the record of
+//! its parts; its plan ordered again; and the reverse, a made session as a recording.
 //!
 //! ```text
 //!  bag ──> bags::Session of the measurement ──┐
 //!      ──> that of the plan it supplements ───┼──> effects::Session, and what a person has to know of it
 //!      ──> cell file: declared effects ───────┘
+//!      ──> record: report::PartSession ──> its page; sizes as JSON
+//!      ──> order: the measuring order that would have been shorter
+//!  touches and their plan ──> evaluation: deviations, features with uncertainty
+//!  files of other systems ──> import ──> effects::Session ──> write: a bag
 //! ```
 //!
-//! The command `diagnose` and `probecell-fleet` read by it, so that both answer alike.
+//! The command, `probecell-fleet` and the Python package read by it, so that all answer alike.
 //!
 //! ```no_run
 //! use bags::Measurement;
@@ -19,6 +23,12 @@
 //! ```
 
 pub mod embedded;
+pub mod evaluation;
+pub mod import;
+pub mod order;
+pub mod record;
+pub mod sizes;
+pub mod write;
 
 use std::path::Path;
 
@@ -154,4 +164,19 @@ fn declared(bag: &Bag) -> anyhow::Result<Vec<DeclaredEffect>> {
         Ok(model) => Ok(model.effects),
         Err(error) => bail!("{}: {error}", text.name),
     }
+}
+
+/// An error as one sentence; causes that it already contains are omitted.
+pub fn sentence(error: &anyhow::Error) -> String {
+    let mut sentence = String::new();
+    for cause in error.chain().map(ToString::to_string) {
+        if !sentence.contains(&cause) {
+            sentence = if sentence.is_empty() {
+                cause
+            } else {
+                format!("{sentence}: {cause}")
+            };
+        }
+    }
+    sentence.replace('\n', " ")
 }

@@ -39,10 +39,21 @@ pub fn read(
     layout: Layout,
     units: &Units,
 ) -> Result<Vec<InspectionFeature>, ImportError> {
-    let table = Table::read(text, layout)?;
+    read_table(&Table::read(text, layout)?, layout, units)
+}
+
+/// As [`read`], of a table that was read already.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_table(
+    table: &Table,
+    layout: Layout,
+    units: &Units,
+) -> Result<Vec<InspectionFeature>, ImportError> {
     let mut features: Vec<InspectionFeature> = Vec::new();
     for row in &table.rows {
-        let feature = one(&table, row, layout, units)?;
+        let feature = one(table, row, layout, units)?;
         if features.iter().any(|known| known.id == feature.id) {
             let index = table.column("id")?;
             return Err(row.wrong(index, "expected a name that is not there yet"));

@@ -65,8 +65,15 @@ pub struct Machine {
 /// # Errors
 /// The first mistake, with line and column where there is one; with `skip_bad_rows` only what concerns the whole file.
 pub fn read(text: &str, settings: &Settings) -> Result<Imported, ImportError> {
-    let table = Table::read(text, settings.layout)?;
-    let columns = Columns::parse(&settings.columns, &table)?;
+    read_table(&Table::read(text, settings.layout)?, settings)
+}
+
+/// As [`read`], of a table that was read already.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_table(table: &Table, settings: &Settings) -> Result<Imported, ImportError> {
+    let columns = Columns::parse(&settings.columns, table)?;
     let mut reader = Reader::new(settings, &columns)?;
     let mut imported = Imported {
         robot_description: reader.urdf.clone(),

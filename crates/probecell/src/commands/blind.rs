@@ -6,13 +6,13 @@ use std::path::Path;
 
 use anyhow::Context;
 use indicatif::ProgressBar;
+use recorded::write;
 use serde_json::{Map, Value, json};
 use validation::blind::card::{Card, Judged, TRIALS, Trial, judge};
 use validation::blind::{Stage, session_on};
 
+use super::diagnose;
 use super::identifiability::{is_cell, of_cell};
-use super::{diagnose, session_bag};
-
 use crate::{GOOD, output};
 
 /// Makes, diagnoses and opens `trials` sessions, shared out evenly over the kinds of trials; they are made on the machine
@@ -83,7 +83,7 @@ fn leave(
         "effects": hidden,
         "judged": { "cause": judged.cause, "verdict": judged.verdict },
     });
-    session_bag::write(&folder.join(&sealed.name), "blind", &sealed)?;
+    write::write(&folder.join(&sealed.name), "blind", &sealed)?;
     let file = folder.join(format!("{}.seal.json", sealed.name));
     std::fs::write(&file, format!("{}\n", serde_json::to_string_pretty(&seal)?))
         .with_context(|| format!("cannot write {}", file.display()))

@@ -10,8 +10,8 @@ use clap::ValueEnum;
 use exchange::export::{Record, Size, aqdef, mtconnect, qif, table};
 use graph::topics;
 use probecell_msgs::{FeatureResult, ProbeEvent, ToolOffsets, geometrical};
+use recorded::record::{Reader, gather};
 
-use super::report;
 use crate::output;
 
 /// A format that goes out.
@@ -71,7 +71,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
 
 /// What the recording holds for other systems.
 fn record(bag: &Bag, path: &Path) -> anyhow::Result<Record> {
-    let session = report::gather(bag, path)?;
+    let session = gather(bag, path)?;
     let mut sizes: Vec<Size> = Vec::new();
     let mut known: BTreeMap<(String, String), usize> = BTreeMap::new();
     for one in size_records(&session) {
@@ -96,7 +96,7 @@ fn record(bag: &Bag, path: &Path) -> anyhow::Result<Record> {
         }
     }
     let namespace = format!("/{}", session.cell);
-    let reader = report::Reader {
+    let reader = Reader {
         bag,
         namespace: &namespace,
     };

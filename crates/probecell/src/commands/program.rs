@@ -11,6 +11,7 @@ use cell::Cell;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use controllers::dialect::{Characteristic, DIALECTS, Dialect, Job, ProgramWriter, by_name};
 use machine::{Chain, JointKind};
+use path_planning::Planned;
 use probecell_msgs::{InspectionPlan, MeasurementOrder};
 
 use recorded::embedded;
@@ -178,13 +179,13 @@ impl Source {
                     .clone_from(&chain.axis(axis).name);
                 cell.path_planning.clearance_mm = position * 1e3;
             }
-            let (plan, order, status) =
+            let Planned { plan, order } =
                 plan::of_cell(&cell, arguments.allowance_mm * 1e-3, &wanted)?;
             check_points(arguments, &order)?;
             return Ok(Self {
                 plan,
                 order,
-                status,
+                status: GOOD,
                 chain,
                 cell: Some(cell),
             });
@@ -203,7 +204,7 @@ impl Source {
                 "the bag does not contain its cell file, which names the axis that retracts clear of the part: give --clearance AXIS=MM"
             ),
         };
-        let (plan, order, status) = plan::of_bag(&bag, clearance, &wanted)?;
+        let (Planned { plan, order }, status) = plan::of_bag(&bag, clearance, &wanted)?;
         check_points(arguments, &order)?;
         Ok(Self {
             plan,

@@ -22,13 +22,10 @@ use probecell_msgs::{
     PartStatus, RecordingStatus, Service, builtin_interfaces::Time, from_cdr, is_unprintable, srv,
     to_cdr,
 };
-use recorded::embedded::{CELL_FILE, KEY_FILE, ROBOT_FILE};
+use recorded::embedded::{CELL_FILE, KEY_FILE, PROVENANCE, ROBOT_FILE};
 use trust::{Act, Kind, PublicKey, SecretKey};
 
 use crate::{GOOD, LOSS, cell_bus, output, routing::refuse_unheard, signals};
-
-/// Name of the table of provenance.
-pub(super) const PROVENANCE: &str = "probecell";
 
 /// Timeout of the recorder to answer a service; a client of this project waits for 15 s.
 const REPLY_TIMEOUT: Duration = Duration::from_secs(10);

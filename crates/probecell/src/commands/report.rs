@@ -2,15 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use ::report::{Page, PartSession, ShortDiagnosis, part_page};
-use anyhow::{Context, bail};
-use bags::{Bag, Damage, Gap};
-use diagnosis::Options;
-use graph::{Topic, topics};
-use probecell_msgs::{Fault, InspectionPlan, LossReport, Message, ReferenceMeasurement};
+use anyhow::Context;
+use recorded::{record, sizes};
 
-use super::record::PROVENANCE;
-use super::{diagnose, report_sizes};
 use crate::output;
 
 /// What the user asks for.
@@ -28,12 +22,12 @@ pub(crate) struct Arguments {
 
 /// Writes the page, or prints its text.
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
-    let (session, damage) = read(&arguments.bag)?;
+    let (session, damage) = record::read(&arguments.bag)?;
     if arguments.json {
-        output::json(&report_sizes::json(&session))?;
+        output::json(&sizes::json(&session))?;
         return Ok(output::damage(&damage));
     }
-    let page = page(&arguments.bag, &session)?;
+    let page = record::page(&arguments.bag, &session, &mut output::remark)?;
     match &arguments.html {
         Some(file) => std::fs::write(file, page.html())
             .with_context(|| format!("cannot write {}", file.display()))?,
@@ -44,188 +38,8 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
 
 /// The page of a recording.
 pub(super) fn html(bag: &Path) -> anyhow::Result<String> {
-    let (session, _) = read(bag)?;
-    Ok(page(bag, &session)?.html())
-}
-
-fn read(path: &Path) -> anyhow::Result<(PartSession, Vec<Damage>)> {
-    let bag = Bag::open(path)?;
-    let damage = bag.verify();
-    let session = PartSession {
-        damage: told(&damage, &bag.gaps(None)),
-        ..gather(&bag, path)?
-    };
-    Ok((session, damage))
-}
-
-/// Gaps of a topic that are listed one by one.
-const GAPS_LISTED: usize = 10;
-
-/// Damage, and the messages that are missing by number. Where a topic lacks very many, its last line is their count.
-fn told(damage: &[Damage], gaps: &[Gap]) -> Vec<String> {
-    let mut lines: Vec<String> = damage.iter().map(ToString::to_string).collect();
-    for of_topic in gaps.chunk_by(|one, other| one.topic == other.topic) {
-        let listed = of_topic.len().min(GAPS_LISTED);
-        lines.extend(of_topic[..listed].iter().map(ToString::to_string));
-        let more = of_topic[listed..].iter();
-        let missing: u64 = more.map(|gap| u64::from(gap.last - gap.first) + 1).sum();
-        if missing > 0 {
-            let (topic, places) = (&of_topic[0].topic, of_topic.len() - listed);
-            lines.push(format!(
-                "{topic}: {missing} further messages are missing in {places} places"
-            ));
-        }
-    }
-    lines
-}
-
-fn page(bag: &Path, session: &PartSession) -> anyhow::Result<Page> {
-    let command = format!("probecell diagnose {} --html FILE", session.name);
-    let made = diagnose::read(bag, &diagnose::Arguments::default())
-        .and_then(|session| Ok(diagnosis::diagnose(&session, &Options::default())?));
-    let reason;
-    let short = match &made {
-        Ok(found) => ShortDiagnosis::Made(found, &command),
-        Err(error) => {
-            reason = format!("{error:#}");
-            ShortDiagnosis::None(&reason)
-        }
-    };
-    Ok(part_page(session, short)?)
-}
-
-/// What the recording holds of its parts.
-pub(super) fn gather(bag: &Bag, path: &Path) -> anyhow::Result<PartSession> {
-    let namespace = namespace(bag, path)?;
-    let reader = Reader {
-        bag,
-        namespace: &namespace,
-    };
-    let mut plans: Vec<InspectionPlan> = Vec::new();
-    for plan in reader.all::<InspectionPlan>(topics::INSPECTION_PLAN)? {
-        match plans.iter_mut().find(|known| known.plan_id == plan.plan_id) {
-            Some(known) => *known = plan,
-            None => plans.push(plan),
-        }
-    }
-    if plans.is_empty() {
-        bail!(
-            "{}: no inspection plan was recorded, so no part was measured",
-            path.display()
-        );
-    }
-    let recorded: Vec<ReferenceMeasurement> = reader.all(topics::REFERENCE)?;
-    let (references, unusable_references) = report_sizes::by_reference(
-        bag,
-        &reader.all(topics::ROBOT_DESCRIPTION)?,
-        &plans,
-        &recorded,
-    )?;
-    let mut faults: Vec<Fault> = Vec::new();
-    let reporting = topics::ALL.iter();
-    for topic in reporting.filter(|topic| topic.message.name == Fault::TYPE.name) {
-        faults.extend(reader.all(*topic)?);
-    }
-    faults.sort_by_key(|fault| (fault.header.stamp.sec, fault.header.stamp.nanosec));
-    let mut loss_reports: Vec<LossReport> = reader.all(topics::LOSS_REPORTS)?;
-    loss_reports.sort_by_key(|loss| (loss.header.stamp.sec, loss.header.stamp.nanosec));
-    let provenance = |key: &str| {
-        let tables = bag.metadata().filter(|(name, _)| *name == PROVENANCE);
-        let values = tables.filter_map(|(_, table)| table.get(key));
-        values.last().cloned().unwrap_or_default()
-    };
-    let losses = bag.losses();
-    let losses = losses
-        .iter()
-        .map(|(topic, lost)| (topic.clone(), lost.missing()));
-    let mut session = PartSession {
-        name: path
-            .file_name()
-            .map_or_else(String::new, |name| name.to_string_lossy().into_owned()),
-        cell: namespace.trim_start_matches('/').to_owned(),
-        version: provenance("version"),
-        revision: provenance("source_revision"),
-        plans,
-        results: reader.all(topics::FEATURE_RESULTS)?,
-        references,
-        unusable_references,
-        alignments: reader.all(topics::PART_ALIGNMENT)?,
-        touches: reader.all(topics::TOUCH_DEVIATIONS)?,
-        verdicts: reader.all(topics::VERDICTS)?,
-        decisions: reader.all(topics::PASS_DECISIONS)?,
-        corrections: reader.all(topics::CORRECTIONS)?,
-        acknowledgements: reader.all(topics::CORRECTION_ACKNOWLEDGEMENTS)?,
-        runs: reader.all(topics::RUN_REQUESTS)?,
-        approvals: reader.all(topics::APPROVALS)?,
-        approval_replies: reader.all(topics::APPROVAL_REPLIES)?,
-        parts: reader.all(topics::PART_REPORTS)?,
-        faults,
-        loss_reports,
-        losses: losses.filter(|(_, missing)| *missing > 0).collect(),
-        damage: Vec::new(),
-    };
-    // A plan that was not measured contains nothing of a part.
-    if session
-        .touches
-        .iter()
-        .any(|touch| !touch.plan_id.is_empty())
-    {
-        let touches = &session.touches;
-        session
-            .plans
-            .retain(|plan| touches.iter().any(|touch| touch.plan_id == plan.plan_id));
-    }
-    Ok(session)
-}
-
-/// The only cell of the bag that makes parts.
-fn namespace(bag: &Bag, path: &Path) -> anyhow::Result<String> {
-    let suffix = format!("/{}", topics::INSPECTION_PLAN.name);
-    let mut found: Vec<&str> = (bag.channels().iter())
-        .filter_map(|channel| channel.topic.strip_suffix(suffix.as_str()))
-        .collect();
-    found.sort_unstable();
-    found.dedup();
-    match found.as_slice() {
-        [one] => Ok((*one).to_owned()),
-        [] => bail!(
-            "{}: no inspection plan was recorded, so no part was measured",
-            path.display()
-        ),
-        several => bail!(
-            "{}: several cells were recorded: {}",
-            path.display(),
-            several.join(", ")
-        ),
-    }
-}
-
-/// Reads the topics of a cell.
-pub(super) struct Reader<'a> {
-    /// The recording.
-    pub(super) bag: &'a Bag,
-    /// `/` and the name of the cell.
-    pub(super) namespace: &'a str,
-}
-
-impl Reader<'_> {
-    /// All messages of a topic that can be read; none if it was not recorded.
-    pub(super) fn all<M: Message>(&self, topic: Topic) -> anyhow::Result<Vec<M>> {
-        let name = format!("{}/{}", self.namespace, topic.name);
-        if self.bag.channels_of(&name).next().is_none() {
-            return Ok(Vec::new());
-        }
-        let mut messages = Vec::new();
-        for message in self.bag.typed::<M>(&name)? {
-            match message {
-                Ok(stamped) => messages.push(stamped.message),
-                // Told with all other damage of the bag.
-                Err(bags::Error::Damaged(_)) => {}
-                Err(error) => return Err(error.into()),
-            }
-        }
-        Ok(messages)
-    }
+    let (session, _) = record::read(bag)?;
+    Ok(record::page(bag, &session, &mut output::remark)?.html())
 }
 
 #[cfg(test)]

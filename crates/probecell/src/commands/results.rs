@@ -19,13 +19,14 @@ use exchange::import::{Counts, Imported};
 use graph::Stamp;
 use machine::{Chain, Nominal};
 use probecell_msgs::{FeatureResult, InspectionPlan, ProbeEvent};
-use serde_json::{Value, json};
-
 use recorded::embedded;
+use recorded::evaluation::{Features, evaluate};
+use recorded::sizes::conformity;
+use serde_json::{Value, json};
 
 use super::{
     controller_files::{axes, read_results},
-    import, plan, report_sizes,
+    import, plan,
 };
 use crate::{GOOD, LOSS, output};
 
@@ -125,7 +126,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
     Ok(if complete { GOOD } else { LOSS })
 }
 
-type Sizes = (Vec<probecell_msgs::TouchDeviation>, plan::Features);
+type Sizes = (Vec<probecell_msgs::TouchDeviation>, Features);
 
 /// Touches of a plan on their machine, and how sizes follow from them.
 struct Measured {
@@ -140,11 +141,11 @@ impl Measured {
         let chain = Chain::from_urdf(&self.imported.robot_description)?;
         let stamped = (0..).map(Stamp).zip(&self.imported.events);
         let config = self.analysis.check(chain)?;
-        plan::analyse_with(config, &self.imported.plan, stamped.collect())
+        evaluate(config, &self.imported.plan, stamped.collect())
     }
 
     /// A line for each size: deviation with U, limits and conformity.
-    fn print(&self, features: &plan::Features) {
+    fn print(&self, features: &Features) {
         for result in features.values() {
             if result.decision == FeatureResult::INVALID {
                 output::line(&format!("  {:<20} {}", result.feature_id, result.text));
@@ -159,7 +160,7 @@ impl Measured {
                     "  limits {:+.2} to {:+.2} µm  {}",
                     lower * 1e6,
                     upper * 1e6,
-                    report_sizes::conformity(result).replace('_', " ")
+                    conformity(result).replace('_', " ")
                 )
             });
             output::line(&format!(

@@ -10,8 +10,8 @@ use serde::Serialize;
 use serde_json::{Map, json};
 use validation::scenarios::{Judged, Run, Scenario, Value};
 
-use super::session_bag;
 use crate::{FAILED, GOOD, output};
+use recorded::write;
 
 /// What the user asks for.
 #[derive(clap::Subcommand)]
@@ -208,7 +208,7 @@ fn page(file: &Path, scenario: &Scenario, judged: &Judged, seed: u64) -> anyhow:
 fn record(folder: &Path, scenario: &Scenario, judged: &Judged) -> anyhow::Result<()> {
     for (recorded, _) in &judged.sessions {
         let name = format!("{}-{}", scenario.name, recorded.name);
-        session_bag::write(&folder.join(name), "scenario", &recorded.session)?;
+        write::write(&folder.join(name), "scenario", &recorded.session)?;
     }
     Ok(())
 }

@@ -6,7 +6,9 @@ use anyhow::Context;
 use diagnosis::{Options, diagnose_with_residuals};
 use validation::predictive::{Predictive, USUAL_DRAWS};
 
-use super::{diagnose, session_bag};
+use recorded::write;
+
+use super::diagnose;
 use crate::{FAILED, GOOD, output};
 
 /// What the user asks for.
@@ -48,7 +50,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
     let page = check.page()?;
     if let Some(folder) = &arguments.out {
         let again = model.again(arguments.seed);
-        session_bag::write(folder, "cell", &again.session)
+        write::write(folder, "cell", &again.session)
             .with_context(|| format!("cannot write {}", folder.display()))?;
     }
     if let Some(file) = &arguments.html {

@@ -3,12 +3,9 @@
 use std::path::PathBuf;
 
 use anyhow::{Context, bail, ensure};
-use bags::Bag;
 use cell::{Cell, CellText};
 use exchange::import::{features, touches};
-use nalgebra::UnitQuaternion;
-use probecell_msgs::geometry_msgs::{Point, Pose, Quaternion};
-use probecell_msgs::{InspectionPlan, Stylus};
+use recorded::import;
 
 use super::super::plan;
 use super::{OutArguments, Source, TableArguments, text_of, write};
@@ -160,39 +157,26 @@ fn machine(
         .columns
         .split(',')
         .any(|one| one.trim().starts_with("point="));
-    let mut placed = |urdf: String, plan: &InspectionPlan| {
-        settings.machine = Some(touches::Machine {
-            urdf,
-            part_pose: plan.part_pose,
-            stylus: plan.stylus.clone(),
-        });
-        if by_point {
-            settings.plan = Some(plan.clone());
-        }
-    };
     if let Some(file) = &arguments.cell {
         let cell = Cell::read(file)?;
-        placed(
-            cell.text().robot_description.clone(),
-            &plan::part_of(&cell, 0.0)?,
-        );
+        let (machine, plan) = plan::shown(|progress| import::machine_of_cell(&cell, progress))?;
+        settings.machine = Some(machine);
+        settings.plan = by_point.then_some(plan);
         return Ok(Some(cell));
     }
     if let Some(path) = &arguments.plan {
-        let session = bags::Session::read_measurement(&Bag::open(path)?, &bags::Measurement::Last)?;
-        let plan = session
-            .plan
-            .with_context(|| format!("{} has no inspection plan", path.display()))?;
+        let (machine, plan) = import::machine_of_bag(path)?;
         ensure!(
             by_point,
             "--plan needs the column `point` that names its points"
         );
-        placed(session.robot_description, &plan);
+        settings.machine = Some(machine);
+        settings.plan = Some(plan);
         return Ok(None);
     }
     if let Some(file) = &arguments.urdf {
-        let metres = |values: &[f64]| match values {
-            [x, y, z] => [x * 1e-3, y * 1e-3, z * 1e-3],
+        let three = |values: &[f64], factor: f64| match values {
+            [x, y, z] => [x * factor, y * factor, z * factor],
             _ => [0.0; 3],
         };
         if settings.ball_radius.is_none() {
@@ -200,28 +184,12 @@ fn machine(
                 "--urdf needs --ball-radius-mm: positions of axes say where the centre of the ball is"
             );
         }
-        let turn = match arguments.part_rotation_deg[..] {
-            [x, y, z] => {
-                UnitQuaternion::from_euler_angles(x.to_radians(), y.to_radians(), z.to_radians())
-            }
-            _ => UnitQuaternion::identity(),
-        };
-        settings.machine = Some(touches::Machine {
-            urdf: text_of(file)?,
-            part_pose: Pose {
-                position: Point::from(metres(&arguments.part_position_mm)),
-                orientation: Quaternion {
-                    x: turn.i,
-                    y: turn.j,
-                    z: turn.k,
-                    w: turn.w,
-                },
-            },
-            stylus: Stylus {
-                ball_center: Point::from(metres(&arguments.stylus_mm)),
-                ..Stylus::default()
-            },
-        });
+        let part = [
+            three(&arguments.part_position_mm, 1e-3),
+            three(&arguments.part_rotation_deg, 1.0_f64.to_radians()),
+        ];
+        let ball = three(&arguments.stylus_mm, 1e-3);
+        settings.machine = Some(import::machine_of_urdf(text_of(file)?, part, ball));
     }
     Ok(None)
 }

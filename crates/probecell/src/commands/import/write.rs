@@ -3,14 +3,15 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use diagnosis::Session;
 use exchange::import::Imported;
 use graph::Stamp;
 use machine::Chain;
 use probecell_msgs::{FeatureResult, PartReport, TouchDeviation};
+use recorded::embedded::PROVENANCE;
+use recorded::evaluation::evaluate;
+use recorded::write;
 
-use super::super::record::PROVENANCE;
-use super::super::{plan, session_bag};
+use super::super::plan;
 use crate::{GOOD, LOSS, output};
 
 /// Name of the table of what was imported.
@@ -40,7 +41,7 @@ fn evaluated(
     let events = imported.events.iter();
     let stamped = events.map(|event| (Stamp(event.header.stamp.nanos()), event));
     let (deviations, features) =
-        plan::analyse_with(settings.check(chain)?, &imported.plan, stamped.collect())?;
+        evaluate(settings.check(chain)?, &imported.plan, stamped.collect())?;
     Ok((deviations, features.into_values().collect()))
 }
 
@@ -100,22 +101,15 @@ pub(in super::super) fn write_session(
         run_id: plan.plan_id.clone(),
         ..PartReport::default()
     });
-    let session = Session {
-        robot_description: imported.robot_description.clone(),
-        plan: Some(plan.clone()),
-        events: imported.events.clone(),
-        machine_states: imported.machine_states.clone(),
-        references: imported.references.clone(),
-        ..Session::default()
-    };
-    let more = session_bag::More {
+    let session = recorded::import::session(imported);
+    let more = write::More {
         touches: &touches,
         results: &results,
         reports: report.as_slice(),
         attachments: attachments(source)?,
         tables: tables(imported, source),
     };
-    session_bag::write_with(folder, "imported", &session, &more)?;
+    write::write_with(folder, "imported", &session, &more)?;
     Ok(results)
 }
 

@@ -1,12 +1,14 @@
 //! Records of a punch made on virtual time, read back from their pages.
 
-use bags::{Channel, Overflow, Qos, Recorder, RecorderOptions};
+use ::report::{ShortDiagnosis, part_page};
+use bags::{Bag, Channel, Overflow, Qos, Recorder, RecorderOptions};
 use cell::{Cell, CellText};
-use graph::{Executor, Published, Stamp};
+use graph::{Executor, Published, Stamp, Topic, topics};
 use probecell_msgs::{
-    Correction, CorrectionAcknowledgement, FeatureResult, OperatorReply, OperatorRequest, Verdict,
-    from_cdr, to_cdr,
+    Correction, CorrectionAcknowledgement, Fault, FeatureResult, InspectionPlan, LossReport,
+    Message, OperatorReply, OperatorRequest, Verdict, from_cdr, to_cdr,
 };
+use recorded::record::gather;
 use roxmltree::{Document, Node, ParsingOptions};
 
 use super::*;
@@ -231,7 +233,7 @@ fn a_record_shows_the_reference_and_qualifies_nothing_that_it_contradicts() {
     let mean = gaps.iter().sum::<f64>() / gaps.len() as f64;
     assert!((mean - 71e-6).abs() < 4e-6, "{mean}");
     let bag = Bag::open(&sample).expect("a bag");
-    let json = report_sizes::json(&gather(&bag, &sample).expect("a session"));
+    let json = sizes::json(&gather(&bag, &sample).expect("a session"));
     assert_eq!(json["parts"][0]["qualified"], false);
     assert_eq!(json["parts"][0]["contradicted"], true);
 }
@@ -435,7 +437,7 @@ fn what_a_cut_recording_lacks_is_named_by_number() {
         |one: &Published| one.topic == topics::PROBE_EVENTS.name && (5..=7).contains(&one.sequence);
     log.retain(|one| !lost(one));
     write(&log, &bag);
-    let (session, damage) = read(&bag).expect("a session");
+    let (session, damage) = record::read(&bag).expect("a session");
     assert!(damage.is_empty());
     let expected = "/turn_mill/probe_events: messages 5 to 7 are missing: later numbers are there";
     assert_eq!(session.damage, [expected]);

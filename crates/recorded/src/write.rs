@@ -1,4 +1,4 @@
-//! A made session, of a scenario or of the blind card, as a recording to the contract.
+//! A made session, of a scenario, of the blind card or imported, as a recording to the contract.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -11,26 +11,32 @@ use probecell_msgs::{FeatureResult, Message, PartReport, TouchDeviation, std_msg
 
 /// What a recording holds besides its session.
 #[derive(Default)]
-pub(crate) struct More<'a> {
+pub struct More<'a> {
     /// Deviations of the touches.
-    pub(crate) touches: &'a [TouchDeviation],
+    pub touches: &'a [TouchDeviation],
     /// Fitted features.
-    pub(crate) results: &'a [FeatureResult],
+    pub results: &'a [FeatureResult],
     /// Ends of parts.
-    pub(crate) reports: &'a [PartReport],
+    pub reports: &'a [PartReport],
     /// Files: name, media type, content.
-    pub(crate) attachments: Vec<(String, &'static str, Vec<u8>)>,
+    pub attachments: Vec<(String, &'static str, Vec<u8>)>,
     /// Named tables.
-    pub(crate) tables: Vec<(&'static str, BTreeMap<String, String>)>,
+    pub tables: Vec<(&'static str, BTreeMap<String, String>)>,
 }
 
 /// Writes the session as an MCAP recording into `folder`, which must not exist, with topics under `/cell`.
-pub(crate) fn write(folder: &Path, cell: &str, session: &Session) -> anyhow::Result<()> {
+///
+/// # Errors
+/// The folder cannot be written, or is there.
+pub fn write(folder: &Path, cell: &str, session: &Session) -> anyhow::Result<()> {
     write_with(folder, cell, session, &More::default())
 }
 
 /// As [`write`], with more than the session.
-pub(crate) fn write_with(
+///
+/// # Errors
+/// As [`write`].
+pub fn write_with(
     folder: &Path,
     cell: &str,
     session: &Session,

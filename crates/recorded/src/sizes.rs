@@ -1,17 +1,17 @@
 //! The sizes of a record: what outside instruments find of them, and all of them as JSON.
 
-use ::report::{PartSession, size_records};
 use analysis::RawConfig;
 use bags::Bag;
 use machine::Chain;
 use probecell_msgs::{FeatureResult, InspectionPlan, PartReport, ReferenceMeasurement, std_msgs};
+use report::{PartSession, size_records};
 use serde_json::{Value, json};
 
-use recorded::embedded;
+use crate::embedded;
 
 /// The features of the plans as the instruments find them, by the fits of the recorded cell file (without one: by least
 /// squares), and a sentence for each reference that tells nothing.
-pub(super) fn by_reference(
+pub(crate) fn by_reference(
     bag: &Bag,
     machines: &[std_msgs::String],
     plans: &[InspectionPlan],
@@ -42,7 +42,7 @@ pub(super) fn by_reference(
 }
 
 /// ISO 14253-1:2017 in a word.
-pub(super) fn conformity(result: &FeatureResult) -> &'static str {
+pub fn conformity(result: &FeatureResult) -> &'static str {
     match result.decision {
         FeatureResult::CONFORMS => "conforms",
         FeatureResult::DOES_NOT_CONFORM => "does_not_conform",
@@ -51,8 +51,8 @@ pub(super) fn conformity(result: &FeatureResult) -> &'static str {
     }
 }
 
-/// Parts and sizes of a session; lengths in m.
-pub(super) fn json(session: &PartSession) -> Value {
+/// Parts and sizes of a session, schema `part-record`; lengths in m.
+pub fn json(session: &PartSession) -> Value {
     let expanded = |one: &FeatureResult| one.coverage_factor * one.standard_uncertainty;
     let sizes: Vec<Value> = size_records(session)
         .iter()

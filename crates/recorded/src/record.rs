@@ -1,0 +1,216 @@
+//! The record of the parts of a session, gathered from its recording.
+
+use std::path::Path;
+
+use anyhow::bail;
+use bags::{Bag, Damage, Gap, Measurement};
+use diagnosis::Options;
+use graph::{Topic, topics};
+use probecell_msgs::{Fault, InspectionPlan, LossReport, Message, ReferenceMeasurement};
+use report::{Page, PartSession, ShortDiagnosis, part_page};
+
+use crate::embedded::PROVENANCE;
+use crate::measured;
+use crate::sizes::by_reference;
+
+/// What the recording at `path` holds of its parts, and its damage.
+///
+/// # Errors
+/// As [`gather`], or the bag cannot be opened.
+pub fn read(path: &Path) -> anyhow::Result<(PartSession, Vec<Damage>)> {
+    let bag = Bag::open(path)?;
+    let damage = bag.verify();
+    let session = PartSession {
+        damage: told(&damage, &bag.gaps(None)),
+        ..gather(&bag, path)?
+    };
+    Ok((session, damage))
+}
+
+/// The page of a session, with its last measurement diagnosed in short; `remark` hears what a person must know of that.
+///
+/// # Errors
+/// A picture that cannot be drawn.
+pub fn page(
+    path: &Path,
+    session: &PartSession,
+    remark: &mut dyn FnMut(&str),
+) -> anyhow::Result<Page> {
+    let command = format!("probecell diagnose {} --html FILE", session.name);
+    let made = measured(path, &Measurement::Last, None).and_then(|measured| {
+        for one in &measured.remarks {
+            remark(one);
+        }
+        Ok(diagnosis::diagnose(&measured.session, &Options::default())?)
+    });
+    let reason;
+    let short = match &made {
+        Ok(found) => ShortDiagnosis::Made(found, &command),
+        Err(error) => {
+            reason = format!("{error:#}");
+            ShortDiagnosis::None(&reason)
+        }
+    };
+    Ok(part_page(session, short)?)
+}
+
+/// Gaps of a topic that are listed one by one.
+const GAPS_LISTED: usize = 10;
+
+/// Damage, and the messages that are missing by number. Where a topic lacks very many, its last line is their count.
+fn told(damage: &[Damage], gaps: &[Gap]) -> Vec<String> {
+    let mut lines: Vec<String> = damage.iter().map(ToString::to_string).collect();
+    for of_topic in gaps.chunk_by(|one, other| one.topic == other.topic) {
+        let listed = of_topic.len().min(GAPS_LISTED);
+        lines.extend(of_topic[..listed].iter().map(ToString::to_string));
+        let more = of_topic[listed..].iter();
+        let missing: u64 = more.map(|gap| u64::from(gap.last - gap.first) + 1).sum();
+        if missing > 0 {
+            let (topic, places) = (&of_topic[0].topic, of_topic.len() - listed);
+            lines.push(format!(
+                "{topic}: {missing} further messages are missing in {places} places"
+            ));
+        }
+    }
+    lines
+}
+
+/// What the recording holds of its parts, its damage apart.
+///
+/// # Errors
+/// It holds no plan, several cells, or a message that is not of its type.
+pub fn gather(bag: &Bag, path: &Path) -> anyhow::Result<PartSession> {
+    let namespace = namespace(bag, path)?;
+    let reader = Reader {
+        bag,
+        namespace: &namespace,
+    };
+    let mut plans: Vec<InspectionPlan> = Vec::new();
+    for plan in reader.all::<InspectionPlan>(topics::INSPECTION_PLAN)? {
+        match plans.iter_mut().find(|known| known.plan_id == plan.plan_id) {
+            Some(known) => *known = plan,
+            None => plans.push(plan),
+        }
+    }
+    if plans.is_empty() {
+        bail!(
+            "{}: no inspection plan was recorded, so no part was measured",
+            path.display()
+        );
+    }
+    let recorded: Vec<ReferenceMeasurement> = reader.all(topics::REFERENCE)?;
+    let (references, unusable_references) = by_reference(
+        bag,
+        &reader.all(topics::ROBOT_DESCRIPTION)?,
+        &plans,
+        &recorded,
+    )?;
+    let mut faults: Vec<Fault> = Vec::new();
+    let reporting = topics::ALL.iter();
+    for topic in reporting.filter(|topic| topic.message.name == Fault::TYPE.name) {
+        faults.extend(reader.all(*topic)?);
+    }
+    faults.sort_by_key(|fault| (fault.header.stamp.sec, fault.header.stamp.nanosec));
+    let mut loss_reports: Vec<LossReport> = reader.all(topics::LOSS_REPORTS)?;
+    loss_reports.sort_by_key(|loss| (loss.header.stamp.sec, loss.header.stamp.nanosec));
+    let provenance = |key: &str| {
+        let tables = bag.metadata().filter(|(name, _)| *name == PROVENANCE);
+        let values = tables.filter_map(|(_, table)| table.get(key));
+        values.last().cloned().unwrap_or_default()
+    };
+    let losses = bag.losses();
+    let losses = losses
+        .iter()
+        .map(|(topic, lost)| (topic.clone(), lost.missing()));
+    let mut session = PartSession {
+        name: path
+            .file_name()
+            .map_or_else(String::new, |name| name.to_string_lossy().into_owned()),
+        cell: namespace.trim_start_matches('/').to_owned(),
+        version: provenance("version"),
+        revision: provenance("source_revision"),
+        plans,
+        results: reader.all(topics::FEATURE_RESULTS)?,
+        references,
+        unusable_references,
+        alignments: reader.all(topics::PART_ALIGNMENT)?,
+        touches: reader.all(topics::TOUCH_DEVIATIONS)?,
+        verdicts: reader.all(topics::VERDICTS)?,
+        decisions: reader.all(topics::PASS_DECISIONS)?,
+        corrections: reader.all(topics::CORRECTIONS)?,
+        acknowledgements: reader.all(topics::CORRECTION_ACKNOWLEDGEMENTS)?,
+        runs: reader.all(topics::RUN_REQUESTS)?,
+        approvals: reader.all(topics::APPROVALS)?,
+        approval_replies: reader.all(topics::APPROVAL_REPLIES)?,
+        parts: reader.all(topics::PART_REPORTS)?,
+        faults,
+        loss_reports,
+        losses: losses.filter(|(_, missing)| *missing > 0).collect(),
+        damage: Vec::new(),
+    };
+    // A plan that was not measured contains nothing of a part.
+    if session
+        .touches
+        .iter()
+        .any(|touch| !touch.plan_id.is_empty())
+    {
+        let touches = &session.touches;
+        session
+            .plans
+            .retain(|plan| touches.iter().any(|touch| touch.plan_id == plan.plan_id));
+    }
+    Ok(session)
+}
+
+/// The only cell of the bag that makes parts.
+fn namespace(bag: &Bag, path: &Path) -> anyhow::Result<String> {
+    let suffix = format!("/{}", topics::INSPECTION_PLAN.name);
+    let mut found: Vec<&str> = (bag.channels().iter())
+        .filter_map(|channel| channel.topic.strip_suffix(suffix.as_str()))
+        .collect();
+    found.sort_unstable();
+    found.dedup();
+    match found.as_slice() {
+        [one] => Ok((*one).to_owned()),
+        [] => bail!(
+            "{}: no inspection plan was recorded, so no part was measured",
+            path.display()
+        ),
+        several => bail!(
+            "{}: several cells were recorded: {}",
+            path.display(),
+            several.join(", ")
+        ),
+    }
+}
+
+/// Reads the topics of a cell.
+pub struct Reader<'a> {
+    /// The recording.
+    pub bag: &'a Bag,
+    /// `/` and the name of the cell.
+    pub namespace: &'a str,
+}
+
+impl Reader<'_> {
+    /// All messages of a topic that can be read; none if it was not recorded.
+    ///
+    /// # Errors
+    /// A message that is not of its type.
+    pub fn all<M: Message>(&self, topic: Topic) -> anyhow::Result<Vec<M>> {
+        let name = format!("{}/{}", self.namespace, topic.name);
+        if self.bag.channels_of(&name).next().is_none() {
+            return Ok(Vec::new());
+        }
+        let mut messages = Vec::new();
+        for message in self.bag.typed::<M>(&name)? {
+            match message {
+                Ok(stamped) => messages.push(stamped.message),
+                // Told with all other damage of the bag.
+                Err(bags::Error::Damaged(_)) => {}
+                Err(error) => return Err(error.into()),
+            }
+        }
+        Ok(messages)
+    }
+}
