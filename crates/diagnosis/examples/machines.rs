@@ -29,7 +29,7 @@ fn main() {
     let verbose = arguments.iter().any(|one| one == "--verbose");
     let only = arguments.get(2).filter(|one| !one.starts_with("--"));
     println!(
-        "class, then of each: all causes, verdict, main cause, innocents; left over expert (median, worst); ms"
+        "class, then of each: all causes, verdict, main cause, innocents; left over expert (median, worst); parameters inside their 95 % intervals; ms"
     );
     for class in Class::ALL {
         let name = format!("{class:?}");
@@ -39,7 +39,7 @@ fn main() {
         let judged: Vec<Judged> = (0..each)
             .map(|own| {
                 let sealed = draw(class, seed.wrapping_mul(1_000_003).wrapping_add(own));
-                let judged = judge(&sealed);
+                let judged = judge(&sealed, verbose);
                 if verbose && !judged.is_right() {
                     tell(&format!("{name} {own}"), &sealed, &judged);
                 }
@@ -55,11 +55,13 @@ fn main() {
         let ((ratio, worst), (took, longest)) =
             (sorted(|one| one.ratio), sorted(|one| one.took_ms));
         println!(
-            "{name:16} {:3}/{each} {:3}/{each} {:3}/{each} {:3}/{each}   {ratio:.3} {worst:.3}   {took:.0} {longest:.0}",
+            "{name:16} {:3}/{each} {:3}/{each} {:3}/{each} {:3}/{each}   {ratio:.3} {worst:.3}   {}/{}   {took:.0} {longest:.0}",
             count(|one| one.all && one.blamed.is_empty()),
             count(|one| one.verdict),
             count(|one| one.main),
             count(|one| !one.blamed.is_empty()),
+            judged.iter().map(|one| one.inside.0).sum::<usize>(),
+            judged.iter().map(|one| one.inside.1).sum::<usize>(),
         );
     }
 }
@@ -76,6 +78,8 @@ struct Judged {
     blamed: Vec<String>,
     /// What is left over what an expert leaves.
     ratio: f64,
+    /// Parameters of effects named alone that lie inside their intervals, and all of these.
+    inside: (usize, usize),
     took_ms: f64,
 }
 
@@ -85,7 +89,7 @@ impl Judged {
     }
 }
 
-fn judge(sealed: &Sealed) -> Judged {
+fn judge(sealed: &Sealed, verbose: bool) -> Judged {
     let begun = Instant::now();
     let options = Options::default();
     let report = match (sealed.fit.as_slice(), sealed.withheld.as_slice()) {
@@ -120,9 +124,36 @@ fn judge(sealed: &Sealed) -> Judged {
         verdict: if sealed.unknown { flagged } else { explained },
         blamed,
         ratio: left(&report) / sealed.expert,
+        inside: inside(&report, sealed, verbose),
         took_ms,
         report,
     }
+}
+
+/// How many true sizes lie inside the interval of an effect that stands for itself alone, and of how many; a sign is a
+/// matter of convention.
+fn inside(report: &Report, sealed: &Sealed, verbose: bool) -> (usize, usize) {
+    let (mut inside, mut all) = (0, 0);
+    for (effect, parameter, size) in &sealed.truths {
+        let alone = |one: &&diagnosis::report::Effect| {
+            one.effect == *effect && one.indistinguishable_from.is_empty()
+        };
+        let named = report.effects.iter().find(alone);
+        let found = named.and_then(|one| one.parameters.iter().find(|one| one.name == *parameter));
+        if let Some(found) = found {
+            let half = 0.5 * (found.ci95[1] - found.ci95[0]);
+            let holds = (size.abs() - found.value.abs()).abs() <= half;
+            all += 1;
+            inside += usize::from(holds);
+            if verbose && !holds {
+                println!(
+                    "-- {effect} {parameter} {size:.3e}, told {:.3e} ± {half:.1e}",
+                    found.value
+                );
+            }
+        }
+    }
+    (inside, all)
 }
 
 fn tell(name: &str, sealed: &Sealed, judged: &Judged) {
@@ -155,6 +186,11 @@ fn tell(name: &str, sealed: &Sealed, judged: &Judged) {
             place.share,
             report.unexplained.rms * 1e6
         );
+    }
+    for next in &report.next_measurement {
+        for one in &next.explanations {
+            println!("   {:.4} {}", one.probability, one.effects.join(" + "));
+        }
     }
     for one in report.rejected.iter().take(4) {
         println!("   rejected {} {:.4}", one.effect, one.probability);

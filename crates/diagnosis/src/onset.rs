@@ -6,6 +6,7 @@
 //! compared with those before it, and the effects that explain the difference equally well are the cause group. Metres.
 
 mod cause;
+mod further;
 
 use std::collections::VecDeque;
 
@@ -13,6 +14,7 @@ use effects::{DiagnoseError, Observations, Session, Variant, library, observe};
 use inference::linear::{add_scaled, dot};
 use inference::onset::Stream;
 use metrology::statistics::rms;
+use probecell_msgs::InspectionPoint;
 use serde::{Deserialize, Serialize};
 
 use crate::options::Options;
@@ -76,6 +78,9 @@ pub struct Change {
     pub cause: Option<Effect>,
     /// Root mean square of the change over the points, and of what the cause leaves of it, m.
     pub rms: [f64; 2],
+    /// Touches of the same part that discriminate the effects of the cause's group, the most informative first; none where
+    /// there is one effect only, or no touch within reach tells.
+    pub further: Vec<InspectionPoint>,
 }
 
 impl Watch {
@@ -138,7 +143,7 @@ impl Watch {
         let since = (alarm.onset as usize)
             .saturating_sub(first)
             .clamp(1, self.recent.len() - 1);
-        let change = self.change(&observations, &variants(), since);
+        let change = self.change(session, &observations, &variants(), since, options);
         let parts = self.parts();
         let changed: Vec<Part> = self.recent.drain(since..).collect();
         *self = Self {
@@ -180,7 +185,14 @@ impl Watch {
     }
 
     /// What has changed between the parts before and since a place among the recent ones.
-    fn change(&self, observations: &Observations, variants: &[Variant], since: usize) -> Change {
+    fn change(
+        &self,
+        session: &Session,
+        observations: &Observations,
+        variants: &[Variant],
+        since: usize,
+        options: &Options,
+    ) -> Change {
         let mean = |parts: &[&Part]| {
             let mut mean = vec![0.0; self.points.len()];
             for part in parts {
@@ -218,6 +230,17 @@ impl Watch {
             &difference,
             variance.max(1e-18),
         );
+        let further = match (&session.plan, &cause) {
+            (Some(plan), Some(cause)) if cause.group.len() > 1 => {
+                let change = further::Change {
+                    observations,
+                    points: &self.points,
+                    difference: &difference,
+                };
+                change.discriminated(plan, variants, cause, options.next)
+            }
+            _ => Vec::new(),
+        };
         let size = rms(&difference);
         let first = &self.recent[since];
         Change {
@@ -227,6 +250,7 @@ impl Watch {
             since: first.measured,
             rms: [size, cause.as_ref().map_or(size, |cause| cause.rms_after)],
             cause,
+            further,
         }
     }
 }

@@ -63,6 +63,69 @@ fn sealed_sessions_name_their_main_cause_and_nothing_innocent() {
 /// What an expert leaves who knows the causes, at most so many times.
 const EXPERT: f64 = 1.15;
 
+/// A curve of the axis, lost motion that differs along it and a drift that ends are named together, whatever curve it is: nothing
+/// is left to an unknown cause, and as little as an expert leaves.
+#[test]
+fn an_axis_with_a_strong_curve_is_explained() {
+    for seed in 11..17 {
+        let sealed = draw(Class::Axis, seed);
+        let report = alone(&sealed.fit[0]);
+        let named = sealed.causes.iter().all(|cause| names(&report, cause));
+        assert!(named, "{seed}, {}: {report}", sealed.drawn);
+        assert_eq!(
+            report.verdict,
+            Verdict::Explained,
+            "{seed}, {}: {report}",
+            sealed.drawn
+        );
+        assert!(
+            left(&report) < EXPERT * sealed.expert,
+            "{seed}, {}: {report}",
+            sealed.drawn
+        );
+    }
+}
+
+/// What depends on time and what depends on a place are one group where places are measured in their order.
+#[test]
+fn a_drift_on_a_plate_by_rows_is_not_told_from_its_geometry() {
+    let errors = plate::Errors {
+        shift: [8e-5, -5e-5],
+        turn: 3e-5,
+        scale: [2e-5, 3e-5],
+        squareness: 3e-5,
+        noise: 0.0,
+    };
+    let mut session = plate::ordered(&errors, |hole| hole);
+    let mut chance = layouts::Chance(5);
+    for (point, event) in
+        (session.plan.iter_mut().flat_map(|plan| &mut plan.points)).zip(&mut session.events)
+    {
+        let off = 3e-6 * chance.normal();
+        point.position.x += off * point.normal.x;
+        point.position.y += off * point.normal.y;
+        event.tip = point.position;
+    }
+    let report = alone(&session);
+    for cause in [
+        "fixture.shift",
+        "fixture.tilt",
+        "axis.X.scale",
+        "axis.Y.scale",
+    ] {
+        assert!(names(&report, cause), "{cause}: {report}");
+    }
+    let guilty = [
+        "fixture.shift",
+        "fixture.tilt",
+        "axis.X.scale",
+        "axis.Y.scale",
+        "link.EC0X",
+        "link.EC0Y",
+    ];
+    assert_eq!(innocents(&report, &guilty), Vec::<&str>::new(), "{report}");
+}
+
 #[test]
 fn a_block_tilted_by_milliradians_is_tilted() {
     for (seed, turn) in [

@@ -230,3 +230,27 @@ fn parts_that_do_not_change_raise_nothing() {
         "{alarms} in {parts}"
     );
 }
+
+/// At one feed a late trigger displaces a touch as a wrong ball does (feed times delay): only another feed tells them apart, and
+/// the further touches of the finding ask for one.
+#[test]
+fn further_touches_discriminate_what_has_changed() {
+    let (found, _) = watched(3, 10, 40, Begins::Ball(-3e-6));
+    let change = found.unwrap();
+    let group = change.cause.unwrap().group;
+    let has = |name: &str| group.iter().any(|one| one == name);
+    assert!(
+        has("probe.ball_radius") && has("probe.trigger_latency"),
+        "{group:?}"
+    );
+    assert!(!change.further.is_empty() && change.further.len() <= 8);
+    let plan = part(0, &mut Numbers(1), Begins::Nothing).plan.unwrap();
+    let sides = plan.features.len() as u32;
+    assert!(change.further.iter().all(|point| point.feature < sides));
+    let other_feed = |point: &InspectionPoint| (point.feed - 5e-3).abs() > 1e-3;
+    assert!(
+        change.further.iter().any(other_feed),
+        "{:?}",
+        change.further
+    );
+}

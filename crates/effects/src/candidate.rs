@@ -83,6 +83,9 @@ fn from_columns(
         .shape
         .as_ref()
         .map_or(0.0, |shape| shape.distinct.max(1.0).ln());
+    if let Some(factor) = &variant.prior {
+        return Candidate::from_correlated((index, shape), &scaled, &sizes, factor, -shapes);
+    }
     let curved = |shares: &[f64]| curvature(observations, columns, shares);
     let curved: Option<&SecondOrder<'_>> = if second_order { Some(&curved) } else { None };
     Candidate::from_scaled((index, shape), &scaled, &sizes, -shapes, curved)

@@ -5,6 +5,7 @@
 //! drawn by hand. Metres, radians, seconds, kelvins.
 
 use machine::{Chain, JointKind, Side};
+use nalgebra::DMatrix;
 
 use crate::observation::{Column, Observations};
 
@@ -108,6 +109,8 @@ pub struct Variant {
     pub constants: Vec<(&'static str, f64, &'static str)>,
     /// Prior probability against the other variants of the effect, not normalised.
     pub prior_weight: f64,
+    /// L of the prior covariance L·Lᵀ of the parameters, each over its largest plausible size; `None` where they are independent.
+    pub prior: Option<DMatrix<f64>>,
     /// True where this session cannot part it from other effects, which lend their names.
     pub confounded: bool,
     /// The errors of the chain that its parameters are, in their order; empty where they are none.
@@ -132,6 +135,7 @@ impl Variant {
             shape: None,
             constants: Vec::new(),
             prior_weight: 1.0,
+            prior: None,
             confounded: false,
             errors: Vec::new(),
             nonnegative: false,
@@ -154,6 +158,7 @@ impl Variant {
             shape: Some(shape),
             constants: Vec::new(),
             prior_weight: 1.0,
+            prior: None,
             confounded: false,
             errors: Vec::new(),
             nonnegative: false,
@@ -216,6 +221,7 @@ impl Variant {
                 .iter()
                 .map(|&one| self.parameters[one].clone())
                 .collect(),
+            prior: self.prior.map(|factor| factor.select_rows(&kept)),
             errors: kept
                 .iter()
                 .filter_map(|&one| self.errors.get(one).copied())
@@ -227,6 +233,17 @@ impl Variant {
             sweep: None,
             ..self
         }
+    }
+
+    /// The same, whose parameters over their largest plausible sizes have this prior covariance.
+    pub(crate) fn with_prior_covariance(mut self, covariance: DMatrix<f64>) -> Self {
+        let eigen = covariance.symmetric_eigen();
+        let mut factor = eigen.eigenvectors;
+        for (mut column, power) in factor.column_iter_mut().zip(&eigen.eigenvalues) {
+            column *= power.max(0.0).sqrt();
+        }
+        self.prior = Some(factor);
+        self
     }
 
     /// Sets the prior weight relative to the effect's default variant.

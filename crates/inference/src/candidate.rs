@@ -2,7 +2,9 @@
 //!
 //! A block spans what a family of columns can do to the weighted residuals; its columns are orthonormal, so that prior
 //! variances are sizes of the signature and not of a parametrisation. Directions that would not show even at a thousand
-//! times the largest plausible size are left out. Metres.
+//! times the largest plausible size are left out. A family whose parameters are correlated by its prior (the values of a smooth
+//! function) has orthogonal columns of decreasing length instead, the principal directions of that prior (Rasmussen and
+//! Williams 2006, 4.3). Metres.
 
 use metrology::statistics::rms;
 use nalgebra::DMatrix;
@@ -11,6 +13,9 @@ use crate::linear::{add_scaled, dot, scale};
 
 /// Directions whose signature stays below this rms at a thousand times the plausible size are unobservable, m.
 pub const INVISIBLE: f64 = 2e-7;
+/// Directions of a correlated prior with a smaller share than this of the power of the leading one are left out: at a
+/// three-hundredth of its size they do not show.
+const FAINT: f64 = 1e-5;
 /// A combination of parameters that does not show to first order may exceed its plausible size by this factor.
 const UNSEEN: f64 = 2.0;
 /// Factor over the plausible size at which a direction must show.
@@ -25,7 +30,7 @@ pub struct Candidate {
     pub variant: usize,
     /// Value of its nonlinear constant; 0 where it has none.
     pub shape: f64,
-    /// Orthonormal columns over the weighted rows.
+    /// Orthonormal columns over the weighted rows; of a correlated prior orthogonal ones of at most unit length.
     pub block: Vec<Vec<f64>>,
     /// Largest plausible coefficient of each column, m.
     pub plausible: Vec<f64>,
@@ -135,6 +140,46 @@ impl Candidate {
         })
     }
 
+    /// The block of weighted columns, each multiplied by its largest plausible size (`sizes`, in the parameters' units), whose
+    /// coefficients have the prior covariance L·Lᵀ for `factor` L; `None` where nothing of the columns can be seen.
+    pub fn from_correlated(
+        (variant, shape): (usize, f64),
+        scaled: &DMatrix<f64>,
+        sizes: &[f64],
+        factor: &DMatrix<f64>,
+        log_prior: f64,
+    ) -> Option<Self> {
+        let principal = scaled * factor;
+        let eigen = (principal.transpose() * &principal).symmetric_eigen();
+        let most = eigen.eigenvalues.max();
+        if most <= (INVISIBLE / FAR).powi(2) * scaled.nrows() as f64 {
+            return None;
+        }
+        let mut kept: Vec<usize> = (0..eigen.eigenvalues.len())
+            .filter(|&index| eigen.eigenvalues[index] > FAINT * most)
+            .collect();
+        kept.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
+        let length = most.sqrt();
+        let directions = eigen.eigenvectors.select_columns(&kept) / length;
+        let mut parameters_from_block = factor * &directions;
+        for (mut row, size) in parameters_from_block.row_iter_mut().zip(sizes) {
+            row *= *size;
+        }
+        let block = (principal * directions)
+            .column_iter()
+            .map(|column| column.iter().copied().collect())
+            .collect();
+        Some(Self {
+            variant,
+            shape,
+            block,
+            plausible: vec![length; kept.len()],
+            parameters_from_block,
+            log_prior,
+            second_order: false,
+        })
+    }
+
     /// True where two blocks have the same span.
     pub fn same_span(&self, other: &Self) -> bool {
         if self.block.len() != other.block.len() {
@@ -193,5 +238,48 @@ impl SecondOrderColumn {
             length,
             along,
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Columns of a correlated family at their plausible size have the covariance S·L·Lᵀ·Sᵀ of the family, but for a part in
+    /// 10⁴, and each is what its parameters make.
+    #[test]
+    fn a_correlated_family_has_its_prior_covariance() {
+        let (rows, count) = (40, 9);
+        let columns = DMatrix::from_fn(rows, count, |row, column| {
+            let apart = (row as f64 / 39.0 - column as f64 / 8.0) / 0.15;
+            (-0.5 * apart * apart).exp()
+        });
+        let sizes: Vec<f64> = (0..count)
+            .map(|index| 1e-4 * (1.0 + index as f64))
+            .collect();
+        let scaled = DMatrix::from_fn(rows, count, |row, column| {
+            columns[(row, column)] * sizes[column]
+        });
+        let prior = DMatrix::from_fn(count, count, |i, j| {
+            let apart = i.abs_diff(j) as f64 / 3.0;
+            (-0.5 * apart * apart).exp()
+        });
+        let factor = prior.clone().cholesky().expect("positive definite").l();
+        let made = Candidate::from_correlated((3, 0.0), &scaled, &sizes, &factor, 0.0)
+            .expect("columns that show");
+        let expected = &scaled * &prior * scaled.transpose();
+        let mut found = DMatrix::zeros(rows, rows);
+        for (column, size) in made.block.iter().zip(&made.plausible) {
+            let column = nalgebra::DVector::from_column_slice(column) * *size;
+            found += &column * column.transpose();
+        }
+        assert!((&found - &expected).amax() < 1e-4 * expected.amax());
+        for (index, column) in made.block.iter().enumerate() {
+            let parameters = made.parameters_from_block.column(index);
+            let by_parameters = &columns * parameters;
+            let apart = by_parameters.iter().zip(column).map(|(a, b)| (a - b).abs());
+            assert!(apart.fold(0.0, f64::max) < 1e-9);
+            assert!(dot(column, column) < 1.0 + 1e-9);
+        }
     }
 }

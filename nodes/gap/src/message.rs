@@ -88,6 +88,6 @@ pub(crate) fn finding_message(
         rms_before: change.rms[0],
         rms_after: change.rms[1],
         remedy: cause.and_then(Effect::remedy).unwrap_or_default(),
-        further: Vec::new(),
+        further: change.further.clone(),
     }
 }

@@ -27,6 +27,8 @@ const SCANNED: usize = 800;
 const PEAKS: usize = 2;
 /// A shape with at most this many separate values becomes a candidate at each.
 const FEW: usize = 4;
+/// A process that keeps less than this share of its power beside a table of an effect says nothing else.
+const APART: f64 = 0.02;
 /// Share of a shape by which it is changed for a slope.
 const STEP: f64 = 1e-4;
 
@@ -43,7 +45,7 @@ pub(crate) struct Shapes<'a> {
     base: Vec<Candidate>,
     aliases: Vec<Vec<Alias>>,
     trials: Vec<OnceCell<Vec<Trial>>>,
-    /// Rows on which shapes are scanned: all of a usual session, evenly spaced ones of a long one.
+    /// Rows on which shapes are scanned: all of a usual session, some of a long one.
     pub(crate) sample: Vec<usize>,
     sampled: Option<Observations>,
     /// Discrepancies over all rows, then over the rows in use, as far as they were asked for: they do not depend on the deviations.
@@ -59,9 +61,8 @@ pub(crate) struct Shapes<'a> {
 impl<'a> Shapes<'a> {
     pub(crate) fn new(observations: &'a Observations, variants: &'a [Variant]) -> Self {
         let rows = observations.rows.len();
-        let stride = rows.div_ceil(SCANNED).max(1);
-        let sample: Vec<usize> = (0..rows).step_by(stride).collect();
-        let sampled = (stride > 1).then(|| Observations {
+        let sample = sample_of(rows);
+        let sampled = (sample.len() < rows).then(|| Observations {
             rows: sample
                 .iter()
                 .map(|&row| observations.rows[row].clone())
@@ -120,10 +121,10 @@ impl<'a> Shapes<'a> {
         let mut known = self.discrepancies.borrow_mut();
         if known.is_empty() {
             let all = vec![true; active.len()];
-            let made = discrepancies(self.observations, &all)
-                .into_iter()
-                .map(Rc::new);
-            known.push((all, made.collect()));
+            let made = discrepancies(self.observations, &all).into_iter();
+            let tables = self.smooth_tables();
+            let other = made.filter(|discrepancy| !is_spanned(discrepancy, &tables));
+            known.push((all, other.map(Rc::new).collect()));
         }
         if let Some((_, discrepancies)) = known.iter().find(|(rows, _)| rows == active) {
             return Rc::clone(discrepancies);
@@ -134,6 +135,20 @@ impl<'a> Shapes<'a> {
             .collect();
         known.push((active.to_vec(), Rc::clone(&made)));
         made
+    }
+
+    /// An orthonormal basis of what each effect can do that is a smooth function with a prior of its own.
+    fn smooth_tables(&self) -> Vec<Vec<Vec<f64>>> {
+        let mut tables: BTreeMap<&str, Vec<&Vec<f64>>> = BTreeMap::new();
+        for candidate in &self.base {
+            let variant = &self.variants[candidate.variant];
+            if variant.prior.is_some() {
+                let columns = tables.entry(&variant.effect).or_default();
+                columns.extend(&candidate.block);
+            }
+        }
+        let basis = |columns: Vec<&Vec<f64>>| orthonormal(columns.into_iter().cloned(), SPANNED);
+        tables.into_values().map(basis).collect()
     }
 
     /// The base over the rows in `active`, with AR(1) noise of this lag-1 correlation.
@@ -230,6 +245,38 @@ impl Trials for Shapes<'_> {
     fn trials(&self) -> impl Iterator<Item = &Trial> {
         (0..self.variants.len()).flat_map(|index| self.trials(index))
     }
+}
+
+/// Rows of so many on which shapes are scanned, ascending: all of [`SCANNED`], of more those that a Kronecker sequence of the
+/// golden section picks. Evenly spaced ones would take one direction only of places that are read along x, then along y.
+fn sample_of(rows: usize) -> Vec<usize> {
+    const GOLDEN: f64 = 0.618_033_988_749_895;
+    let share = SCANNED as f64 / rows.max(1) as f64;
+    (0..rows)
+        .filter(|&row| share >= 1.0 || (GOLDEN * row as f64).fract() < share)
+        .collect()
+}
+
+/// True for a process that is one of these tables by another name: a displacement along an axis that depends on where it is,
+/// however it is described, is its positioning error.
+fn is_spanned(discrepancy: &Discrepancy, tables: &[Vec<Vec<f64>>]) -> bool {
+    let Some(columns) = discrepancy.columns().filter(|_| !tables.is_empty()) else {
+        return false;
+    };
+    let power = |columns: &[Vec<f64>]| {
+        columns
+            .iter()
+            .map(|column| dot(column, column))
+            .sum::<f64>()
+    };
+    let most = power(&columns);
+    tables.iter().any(|table| {
+        let mut left = columns.clone();
+        for column in &mut left {
+            remove(column, table);
+        }
+        power(&left) < APART * most
+    })
 }
 
 /// A trial whose coefficients are unlikely to exceed the plausible sizes of a variant's parameters.
@@ -515,5 +562,33 @@ impl ScannedResiduals {
     /// How much of the sum of squares a trial explains beside the set.
     pub(crate) fn explained_by(&self, trial: &Trial) -> f64 {
         trial.gain(&self.basis, &self.residuals, &self.inactive)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Of any period up to a dozen every residue is taken as often as any other, within a tenth.
+    #[test]
+    fn a_sample_prefers_no_residue() {
+        assert_eq!(sample_of(700), (0..700).collect::<Vec<_>>());
+        for rows in [1280, 5003] {
+            let sample = sample_of(rows);
+            assert!(sample.len().abs_diff(SCANNED) <= 2, "{}", sample.len());
+            for period in 2..=12 {
+                for residue in 0..period {
+                    let own = sample
+                        .iter()
+                        .filter(|&&row| row % period == residue)
+                        .count();
+                    let expected = SCANNED / period;
+                    assert!(
+                        10 * own.abs_diff(expected) <= expected + 10,
+                        "{own} of {residue} mod {period}"
+                    );
+                }
+            }
+        }
     }
 }

@@ -1,10 +1,14 @@
 //! Equivalence classes of effects: effects that a session cannot distinguish from a fitted one.
 //!
 //! Another effect is indistinguishable when, beside the rest of the set, it reproduces the effect's fitted signature to
-//! within half the noise, or when the posterior with it in place is not much lower. The class is a list of identifiers.
+//! within half the noise, or when the posterior with it in place is not much lower. What depends on time, and is measured in the
+//! order of the places, looks like what depends on the place: there two effects together may stand for one, with no more
+//! parameters than it has. The class is a list of identifiers.
 
 use std::collections::BTreeSet;
 
+use effects::effect::Coordinate;
+use effects::registry::acts_on;
 use inference::candidate::Candidate;
 use inference::posterior::Attribution;
 use inference::trial::Trial;
@@ -15,6 +19,8 @@ use super::candidate_pool::{ScannedResiduals, Shapes};
 const HALF: f64 = 0.5;
 /// A substitute whose log posterior is lower by less than this is not excluded.
 const NOT_EXCLUDED: f64 = 4.6;
+/// The first of two effects that stand for one explains at least this share of its energy.
+const MOST_OF_IT: f64 = 0.4;
 /// Trial values of a shape that are compared with a signature.
 const TRIALS: usize = 160;
 
@@ -23,6 +29,8 @@ const TRIALS: usize = 160;
 pub(crate) struct EquivalenceClass {
     /// Their identifiers, in the order of the library, without the fitted effect.
     pub(crate) names: Vec<String>,
+    /// Those of them that stand for the effect only two together.
+    pub(crate) together: Vec<String>,
     /// True where the rest of the set reproduces the effect to within half the noise.
     pub(crate) replaceable: bool,
 }
@@ -58,16 +66,26 @@ pub(crate) fn equivalence_class(
     let mut found: BTreeSet<&str> = substitution.effects_of(fitted.member).skip(1).collect();
     let replaceable = substitution.by_signature(&mut found);
     substitution.by_posterior(&mut found);
+    let mut together = BTreeSet::new();
+    if !replaceable && substitution.depends_on_time() {
+        substitution.by_two(&found, &mut together);
+    }
     for &member in fitted.set {
         found.remove(substitution.effect(member));
+        together.remove(substitution.effect(member));
     }
-    let mut names: Vec<String> = Vec::new();
+    let mut class = EquivalenceClass {
+        names: Vec::new(),
+        together: together.iter().map(|&name| name.to_owned()).collect(),
+        replaceable,
+    };
+    found.append(&mut together);
     for variant in shapes.variants {
         if found.remove(variant.effect.as_str()) {
-            names.push(variant.effect.clone());
+            class.names.push(variant.effect.clone());
         }
     }
-    EquivalenceClass { names, replaceable }
+    class
 }
 
 /// Candidates in the place of one member of a set.
@@ -129,6 +147,49 @@ impl<'a> Substitution<'a> {
             }
         }
         false
+    }
+
+    fn depends_on_time(&self) -> bool {
+        let acts = acts_on(self.effect(self.fitted.member));
+        acts.is_some_and(|acts| acts.smooth_in.contains(&Coordinate::Time))
+    }
+
+    /// Adds effects that are not among `alone`, of which two together reproduce the fitted signature beside the rest of the set with
+    /// no more columns than it has.
+    fn by_two(&self, alone: &BTreeSet<&'a str>, found: &mut BTreeSet<&'a str>) {
+        let (shapes, attribution) = (self.shapes, self.attribution);
+        let candidates = &attribution.candidates;
+        let member = &candidates[self.fitted.member];
+        let signature = member.signature(self.fitted.coefficients);
+        let beside = |first: Option<usize>| {
+            let rest = self.others.iter().copied().chain(first);
+            let rest = rest.map(|other| &candidates[other]);
+            ScannedResiduals::new(shapes, &attribution.active, &signature, rest)
+        };
+        let bound = (HALF * self.fitted.noise).powi(2) * shapes.sample.len() as f64;
+        let whole = beside(None);
+        let offered: Vec<(usize, Trial)> = (0..candidates.len())
+            .filter(|&index| {
+                let narrow = candidates[index].block.len() < member.block.len();
+                narrow && self.effects_of(index).all(|name| !alone.contains(name))
+            })
+            .map(|index| (index, self.as_trial(&candidates[index])))
+            .collect();
+        for (first, trial) in &offered {
+            if whole.explained_by(trial) < MOST_OF_IT * whole.energy() {
+                continue;
+            }
+            let left = beside(Some(*first));
+            let columns = member.block.len() - candidates[*first].block.len();
+            for (second, trial) in &offered {
+                let fits = candidates[*second].block.len() <= columns
+                    && self.effect(*second) != self.effect(*first)
+                    && left.energy() - left.explained_by(trial) <= bound;
+                if fits {
+                    found.extend(self.effects_of(*first).chain(self.effects_of(*second)));
+                }
+            }
+        }
     }
 
     fn as_trial(&self, candidate: &Candidate) -> Trial {

@@ -16,6 +16,11 @@ const SURE_BESIDE_UNKNOWN: f64 = 0.99;
 /// An effect that the others reproduce to within half the noise is named only when it is this probable.
 const SURE_THOUGH_REPLACEABLE: f64 = 0.993;
 
+/// An effect is named otherwise when it is this probable.
+const PROBABLE: f64 = 0.5;
+/// Beside an unknown cause also one that is no more than that, where the held-out rms is below this share of that without it: a
+/// sixteenth of its square.
+const DOMINANT: f64 = 0.25;
 /// An effect that is named for all that are probable is at least this probable.
 const LIKELY: f64 = 0.05;
 
@@ -33,6 +38,8 @@ struct Offered {
     /// Probability that it or one of its equivalence class acts.
     probability: f64,
     equivalent: Vec<String>,
+    /// Those of them that stand for it only two together.
+    together: Vec<String>,
     /// Root mean square of what it adds to the deviations, m.
     size: f64,
     /// Probable enough to be named by itself.
@@ -64,6 +71,9 @@ impl Reporter<'_> {
                 offered.probability = self.probability(names);
             }
         }
+        if beside_unknown {
+            self.dominate(&mut members);
+        }
         // What stands for all that are probable is not itself improbable, unless nothing else stands.
         let likely = members.iter().any(|offered| offered.probability > LIKELY);
         members.retain(|offered| {
@@ -71,6 +81,31 @@ impl Reporter<'_> {
         });
         members.sort_by(|a, b| b.size.total_cmp(&a.size));
         self.describe(members)
+    }
+
+    /// Beside an unknown cause a member that is only probable is sure where the probable ones without it leave far more of the
+    /// held-out touches: a process can have any size, so that one which is nearly a rigid displacement is hardly less probable
+    /// than the displacement.
+    fn dominate(&self, members: &mut [Offered]) {
+        let attribution = &self.explained.attribution;
+        let blocks = blocks(self.observations, &attribution.active);
+        let probable: Vec<usize> = (members.iter())
+            .filter(|offered| offered.sure || offered.probability > PROBABLE)
+            .map(|offered| offered.member)
+            .collect();
+        let held_out = |without: Option<usize>| {
+            let kept = probable.iter().filter(|&&member| Some(member) != without);
+            let set: Vec<&Candidate> = kept
+                .map(|&member| &attribution.candidates[member])
+                .collect();
+            let residuals = blocks.residuals(&set, &attribution.y, &attribution.active);
+            blocks.size(&residuals).rms
+        };
+        let whole = held_out(None);
+        for offered in members.iter_mut().filter(|offered| !offered.sure) {
+            offered.sure = probable.contains(&offered.member)
+                && whole < DOMINANT * held_out(Some(offered.member));
+        }
     }
 
     /// The members of a model that are not `unsupported`, each with its equivalence class.
@@ -102,13 +137,14 @@ impl Reporter<'_> {
             let least = match (beside_unknown, equivalent.replaceable) {
                 (_, true) => SURE_THOUGH_REPLACEABLE,
                 (true, false) => SURE_BESIDE_UNKNOWN,
-                (false, false) => 0.5,
+                (false, false) => PROBABLE,
             };
             members.push(Offered {
                 member,
                 name,
                 probability,
                 equivalent: equivalent.names,
+                together: equivalent.together,
                 size: rms(candidate.signature(coefficients).into_iter()),
                 sure: probability > least,
             });
@@ -133,6 +169,11 @@ impl Reporter<'_> {
         for (index, offered) in members.into_iter().enumerate() {
             let after = held_out(&set[..=index]);
             let equivalent = offered.equivalent;
+            let alone = equivalent.iter();
+            let alone: Vec<String> = alone
+                .filter(|name| !offered.together.contains(name))
+                .cloned()
+                .collect();
             effects.push(Effect {
                 effect: offered.name,
                 probability: offered.probability,
@@ -146,7 +187,7 @@ impl Reporter<'_> {
                     attribution,
                     &set,
                     index,
-                    &equivalent,
+                    &alone,
                 ),
                 indistinguishable_from: equivalent,
                 group: Vec::new(),

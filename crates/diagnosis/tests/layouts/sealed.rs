@@ -55,6 +55,8 @@ pub(crate) struct Sealed {
     pub(crate) noise: f64,
     /// Rms that an expert leaves on withheld readings, m.
     pub(crate) expert: f64,
+    /// Sizes of parameters whose convention leaves only the sign open: effect, parameter, SI.
+    pub(crate) truths: Vec<(&'static str, &'static str, f64)>,
     /// For a person: what was drawn.
     pub(crate) drawn: String,
 }
@@ -109,13 +111,20 @@ impl Grain {
         }
     }
 
-    /// Errors of successive readings, m; `noisier` are of larger deviation where it is uneven.
-    fn errors(&self, chance: &mut Chance, noisier: &[bool]) -> Vec<f64> {
+    /// Errors of the readings of a session, m, one after the other in time; `noisier` are of larger deviation where it is
+    /// uneven.
+    fn errors(&self, chance: &mut Chance, session: &Session, noisier: &[bool]) -> Vec<f64> {
         let fresh = (1.0 - self.correlation * self.correlation).sqrt();
         let mut last = chance.normal();
-        noisier
-            .iter()
-            .map(|&more| {
+        let stamp = |row: usize| {
+            let at = &session.events[row].header.stamp;
+            (at.sec, at.nanosec)
+        };
+        let mut order: Vec<usize> = (0..noisier.len()).collect();
+        order.sort_by_key(|&row| stamp(row));
+        let drawn: Vec<f64> = (order.iter())
+            .map(|&row| {
+                let more = noisier[row];
                 last = self.correlation * last + fresh * chance.normal();
                 let wider = if more { self.uneven } else { 1.0 };
                 let off = if chance.uniform() < self.stray {
@@ -125,7 +134,12 @@ impl Grain {
                 };
                 self.deviation * (wider * last + off)
             })
-            .collect()
+            .collect();
+        let mut errors = vec![0.0; drawn.len()];
+        for (row, error) in order.into_iter().zip(drawn) {
+            errors[row] = error;
+        }
+        errors
     }
 }
 

@@ -2,10 +2,11 @@
 //!
 //! δq is interpolated linearly between evenly spaced targets over the travel used; each inner target has its mean
 //! bidirectional positioning error, and both ends have none: what is left at them, a constant and a slope, is the
-//! axis's place and its `scale`. A smooth curve needs fewer targets, between which a cubic spline runs (constant `cubic` 1;
-//! de Boor 1978, ch. IV). An axis whose targets are read repeatedly has a table with errors at both ends too (constant `ends`
-//! 1), as the standard states it: its curve need not begin and end at nothing. What repeats with a pitch is `cyclic`.
-//! Typical 1–10 µm.
+//! axis's place and its `scale`. The errors of an axis whose targets are read repeatedly are a smooth function of its position:
+//! a Gaussian process (Rasmussen and Williams 2006, 4.2: squared exponential, several lengths), so that a table with many
+//! targets costs no more than the curve that it holds; between targets runs a cubic spline (constant `cubic` 1; de Boor 1978,
+//! ch. IV). Such a table may have errors at both ends too (constant `ends` 1), as the standard states it: a curve need not begin
+//! and end at nothing. What repeats with a pitch is `cyclic`. Typical 1–10 µm.
 
 use std::ops::RangeInclusive;
 
@@ -20,8 +21,9 @@ use crate::observation::Observations;
 /// Inner targets of the tables that are offered, with their prior weights. None is the usual way of an axis to err: a table
 /// follows any few touches, so that it must not decide which of them are outliers.
 const TARGETS: [(usize, f64); 4] = [(3, 0.5), (7, 0.25), (15, 0.12), (31, 0.06)];
-/// The same of the tables that are smooth, which are offered where each position is visited often.
-const SMOOTH_TARGETS: [(usize, f64); 3] = [(3, 0.5), (7, 0.25), (15, 0.12)];
+/// Correlation lengths, as shares of the travel, of the smooth tables, which are offered where each position is visited often;
+/// and their inner targets: spacings of less than half a length, over which a cubic spline is the curve.
+const SMOOTH: [(f64, usize); 3] = [(0.3, 7), (0.1, 21), (0.04, 51)];
 /// The constant that says that a table is smooth.
 const CUBIC: &str = "cubic";
 /// The constant that says that a table has errors at both ends of the travel.
@@ -77,20 +79,22 @@ impl Effect for Positioning {
                     .into_iter()
                     .map(|(targets, weight)| (Table::straight(targets), weight));
                 // A curve of single readings may as well be the form of the part.
-                let smooth = SMOOTH_TARGETS.into_iter().filter(move |_| repeated);
-                let smooth = smooth.flat_map(|(targets, weight)| {
+                let smooth = SMOOTH.into_iter().filter(move |_| repeated);
+                let smooth = smooth.flat_map(|(length, targets)| {
                     [false, true].map(|ends| {
                         let table = Table {
                             targets,
-                            smooth: true,
+                            smooth: Some(length),
                             ends,
                         };
-                        (table, weight)
+                        (table, 1.0)
                     })
                 });
-                let tables = straight
-                    .chain(smooth)
-                    .filter(move |(table, _)| positions >= FEWEST.max(for_each * table.targets));
+                let tables = straight.chain(smooth).filter(move |(table, _)| {
+                    // What a smooth table says between positions its prior says.
+                    let for_each = table.smooth.map_or(for_each, |_| 1);
+                    positions >= FEWEST.max(for_each * table.targets)
+                });
                 tables.filter_map(move |(table, weight)| {
                     let of = Instance::on(&rows.chain.axis(axis).name);
                     let way = self.way(&rows.chain, &of, travel, table)?;
@@ -117,7 +121,7 @@ impl Effect for Positioning {
         );
         let table = Table {
             targets,
-            smooth: constants.get(CUBIC, 0.0) > 0.5,
+            smooth: (constants.get(CUBIC, 0.0) > 0.5).then_some(SMOOTH[0].0),
             ends: constants.get(ENDS, 0.0) > 0.5,
         };
         let Some(way) = self.way(chain, of, travel, table) else {
@@ -144,8 +148,9 @@ impl Effect for Positioning {
 struct Table {
     /// Number of inner targets.
     targets: usize,
-    /// A cubic spline runs between the targets, else straight lines.
-    smooth: bool,
+    /// A cubic spline runs between the targets, whose errors are correlated over this share of the travel; `None`: straight
+    /// lines between independent errors.
+    smooth: Option<f64>,
     /// The ends of the travel have errors too.
     ends: bool,
 }
@@ -154,7 +159,7 @@ impl Table {
     fn straight(targets: usize) -> Self {
         Self {
             targets,
-            smooth: false,
+            smooth: None,
             ends: false,
         }
     }
@@ -181,7 +186,7 @@ fn all_constants((from, to): (f64, f64), table: Table) -> Vec<(&'static str, f64
         ("to", to, "m"),
         (TARGETS_TOLD, table.targets as f64, "1"),
     ];
-    all.extend(table.smooth.then_some((CUBIC, 1.0, "1")));
+    all.extend(table.smooth.map(|_| (CUBIC, 1.0, "1")));
     all.extend(table.ends.then_some((ENDS, 1.0, "1")));
     all
 }
@@ -207,7 +212,7 @@ impl Positioning {
         let last = table.targets as f64 + 1.0;
         let spacing = (to - from) / last;
         let build = move |rows: &Observations| {
-            let bends = table.smooth.then(|| bends(table.targets));
+            let bends = table.smooth.map(|_| bends(table.targets));
             let column = |target: usize| {
                 rows.machine_column(true, |pose, _| {
                     let along = ((pose.positions[axis] - from) / spacing).clamp(0.0, last);
@@ -221,7 +226,32 @@ impl Positioning {
             table.numbers().map(column).collect()
         };
         let variant = Variant::linear(of.id(self.id()), parameters(table), build);
-        Some(variant.with_constants(&[("from", from, "m"), ("to", to, "m")]))
+        let variant = variant.with_constants(&[("from", from, "m"), ("to", to, "m")]);
+        Some(match table.smooth {
+            Some(length) => variant.with_prior_covariance(covariance(table, length)),
+            None => variant,
+        })
+    }
+}
+
+/// Prior covariance of the errors at the targets of a table, correlated over this share of the travel; where the ends have none,
+/// given that.
+fn covariance(table: Table, length: f64) -> DMatrix<f64> {
+    let (count, last) = (table.targets + 2, table.targets + 1);
+    let all = DMatrix::from_fn(count, count, |i, j| {
+        let apart = i.abs_diff(j) as f64 / (last as f64 * length);
+        (-0.5 * apart * apart).exp()
+    });
+    if table.ends {
+        return all;
+    }
+    let inner = all.view((1, 1), (table.targets, table.targets));
+    let across = all.columns(0, count).select_columns(&[0, last]);
+    let at_ends = across.select_rows(&[0, last]);
+    let across = across.rows(1, table.targets);
+    match at_ends.try_inverse() {
+        Some(inverse) => inner - across * inverse * across.transpose(),
+        None => inner.into_owned(),
     }
 }
 

@@ -8,6 +8,15 @@ use super::{Grain, Sealed, between, displace, expert, rms, sized, sizes, smooth}
 use crate::layouts::bed::{Pose, block, formed_bed_of};
 use crate::layouts::{Chance, V, arm, iso230, plate, warming};
 
+/// The turns of a part that lies turned by so little that their order does not matter.
+fn turned_by(turns: V) -> Vec<(&'static str, &'static str, f64)> {
+    let small = turns.iter().all(|turn| turn.abs() < 5e-4) && turns != [0.0; 3];
+    let named = ["a", "b", "c"].into_iter().zip(turns);
+    let told = named.filter(|_| small);
+    told.map(|(name, turn)| ("fixture.tilt", name, turn))
+        .collect()
+}
+
 pub(super) fn axis(chance: &mut Chance) -> Sealed {
     let noise = between(chance, 0.8e-6, 2e-6);
     let travel = [0.3, 0.4, 0.5][(3.0 * chance.uniform()) as usize];
@@ -60,11 +69,22 @@ pub(super) fn axis(chance: &mut Chance) -> Sealed {
     let farther: Vec<bool> = (session.events.iter())
         .map(|event| event.axis_positions[0] > 0.5 * travel)
         .collect();
-    displace(&mut session, true, &grain.errors(chance, &farther));
+    let errors = grain.errors(chance, &session, &farther);
+    displace(&mut session, true, &errors);
     let mut causes = vec!["axis.X.backlash"];
     causes.extend((curved && bent.abs() > 4.0 * noise).then_some("axis.X.positioning"));
     causes.extend((cyclic && !curved).then_some("axis.X.cyclic"));
+    let mut truths = Vec::new();
+    // Elsewhere its mean over the travel is another.
+    truths.extend((varies == 0.0).then_some(("axis.X.backlash", "b", lost)));
+    if cyclic && !curved {
+        truths.extend([
+            ("axis.X.cyclic", "a", wave),
+            ("axis.X.cyclic", "period", pitch),
+        ]);
+    }
     Sealed {
+        truths,
         expert: expert(&model, &truth, &steps, &session),
         fit: vec![session],
         withheld: Vec::new(),
@@ -121,13 +141,18 @@ pub(super) fn drilled(chance: &mut Chance) -> Sealed {
         .iter()
         .map(|point| point.position.y > 0.2)
         .collect();
-    let mut errors = grain.errors(chance, &upper);
+    let mut errors = grain.errors(chance, &session, &upper);
     for (error, point) in errors.iter_mut().zip(&plan.points) {
         let field = &fields[usize::from(point.normal.y > 0.5)];
         *error += rough * field(point.position.x, point.position.y);
     }
     displace(&mut session, true, &errors);
     Sealed {
+        truths: vec![
+            ("fixture.tilt", "c", truth[2]),
+            ("axis.X.scale", "k", truth[3]),
+            ("axis.Y.scale", "k", truth[4]),
+        ],
         expert: expert(&model, &truth, &[1e-6; 6], &session),
         fit: vec![session],
         withheld: Vec::new(),
@@ -202,12 +227,13 @@ pub(super) fn bed(chance: &mut Chance) -> Sealed {
         .iter()
         .map(|point| point.position.x > 0.0)
         .collect();
-    let mut errors = grain.errors(chance, &right);
+    let mut errors = grain.errors(chance, &session, &right);
     for (error, point) in errors.iter_mut().zip(&plan.points) {
         *error += rough * form(point.position.x, point.position.y);
     }
     displace(&mut session, false, &errors);
     Sealed {
+        truths: turned_by([truth[0], truth[1], 0.0]),
         expert: expert(&model, &truth, &[1e-6; 5], &session),
         fit: vec![session],
         withheld: Vec::new(),
@@ -254,7 +280,7 @@ pub(super) fn blocks(chance: &mut Chance, beside: bool) -> Sealed {
     let mut session = model(&truth);
     let plan = session.plan.as_ref().unwrap();
     let sideways: Vec<bool> = plan.points.iter().map(|p| p.normal.z < 0.5).collect();
-    let mut errors = grain.errors(chance, &sideways);
+    let mut errors = grain.errors(chance, &session, &sideways);
     let size = between(chance, 4.0, 12.0) * noise;
     let kind = (5.0 * chance.uniform()) as usize;
     let field = smooth(chance, 0.12);
@@ -287,7 +313,13 @@ pub(super) fn blocks(chance: &mut Chance, beside: bool) -> Sealed {
         }
     }
     displace(&mut session, false, &errors);
+    let mut truths = turned_by([truth[0], truth[1], truth[2]]);
+    let shift = ["x", "y", "z"].into_iter().zip(&truth[3..]);
+    if !turned {
+        truths.extend(shift.map(|(name, &size)| ("fixture.shift", name, size)));
+    }
     Sealed {
+        truths,
         expert: expert(&model, &truth, &[1e-6; 6], &session),
         fit: vec![session],
         withheld: Vec::new(),
@@ -329,6 +361,10 @@ pub(super) fn spindle(chance: &mut Chance) -> Sealed {
         .collect();
     let withheld = days.split_off(3);
     Sealed {
+        truths: vec![
+            ("thermal.spindle_growth", "g_bearing", growth.0),
+            ("thermal.spindle_growth", "g_column", growth.1),
+        ],
         fit: days,
         withheld,
         causes: vec!["thermal.spindle_growth"],
@@ -361,6 +397,7 @@ pub(super) fn tracked(chance: &mut Chance) -> Sealed {
     let (one, other) = (place(), place());
     let seed = (1e6 * chance.uniform()) as u64;
     Sealed {
+        truths: Vec::new(),
         fit: vec![arm::tracked(&errors, 120, one, seed)],
         withheld: vec![arm::tracked(&errors, 80, other, seed + 1)],
         causes: vec!["drive.compliance"],
