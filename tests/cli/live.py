@@ -155,6 +155,24 @@ def samples_of_the_driver(name="turn_mill"):
         yield seen
 
 
+def every_process_of_a_cell_is_confined(folder):
+    """By what the kernel says of each; what it then refuses is tried in crates/confinement/tests/kernel.rs."""
+    cell = own_cell(folder)
+    with cell_that_is_ready(cell, folder) as up:
+        children = pathlib.Path(f"/proc/{up.pid}/task/{up.pid}/children").read_text().split()
+        assert len(children) > 10, children
+        for process in [up.pid, *children]:
+            # Of every thread: those of the bus begin after the first.
+            for thread in pathlib.Path(f"/proc/{process}/task").iterdir():
+                told = dict(line.split(":", 1) for line in (thread / "status").read_text().splitlines())
+                assert (told["Seccomp"].strip(), told["NoNewPrivs"].strip()) == ("2", "1"), (process, told["Name"], told["Seccomp"])
+    (bag,) = (folder / "recordings").glob("*")
+    table = json.loads(asked("info", bag, "--json", folder=folder)[1])["metadata"]["probecell"]
+    assert "seccomp" in table["confinement"], table
+    faults = recorded(folder).get("launcher/faults", 0)
+    assert faults == (0 if "Landlock" in table["confinement"] else 1), (table, faults)
+
+
 def a_machine_stops_when_its_gate_is_paused(folder):
     cell = own_cell(folder)
     with cell_that_is_ready(cell, folder) as up, samples_of_the_driver() as seen:
@@ -659,7 +677,7 @@ def main():
         for check in (
             the_part_of_a_killed_cycle_is_reported, a_killed_gate_stops_the_part, access_control_binds_processes_of_one_machine,
             the_documented_policy_lets_the_cell_work_and_nobody_else_command_it,
-            a_machine_stops_when_its_gate_is_paused, an_operator_stops_a_part_and_ctrl_c_the_cell,
+            every_process_of_a_cell_is_confined, a_machine_stops_when_its_gate_is_paused, an_operator_stops_a_part_and_ctrl_c_the_cell,
             a_paused_cycle_starts_nothing_late, the_same_cell_is_not_started_twice_and_another_outlives_its_router,
             a_wall_clock_set_back_is_a_recorded_fault, a_disk_that_fails_stops_the_part_and_the_cell,
             a_killed_launcher_leaves_nothing_that_holds_commands_up,

@@ -3,6 +3,8 @@
 //! A cell file is attached to every recording and shown by `info`, so a password is written as `{ env = "NAME" }` or
 //! `{ file = "PATH" }` and read when a process joins the bus.
 
+use std::path::PathBuf;
+
 use controllers::secret::{Secret, SecretError};
 use serde::Deserialize;
 use toml::{Table, Value};
@@ -87,6 +89,28 @@ pub fn resolved(settings: &Table) -> Result<Table, SecretError> {
     match settings {
         Value::Table(settings) => Ok(settings),
         _ => unreachable!("a table stays one"),
+    }
+}
+
+/// Files that hold the passwords which settings refer to.
+pub fn files(settings: &Table) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    collect_files(&Value::Table(settings.clone()), &mut found);
+    found
+}
+
+fn collect_files(value: &Value, found: &mut Vec<PathBuf>) {
+    match value {
+        Value::Table(table) => {
+            for (key, value) in table {
+                match Secret::deserialize(value.clone()) {
+                    Ok(Secret::File { file }) if is_secret(key) => found.push(file),
+                    _ => collect_files(value, found),
+                }
+            }
+        }
+        Value::Array(values) => values.iter().for_each(|one| collect_files(one, found)),
+        _ => {}
     }
 }
 

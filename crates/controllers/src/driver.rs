@@ -20,6 +20,7 @@ use std::{
     collections::VecDeque,
     fmt::Debug,
     net::{TcpStream, ToSocketAddrs},
+    path::PathBuf,
     sync::Arc,
     time::Duration,
 };
@@ -111,8 +112,22 @@ pub trait SimulatedMachine {
     fn instance(&self, chain: Chain, plan: &InspectionPlan) -> Result<Box<dyn Instance>, String>;
 }
 
+/// Files that the process of a driver needs while it runs; it can open no others.
+#[derive(Clone, Debug, Default)]
+pub struct Files {
+    /// Files, and folders with what is in them, that it reads.
+    pub read: Vec<PathBuf>,
+    /// Folders in which it reads, makes, changes and removes files.
+    pub write: Vec<PathBuf>,
+}
+
 /// A machine behind a controller.
 pub trait Controller {
+    /// Files that it needs from [`Controller::connect`] on.
+    fn files(&self) -> Files {
+        Files::default()
+    }
+
     /// Connects. `session` begins the name of each session and differs between runs of the driver.
     ///
     /// # Errors

@@ -42,6 +42,14 @@ pub enum SecretError {
 }
 
 impl Secret {
+    /// The file that holds it, where one does.
+    pub(crate) fn file(&self) -> Option<PathBuf> {
+        match self {
+            Self::File { file } => Some(file.clone()),
+            Self::Environment { .. } | Self::Plain(_) => None,
+        }
+    }
+
     /// The password.
     ///
     /// # Errors

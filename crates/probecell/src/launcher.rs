@@ -42,6 +42,8 @@ pub(crate) fn up(file: &Path, once: bool, recorded: bool, shown: bool) -> anyhow
     }
     // Made before any process asks for them.
     KeyFolder::of(&cell)?.private()?;
+    // Before this process has another thread: what begins later has no more rights.
+    let confined = Routing::confine(&cell, recorded)?;
     let end = signals::end_flag()?;
     let mut routing = Routing::start(&cell)?;
     let bus = Bus::open(
@@ -86,6 +88,10 @@ pub(crate) fn up(file: &Path, once: bool, recorded: bool, shown: bool) -> anyhow
         operator.waive_recording(&cell.namespace())?;
     }
     operator.publish_keys();
+    if let Some(text) = confined.lack() {
+        output::remark(&format!("warning: {text}"));
+        operator.warn("not_confined", &text);
+    }
     if has_own_socket(&cell)? && cell.bus.strangers == Strangers::Write {
         let text = "bus.strangers = \"write\": any program that reaches the bus commands the cell";
         output::remark(&format!("warning: {text}"));

@@ -7,6 +7,7 @@
 //!                operator         services, console, diagnostics of a running cell
 //!   run, measure, approve, recording --> cell_client   calls the services of a running cell
 //!   cell_bus                      how processes join the bus of a cell
+//!   confined                      what each process may do
 //!   external_driver               whether a driver that others start is on the bus
 //!   output                        standard output and standard error
 //! ```
@@ -23,6 +24,7 @@ mod cell_bus;
 mod cell_client;
 mod command_line;
 mod commands;
+mod confined;
 mod default_cell;
 mod examples;
 mod external_driver;

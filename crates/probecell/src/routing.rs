@@ -7,11 +7,12 @@ use std::{
 
 use anyhow::bail;
 use cell::{Cell, Strangers, TransportName, policy::RECORDER, strangers};
+use confinement::Confined;
 use host::bus::{Bus, BusConfig, Router, RouterConfig};
 
 use crate::{
     cell_bus::{bus_config, has_own_socket, own_socket, router_config},
-    output,
+    confined, output,
     own_socket::OwnSocket,
 };
 
@@ -35,6 +36,14 @@ pub(crate) struct Routing {
 }
 
 impl Routing {
+    /// Takes from the launcher what neither its router nor any process that it starts needs.
+    pub(crate) fn confine(cell: &Cell, recorded: bool) -> anyhow::Result<Confined> {
+        if let Some(socket) = own_socket(cell)? {
+            socket.prepare()?;
+        }
+        confined::launcher(cell, &router_config(cell)?.listen, recorded)
+    }
+
     /// Starts it, unless one answers.
     pub(crate) fn start(cell: &Cell) -> anyhow::Result<Self> {
         let mut routing = Self {
@@ -48,9 +57,6 @@ impl Routing {
             return Ok(routing);
         }
         let config = router_config(cell)?;
-        if let Some(socket) = &routing.socket {
-            socket.prepare()?;
-        }
         // A router may run there already: zenohd, rmw_zenoh's router, that of another cell, or one on another machine.
         if host::endpoint_answers(&cell.bus.router_endpoint) {
             routing.join(cell)?;

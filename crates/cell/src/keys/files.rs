@@ -126,6 +126,11 @@ impl KeyFolder {
         Ok(key)
     }
 
+    /// What a process that joins the bus reads here: the public key of the cell, and the passwords of a secured bus.
+    pub fn files_of_bus(&self) -> [PathBuf; 2] {
+        [self.0.join("cell.pub"), self.0.join("bus")]
+    }
+
     /// The public key of the cell is there.
     pub fn is_public_there(&self) -> bool {
         self.0.join("cell.pub").exists()

@@ -1,12 +1,15 @@
 //! LinuxCNC as a driver: a process that talks to its remote shell.
 
+use std::path::Path;
+
 use super::{LinuxCnc, LinuxCncConnection, NAME, RawConfig};
 use crate::{
     axes::Axis,
     driver::{
-        ConnectError, Connection, Controller, Demands, DoctorCheck, Driver, DriverSettings, Role,
-        Section, SectionError, required, tcp_answers,
+        ConnectError, Connection, Controller, Demands, DoctorCheck, Driver, DriverSettings, Files,
+        Role, Section, SectionError, required, tcp_answers,
     },
+    secret::Secret,
 };
 
 impl Driver for LinuxCnc {
@@ -48,6 +51,17 @@ impl DriverSettings for RawConfig {
 }
 
 impl Controller for RawConfig {
+    /// The controller may write its tool table as another file of the same name, hence the folder.
+    fn files(&self) -> Files {
+        let folder = |path: &Path| path.parent().unwrap_or(path).to_owned();
+        let passwords = [&self.connect_password, &self.enable_password];
+        let passwords = passwords.into_iter().filter_map(Secret::file);
+        Files {
+            read: passwords.chain([folder(&self.tool_table)]).collect(),
+            write: vec![self.program_directory.clone()],
+        }
+    }
+
     fn connect(&self, session: &str) -> Result<Box<dyn Connection>, ConnectError> {
         let config = self.clone().check()?;
         Ok(Box::new(LinuxCncConnection::connect(config, session)?))

@@ -11,8 +11,10 @@
 //! node that reaches its router by a Unix socket, as the processes of a cell do: nothing that it says bypasses the router.
 
 use std::net::{IpAddr, Ipv4Addr};
+use std::path::PathBuf;
 use std::time::Duration;
 
+use confinement::Sockets;
 use serde_json::{Value, json};
 
 use super::BusError;
@@ -108,6 +110,61 @@ impl BusConfig {
         self.to_zenoh().map(drop)
     }
 
+    /// Sockets that a session opens, also when its router has gone and comes back.
+    ///
+    /// # Errors
+    /// As [`Self::check`].
+    pub fn sockets(&self) -> Result<Sockets, BusError> {
+        if self.transport == Transport::Dds {
+            return Ok(Sockets {
+                udp: true,
+                ..Sockets::default()
+            });
+        }
+        let config = self.to_zenoh()?;
+        let told = |key: &str| -> Value {
+            let text = config.get_json(key).unwrap_or_default();
+            serde_json::from_str(&text).unwrap_or_default()
+        };
+        let mut endpoints = Vec::new();
+        texts(&told("connect/endpoints"), &mut endpoints);
+        // A peer listens, and links to whichever peers its router tells it of.
+        let mut listen = Vec::new();
+        texts(&told("listen/endpoints"), &mut listen);
+        let is_client = told("mode") == "client" && listen.is_empty();
+        let mut sockets = Sockets {
+            tcp: !is_client,
+            listens: !is_client,
+            ports: is_client.then(Vec::new),
+            ..Sockets::default()
+        };
+        for endpoint in &endpoints {
+            let (protocol, address) = endpoint.split_once('/').unwrap_or(("", endpoint));
+            if protocol == "unixsock-stream" {
+                sockets.unix = true;
+                continue;
+            }
+            let address = address.split(['?', '#']).next().unwrap_or(address);
+            let (host, port) = address.rsplit_once(':').unwrap_or((address, ""));
+            let host = host.trim_start_matches('[').trim_end_matches(']');
+            sockets.tcp = true;
+            // A name is looked up.
+            sockets.udp |= host.parse::<IpAddr>().is_err() && host != "localhost";
+            match (&mut sockets.ports, port.parse()) {
+                (Some(ports), Ok(port)) => ports.push(port),
+                (ports, _) => *ports = None,
+            }
+        }
+        Ok(sockets)
+    }
+
+    /// Files that a session reads: keys and certificates of TLS.
+    pub fn files(&self) -> Vec<PathBuf> {
+        let mut texts_of_tls = Vec::new();
+        texts(&self.zenoh["transport"]["link"]["tls"], &mut texts_of_tls);
+        texts_of_tls.into_iter().map(PathBuf::from).collect()
+    }
+
     pub(super) fn to_zenoh(&self) -> Result<zenoh::Config, BusError> {
         let is_peer = self.endpoints.iter().all(|endpoint| is_loopback(endpoint));
         let listen: &[String] = if is_peer { &self.listen } else { &[] };
@@ -128,6 +185,10 @@ impl BusConfig {
             "transport": link(),
         });
         overlay(&mut settings, &self.zenoh);
+        // A client links to its router alone; Zenoh would listen for one as well.
+        if settings["mode"] == "client" && self.zenoh.get("listen").is_none() {
+            settings["listen"]["endpoints"] = json!([]);
+        }
         parse(&settings)
     }
 }
@@ -197,6 +258,16 @@ fn is_loopback(endpoint: &str) -> bool {
     host == "localhost" || host.parse().is_ok_and(|host: IpAddr| host.is_loopback())
 }
 
+/// Every text in a value.
+fn texts(value: &Value, found: &mut Vec<String>) {
+    match value {
+        Value::String(text) => found.push(text.clone()),
+        Value::Array(values) => values.iter().for_each(|one| texts(one, found)),
+        Value::Object(table) => table.values().for_each(|one| texts(one, found)),
+        _ => {}
+    }
+}
+
 /// Lays `over` on `base`: tables are merged, everything else is replaced.
 pub(super) fn overlay(base: &mut Value, over: &Value) {
     match (base, over) {
@@ -256,6 +327,40 @@ mod tests {
                 "{endpoint}"
             );
         }
+    }
+
+    #[test]
+    fn sockets_are_those_of_the_links() {
+        let of = |endpoint: &str, zenoh: Value| {
+            let config = BusConfig {
+                endpoints: vec![endpoint.to_owned()],
+                zenoh,
+                ..BusConfig::default()
+            };
+            config.sockets().unwrap()
+        };
+        let unix = of("unixsock-stream//run/cell.socket", json!({}));
+        let expected = Sockets {
+            unix: true,
+            ports: Some(Vec::new()),
+            ..Sockets::default()
+        };
+        assert_eq!(unix, expected);
+        let expected = Sockets {
+            tcp: true,
+            ports: Some(vec![7447]),
+            ..Sockets::default()
+        };
+        assert_eq!(of("tcp/192.168.1.7:7447", json!({})), expected);
+        assert_eq!(of("tls/[::1]:7447", json!({ "mode": "client" })), expected);
+        assert!(of("tls/cell.example:7447", json!({})).udp);
+        let peer = of("tcp/127.0.0.1:7447", json!({}));
+        assert!(peer.listens && peer.tcp && peer.ports.is_none() && !peer.unix && !peer.udp);
+        // Settings of the cell file go over the defaults.
+        let client = of("tcp/127.0.0.1:7447", json!({ "mode": "client" }));
+        assert!(!client.listens && client.ports == Some(vec![7447]));
+        let other = json!({ "mode": "client", "connect": { "endpoints": ["tcp/127.0.0.1:8000"] } });
+        assert_eq!(of("tcp/127.0.0.1:7447", other).ports, Some(vec![8000]));
     }
 
     #[test]

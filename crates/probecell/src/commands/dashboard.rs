@@ -11,7 +11,7 @@ use cell::{Cell, TransportName, keys::KeyFolder};
 use dashboard::{Desk, Pages, Settings};
 use host::bus::{BusConfig, ROUTER_ENDPOINT};
 
-use crate::{GOOD, cell_bus::bus_config, output, signals};
+use crate::{GOOD, cell_bus::bus_config, confined, output, signals};
 
 /// Address unless the user chooses another.
 const ADDRESS: &str = "127.0.0.1:7480";
@@ -190,13 +190,15 @@ pub(crate) fn run(arguments: Arguments) -> anyhow::Result<u8> {
     }
     let mut hosts = arguments.host;
     hosts.extend(host_names());
+    let desks = desks(&cells)?;
+    confined::server(&cells, &buses, &recordings)?;
     let settings = Settings {
         listen: arguments.listen,
         any_port: arguments.any_port,
         buses,
         recordings,
         pages: Pages { report, diagnosis },
-        desks: desks(&cells)?,
+        desks,
         hosts,
         viewers: arguments.viewer,
     };

@@ -17,7 +17,7 @@ use probecell_msgs::from_cdr;
 use tokio::sync::watch;
 
 use super::dashboard;
-use crate::{DEFAULT_CELL, GOOD, output, signals};
+use crate::{DEFAULT_CELL, GOOD, confined, output, signals};
 
 /// The port that agents use.
 const ADDRESS: &str = "127.0.0.1:5000";
@@ -108,6 +108,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
     let cell = Cell::read(&arguments.cell)?;
     let bus = dashboard::buses(std::slice::from_ref(&cell), Vec::new(), 0)?;
     let bus = bus.into_iter().next().context("the cell has no bus")?;
+    confined::server(std::slice::from_ref(&cell), std::slice::from_ref(&bus), &[])?;
     let now = host::now().time();
     let instance = u64::from(now.sec.unsigned_abs());
     let served = Arc::new(Served {

@@ -7,7 +7,7 @@ use controllers::driver::{ConnectError, Connection, Role};
 use graph::Wiring;
 use host::{NodeProcess, bus::Bus, run_driver, run_node};
 
-use crate::{GOOD, cell_bus, routing::refuse_unheard, signals};
+use crate::{GOOD, cell_bus, confined, routing::refuse_unheard, signals};
 
 /// Runs the node until SIGINT or SIGTERM. `supervised`: `up` has started it, and has looked at the bus.
 pub(crate) fn run(
@@ -39,11 +39,13 @@ pub(crate) fn run(
     } else {
         cell.with_key(folder.public()?)
     };
+    let bus = cell_bus::bus_config(&cell, name)?;
+    confined::node(&bus)?;
     let instance = cell.instance(name, cell.is_playback())?;
     if !supervised {
         refuse_unheard(&cell)?;
     }
-    let bus = Bus::open(&cell_bus::bus_config(&cell, name)?, name, &cell.namespace())?;
+    let bus = Bus::open(&bus, name, &cell.namespace())?;
     let settings = NodeProcess {
         namespace: cell.namespace(),
         incarnation,
@@ -84,10 +86,12 @@ fn drive(
 ) -> anyhow::Result<u8> {
     let name = &cell.driver.source;
     let session = format!("{name}-{}", host::now().0);
+    let bus = cell_bus::bus_config(cell, name)?;
+    confined::driver(cell, &bus)?;
     if !supervised {
         refuse_unheard(cell)?;
     }
-    let bus = Bus::open(&cell_bus::bus_config(cell, name)?, name, &cell.namespace())?;
+    let bus = Bus::open(&bus, name, &cell.namespace())?;
     let connection = connect(&session, &bus).map_err(anyhow::Error::from_boxed)?;
     let end = signals::end_flag()?;
     run_driver(bus, connection, &cell.namespace(), &|| {

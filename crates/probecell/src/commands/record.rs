@@ -12,6 +12,7 @@ use std::{
 
 use bags::{Sealer, SplitAt, Statistics};
 use cell::{Cell, keys::KeyFolder};
+use confinement::Confined;
 use graph::topics;
 use host::{
     RecorderProcess, RecordingSettings,
@@ -25,7 +26,7 @@ use probecell_msgs::{
 use recorded::embedded::{CELL_FILE, KEY_FILE, PROVENANCE, ROBOT_FILE};
 use trust::{Act, Kind, PublicKey, SecretKey};
 
-use crate::{GOOD, LOSS, cell_bus, output, routing::refuse_unheard, signals};
+use crate::{GOOD, LOSS, cell_bus, confined, output, routing::refuse_unheard, signals};
 
 /// Timeout of the recorder to answer a service; a client of this project waits for 15 s.
 const REPLY_TIMEOUT: Duration = Duration::from_secs(10);
@@ -49,6 +50,8 @@ struct RecorderService<'a> {
     cell: &'a Cell,
     /// Signs the seals of the recordings.
     key: SecretKey,
+    /// What the kernel takes away from this process.
+    confined: Confined,
     current: Option<(RecorderProcess, PathBuf)>,
     missing: u64,
     /// Tells the cell whether it is recorded.
@@ -98,20 +101,21 @@ impl Making {
 /// another.
 pub(crate) fn run(file: &Path, folder: Option<PathBuf>, supervised: bool) -> anyhow::Result<u8> {
     let cell = Cell::read(file)?;
+    let key = KeyFolder::of(&cell)?.private()?;
+    let cell = cell.with_key(key.public());
+    let bus = cell_bus::bus_config(&cell, "recorder")?;
+    let folder = folder.unwrap_or_else(|| cell_bus::new_recording(&cell));
+    let parent = folder.parent().filter(|one| *one != Path::new(""));
+    let folders = [parent.unwrap_or(Path::new(".")), &cell.recorder.folder];
+    let confined = confined::recorder(&bus, folders)?;
     if !supervised {
         refuse_unheard(&cell)?;
     }
-    let key = KeyFolder::of(&cell)?.private()?;
-    let cell = cell.with_key(key.public());
     let (sender, requests) = channel();
     let end = sender.clone();
     // The receiver is gone once the recorder has ended.
     signals::on_end(move || end.send(Request::End).unwrap_or_default())?;
-    let bus = Bus::open(
-        &cell_bus::bus_config(&cell, "recorder")?,
-        "recorder",
-        &cell.namespace(),
-    )?;
+    let bus = Bus::open(&bus, "recorder", &cell.namespace())?;
     let topic = topics::RECORDING_STATUS;
     let status = bus.publisher(&cell.topic(topic.name), topic.message, bus_qos(topic.qos))?;
     let making = Making::follow(&bus, &cell)?;
@@ -119,13 +123,14 @@ pub(crate) fn run(file: &Path, folder: Option<PathBuf>, supervised: bool) -> any
         bus: &bus,
         cell: &cell,
         key,
+        confined,
         current: None,
         missing: 0,
         status,
         status_sent: Instant::now(),
         making,
     };
-    service.begin(folder.unwrap_or_else(|| cell_bus::new_recording(&cell)))?;
+    service.begin(folder)?;
     let servers = serve(&bus, &cell, &sender)?;
     service.serve_requests(&requests)?;
     drop(servers);
@@ -150,11 +155,10 @@ pub(crate) fn run(file: &Path, folder: Option<PathBuf>, supervised: bool) -> any
 
 impl RecorderService<'_> {
     fn begin(&mut self, folder: PathBuf) -> anyhow::Result<()> {
-        if let Some(parent) = folder.parent() {
-            std::fs::create_dir_all(parent)?;
-        }
-        let process =
-            RecorderProcess::start(self.bus, settings(self.cell, &self.key, folder.clone())?)?;
+        let mut settings = settings(self.cell, &self.key, folder.clone())?;
+        let confined = ("confinement".to_owned(), self.confined.to_string());
+        settings.provenance.1.extend([confined]);
+        let process = RecorderProcess::start(self.bus, settings)?;
         self.current = Some((process, folder));
         self.publish_status()
     }

@@ -6,7 +6,7 @@ use anyhow::Context;
 use cell::strangers;
 use host::bus::{Router, RouterConfig};
 
-use crate::{GOOD, output, own_socket::OwnSocket, signals};
+use crate::{GOOD, confined, output, own_socket::OwnSocket, signals};
 
 /// What strangers may do at the router.
 #[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -35,6 +35,7 @@ pub(crate) fn run(listen: &[String], connect: &[String], to: Strangers) -> anyho
             config.listen.insert(0, socket.locator());
         }
     }
+    confined::router(&config.listen)?;
     let router = Router::start(&config)?;
     if to == Strangers::Read {
         for endpoint in listen {
