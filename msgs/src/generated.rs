@@ -2375,6 +2375,52 @@ pub mod geometry_msgs {
     }
 }
 
+/// Standard types of the ROS package `rcl_interfaces`.
+pub mod rcl_interfaces {
+    use serde::{Deserialize, Serialize};
+
+    use crate::schema::{Message, MessageType};
+
+    /// One log message of a node, as every ROS 2 node publishes it on /rosout.
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct Log {
+        /// wall clock
+        pub stamp: crate::builtin_interfaces::Time,
+        /// one of the constants above
+        pub level: u8,
+        /// logger: namespace and node, with dots
+        pub name: String,
+        pub msg: String,
+        /// source file, empty if unknown
+        pub file: String,
+        pub function: String,
+        pub line: u32,
+    }
+
+    impl Log {
+        pub const DEBUG: u8 = 10;
+        pub const INFO: u8 = 20;
+        pub const WARN: u8 = 30;
+        pub const ERROR: u8 = 40;
+        pub const FATAL: u8 = 50;
+    }
+
+    impl Message for Log {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "rcl_interfaces/msg/Log",
+            dds_name: "rcl_interfaces::msg::dds_::Log_",
+            type_hash: "RIHS01_e28ce254ca8abc06abf92773b74602cdbf116ed34fbaf294fb9f81da9f318eac",
+            definition: concat!(
+                include_str!("../standard/rcl_interfaces/msg/Log.msg"),
+                "================================================================================\nMSG: builtin_interfaces/Time\n",
+                include_str!("../standard/builtin_interfaces/msg/Time.msg")
+            ),
+            describe: crate::describe::of::<Log>,
+            canonical: crate::cdr::canonical::<Log>,
+        };
+    }
+}
+
 /// Standard types of the ROS package `rosgraph_msgs`.
 pub mod rosgraph_msgs {
     use serde::{Deserialize, Serialize};
@@ -3304,6 +3350,7 @@ pub(crate) static MESSAGES: &[&MessageType] = &[
     <srv::StopRecordingResponse as Message>::TYPE,
     <srv::StopRequest as Message>::TYPE,
     <srv::StopResponse as Message>::TYPE,
+    <rcl_interfaces::Log as Message>::TYPE,
     <rosgraph_msgs::Clock as Message>::TYPE,
     <sensor_msgs::CompressedImage as Message>::TYPE,
     <sensor_msgs::JointState as Message>::TYPE,

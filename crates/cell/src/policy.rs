@@ -123,6 +123,10 @@ pub fn productions(cell: &Cell) -> Result<BTreeMap<String, Vec<String>>, CellErr
     launcher.extend(["diagnostics", "tf", "tf_static"].map(str::to_owned));
     processes.insert(LAUNCHER.to_owned(), launcher);
     processes.insert(RECORDER.to_owned(), of(RECORDER));
+    // As every ROS 2 node, each publishes its log on a topic that all share.
+    for produced in processes.values_mut() {
+        produced.push("rosout".to_owned());
+    }
     let made = |topic: &String| processes.values().any(|produced| produced.contains(topic));
     let left: Vec<String> = of("instrument")
         .into_iter()

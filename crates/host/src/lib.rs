@@ -15,6 +15,7 @@
 //! | [`process`] | drives one node by messages and timers, and publishes its step journal |
 //! | [`driver`] | polls the connection to a controller |
 //! | [`recording`] | the recorder |
+//! | [`rosout`] | the log of the process on `/rosout` |
 //! | [`clock`] | stamps on the monotonic clock |
 //!
 //! ```
@@ -56,6 +57,7 @@ pub mod driver;
 pub mod process;
 pub mod recording;
 mod robot;
+pub mod rosout;
 mod topology;
 
 pub use clock::now;

@@ -38,7 +38,7 @@ const READY_TIMEOUT: Duration = Duration::from_secs(30);
 pub(crate) fn up(file: &Path, once: bool, recorded: bool, shown: bool) -> anyhow::Result<u8> {
     let cell = Cell::read(file)?;
     for warning in cell.access_warnings() {
-        output::remark(&format!("warning: {warning}"));
+        output::warning(&warning);
     }
     // Made before any process asks for them.
     KeyFolder::of(&cell)?.private()?;
@@ -51,6 +51,7 @@ pub(crate) fn up(file: &Path, once: bool, recorded: bool, shown: bool) -> anyhow
         "operator",
         &cell.namespace(),
     )?;
+    host::rosout::publish(&bus, &cell.namespace(), "operator")?;
     // Nobody else is on a bus whose router has only just been started.
     if !routing.is_own() {
         refuse_second(&bus, &cell)?;
@@ -94,12 +95,12 @@ pub(crate) fn up(file: &Path, once: bool, recorded: bool, shown: bool) -> anyhow
     }
     if has_own_socket(&cell)? && cell.bus.strangers == Strangers::Write {
         let text = "bus.strangers = \"write\": any program that reaches the bus commands the cell";
-        output::remark(&format!("warning: {text}"));
+        output::warning(&text);
         operator.warn("bus_open", text);
     }
     if cell.approvals.unsigned_operators {
         let text = "approvals.unsigned_operators = true: whoever reaches the bus approves corrections in any name";
-        output::remark(&format!("warning: {text}"));
+        output::warning(&text);
         operator.warn("approvals_unsigned", text);
     }
     let outcome = watch(
@@ -230,11 +231,11 @@ fn follow(driver: &mut ExternalDriver, operator: &Operator) {
         None => {}
         Some(Change::Joined(text)) => output::remark(&text),
         Some(Change::Left(text)) => {
-            output::remark(&text);
+            output::warning(&text);
             operator.report_ended(&driver.state().name, &text);
         }
         Some(Change::Wrong(text)) => {
-            output::remark(&text);
+            output::warning(&text);
             operator.warn("driver_wrong", &text);
         }
     }

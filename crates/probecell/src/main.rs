@@ -38,7 +38,7 @@ mod signals;
 use std::{io::IsTerminal, process::ExitCode};
 
 use clap::{CommandFactory, FromArgMatches};
-use tracing_subscriber::EnvFilter;
+use tracing_subscriber::{EnvFilter, layer::SubscriberExt, util::SubscriberInitExt};
 
 use command_line::{Arguments, Command};
 
@@ -57,10 +57,13 @@ const DEFAULT_CELL: &str = "launch-scripts/turn_mill.toml";
 fn main() -> ExitCode {
     let filter = EnvFilter::try_from_default_env()
         .unwrap_or_else(|_| EnvFilter::new("warn,zenoh=error,rustdds=off,ros2_client=off"));
-    tracing_subscriber::fmt()
-        .with_env_filter(filter)
+    let terminal = tracing_subscriber::fmt::layer()
         .with_writer(std::io::stderr)
-        .with_ansi(std::io::stderr().is_terminal())
+        .with_ansi(std::io::stderr().is_terminal());
+    tracing_subscriber::registry()
+        .with(filter)
+        .with(terminal)
+        .with(host::rosout::layer())
         .init();
     let arguments =
         Arguments::from_arg_matches(&examples::with_examples(Arguments::command()).get_matches());

@@ -9,6 +9,7 @@ use std::{
 
 use probecell_msgs::{PlanProgress, is_unprintable};
 use serde::Serialize;
+use tracing::Level;
 
 /// A text whose characters that would move a cursor, ring a bell or turn the direction of writing are escaped; a line
 /// break and a tabulator stay.
@@ -45,9 +46,16 @@ pub(crate) fn bytes(text: &[u8]) {
     }
 }
 
-/// A remark on standard error.
+/// A remark on standard error, and in the log of a process of a cell.
 pub(crate) fn remark(text: &str) {
     eprintln!("{}", printable(text));
+    host::rosout::log(Level::INFO, text);
+}
+
+/// A warning on standard error, and in the log of a process of a cell.
+pub(crate) fn warning(text: &str) {
+    eprintln!("warning: {}", printable(text));
+    host::rosout::log(Level::WARN, text);
 }
 
 /// Progress of a plan, as one line of standard error that the next one replaces; nothing where that is not a terminal.
@@ -94,9 +102,7 @@ pub(crate) fn json(value: &impl Serialize) -> anyhow::Result<()> {
 /// Warns of the damage of a bag; gives the exit status of a command that used the intact part.
 pub(crate) fn damage(found: &[bags::Damage]) -> u8 {
     for damage in found {
-        remark(&format!(
-            "warning: {damage}: only the complete part is used"
-        ));
+        warning(&format!("{damage}: only the complete part is used"));
     }
     if found.is_empty() {
         crate::GOOD

@@ -76,16 +76,16 @@ impl Routing {
         let (file, endpoint) = (&cell.text().name, &cell.bus.router_endpoint);
         if !socket.answers() {
             refuse_unheard(cell)?;
-            output::remark(&format!(
-                "warning: the router at {endpoint} is not of a cell of this user, and decides by itself who may write"
+            output::warning(&format!(
+                "the router at {endpoint} is not of a cell of this user, and decides by itself who may write"
             ));
             return Ok(());
         }
         let opened = socket.read_opened();
         if opened.contains("**") {
             if cell.bus.strangers == Strangers::Read {
-                output::remark(&format!(
-                    "warning: the cell that carries the router at {endpoint} opens it to strangers: they may command this cell, too"
+                output::warning(&format!(
+                    "the cell that carries the router at {endpoint} opens it to strangers: they may command this cell, too"
                 ));
             }
         } else if let Some(key) = self.opened.difference(&opened).next() {
@@ -134,7 +134,7 @@ impl Routing {
             ));
             self.own = Some(router);
             if let Err(reason) = self.write_opened(endpoint) {
-                output::remark(&format!("warning: {reason:#}"));
+                output::warning(&format!("{reason:#}"));
             }
         }
     }

@@ -60,6 +60,11 @@ fn rms(values: impl Iterator<Item = f64>) -> f64 {
     (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
 }
 
+/// Name and identifier of an effect.
+fn named(effect: &str) -> String {
+    format!("{} ({effect})", effects::vocabulary::describe(effect))
+}
+
 /// Three digits of a number.
 fn same(shown: f64, given: f64) -> bool {
     (shown - given).abs() <= 0.006 * given.abs()
@@ -75,7 +80,7 @@ fn the_table_says_what_the_report_says() {
     let rows = table(&page, "In the order in which they close the gap");
     assert_eq!(rows.len(), report.effects.len());
     for (row, effect) in rows.iter().zip(&report.effects) {
-        assert_eq!(row[0], effect.effect);
+        assert_eq!(row[0], named(&effect.effect));
         assert!(same(um(&row[3]), 1e6 * effect.rms_before), "{row:?}");
         assert!(same(um(&row[4]), 1e6 * effect.rms_after), "{row:?}");
         let (low, high) = row[5].split_once(" to ").expect("an interval");
@@ -85,7 +90,7 @@ fn the_table_says_what_the_report_says() {
             assert!(row[1].contains(&format!("{} = ", parameter.name)));
         }
         for other in &effect.indistinguishable_from {
-            assert!(row[7].contains(other.as_str()));
+            assert!(row[7].contains(&named(other)));
         }
     }
 }
@@ -137,7 +142,7 @@ fn the_page_says_what_the_diagnosis_stands_on() {
     let rows = table(&page, "Subtracted before the diagnosis");
     assert_eq!(rows.len(), 2);
     for (row, declared) in rows.iter().zip(&report.declared) {
-        assert_eq!(row[0], declared.effect);
+        assert_eq!(row[0], named(&declared.effect));
         assert!(row[2].contains(HOSTILE) && row[2].contains("chosen from axis.X.scale"));
         assert!(row[3].starts_with("30.0 µm → 2.00 µm"), "{}", row[3]);
         assert!(row[4].starts_with("31.0 µm → 9.00 µm"), "{}", row[4]);
@@ -171,7 +176,11 @@ fn proposed_touches_name_the_axes_that_the_machine_has() {
         let html = diagnosis_page(&report, &residuals).expect("a page").html();
         let rows = table(
             &parsed(&html),
-            "To discriminate between: link.EX0C, axis.X.scale",
+            &format!(
+                "To discriminate between: {}, or {}",
+                named("link.EX0C"),
+                named("axis.X.scale")
+            ),
         );
         rows[0].clone()
     };

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """What a ROS 2 user expects beside the topics: services that answer, bags that anybody may record, bags that convert.
 
-    check.py PROBECELL [services|outside|convert|domain]...
+    check.py PROBECELL [services|outside|convert|domain|log]...
 
 Runs in a network namespace of its own (the router's port is taken). The client and the recorder are eclipse-zenoh, rosbags
 and mcap; nothing of ours but the message files.
@@ -230,10 +230,33 @@ def domain_of_the_environment(folder):
         assert code == 0, (output, errors)
 
 
+def log_of_the_nodes(folder):
+    """Each node publishes on /rosout as rcl does; who comes late gets what was logged, as a latched subscription of rmw_zenoh does."""
+    cell = own_cell(folder)
+    with running("up", cell, folder=folder) as up, session() as opened:
+        assert "is ready" in up.stdout.readline()
+        publishers = [one.split("/") for one in tokens(opened) if "/MP/" in one and "/%rosout/" in one]
+        assert {one[8] for one in publishers} == {one.split("/")[8] for one in tokens(opened) if "/NN/" in one}, publishers
+        assert len(publishers) > 9
+        assert {one[12].split(":")[1] for one in publishers} == {"1"}, publishers  # transient local
+        kind, digest = publishers[0][10:12]
+        os.kill(process_of(up, "gap"), signal.SIGKILL)
+
+        def said():
+            late = opened.get(f"0/rosout/{kind}/{digest}/@adv/pub/**?_anyke", target=zenoh.QueryTarget.ALL)
+            logs = [MESSAGES.decode(bytes(reply.ok.payload), "rcl_interfaces/msg/Log") for reply in late if reply.ok]
+            return [log for log in logs if log.msg.startswith("gap ended")]
+
+        (log,) = until("a log that gap has ended", said)
+        assert (log.level, log.name) == (30, "turn_mill.operator"), log
+        assert abs(time.time() - log.stamp.sec) < PATIENCE, log
+        print(f"  {log.name}: {log.msg}", flush=True)
+
+
 def main():
     checks = {
         "services": services_of_stopped_nodes, "outside": a_bag_from_outside, "convert": bags_convert,
-        "domain": domain_of_the_environment,
+        "domain": domain_of_the_environment, "log": log_of_the_nodes,
     }
     for name in sys.argv[2:] or checks:
         with tempfile.TemporaryDirectory() as folder:

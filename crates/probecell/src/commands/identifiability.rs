@@ -91,9 +91,7 @@ pub(super) fn of_cell(file: &Path) -> anyhow::Result<Session> {
 fn of_bag(path: &Path) -> anyhow::Result<Session> {
     let session = bags::Session::read_measurement(&Bag::open(path)?, &Measurement::Last)?;
     for damage in &session.damage {
-        output::remark(&format!(
-            "warning: {damage}: only the complete part is used"
-        ));
+        output::warning(&format!("{damage}: only the complete part is used"));
     }
     Ok(Session {
         name: path.display().to_string(),

@@ -46,6 +46,7 @@ pub(crate) fn run(
         refuse_unheard(&cell)?;
     }
     let bus = Bus::open(&bus, name, &cell.namespace())?;
+    host::rosout::publish(&bus, &cell.namespace(), name)?;
     let settings = NodeProcess {
         namespace: cell.namespace(),
         incarnation,
@@ -92,6 +93,7 @@ fn drive(
         refuse_unheard(cell)?;
     }
     let bus = Bus::open(&bus, name, &cell.namespace())?;
+    host::rosout::publish(&bus, &cell.namespace(), name)?;
     let connection = connect(&session, &bus).map_err(anyhow::Error::from_boxed)?;
     let end = signals::end_flag()?;
     run_driver(bus, connection, &cell.namespace(), &|| {

@@ -96,7 +96,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
         measured.write(folder, &arguments.files)?;
     }
     if !complete {
-        output::remark("warning: the program did not come to its end");
+        output::warning("the program did not come to its end");
     }
     if arguments.json {
         let files = arguments.files.iter().zip(&all);

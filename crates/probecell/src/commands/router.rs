@@ -44,7 +44,7 @@ pub(crate) fn run(listen: &[String], connect: &[String], to: Strangers) -> anyho
             }
         }
     } else {
-        output::remark("warning: any program that reaches this router commands the cells on it");
+        output::warning("any program that reaches this router commands the cells on it");
     }
     let (sender, receiver) = channel();
     signals::on_end(move || sender.send(()).unwrap_or_default())?;

@@ -262,7 +262,7 @@ impl RunningCell {
             }
         }
         if !complete(&later) {
-            output::remark("warning: not every additional touch was received");
+            output::warning("not every additional touch was received");
         }
         Ok(later)
     }
@@ -286,8 +286,8 @@ fn add(later: &mut Session, plan_id: &str, message: CellMessage) {
             "fault {} of {}: {}",
             fault.code, fault.node, fault.text
         )),
-        CellMessage::Lost(topic, count) => output::remark(&format!(
-            "warning: {count} messages on {topic} were lost in transport"
+        CellMessage::Lost(topic, count) => output::warning(&format!(
+            "{count} messages on {topic} were lost in transport"
         )),
         _ => {}
     }

@@ -141,7 +141,7 @@ impl Processes {
                             .into());
                         }
                         let text = format!("{} ended ({status}); restarting it", node.name);
-                        output::remark(&text);
+                        output::warning(&text);
                         ended.push((node.name.clone(), text));
                         node.restart_at = Some(Instant::now() + node.delay);
                         node.delay = (node.delay * 2).min(LONGEST_DELAY);

@@ -69,19 +69,26 @@ const NARROW: usize = 4;
 /// Characters on a line of plain text; a wider table is printed row by row.
 const LINE: usize = 140;
 
+/// Light or dark as the reader's system has it; on paper always light. Pictures are drawn for white: in the dark their
+/// lightness is turned over and their hues are kept.
 const STYLE: &str = "
-body { font: 15px/1.45 system-ui, sans-serif; color: #1a1a1a; background: #fff; max-width: 62rem; margin: 2rem auto; padding: 0 1rem; }
-h1 { font-size: 1.5rem; } h2 { font-size: 1.15rem; margin-top: 2rem; border-bottom: 1px solid #ddd; }
+:root { color-scheme: light dark; --ink: #1a1a1a; --ground: #fff; --quiet: #444; --rule: #ddd; }
+@media screen and (prefers-color-scheme: dark) {
+:root { --ink: #e6e6e6; --ground: #161616; --quiet: #b4b4b4; --rule: #3a3a3a; }
+svg { filter: invert(.92) hue-rotate(180deg); }
+}
+body { font: 15px/1.45 system-ui, sans-serif; color: var(--ink); background: var(--ground); max-width: 62rem; margin: 2rem auto; padding: 0 1rem; }
+h1 { font-size: 1.5rem; } h2 { font-size: 1.15rem; margin-top: 2rem; border-bottom: 1px solid var(--rule); }
 table { border-collapse: collapse; margin: .8rem 0; font-variant-numeric: tabular-nums; }
 caption { text-align: left; font-weight: 600; padding-bottom: .3rem; }
-th, td { text-align: left; vertical-align: top; padding: .2rem .8rem .2rem 0; border-bottom: 1px solid #e5e5e5; }
+th, td { text-align: left; vertical-align: top; padding: .2rem .8rem .2rem 0; border-bottom: 1px solid var(--rule); }
 .plots { display: flex; flex-wrap: wrap; gap: 1rem; } figure { margin: 0; break-inside: avoid; }
-figcaption { font-size: .85rem; color: #444; max-width: 46rem; } .plots figcaption { max-width: 480px; } svg { max-width: 100%; height: auto; }
+figcaption { font-size: .85rem; color: var(--quiet); max-width: 46rem; } .plots figcaption { max-width: 480px; } svg { max-width: 100%; height: auto; }
 .lead { font-size: 1.1rem; } li { margin: .2rem 0; }
 @media screen and (max-width: 40rem) {
 body { overflow-wrap: anywhere; } table { font-size: .85rem; } th, td { padding-right: .4rem; }
-.wide, .wide tbody, .wide tr, .wide caption { display: block; } .wide thead { display: none; } .wide tr { border-bottom: 1px solid #bbb; padding: .3rem 0; }
-.wide td { display: grid; grid-template-columns: 8rem 1fr; border: 0; padding: .1rem 0; } .wide td::before { content: attr(data-label); color: #555; }
+.wide, .wide tbody, .wide tr, .wide caption { display: block; } .wide thead { display: none; } .wide tr { border-bottom: 1px solid var(--rule); padding: .3rem 0; }
+.wide td { display: grid; grid-template-columns: 8rem 1fr; border: 0; padding: .1rem 0; } .wide td::before { content: attr(data-label); color: var(--quiet); }
 .wide td:first-child { font-weight: 600; }
 }
 .signature { display: none; }

@@ -8,9 +8,6 @@ use effects::vocabulary;
 
 use crate::pages::numbers::{interval, parameters, probability, unit_of};
 
-/// Effects that one sentence describes in words.
-const FEW: usize = 4;
-
 /// The verdict with the sizes that carry it.
 pub(crate) fn verdict(report: &Report, samples: &str) -> String {
     let unit = unit_of(report);
@@ -46,22 +43,38 @@ fn causes(report: &Report) -> String {
         [one] if one.group.len() > 1 => {
             format!(
                 "one effect of a group that these data cannot distinguish: {}",
-                one.group.join(", ")
+                alternatives(&one.group)
             )
         }
-        [one] => format!("one effect, {}", vocabulary::describe(&one.effect)),
+        [one] => format!("one effect, {}", named(&one.effect)),
         several => {
-            let named = several.iter().map(|effect| match effect.group.as_slice() {
-                [] | [_] => effect.effect.clone(),
-                group => format!("one of ({})", group.join(", ")),
+            let phrases = several.iter().map(|effect| match effect.group.as_slice() {
+                [] | [_] => named(&effect.effect),
+                group => format!("one of {}", alternatives(group)),
             });
             format!(
                 "{} effects: {}",
                 several.len(),
-                named.collect::<Vec<_>>().join("; ")
+                phrases.collect::<Vec<_>>().join("; ")
             )
         }
     }
+}
+
+/// An effect as people call it, with its identifier; the identifier alone where it is none of the vocabulary.
+pub(crate) fn named(effect: &str) -> String {
+    let words = vocabulary::describe(effect);
+    if words == effect {
+        words
+    } else {
+        format!("{words} ({effect})")
+    }
+}
+
+/// Effects of which one acts, or which are to be told apart.
+pub(crate) fn alternatives(effects: &[String]) -> String {
+    let named: Vec<String> = effects.iter().map(|effect| named(effect)).collect();
+    named.join(", or ")
 }
 
 /// A sentence for each effect, one for the reduction of the gap, one for each ambiguity, one for each proposal.
@@ -75,7 +88,6 @@ pub(crate) fn findings(report: &Report) -> Vec<String> {
 }
 
 fn finding(effect: &Effect) -> String {
-    let name = capitalised(&vocabulary::describe(&effect.effect));
     let size = parameters(effect);
     let size = if size.is_empty() {
         String::new()
@@ -84,16 +96,16 @@ fn finding(effect: &Effect) -> String {
     };
     if effect.group.len() > 1 {
         return format!(
-            "One of {} acts, with probability {}; if it is {}{size}.",
-            effect.group.join(", "),
+            "One of these acts, with probability {}: {}. If it is {}{size}.",
             probability(effect.probability),
+            alternatives(&effect.group),
             effect.effect
         );
     }
     let remedy = (effect.remedy()).map_or_else(String::new, |remedy| format!(" Remedy: {remedy}."));
     format!(
-        "{name} ({}){size}; probability {}.{remedy}",
-        effect.effect,
+        "{}{size}; probability {}.{remedy}",
+        capitalised(&named(&effect.effect)),
         probability(effect.probability)
     )
 }
@@ -137,21 +149,10 @@ fn ambiguity(effect: &Effect) -> Option<String> {
     if effect.indistinguishable_from.is_empty() {
         return None;
     }
-    let others = &effect.indistinguishable_from;
-    let described = others.len() <= FEW;
-    let others: Vec<String> = (others.iter())
-        .map(|other| {
-            if described {
-                format!("{other} ({})", vocabulary::describe(other))
-            } else {
-                other.clone()
-            }
-        })
-        .collect();
     Some(format!(
         "These data cannot distinguish {} from {}.",
-        effect.effect,
-        others.join(if described { ", or " } else { ", " })
+        named(&effect.effect),
+        alternatives(&effect.indistinguishable_from)
     ))
 }
 
@@ -160,9 +161,9 @@ fn next(next: &NextMeasurement) -> Option<String> {
         return None;
     }
     Some(format!(
-        "To discriminate between {}, make the {} touches listed under “Further measurements”: with a probability of {:.0} % \
+        "To discriminate between {}, take the {} touches listed under “Further measurements”: with a probability of {:.0} % \
          one explanation then exceeds 0.95.",
-        next.separates.join(", "),
+        alternatives(&next.separates),
         next.points.len(),
         100.0 * next.chance
     ))

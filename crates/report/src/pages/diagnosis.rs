@@ -3,9 +3,8 @@
 use crate::kit::{Bar, Bars, Page, PlotError, Table, Unit};
 use ::diagnosis::report::{Effect, NextMeasurement, Place};
 use ::diagnosis::{Report, Residuals};
-use effects::vocabulary;
 
-use crate::pages::conclusion::{findings, position, verdict};
+use crate::pages::conclusion::{alternatives, findings, named, position, verdict};
 use crate::pages::numbers::{
     Turns, interval, location_text, parameters, percent, probability, unit_of,
 };
@@ -104,7 +103,7 @@ fn effects(page: &mut Page, report: &Report) -> Result<(), PlotError> {
     for effect in &report.effects {
         let placebo = effect.placebo_rms_after;
         table.row(vec![
-            effect.effect.clone(),
+            named(&effect.effect),
             parameters(effect),
             probability(effect.probability),
             unit.size(effect.rms_before),
@@ -114,7 +113,7 @@ fn effects(page: &mut Page, report: &Report) -> Result<(), PlotError> {
             if effect.indistinguishable_from.is_empty() {
                 "–".to_owned()
             } else {
-                effect.indistinguishable_from.join(", ")
+                alternatives(&effect.indistinguishable_from)
             },
         ]);
     }
@@ -180,10 +179,10 @@ fn shrinkage(report: &Report, unit: &Unit) -> Bars {
 
 /// A table for every session that judges, where there are several.
 fn sessions(page: &mut Page, report: &Report) {
-    let named: Vec<&Effect> = (report.effects.iter())
+    let effects: Vec<&Effect> = (report.effects.iter())
         .filter(|effect| !effect.sessions.is_empty())
         .collect();
-    let Some(first) = named.first() else {
+    let Some(first) = effects.first() else {
         return;
     };
     let unit = unit_of(report);
@@ -203,12 +202,12 @@ fn sessions(page: &mut Page, report: &Report) {
             format!("{}{axis}", one.bag),
             &["effect added", "gap before", "gap after", "95 % interval"],
         );
-        for effect in &named {
+        for effect in &effects {
             let Some(judged) = effect.sessions.get(index) else {
                 continue;
             };
             table.row(vec![
-                effect.effect.clone(),
+                named(&effect.effect),
                 unit.size(judged.rms_before),
                 unit.size(judged.rms_after),
                 interval(&unit, judged.ci95_after),
@@ -269,7 +268,7 @@ fn localisation(page: &mut Page, report: &Report, turns: Turns<'_>) -> Result<()
         );
         for rung in &report.unexplained.ladder {
             table.row(vec![
-                rung.effect.clone(),
+                named(&rung.effect),
                 unit.size(rung.rms_before),
                 unit.size(rung.rms_after),
             ]);
@@ -286,7 +285,7 @@ fn next(page: &mut Page, report: &Report) {
         }
         let mut pairs: Vec<String> = (next.inseparable.iter())
             .map(|pair| {
-                let mut names = pair.clone();
+                let mut names: Vec<String> = pair.iter().map(|one| named(one)).collect();
                 names.sort_unstable();
                 names.join(" and ")
             })
@@ -309,7 +308,7 @@ fn proposed(report: &Report, next: &NextMeasurement) -> Table {
     let mut columns = vec!["feature", "point x, y, z / mm"];
     columns.extend(turned.then_some("rotary axes / °"));
     columns.extend(["feed / mm/min", "difference of the predictions", "reason"]);
-    let title = format!("To discriminate between: {}", next.separates.join(", "));
+    let title = format!("To discriminate between: {}", alternatives(&next.separates));
     let mut table = Table::new(title, &columns);
     for point in &next.points {
         let angles = point.rotary_positions.iter();
@@ -333,11 +332,10 @@ fn considered(page: &mut Page, report: &Report) {
         return;
     }
     page.heading("Rejected effects");
-    let mut table = Table::new("", &["effect", "description", "probability", "remark"]);
+    let mut table = Table::new("", &["effect", "probability", "remark"]);
     for effect in &report.rejected {
         table.row(vec![
-            effect.effect.clone(),
-            vocabulary::describe(&effect.effect),
+            named(&effect.effect),
             probability(effect.probability),
             effect.reason.clone().unwrap_or_default(),
         ]);

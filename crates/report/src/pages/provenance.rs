@@ -5,6 +5,7 @@ use crate::kit::{Page, Table, Unit};
 use ::diagnosis::Report;
 use ::diagnosis::report::{Declared, Noise, Sizes};
 
+use crate::pages::conclusion::named;
 use crate::pages::numbers::{interval, parameter, unit_of};
 
 /// Characters of a fingerprint that are shown.
@@ -64,7 +65,7 @@ pub(crate) fn declared(page: &mut Page, report: &Report) {
         for one in together {
             let parameters: Vec<String> = one.parameters.iter().map(parameter).collect();
             table.row(vec![
-                one.effect.clone(),
+                named(&one.effect),
                 parameters.join(", "),
                 source(one),
                 sizes(&unit, one.promised.as_ref()),
