@@ -1,10 +1,10 @@
-//! Which messages a recording lacks, by topic and number, as far as later evidence tells.
+//! Which messages a recording lacks, by topic and number, as far as later evidence shows.
 //!
 //! Publishers number what they publish on a topic. A number that is missing between two others was published and not
-//! recorded. What a recorder lost when it died stands after its last number, where only a recording begun later can tell: of
+//! recorded. What a recorder lost when it died stands after its last number, where only a recording begun later can show it: of
 //! the same publisher, its first number bounds the loss. A publisher that was restarted counts from 0 again, which shows by
 //! a lower number published later; numbers are compared within one life of it. Messages before the first number, and
-//! after the last without a later recording, are not told of.
+//! after the last without a later recording, are not reported.
 
 use std::collections::BTreeMap;
 
@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use crate::reader::Bag;
 use crate::split::LIBRARY;
 
-/// What tells that messages are missing.
+/// Evidence that messages are missing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Evidence {
@@ -32,7 +32,7 @@ pub struct Gap {
     pub first: u32,
     /// Number of the last.
     pub last: u32,
-    /// What tells it.
+    /// The evidence.
     pub evidence: Evidence,
 }
 
@@ -87,7 +87,7 @@ impl Bag {
         for channel in self.channels() {
             lives.entry(channel.topic.clone()).or_default();
         }
-        // Damage is told by the bag itself.
+        // Damage is reported by the bag itself.
         for message in self.messages().flatten() {
             let of_topic = lives.entry(message.channel.topic.clone()).or_default();
             let (number, published) = (message.sequence, message.publish_time);

@@ -48,7 +48,7 @@ impl Recovery {
 const GAPS_RECORD: &str = "probecell_gaps";
 
 /// Writes what can be read of `from` (a file or folder) into the new folder `to`, with its `metadata.yaml` and a table of
-/// what is missing; a recording begun later tells what was lost at the end.
+/// what is missing; a recording begun later shows what was lost at the end.
 ///
 /// # Errors
 /// Nothing readable, a folder that exists, or what the system says.

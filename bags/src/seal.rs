@@ -70,7 +70,7 @@ struct Seal {
 /// How far the recorder has come with a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Reach {
-    /// It goes on.
+    /// It continues.
     Prefix,
     /// The file is finished.
     Whole,

@@ -1,4 +1,4 @@
-//! Section `[model]`: what the cell is declared to do beside its robot description, and how it gets there.
+//! Section `[model]`: what the cell is declared to do in addition to its robot description, and how it gets there.
 //!
 //! Effects are adopted from a gap report and removed by name; comments and layout of the file stay as they were. An
 //! adopted effect changes what the diagnosis predicts. It commands nothing, and no node but `gap` hears of it.
@@ -32,7 +32,7 @@ impl ModelSection {
     /// The section of a cell file, read without the rest of it: recordings of other versions carry it too.
     ///
     /// # Errors
-    /// A sentence that tells what is wrong with it.
+    /// A sentence that says what is wrong with it.
     pub fn of_text(text: &str) -> Result<Self, String> {
         #[derive(Deserialize)]
         struct Only {
@@ -86,7 +86,7 @@ pub enum AdoptError {
         /// Fingerprint of its robot description.
         expected_print: String,
     },
-    /// One of several that nobody can tell apart.
+    /// One of several that the data cannot distinguish.
     #[error("the session cannot distinguish {effect:?} from {others}: pick one with --as")]
     Indistinguishable {
         /// The effect.
@@ -145,11 +145,11 @@ pub enum AdoptError {
 
 /// The cell file with the effects of a report in its declared model.
 ///
-/// `picks` name one effect each of those that the session could not tell apart. With `combine` an effect that is declared
+/// `picks` name one effect each of those that the session could not distinguish. With `combine` an effect that is declared
 /// already is joined by what the report found of it beside.
 ///
 /// # Errors
-/// [`AdoptError`] tells why the file stays as it is.
+/// [`AdoptError`] says why the file stays as it is.
 pub fn adopt(
     cell: &Cell,
     report: &Report,
@@ -279,7 +279,7 @@ fn chosen(report: &Report, picks: &[String]) -> Result<Vec<DeclaredEffect>, Adop
 /// The cell file without an effect, wherever it is declared; and how many tables went.
 ///
 /// # Errors
-/// [`AdoptError`] tells why the file stays as it is.
+/// [`AdoptError`] says why the file stays as it is.
 pub fn remove(cell: &Cell, name: &str) -> Result<(String, usize), AdoptError> {
     let known: Vec<String> = (cell.model.effects.iter())
         .map(|effect| effect.effect.clone())

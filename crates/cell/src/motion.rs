@@ -14,7 +14,7 @@ use crate::model::{AdoptError, parse, same_machine};
 /// The section of a cell file, read without the rest of it: recordings of other versions carry it too.
 ///
 /// # Errors
-/// A sentence that tells what is wrong with it.
+/// A sentence that says what is wrong with it.
 pub fn motion_of_text(text: &str) -> Result<RawMotion, String> {
     #[derive(Deserialize)]
     struct Only {
@@ -36,10 +36,10 @@ pub struct AdoptedMotion {
 
 /// The cell file with the limits, times and overrides of a report of the channel `time` in `[motion]`.
 ///
-/// `picks` name one effect each of those that the session could not tell apart.
+/// `picks` name one effect each of those that the session could not distinguish.
 ///
 /// # Errors
-/// [`AdoptError`] tells why the file stays as it is.
+/// [`AdoptError`] says why the file stays as it is.
 pub fn adopt_motion(
     cell: &Cell,
     report: &Report,

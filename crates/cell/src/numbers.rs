@@ -15,7 +15,7 @@ pub(crate) struct NotFinite {
     pub(crate) at: usize,
 }
 
-/// The first number of the text that is not finite. A text that is no TOML has none: reading it tells why.
+/// The first number of the text that is not finite. A text that is no TOML has none: reading it says why.
 pub(crate) fn first_not_finite(text: &str) -> Option<NotFinite> {
     in_table(DeTable::parse(text).ok()?.get_ref())
 }

@@ -47,7 +47,7 @@ pub const SERVICES: [(&str, &str); 7] = [
     ("stop_recording", RECORDER),
 ];
 
-/// Messages by which somebody is told something.
+/// Messages that carry information to a reader.
 pub(crate) const TOLD: [&str; 4] = ["put", "delete", "reply", "liveliness_token"];
 /// Messages by which somebody listens.
 pub(crate) const LISTEN: [&str; 3] = [

@@ -1,7 +1,7 @@
 //! What strangers may do on the bus of a cell that is not secured: a policy of Zenoh for the router that `up` carries.
 //!
 //! The processes of a cell, and the commands of the user who runs it, reach the router by a Unix socket in a private folder
-//! of that user; everybody else comes by the network. Zenoh tells the two apart by the protocol of the link:
+//! of that user; everybody else comes by the network. Zenoh distinguishes the two by the protocol of the link:
 //!
 //! | link | may |
 //! |---|---|
@@ -26,7 +26,7 @@ use crate::{
 
 /// Protocol of the private socket, as Zenoh's rules and locators name it.
 pub const SOCKET: &str = "unixsock-stream";
-/// Every other protocol that Zenoh tells apart.
+/// Every other protocol that Zenoh distinguishes.
 const NETWORK: [&str; 8] = [
     "tcp", "udp", "tls", "quic", "serial", "unixpipe", "vsock", "ws",
 ];

@@ -13,7 +13,7 @@
 //! ```
 //!
 //! Whatever it is, it publishes `controller_status`, `probe_triggers` and `controller_replies` and subscribes to
-//! `controller_commands`, `inspection_plan` and `measurement_order`, so that no node can tell one driver from another.
+//! `controller_commands`, `inspection_plan` and `measurement_order`, so that no node can distinguish one driver from another.
 
 use std::{
     any::Any,

@@ -99,7 +99,7 @@ pub struct Leg {
 }
 
 /// The moves of a plan in the order given, for a controller with these axes. Moves that are not touches are made at
-/// `travel_feed` (m/s) at most. A touch that turns a rotary axis is refused, and the order must tell moves with it.
+/// `travel_feed` (m/s) at most. A touch that turns a rotary axis is refused, and the order must distinguish moves with it.
 ///
 /// # Errors
 /// [`ProgramError`]: an order that is not of the plan, or an axis that the controller does not have.

@@ -21,7 +21,7 @@ use probecell_msgs::{
     MachineState, MeasurementOrder, ProbeTrigger, ProbingMove,
 };
 
-/// What the shell answers, and what it was told.
+/// What the shell answers, and what it was sent.
 #[derive(Default)]
 struct Desk {
     answers: BTreeMap<String, String>,

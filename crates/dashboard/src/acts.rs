@@ -163,7 +163,7 @@ impl Acts {
         }
     }
 
-    /// Offers an act; the error is a sentence for whoever asked. Blocks for as long as the cell takes to tell the time.
+    /// Offers an act; the error is a sentence for whoever asked. Blocks until the cell has given the time.
     pub(crate) fn offer(
         &self,
         hall: impl Deref<Target = Hall>,

@@ -16,7 +16,7 @@ pub(crate) struct Found {
     pub(crate) ci95: [f64; 2],
     /// SI unit.
     pub(crate) unit: String,
-    /// Effects that the session cannot tell from it, itself included.
+    /// Effects that the session cannot distinguish from it, itself included.
     pub(crate) group: usize,
 }
 
@@ -124,7 +124,7 @@ pub(crate) struct Change {
     pub(crate) values: [f64; 2],
     /// SI unit.
     pub(crate) unit: String,
-    /// What was done between the two sessions, as far as they tell.
+    /// What was done between the two sessions, as far as is recorded.
     pub(crate) done: Vec<String>,
 }
 

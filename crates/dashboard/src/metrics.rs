@@ -189,7 +189,7 @@ fn labels(pairs: &[(&str, &str)]) -> String {
     format!("{{{}}}", all.join(","))
 }
 
-/// Resident memory of this process, where the system tells it (Linux).
+/// Resident memory of this process, where the system gives it (Linux).
 fn resident_bytes() -> Option<f64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status

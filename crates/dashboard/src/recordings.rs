@@ -240,7 +240,7 @@ impl Opened {
         let mut states = vec![state(0, &hall, messages.position())];
         let mut number = 0_usize;
         while let Some(message) = messages.next() {
-            // What is damaged has been told.
+            // What is damaged has been reported.
             let Ok(message) = message else { continue };
             let at = message.log_time;
             hall.apply(&message.channel.topic, &message.payload, Stamp(at as i64));

@@ -23,7 +23,7 @@ use tokio::io::{AsyncRead, AsyncWrite};
 
 use self::outbox::Outbox;
 
-/// Protocols that are spoken, by the names of their handshake.
+/// Protocols that are supported, by the names of their handshake.
 pub(crate) const PROTOCOLS: [&str; 2] = ["foxglove.websocket.v1", "foxglove.sdk.v1"];
 /// Viewers at once.
 pub(crate) const VIEWERS: usize = 16;
@@ -41,7 +41,7 @@ const MESSAGE_DATA: u8 = 1;
 const WARNING: u8 = 1;
 const ERROR: u8 = 2;
 
-/// Serves one viewer until it leaves. `session` tells one run of the program from another.
+/// Serves one viewer until it leaves. `session` distinguishes runs of the program.
 pub(crate) async fn serve<S>(
     socket: WebSocket<S>,
     buses: Arc<[BusConfig]>,
@@ -141,7 +141,7 @@ struct Session {
     next: u64,
     /// Channel and reader of each subscription.
     read: BTreeMap<u32, (u64, Watched)>,
-    /// Types that are not known, as they were told.
+    /// Types that are not known, as they were reported to the viewer.
     unknown: BTreeSet<String>,
 }
 

@@ -103,7 +103,7 @@ impl DeclaredEffect {
         let wanted = variants.iter().map(|variant| names(variant).join(", "));
         let wanted: Vec<String> = wanted.collect();
         variants.retain(|variant| self.fits(variant));
-        // A parameter that was not seen is not told: of those that have it and those that do not, the smaller.
+        // A parameter that was not observed is not reported: of those that have it and those that do not, the smaller.
         variants.sort_by_key(|variant| variant.parameters.len());
         let Some(variant) = variants.into_iter().next() else {
             let mut all = wanted;

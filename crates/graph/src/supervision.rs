@@ -40,7 +40,7 @@ impl GateWatch {
         self.heard = self.heard.max(Some(now));
     }
 
-    /// The gate has not been heard for longer than [`GATE_SILENCE`].
+    /// No message of the gate has been received for longer than [`GATE_SILENCE`].
     pub fn is_silent(&self, now: Stamp) -> bool {
         self.heard
             .is_none_or(|heard| now.since_s(heard) > GATE_SILENCE)
@@ -65,7 +65,7 @@ mod tests {
         assert!(watch.is_silent(Stamp(0)));
         assert!(!watch.beat(Stamp(0), &beat(7, 1)));
         assert!(!watch.beat(Stamp(0).after_s(0.1), &beat(7, 2)));
-        // What a link delivers late says nothing of now.
+        // What a link delivers late is no evidence of the present.
         for late in [beat(7, 1), beat(7, 2), beat(6, 900)] {
             assert!(!watch.beat(Stamp(0).after_s(1.0), &late));
         }

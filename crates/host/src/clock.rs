@@ -1,4 +1,4 @@
-//! The clock of a cell: it begins with the wall clock and goes on with the monotonic one.
+//! The clock of a cell: it begins with the wall clock and continues with the monotonic one.
 //!
 //! Stamps of all processes of a host are the system's monotonic clock plus one offset, which the launcher fixes at the start
 //! of the cell and passes on. A wall clock that is set, by a person or by NTP, neither stops a timer nor puts stamps out of

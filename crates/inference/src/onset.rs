@@ -22,7 +22,7 @@ const KEPT: usize = 100;
 const STEPS: [f64; 4] = [0.75, 1.5, 3.0, 6.0];
 /// Slopes that are looked for, standard deviations for each part.
 const SLOPES: [f64; 2] = [0.1, 0.4];
-/// Largest standard normal number that counts: beyond it a part is as rare as can be told.
+/// Largest standard normal number that counts: beyond it a part is as rare as a double can express.
 const RAREST: f64 = 8.0;
 
 /// Estimates of one direction so far.

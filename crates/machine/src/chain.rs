@@ -55,7 +55,7 @@ pub struct Joint {
     pub centre_of_mass: Vector3<f64>,
     /// Inertia of the child link about its centre of mass, kg m².
     pub inertia: Matrix3<f64>,
-    /// Space that the child link fills, as far as the description tells it in cylinders and spheres.
+    /// Space that the child link fills, as far as the description gives it by cylinders and spheres.
     pub capsules: Vec<Capsule>,
 }
 
@@ -123,7 +123,7 @@ pub struct Chain {
 }
 
 impl Chain {
-    /// Reads a URDF text; links and joints beside the two branches are ignored.
+    /// Reads a URDF text; links and joints off the two branches are ignored.
     ///
     /// # Errors
     /// [`ChainError`] names the link or joint that keeps the text from being a machine.

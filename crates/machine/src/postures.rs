@@ -237,7 +237,7 @@ fn three_parallel(
 impl Chain {
     /// All postures found that bring the ball (`ball` in the probe mount) to a place of the part in an attitude (part from
     /// probe mount). Each joint is given at the turn nearest to `near` within its travel; other full turns of the same
-    /// posture are not told. `prescribed` and `near` are in the order of [`Self::axes`]; `None` marks the free axes, which
+    /// posture are left out. `prescribed` and `near` are in the order of [`Self::axes`]; `None` marks the free axes, which
     /// must be six that can place and turn the probe. None where there are others, and where nothing reaches.
     pub fn postures(
         &self,

@@ -1,7 +1,7 @@
 //! Every link of a robot description, as a viewer draws it.
 //!
 //! [`Chain`](crate::Chain) knows the two branches that a touch depends on; a viewer (RViz, Foxglove) needs the transform of
-//! every link, guards and tables beside the branches included, as `robot_state_publisher` gives them.
+//! every link, guards and tables off the branches included, as `robot_state_publisher` gives them.
 
 use nalgebra::Isometry3;
 

@@ -192,7 +192,7 @@ fn pose(of: Node<'_, '_>, parent: Node<'_, '_>) -> Result<Pose, ChainError> {
     Ok(Pose { xyz, turn })
 }
 
-/// Cylinders and spheres of a link's `collision` elements; boxes and meshes are not told.
+/// Cylinders and spheres of a link's `collision` elements; boxes and meshes are left out.
 fn rounds(of: Node<'_, '_>) -> Result<Vec<Round>, ChainError> {
     let mut rounds = Vec::new();
     for collision in of.children().filter(|one| one.has_tag_name("collision")) {

@@ -3,7 +3,7 @@
 //! Metres and radians. The errors are those of the chain (`machine::ChainErrors`), known from a calibration. Rotary
 //! axes stay: the tool keeps the small lean that the errors give it. `docs/source_systems.md, D.2`, for any chain:
 //! with e the first-order error of the tip and J its derivatives by the linear axes, J Δ = −e.
-//! [`Volumetric::corrections`] goes on to the exact solution by Newton's method on the composed errors. It bounds
+//! [`Volumetric::corrections`] continues to the exact solution by Newton's method on the composed errors. It bounds
 //! nothing and commands nothing.
 
 use nalgebra::{DMatrix, DVector, Isometry3, Point3, Vector3};

@@ -60,7 +60,7 @@ fn router_locator(cell: &Cell, node: &str) -> anyhow::Result<String> {
     Ok(own_locator(endpoint, patience))
 }
 
-/// The router of the cell tells the user's processes from strangers by a private socket: over Zenoh, where neither `probecell
+/// The router of the cell distinguishes the user's processes from strangers by a private socket: over Zenoh, where neither `probecell
 /// secure` nor the cell file has another way.
 pub(crate) fn has_own_socket(cell: &Cell) -> anyhow::Result<bool> {
     Ok(cell.bus.transport == TransportName::Zenoh

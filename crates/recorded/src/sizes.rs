@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 use crate::embedded;
 
 /// The features of the plans as the instruments find them, by the fits of the recorded cell file (without one: by least
-/// squares), and a sentence for each reference that tells nothing.
+/// squares), and a sentence for each reference that is of no use.
 pub(crate) fn by_reference(
     bag: &Bag,
     machines: &[std_msgs::String],

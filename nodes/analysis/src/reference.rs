@@ -15,7 +15,7 @@ use crate::{
     step::features_of,
 };
 
-/// A reference that tells nothing of its plan.
+/// A reference without use for its plan.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ReferenceError {
     /// It measures another plan.

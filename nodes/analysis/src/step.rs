@@ -52,7 +52,7 @@ faults! {
     pub enum AnalysisFault of "analysis" {
         /// An event from which no deviation can be computed.
         EventNotUsable = ERROR "event_not_usable",
-        /// A reference measurement that tells nothing of a plan known here.
+        /// A reference measurement that is of no plan known here.
         ReferenceNotUsable = WARNING "reference_not_usable",
     }
 }

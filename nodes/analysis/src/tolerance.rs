@@ -21,7 +21,7 @@
 //! most the mean zone m of a perfect part touched with the same errors, since the zone of a sum is at most the sum of the zones.
 //! A second disturbance widens the value by b; where the width grows as the root of the variance at the most, the first has widened
 //! it by at most (1 + √2)·b. The bias is not corrected: U = k·s + B (GUM F.2.4.5) with B = min((1 + √2)·b, m), or m where the value
-//! does not tell the part from a perfect one; U/k is stated as the standard uncertainty.
+//! does not distinguish the part from a perfect one; U/k is stated as the standard uncertainty.
 
 pub(crate) mod evaluation;
 mod zone;

@@ -61,7 +61,7 @@ pub(crate) fn overdue(config: &Config, state: &mut State, now: Stamp, out: &mut 
 }
 
 /// Takes an operator's approval or rejection of a proposal; what is not signed by an operator of the cell is refused, and
-/// the proposal goes on waiting.
+/// the proposal stays pending.
 pub(crate) fn approve(
     config: &Config,
     state: &mut State,

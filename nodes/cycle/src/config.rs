@@ -18,7 +18,7 @@ pub struct RawConfig {
     /// Corrections that are not acknowledged within this time stop the part; longer than operators have for an approval.
     #[serde(default = "default_correction_limit")]
     pub correction_limit_s: f64,
-    /// A part is stopped when `machine_state` says nothing for longer of what was requested of it.
+    /// A part is stopped when `machine_state` has not answered a request for longer.
     #[serde(default = "default_answer_limit")]
     pub answer_limit_s: f64,
 }

@@ -81,7 +81,7 @@ pub(crate) fn take_report(run: &mut Run, now: Stamp, report: &OperationReport) -
     (asked.taken, asked.heard) = (true, now);
     let answered = report.outcome != OperationReport::UNDERWAY;
     if answered {
-        // Nothing more is to be heard of it.
+        // No answer to it is expected any more.
         run.asked = None;
         run.since = now;
     }

@@ -15,7 +15,7 @@ pub struct State {
     pub last: Option<Run>,
     /// Runs in this session of the cell so far, as far as they are known.
     pub runs: u64,
-    /// `machine_state` has told which runs there were before this process.
+    /// `machine_state` has published which runs there were before this process.
     pub informed: bool,
     /// Identities of the runs of this process.
     pub used: BTreeSet<String>,
@@ -56,7 +56,7 @@ pub struct Run {
     pub cuts: u32,
     /// What the machine does.
     pub stage: Stage,
-    /// The machine has been told to stop: the part ends when that is confirmed.
+    /// The machine has been commanded to stop: the part ends when that is confirmed.
     pub stopping: Option<Stopping>,
 }
 

@@ -17,7 +17,7 @@ pub struct RawConfig {
     /// A correction that the driver does not answer within this time has failed, and so has an operation whose outcome it
     /// does not report for so long while the controller is idle.
     pub reply_limit_s: f64,
-    /// A part of which `cycle` says nothing for longer is abandoned: the machine is stopped, and nothing is written for it.
+    /// A part that `cycle` has not reported for longer is abandoned: the machine is stopped, and nothing is written for it.
     pub part_limit_s: f64,
     /// No wear offset is ever written outside plus or minus this.
     pub wear_limit_mm: f64,
@@ -62,7 +62,7 @@ pub struct Config {
     /// s; a correction that the driver does not answer within this time has failed, and so has an operation whose outcome
     /// it does not report for so long while the controller is idle.
     pub reply_limit: f64,
-    /// s; a part of which `cycle` says nothing for longer is abandoned.
+    /// s; a part that `cycle` has not reported for longer is abandoned.
     pub part_limit: f64,
     /// No wear offset is written outside plus or minus this.
     pub wear_limit: Length,

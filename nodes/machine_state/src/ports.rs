@@ -83,7 +83,7 @@ faults! {
         StatusNotFinite = ERROR "status_not_finite",
         /// The machine was executing a program when the gate started: nobody has supervised it.
         UnsupervisedMotion = ERROR "unsupervised_motion",
-        /// `cycle` says nothing any more of the part that is being made.
+        /// `cycle` no longer reports the part that is being made.
         CycleLost = ERROR "cycle_lost",
         /// Driver: the gate has fallen silent, or it is another process than before.
         GateLost = ERROR "gate_lost",

@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 pub struct State {
     /// ns since 1970, start of this process; 0 before it.
     pub started: u64,
-    /// What tells this process from earlier ones at the driver, ns: its start, or the clock of the driver where that is
+    /// What distinguishes this process from earlier ones at the driver, ns: its start, or the clock of the driver where that is
     /// ahead: the cell may have been started anew by a wall clock that was set back.
     pub epoch: u64,
     /// Signs of life given so far.
@@ -119,7 +119,7 @@ pub struct Part {
     pub status: PartStatus,
     /// When it arrived.
     pub at: Stamp,
-    /// `cycle` says nothing of it any more, or another process does.
+    /// `cycle` no longer reports it, or another process does.
     pub abandoned: bool,
     /// The run that was being made when an operator stopped the machine: nothing begins for it any more.
     pub stopped: Option<String>,

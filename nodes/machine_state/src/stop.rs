@@ -1,4 +1,4 @@
-//! Stops the machine, and tells who asked whether the driver has confirmed it.
+//! Stops the machine, and informs the requester whether the driver has confirmed it.
 
 use graph::{Outbox, Stamp};
 use probecell_msgs::{

@@ -2,7 +2,7 @@
 //! retract.
 //!
 //! A point may be touched at one of several poses: positions of the plan's rotary axes. A *candidate* is a point at one of
-//! them. Poses at which the point is out of reach, or at which the stylus would hit what the plan tells of the part
+//! them. Poses at which the point is out of reach, or at which the stylus would hit what the plan describes of the part
 //! ([`machine::access`]), are left out; the first one is prescribed by the plan and only has to be reached. An arm has
 //! further candidates by the attitude of its probe ([`crate::attitudes`]). Metres, radians.
 

@@ -3,7 +3,7 @@
 //! A further touch lies on a feature of the part's plan, with the normal that the feature has there, and within the
 //! region that the part's own touches of that feature span: nothing is known of the part beyond it. Distances and feeds
 //! are those of the part's own touches, the feed within a factor of two; the stylus gets there and away without hitting
-//! what the plan tells of the part ([`machine::access`]). Transits and travels are checked with the order. Metres, radians,
+//! what the plan describes of the part ([`machine::access`]). Transits and travels are checked with the order. Metres, radians,
 //! part frame.
 
 use machine::access::Access;

@@ -3,7 +3,7 @@
 //! Each slice of the work ([`Task`]) is a step of its own, triggered by a timer that is due at once, and ends in a
 //! `plan_progress`; in between the node takes all other inputs. The job is cancelled by what makes its answer void: any
 //! other measurement that the cycle requests, a cut (but for a preview), and for a measurement a stop or the report on it.
-//! An operator who waits for it is told so. Further requests of operators are refused until it is done.
+//! An operator who waits for it is informed. Further requests of operators are refused until it is done.
 
 use probecell_msgs::{InspectionPoint, OperationRequest};
 use serde::{Deserialize, Serialize};

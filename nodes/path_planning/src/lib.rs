@@ -20,7 +20,7 @@
 //! the cell file lists the points; where a point may be touched at several poses, or an arm may hold the probe in several
 //! ways, one is chosen with the order. Features
 //! marked as a datum come first (ISO 5459), and every target is within the travel of its axis. No transit between touches
-//! leads through what the plan tells of the part ([`machine::geometry`]). An order is made in slices, each a step of the
+//! leads through what the plan describes of the part ([`machine::geometry`]). An order is made in slices, each a step of the
 //! node, reported on `plan_progress` ([`Task`], [`Job`]).
 //!
 //! An operator may request further touches of the part as it is now ([`further`]): they are checked at once, and

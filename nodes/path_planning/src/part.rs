@@ -125,7 +125,7 @@ impl RawPart {
         })
     }
 
-    /// Distance of a point (m, part frame) from the clamping; 0 at and within it, and where its direction is not told.
+    /// Distance of a point (m, part frame) from the clamping; 0 at and within it, and where its direction is unknown.
     fn overhang_of(&self, position: &Vector3<f64>) -> f64 {
         direction(self.clamping_axis).map_or(0.0, |axis| {
             axis.dot(&(position - metres(self.clamping_mm))).max(0.0)
@@ -148,7 +148,7 @@ impl RawPart {
 }
 
 impl RawOperation {
-    /// Height of a point (m, part frame) along the tool; 0 where the tool's direction is not told.
+    /// Height of a point (m, part frame) along the tool; 0 where the tool's direction is unknown.
     fn height_of(&self, position: &Vector3<f64>) -> f64 {
         direction(self.tool_axis).map_or(0.0, |axis| axis.dot(&(position - metres(self.tip_mm))))
     }

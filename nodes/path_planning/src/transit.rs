@@ -1,4 +1,4 @@
-//! Transits: joint targets from the retract of one touch to the approach of another, clear of what the plan tells of the
+//! Transits: joint targets from the retract of one touch to the approach of another, clear of what the plan describes of the
 //! part ([`machine::geometry`]).
 //!
 //! With a clearance axis the transit is straight between points of one plane or one bore, where that is clear; otherwise

@@ -82,7 +82,7 @@ fn report_failure(
     out.fault(now, fault, text);
 }
 
-/// Cancels the job where it is void, and tells the operator who waits for it.
+/// Cancels the job where it is void, and informs the operator who waits for it.
 pub(crate) fn cancel(
     state: &mut State,
     now: Stamp,

@@ -38,7 +38,7 @@ pub struct RawConfig {
     pub cmm: Option<RawCmm>,
     /// A fault to inject.
     pub fault: Option<RawFault>,
-    /// s that the machine takes to stand once it is told to stop; only then does the driver confirm it.
+    /// s that the machine takes to stand after a stop command; only then does the driver confirm it.
     #[serde(default)]
     pub stop_s: f64,
 }

@@ -62,7 +62,7 @@ pub struct State {
     pub taken: VecDeque<u64>,
     /// What is known of the gate.
     pub gate: GateWatch,
-    /// The machine has been told to stop and does not stand yet.
+    /// The machine has been commanded to stop and does not stand yet.
     #[serde(default)]
     pub stopping: Option<Stopping>,
 }

@@ -1,4 +1,4 @@
-//! Programs that are ended, and a machine that stands some time after it was told to.
+//! Programs that are ended, and a machine that stands some time after the command.
 
 use graph::{Outbox, Stamp};
 use probecell_msgs::ControllerCommand;

@@ -121,7 +121,7 @@ pub enum TruthError {
     /// An entry that the table lists twice.
     #[error("machine.table: {0:?} is listed twice")]
     Twice(String),
-    /// A value in the wrong unit, or beyond what the approximation of small errors bears.
+    /// A value in the wrong unit, or beyond the approximation of small errors.
     #[error("machine.errors: {name}: {key} {problem}")]
     Value {
         /// The error.

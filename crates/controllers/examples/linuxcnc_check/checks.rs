@@ -156,7 +156,7 @@ fn errors(scratch: &Path) -> anyhow::Result<()> {
         } else {
             1.0
         };
-        // One face in Z cannot tell lost motion there from an offset.
+        // One face in Z does not distinguish lost motion there from an offset.
         let value = if *name == "offset-z" {
             found[3] + 0.5 * found[8]
         } else {

@@ -1,4 +1,4 @@
-//! One connection to `linuxcncrsh`: opens a session, asks, tells, and names every way in which that fails.
+//! One connection to `linuxcncrsh`: opens a session, queries, commands, and names each kind of failure.
 //!
 //! The server keeps state that is shared by all its connections (which connection has control, when a `set` is answered, a tokeniser
 //! that is not safe between threads), so a controller should have one client only. After a failed exchange the replies

@@ -114,7 +114,7 @@ pub fn parse(line: u64, text: &str, axes: usize) -> Result<Entry, ParseError> {
     Ok(entry)
 }
 
-/// Reads a whole log. The first touch tells how many axes there are.
+/// Reads a whole log. The number of axes is that of the first touch.
 ///
 /// # Errors
 /// Line and column of what is not of the format.

@@ -1,4 +1,4 @@
-//! Calls of services that run beside the polls.
+//! Calls of services that run concurrently with the polls.
 
 use std::{
     sync::{

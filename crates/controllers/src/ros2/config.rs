@@ -60,7 +60,7 @@ pub struct RawProgram {
     pub node: String,
     /// Service that stops an operation, `std_srvs/srv/Trigger`; it answers when nothing moves any more.
     pub stop: String,
-    /// Parameter (a string) that is told the run of the part before each operation: another run is a new blank.
+    /// Parameter (a string) that receives the run of the part before each operation: another run is a new blank.
     pub run_parameter: Option<String>,
     /// What it cuts.
     pub operations: Vec<RawOperation>,

@@ -31,7 +31,7 @@ pub(super) struct Offsets {
     pub(super) work: Vec<(String, f64)>,
 }
 
-/// A call of a service after the run was told.
+/// A call of a service after the run was transmitted.
 #[derive(Debug)]
 pub(super) struct Cut {
     pub(super) command: ControllerCommand,
@@ -243,7 +243,7 @@ impl Program {
         }
         if let Some(answer) = self.reading.as_ref().and_then(Pending::answer) {
             self.reading = None;
-            // A reading from before the last write tells nothing.
+            // A reading from before the last write is no evidence.
             if self.writing.is_none()
                 && let Ok(response) = answer
                 && let Some(values) = wire::doubles(&response, self.parameters.len())

@@ -97,7 +97,7 @@ fn words(leg: &Leg) -> String {
     leg.target.iter().map(word).collect()
 }
 
-/// The rest of a text that tells a value of each axis: its quotes are open before and closed after.
+/// The rest of a text with a value of each axis: its quotes are open before and closed after.
 fn values(axes: &[Axis], variable: &str) -> String {
     let value = |axis: &Axis| {
         let name = format!("{variable}[{}]", axis.letter);

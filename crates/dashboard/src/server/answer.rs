@@ -32,7 +32,7 @@ pub(crate) struct Shared {
     pub(crate) live: Arc<Live>,
     pub(crate) recordings: Arc<Recordings>,
     pub(crate) pages: Pages,
-    /// Instant of the start: tells pages of another run of the program apart.
+    /// Instant of the start: distinguishes pages of another run of the program.
     pub(crate) epoch: u64,
     pub(crate) clients: Clients,
     pub(crate) acts: Arc<Acts>,

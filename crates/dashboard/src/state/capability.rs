@@ -7,7 +7,7 @@
 
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-/// Parts from which on an index is given: with fewer the interval says nothing.
+/// Parts from which on an index is given: with fewer the interval is too wide to be of use.
 const FEWEST: usize = 8;
 /// 97.5 % quantile of the standard normal distribution.
 const Z: f64 = 1.959_963_984_540_054;

@@ -1,4 +1,4 @@
-//! The state of one cell, as its topics tell it.
+//! The state of one cell, as its topics give it.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
@@ -132,7 +132,7 @@ pub struct CellState {
     pub touches: BTreeMap<u32, Touch>,
     /// First touch of the plan.
     pub first_touch: Option<Stamp>,
-    /// Touches since the cell was first heard.
+    /// Touches since the first message of the cell.
     pub touch_count: u64,
     /// Results of the plan measured last, by feature.
     pub results: BTreeMap<String, FeatureResult>,
@@ -163,7 +163,7 @@ pub struct CellState {
     pub revisions: BTreeMap<Section, u64>,
     /// Number of its newest event in the hall.
     pub(crate) last_event: u64,
-    /// What this cell takes on next, as the events of it tell.
+    /// What this cell takes on next, according to its events.
     pub(super) alarms: Vec<String>,
 }
 

@@ -17,7 +17,7 @@ const FORGOTTEN_S: f64 = 60.0;
 /// One that has left in the middle of a part is kept for a day, unless it comes back: somebody must see it.
 const FORGOTTEN_MAKING_S: f64 = 86_400.0;
 
-/// Every cell that was heard.
+/// Every cell from which a message was received.
 #[derive(Clone, Debug, Default)]
 pub struct Hall {
     cells: BTreeMap<String, CellState>,

@@ -77,7 +77,7 @@ impl Track {
         corners.sort_unstable();
         corners.dedup();
         let mut places: Vec<Vec<f64>> = corners.iter().map(|at| way[*at].1.clone()).collect();
-        // A retract or an approach along the same line as the move beside it shows no corner: the plan tells their lengths.
+        // A retract or an approach along the same line as the move beside it shows no corner: their lengths follow from the plan.
         let point = |event: &ProbeEvent| probing.plan.points.get(event.point_index as usize);
         let split = |from: &[f64], to: &[f64], length: f64| {
             let whole = probing.ball_path(from, to);

@@ -47,7 +47,7 @@ pub fn as_if_measured(session: &Session) -> Result<Session, DiagnoseError> {
             orientation: None,
         };
         let reached = chain.reach(&target, &fixed, &start, &nominal.part_pose, &nominal.ball);
-        // A point out of reach cannot be measured and so tells nothing.
+        // A point out of reach cannot be measured and carries no information.
         let Ok(positions) = reached else { continue };
         start.clone_from(&positions);
         let time = first + PACE * index as f64;

@@ -61,7 +61,7 @@ impl Effect for Cyclic {
         seen.filter_map(|(axis, (low, high))| {
             let range = high - low;
             let slowest = (1.0 / PERIODS.0).max(0.5 / range);
-            // Between targets on a grid a shorter wave is a longer one by another name: the longest is told.
+            // Between targets on a grid a shorter wave is a longer one by another name: the longest is reported.
             let fastest = (1.0 / PERIODS.1).min(0.5 / spacing(rows, axis));
             let steps = (fastest - slowest) * range;
             if steps <= 0.0 {

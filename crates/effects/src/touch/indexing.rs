@@ -69,7 +69,7 @@ impl Effect for Indexing {
 
 /// The highest harmonic that is offered where an axis visits so many angles.
 ///
-/// Angles need not be evenly spaced over the turn, so that the sampling theorem says nothing: at three of them any harmonic is
+/// Angles need not be evenly spaced over the turn, so that the sampling theorem does not apply: at three of them any harmonic is
 /// one of its own, at two all are the same.
 fn highest(angles: usize) -> f64 {
     match angles {

@@ -32,7 +32,7 @@ const ENDS: &str = "ends";
 const POSITIONS: usize = 5;
 /// The same where each position is visited so often that its own mean is known (ISO 230-2: five times from either side).
 const REPEATED: (usize, usize) = (2, 4);
-/// Travel below which a table says nothing that a few other errors would not, m.
+/// Travel below which a table cannot be distinguished from a few other errors, m.
 const SHORTEST: f64 = 0.02;
 /// Largest number of inner targets that a declared table may have.
 const MOST: usize = 64;

@@ -1,6 +1,6 @@
 //! AQDEF (`.dfq`): characteristics as K-fields, and a line of values for each measurement.
 //!
-//! Characteristics are told apart by name, nominal value and limits, so that passes with an allowance do not mix. A value that
+//! Characteristics are identified by name, nominal value and limits, so that passes with an allowance do not mix. A value that
 //! was not measured has attribute 256, an invalid one 255. The format has no uncertainty of a value and no INDETERMINATE: both
 //! stand in the remark of the characteristic (K2900) for its last value.
 

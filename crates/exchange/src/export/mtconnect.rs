@@ -22,7 +22,7 @@ const EXECUTION: &str = "execution";
 const MODE: &str = "mode";
 const PROGRAM: &str = "program";
 
-/// Of whom a document tells, and when it was made.
+/// The device that a document is about, and when it was made.
 struct Document<'a> {
     cell: &'a str,
     instance: u64,
@@ -31,7 +31,7 @@ struct Document<'a> {
     when: Time,
 }
 
-/// What a data item tells.
+/// What a data item reports.
 #[derive(Clone, Debug)]
 enum Content {
     Text(String),
@@ -143,7 +143,7 @@ pub fn devices(record: &Record) -> String {
     device(&of_record(record), false)
 }
 
-/// The model of the device; `live`: with what only an agent tells.
+/// The model of the device; `live`: with what only an agent reports.
 fn device(of: &Document<'_>, live: bool) -> String {
     let mut xml = document(
         "Devices",

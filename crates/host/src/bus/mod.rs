@@ -4,7 +4,7 @@
 //! nanoseconds since 1970. Callbacks run on the transport's threads, one at a time per subscription: they must not
 //! block, and queue what takes time.
 //!
-//! **Zenoh** is spoken in the wire format of rmw_zenoh, so that ROS 2 with that middleware sees our nodes, topics and
+//! **Zenoh** uses the wire format of rmw_zenoh, so that ROS 2 with that middleware sees our nodes, topics and
 //! types. It is written here on the bare `zenoh` and `zenoh-ext` crates and not on a ROS client library such as
 //! hiroz: the format is a key, 33 bytes and a token (module [`wire`]), while the libraries that exist differ from
 //! rmw_zenoh in exactly these bytes (identifiers from another hash, sequences from 0, blocking for every reliable

@@ -11,7 +11,7 @@ const STEM: f64 = 0.7;
 const FREE: f64 = 0.5;
 /// Radius of a spindle probe's body, m: 40 mm across is the most common.
 const PROBE_BODY: f64 = 0.02;
-/// Share of the distance from a body to which that of a link is told.
+/// Share of the distance from a body to which that of a link is given.
 const COARSE: f64 = 0.2;
 /// Pieces of a shaft shorter than this are judged by their ends, m.
 const PIECE: f64 = 5e-4;
@@ -50,7 +50,7 @@ impl Stylus {
         }
     }
 
-    /// A shaft with round ends from end to end, m. What it is clear by is told to a tenth.
+    /// A shaft with round ends from end to end, m. Its clearance is given to a tenth.
     pub fn capsule(radius: f64) -> Self {
         Self {
             coarse: COARSE,

@@ -1,4 +1,4 @@
-//! Whether the stylus passes the part on moves of the axes, as far as a plan tells of the part.
+//! Whether the stylus passes the part on moves of the axes, as far as a plan describes the part.
 //!
 //! A move keeps half the shortest approach or retract away from every body, or as far as its ends are, where they are
 //! nearer: such a body is smaller than it seems (a shaft with flats). The stylus is the ball and a stem to the mount's
@@ -21,7 +21,7 @@ use crate::{
     deviation::Nominal,
 };
 
-/// The bodies that a plan tells of, and the stylus that must not hit them.
+/// The bodies that a plan describes, and the stylus that must not hit them.
 ///
 /// ```
 /// # use machine::{Chain, Nominal, geometry::Surroundings};

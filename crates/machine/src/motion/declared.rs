@@ -92,7 +92,7 @@ pub enum MotionError {
 }
 
 impl RawMotion {
-    /// The motion of a machine with these limits beside its top speeds.
+    /// The motion of a machine with these limits in addition to its top speeds.
     ///
     /// # Errors
     /// [`MotionError`] names the first setting that cannot be used.

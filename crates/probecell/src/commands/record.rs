@@ -56,7 +56,7 @@ struct RecorderService<'a> {
     missing: u64,
     /// Tells the cell whether it is recorded.
     status: Publisher,
-    /// When that was told last.
+    /// When that was published last.
     status_sent: Instant,
     making: Making,
 }

@@ -10,7 +10,7 @@ use crate::{FAILED, GOOD, output, signals};
 
 /// How often the screen is drawn.
 const PERIOD: Duration = Duration::from_millis(500);
-/// How long cells may take to be heard with `--once`: latched topics come with the first exchange, `machine_state` ten times a
+/// How long cells may take to be found with `--once`: latched topics come with the first exchange, `machine_state` ten times a
 /// second.
 const HEARD: Duration = Duration::from_secs(3);
 /// Clears the screen and goes to its upper left corner (ECMA-48).
@@ -35,7 +35,7 @@ pub(crate) struct Arguments {
     /// Cell file whose router and Zenoh settings are used.
     #[arg(long)]
     cell: Option<PathBuf>,
-    /// Print what is heard within three seconds, then exit.
+    /// Print what is received within three seconds, then exit.
     #[arg(long)]
     once: bool,
 }

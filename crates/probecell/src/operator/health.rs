@@ -1,4 +1,4 @@
-//! What a person on watch must know of the cell, beside whether its processes run: entries of `/diagnostics`.
+//! What a person on watch must know of the cell, besides whether its processes run: entries of `/diagnostics`.
 
 use std::{
     collections::{BTreeMap, BTreeSet},

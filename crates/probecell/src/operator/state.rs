@@ -23,7 +23,7 @@ const FAULTS: usize = 8;
 pub(super) struct OperatorState {
     /// The machine is idle.
     pub(super) machine_idle: bool,
-    /// What `/diagnostics` says beside the processes.
+    /// What `/diagnostics` says besides the processes.
     pub(super) health: Health,
     /// `cycle` has said whether a part is being made.
     pub(super) informed: bool,

@@ -37,7 +37,7 @@ pub(crate) fn verdict(report: &Report, samples: &str) -> String {
     }
 }
 
-/// What may act: of effects that these data cannot tell apart the whole group, never one as certain.
+/// What may act: of effects that these data cannot distinguish the whole group, never one as certain.
 fn causes(report: &Report) -> String {
     match report.effects.as_slice() {
         [one] if one.group.len() > 1 => {
@@ -71,7 +71,7 @@ pub(crate) fn named(effect: &str) -> String {
     }
 }
 
-/// Effects of which one acts, or which are to be told apart.
+/// Effects of which one acts, or which are to be distinguished.
 pub(crate) fn alternatives(effects: &[String]) -> String {
     let named: Vec<String> = effects.iter().map(|effect| named(effect)).collect();
     named.join(", or ")

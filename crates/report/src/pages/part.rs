@@ -32,9 +32,9 @@ pub struct PartSession {
     pub name: String,
     /// Name of the cell.
     pub cell: String,
-    /// Version of what recorded it; empty where the recording does not tell.
+    /// Version of what recorded it; empty where the recording does not say.
     pub version: String,
-    /// Source revision of what recorded it; empty where the recording does not tell.
+    /// Source revision of what recorded it; empty where the recording does not say.
     pub revision: String,
     /// Plans, each as it was measured, in the order of the measurements.
     pub plans: Vec<InspectionPlan>,
@@ -42,7 +42,7 @@ pub struct PartSession {
     pub results: Vec<FeatureResult>,
     /// Features as outside instruments find them; the text names the instrument.
     pub references: Vec<FeatureResult>,
-    /// Reference measurements that tell nothing of a plan, a sentence each.
+    /// Reference measurements that are of no plan in the session, a sentence each.
     pub unusable_references: Vec<String>,
     /// Where the part lay at each measurement, in cells that place it.
     pub alignments: Vec<PartAlignment>,
@@ -134,7 +134,7 @@ fn latest(session: &PartSession) -> PartSession {
     keep_last(&mut session.verdicts, size);
     keep_last(&mut session.decisions, |one| one.plan_id.clone());
     keep_last(&mut session.references, feature);
-    // A part that was found wrong later is told as it was found last.
+    // A part that was found wrong later is reported as it was found last.
     keep_last(&mut session.parts, |one| {
         (one.part_id.clone(), one.plan_id.clone())
     });

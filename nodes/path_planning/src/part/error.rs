@@ -111,7 +111,7 @@ pub enum PartError {
         "part.stem_directions and stem_turns_deg are of an arm with six free rotary axes, but {0} are free here: rotary positions hold the probe"
     )]
     NoArm(usize),
-    /// An arm that is not told how to hold the probe.
+    /// An arm without an orientation of the probe.
     #[error(
         "feature {0:?}: the six free axes can turn the probe, so part.stem_directions (or its own) must say from where"
     )]

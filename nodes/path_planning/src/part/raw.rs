@@ -44,7 +44,7 @@ pub struct RawPart {
     /// A point of the face at which the part is clamped, part frame.
     #[serde(default)]
     pub clamping_mm: [f64; 3],
-    /// Direction away from that face; none: distances from the clamping are not told.
+    /// Direction away from that face; none: distances from the clamping are unknown.
     #[serde(default)]
     pub clamping_axis: [f64; 3],
     /// Distance from the start of an approach to the nominal contact.
@@ -97,7 +97,7 @@ pub struct RawOperation {
     /// Tip of the tool in the part frame while it cuts: heights along the tool are counted from there.
     #[serde(default)]
     pub tip_mm: [f64; 3],
-    /// Direction of the tool from its tip to its shank, part frame; none: heights along the tool are not told.
+    /// Direction of the tool from its tip to its shank, part frame; none: heights along the tool are unknown.
     #[serde(default)]
     pub tool_axis: [f64; 3],
 }

@@ -75,7 +75,7 @@ pub(super) struct Tally {
     pub(super) rotated: Option<f64>,
 }
 
-/// A probing move that has ended, as the log tells it; mm and degrees.
+/// A probing move that has ended, as logged; mm and degrees.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Probed {
     pub(super) number: usize,

@@ -1,4 +1,4 @@
-//! Remembers where the axes were, and tells when they passed a latched position.
+//! Remembers where the axes were, and finds when they passed a latched position.
 //!
 //! The controller latches a position but no time. The axes were sampled while they moved, so the instant follows from
 //! the two samples on either side of the latch, as exactly as the samples are stamped.

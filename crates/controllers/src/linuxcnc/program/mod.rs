@@ -43,7 +43,7 @@ pub enum Touching {
     },
 }
 
-/// What a program depends on beside plan and order.
+/// What a program depends on in addition to plan and order.
 #[derive(Clone, Debug)]
 pub struct Settings<'a> {
     /// The machine's axes.
@@ -133,7 +133,7 @@ pub fn work_offset_program(
     Ok(text)
 }
 
-/// Writes the program that sets the diameter of a tool, m. The table file tells what became of it: a program can read
+/// Writes the program that sets the diameter of a tool, m. The result stands in the table file: a program can read
 /// the entry of the tool in the spindle only.
 ///
 /// # Errors

@@ -1,7 +1,7 @@
 //! A live agent: what a running cell publishes as numbered observations, and the documents that answer requests for them
 //! (MTConnect 2.7 Part 1). Pure: it knows neither the bus nor HTTP.
 //!
-//! Observations are numbered from 1 in the order in which they came; the newest [`BUFFER`] are kept. A data item that has told
+//! Observations are numbered from 1 in the order in which they came; the newest [`BUFFER`] are kept. A data item that has reported
 //! nothing yet, or whose cell has left the bus, is `UNAVAILABLE`.
 
 use std::collections::{BTreeMap, VecDeque};
@@ -39,9 +39,9 @@ pub struct Agent {
     created: Time,
     next: u64,
     buffer: VecDeque<Observation>,
-    /// What each data item told last before the oldest observation kept.
+    /// Last value of each data item before the oldest observation kept.
     before: BTreeMap<&'static str, Observation>,
-    /// What each data item with a text told last, so that a sample of the machine is compared without a search.
+    /// Last value of each data item with a text, so that a sample of the machine is compared without a search.
     latest: BTreeMap<&'static str, String>,
     plans: BTreeMap<String, InspectionPlan>,
     results: Vec<FeatureResult>,
@@ -93,7 +93,7 @@ impl Agent {
         });
     }
 
-    /// The same, where a data item tells something else than before.
+    /// The same, where the value of a data item changes.
     fn change(&mut self, item: &'static str, when: Time, text: &str) {
         if self.latest.get(item).is_none_or(|latest| latest != text) {
             self.latest.insert(item, text.to_owned());
@@ -248,7 +248,7 @@ impl Agent {
         device(&self.head(now), true)
     }
 
-    /// Answers `current`: what each data item told last, or had told last at the observation `at`.
+    /// Answers `current`: the last value of each data item, now or at the observation `at`.
     ///
     /// # Errors
     /// `OUT_OF_RANGE`.

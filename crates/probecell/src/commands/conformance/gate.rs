@@ -158,12 +158,12 @@ impl Gate {
         self.bus.graph()
     }
 
-    /// Place of what comes next, in what was heard.
+    /// Place of what comes next, in what was received.
     pub(super) fn mark(&self) -> usize {
         self.log.len()
     }
 
-    /// What was heard since a mark.
+    /// What was received since a mark.
     pub(super) fn since(&self, mark: usize) -> &[Observation] {
         &self.log[mark..]
     }

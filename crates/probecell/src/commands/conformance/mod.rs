@@ -9,7 +9,7 @@
 //!
 //! | module | content |
 //! |---|---|
-//! | [`gate`] | this end of the driver's topics, and all that was heard on them |
+//! | [`gate`] | this end of the driver's topics, and all that was received on them |
 //! | [`judge`] | the lines that are printed |
 //! | [`discovery`], [`samples`], [`commands`], [`measuring`], [`supervision`] | the checks |
 

@@ -108,7 +108,7 @@ fn copied(
     }
     for message in bag.messages() {
         let Ok(message) = message else {
-            // Damage is told at the end.
+            // Damage is reported at the end.
             continue;
         };
         let known = bag

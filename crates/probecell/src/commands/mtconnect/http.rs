@@ -22,7 +22,7 @@ use super::Served;
 const COUNT: usize = 100;
 /// Longest time without a document in a stream, ms, unless the request says otherwise.
 const HEARTBEAT: u64 = 10_000;
-/// Parts of a stream are parted by it.
+/// It separates the parts of a stream.
 const BOUNDARY: &str = "probecell-mtconnect-part";
 /// Parameters that a request may have.
 const PARAMETERS: [&str; 5] = ["at", "from", "count", "interval", "heartbeat"];

@@ -110,7 +110,7 @@ pub(super) fn contradicted(session: &PartSession, of_plan: impl Fn(&str) -> bool
     names
 }
 
-/// What the instruments find of a measurement, beside the readings.
+/// What the instruments find of a measurement, in addition to the readings.
 pub(super) fn table(session: &PartSession, plan_id: &str) -> Table {
     let mut table = Table::new(
         "Sizes by reference",
