@@ -3,14 +3,16 @@
 //! A symmetric problem without rules is a ring, improved by exchanges of edges ([`tour`]); points may have alternative
 //! poses there. Everything else is a path with a direction ([`directed`]): Or-opt, 2-opt, and exchange of
 //! neighbouring stretches. Moves are proposed by a short list of near neighbours and driven by a work queue. Kicks are
-//! double bridges confined to a short stretch; a kicked path is accepted like in annealing. Costs are integers, so sums
-//! are exact and comparisons need no tolerance; a free end is a dummy point without costs. Between two kicks a search is
-//! a [`Checkpoint`], from which it can be resumed with the result of one run.
+//! double bridges confined to a short stretch; a kicked path is accepted like in annealing. A large ring without alternatives
+//! is searched in walks: each begins with the shortest ring, shaken, and that takes over what the walk does better anywhere
+//! ([`crossover`]). Costs are integers, so sums are exact and comparisons need no tolerance; a free end is a dummy point
+//! without costs. Between two kicks a search is a [`Checkpoint`], from which it can be resumed with the result of one run.
 
 mod ascent;
 mod beginning;
 mod bridges;
 mod choice;
+mod crossover;
 mod directed;
 mod exchange;
 mod grid;
@@ -36,8 +38,14 @@ const CYCLE: u64 = 10;
 /// More points than this begin with a cold cycle: a search stopped in it has no time to make good what it accepts.
 const LARGE: usize = 3000;
 
-/// How much colder a steadily cooling search of so many points is: it is mostly stopped after a few kicks per point.
-const COLD: f64 = 0.2;
+/// How much colder the walks of so many points are: the search is mostly stopped after a few kicks per point.
+const COLD: f64 = 0.5;
+
+/// Kicks per point of a walk, after which the next one begins.
+const WALK: u64 = 4;
+
+/// Crossovers of the walk with the shortest ring for as many kicks as there are points.
+const CROSSOVERS: u64 = 2;
 
 /// Points visited by all further beginnings of a search among clusters, and most beginnings.
 const BEGINNINGS: usize = 50_000;
@@ -97,6 +105,12 @@ trait Kicked {
     fn revert(&mut self);
     /// How the acceptance of kicked paths cools down.
     fn cooling(&self) -> Cooling;
+    /// Takes into a ring what is shorter in this one, and returns by how much it became shorter; for searches in walks.
+    fn cross(&mut self, _shortest: &mut [u32]) -> i64 {
+        0
+    }
+    /// Begins a walk from a ring of this length: many kicks, then what changed is improved; for searches in walks.
+    fn restart(&mut self, _shortest: &[u32], _length: i64, _rng: &mut Pcg32) {}
 }
 
 /// The temperature of the acceptance, in mean moves.
@@ -106,6 +120,8 @@ enum Cooling {
     Cycles { hot: f64, cold: f64 },
     /// Falls with a power of the kicks per point, one added, so that the search may be stopped at any time.
     Steady { hot: f64, power: f64 },
+    /// The same in each of many short walks.
+    Walks { hot: f64, power: f64 },
 }
 
 /// Begins a search, or resumes a suspended one, until `until` kicks are made or the caller stops it.
@@ -286,13 +302,18 @@ fn iterate(
     let size = grid.points();
     let cooling = path.cooling();
     let every = options.report_every.max(1);
-    // The shortest ring or path since the order was last reported; empty when there is none.
-    let mut best = Vec::new();
+    let walk = WALK * size as u64;
+    let crossover = (size as u64 / CROSSOVERS).max(1);
+    // The shortest ring or path, and whether the order does not show it yet; only walks ask for it before there is a new one.
+    let mut best = match cooling {
+        Cooling::Walks { .. } => grid.path(&checkpoint.order),
+        Cooling::Cycles { .. } | Cooling::Steady { .. } => Vec::new(),
+    };
+    let mut is_new = false;
     loop {
         if checkpoint.kicks.is_multiple_of(every) {
-            if !best.is_empty() {
+            if std::mem::take(&mut is_new) {
                 checkpoint.order = grid.strip(&best);
-                best.clear();
             }
             checkpoint.over |= !reporter.report(&checkpoint);
         }
@@ -309,8 +330,12 @@ fn iterate(
                 hot * (cold / hot).powf(checkpoint.cycle.part(checkpoint.kicks))
             }
             Cooling::Steady { hot, power } => {
+                hot * (1.0 + checkpoint.kicks as f64 / size as f64).powf(-power)
+            }
+            Cooling::Walks { hot, power } => {
                 let cold = if size > LARGE { COLD } else { 1.0 };
-                cold * hot * (1.0 + checkpoint.kicks as f64 / size as f64).powf(-power)
+                let walked = (checkpoint.kicks - 1) % walk + 1;
+                cold * hot * (1.0 + walked as f64 / size as f64).powf(-power)
             }
         };
         if ((length - checkpoint.here) as f64) <= -luck.ln() * warmth * checkpoint.mean_move {
@@ -318,12 +343,26 @@ fn iterate(
             if length < checkpoint.shortest {
                 checkpoint.shortest = length;
                 path.write(&mut best);
+                is_new = true;
             }
         } else {
             path.revert();
         }
+        if let Cooling::Walks { .. } = cooling {
+            if checkpoint.kicks.is_multiple_of(crossover) || checkpoint.kicks.is_multiple_of(walk) {
+                let gain = path.cross(&mut best);
+                checkpoint.shortest -= gain;
+                is_new |= gain > 0;
+            }
+            if checkpoint.kicks.is_multiple_of(walk) {
+                // As it is resumed, so that slices change nothing.
+                best = grid.path(&grid.strip(&best));
+                path.restart(&best, checkpoint.shortest, &mut checkpoint.rng);
+                checkpoint.here = path.length();
+            }
+        }
     }
-    if !best.is_empty() {
+    if is_new {
         checkpoint.order = grid.strip(&best);
     }
     checkpoint.path = path.suspend();

@@ -68,6 +68,11 @@ fn slices_of_any_size_give_the_path_of_one_run() {
         ("ring", plain(60, false, 0.0), few),
         ("ring of clusters", plain(80, true, 0.0).starting_at(3), few),
         ("large ring", plain(1_600, false, 0.0), &[(7, 45), (30, 45)]),
+        (
+            "walks",
+            plain(220, false, 0.0).ending_at(9),
+            &[(150, 1_900)],
+        ),
         ("one way", plain(60, false, 0.1).ending_at(5), few),
         ("stages", plain(60, false, 0.0).stages(staged), few),
         ("poses", poses(0.0), few),

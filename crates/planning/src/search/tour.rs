@@ -3,13 +3,14 @@
 //! changed point, and a point may go elsewhere together with its pose.
 //!
 //! The ring closes over the edge from the last point to the first, which is so cheap that no exchange removes it. A
-//! kick exchanges neighbouring stretches of very different lengths: short ones mend details, long ones change in
-//! which order clusters are visited.
+//! kick exchanges neighbouring stretches: short ones mend details, long ones change in which order clusters are visited. In a
+//! search in walks these come at the beginning of each walk.
 
 use rand_pcg::Pcg32;
 use rand_pcg::rand_core::RngCore;
 
 use super::choice::Moves;
+use super::crossover::Crossover;
 use super::exchange::{Exchange, closes};
 use super::ring::{Layout, MOST, Ring};
 use super::{Cooling, Kicked, Path};
@@ -22,6 +23,20 @@ const WIDEST: usize = 4;
 
 /// Bounds of the longest stretch of a kick; it is drawn evenly in its logarithm.
 const SPAN: (f64, f64) = (5.0, 100.0);
+
+/// A ring without alternatives of at least so many points is searched in walks; of fewer, one walk finds the shortest.
+const WALKED: usize = 200;
+
+/// The bounds of a kick of such a walk, and its acceptance.
+const WALK_SPAN: (f64, f64) = (30.0, 50.0);
+const WALK_COOLING: Cooling = Cooling::Walks {
+    hot: 0.2,
+    power: 0.4,
+};
+
+/// Kicks with which a walk begins, and the bounds of their longest stretch.
+const SHAKES: usize = 32;
+const SHAKE: (f64, f64) = (50.0, 1000.0);
 
 /// Most points that a kick visits at a random pose.
 const SHAKEN: usize = 2;
@@ -65,6 +80,7 @@ pub(super) struct Tour<M> {
     /// Points whose pose has just changed.
     changed: Vec<u32>,
     window: Window,
+    crossover: Crossover,
 }
 
 impl<M: Moves> Tour<M> {
@@ -86,7 +102,12 @@ impl<M: Moves> Tour<M> {
             queued: vec![false; order.len()],
             changed: Vec::new(),
             window: Window::default(),
+            crossover: Crossover::default(),
         }
+    }
+
+    fn is_walked(&self) -> bool {
+        !M::ALTERNATIVES && self.ring.len() >= WALKED
     }
 
     fn push(&mut self, point: u32) {
@@ -256,12 +277,12 @@ impl<M: Moves> Tour<M> {
         None
     }
 
-    /// Double bridge: three neighbouring stretches in the order 3, 2, 1.
-    fn double_bridge(&mut self, rng: &mut Pcg32) {
+    /// Double bridge: three neighbouring stretches in the order 3, 2, 1, the longest within these bounds.
+    fn double_bridge(&mut self, bounds: (f64, f64), rng: &mut Pcg32) {
         let size = self.ring.len();
         let mut draw = |below: usize| ((u64::from(rng.next_u32()) * below as u64) >> 32) as usize;
         let part = draw(1 << 16) as f64 / f64::from(1 << 16);
-        let span = (SPAN.0 * (SPAN.1 / SPAN.0).powf(part)) as usize;
+        let span = (bounds.0 * (bounds.1 / bounds.0).powf(part)) as usize;
         let mut at = self.window.position(size, &mut draw);
         let mut positions = [at; BRIDGED];
         let mut lengths = [0; BRIDGED];
@@ -373,7 +394,8 @@ impl<M: Moves> Kicked for Tour<M> {
         self.ring.keep();
         self.moves.keep();
         self.kept_length = self.length;
-        self.double_bridge(rng);
+        let span = if self.is_walked() { WALK_SPAN } else { SPAN };
+        self.double_bridge(span, rng);
         self.improve_queue();
     }
 
@@ -384,6 +406,27 @@ impl<M: Moves> Kicked for Tour<M> {
     }
 
     fn cooling(&self) -> Cooling {
-        M::COOLING
+        if self.is_walked() {
+            WALK_COOLING
+        } else {
+            M::COOLING
+        }
+    }
+
+    fn cross(&mut self, shortest: &mut [u32]) -> i64 {
+        let moves = &self.moves;
+        let cost = |here, there| moves.cost(here, there);
+        self.crossover.improve(shortest, &self.ring, cost)
+    }
+
+    fn restart(&mut self, shortest: &[u32], length: i64, rng: &mut Pcg32) {
+        self.ring = Ring::new(shortest);
+        self.length = length;
+        let size = shortest.len();
+        for _ in 0..SHAKES {
+            self.window.begin = rng.next_u32() as usize % size;
+            self.double_bridge(SHAKE, rng);
+        }
+        self.improve_queue();
     }
 }
