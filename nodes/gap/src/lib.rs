@@ -15,7 +15,8 @@
 //! every N touches where the cell file asks for it. It keeps what the diagnosis reads: the touches of the plan, and of
 //! the streams the samples next to them ([`Window`]). So its answer equals that of `probecell diagnose` on a recording of
 //! the same session. Parts of one plan are compared with one another as well (`diagnosis::onset`): where the gap changes, a
-//! finding names the part and the instant since when, and the effects that explain it. A correction begins that anew. A supplement of a plan is diagnosed together with that plan. It commands nothing.
+//! finding names the part and the instant since when, the effects that explain it, and the touches that would discriminate them
+//! (`further`); nobody asks for these by itself: an operator hands them to the service `plan`. A correction begins that anew. A supplement of a plan is diagnosed together with that plan. It commands nothing.
 
 mod config;
 mod message;

@@ -11,11 +11,12 @@ use super::candidate_pool::{ScannedResiduals, Shapes};
 use super::parameters;
 use crate::report::Alternative;
 
-/// Fits each of the effects `names` in place of the member at `index` of a set; those that cannot be fitted are left out.
+/// Fits each of the effects `names` in place of the member at `index` of a set, beside the process of an `unknown` cause where there
+/// is one (its index, its variance over that of the noise); those that cannot be fitted are left out.
 pub(crate) fn fit_alternatives(
     shapes: &Shapes<'_>,
     attribution: &Attribution,
-    set: &[usize],
+    (set, unknown): (&[usize], Option<(usize, f64)>),
     index: usize,
     names: &[String],
 ) -> Vec<Alternative> {
@@ -25,7 +26,7 @@ pub(crate) fn fit_alternatives(
             .map(|&member| &attribution.candidates[member])
             .collect();
         members[index] = &candidate;
-        let estimates = parameters::of_members(shapes, attribution, &members);
+        let estimates = parameters::of_members(shapes, attribution, &members, unknown);
         let parameters = estimates.into_iter().nth(index)?;
         (!parameters.is_empty()).then(|| Alternative {
             effect: name.clone(),

@@ -2,7 +2,9 @@
 //!
 //! Gauss-Newton covariance of all coefficients and of the continuous shapes together, so that the uncertainty of a time
 //! constant widens the interval of its amplitude; amplitudes and phases by the delta method (GUM 5.1.2); the coverage factor
-//! is Student's t for the residual degrees of freedom (GUM G.3). Coefficients in m; parameters in the effects' own units.
+//! is Student's t for the residual degrees of freedom (GUM G.3). Beside an unknown cause its process is estimated with them,
+//! generalised least squares, so that an interval holds what it may have added. Coefficients in m; parameters in the effects'
+//! own units.
 
 use std::ops::Range;
 
@@ -21,17 +23,19 @@ const RIDGE: f64 = 1e-9;
 /// Singular values below this share of the noise-free solution are taken as zero.
 const SINGULAR: f64 = 1e-9;
 
-/// Parameters of each member of a set, in its order.
+/// Parameters of each member of a set, in its order, beside the process of an `unknown` cause: its index and its variance over that
+/// of the noise.
 pub(crate) fn estimates(
     shapes: &Shapes<'_>,
     attribution: &Attribution,
     set: &[usize],
+    unknown: Option<(usize, f64)>,
 ) -> Vec<Vec<ParameterEstimate>> {
     let members: Vec<&Candidate> = set
         .iter()
         .map(|&member| &attribution.candidates[member])
         .collect();
-    of_members(shapes, attribution, &members)
+    of_members(shapes, attribution, &members, unknown)
 }
 
 /// The same for candidates that need not be among those of the attribution; empty lists where they cannot be fitted.
@@ -39,8 +43,9 @@ pub(crate) fn of_members(
     shapes: &Shapes<'_>,
     attribution: &Attribution,
     members: &[&Candidate],
+    unknown: Option<(usize, f64)>,
 ) -> Vec<Vec<ParameterEstimate>> {
-    let Some(fit) = GaussNewton::new(shapes, attribution, members) else {
+    let Some(fit) = GaussNewton::new(shapes, attribution, members, unknown) else {
         return vec![Vec::new(); members.len()];
     };
     let coverage = coverage_factor(0.95, fit.freedom);
@@ -85,15 +90,29 @@ struct ShapeDerivative {
 
 impl GaussNewton {
     /// `None` where the normal equations are singular.
-    fn new(shapes: &Shapes<'_>, attribution: &Attribution, members: &[&Candidate]) -> Option<Self> {
+    fn new(
+        shapes: &Shapes<'_>,
+        attribution: &Attribution,
+        members: &[&Candidate],
+        unknown: Option<(usize, f64)>,
+    ) -> Option<Self> {
         let rows = Rows {
             active: attribution.active.clone(),
             touches: shapes.observations.touches(),
             lag1_correlation: attribution.lag1_correlation,
         };
-        let y = DVector::from_vec(rows.white(&attribution.y));
+        // Rows whitened for noise and process together have independent errors of one variance.
+        let process = unknown.and_then(|(index, power)| Process::new(attribution, index, power));
+        let white = |values: &[f64]| {
+            let values = rows.white(values);
+            match &process {
+                Some(process) => process.whiten(values),
+                None => values,
+            }
+        };
+        let y = DVector::from_vec(white(&attribution.y));
         let columns: Vec<Vec<f64>> = (members.iter().flat_map(|member| &member.block))
-            .map(|column| rows.white(column))
+            .map(|column| white(column))
             .collect();
         let linear = DMatrix::from_fn(y.len(), columns.len(), |row, column| columns[column][row]);
         let plausible: Vec<f64> = (members.iter())
@@ -101,7 +120,7 @@ impl GaussNewton {
             .collect();
         let coefficients = solve(&linear, &y, &plausible)?;
         let spans = spans(members);
-        let derivatives = derivatives(shapes, &rows, members, &spans, &coefficients);
+        let derivatives = derivatives(shapes, &white, members, &spans, &coefficients);
         let jacobian = DMatrix::from_fn(
             y.len(),
             columns.len() + derivatives.len(),
@@ -127,6 +146,48 @@ impl GaussNewton {
         let length = self.shapes[index].length;
         let diagonal = self.coefficients.len() + index;
         Some(self.covariance[(diagonal, diagonal)] / (length * length))
+    }
+}
+
+/// The process of an unknown cause over the rows in use.
+struct Process {
+    /// Orthonormal directions over the rows.
+    directions: Vec<Vec<f64>>,
+    /// Standard deviation of the noise over that of noise and process together, along each.
+    shares: Vec<f64>,
+}
+
+impl Process {
+    /// Of this variance over that of the noise; `None` for what is scatter.
+    fn new(attribution: &Attribution, index: usize, power: f64) -> Option<Self> {
+        Self::of_columns(&attribution.discrepancies[index].columns()?, power)
+    }
+
+    /// Of the kernel that the outer products of columns sum to.
+    fn of_columns(columns: &[Vec<f64>], power: f64) -> Option<Self> {
+        let rows = columns.first()?.len();
+        let down = DMatrix::from_vec(rows, columns.len(), columns.concat());
+        let svd = down.svd(true, false);
+        let directions = svd.u?;
+        Some(Self {
+            directions: (directions.column_iter())
+                .map(|column| column.iter().copied().collect())
+                .collect(),
+            shares: (svd.singular_values.iter())
+                .map(|value| 1.0 / (1.0 + power * value * value).sqrt())
+                .collect(),
+        })
+    }
+
+    /// (I + power·K)^(−1/2) times values over the rows in use.
+    fn whiten(&self, mut values: Vec<f64>) -> Vec<f64> {
+        let along: Vec<f64> = (self.directions.iter())
+            .map(|direction| dot(direction, &values))
+            .collect();
+        for ((direction, share), along) in self.directions.iter().zip(&self.shares).zip(along) {
+            add_scaled(&mut values, (share - 1.0) * along, direction);
+        }
+        values
     }
 }
 
@@ -165,7 +226,7 @@ fn solve(columns: &DMatrix<f64>, y: &DVector<f64>, plausible: &[f64]) -> Option<
 /// Derivatives of the fitted signatures with respect to the continuous shapes.
 fn derivatives(
     shapes: &Shapes<'_>,
-    rows: &Rows,
+    white: &impl Fn(&[f64]) -> Vec<f64>,
     members: &[&Candidate],
     spans: &[Range<usize>],
     coefficients: &DVector<f64>,
@@ -179,7 +240,7 @@ fn derivatives(
             for (column, value) in columns.iter().zip(parameters.iter()) {
                 add_scaled(&mut derivative, *value, column);
             }
-            let derivative = rows.white(&derivative);
+            let derivative = white(&derivative);
             let length = dot(&derivative, &derivative).sqrt().max(f64::MIN_POSITIVE);
             Some(ShapeDerivative {
                 member,
@@ -202,4 +263,29 @@ fn covariance(jacobian: &DMatrix<f64>, variance: f64, plausible: &[f64]) -> Opti
         normal[(index, index)] += ridge + prior;
     }
     Some(normal.try_inverse()? * variance)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Whitened twice, values are those that the dense matrix I + p·K takes to them.
+    #[test]
+    fn whitening_is_the_inverse_root_of_the_covariance() {
+        let (rows, power) = (12, 7.0);
+        let value =
+            |row: usize, column: usize| ((row * 37 + column * 101 + 7) % 23) as f64 / 23.0 - 0.4;
+        let columns: Vec<Vec<f64>> = (0..4)
+            .map(|column| (0..rows).map(|row| value(row, column)).collect())
+            .collect();
+        let process = Process::of_columns(&columns, power).expect("columns");
+        let down = DMatrix::from_vec(rows, 4, columns.concat());
+        let covariance = DMatrix::identity(rows, rows) + &down * down.transpose() * power;
+        let values: Vec<f64> = (0..rows).map(|row| value(row, 9)).collect();
+        let twice = process.whiten(process.whiten(values.clone()));
+        let back = covariance * DVector::from_vec(twice);
+        for (found, expected) in back.iter().zip(&values) {
+            assert!((found - expected).abs() < 1e-12, "{found} for {expected}");
+        }
+    }
 }

@@ -80,7 +80,7 @@ impl Reporter<'_> {
             offered.sure || (stands_for_all && (offered.probability > LIKELY || !likely))
         });
         members.sort_by(|a, b| b.size.total_cmp(&a.size));
-        self.describe(members)
+        self.describe(members, best.discrepancy)
     }
 
     /// Beside an unknown cause a member that is only probable is sure where the probable ones without it leave far more of the
@@ -153,10 +153,12 @@ impl Reporter<'_> {
     }
 
     /// Members to be named with their parameters, alternatives and cross-validation.
-    fn describe(&self, members: Vec<Offered>) -> Named {
+    ///
+    /// `unknown` is the process beside them: its index and its variance over that of the noise.
+    fn describe(&self, members: Vec<Offered>, unknown: Option<(usize, f64)>) -> Named {
         let attribution = &self.explained.attribution;
         let set: Vec<usize> = members.iter().map(|offered| offered.member).collect();
-        let estimates = parameters::estimates(self.shapes, attribution, &set);
+        let estimates = parameters::estimates(self.shapes, attribution, &set, unknown);
         let blocks = blocks(self.observations, &attribution.active);
         let held_out = |set: &[usize]| {
             let candidates: Vec<&Candidate> = set
@@ -185,7 +187,7 @@ impl Reporter<'_> {
                 alternatives: alternatives::fit_alternatives(
                     self.shapes,
                     attribution,
-                    &set,
+                    (&set, unknown),
                     index,
                     &alone,
                 ),
