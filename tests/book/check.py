@@ -8,7 +8,7 @@ Runs in a network namespace of its own, since pages start cells. Each page has a
 and bags of the project in it, in which its blocks are carried out in order:
 
     ```console               `$ COMMAND` and what it prints. `…` stands for any text, on a line of its own for any lines. A command that
-                             ends with ` &` goes on while the following run; the next one waits until it has printed what is shown.
+                             ends with ` &` goes on while the following run; the next one waits until it has printed each shown line.
                              Without shown lines nothing is compared. Every command ends with status 0 (`; echo "status $?"` shows another).
     ```console terminal=WORD what the command with WORD, which goes on, prints meanwhile
     ```LANGUAGE file=NAME    is written to NAME; a `toml` of these is checked by `probecell doctor`
@@ -142,16 +142,22 @@ class Background:
         self.lines.put(None)
 
     def says(self, shown):
-        """Reads on until all shown lines have come."""
-        pattern = re.compile(r"(?:.*\n)*" + as_pattern(shown))
-        while shown and not pattern.match(self.text):
-            line = self.lines.get(timeout=LONGEST)
-            assert line is not None, f"{self.command} has ended without saying {shown}:\n{self.text}"
-            self.text += line
+        """Reads on until all shown lines have come, in whatever order: processes of a cell speak as they are scheduled."""
+        for line in shown:
+            if line.strip() == "…":
+                continue
+            pattern = re.compile("^" + as_pattern([line]), re.MULTILINE)
+            while not pattern.search(self.text):
+                try:
+                    came = self.lines.get(timeout=LONGEST)
+                except queue.Empty:
+                    came = None
+                assert came is not None, f"{self.command} has ended, or has said nothing for {LONGEST} s, without {line!r}:\n{self.text}"
+                self.text += came
 
     def end(self):
         if self.process.poll() is None:
-            self.process.send_signal(signal.SIGINT)
+            self.process.send_signal(signal.SIGTERM)
         self.process.wait(LONGEST)
 
 
@@ -239,7 +245,8 @@ def load(path, place, environment):
 def main():
     wanted = sys.argv[2] if len(sys.argv) > 2 else ""
     book = pages()
-    check_links(book)
+    if not wanted:
+        check_links(book)
     totals = [0, 0]
     for page in book:
         if wanted not in str(page.relative_to(DOCS)):
