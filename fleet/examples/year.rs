@@ -1,18 +1,21 @@
 //! A year of a hall: `cargo run --release --example year -- FOLDER [MACHINES] [SESSIONS]` writes recordings with known
-//! histories below FOLDER, adds them to the lake FOLDER/lake, and prints what the trends have found of them. Times are of
-//! this run.
+//! histories below FOLDER, adds them to the lake FOLDER/lake, and prints what the trends have found of them. What is there
+//! already is judged again. Times are of this run.
 
-use std::path::PathBuf;
+use std::fs;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::Context;
-use probecell_fleet::lake::Lake;
+use probecell_fleet::lake::{Event, Lake};
 use probecell_fleet::trend::hall::{Options, conclude};
 use probecell_fleet::trend::series::{events, series};
 use probecell_fleet::year::judge::judge;
-use probecell_fleet::year::{Size, make};
+use probecell_fleet::year::{Planted, Size, make};
 
-#[expect(clippy::print_stdout, reason = "this is a program")]
+/// Names of the files below the folder.
+const PLANTED: &str = "planted.json";
+
 fn main() -> anyhow::Result<()> {
     let mut arguments = std::env::args().skip(1);
     let folder = PathBuf::from(arguments.next().context("the first argument is a folder")?);
@@ -22,42 +25,53 @@ fn main() -> anyhow::Result<()> {
         sessions: number(400)?,
         seed: 1,
     };
-    std::fs::create_dir_all(&folder)?;
-    let bags = folder.join("bags");
-    let clock = Instant::now();
-    let (planted, services) = make(&bags, size)?;
-    println!(
-        "made {} sessions: {:.1} s",
-        size.machines * size.sessions,
-        clock.elapsed().as_secs_f64()
-    );
-    let clock = Instant::now();
-    let lake = Lake::open_or_create(&folder.join("lake"))?;
-    let added = lake.add(&[bags], &mut |_, _| {})?;
-    lake.add_events(&services)?;
-    println!(
-        "added {}: {:.1} s",
-        added.new,
-        clock.elapsed().as_secs_f64()
-    );
-    let clock = Instant::now();
-    let (before, after) = lake.compact()?;
-    println!(
-        "{before} files became {after}: {:.1} s",
-        clock.elapsed().as_secs_f64()
-    );
-    let clock = Instant::now();
-    let series = series(&lake, 5)?;
+    let planted: Vec<Planted> = if folder.join(PLANTED).is_file() {
+        serde_json::from_slice(&fs::read(folder.join(PLANTED))?)?
+    } else {
+        lake_of(&folder, size)?
+    };
+    let lake = Lake::open(&folder.join("lake"))?;
+    let series = timed("series of the lake", || series(&lake, 5))?;
     let options = Options {
         false_alarms: 1.0,
         limits: [("axis.X.scale.k".to_owned(), 5e-5)].into(),
     };
-    let conclusions = conclude(&series, &events(&lake)?, &options);
-    println!("trends: {:.1} s", clock.elapsed().as_secs_f64());
-    println!("{}", conclusions.text());
-    println!(
-        "{}",
-        serde_json::to_string_pretty(&judge(&planted, &series, &conclusions))?
-    );
+    let events = events(&lake)?;
+    let conclusions = timed("trends", || Ok(conclude(&series, &events, &options)))?;
+    let card = judge(&planted, &series, &conclusions);
+    print(&format!(
+        "{}\n{}",
+        conclusions.text(),
+        serde_json::to_string_pretty(&card)?
+    ));
     Ok(())
+}
+
+/// Makes the recordings and their lake, and gives what was planted.
+fn lake_of(folder: &Path, size: Size) -> anyhow::Result<Vec<Planted>> {
+    fs::create_dir_all(folder)?;
+    let bags = folder.join("bags");
+    let (planted, services): (Vec<Planted>, Vec<Event>) =
+        timed("recordings", || make(&bags, size))?;
+    let lake = Lake::open_or_create(&folder.join("lake"))?;
+    let added = timed("lake add", || lake.add(&[bags], &mut |_, _| {}))?;
+    anyhow::ensure!(added.new == size.machines * size.sessions, "{added:?}");
+    lake.add_events(&services)?;
+    let (before, after) = timed("lake compact", || lake.compact())?;
+    print(&format!("{before} files became {after}"));
+    fs::write(folder.join(PLANTED), serde_json::to_vec_pretty(&planted)?)?;
+    Ok(planted)
+}
+
+/// What `work` gives, and how long it took.
+fn timed<T>(what: &str, work: impl FnOnce() -> anyhow::Result<T>) -> anyhow::Result<T> {
+    let clock = Instant::now();
+    let done = work()?;
+    print(&format!("{what}: {:.1} s", clock.elapsed().as_secs_f64()));
+    Ok(done)
+}
+
+#[expect(clippy::print_stdout, reason = "this is a program")]
+fn print(text: &str) {
+    println!("{text}");
 }

@@ -10,7 +10,6 @@ mod plant;
 mod record;
 
 use std::path::Path;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 use anyhow::Context;
 use rand::{Rng, SeedableRng};
@@ -29,6 +28,10 @@ const DAYS: f64 = 365.0;
 const TYPES: usize = 4;
 /// The type that gets a fault, and its day.
 const FAULTY_TYPE: (usize, f64) = (2, 180.0);
+/// The type that drifts as a whole, by little, and the day from which.
+const DRIFTING_TYPE: (usize, f64) = (0, 120.0);
+/// Machines of a large hall.
+const LARGE: usize = 24;
 
 /// Size of the year.
 #[derive(Debug, Clone, Copy)]
@@ -54,6 +57,8 @@ pub struct Planted {
     pub onset: f64,
     /// Step in the unit of the quantity, or slope per day.
     pub size: f64,
+    /// What of it is the machine's own: all of it, unless the type has the rest in common.
+    pub own_size: f64,
     /// True: all machines of its type have it.
     pub common: bool,
     /// True: at a service that is on record.
@@ -71,7 +76,7 @@ struct Machine {
 }
 
 impl Machine {
-    fn new(number: usize, random: &mut Pcg64Mcg) -> Self {
+    fn new(number: usize, machines: usize, random: &mut Pcg64Mcg) -> Self {
         let kind = number % TYPES;
         let name = format!("mill_{number:03}");
         let mut normal = |size: f64| size * random.sample::<f64, _>(StandardNormal);
@@ -86,43 +91,45 @@ impl Machine {
             .collect();
         let day = FIRST_DAY + random.random_range(100.0..220.0_f64);
         let mut planted = Vec::new();
-        let mut plant =
-            |quantity: &str, kind: &str, onset: f64, size: f64, common: bool, at_service: bool| {
-                planted.push(Planted {
-                    machine: name.clone(),
-                    quantity: quantity.to_owned(),
-                    kind: kind.to_owned(),
-                    onset,
-                    size,
-                    common,
-                    at_service,
-                });
-            };
+        let mut plant = |quantity: &str,
+                         kind: &str,
+                         onset: f64,
+                         [common_size, own_size]: [f64; 2],
+                         at_service: bool| {
+            planted.push(Planted {
+                machine: name.clone(),
+                quantity: quantity.to_owned(),
+                kind: kind.to_owned(),
+                onset,
+                size: common_size + own_size,
+                own_size,
+                common: common_size != 0.0,
+                at_service,
+            });
+        };
         match number % 10 {
-            3 => plant("axis.X.scale.k", "drift", day, 1.5e-7, false, false),
+            3 => plant("axis.X.scale.k", "drift", day, [0.0, 1.5e-7], false),
             5 => plant(
                 "sensor.temperature part.mean",
                 "step",
                 day,
-                3.0,
-                false,
+                [0.0, 3.0],
                 false,
             ),
             7 => {
-                plant("probe.ball_radius.dr", "step", day, 2e-6, false, true);
+                plant("probe.ball_radius.dr", "step", day, [0.0, 2e-6], true);
                 services.push(day);
             }
             _ => {}
         }
         if kind == FAULTY_TYPE.0 {
-            plant(
-                "axis.Z.scale.k",
-                "step",
-                FIRST_DAY + FAULTY_TYPE.1,
-                1.5e-5 + own,
-                true,
-                false,
-            );
+            let day = FIRST_DAY + FAULTY_TYPE.1;
+            plant("axis.Z.scale.k", "step", day, [1.5e-5, own], false);
+        }
+        // Of a large hall only: no machine of a small one shows it within a year.
+        if kind == DRIFTING_TYPE.0 && machines >= LARGE {
+            let day = FIRST_DAY + DRIFTING_TYPE.1;
+            plant("axis.Y.scale.k", "drift", day, [1e-8, 0.0], false);
         }
         Self {
             name,
@@ -145,6 +152,7 @@ impl Machine {
             };
             match planted.quantity.as_str() {
                 "axis.X.scale.k" => errors.scale[0] += size,
+                "axis.Y.scale.k" => errors.scale[1] += size,
                 "axis.Z.scale.k" => errors.scale[2] += size,
                 "probe.ball_radius.dr" => errors.radius += size,
                 _ => sensor += size,
@@ -162,37 +170,13 @@ pub fn make(folder: &Path, size: Size) -> anyhow::Result<(Vec<Planted>, Vec<Even
     std::fs::create_dir(folder).with_context(|| format!("cannot make {}", folder.display()))?;
     let mut random = Pcg64Mcg::seed_from_u64(size.seed);
     let machines: Vec<Machine> = (0..size.machines)
-        .map(|number| Machine::new(number, &mut random))
+        .map(|number| Machine::new(number, size.machines, &mut random))
         .collect();
-    let next = AtomicUsize::new(0);
-    let workers = std::thread::available_parallelism().map_or(1, usize::from);
-    let write = || -> anyhow::Result<()> {
-        loop {
-            let number = next.fetch_add(1, Ordering::Relaxed);
-            let Some(machine) = machines.get(number) else {
-                return Ok(());
-            };
-            let mut random = Pcg64Mcg::seed_from_u64(
-                size.seed ^ (number as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15),
-            );
-            for session in 0..size.sessions {
-                let part =
-                    (session as f64 + random.random_range(0.0..1.0_f64)) / size.sessions as f64;
-                let time = FIRST_DAY + DAYS * part;
-                let path = folder.join(format!("{}_{session:04}", machine.name));
-                one(machine, time, &path, &mut random)?;
-            }
-        }
-    };
-    std::thread::scope(|scope| {
-        let threads: Vec<_> = (0..workers).map(|_| scope.spawn(write)).collect();
-        threads
-            .into_iter()
-            .try_for_each(|thread| match thread.join() {
-                Ok(done) => done,
-                Err(panic) => std::panic::resume_unwind(panic),
-            })
-    })?;
+    let numbers: Vec<usize> = (0..size.machines).collect();
+    let written = crate::parallel::map(&numbers, |number| {
+        sessions(folder, size, *number, &machines[*number])
+    });
+    written.into_iter().collect::<anyhow::Result<Vec<()>>>()?;
     let events = machines.iter().flat_map(|machine| {
         machine.services.iter().map(|day| Event {
             machine: machine.name.clone(),
@@ -209,6 +193,20 @@ pub fn make(folder: &Path, size: Size) -> anyhow::Result<(Vec<Planted>, Vec<Even
             .collect(),
         events,
     ))
+}
+
+/// Writes the sessions of a machine.
+fn sessions(folder: &Path, size: Size, number: usize, machine: &Machine) -> anyhow::Result<()> {
+    let mut random = Pcg64Mcg::seed_from_u64(
+        size.seed ^ (number as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15),
+    );
+    for session in 0..size.sessions {
+        let part = (session as f64 + random.random_range(0.0..1.0_f64)) / size.sessions as f64;
+        let time = FIRST_DAY + DAYS * part;
+        let path = folder.join(format!("{}_{session:04}", machine.name));
+        one(machine, time, &path, &mut random)?;
+    }
+    Ok(())
 }
 
 fn one(machine: &Machine, time: f64, path: &Path, random: &mut Pcg64Mcg) -> anyhow::Result<()> {

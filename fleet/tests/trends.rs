@@ -154,5 +154,10 @@ fn a_small_year_is_understood() {
         "{card:?}\n{}",
         conclusions.text()
     );
-    assert_eq!(card.services, card.services_named, "{}", conclusions.text());
+    assert_eq!(
+        card.services.held,
+        card.services.of,
+        "{}",
+        conclusions.text()
+    );
 }

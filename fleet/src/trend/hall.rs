@@ -1,13 +1,15 @@
 //! Conclusions on all machines of a lake: what changed where, what a type of machine has in common, what was done then.
 
 mod common;
+mod hierarchy;
 mod text;
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use common::random_effects;
+use common::{in_common, own_parts, random_effects};
+pub use hierarchy::{Levels, Own, TypeChange};
 
 use super::series::{Done, Quantity, Series};
 use super::watch::{Change, Kind, Watch};
@@ -58,7 +60,8 @@ pub struct Finding {
     /// limit, an end `null` where it is not within ten years.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub leaves_limit_in: Option<[Option<f64>; 3]>,
-    /// True: half of the machines of the type have changed alike, see [`Conclusions::common`].
+    /// True: half of the machines of the type have changed alike ([`Conclusions::common`]), or the type as a whole
+    /// ([`Conclusions::types`]).
     pub common: bool,
     /// What was done to the machine between the last unchanged and the first changed session.
     pub coincides_with: Vec<String>,
@@ -91,6 +94,8 @@ pub struct Common {
     pub size: [f64; 2],
     /// Standard deviation of the sizes between machines beyond their uncertainty.
     pub between_machines: f64,
+    /// What each machine has of its own: its size less the common one.
+    pub own: Vec<Own>,
 }
 
 /// Conclusions on a lake.
@@ -106,8 +111,14 @@ pub struct Conclusions {
     pub false_alarms_per_1000_sessions: f64,
     /// Changes by machine and time.
     pub findings: Vec<Finding>,
-    /// What types have in common.
+    /// Changes that the machines of a type have in common, each found on its machine.
     pub common: Vec<Common>,
+    /// Points of the series of types.
+    pub type_points: usize,
+    /// Changes of the series of types: sooner than on each machine where they are small.
+    pub types: Vec<TypeChange>,
+    /// Levels by type and machine before any change.
+    pub levels: Vec<Levels>,
 }
 
 /// A change with what it belongs to.
@@ -150,7 +161,8 @@ pub fn conclude(
             .push(one);
         *of_machine.entry(&one.machine).or_default() += 1;
     }
-    let mut common = Vec::new();
+    let (mut common, mut levels, mut of_types) = (Vec::new(), Vec::new(), Vec::new());
+    let mut type_points = 0;
     let mut all: Vec<Found<'_>> = Vec::new();
     for alike in by_kind.values() {
         let firsts: Vec<&[super::Point]> = alike
@@ -164,7 +176,23 @@ pub fn conclude(
             found.extend(changes(one, spread, sessions));
         }
         common.extend(in_common(&mut found, alike.len()));
+        levels.extend(hierarchy::levels(alike, &found, spread));
+        if let Some(of_type) = hierarchy::series_of_type(alike, &found, spread) {
+            type_points += of_type.points.len();
+            of_types.push(of_type);
+        }
         all.extend(found);
+    }
+    let mut types = Vec::new();
+    for one in &of_types {
+        let others = of_types
+            .iter()
+            .filter(|other| other.machine_type == one.machine_type);
+        let points = others.count() as f64 * 1000.0 / options.false_alarms;
+        types.extend(hierarchy::type_changes(one, points));
+    }
+    for found in &mut all {
+        found.common |= types.iter().any(|change| change.covers(found));
     }
     Conclusions {
         machines: of_machine.len(),
@@ -173,6 +201,9 @@ pub fn conclude(
         false_alarms_per_1000_sessions: options.false_alarms,
         findings: merged(all, events, options),
         common,
+        type_points,
+        types,
+        levels,
     }
 }
 
@@ -194,65 +225,6 @@ fn changes(series: &Series, spread: Spread, sessions: f64) -> Vec<Found<'_>> {
         common: false,
     };
     found.into_iter().map(of).collect()
-}
-
-/// Groups of machines of one type that changed alike, in one quantity; marks their changes.
-fn in_common(found: &mut [Found<'_>], machines: usize) -> Vec<Common> {
-    let fewest = FEWEST.max(machines.div_ceil(2));
-    let mut groups: Vec<Common> = Vec::new();
-    for up in [true, false] {
-        let mut places: Vec<usize> = (0..found.len())
-            .filter(|place| (found[*place].change.size[0] > 0.0) == up)
-            .collect();
-        places.sort_by(|a, b| found[*a].onset().total_cmp(&found[*b].onset()));
-        let gap = |pair: [usize; 2]| found[pair[1]].onset() - found[pair[0]].onset() > TOGETHER;
-        let together: Vec<Vec<usize>> = places
-            .chunk_by(|a, b| !gap([*a, *b]))
-            .map(<[usize]>::to_vec)
-            .collect();
-        for group in together {
-            let names: BTreeSet<String> = group
-                .iter()
-                .map(|place| found[*place].series.machine.clone())
-                .collect();
-            if names.len() < fewest {
-                continue;
-            }
-            let steps = group
-                .iter()
-                .filter(|place| found[**place].change.kind == Kind::Step)
-                .count();
-            let kind = if 2 * steps >= group.len() {
-                Kind::Step
-            } else {
-                Kind::Drift
-            };
-            let sizes: Vec<[f64; 2]> = group
-                .iter()
-                .map(|place| &found[*place].change)
-                .filter(|change| change.kind == kind)
-                .map(|change| change.size)
-                .collect();
-            let (size, between_machines) = random_effects(&sizes);
-            let onsets: Vec<f64> = group.iter().map(|place| found[*place].onset()).collect();
-            let series = found[group[0]].series;
-            groups.push(Common {
-                machine_type: series.machine_type.clone(),
-                quantity: name(&series.quantity),
-                unit: series.quantity.unit.clone(),
-                kind: word(kind),
-                onset: metrology::statistics::median(&onsets),
-                machines: names.into_iter().collect(),
-                of: machines,
-                size,
-                between_machines,
-            });
-            for place in group {
-                found[place].common = true;
-            }
-        }
-    }
-    groups
 }
 
 /// One finding for the changes of a machine that may have begun together: the clearest, and what else changed.

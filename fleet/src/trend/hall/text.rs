@@ -12,7 +12,7 @@ impl Conclusions {
         )];
         for common in &self.common {
             text.push(format!(
-                "{}: {} of {} machines: {} {} since about {}: {}\n",
+                "{}: {} of {} machines: {} {} since about {}: {}; between machines {:.1e} {}\n",
                 common.machine_type,
                 common.machines.len(),
                 common.of,
@@ -20,6 +20,21 @@ impl Conclusions {
                 common.kind,
                 date(common.onset),
                 sized(common.size, &common.unit, common.kind),
+                common.between_machines,
+                common.unit,
+            ));
+        }
+        for change in &self.types {
+            text.push(format!(
+                "{} as a whole: {} {} since {} ({} to {}), certain on {}: {}\n",
+                change.machine_type,
+                change.quantity,
+                change.kind,
+                date(change.onset),
+                date(change.onset_between[0]),
+                date(change.onset_between[1]),
+                date(change.alarm),
+                sized(change.size, &change.unit, change.kind),
             ));
         }
         for finding in &self.findings {
@@ -59,6 +74,22 @@ impl Conclusions {
                     finding.also.join(", ")
                 ));
             }
+        }
+        if !self.levels.is_empty() {
+            text.push(
+                "levels before any change, in the mean of the type; standard deviations between machines, between sessions\n"
+                    .to_owned(),
+            );
+        }
+        for levels in &self.levels {
+            text.push(format!(
+                "  {}: {} {}; {:.1e}, {:.1e}\n",
+                levels.machine_type,
+                levels.quantity,
+                sized(levels.mean, &levels.unit, "level"),
+                levels.between_machines,
+                levels.between_sessions,
+            ));
         }
         text.concat()
     }
