@@ -3,7 +3,7 @@
 mod effects;
 mod messages;
 mod signals;
-mod words;
+pub(crate) mod words;
 
 use anyhow::{Context, bail};
 use bags::{Bag, Error, Measurement, Stamped};

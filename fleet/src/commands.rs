@@ -6,13 +6,14 @@ use std::path::PathBuf;
 use anyhow::{Context, bail};
 use clap::{Args, Parser, Subcommand};
 use probecell_fleet::lake::{Event, Lake};
+use probecell_fleet::sql::{self, Engine, Form};
 use probecell_fleet::trend::hall::{Options, conclude};
 use probecell_fleet::trend::series::{events, series};
 
 /// Finished, with some input left out.
 const LEFT_OUT: u8 = 3;
 
-/// The sessions of many machines: kept and watched.
+/// The sessions of many machines: kept, asked and watched.
 #[derive(Parser)]
 #[command(version, about, arg_required_else_help = true)]
 pub(crate) struct Arguments {
@@ -43,13 +44,33 @@ enum Command {
         #[arg(long)]
         json: bool,
     },
-    /// List the tables of a lake with unit and description of each column.
+    /// Ask the lake in SQL: tables and views as `tables` lists them, and the diagnosis and trends as functions.
+    ///
+    /// Example: probecell-fleet sql "SELECT * FROM causes WHERE rank <= 3"
+    Sql {
+        /// The question: one statement that reads; `-` takes it from standard input.
+        statement: String,
+        #[command(flatten)]
+        lake: Where,
+        /// Print CSV.
+        #[arg(long, conflicts_with = "json")]
+        csv: bool,
+        /// Print JSON: an array with an object for each row.
+        #[arg(long)]
+        json: bool,
+    },
+    /// Diagnose recordings for another engine: a stream of Arrow IPC with a column `uri` on standard input, the same rows with a
+    /// column `diagnosis` on standard output.
+    Worker,
+    /// List tables with unit and description of each column, views and functions.
     Tables,
+    /// Print the statements that make the views, for other engines on the same tables.
+    Views,
 }
 
 #[derive(Args)]
 struct Where {
-    /// Folder of the lake.
+    /// Folder of the lake; to read one also s3://BUCKET/FOLDER.
     #[arg(long = "lake", default_value = "lake", value_name = "DIR")]
     folder: PathBuf,
 }
@@ -86,6 +107,13 @@ enum LakeCommand {
         #[command(flatten)]
         lake: Where,
     },
+    /// Hand a lake over: make the lake behind a URL a copy of it. What is there already is not sent again.
+    Push {
+        /// `s3://BUCKET/FOLDER`; credentials and endpoint are those of the environment (AWS_ACCESS_KEY_ID ...).
+        to: String,
+        #[command(flatten)]
+        lake: Where,
+    },
 }
 
 /// Runs a command and gives the exit status.
@@ -116,6 +144,13 @@ pub(crate) fn run(arguments: Arguments) -> anyhow::Result<u8> {
             let (before, after) = Lake::open(&lake.folder)?.compact()?;
             print(&format!("{before} files before, {after} after\n"))
         }
+        Command::Lake(LakeCommand::Push { to, lake }) => {
+            let pushed = Lake::open(&lake.folder)?.push(&to)?;
+            print(&format!(
+                "{} files put, {} there already, {} removed\n",
+                pushed.put, pushed.there, pushed.removed
+            ))
+        }
         Command::Trends {
             lake,
             false_alarms,
@@ -141,7 +176,39 @@ pub(crate) fn run(arguments: Arguments) -> anyhow::Result<u8> {
                 print(&conclusions.text())
             }
         }
+        Command::Sql {
+            statement,
+            lake,
+            csv,
+            json,
+        } => {
+            let statement = if statement == "-" {
+                std::io::read_to_string(std::io::stdin()).context("cannot read the statement")?
+            } else {
+                statement
+            };
+            let form = match (csv, json) {
+                (true, _) => Form::Csv,
+                (_, true) => Form::Json,
+                _ => Form::Table,
+            };
+            let engine = Engine::open(&Lake::open(&lake.folder)?)?;
+            let answer = engine.ask(&statement)?;
+            sql::write(answer, form, &mut Output::default())?;
+            Ok(0)
+        }
+        Command::Worker => {
+            probecell_fleet::worker::run(std::io::stdin().lock(), Output::default())?;
+            Ok(0)
+        }
         Command::Tables => print(&contents()),
+        Command::Views => {
+            let statements: Vec<String> = sql::VIEWS
+                .iter()
+                .map(|view| format!("{};\n", view.statement()))
+                .collect();
+            print(&statements.join("\n"))
+        }
     }
 }
 
@@ -199,6 +266,14 @@ fn contents() -> String {
         }
         text.push(format!("  {MONTH}: year and month of the row\n"));
     }
+    text.push("\nviews of `sql`:\n".to_owned());
+    for view in sql::VIEWS {
+        text.push(format!("  {}: {}\n", view.name, view.description));
+    }
+    text.push("\nfunctions of `sql`:\n".to_owned());
+    for (call, answer) in sql::FUNCTIONS {
+        text.push(format!("  {call}: {answer}\n"));
+    }
     text.concat()
 }
 
@@ -210,6 +285,34 @@ fn print(text: &str) -> anyhow::Result<u8> {
             Err(error).context("cannot write the output")
         }
         _ => Ok(0),
+    }
+}
+
+/// Standard output; once its reader has closed the pipe nothing more is written.
+#[derive(Default)]
+struct Output {
+    closed: bool,
+}
+
+impl Write for Output {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        if self.closed {
+            return Ok(bytes.len());
+        }
+        match std::io::stdout().lock().write(bytes) {
+            Err(error) if error.kind() == ErrorKind::BrokenPipe => {
+                self.closed = true;
+                Ok(bytes.len())
+            }
+            written => written,
+        }
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        if self.closed {
+            return Ok(());
+        }
+        std::io::stdout().lock().flush()
     }
 }
 

@@ -14,6 +14,7 @@ mod commit;
 mod compact;
 mod events;
 mod read;
+pub(crate) mod remote;
 pub mod rows;
 pub mod schema;
 
@@ -28,6 +29,8 @@ use serde::{Deserialize, Serialize};
 
 pub use add::{Added, Rows, hash};
 pub use events::Event;
+pub use remote::Pushed;
+use remote::{Remote, is_url};
 use schema::{SESSIONS, TABLES, Table};
 
 /// Name of the file that tells the version.
@@ -42,27 +45,35 @@ struct Header {
     version: u32,
 }
 
-/// A lake in a folder.
+/// A lake in a folder, or the copy of one behind a URL.
 #[derive(Debug, Clone)]
 pub struct Lake {
     root: PathBuf,
+    remote: Option<Remote>,
 }
 
 impl Lake {
-    /// Opens a lake.
+    /// Opens a lake in a folder, or behind `s3://BUCKET/FOLDER` to read.
     ///
     /// # Errors
     /// There is none, or it was made by a later version.
     pub fn open(root: &Path) -> anyhow::Result<Self> {
-        let file = root.join(FILE);
-        let text = fs::read(&file).with_context(|| {
+        let remote = match root.to_str() {
+            Some(url) if is_url(url) => Some(Remote::new(url)?),
+            _ => None,
+        };
+        let absent = || {
             format!(
                 "there is no lake in {}: `lake add` makes one",
                 root.display()
             )
-        })?;
+        };
+        let text = match &remote {
+            Some(remote) => remote.get(Path::new(FILE))?.with_context(absent)?.to_vec(),
+            None => fs::read(root.join(FILE)).with_context(absent)?,
+        };
         let header: Header = serde_json::from_slice(&text)
-            .with_context(|| format!("cannot read {}", file.display()))?;
+            .with_context(|| format!("cannot read {}", root.join(FILE).display()))?;
         if header.version > schema::VERSION {
             bail!(
                 "the lake in {} is of version {}; this program reads versions up to {}",
@@ -73,6 +84,7 @@ impl Lake {
         }
         Ok(Self {
             root: root.to_owned(),
+            remote,
         })
     }
 
@@ -81,7 +93,7 @@ impl Lake {
     /// # Errors
     /// As [`Lake::open`]; the folder holds something else.
     pub fn open_or_create(root: &Path) -> anyhow::Result<Self> {
-        if root.join(FILE).exists() {
+        if root.join(FILE).exists() || root.to_str().is_some_and(is_url) {
             return Self::open(root);
         }
         fs::create_dir_all(root).with_context(|| format!("cannot make {}", root.display()))?;
@@ -100,7 +112,13 @@ impl Lake {
         fs::rename(&written, root.join(FILE))?;
         Ok(Self {
             root: root.to_owned(),
+            remote: None,
         })
+    }
+
+    /// The place behind a URL, of a copy.
+    pub(crate) fn remote(&self) -> Option<&Remote> {
+        self.remote.as_ref()
     }
 
     /// Its folder.
@@ -113,6 +131,9 @@ impl Lake {
     /// # Errors
     /// A folder cannot be read.
     pub fn files(&self, table: &Table) -> anyhow::Result<Vec<(String, PathBuf)>> {
+        if let Some(remote) = &self.remote {
+            return remote.files(table);
+        }
         let mut found = Vec::new();
         let folder = self.root.join(table.name);
         if !folder.exists() {
@@ -160,6 +181,12 @@ impl Lake {
 
     /// The lock of the one writer, until it is dropped.
     fn lock(&self) -> anyhow::Result<File> {
+        if self.remote.is_some() {
+            bail!(
+                "{} is a copy, which `lake push` writes: add to the lake in its folder",
+                self.root.display()
+            );
+        }
         let path = self.root.join(LOCK);
         let file =
             File::create(&path).with_context(|| format!("cannot write {}", path.display()))?;

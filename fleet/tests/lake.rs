@@ -1,11 +1,13 @@
 //! The lake against the recordings that went into it.
 
+mod common;
+
 use std::collections::BTreeMap;
 use std::fs::{self, File};
-use std::path::{Path, PathBuf};
 
 use arrow_array::Array;
 use arrow_array::cast::AsArray;
+use common::samples;
 use parquet::arrow::ProjectionMask;
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 use parquet::arrow::arrow_writer::ArrowWriter;
@@ -14,15 +16,6 @@ use probecell_fleet::lake::schema::{
     CORRECTIONS, EFFECTS, FEATURES, SESSIONS, SIGNALS, TABLES, TOUCHES, Table,
 };
 use probecell_fleet::lake::{Event, Lake, numbers, texts};
-
-fn samples() -> PathBuf {
-    let own = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let roots = own.ancestors().map(|folder| folder.join("bags/samples"));
-    roots
-        .into_iter()
-        .find(|folder| folder.is_dir())
-        .expect("the samples of the project")
-}
 
 fn rows(lake: &Lake, table: &Table) -> usize {
     let mut rows = 0;

@@ -48,7 +48,7 @@ pub(super) const ACKNOWLEDGEMENTS: &[&str] = &[
 pub(super) const SEVERITIES: &[&str] = &["warning", "error"];
 
 /// The verdict of a gap report.
-pub(super) fn gap(verdict: Verdict) -> &'static str {
+pub(crate) fn gap(verdict: Verdict) -> &'static str {
     match verdict {
         Verdict::NoGap => "no_gap",
         Verdict::Explained => "explained",

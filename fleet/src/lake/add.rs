@@ -4,8 +4,6 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File};
 use std::io::Read;
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 use anyhow::{Context, bail};
 use bags::Bag;
@@ -220,37 +218,13 @@ impl Lake {
     }
 }
 
-/// Reads recordings on all processors; outcomes are in the order of the paths, whatever thread read them.
+/// Reads recordings on all processors.
 fn read_all(paths: &[PathBuf], known: &BTreeSet<String>) -> Vec<Outcome> {
-    let next = AtomicUsize::new(0);
-    let outcomes: Vec<Mutex<Outcome>> = paths.iter().map(|_| Mutex::new(Outcome::Known)).collect();
-    let workers = std::thread::available_parallelism()
-        .map_or(1, usize::from)
-        .min(paths.len());
-    std::thread::scope(|scope| {
-        for _ in 0..workers {
-            scope.spawn(|| {
-                loop {
-                    let own = next.fetch_add(1, Ordering::Relaxed);
-                    let Some(path) = paths.get(own) else { break };
-                    let outcome = read(path, known).unwrap_or_else(|error| {
-                        Outcome::Refused(format!("{}: {}", path.display(), crate::sentence(&error)))
-                    });
-                    *outcomes[own]
-                        .lock()
-                        .unwrap_or_else(std::sync::PoisonError::into_inner) = outcome;
-                }
-            });
-        }
-    });
-    outcomes
-        .into_iter()
-        .map(|outcome| {
-            outcome
-                .into_inner()
-                .unwrap_or_else(std::sync::PoisonError::into_inner)
+    crate::parallel::map(paths, |path| {
+        read(path, known).unwrap_or_else(|error| {
+            Outcome::Refused(format!("{}: {}", path.display(), crate::sentence(&error)))
         })
-        .collect()
+    })
 }
 
 fn read(path: &Path, known: &BTreeSet<String>) -> anyhow::Result<Outcome> {

@@ -13,6 +13,7 @@ use arrow_array::{
 use arrow_schema::{Field, SchemaRef};
 use parquet::arrow::ProjectionMask;
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
+use parquet::file::reader::ChunkReader;
 
 use super::Lake;
 use super::schema::{Table, schema};
@@ -35,7 +36,16 @@ impl Lake {
             .collect::<Result<Vec<_>, _>>()?;
         let wanted = Arc::new(all.project(&places)?);
         for (_, path) in self.files(table)? {
-            read(&wanted, &path, &mut |batch| take(&batch))?;
+            match self.remote() {
+                Some(remote) => {
+                    let content = remote
+                        .get(&path)?
+                        .with_context(|| format!("{} is gone", path.display()))?;
+                    read_from(&wanted, content, &mut |batch| take(&batch))
+                        .with_context(|| format!("cannot read {}", path.display()))?;
+                }
+                None => read(&wanted, &path, &mut |batch| take(&batch))?,
+            }
         }
         Ok(())
     }
@@ -47,22 +57,31 @@ pub(super) fn read(
     path: &Path,
     take: &mut dyn FnMut(RecordBatch) -> anyhow::Result<()>,
 ) -> anyhow::Result<()> {
-    let mut one = || -> anyhow::Result<()> {
-        let builder = ParquetRecordBatchReaderBuilder::try_new(File::open(path)?)?;
-        let names = schema.fields().iter().map(|field| field.name().as_str());
-        let mask = ProjectionMask::columns(builder.parquet_schema(), names);
-        for batch in builder.with_projection(mask).build()? {
-            let batch = batch?;
-            let column = |field: &Arc<Field>| {
-                let known = batch.column_by_name(field.name()).cloned();
-                known.unwrap_or_else(|| new_null_array(field.data_type(), batch.num_rows()))
-            };
-            let columns = schema.fields().iter().map(column).collect();
-            take(RecordBatch::try_new(schema.clone(), columns)?)?;
-        }
-        Ok(())
-    };
-    one().with_context(|| format!("cannot read {}", path.display()))
+    File::open(path)
+        .map_err(Into::into)
+        .and_then(|file| read_from(schema, file, take))
+        .with_context(|| format!("cannot read {}", path.display()))
+}
+
+/// As [`read`], of what holds the content of a file.
+fn read_from(
+    schema: &SchemaRef,
+    content: impl ChunkReader + 'static,
+    take: &mut dyn FnMut(RecordBatch) -> anyhow::Result<()>,
+) -> anyhow::Result<()> {
+    let builder = ParquetRecordBatchReaderBuilder::try_new(content)?;
+    let names = schema.fields().iter().map(|field| field.name().as_str());
+    let mask = ProjectionMask::columns(builder.parquet_schema(), names);
+    for batch in builder.with_projection(mask).build()? {
+        let batch = batch?;
+        let column = |field: &Arc<Field>| {
+            let known = batch.column_by_name(field.name()).cloned();
+            known.unwrap_or_else(|| new_null_array(field.data_type(), batch.num_rows()))
+        };
+        let columns = schema.fields().iter().map(column).collect();
+        take(RecordBatch::try_new(schema.clone(), columns)?)?;
+    }
+    Ok(())
 }
 
 /// A column of texts.
