@@ -233,8 +233,9 @@ def domain_of_the_environment(folder):
 def log_of_the_nodes(folder):
     """Each node publishes on /rosout as rcl does; who comes late gets what was logged, as a latched subscription of rmw_zenoh does."""
     cell = own_cell(folder)
-    with running("up", cell, folder=folder) as up, session() as opened:
+    with running("up", cell, folder=folder) as up, contextlib.ExitStack() as stack:
         assert "is ready" in up.stdout.readline()
+        opened = stack.enter_context(session())
         publishers = [one.split("/") for one in tokens(opened) if "/MP/" in one and "/%rosout/" in one]
         assert {one[8] for one in publishers} == {one.split("/")[8] for one in tokens(opened) if "/NN/" in one}, publishers
         assert len(publishers) > 9
