@@ -145,3 +145,72 @@ fn the_last_steps_of_a_killed_process_are_missing_and_nothing_else_is() {
     let missing = report.topics.iter().map(|topic| topic.not_recomputed);
     assert!((1..200).contains(&missing.sum::<u64>()));
 }
+
+/// A launcher that is killed within a tenth of a second of the first messages of a restarted process: the journal of that
+/// process is never published, and its messages bear the numbers of its predecessor's.
+#[test]
+fn a_process_killed_before_its_first_journal_makes_the_replay_incomplete_and_not_different() {
+    let cell = turn_mill();
+    let mut incomplete = 0;
+    for name in ["machine_state", "analysis", "cycle"] {
+        let log = interrupted(&cell, name);
+        let journal_of = format!("{name}/steps");
+        let journals = || {
+            let of_node = log.iter().filter(|one| one.topic == journal_of);
+            of_node.map(|one| from_cdr::<StepJournal>(&one.payload).expect("a journal"))
+        };
+        let began = journals().find(|batch| batch.incarnation == 1);
+        let began = Stamp(began.expect("a second process").now[0]);
+        for later in [0.01, 0.05, 0.5] {
+            let end = began.after_s(later);
+            let cut = log.iter().filter_map(|one| {
+                let Some(_) = one.topic.strip_suffix("/steps") else {
+                    return (one.at <= end).then(|| one.clone());
+                };
+                let mut batch: StepJournal = from_cdr(&one.payload).expect("a journal");
+                let left = batch.now.partition_point(|&now| now <= end.0);
+                if left == 0 || (one.topic == journal_of && batch.incarnation == 1) {
+                    return None;
+                }
+                batch.now.truncate(left);
+                batch.port.truncate(left);
+                batch.sequence.truncate(left);
+                let payload = to_cdr(&batch);
+                Some(Published {
+                    payload,
+                    ..one.clone()
+                })
+            });
+            let cut: Vec<Published> = cut.collect();
+            let report = replay(&recording(&cut), &factories(&cell, &cell.node_names()))
+                .unwrap_or_else(|error| panic!("{error}"));
+            let made = |topic: &String| {
+                let mut topics = report.topics.iter();
+                topics.any(|one| one.node == name && one.topic == *topic)
+            };
+            let published = cut.iter().any(|one| one.at >= began && made(&one.topic));
+            incomplete += usize::from(published);
+            assert_eq!(
+                report.verdict,
+                if published {
+                    Verdict::Incomplete
+                } else {
+                    Verdict::Equal
+                },
+                "{name}, {later} s: {:?}",
+                report.first_difference
+            );
+            for topic in &report.topics {
+                assert_eq!(topic.different, 0, "{name}, {later} s: {topic:?}");
+                assert!(
+                    topic.not_recomputed == 0 || topic.node == name,
+                    "{name}, {later} s: {topic:?}"
+                );
+            }
+        }
+    }
+    assert!(
+        incomplete >= 5,
+        "{incomplete} cuts hold messages of the process"
+    );
+}

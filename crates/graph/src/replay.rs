@@ -17,7 +17,7 @@ use crate::{
 };
 
 pub use recording::Recording;
-use recording::{Key, Keyed, NodeJournal, Producers};
+use recording::{Key, Keyed, NodeJournal, Producers, UNJOURNALED};
 pub use report::{Difference, NodeReport, Report, TopicReport, Verdict};
 
 /// A recording, and its messages by number.
@@ -53,6 +53,12 @@ impl<'a> Session<'a> {
 
     fn payload(&self, topic: &str, key: Key) -> Option<&'a [u8]> {
         Some(&self.keyed.get(topic)?.get(&key)?.payload)
+    }
+
+    /// The recording holds this publication, from an instant on.
+    fn is_published(&self, topic: &str, key: Key, now: Stamp) -> bool {
+        let found = self.keyed.get(topic).and_then(|topic| topic.get(&key));
+        found.is_some_and(|publication| publication.at <= now)
     }
 
     /// What a replayed node published after the last step of its journal, so that its subscribers can continue.
@@ -104,13 +110,22 @@ impl Player<'_> {
             Some(journal.process_at(step.now))
         };
         match self.received.get(&step.port) {
+            // Of a process that was killed before its first journal.
+            Some(&(restart, last))
+                if step.sequence == 1
+                    && step.sequence <= last
+                    && session.is_published(topic, (restart | UNJOURNALED, 1), step.now)
+                    && at().is_some_and(|process| process == restart) =>
+            {
+                (restart | UNJOURNALED, 1)
+            }
             // A message that comes twice is not of another process where the journal knows of none.
             Some(&(restart, last))
                 if step.sequence <= last
                     && step.sequence == 1
-                    && at().is_none_or(|process| process > restart) =>
+                    && at().is_none_or(|process| process > restart & !UNJOURNALED) =>
             {
-                (restart + 1, 1)
+                ((restart & !UNJOURNALED) + 1, 1)
             }
             Some(&(restart, _)) => (restart, step.sequence),
             None => (at().unwrap_or(0), step.sequence),

@@ -246,7 +246,7 @@ pub(crate) enum Command {
     Scenario(commands::scenario::Command),
     /// Keep sessions in a lake of Parquet tables: hands over to `probecell-fleet lake`.
     Lake(commands::fleet::Arguments),
-    /// Watch the sessions of many machines for trends: hands over to `probecell-fleet`.
+    /// Ask the sessions of many machines in SQL, and watch them for trends: hands over to `probecell-fleet`.
     Fleet(commands::fleet::Arguments),
     /// Check a driver on the bus against the driver guide, acting as its cell: its machine moves.
     Conformance(commands::conformance::Arguments),

@@ -95,12 +95,12 @@ pub(crate) fn up(file: &Path, once: bool, recorded: bool, shown: bool) -> anyhow
     }
     if has_own_socket(&cell)? && cell.bus.strangers == Strangers::Write {
         let text = "bus.strangers = \"write\": any program that reaches the bus commands the cell";
-        output::warning(&text);
+        output::warning(text);
         operator.warn("bus_open", text);
     }
     if cell.approvals.unsigned_operators {
         let text = "approvals.unsigned_operators = true: whoever reaches the bus approves corrections in any name";
-        output::warning(&text);
+        output::warning(text);
         operator.warn("approvals_unsigned", text);
     }
     let outcome = watch(

@@ -13,6 +13,10 @@ use crate::{
 /// Number of a publication on its topic, made unique over restarts of the publisher: (restart, number).
 pub(super) type Key = (u32, u64);
 
+/// Marks, in the restart of a key, a process that was killed before its first journal: it began after the process of the place
+/// in the other bits had ended.
+pub(super) const UNJOURNALED: u32 = 1 << 31;
+
 /// The node that publishes each topic of the replayed ones.
 pub(super) type Producers = BTreeMap<&'static str, &'static str>;
 
@@ -98,11 +102,30 @@ impl NodeJournal {
         self.processes.partition_point(|&known| known < incarnation) as u32
     }
 
+    /// The key of a publication in the time of a process. Numbers that begin again after its last step are those of a process
+    /// that was killed before its first journal; `newest`: the key of the publication before, and its instant.
+    fn key(&self, process: u32, one: &Publication, newest: Option<(Key, Stamp)>) -> Key {
+        let unjournaled = process | UNJOURNALED;
+        let begins = |((restart, last), at): (Key, Stamp)| {
+            restart == unjournaled
+                || restart == process
+                    && one.sequence == 1
+                    && one.sequence <= last
+                    && one.at > at
+                    && self.is_behind(process, one.at)
+        };
+        let restart = if newest.is_some_and(begins) {
+            unjournaled
+        } else {
+            process
+        };
+        (restart, one.sequence)
+    }
+
     /// Published by a process that was killed before it had published its last steps: it cannot be recomputed.
     pub(super) fn is_behind(&self, process: u32, instant: Stamp) -> bool {
-        self.ends
-            .get(process as usize)
-            .is_some_and(|&end| instant > end)
+        process & UNJOURNALED != 0
+            || (self.ends.get(process as usize)).is_some_and(|&end| instant > end)
     }
 }
 
@@ -159,9 +182,17 @@ impl Recording {
             .map(|(topic, publications)| {
                 let journal = self.producer(topic, replayed);
                 let (mut restart, mut first) = (0, None);
+                let mut newest: Option<(Key, Stamp)> = None;
                 let by_key = publications.iter().map(|one| {
                     restart = match journal {
-                        Some(journal) => journal.process_at(one.at),
+                        Some(journal) => {
+                            let process = journal.process_at(one.at);
+                            let key = journal.key(process, one, newest);
+                            if newest.is_none_or(|(_, at)| one.at > at) {
+                                newest = Some((key, one.at));
+                            }
+                            key.0
+                        }
                         None if one.sequence == 1 && first.is_some_and(|at| at != one.at) => {
                             restart + 1
                         }
