@@ -64,7 +64,7 @@ impl Table {
 
 /// Rows from which on a printed table may continue on the next sheet, with its head repeated.
 const KEPT_WHOLE: usize = 20;
-/// Most columns that a phone shows side by side; of a wider table each row stands upright there.
+/// Most columns that a phone or tablet shows side by side; of a wider table each row stands upright there.
 const NARROW: usize = 4;
 /// Characters on a line of plain text; a wider table is printed row by row.
 const LINE: usize = 140;
@@ -87,6 +87,8 @@ figcaption { font-size: .85rem; color: var(--quiet); max-width: 46rem; } .plots 
 .lead { font-size: 1.1rem; } li { margin: .2rem 0; }
 @media screen and (max-width: 40rem) {
 body { overflow-wrap: anywhere; } table { font-size: .85rem; } th, td { padding-right: .4rem; }
+}
+@media screen and (max-width: 56rem) {
 .wide, .wide tbody, .wide tr, .wide caption { display: block; } .wide thead { display: none; } .wide tr { border-bottom: 1px solid var(--rule); padding: .3rem 0; }
 .wide td { display: grid; grid-template-columns: 8rem 1fr; border: 0; padding: .1rem 0; } .wide td::before { content: attr(data-label); color: var(--quiet); }
 .wide td:first-child { font-weight: 600; }
