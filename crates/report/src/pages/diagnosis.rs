@@ -173,7 +173,7 @@ fn shrinkage(report: &Report, unit: &Unit) -> Bars {
         bars,
         groups,
         levels: vec![("noise floor".to_owned(), report.gap.noise_floor)],
-        caption: "Black lines are 95 % intervals.".to_owned(),
+        caption: "Error bars are 95 % intervals.".to_owned(),
     }
 }
 

@@ -68,7 +68,7 @@ fn on_the_part(touches: &TouchResiduals) -> Vec<Plot> {
         view(
             "Deviations before",
             "Measured minus nominal along the surface normal; parallel projection, seen from +x, −y, +z of the part. \
-             The black arrow is the scale of the arrows.",
+             The horizontal arrow is the scale of the arrows.",
             &before,
             scale,
         ),
@@ -201,7 +201,7 @@ fn by_name(touches: &TouchResiduals) -> Vec<Strips> {
             "By direction of the surface touched",
             directions.iter().map(|&name| name.to_owned()).collect(),
             &side,
-            "The largest component of the outward normal, part frame; the probe approaches against it. Black bars are \
+            "The largest component of the outward normal, part frame; the probe approaches against it. Bars are \
              means."
                 .to_owned(),
         ),

@@ -100,8 +100,7 @@ fn by_feature(
                 .iter()
                 .map(|one| one.id.clone())
                 .collect(),
-            caption: "Each dot is a touch, along the outward normal; black bars are means."
-                .to_owned(),
+            caption: "Each dot is a touch, along the outward normal; bars are means.".to_owned(),
         }
     });
     strips.collect()
