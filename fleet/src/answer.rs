@@ -21,13 +21,13 @@ pub(crate) struct Answer {
     rms: Option<f64>,
     noise_floor: Option<f64>,
     unexplained_rms: Option<f64>,
-    effects: Vec<Effect>,
+    effects: Vec<Finding>,
     warnings: Vec<String>,
     refusal: Option<String>,
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize)]
-struct Effect {
+struct Finding {
     effect: String,
     probability: f64,
     group: Vec<String>,
@@ -66,7 +66,7 @@ impl Answer {
             lower: one.ci95[0],
             upper: one.ci95[1],
         };
-        let effect = |one: diagnosis::report::Effect| Effect {
+        let effect = |one: diagnosis::report::Effect| Finding {
             effect: one.effect,
             probability: one.probability,
             group: one.group,

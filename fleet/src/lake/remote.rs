@@ -94,12 +94,8 @@ impl Remote {
 
     fn key(&self, file: &Path) -> Key {
         let parts = file.iter().map(|part| part.to_string_lossy().into_owned());
-        Key::from_iter(
-            self.prefix
-                .parts()
-                .map(|part| part.as_ref().to_owned())
-                .chain(parts),
-        )
+        let prefix = self.prefix.parts().map(|part| part.as_ref().to_owned());
+        prefix.chain(parts).collect()
     }
 
     fn wait<T, E: std::error::Error + Send + Sync + 'static>(
