@@ -10,8 +10,8 @@ use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
 use host::bus::{
-    Bus, BusConfig, BusError, EntityKind, Lost, OnLost, OnSample, Qos, Router, RouterConfig,
-    ServiceId, TypeId,
+    Bus, BusConfig, BusError, Durability, EntityKind, Followed, Lost, OnLost, OnSample, Qos,
+    Router, RouterConfig, ServiceId, TypeId,
 };
 
 /// Long enough for any machine; a test ends as soon as what it waits for is there.
@@ -298,6 +298,89 @@ fn the_graph_shows_nodes_topics_and_types() {
     assert_eq!(offered.gid(), publisher.gid());
     drop(subscription);
     assert!(!a.wait_for_subscribers(&publisher, 2, Instant::now()));
+}
+
+#[test]
+fn a_session_follows_what_it_is_to_follow() {
+    let cell = Cell::start();
+    let open = |graph, name, namespace| {
+        let config = BusConfig {
+            graph,
+            ..cell.config()
+        };
+        Bus::open(&config, name, namespace).unwrap()
+    };
+    let nothing = open(Followed::Nothing, "nothing", "/cell");
+    let own = open(Followed::OwnTopics, "own", "/cell");
+    let topics = open(Followed::Topics, "topics", "/cell");
+    let all = open(Followed::Domain, "all", "/cell");
+    let ty = ServiceId::new("probecell_msgs::srv::dds_::Plan_", HASH);
+    let _client = all.client("/cell/plan", ty).unwrap();
+    let near = all.publisher("/cell/near", string(), Qos::events());
+    let elsewhere = open(Followed::Nothing, "elsewhere", "/other");
+    let far = elsewhere.publisher("/other/far", string(), Qos::events());
+    let count = |bus: &Bus| {
+        let graph = bus.graph();
+        (graph.entities().len(), graph.topics().len())
+    };
+    // Five nodes, a client, two publishers; tokens of one session may come in any order.
+    let begun = Instant::now();
+    while count(&all) != (8, 2) || count(&topics) != (2, 2) || count(&own) != (1, 1) {
+        assert!(
+            begun.elapsed() < PATIENCE,
+            "{:?} {:?} {:?}",
+            all.graph(),
+            topics.graph(),
+            own.graph()
+        );
+        std::thread::yield_now();
+    }
+    assert_eq!(own.graph().topics()[0].name, "/cell/near");
+    assert_eq!(count(&nothing), (0, 0));
+    assert_eq!(all.graph().sessions_of("/cell/own"), 1);
+    assert_eq!(topics.graph().sessions_of("/cell/all"), 1);
+    drop((near, far));
+}
+
+/// Zenoh keeps some KiB of every announcement that has ended (1.10.2), so commands that come and go make none.
+#[test]
+fn a_visitor_calls_a_service_and_reads_a_topic_without_being_announced() {
+    let cell = Cell::start();
+    let a = cell.node("a");
+    let ty = ServiceId::new("probecell_msgs::srv::dds_::Plan_", HASH);
+    let _server = a
+        .serve(
+            "/cell/plan",
+            ty.clone(),
+            Box::new(|request| Ok(request.to_vec())),
+        )
+        .unwrap();
+    let latched = Qos {
+        durability: Durability::TransientLocal,
+        ..Qos::reliable(1)
+    };
+    let publisher = a.publisher("/cell/kept", string(), latched).unwrap();
+    publisher.publish(message(1), 1000).unwrap();
+    let visitor = BusConfig {
+        graph: Followed::Nothing,
+        announced: false,
+        ..cell.config()
+    };
+    let visitor = Bus::open(&visitor, "visitor", "/cell").unwrap();
+    let client = visitor.client("/cell/plan", ty).unwrap();
+    assert_eq!(client.call(&message(7), PATIENCE).unwrap(), message(7));
+    let (on_sample, on_lost, events) = queue();
+    let _subscription = visitor
+        .subscribe("/cell/kept", string(), latched, on_sample, on_lost)
+        .unwrap();
+    assert_eq!(events.recv_timeout(PATIENCE).unwrap(), sample(1));
+    // What is announced later is there: so would be what was announced before it.
+    let b = cell.node("b");
+    while a.graph().nodes() != ["/cell/a", "/cell/b"] {
+        std::thread::yield_now();
+    }
+    assert_eq!(a.graph().sessions_of("/cell/visitor"), 0);
+    drop(b);
 }
 
 #[test]

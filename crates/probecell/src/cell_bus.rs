@@ -7,7 +7,7 @@ use cell::{
     keys::{BusUsers, KeyError, KeyFolder},
     policy, strangers,
 };
-use host::bus::{BusConfig, RouterConfig, Transport};
+use host::bus::{BusConfig, Followed, RouterConfig, Transport};
 
 use crate::own_socket::{COMMAND_PATIENCE, OwnSocket, PATIENCE, own_locator};
 
@@ -28,15 +28,31 @@ pub(crate) fn bus_config(cell: &Cell, node: &str) -> anyhow::Result<BusConfig> {
         endpoints: vec![router_locator(cell, node)?],
         listen: cell.bus.listen.clone(),
         zenoh: session_settings(cell, node)?,
-        own_namespace_only: sees_own_namespace_only(cell, node),
+        graph: followed(cell, node),
         ..BusConfig::default()
     })
 }
 
-/// Processes of the cell look for one another only; the launcher of an external driver looks for that everywhere.
-fn sees_own_namespace_only(cell: &Cell, node: &str) -> bool {
-    let launcher = node == policy::LAUNCHER && !cell.is_driver_external();
-    launcher || is_supervised(cell, node)
+/// Processes of the cell look for one another's topics only; the launcher of an external driver looks for that everywhere.
+fn followed(cell: &Cell, node: &str) -> Followed {
+    if is_supervised(cell, node) || node == policy::LAUNCHER && !cell.is_driver_external() {
+        Followed::OwnTopics
+    } else if node == policy::LAUNCHER {
+        Followed::Topics
+    } else {
+        Followed::Domain
+    }
+}
+
+/// How a command joins that calls services of the cell and leaves: neither announced nor following what is, so that a cell that gets
+/// many commands keeps nothing of them.
+pub(crate) fn visitor_config(cell: &Cell, node: &str) -> anyhow::Result<BusConfig> {
+    Ok(BusConfig {
+        graph: Followed::Nothing,
+        announced: false,
+        connect_timeout: COMMAND_PATIENCE,
+        ..bus_config(cell, node)?
+    })
 }
 
 /// It is a process that the launcher starts.

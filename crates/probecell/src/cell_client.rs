@@ -19,9 +19,8 @@ use probecell_msgs::{
 
 use crate::{
     FAILED, GOOD,
-    cell_bus::{CellFailure, bus_config},
+    cell_bus::{CellFailure, visitor_config},
     output,
-    own_socket::COMMAND_PATIENCE,
     routing::refuse_unheard,
 };
 
@@ -40,8 +39,7 @@ impl CellClient {
     /// Connects.
     pub(crate) fn connect(file: &Path) -> anyhow::Result<Self> {
         let cell = Cell::read(file)?;
-        let mut config = bus_config(&cell, "operator_call")?;
-        config.connect_timeout = COMMAND_PATIENCE;
+        let config = visitor_config(&cell, "operator_call")?;
         let bus = Bus::open(&config, "operator_call", &cell.namespace())?;
         Ok(Self { cell, bus })
     }

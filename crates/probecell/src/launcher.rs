@@ -126,8 +126,7 @@ fn refuse_second(bus: &Bus, cell: &Cell) -> anyhow::Result<()> {
     let own = format!("{}/operator", cell.namespace());
     let deadline = Instant::now() + DISCOVERY;
     while Instant::now() < deadline {
-        let nodes = bus.graph().nodes();
-        if nodes.iter().filter(|name| **name == own).count() > 1 {
+        if bus.graph().sessions_of(&own) > 1 {
             anyhow::bail!(
                 "{}: cell.name = {:?}: a cell of this name runs on this bus already",
                 cell.text().name,

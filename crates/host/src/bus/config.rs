@@ -43,6 +43,22 @@ pub enum DdsServices {
     Cyclone,
 }
 
+/// Announcements that the graph of a session holds. Zenoh gives the memory of one that has ended back neither in the router nor in
+/// a session that follows it (some KiB each, 1.10.2), so a process that stays follows no more than it needs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Followed {
+    /// Everything in the domain: nodes, topics, services and their clients.
+    #[default]
+    Domain,
+    /// Publishers and subscriptions of every namespace.
+    Topics,
+    /// Publishers and subscriptions of the nodes of the node's own namespace: what a process of a cell needs, and less to keep where
+    /// many cells share a router.
+    OwnTopics,
+    /// None.
+    Nothing,
+}
+
 /// How to reach the other nodes of the cell.
 #[derive(Clone, Debug)]
 pub struct BusConfig {
@@ -56,9 +72,11 @@ pub struct BusConfig {
     pub listen: Vec<String>,
     /// Settings of Zenoh, laid over the defaults; unknown ones are refused.
     pub zenoh: Value,
-    /// The graph of nodes holds those of the node's own namespace only: what a process of a cell needs, and less to keep where
-    /// many cells share a router. Zenoh only.
-    pub own_namespace_only: bool,
+    /// What the graph of nodes holds. Zenoh only.
+    pub graph: Followed,
+    /// The node and its endpoints are announced in the graph. What calls a service and leaves need not be; others subscribe and
+    /// answer all the same. Zenoh only.
+    pub announced: bool,
     /// Security enclave announced in the ROS graph.
     pub enclave: String,
     /// Samples that a keep-all history holds: a Zenoh publisher's for recovery, a DDS endpoint's before they are taken.
@@ -81,7 +99,8 @@ impl Default for BusConfig {
             endpoints: vec![ROUTER_ENDPOINT.to_owned()],
             listen: vec!["tcp/127.0.0.1:0".to_owned()],
             zenoh: json!({}),
-            own_namespace_only: false,
+            graph: Followed::default(),
+            announced: true,
             enclave: "/".to_owned(),
             keep_all_depth: 10_000,
             recovery_timeout: Duration::from_secs(10),

@@ -49,6 +49,13 @@ impl Graph {
         names
     }
 
+    /// How many sessions have announced a node of this full name, or an endpoint of it.
+    pub fn sessions_of(&self, node: &str) -> usize {
+        let of_node = self.entities.iter().filter(|one| one.node.full() == node);
+        let sessions: BTreeSet<&str> = of_node.map(|one| one.session.as_str()).collect();
+        sessions.len()
+    }
+
     /// Topics with their types, sorted; a topic with two types comes twice.
     pub fn topics(&self) -> Vec<TopicInfo> {
         let mut topics = BTreeMap::<(&str, &TypeId), (Vec<Qos>, usize)>::new();

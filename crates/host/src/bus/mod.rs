@@ -43,7 +43,7 @@ pub mod wire;
 use std::borrow::Cow;
 use std::time::{Duration, Instant};
 
-pub use config::{BusConfig, DdsServices, ROUTER_ENDPOINT, RouterConfig, Transport};
+pub use config::{BusConfig, DdsServices, Followed, ROUTER_ENDPOINT, RouterConfig, Transport};
 pub use error::BusError;
 pub use graph::Graph;
 pub use observer::{Observed, Observer, OnMissed, OnObserved, Watched};
@@ -225,7 +225,7 @@ impl Bus {
         client.call_with_timeouts(request, discovery_timeout, reply_timeout)
     }
 
-    /// What the nodes of this domain announce, this one included.
+    /// What the nodes of this domain announce, this one included, as far as [`BusConfig::graph`] follows it.
     pub fn graph(&self) -> Graph {
         match &self.inner {
             Inner::Zenoh(bus) => bus.graph(),

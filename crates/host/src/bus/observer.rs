@@ -20,7 +20,7 @@ use super::graph::{Graph, LiveGraph};
 use super::qos::Qos;
 use super::session::open_session;
 use super::types::TypeId;
-use super::wire::{Attachment, data_key};
+use super::wire::{Attachment, data_key, topic_tokens};
 use super::{BusError, Received, wall_ns};
 
 /// What to read: a topic name below any namespace, its type, and how.
@@ -47,7 +47,7 @@ pub struct Observer {
     session: zenoh::Session,
     domain_id: u32,
     graph: LiveGraph,
-    _tokens: Subscriber<()>,
+    _tokens: Option<Subscriber<()>>,
     _subscriptions: Vec<Declared>,
 }
 
@@ -76,7 +76,7 @@ impl Observer {
             &mut config.zenoh,
             &serde_json::json!({ "mode": "client", "listen": { "endpoints": [] } }),
         );
-        let (session, graph, tokens) = open_session(&config, None)?;
+        let (session, graph, tokens) = open_session(&config, Some(topic_tokens(config.domain_id)))?;
         let subscriptions = observed
             .iter()
             .map(|one| {
@@ -110,7 +110,7 @@ impl Observer {
             .map_err(|reason| BusError::transport("declare a subscription", &reason))
     }
 
-    /// What the nodes of the domain announce.
+    /// Publishers and subscriptions that the nodes of the domain announce.
     pub fn graph(&self) -> Graph {
         self.graph.snapshot()
     }

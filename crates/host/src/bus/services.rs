@@ -17,7 +17,7 @@ use super::{BusError, Handler, wall_ns};
 
 pub(super) struct ZenohServer {
     _queryable: Queryable<()>,
-    _token: LivelinessToken,
+    _token: Option<LivelinessToken>,
 }
 
 pub(super) struct ZenohClient {

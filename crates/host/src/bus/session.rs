@@ -19,7 +19,7 @@ use super::graph::{Graph, LiveGraph, lock};
 use super::qos::Qos;
 use super::subscription::{Callbacks, SubscriptionState, ZenohSubscription};
 use super::types::TypeId;
-use super::wire::{Attachment, Channel, Entity, EntityKind, Gid, NodeName, TOKEN_SPACE, data_key};
+use super::wire::{Attachment, Channel, Entity, EntityKind, Gid, NodeName, data_key};
 
 /// How often a publisher repeats its last number, so that a lost last sample is noticed; rmw_zenoh's value.
 const HEARTBEAT: Duration = Duration::from_millis(500);
@@ -38,6 +38,7 @@ pub(super) struct Core {
     pub(super) recovery_timeout: Duration,
     node: NodeName,
     domain_id: u32,
+    announced: bool,
     keep_all_depth: usize,
     next_entity: AtomicU32,
     /// When a reliable message was last published, in ms since `opened`; 0 for never.
@@ -48,15 +49,15 @@ pub(super) struct Core {
 
 pub(super) struct ZenohBus {
     core: Arc<Core>,
-    _node_token: LivelinessToken,
-    _tokens: Subscriber<()>,
+    _node_token: Option<LivelinessToken>,
+    _tokens: Option<Subscriber<()>>,
 }
 
-/// A session that watches what nodes announce by these tokens, else all of its domain, for as long as the subscriber is held.
+/// A session that watches what nodes announce by these tokens, for as long as the subscriber is held.
 pub(super) fn open_session(
     config: &BusConfig,
     tokens: Option<String>,
-) -> Result<(zenoh::Session, LiveGraph, Subscriber<()>), BusError> {
+) -> Result<(zenoh::Session, LiveGraph, Option<Subscriber<()>>), BusError> {
     let settings = config.to_zenoh()?;
     let session = zenoh::open(settings)
         .wait()
@@ -66,29 +67,26 @@ pub(super) fn open_session(
             reason: without_source_lines(&reason.to_string()),
         })?;
     let graph = LiveGraph::default();
-    let tokens = session
-        .liveliness()
-        .declare_subscriber(
-            tokens.unwrap_or_else(|| format!("{TOKEN_SPACE}/{}/**", config.domain_id)),
-        )
-        .history(true)
-        .callback({
-            let graph = graph.clone();
-            move |sample| match sample.kind() {
+    let follow = |tokens: String| {
+        let graph = graph.clone();
+        session
+            .liveliness()
+            .declare_subscriber(tokens)
+            .history(true)
+            .callback(move |sample| match sample.kind() {
                 SampleKind::Put => graph.add(sample.key_expr().as_str()),
                 SampleKind::Delete => graph.remove(sample.key_expr().as_str()),
-            }
-        })
-        .wait()
-        .map_err(|reason| BusError::transport("watch the graph", &reason))?;
+            })
+            .wait()
+            .map_err(|reason| BusError::transport("watch the graph", &reason))
+    };
+    let tokens = tokens.map(follow).transpose()?;
     Ok((session, graph, tokens))
 }
 
 impl ZenohBus {
     pub(super) fn open(config: &BusConfig, node: NodeName) -> Result<Self, BusError> {
-        let tokens = config
-            .own_namespace_only
-            .then(|| node.tokens_of_namespace(config.domain_id));
+        let tokens = node.tokens(config.domain_id, config.graph);
         let (session, graph, tokens) = open_session(config, tokens)?;
         let core = Core {
             session,
@@ -96,6 +94,7 @@ impl ZenohBus {
             recovery_timeout: config.recovery_timeout,
             node,
             domain_id: config.domain_id,
+            announced: config.announced,
             keep_all_depth: config.keep_all_depth,
             next_entity: AtomicU32::new(1),
             last_reliable_ms: Arc::default(),
@@ -215,10 +214,10 @@ impl ZenohBus {
     }
 }
 
-/// An entity that the graph shows for as long as this is held.
+/// An entity that the graph shows for as long as this is held, if its session is announced.
 pub(super) struct Announced {
     pub(super) gid: Gid,
-    pub(super) token: LivelinessToken,
+    pub(super) token: Option<LivelinessToken>,
 }
 
 impl Core {
@@ -255,16 +254,16 @@ impl Core {
     }
 
     fn announce(&self, entity: &Entity) -> Result<Announced, BusError> {
-        let key = entity.token();
-        let token = self
-            .session
-            .liveliness()
-            .declare_token(key)
-            .wait()
-            .map_err(|reason| BusError::transport("announce an entity", &reason))?;
+        let declare = || {
+            self.session
+                .liveliness()
+                .declare_token(entity.token())
+                .wait()
+        };
+        let token = self.announced.then(declare).transpose();
         Ok(Announced {
             gid: entity.gid(),
-            token,
+            token: token.map_err(|reason| BusError::transport("announce an entity", &reason))?,
         })
     }
 
@@ -313,7 +312,7 @@ pub(super) struct ZenohPublisher {
     opened: Instant,
     /// Where a reliable publisher notes the time; none for others.
     last_reliable_ms: Option<Arc<AtomicU64>>,
-    _token: LivelinessToken,
+    _token: Option<LivelinessToken>,
 }
 
 impl ZenohPublisher {

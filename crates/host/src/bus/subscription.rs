@@ -75,7 +75,7 @@ enum Declared {
 
 pub(super) struct ZenohSubscription {
     _declared: Declared,
-    _token: LivelinessToken,
+    _token: Option<LivelinessToken>,
     _state: Arc<SubscriptionState>,
 }
 

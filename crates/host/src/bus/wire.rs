@@ -12,6 +12,7 @@
 //! What newer distributions append behind the quality of service (buffer backends) is ignored on reading, and
 //! never written.
 
+use super::config::Followed;
 use super::qos::Qos;
 use super::{BusError, TypeId};
 
@@ -77,11 +78,20 @@ impl NodeName {
         }
     }
 
-    /// Key expression of the tokens of all nodes in its namespace.
-    pub fn tokens_of_namespace(&self, domain_id: u32) -> String {
-        // Session, node, entity, kind, enclave; then the namespace.
-        let namespace = mangle(&self.namespace);
-        format!("{TOKEN_SPACE}/{domain_id}/*/*/*/*/*/{namespace}/**")
+    /// Key expression of the tokens that a session of this node follows.
+    pub(crate) fn tokens(&self, domain_id: u32, followed: Followed) -> Option<String> {
+        // Session, node, entity, kind (a publisher or a subscription), enclave; then the namespace.
+        match followed {
+            Followed::Domain => Some(format!("{TOKEN_SPACE}/{domain_id}/**")),
+            Followed::Topics => Some(topic_tokens(domain_id)),
+            Followed::OwnTopics => {
+                let namespace = mangle(&self.namespace);
+                Some(format!(
+                    "{TOKEN_SPACE}/{domain_id}/*/*/*/M$*/*/{namespace}/**"
+                ))
+            }
+            Followed::Nothing => None,
+        }
     }
 }
 
@@ -183,6 +193,11 @@ impl Entity {
     pub fn gid(&self) -> Gid {
         gid(&self.token())
     }
+}
+
+/// Key expression of the tokens of all publishers and subscriptions of a domain.
+pub(crate) fn topic_tokens(domain_id: u32) -> String {
+    format!("{TOKEN_SPACE}/{domain_id}/*/*/*/M$*/**")
 }
 
 /// Global identifier of a publisher or client.

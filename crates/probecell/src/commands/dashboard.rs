@@ -11,7 +11,11 @@ use cell::{Cell, TransportName, keys::KeyFolder};
 use dashboard::{Desk, Pages, Settings};
 use host::bus::{BusConfig, ROUTER_ENDPOINT};
 
-use crate::{GOOD, cell_bus::bus_config, confined, output, signals};
+use crate::{
+    GOOD,
+    cell_bus::{bus_config, visitor_config},
+    confined, output, signals,
+};
 
 /// Address unless the user chooses another.
 const ADDRESS: &str = "127.0.0.1:7480";
@@ -156,7 +160,7 @@ fn desks(cells: &[Cell]) -> anyhow::Result<Vec<Desk>> {
             // Whether the router has a private socket is seen when it runs.
             bus: Box::new({
                 let cell = cell.clone();
-                move || bus_config(&cell, "operator_call").map_err(|error| format!("{error:#}"))
+                move || visitor_config(&cell, "operator_call").map_err(|error| format!("{error:#}"))
             }),
         });
     }

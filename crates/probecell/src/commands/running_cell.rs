@@ -70,7 +70,7 @@ impl RunningCell {
             reason,
         };
         let bus = Bus::open(
-            &cell_bus::bus_config(cell, "refine")?,
+            &cell_bus::visitor_config(cell, "refine")?,
             "refine",
             &cell.namespace(),
         )

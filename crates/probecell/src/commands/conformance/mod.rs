@@ -25,7 +25,7 @@ use std::{path::PathBuf, time::Duration};
 
 use anyhow::bail;
 use cell::Cell;
-use host::bus::Bus;
+use host::bus::{Bus, Followed};
 
 use self::{gate::Gate, judge::Judge};
 use crate::{
@@ -90,7 +90,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
     let routing = Routing::start(&cell)?;
     let mut config = bus_config(&cell, "machine_state")?;
     // The driver may be a node of another namespace.
-    config.own_namespace_only = false;
+    config.graph = Followed::Domain;
     let bus = Bus::open(&config, "machine_state", &cell.namespace())?;
     refuse_beside_a_cell(&bus, &cell)?;
     let mut judge = Judge::default();
@@ -147,8 +147,7 @@ fn refuse_beside_a_cell(bus: &Bus, cell: &Cell) -> anyhow::Result<()> {
     let deadline = std::time::Instant::now() + DISCOVERY;
     let own = format!("{}/machine_state", cell.namespace());
     while std::time::Instant::now() < deadline {
-        let nodes = bus.graph().nodes();
-        if nodes.iter().filter(|name| **name == own).count() > 1 {
+        if bus.graph().sessions_of(&own) > 1 {
             bail!(
                 "{}: the cell {:?} runs on this bus: end it first, for its gate commands the driver",
                 cell.text().name,
