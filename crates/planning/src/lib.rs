@@ -18,8 +18,8 @@
 //! Up to [`EXACT_LIMIT`] points the answer is exact (dynamic programming; M. Held and R. M. Karp, "A dynamic programming
 //! approach to sequencing problems", 1962). Above, it is an iterated local search: exchanges of up to five edges (S. Lin and
 //! B. W. Kernighan, 1973; K. Helsgaun, 2000), local double bridges as kicks, acceptance as in simulated annealing; large
-//! symmetric problems without rules in walks that are recombined with the shortest path (partition crossover, D. Whitley, D. Hains and
-//! A. Howe, 2009). The answer is never longer than the order given.
+//! symmetric problems without rules by sequences of exchanges, in walks that accept what is little longer than their shortest path
+//! (record-to-record travel, G. Dueck, 1993). The answer is never longer than the order given.
 //!
 //! Problems are those of the literature: an open path is a travelling salesman problem with a dummy node; alternative poses
 //! make it a generalised one (GTSP), precedence a sequential ordering problem (SOP).

@@ -4,18 +4,18 @@
 //! poses there. Everything else is a path with a direction ([`directed`]): Or-opt, 2-opt, and exchange of
 //! neighbouring stretches. Moves are proposed by a short list of near neighbours and driven by a work queue. Kicks are
 //! double bridges confined to a short stretch; a kicked path is accepted like in annealing. A large ring without alternatives
-//! is searched in walks: each begins with the shortest ring, shaken, and that takes over what the walk does better anywhere
-//! ([`crossover`]). Costs are integers, so sums are exact and comparisons need no tolerance; a free end is a dummy point
-//! without costs. Between two kicks a search is a [`Checkpoint`], from which it can be resumed with the result of one run.
+//! is improved by longer sequences of exchanges ([`lin_kernighan`]) and searched in walks: each begins with the shortest ring,
+//! shaken, and ends when it has not become shorter for long. Costs are integers, so sums are exact and comparisons need no tolerance;
+//! a free end is a dummy point without costs. Between two kicks a search is a [`Checkpoint`], from which it can be resumed with the result of one run.
 
 mod ascent;
 mod beginning;
 mod bridges;
 mod choice;
-mod crossover;
 mod directed;
 mod exchange;
 mod grid;
+mod lin_kernighan;
 mod near;
 mod ring;
 mod tour;
@@ -38,14 +38,9 @@ const CYCLE: u64 = 10;
 /// More points than this begin with a cold cycle: a search stopped in it has no time to make good what it accepts.
 const LARGE: usize = 3000;
 
-/// How much colder the walks of so many points are: the search is mostly stopped after a few kicks per point.
-const COLD: f64 = 0.5;
-
-/// Kicks per point of a walk, after which the next one begins.
-const WALK: u64 = 4;
-
-/// Crossovers of the walk with the shortest ring for as many kicks as there are points.
-const CROSSOVERS: u64 = 2;
+/// A walk ends when it has not become shorter within so many kicks per point, and at least so many kicks.
+const PATIENCE: u64 = 1;
+const LEAST_PATIENCE: u64 = 1000;
 
 /// Points visited by all further beginnings of a search among clusters, and most beginnings.
 const BEGINNINGS: usize = 50_000;
@@ -81,6 +76,7 @@ pub(crate) struct Checkpoint {
     shortest: i64,
     mean_move: f64,
     cycle: Cycle,
+    walk: Walk,
     rng: Pcg32,
     /// Kicks made.
     pub(crate) kicks: u64,
@@ -105,10 +101,6 @@ trait Kicked {
     fn revert(&mut self);
     /// How the acceptance of kicked paths cools down.
     fn cooling(&self) -> Cooling;
-    /// Takes into a ring what is shorter in this one, and returns by how much it became shorter; for searches in walks.
-    fn cross(&mut self, _shortest: &mut [u32]) -> i64 {
-        0
-    }
     /// Begins a walk from a ring of this length: many kicks, then what changed is improved; for searches in walks.
     fn restart(&mut self, _shortest: &[u32], _length: i64, _rng: &mut Pcg32) {}
 }
@@ -120,8 +112,9 @@ enum Cooling {
     Cycles { hot: f64, cold: f64 },
     /// Falls with a power of the kicks per point, one added, so that the search may be stopped at any time.
     Steady { hot: f64, power: f64 },
-    /// The same in each of many short walks.
-    Walks { hot: f64, power: f64 },
+    /// None: a path is accepted that is longer than the shortest of its walk by no more than this (record-to-record travel,
+    /// Dueck 1993). A walk that has not become shorter for long ends, and the next begins with the shortest path, shaken.
+    Record { slack: f64 },
 }
 
 /// Begins a search, or resumes a suspended one, until `until` kicks are made or the caller stops it.
@@ -192,6 +185,10 @@ fn checkpoint(
             length: CYCLE * order.len() as u64,
             cold_first: order.len() > LARGE,
         },
+        walk: Walk {
+            shortest: length,
+            since: 0,
+        },
         order: grid.strip(&order),
         rng: Pcg32::seed_from_u64(seed),
         kicks: 0,
@@ -229,6 +226,13 @@ struct Cycle {
     begun: u64,
     length: u64,
     cold_first: bool,
+}
+
+/// The shortest path of the present walk, and how many kicks ago it was found.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct Walk {
+    shortest: i64,
+    since: u64,
 }
 
 impl Cycle {
@@ -302,13 +306,9 @@ fn iterate(
     let size = grid.points();
     let cooling = path.cooling();
     let every = options.report_every.max(1);
-    let walk = WALK * size as u64;
-    let crossover = (size as u64 / CROSSOVERS).max(1);
-    // The shortest ring or path, and whether the order does not show it yet; only walks ask for it before there is a new one.
-    let mut best = match cooling {
-        Cooling::Walks { .. } => grid.path(&checkpoint.order),
-        Cooling::Cycles { .. } | Cooling::Steady { .. } => Vec::new(),
-    };
+    let patience = (PATIENCE * size as u64).max(LEAST_PATIENCE);
+    // The shortest ring or path, and whether the order does not show it yet.
+    let mut best = Vec::new();
     let mut is_new = false;
     loop {
         if checkpoint.kicks.is_multiple_of(every) {
@@ -325,20 +325,22 @@ fn iterate(
         path.kick(&mut checkpoint.rng);
         let length = path.length();
         let luck = (f64::from(checkpoint.rng.next_u32()) + 1.0) / 4_294_967_297.0;
-        let warmth = match cooling {
+        let annealed = |warmth: f64| -luck.ln() * warmth;
+        let (above, allowed) = match cooling {
             Cooling::Cycles { hot, cold } => {
-                hot * (cold / hot).powf(checkpoint.cycle.part(checkpoint.kicks))
+                let part = checkpoint.cycle.part(checkpoint.kicks);
+                (checkpoint.here, annealed(hot * (cold / hot).powf(part)))
             }
             Cooling::Steady { hot, power } => {
-                hot * (1.0 + checkpoint.kicks as f64 / size as f64).powf(-power)
+                let per_point = checkpoint.kicks as f64 / size as f64;
+                (
+                    checkpoint.here,
+                    annealed(hot * (1.0 + per_point).powf(-power)),
+                )
             }
-            Cooling::Walks { hot, power } => {
-                let cold = if size > LARGE { COLD } else { 1.0 };
-                let walked = (checkpoint.kicks - 1) % walk + 1;
-                cold * hot * (1.0 + walked as f64 / size as f64).powf(-power)
-            }
+            Cooling::Record { slack } => (checkpoint.walk.shortest, slack),
         };
-        if ((length - checkpoint.here) as f64) <= -luck.ln() * warmth * checkpoint.mean_move {
+        if ((length - above) as f64) <= allowed * checkpoint.mean_move {
             checkpoint.here = length;
             if length < checkpoint.shortest {
                 checkpoint.shortest = length;
@@ -348,17 +350,29 @@ fn iterate(
         } else {
             path.revert();
         }
-        if let Cooling::Walks { .. } = cooling {
-            if checkpoint.kicks.is_multiple_of(crossover) || checkpoint.kicks.is_multiple_of(walk) {
-                let gain = path.cross(&mut best);
-                checkpoint.shortest -= gain;
-                is_new |= gain > 0;
+        if let Cooling::Record { .. } = cooling {
+            if checkpoint.here < checkpoint.walk.shortest {
+                checkpoint.walk = Walk {
+                    shortest: checkpoint.here,
+                    since: 0,
+                };
+            } else {
+                checkpoint.walk.since += 1;
             }
-            if checkpoint.kicks.is_multiple_of(walk) {
-                // As it is resumed, so that slices change nothing.
-                best = grid.path(&grid.strip(&best));
-                path.restart(&best, checkpoint.shortest, &mut checkpoint.rng);
+            if checkpoint.walk.since >= patience {
+                if std::mem::take(&mut is_new) {
+                    checkpoint.order = grid.strip(&best);
+                }
+                path.restart(
+                    &grid.path(&checkpoint.order),
+                    checkpoint.shortest,
+                    &mut checkpoint.rng,
+                );
                 checkpoint.here = path.length();
+                checkpoint.walk = Walk {
+                    shortest: checkpoint.here,
+                    since: 0,
+                };
             }
         }
     }

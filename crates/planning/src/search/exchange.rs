@@ -76,6 +76,12 @@ impl Exchange {
         self.edges = edges + 1;
     }
 
+    /// True when closing the exchange leaves one ring.
+    #[inline]
+    pub(super) fn closes(&self) -> bool {
+        closes(self.edges, self.signature)
+    }
+
     /// The ring after the exchange is closed, which leaves one ring.
     pub(super) fn layout(&self, ring: &Ring) -> Layout {
         let edges = self.edges;

@@ -43,6 +43,8 @@ pub(super) struct Grid {
     symmetric: bool,
     after: Near,
     before: Option<Near>,
+    /// Of promising neighbours: these and the nearest points.
+    more: Near,
     pub(super) rules: Rules,
 }
 
@@ -138,6 +140,14 @@ fn integers(problem: &Checked, labels: &[Option<usize>], points: usize, scale: f
     entries
 }
 
+/// Both lists of near points in one, nearest first.
+fn joined(mut near: Vec<(u32, i32)>, others: &[(u32, i32)]) -> Vec<(u32, i32)> {
+    near.extend_from_slice(others);
+    near.sort_unstable_by_key(|&(there, cost)| (cost, there));
+    near.dedup();
+    near
+}
+
 impl Grid {
     /// `beginning` is the order of poses by which the points are numbered; it becomes 0, 1, 2, …
     pub(super) fn new(problem: &Checked, beginning: &[usize], lists: Lists) -> Self {
@@ -174,6 +184,7 @@ impl Grid {
             symmetric: costs.is_symmetric(),
             after: Near::from_iter([]),
             before: None,
+            more: Near::from_iter([]),
             rules,
         };
         match lists {
@@ -182,7 +193,13 @@ impl Grid {
                 let near = grid.renumber(near, &number);
                 let bridges = grid.renumber_bridges(bridges, &number);
                 let cost = |a, b| grid.cost(a, b);
-                grid.after = most_promising(&near, &bridges, PROMISING, cost);
+                let promising = most_promising(&near, &bridges, PROMISING, cost);
+                grid.more = near
+                    .into_iter()
+                    .zip(0..)
+                    .map(|(near, here)| joined(near, promising.of(here)))
+                    .collect();
+                grid.after = promising;
             }
             Lists::Poses => {
                 grid.after = grid.nearest(Self::cost);
@@ -304,6 +321,16 @@ impl Grid {
     #[inline]
     pub(super) fn near(&self, here: u32) -> &[(u32, i32)] {
         self.after.of(here)
+    }
+
+    /// Near points of all points: the most promising ones.
+    pub(super) fn candidates(&self) -> &Near {
+        &self.after
+    }
+
+    /// The same with the nearest points, where the search goes by promise; else none.
+    pub(super) fn more_candidates(&self) -> &Near {
+        &self.more
     }
 
     /// Points to which a move from here is cheap.

@@ -82,9 +82,21 @@ impl Ring {
 
     /// Goes back to the order at the last [`Ring::keep`].
     pub(super) fn undo(&mut self) {
-        while let Some((at, point)) = self.log.pop() {
-            self.write(at as usize, point);
+        self.undo_to(0);
+    }
+
+    /// Writes since the last [`Ring::keep`].
+    pub(super) fn changes(&self) -> usize {
+        self.log.len()
+    }
+
+    /// Goes back to the order after so many writes.
+    pub(super) fn undo_to(&mut self, changes: usize) {
+        for at in (changes..self.log.len()).rev() {
+            let (position, point) = self.log[at];
+            self.write(position as usize, point);
         }
+        self.log.truncate(changes);
     }
 
     fn write(&mut self, at: usize, point: u32) {

@@ -3,15 +3,19 @@
 //! changed point, and a point may go elsewhere together with its pose.
 //!
 //! The ring closes over the edge from the last point to the first, which is so cheap that no exchange removes it. A
-//! kick exchanges neighbouring stretches: short ones mend details, long ones change in which order clusters are visited. In a
-//! search in walks these come at the beginning of each walk.
+//! kick exchanges neighbouring stretches: short ones mend details, long ones change in which order clusters are visited.
+//!
+//! A ring of many points is improved by longer sequences of exchanges ([`lin_kernighan`](super::lin_kernighan)) and searched in
+//! walks, as [`Cooling::Record`] says.
+
+use std::collections::VecDeque;
 
 use rand_pcg::Pcg32;
 use rand_pcg::rand_core::RngCore;
 
 use super::choice::Moves;
-use super::crossover::Crossover;
 use super::exchange::{Exchange, closes};
+use super::lin_kernighan::Sequence;
 use super::ring::{Layout, MOST, Ring};
 use super::{Cooling, Kicked, Path};
 
@@ -24,19 +28,18 @@ const WIDEST: usize = 4;
 /// Bounds of the longest stretch of a kick; it is drawn evenly in its logarithm.
 const SPAN: (f64, f64) = (5.0, 100.0);
 
-/// A ring without alternatives of at least so many points is searched in walks; of fewer, one walk finds the shortest.
+/// A ring without alternatives of at least so many points is searched in walks.
 const WALKED: usize = 200;
 
-/// The bounds of a kick of such a walk, and its acceptance.
-const WALK_SPAN: (f64, f64) = (30.0, 50.0);
-const WALK_COOLING: Cooling = Cooling::Walks {
-    hot: 0.2,
-    power: 0.4,
-};
+/// The bounds of a kick of such a walk. Those of every sixteenth on average are a quarter of the ring.
+const WALK_SPAN: (f64, f64) = (200.0, 200.0);
+const WIDE_KICK_ONE_IN: u32 = 16;
 
-/// Kicks with which a walk begins, and the bounds of their longest stretch.
-const SHAKES: usize = 32;
-const SHAKE: (f64, f64) = (50.0, 1000.0);
+/// By how much a kicked ring may be longer than the shortest of its walk.
+const WALK_COOLING: Cooling = Cooling::Record { slack: 0.1 };
+
+/// Kicks with which a walk begins.
+const SHAKES: usize = 16;
 
 /// Most points that a kick visits at a random pose.
 const SHAKEN: usize = 2;
@@ -75,12 +78,14 @@ pub(super) struct Tour<M> {
     ring: Ring,
     length: i64,
     kept_length: i64,
-    queue: Vec<u32>,
+    /// Points about which the ring may be improved: the last added comes first, in walks the first added. About the ends of one
+    /// kick in turn its effects are mended where they are; about the last added, sequences lead away from them.
+    queue: VecDeque<u32>,
     queued: Vec<bool>,
     /// Points whose pose has just changed.
     changed: Vec<u32>,
     window: Window,
-    crossover: Crossover,
+    sequence: Sequence,
 }
 
 impl<M: Moves> Tour<M> {
@@ -98,11 +103,11 @@ impl<M: Moves> Tour<M> {
             ring: Ring::new(order),
             length,
             kept_length: length,
-            queue: Vec::with_capacity(order.len()),
+            queue: VecDeque::with_capacity(order.len()),
             queued: vec![false; order.len()],
             changed: Vec::new(),
             window: Window::default(),
-            crossover: Crossover::default(),
+            sequence: Sequence::default(),
         }
     }
 
@@ -112,15 +117,39 @@ impl<M: Moves> Tour<M> {
 
     fn push(&mut self, point: u32) {
         if !std::mem::replace(&mut self.queued[point as usize], true) {
-            self.queue.push(point);
+            self.queue.push_back(point);
         }
     }
 
     fn improve_queue(&mut self) {
-        while let Some(point) = self.queue.pop() {
-            self.queued[point as usize] = false;
-            while self.improve(point) || M::ALTERNATIVES && self.improve_pose(point) {}
+        if self.is_walked() {
+            while let Some(point) = self.queue.pop_front() {
+                self.queued[point as usize] = false;
+                self.improve_by_sequence(point);
+            }
+        } else {
+            while let Some(point) = self.queue.pop_back() {
+                self.queued[point as usize] = false;
+                while self.improve(point) || M::ALTERNATIVES && self.improve_pose(point) {}
+            }
         }
+    }
+
+    /// Carries out a sequence of exchanges that shortens the ring, or one exchange among more candidates.
+    fn improve_by_sequence(&mut self, point: u32) {
+        let mut sequence = std::mem::take(&mut self.sequence);
+        let (moves, ring) = (&self.moves, &mut self.ring);
+        let [near, wide] = [moves.grid().candidates(), moves.grid().more_candidates()];
+        let gain = sequence
+            .improve(moves, near, ring, point)
+            .or_else(|| sequence.improve_once(moves, wide, ring, point));
+        if let Some(gain) = gain {
+            self.length -= gain;
+            for &point in sequence.ends() {
+                self.push(point);
+            }
+        }
+        self.sequence = sequence;
     }
 
     /// Chooses other poses about this point, or visits it elsewhere.
@@ -394,7 +423,14 @@ impl<M: Moves> Kicked for Tour<M> {
         self.ring.keep();
         self.moves.keep();
         self.kept_length = self.length;
-        let span = if self.is_walked() { WALK_SPAN } else { SPAN };
+        let span = if !self.is_walked() {
+            SPAN
+        } else if rng.next_u32().is_multiple_of(WIDE_KICK_ONE_IN) {
+            let quarter = (self.ring.len() / BRIDGED) as f64;
+            (quarter, quarter)
+        } else {
+            WALK_SPAN
+        };
         self.double_bridge(span, rng);
         self.improve_queue();
     }
@@ -413,19 +449,13 @@ impl<M: Moves> Kicked for Tour<M> {
         }
     }
 
-    fn cross(&mut self, shortest: &mut [u32]) -> i64 {
-        let moves = &self.moves;
-        let cost = |here, there| moves.cost(here, there);
-        self.crossover.improve(shortest, &self.ring, cost)
-    }
-
     fn restart(&mut self, shortest: &[u32], length: i64, rng: &mut Pcg32) {
         self.ring = Ring::new(shortest);
         self.length = length;
         let size = shortest.len();
         for _ in 0..SHAKES {
             self.window.begin = rng.next_u32() as usize % size;
-            self.double_bridge(SHAKE, rng);
+            self.double_bridge(WALK_SPAN, rng);
         }
         self.improve_queue();
     }
