@@ -135,6 +135,9 @@ pub struct ApprovalsSection {
     pub unsigned_operators: bool,
 }
 
+/// s of messages in one file of a recording.
+const SPLIT_DURATION: f64 = 3600.0;
+
 /// Section `[recorder]`.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -145,7 +148,7 @@ pub struct RecorderSection {
     pub flush_interval_s: f64,
     /// A new file is begun at this size.
     pub split_size_mib: Option<u64>,
-    /// A new file is begun after this time.
+    /// A new file is begun after this time, an hour by default: the recorder keeps the index of a file until its end.
     pub split_duration_s: Option<f64>,
 }
 
@@ -155,7 +158,7 @@ impl Default for RecorderSection {
             folder: "recordings".into(),
             flush_interval_s: 1.0,
             split_size_mib: None,
-            split_duration_s: None,
+            split_duration_s: Some(SPLIT_DURATION),
         }
     }
 }

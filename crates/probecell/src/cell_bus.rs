@@ -11,6 +11,11 @@ use host::bus::{BusConfig, Followed, RouterConfig, Transport};
 
 use crate::own_socket::{COMMAND_PATIENCE, OwnSocket, PATIENCE, own_locator};
 
+/// Messages of a topic on which none may be lost that its publisher keeps for whoever a cut link has kept from them: ten seconds of
+/// events at 100 Hz, the rate at which drivers are polled, and twenty parts of the cell of the README. With these a process has all
+/// the memory that it needs after a quarter of an hour.
+const KEPT: usize = 1_000;
+
 /// A failure of the running cell, as opposed to wrong input.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
@@ -29,6 +34,7 @@ pub(crate) fn bus_config(cell: &Cell, node: &str) -> anyhow::Result<BusConfig> {
         listen: cell.bus.listen.clone(),
         zenoh: session_settings(cell, node)?,
         graph: followed(cell, node),
+        keep_all_depth: KEPT,
         ..BusConfig::default()
     })
 }

@@ -21,6 +21,7 @@ use futures::channel::oneshot;
 use futures::future::{Either, select};
 use futures::{StreamExt, pin_mut};
 use rustdds::no_key::{DataWriter, DeserializedCacheChange, SimpleDataReader};
+use rustdds::qos::HasQoSPolicy;
 use rustdds::{
     DomainParticipant, DomainParticipantBuilder, QosPolicies, QosPolicyBuilder, RTPSEntity, Topic,
     TopicKind, WriteOptionsBuilder, policy,
@@ -196,17 +197,28 @@ impl DdsBus {
     }
 
     fn reader(&self, topic: &Topic) -> Result<Reader, BusError> {
+        let qos = topic.qos();
+        let is_limited = qos.resource_limits().is_some()
+            || qos.durability() != Some(policy::Durability::Volatile);
+        let waiting = (!is_limited).then(|| {
+            let limits = at_most(WAITING);
+            QosPolicyBuilder::new().resource_limits(limits).build()
+        });
         let reader: Reader = self
             .subscriber
-            .create_simple_datareader_no_key(topic, None)
+            .create_simple_datareader_no_key(topic, waiting)
             .map_err(|reason| BusError::transport("create a reader", &reason))?;
         self.discovery.add_reader(reader.guid())?;
         Ok(reader)
     }
 }
 
-/// The policies of ROS, as its other middlewares set them. RustDDS forgets all but the last 64 samples of a keep-all
-/// history, taken or not, unless a limit says otherwise.
+/// Samples of a volatile topic that wait at a reader until they are taken. A writer whose process was held up sends at once what has
+/// come together, and the reader of a busy machine takes it later: these are ten seconds of a topic at 100 Hz.
+const WAITING: usize = 1_000;
+
+/// The policies of ROS, as its other middlewares set them. Of any history RustDDS forgets all but the last 64 samples, taken or
+/// not, unless a limit says otherwise.
 fn policies(qos: Qos, keep_all_depth: usize) -> QosPolicies {
     let wait = if qos.keeps_all() {
         rustdds::Duration::INFINITE
@@ -226,12 +238,7 @@ fn policies(qos: Qos, keep_all_depth: usize) -> QosPolicies {
             History::KeepAll => policy::History::KeepAll,
         });
     let builder = if qos.keeps_all() {
-        let samples = i32::try_from(keep_all_depth.max(1)).unwrap_or(i32::MAX);
-        builder.resource_limits(policy::ResourceLimits {
-            max_samples: samples,
-            max_instances: samples,
-            max_samples_per_instance: samples,
-        })
+        builder.resource_limits(at_most(keep_all_depth))
     } else {
         builder
     };
@@ -239,6 +246,15 @@ fn policies(qos: Qos, keep_all_depth: usize) -> QosPolicies {
         builder.reliable(wait).build()
     } else {
         builder.best_effort().build()
+    }
+}
+
+fn at_most(samples: usize) -> policy::ResourceLimits {
+    let samples = i32::try_from(samples.max(1)).unwrap_or(i32::MAX);
+    policy::ResourceLimits {
+        max_samples: samples,
+        max_instances: samples,
+        max_samples_per_instance: samples,
     }
 }
 
