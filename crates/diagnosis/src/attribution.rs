@@ -8,6 +8,7 @@ pub(crate) mod alternatives;
 pub(crate) mod candidate_pool;
 pub(crate) mod equivalence;
 pub(crate) mod parameters;
+mod restricted;
 mod switching;
 pub(crate) mod unsupported;
 mod with_discrepancy;
@@ -212,6 +213,7 @@ fn finish(pool: CandidatePool<'_>, scored: &[Scored]) -> Attribution {
     if white {
         add_switching(&pool, scored, &mut discrepancies, &mut models, noise);
     }
+    restricted::restrict(&pool, &discrepancies, &mut models);
     models.sort_by(|a, b| b.score.total_cmp(&a.score));
     models.dedup_by(|a, b| a.set == b.set && a.discrepancy == b.discrepancy);
     let best = models.first().map_or(0.0, |model| model.score);

@@ -26,6 +26,12 @@ use kernels::{
 
 /// Largest rank of a process.
 const MOST_DIRECTIONS: usize = 48;
+/// The same over the part where many rows are touched: what is rough over a large part has many directions.
+const MOST_OVER_PART: usize = 144;
+/// Rows for each direction over the part.
+const ROWS_FOR_EACH: usize = 8;
+/// Rows times the square of the directions over the part at most, which is what they cost, unless these are the usual ones.
+const COST: f64 = 2.7e7;
 /// Largest rank of the rounding on a grid.
 const MOST_CELLS: usize = 128;
 /// Smallest rank of a process: below, it is an effect by another name.
@@ -194,10 +200,14 @@ fn factor(
     for (own, weight) in left.iter_mut().zip(&weights) {
         *own *= weight * weight;
     }
-    let most = if kind == Kind::Grid {
-        MOST_CELLS.min(rows)
-    } else {
-        MOST_DIRECTIONS.min(rows / 2)
+    let most = match kind {
+        Kind::Grid => MOST_CELLS.min(rows),
+        Kind::Region => {
+            let affordable = (COST / rows as f64).sqrt() as usize;
+            let many = (rows / ROWS_FOR_EACH).min(affordable);
+            many.clamp(MOST_DIRECTIONS, MOST_OVER_PART).min(rows / 2)
+        }
+        _ => MOST_DIRECTIONS.min(rows / 2),
     };
     let columns = leading_columns(left, most, |pivot| {
         let mut column = Vec::with_capacity(rows);

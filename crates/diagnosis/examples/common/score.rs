@@ -109,6 +109,15 @@ impl Score {
                     judged += 1;
                     let [low, high] = estimate.ci95.map(|end| end * stretch(effect, found, &name));
                     let turn = std::f64::consts::TAU / number(found, "lobes").unwrap_or(1.0);
+                    // A wave of negative size is the same half a turn on.
+                    let size = effect["parameters"]["a"].as_f64();
+                    let turned =
+                        size.is_some_and(|a| a < 0.0) && effect["parameters"]["phase"].is_number();
+                    let value = match name.as_str() {
+                        "a" if turned => -value,
+                        "phase" if turned => value + 0.5 * turn,
+                        _ => value,
+                    };
                     let holds = |value: f64| (low..=high).contains(&value);
                     let around = |turns: f64| name == "phase" && holds(value + turns * turn);
                     if holds(value) || (-3..=3).any(|turns| around(f64::from(turns))) {

@@ -12,7 +12,7 @@ use effects::ParameterEstimate;
 use inference::candidate::Candidate;
 use inference::columns::Rows;
 use inference::linear::{add_scaled, dot};
-use inference::posterior::Attribution;
+use inference::posterior::{Attribution, Model};
 use metrology::statistics::coverage_factor;
 use nalgebra::{DMatrix, DVector};
 
@@ -20,6 +20,12 @@ use super::candidate_pool::Shapes;
 
 /// Ridge of the normal equations, relative to their largest diagonal element.
 const RIDGE: f64 = 1e-9;
+/// Explanations over which parameters are averaged, at most.
+const AVERAGED: usize = 8;
+/// Coverage factor of the spread between explanations.
+const COVERAGE: f64 = 1.96;
+/// Directions of a process below this share of the power of the largest are rounding.
+const ROUNDING: f64 = 1e-12;
 /// Singular values below this share of the noise-free solution are taken as zero.
 const SINGULAR: f64 = 1e-9;
 
@@ -36,6 +42,72 @@ pub(crate) fn estimates(
         .map(|&member| &attribution.candidates[member])
         .collect();
     of_members(shapes, attribution, &members, unknown)
+}
+
+/// The same, averaged over the explanations with something unknown in them that hold these members (Hoeting et al. 1999, eq. 3 and
+/// 4): where its size and kind, and what else acts, are not sure, an interval holds what they change.
+pub(crate) fn averaged(
+    shapes: &Shapes<'_>,
+    attribution: &Attribution,
+    set: &[usize],
+    unknown: Option<(usize, f64)>,
+) -> Vec<Vec<ParameterEstimate>> {
+    let mut estimates = estimates(shapes, attribution, set, unknown);
+    if unknown.is_none() {
+        return estimates;
+    }
+    let holds = |model: &&Model| {
+        attribution.is_unknown(model) && set.iter().all(|member| model.set.contains(member))
+    };
+    let models: Vec<&Model> = (attribution.models.iter())
+        .filter(holds)
+        .take(AVERAGED)
+        .collect();
+    let of_models: Vec<(f64, Vec<Vec<ParameterEstimate>>)> = (models.iter())
+        .map(|model| {
+            let mut all = self::estimates(shapes, attribution, &model.set, model.discrepancy);
+            let mut own = |member: &usize| {
+                let place = model.set.iter().position(|other| other == member);
+                place
+                    .and_then(|place| all.get_mut(place))
+                    .map(std::mem::take)
+            };
+            let of_set = set.iter().map(|member| own(member).unwrap_or_default());
+            (model.probability, of_set.collect())
+        })
+        .collect();
+    for (index, effect) in estimates.iter_mut().enumerate() {
+        for parameter in effect {
+            let same = |(weight, of): &(f64, Vec<Vec<ParameterEstimate>>)| {
+                let mut named = of[index].iter();
+                let own = named.find(|other| other.name == parameter.name)?;
+                Some((*weight, own.value, own.ci95))
+            };
+            let all: Vec<(f64, f64, [f64; 2])> = of_models.iter().filter_map(same).collect();
+            average(parameter, &all);
+        }
+    }
+    estimates
+}
+
+/// Sets a parameter to the mean of some weighted estimates with their intervals, its interval to the spread within and between
+/// them. A phase is left where it is: another turn is no other value.
+fn average(parameter: &mut ParameterEstimate, all: &[(f64, f64, [f64; 2])]) {
+    let total: f64 = all.iter().map(|(weight, ..)| weight).sum();
+    if total <= 0.0 || parameter.unit == "rad" && parameter.name == "phase" {
+        return;
+    }
+    let mean = all
+        .iter()
+        .map(|(weight, value, _)| weight * value)
+        .sum::<f64>()
+        / total;
+    let spread = all.iter().map(|(weight, value, [low, high])| {
+        weight * ((0.5 * (high - low)).powi(2) + (COVERAGE * (value - mean)).powi(2))
+    });
+    let half = (spread.sum::<f64>() / total).sqrt();
+    parameter.value = mean;
+    parameter.ci95 = [mean - half, mean + half];
 }
 
 /// The same for candidates that need not be among those of the attribution; empty lists where they cannot be fitted.
@@ -167,16 +239,19 @@ impl Process {
     fn of_columns(columns: &[Vec<f64>], power: f64) -> Option<Self> {
         let rows = columns.first()?.len();
         let down = DMatrix::from_vec(rows, columns.len(), columns.concat());
-        let svd = down.svd(true, false);
-        let directions = svd.u?;
-        Some(Self {
-            directions: (directions.column_iter())
-                .map(|column| column.iter().copied().collect())
-                .collect(),
-            shares: (svd.singular_values.iter())
-                .map(|value| 1.0 / (1.0 + power * value * value).sqrt())
-                .collect(),
-        })
+        let eigen = down.tr_mul(&down).symmetric_eigen();
+        let most = eigen.eigenvalues.max();
+        let along = down * eigen.eigenvectors;
+        let pairs = along.column_iter().zip(&eigen.eigenvalues);
+        let kept = pairs.filter(|(_, value)| **value > ROUNDING * most);
+        let (directions, shares) = kept
+            .map(|(column, &value)| {
+                let length = value.sqrt();
+                let direction: Vec<f64> = column.iter().map(|part| part / length).collect();
+                (direction, 1.0 / (1.0 + power * value).sqrt())
+            })
+            .unzip();
+        Some(Self { directions, shares })
     }
 
     /// (I + power·K)^(−1/2) times values over the rows in use.

@@ -94,6 +94,32 @@ pub(crate) fn score_with_discrepancies(
     models
 }
 
+/// Models of a search over the whole library beside a discrepancy of this index, at one variance over that of the noise.
+pub(super) fn search_beside(
+    pool: &CandidatePool<'_>,
+    discrepancy: &Rc<Discrepancy>,
+    index: usize,
+    power: f64,
+) -> Vec<Model> {
+    let scorer = Scorer {
+        pool,
+        discrepancies: std::slice::from_ref(discrepancy),
+        priors: &pool.priors(),
+    };
+    let priors = scorer.priors_with(discrepancy);
+    let design = Design::new(pool.candidates.iter(), pool.y, &pool.rows());
+    let products = (design.with_discrepancy(discrepancy)).products(power, &pool.products);
+    let mut found = search(&products, &priors, SEARCH_BEAM, &mut EvidenceCache::new());
+    exchange_best(&products, &priors, &mut found);
+    let model = |found: Scored| Model {
+        set: found.set,
+        discrepancy: Some((index, power)),
+        probability: 0.0,
+        score: found.score,
+    };
+    found.into_iter().take(SEARCH_KEPT).map(model).collect()
+}
+
 /// Score and variance ratio of the best of some models with a discrepancy, the first of equals.
 fn best_power(models: &[Model]) -> Option<(f64, f64)> {
     let mut best: Option<(f64, f64)> = None;
@@ -313,7 +339,7 @@ impl FittedSet {
 }
 
 /// Variances over the noise that are tried for a discrepancy.
-fn powers(discrepancy: &Discrepancy) -> &'static [f64] {
+pub(super) fn powers(discrepancy: &Discrepancy) -> &'static [f64] {
     let tried = match discrepancy.kind {
         Kind::Noise => POWERS.iter().take_while(|&&power| power <= NOISY).count(),
         _ => POWERS.len(),

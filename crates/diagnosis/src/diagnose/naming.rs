@@ -3,6 +3,7 @@
 //! Metres; parameters in the effects' own units.
 
 use inference::candidate::Candidate;
+use inference::discrepancy::Kind;
 use inference::held_out::HeldOut;
 use inference::posterior::Model;
 
@@ -21,6 +22,10 @@ const PROBABLE: f64 = 0.5;
 /// Beside an unknown cause also one that is no more than that, where the held-out rms is below this share of that without it: a
 /// sixteenth of its square.
 const DOMINANT: f64 = 0.25;
+/// The same beside a field over the part that many readings show: of what is this probable, a fifth of the square.
+const BESIDE_FIELD: (f64, f64) = (0.9, 0.9);
+/// So many readings show a field.
+const MANY: usize = 500;
 /// An effect that is named for all that are probable is at least this probable.
 const LIKELY: f64 = 0.05;
 
@@ -72,7 +77,8 @@ impl Reporter<'_> {
             }
         }
         if beside_unknown {
-            self.dominate(&mut members);
+            let field = self.kind_of(best) == Some(&Kind::Region);
+            self.dominate(&mut members, field && self.observations.touches() >= MANY);
         }
         // What stands for all that are probable is not itself improbable, unless nothing else stands.
         let likely = members.iter().any(|offered| offered.probability > LIKELY);
@@ -86,7 +92,7 @@ impl Reporter<'_> {
     /// Beside an unknown cause a member that is only probable is sure where the probable ones without it leave far more of the
     /// held-out touches: a process can have any size, so that one which is nearly a rigid displacement is hardly less probable
     /// than the displacement.
-    fn dominate(&self, members: &mut [Offered]) {
+    fn dominate(&self, members: &mut [Offered], beside_field: bool) {
         let attribution = &self.explained.attribution;
         let blocks = blocks(self.observations, &attribution.active);
         let probable: Vec<usize> = (members.iter())
@@ -103,8 +109,13 @@ impl Reporter<'_> {
         };
         let whole = held_out(None);
         for offered in members.iter_mut().filter(|offered| !offered.sure) {
+            let share = if beside_field && offered.probability > BESIDE_FIELD.0 {
+                BESIDE_FIELD.1
+            } else {
+                DOMINANT
+            };
             offered.sure = probable.contains(&offered.member)
-                && whole < DOMINANT * held_out(Some(offered.member));
+                && whole < share * held_out(Some(offered.member));
         }
     }
 
@@ -158,7 +169,7 @@ impl Reporter<'_> {
     fn describe(&self, members: Vec<Offered>, unknown: Option<(usize, f64)>) -> Named {
         let attribution = &self.explained.attribution;
         let set: Vec<usize> = members.iter().map(|offered| offered.member).collect();
-        let estimates = parameters::estimates(self.shapes, attribution, &set, unknown);
+        let estimates = parameters::averaged(self.shapes, attribution, &set, unknown);
         let blocks = blocks(self.observations, &attribution.active);
         let held_out = |set: &[usize]| {
             let candidates: Vec<&Candidate> = set

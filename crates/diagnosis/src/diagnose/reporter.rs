@@ -13,7 +13,7 @@ use experiment::proposal;
 use inference::candidate::Candidate;
 use inference::discrepancy::Kind;
 use inference::linear::add_scaled;
-use inference::posterior::{Attribution, Model};
+use inference::posterior::Model;
 
 use super::explain::{Explained, residuals};
 use super::naming::Named;
@@ -67,14 +67,14 @@ impl Reporter<'_> {
             .map(|model| attribution.models[model].probability)
             .sum();
         let beside_unknown = unknown > self.least_unknown();
-        let best = self.most_probable(beside_unknown);
+        let best = self.best_model(beside_unknown);
         let empty = Model {
             set: Vec::new(),
             discrepancy: None,
             probability: 0.0,
             score: 0.0,
         };
-        let best = simplest(attribution, best.unwrap_or(&empty));
+        let best = best.unwrap_or(&empty);
         let noise = self.noise(best);
         let (named, unsupported) = self.name_supported(best, beside_unknown, noise.deviation);
         let Named { mut effects, set } = named;
@@ -220,8 +220,8 @@ impl Reporter<'_> {
         }
     }
 
-    /// The best model of the most probable set, whatever the noise, among those with or without an unknown cause.
-    fn most_probable(&self, unknown: bool) -> Option<&Model> {
+    /// The sets with or without an unknown cause, whatever its kind and the noise: the probability of each, and its best model.
+    fn sets(&self, unknown: bool) -> BTreeMap<&[usize], (f64, &Model)> {
         let models = &self.explained.attribution.models;
         let mut sets: BTreeMap<&[usize], (f64, &Model)> = BTreeMap::new();
         for (index, model) in models.iter().enumerate() {
@@ -229,9 +229,23 @@ impl Reporter<'_> {
                 sets.entry(&model.set).or_insert((0.0, model)).0 += model.probability;
             }
         }
-        (sets.into_values())
-            .max_by(|a, b| a.0.total_cmp(&b.0))
-            .map(|(_, model)| model)
+        sets
+    }
+
+    /// The best model of the most probable set, or of a smaller one that is not yet refuted by [`REFUTED`] against a larger: a
+    /// false name costs more than one left out.
+    fn best_model(&self, unknown: bool) -> Option<&Model> {
+        let sets = self.sets(unknown);
+        let mut best = (sets.values()).max_by(|a, b| a.0.total_cmp(&b.0))?;
+        let smaller = |than: &(f64, &Model)| {
+            let fewer = (sets.values()).filter(|other| other.1.set.len() < than.1.set.len());
+            let likely = fewer.filter(|other| other.0 * REFUTED > than.0);
+            likely.max_by(|a, b| a.0.total_cmp(&b.0))
+        };
+        while let Some(other) = smaller(best) {
+            best = other;
+        }
+        Some(best.1)
     }
 
     /// Least probability at which an unknown cause is reported: lower where many effects are needed to imitate it.
@@ -392,20 +406,6 @@ fn named(effect: &Effect) -> proposal::Named<'_> {
         effect: &effect.effect,
         indistinguishable_from: &effect.indistinguishable_from,
     }
-}
-
-/// The smallest model that is not yet refuted by [`REFUTED`] against a larger one: a false name costs more than
-/// one left out.
-fn simplest<'a>(attribution: &'a Attribution, model: &'a Model) -> &'a Model {
-    let mut best = model;
-    while let Some(smaller) = attribution.models.iter().find(|other| {
-        attribution.is_unknown(other) == attribution.is_unknown(best)
-            && other.set.len() < best.set.len()
-            && other.probability * REFUTED > best.probability
-    }) {
-        best = smaller;
-    }
-    best
 }
 
 pub(super) fn rms(values: impl Iterator<Item = f64>) -> f64 {

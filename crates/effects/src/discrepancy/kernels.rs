@@ -17,6 +17,8 @@ const TURNING: f64 = 0.25;
 const SHORT: f64 = 1e-5;
 /// Rows farther apart than this many correlation lengths are uncorrelated: a part in 10¹³.
 const DISTANT: f64 = 8.0;
+/// Normals with a larger product are those of one flat surface.
+const PARALLEL: f64 = 0.999;
 /// An axis that moves less than this (m or rad) causes no discrepancy.
 const STILL: f64 = 1e-3;
 
@@ -53,7 +55,7 @@ pub(super) fn region(observations: &Observations) -> Vec<Kernel<'_>> {
         return Vec::new();
     }
     let mut kernels: Vec<Kernel<'_>> = Vec::new();
-    for share in [0.05, 0.12, 0.3, 0.8] {
+    for share in [0.05, 0.08, 0.12, 0.19, 0.3, 0.5, 0.8] {
         // Displacements that change over the part, and material that does.
         let near = move |one: &Point3<f64>, other: &Point3<f64>| {
             squared_exponential((one - other).norm(), share * size)
@@ -66,7 +68,9 @@ pub(super) fn region(observations: &Observations) -> Vec<Kernel<'_>> {
         let left = Rc::clone(&places);
         kernels.push(pairwise(move |i, j| near(&left[i].0, &left[j].0)));
     }
-    // The part warps: a field of displacements, of second and third order in the place.
+    // The part warps: a field of displacements, of second and third order in the place. What is constant or linear in the place is
+    // on a single surface its displacement or turn, and not for a field to take with it.
+    let single = (places.iter()).all(|(_, normal)| normal.dot(&places[0].1) > PARALLEL);
     let middle = (places.iter()).fold(Vector3::zeros(), |sum, place| sum + place.0.coords)
         / rows.len() as f64;
     for order in [2, 3] {
@@ -75,7 +79,13 @@ pub(super) fn region(observations: &Observations) -> Vec<Kernel<'_>> {
             .collect();
         kernels.push(pairwise(move |i, j| {
             let ((one, along), (other, across)) = (&warped[i], &warped[j]);
-            along.dot(across) * (1.0 + one.dot(other)).powi(order)
+            let product = one.dot(other);
+            let rigid = if single {
+                1.0 + f64::from(order) * product
+            } else {
+                0.0
+            };
+            along.dot(across) * ((1.0 + product).powi(order) - rigid)
         }));
     }
     kernels
