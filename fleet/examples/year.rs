@@ -1,4 +1,4 @@
-//! A year of a hall: `cargo run --release --example year -- FOLDER [MACHINES] [SESSIONS]` writes recordings with known
+//! A year of a hall: `cargo run --release --example year -- FOLDER [MACHINES] [SESSIONS] [SEED]` writes recordings with known
 //! histories below FOLDER, adds them to the lake FOLDER/lake, and prints what the trends have found of them. What is there
 //! already is judged again. Times are of this run.
 
@@ -23,14 +23,11 @@ fn main() -> anyhow::Result<()> {
     let size = Size {
         machines: number(50)?,
         sessions: number(400)?,
-        seed: 1,
+        seed: number(1)? as u64,
     };
-    let planted: Vec<Planted> = if folder.join(PLANTED).is_file() {
-        serde_json::from_slice(&fs::read(folder.join(PLANTED))?)?
-    } else {
-        lake_of(&folder, size)?
-    };
-    let lake = Lake::open(&folder.join("lake"))?;
+    let planted = recordings(&folder, size)?;
+    let lake = lake_of(&folder, size, &planted.1)?;
+    let planted = planted.0;
     let series = timed("series of the lake", || series(&lake, 5))?;
     let options = Options {
         false_alarms: 1.0,
@@ -47,20 +44,33 @@ fn main() -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Makes the recordings and their lake, and gives what was planted.
-fn lake_of(folder: &Path, size: Size) -> anyhow::Result<Vec<Planted>> {
+/// Makes the recordings, unless they are there, and gives what was planted and what is on record.
+fn recordings(folder: &Path, size: Size) -> anyhow::Result<(Vec<Planted>, Vec<Event>)> {
+    let file = folder.join(PLANTED);
+    if file.is_file() {
+        return Ok(serde_json::from_slice(&fs::read(file)?)?);
+    }
     fs::create_dir_all(folder)?;
-    let bags = folder.join("bags");
-    let (planted, services): (Vec<Planted>, Vec<Event>) =
-        timed("recordings", || make(&bags, size))?;
-    let lake = Lake::open_or_create(&folder.join("lake"))?;
-    let added = timed("lake add", || lake.add(&[bags], &mut |_, _| {}))?;
+    let made = timed("recordings", || make(&folder.join("bags"), size))?;
+    fs::write(file, serde_json::to_vec_pretty(&made)?)?;
+    Ok(made)
+}
+
+/// Adds the recordings to the lake, unless it is there.
+fn lake_of(folder: &Path, size: Size, services: &[Event]) -> anyhow::Result<Lake> {
+    let place = folder.join("lake");
+    if place.is_dir() {
+        return Lake::open(&place);
+    }
+    let lake = Lake::open_or_create(&place)?;
+    let added = timed("lake add", || {
+        lake.add(&[folder.join("bags")], &mut |_, _| {})
+    })?;
     anyhow::ensure!(added.new == size.machines * size.sessions, "{added:?}");
-    lake.add_events(&services)?;
+    lake.add_events(services)?;
     let (before, after) = timed("lake compact", || lake.compact())?;
     print(&format!("{before} files became {after}"));
-    fs::write(folder.join(PLANTED), serde_json::to_vec_pretty(&planted)?)?;
-    Ok(planted)
+    Ok(lake)
 }
 
 /// What `work` gives, and how long it took.

@@ -1,6 +1,7 @@
 //! One recording as rows of the tables.
 
 mod effects;
+mod information;
 mod messages;
 mod signals;
 pub(crate) mod words;

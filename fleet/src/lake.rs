@@ -18,7 +18,7 @@ pub(crate) mod remote;
 pub mod rows;
 pub mod schema;
 
-pub use read::{flags, moments, numbers, texts};
+pub use read::{counts, flags, moments, numbers, texts};
 
 use std::collections::BTreeSet;
 use std::fs::{self, File};

@@ -13,6 +13,7 @@ use metrology::statistics::robust_deviation;
 use nalgebra::{DMatrix, DVector};
 
 use super::Source;
+use super::information;
 use crate::lake::Rows;
 use crate::lake::rows::Value;
 use crate::lake::schema::EFFECTS;
@@ -44,7 +45,9 @@ pub(super) fn rows(
 ) -> anyhow::Result<()> {
     let mut told: Vec<&str> = Vec::new();
     let estimates = if session.plan.is_some() {
-        estimates(session, report)?
+        let design = Design::of(session, report)?;
+        information::rows(source, time, &design, rows);
+        estimates(&design)
     } else {
         Vec::new()
     };
@@ -185,55 +188,90 @@ fn weighted(observations: &Observations, variant: &Variant) -> Vec<Vec<f64>> {
         .collect()
 }
 
-/// Estimates of the linear effects that the session determines, one variant of each.
-fn estimates(session: &Session, report: &Report) -> anyhow::Result<Vec<Estimate>> {
-    let observations = observe(session)?;
-    let variants = library(&observations);
-    let named = named_columns(&observations, &variants, report);
-    let deviations = weigh(&observations, &observations.deviations);
-    let all: Vec<Vec<f64>> = named
-        .iter()
-        .flat_map(|(_, columns)| columns.iter().cloned())
-        .collect();
-    let kept = true_touches(&all, &deviations);
-    let mut found: Vec<Estimate> = Vec::new();
-    for variant in variants.iter().filter(|variant| is_linear(variant)) {
-        if found.iter().any(|one| one.effect == variant.effect) {
-            continue;
+/// The weighted rows of a session with the columns of the linear effects, one variant of each.
+pub(super) struct Design<'r> {
+    /// Weighted deviations, m.
+    pub(super) deviations: Vec<f64>,
+    /// Rows that are no false touches.
+    pub(super) kept: Vec<usize>,
+    /// What is known of each linear effect that may show.
+    pub(super) linear: Vec<Linear>,
+    /// What the diagnosis names, with its columns.
+    pub(super) named: Vec<(&'r Effect, Vec<Vec<f64>>)>,
+}
+
+/// The columns of one linear effect whose parameters may show in the session.
+pub(super) struct Linear {
+    /// Identifier.
+    pub(super) effect: String,
+    /// Names and units of its parameters.
+    pub(super) names: Vec<(String, &'static str)>,
+    /// Weighted columns, m per unit.
+    pub(super) columns: Vec<Vec<f64>>,
+}
+
+impl<'r> Design<'r> {
+    pub(super) fn of(session: &Session, report: &'r Report) -> anyhow::Result<Self> {
+        let observations = observe(session)?;
+        let variants = library(&observations);
+        let named = named_columns(&observations, &variants, report);
+        let deviations = weigh(&observations, &observations.deviations);
+        let all: Vec<Vec<f64>> = named
+            .iter()
+            .flat_map(|(_, columns)| columns.iter().cloned())
+            .collect();
+        let kept = true_touches(&all, &deviations);
+        let mut linear: Vec<Linear> = Vec::new();
+        for variant in variants.iter().filter(|variant| is_linear(variant)) {
+            if linear.iter().any(|one| one.effect == variant.effect) {
+                continue;
+            }
+            let shown = weighted(&observations, variant)
+                .into_iter()
+                .zip(&variant.parameters)
+                .filter(|(column, parameter)| {
+                    metrology::statistics::rms(column) * parameter.plausible >= INVISIBLE
+                });
+            let (columns, names): (Vec<_>, Vec<_>) = shown
+                .map(|(column, parameter)| (column, (parameter.name.clone(), parameter.unit)))
+                .unzip();
+            if !columns.is_empty() {
+                linear.push(Linear {
+                    effect: variant.effect.clone(),
+                    names,
+                    columns,
+                });
+            }
         }
-        let columns = weighted(&observations, variant);
-        let shows = |(column, size): (&Vec<f64>, f64)| {
-            metrology::statistics::rms(column) * size >= INVISIBLE
-        };
-        let sizes = variant
-            .parameters
-            .iter()
-            .map(|parameter| parameter.plausible);
-        let visible: Vec<bool> = columns.iter().zip(sizes).map(shows).collect();
-        let pick = |place: &usize| visible[*place];
-        let places: Vec<usize> = (0..columns.len()).filter(pick).collect();
-        let mut design: Vec<Vec<f64>> =
-            places.iter().map(|place| columns[*place].clone()).collect();
-        let beside = named
-            .iter()
-            .filter(|(effect, _)| !has(effect, &variant.effect));
-        design.extend(beside.flat_map(|(_, columns)| columns.iter().cloned()));
-        let Some(fit) = fit(&design, &deviations, &kept, places.len()) else {
-            continue;
-        };
-        let name = |place: &usize| {
-            (
-                variant.parameters[*place].name.clone(),
-                variant.parameters[*place].unit,
-            )
-        };
-        found.push(Estimate {
-            effect: variant.effect.clone(),
-            names: places.iter().map(name).collect(),
-            ..fit
-        });
+        Ok(Self {
+            deviations,
+            kept,
+            linear,
+            named,
+        })
     }
-    Ok(found)
+}
+
+/// Estimates of the linear effects that the session determines.
+fn estimates(design: &Design<'_>) -> Vec<Estimate> {
+    let mut found: Vec<Estimate> = Vec::new();
+    for linear in &design.linear {
+        let beside = design
+            .named
+            .iter()
+            .filter(|(effect, _)| !has(effect, &linear.effect));
+        let mut columns = linear.columns.clone();
+        columns.extend(beside.flat_map(|(_, columns)| columns.iter().cloned()));
+        let wanted = linear.columns.len();
+        if let Some(fit) = fit(&columns, &design.deviations, &design.kept, wanted) {
+            found.push(Estimate {
+                effect: linear.effect.clone(),
+                names: linear.names.clone(),
+                ..fit
+            });
+        }
+    }
+    found
 }
 
 /// Touches that are not far off what the named effects leave.

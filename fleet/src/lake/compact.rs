@@ -1,8 +1,10 @@
 //! Compaction: the files of each table and month become one, or some of limited size.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use anyhow::Context;
+use arrow_array::Int64Array;
 use arrow_ord::sort::{SortColumn, lexsort_to_indices};
 use arrow_select::concat::concat_batches;
 use arrow_select::take::take_record_batch;
@@ -68,7 +70,12 @@ impl Lake {
             values: all.column(column).clone(),
             options: None,
         };
-        let order = lexsort_to_indices(&[by(1), by(3)], None)?;
+        // The rows of a session keep their order.
+        let place = SortColumn {
+            values: Arc::new(Int64Array::from_iter_values(0..all.num_rows() as i64)),
+            options: None,
+        };
+        let order = lexsort_to_indices(&[by(1), by(3), place], None)?;
         let sorted = take_record_batch(&all, &order)?;
         let file = format!("{}.parquet", &hexadecimal(&names.finalize())[..32]);
         commit.write(

@@ -1,6 +1,7 @@
 //! What was done to a machine and no recording tells: a service, a crash.
 
 use anyhow::bail;
+use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::Lake;
@@ -10,7 +11,7 @@ use super::rows::Value;
 use super::schema::EVENTS;
 
 /// Something that was done to a machine.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Event {
     /// Name of the machine.
     pub machine: String,

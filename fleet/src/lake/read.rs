@@ -6,9 +6,10 @@ use std::sync::Arc;
 
 use anyhow::Context;
 use arrow_array::cast::AsArray;
-use arrow_array::types::{Float64Type, TimestampMicrosecondType};
+use arrow_array::types::{Float64Type, Int64Type, TimestampMicrosecondType};
 use arrow_array::{
-    BooleanArray, Float64Array, RecordBatch, StringArray, TimestampMicrosecondArray, new_null_array,
+    BooleanArray, Float64Array, Int64Array, RecordBatch, StringArray, TimestampMicrosecondArray,
+    new_null_array,
 };
 use arrow_schema::{Field, SchemaRef};
 use parquet::arrow::ProjectionMask;
@@ -104,6 +105,17 @@ pub fn numbers(batch: &RecordBatch, column: usize) -> anyhow::Result<&Float64Arr
         .column(column)
         .as_primitive_opt::<Float64Type>()
         .context("a column is no number")
+}
+
+/// A column of integers.
+///
+/// # Errors
+/// As [`texts`].
+pub fn counts(batch: &RecordBatch, column: usize) -> anyhow::Result<&Int64Array> {
+    batch
+        .column(column)
+        .as_primitive_opt::<Int64Type>()
+        .context("a column is no integer")
 }
 
 /// A column of flags.

@@ -244,6 +244,16 @@ tables! {
         reported_lower: Number ["unit"] "95 % interval in the gap report",
         reported_upper: Number ["unit"] "95 % interval in the gap report",
     }
+    INFORMATION "information" "one parameter of one linear effect in the normal equations of one session, by which any of its effects are estimated jointly" {
+        effect: Text [""] "identifier of the vocabulary",
+        parameter: Text [""] "parameter of the effect",
+        number: Count ["1"] "index of the parameter in the normal equations, from 0",
+        unit: Text [""] "unit of the parameter",
+        gradient: Number ["m squared per unit"] "product of its column (weighted, m per unit) and the weighted deviations",
+        information: Numbers ["m squared per product of units"] "products of its column and those of the parameters 0 to number",
+        squares: Number ["m squared"] "sum of the squared weighted deviations",
+        degrees_of_freedom: Number ["1"] "weighted deviations, less the columns of nonlinear effects that were named and are eliminated",
+    }
     PROMISES "promises" "one effect of the declared model with its promised and achieved reduction of the gap" {
         effect: Text [""] "identifier of the vocabulary",
         source: Text [""] "session in which it was found",

@@ -3,6 +3,7 @@
 use metrology::statistics::normal_cdf;
 
 use super::filter::Level;
+use super::likelihood::Spread;
 
 /// Farthest that is looked ahead, days.
 const HORIZON: f64 = 3650.0;
@@ -19,12 +20,12 @@ pub struct Crossing {
     pub latest: f64,
 }
 
-/// The crossing of |level| = `limit` (in its unit) by a level with this walk (variance per day).
-pub fn crossing(level: &Level, walk: f64, limit: f64) -> Crossing {
+/// The crossing of |level| = `limit` (in its unit) by a level with this spread; what a day adds is left out.
+pub fn crossing(level: &Level, spread: &Spread, limit: f64) -> Crossing {
     let beyond = |days: f64| {
-        let then = level.at(level.time + days, walk);
-        let spread = then.covariance[0].max(0.0).sqrt().max(f64::MIN_POSITIVE);
-        normal_cdf((then.level - limit) / spread) + normal_cdf((-limit - then.level) / spread)
+        let then = level.at(level.time + days, spread);
+        let deviation = then.covariance[0].max(0.0).sqrt().max(f64::MIN_POSITIVE);
+        normal_cdf((then.level - limit) / deviation) + normal_cdf((-limit - then.level) / deviation)
     };
     Crossing {
         earliest: first(&beyond, 0.025),
@@ -69,8 +70,9 @@ mod tests {
             level: 2.0,
             slope: 0.5,
             covariance: [0.01, 0.0, 0.0],
+            day: [0.0; 4],
         };
-        let found = crossing(&level, 0.0, 7.0);
+        let found = crossing(&level, &Spread::NONE, 7.0);
         assert!((found.expected - 10.0).abs() < 1e-6);
         assert!((found.earliest - (10.0 - 1.959964 * 0.1 / 0.5)).abs() < 1e-5);
         assert!((found.latest - (10.0 + 1.959964 * 0.1 / 0.5)).abs() < 1e-5);
@@ -78,11 +80,11 @@ mod tests {
             slope: 0.0,
             ..level
         };
-        assert_eq!(crossing(&still, 0.0, 7.0).expected, f64::INFINITY);
+        assert_eq!(crossing(&still, &Spread::NONE, 7.0).expected, f64::INFINITY);
         let down = Level {
             slope: -0.5,
             ..level
         };
-        assert!((crossing(&down, 0.0, 7.0).expected - 18.0).abs() < 1e-6);
+        assert!((crossing(&down, &Spread::NONE, 7.0).expected - 18.0).abs() < 1e-6);
     }
 }

@@ -1,7 +1,11 @@
 //! The Kalman filter of a level and its slope.
 //!
 //! State (μ, β): μ' = μ + β Δt + N(0, q Δt), β' = β. Durbin and Koopman, Time Series Analysis by State Space Methods, 2nd ed.,
-//! 4.3 (the filter) and 3.2 (the local linear trend).
+//! 4.3 (the filter) and 3.2 (the local linear trend). A third part of the state is what a day adds to all of its sessions;
+//! the next day it is another.
+
+use super::errors::Errors;
+use super::likelihood::Spread;
 
 /// Level and slope with their covariance, at the time of the last point.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -14,6 +18,8 @@ pub struct Level {
     pub slope: f64,
     /// Covariance: of the level, of level and slope, of the slope.
     pub covariance: [f64; 3],
+    /// What the day adds to all of its sessions: value, covariance with level and slope, variance.
+    pub day: [f64; 4],
 }
 
 impl Level {
@@ -24,22 +30,30 @@ impl Level {
             level: value,
             slope: 0.0,
             covariance: [variance, 0.0, 0.0],
+            day: [0.0; 4],
         }
     }
 
-    /// At a later time; `walk` is q, the variance of the level per day.
-    pub fn at(&self, time: f64, walk: f64) -> Self {
+    /// At a later time.
+    pub fn at(&self, time: f64, spread: &Spread) -> Self {
         let step = (time - self.time).max(0.0);
         let [level, both, slope] = self.covariance;
+        let [offset, with_level, with_slope, variance] = self.day;
+        let day = if time.floor() > self.time.floor() {
+            [0.0, 0.0, 0.0, spread.daily]
+        } else {
+            [offset, with_level + step * with_slope, with_slope, variance]
+        };
         Self {
             time,
             level: self.level + self.slope * step,
             slope: self.slope,
             covariance: [
-                level + 2.0 * step * both + step * step * slope + walk * step,
+                level + 2.0 * step * both + step * step * slope + spread.walk * step,
                 both + step * slope,
                 slope,
             ],
+            day,
         }
     }
 
@@ -52,21 +66,32 @@ impl Level {
         }
     }
 
-    /// Takes a value of this variance at its own time, and gives the logarithm of its predicted density.
-    pub fn update(&mut self, value: f64, variance: f64) -> f64 {
+    /// Takes a value with errors of this variance at its own time, and gives the logarithm of its predicted density. Of errors that
+    /// are a mixture of normal ones the density is exact for a normal level, whose posterior mixture becomes one normal
+    /// distribution of the same mean and covariance (Harrison and Stevens 1976).
+    pub fn update(&mut self, value: f64, variance: f64, errors: &Errors) -> f64 {
         let [level, both, slope] = self.covariance;
-        let spread = level + variance;
-        let off = value - self.level;
-        let gain = [level / spread, both / spread];
-        self.level += gain[0] * off;
-        self.slope += gain[1] * off;
-        // (1 − K) P for the level, so that it stays positive.
+        let [offset, with_level, with_slope, of_day] = self.day;
+        // Covariance of the predicted value with level, slope and day.
+        let with = [level + with_level, both + with_slope, with_level + of_day];
+        let predicted = with[0] + with[2];
+        let off = value - self.level - offset;
+        let (density, mean, variation) = errors.density(off, predicted, variance);
+        let gain = with.map(|one| one * mean * off);
+        self.level += gain[0];
+        self.slope += gain[1];
         self.covariance = [
-            level * variance / spread,
-            both * variance / spread,
-            slope - gain[1] * both,
+            (level - variation * with[0] * with[0]).max(0.0),
+            both - variation * with[0] * with[1],
+            (slope - variation * with[1] * with[1]).max(0.0),
         ];
-        -0.5 * (off * off / spread + spread.ln() + std::f64::consts::TAU.ln())
+        self.day = [
+            offset + gain[2],
+            with_level - variation * with[0] * with[2],
+            with_slope - variation * with[1] * with[2],
+            (of_day - variation * with[2] * with[2]).max(0.0),
+        ];
+        density
     }
 }
 
@@ -79,21 +104,28 @@ mod tests {
     /// densities is the joint density of the points: two other ways to the same numbers.
     #[test]
     fn the_filter_agrees_with_generalised_least_squares_and_the_joint_density() {
-        let times = [0.0, 1.0, 2.5, 3.0, 7.0, 8.5];
+        let times = [0.0, 1.0, 2.5, 2.75, 8.0, 8.5];
         let values = [1.0, 1.4, 0.9, 2.0, 2.2, 3.1];
         let variances = [0.2, 0.1, 0.3, 0.2, 0.1, 0.2];
-        let (walk, prior) = (0.05, [4.0, 0.3]);
+        let (walk, daily, prior) = (0.05, 0.4, [4.0, 0.3]);
+        let spread = Spread {
+            daily,
+            walk,
+            ..Spread::NONE
+        };
         let mut filter = Level::first(0.0, 0.5, prior[0]).loosened(0.0, prior[1]);
+        filter.day[3] = daily;
         let mut logarithm = 0.0;
         for (time, (value, variance)) in times.iter().zip(values.iter().zip(variances)) {
-            filter = filter.at(*time, walk);
-            logarithm += filter.update(*value, variance);
+            filter = filter.at(*time, &spread);
+            logarithm += filter.update(*value, variance, &Errors::NORMAL);
         }
-        // Joint distribution: y = 0.5 + prior level + slope t + walk(t) + noise.
+        // Joint distribution: y = 0.5 + prior level + slope t + walk(t) + day + noise.
         let covariance = DMatrix::from_fn(6, 6, |a, b| {
             prior[0]
                 + prior[1] * times[a] * times[b]
                 + walk * times[a].min(times[b])
+                + f64::from(times[a].floor() == times[b].floor()) * daily
                 + if a == b { variances[a] } else { 0.0 }
         });
         let off = DVector::from_iterator(6, values.iter().map(|value| value - 0.5));
@@ -106,7 +138,7 @@ mod tests {
             .map(|one| 2.0 * one.ln())
             .sum();
         let joint = -0.5 * (off.dot(&solved) + determinant + 6.0 * std::f64::consts::TAU.ln());
-        assert!((logarithm - joint).abs() < 1e-10, "{logarithm} {joint}");
+        assert!((logarithm - joint).abs() < 1e-9, "{logarithm} {joint}");
         // Posterior of level and slope at the last time.
         let cross = |row: usize| {
             let level = prior[0] + prior[1] * 8.5 * times[row] + walk * times[row];

@@ -11,12 +11,12 @@ use serde::Serialize;
 use common::{in_common, own_parts, random_effects};
 pub use hierarchy::{Levels, Own, TypeChange};
 
+use super::calibrate::excess;
+use super::onset::refined;
 use super::series::{Done, Quantity, Series};
 use super::watch::{Change, Kind, Watch};
 use super::{Spread, crossing, spread};
 
-/// Points of each series from which the spread of the quantity is estimated.
-const FIRST: usize = 30;
 /// Days between the onsets of machines that are taken for one cause.
 const TOGETHER: f64 = 14.0;
 /// Fewest machines that have something in common; of large types it is half of them.
@@ -44,13 +44,13 @@ pub struct Finding {
     pub unit: String,
     /// `step` or `drift`.
     pub kind: &'static str,
-    /// Days since 1970 of the first changed session: the most probable, and the interval that holds 95 %.
+    /// Days since 1970 of the first changed session, as it is most probable.
     pub onset: f64,
-    /// See `onset`.
+    /// From the last session that may be unchanged to the first one that must be changed: the interval holds the change with 95 %.
     pub onset_between: [f64; 2],
     /// Days since 1970 of the session after which it was certain.
     pub alarm: f64,
-    /// Step (unit) or slope (unit per day) and its standard uncertainty, at the alarm.
+    /// Step (unit) or slope (unit per day) and its standard uncertainty, from all sessions until the next change.
     pub size: [f64; 2],
     /// Level before the onset, unit.
     pub before: f64,
@@ -164,17 +164,19 @@ pub fn conclude(
     let (mut common, mut levels, mut of_types) = (Vec::new(), Vec::new(), Vec::new());
     let mut type_points = 0;
     let mut all: Vec<Found<'_>> = Vec::new();
-    for alike in by_kind.values() {
-        let firsts: Vec<&[super::Point]> = alike
-            .iter()
-            .map(|one| &one.points[..one.points.len().min(FIRST)])
-            .collect();
-        let spread = spread(&firsts);
+    let kinds: Vec<&Vec<&Series>> = by_kind.values().collect();
+    let watched = crate::parallel::map(&kinds, |alike| {
+        let points: Vec<&[super::Point]> = alike.iter().map(|one| one.points.as_slice()).collect();
+        let spread = spread(&points);
+        let excess = excess(&points, &spread);
         let mut found = Vec::new();
-        for one in alike {
+        for one in *alike {
             let sessions = of_machine[one.machine.as_str()] as f64 * 1000.0 / options.false_alarms;
-            found.extend(changes(one, spread, sessions));
+            found.extend(changes(one, spread, sessions / excess));
         }
+        (spread, found)
+    });
+    for (alike, (spread, mut found)) in kinds.into_iter().zip(watched) {
         common.extend(in_common(&mut found, alike.len()));
         levels.extend(hierarchy::levels(alike, &found, spread));
         if let Some(of_type) = hierarchy::series_of_type(alike, &found, spread) {
@@ -207,8 +209,8 @@ pub fn conclude(
     }
 }
 
-fn changes(series: &Series, spread: Spread, sessions: f64) -> Vec<Found<'_>> {
-    let mut watch = Watch::new(spread, sessions);
+fn changes(series: &Series, spread: Spread, limit: f64) -> Vec<Found<'_>> {
+    let mut watch = Watch::new(spread, limit);
     let found: Vec<Change> = series
         .points
         .iter()
@@ -224,7 +226,10 @@ fn changes(series: &Series, spread: Spread, sessions: f64) -> Vec<Found<'_>> {
         change,
         common: false,
     };
-    found.into_iter().map(of).collect()
+    refined(&series.points, &spread, &found)
+        .into_iter()
+        .map(of)
+        .collect()
 }
 
 /// One finding for the changes of a machine that may have begun together: the clearest, and what else changed.
@@ -276,7 +281,7 @@ fn finding(found: &Found<'_>, events: Option<&Vec<Done>>, options: &Options) -> 
         .filter(|event| event.time > window[0] && event.time <= window[1]);
     let span = series.points.last().map_or(0.0, |point| point.time) - series.points[0].time;
     let leaves = options.limits.get(&quantity).map(|limit| {
-        let crossing = crossing(last, spread.walk, *limit);
+        let crossing = crossing(last, spread, *limit);
         [crossing.earliest, crossing.expected, crossing.latest]
             .map(|days| days.is_finite().then_some(days))
     });
@@ -292,7 +297,7 @@ fn finding(found: &Found<'_>, events: Option<&Vec<Done>>, options: &Options) -> 
         unit: series.quantity.unit.clone(),
         kind: word(change.kind),
         onset: found.onset(),
-        onset_between: change.between.map(|point| found.time(point)),
+        onset_between: window,
         alarm: found.time(change.alarm),
         size: change.size,
         before: change.before,

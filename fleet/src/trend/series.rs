@@ -1,12 +1,10 @@
 //! Series of a lake: estimates of the effects that are followed, and readings of sensors against those of the hall.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
-use arrow_array::Array;
-
-use super::Point;
-use crate::lake::schema::{EFFECTS, EVENTS, SIGNALS};
-use crate::lake::{Lake, flags, moments, numbers, texts};
+use super::{Point, joint};
+use crate::lake::schema::{EVENTS, SIGNALS};
+use crate::lake::{Lake, moments, numbers, texts};
 
 /// µs of a day.
 const DAY: f64 = 86_400e6;
@@ -53,12 +51,12 @@ pub struct Done {
 }
 
 /// A point with what its uncertainty is made of.
-struct Estimate {
-    time: f64,
-    value: f64,
-    uncertainty: f64,
-    noise: f64,
-    freedom: f64,
+pub(super) struct Estimate {
+    pub(super) time: f64,
+    pub(super) value: f64,
+    pub(super) uncertainty: f64,
+    pub(super) noise: f64,
+    pub(super) freedom: f64,
 }
 
 /// Days since 1970 of an instant (µs).
@@ -72,57 +70,7 @@ pub fn days(time: i64) -> f64 {
 /// # Errors
 /// The lake cannot be read.
 pub fn series(lake: &Lake, sessions: usize) -> anyhow::Result<Vec<Series>> {
-    let followed = followed(lake, sessions)?;
-    let mut found: BTreeMap<(String, String, Quantity), Vec<Estimate>> = BTreeMap::new();
-    let columns = [
-        "machine",
-        "machine_type",
-        "time",
-        "effect",
-        "parameter",
-        "unit",
-        "value",
-        "standard_uncertainty",
-        "noise",
-        "degrees_of_freedom",
-    ];
-    lake.scan(&EFFECTS, &columns, &mut |batch| {
-        let text = |column| texts(batch, column);
-        let (machines, types, times) = (text(0)?, text(1)?, moments(batch, 2)?);
-        let (effects, parameters, units) = (text(3)?, text(4)?, text(5)?);
-        let [values, uncertainties, noises, freedoms] = [
-            numbers(batch, 6)?,
-            numbers(batch, 7)?,
-            numbers(batch, 8)?,
-            numbers(batch, 9)?,
-        ];
-        for row in 0..batch.num_rows() {
-            let wanted =
-                followed.contains(&(types.value(row).to_owned(), effects.value(row).to_owned()));
-            if !wanted || values.is_null(row) || uncertainties.is_null(row) || noises.is_null(row) {
-                continue;
-            }
-            let quantity = Quantity {
-                effect: effects.value(row).to_owned(),
-                parameter: parameters.value(row).to_owned(),
-                unit: units.value(row).to_owned(),
-            };
-            let key = (
-                machines.value(row).to_owned(),
-                types.value(row).to_owned(),
-                quantity,
-            );
-            found.entry(key).or_default().push(Estimate {
-                time: days(times.value(row)),
-                value: values.value(row),
-                uncertainty: uncertainties.value(row),
-                noise: noises.value(row),
-                freedom: freedoms.value(row),
-            });
-        }
-        Ok(())
-    })?;
-    let mut all: Vec<Series> = found
+    let mut all: Vec<Series> = joint::estimates(lake, sessions)?
         .into_iter()
         .map(|((machine, machine_type, quantity), estimates)| Series {
             machine,
@@ -133,27 +81,6 @@ pub fn series(lake: &Lake, sessions: usize) -> anyhow::Result<Vec<Series>> {
         .collect();
     all.extend(sensors(lake)?);
     Ok(all)
-}
-
-/// Type of machine and effect of what is followed.
-fn followed(lake: &Lake, sessions: usize) -> anyhow::Result<BTreeSet<(String, String)>> {
-    let mut bags: BTreeMap<(String, String, String), BTreeSet<String>> = BTreeMap::new();
-    let columns = ["bag", "machine", "machine_type", "effect", "named"];
-    lake.scan(&EFFECTS, &columns, &mut |batch| {
-        let (keys, machines, types) = (texts(batch, 0)?, texts(batch, 1)?, texts(batch, 2)?);
-        let (effects, named) = (texts(batch, 3)?, flags(batch, 4)?);
-        for row in (0..batch.num_rows()).filter(|row| named.value(*row)) {
-            let key = [types, machines, effects].map(|column| column.value(row).to_owned());
-            bags.entry(key.into())
-                .or_default()
-                .insert(keys.value(row).to_owned());
-        }
-        Ok(())
-    })?;
-    let often = bags.into_iter().filter(|(_, bags)| bags.len() >= sessions);
-    Ok(often
-        .map(|((machine_type, _, effect), _)| (machine_type, effect))
-        .collect())
 }
 
 /// Points whose noise is that of all sessions of the series, weighted by their degrees of freedom: the residuals of one small

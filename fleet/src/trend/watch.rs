@@ -3,6 +3,7 @@
 use metrology::statistics::normal_quantile;
 
 use super::Point;
+use super::errors::Errors;
 use super::filter::Level;
 use super::likelihood::Spread;
 
@@ -14,9 +15,6 @@ const KEPT: usize = 60;
 const STEP: f64 = 4.0;
 /// A slope that makes as many standard deviations of a point in this many days is looked for.
 const DAYS: f64 = 60.0;
-/// A point counts as no farther from its prediction than this many standard deviations of a point: a false touch must not
-/// be taken for a change alone.
-const FAR: f64 = 4.0;
 
 /// How a series has changed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -44,8 +42,18 @@ pub struct Change {
     pub after: Level,
     /// Step (unit of the series) or slope (per day) with its standard uncertainty.
     pub size: [f64; 2],
-    /// Natural logarithm of the statistic.
+    /// Natural logarithm of the statistic at the alarm.
     pub log_statistic: f64,
+}
+
+/// The states in which a level that has been `unchanged` so far may go on from a point on: a step shows in the level, a drift in
+/// the slope. Variance is that of a point.
+pub(super) fn begun(unchanged: &Level, variance: f64) -> [(Kind, Level); 2] {
+    let step = STEP * STEP * variance;
+    [
+        (Kind::Step, unchanged.loosened(step, 0.0)),
+        (Kind::Drift, unchanged.loosened(0.0, step / (DAYS * DAYS))),
+    ]
 }
 
 /// One onset.
@@ -64,6 +72,7 @@ struct Onset {
 #[derive(Debug, Clone)]
 pub struct Watch {
     spread: Spread,
+    errors: Errors,
     log_limit: f64,
     count: usize,
     /// Points since the watch began anew.
@@ -73,11 +82,13 @@ pub struct Watch {
 }
 
 impl Watch {
-    /// A watch with at most one false alarm in `sessions` in the mean.
-    pub fn new(spread: Spread, sessions: f64) -> Self {
+    /// A watch that alarms when the statistic exceeds `limit`. Series without a change reach it after `limit` sessions in the mean, or
+    /// later ([`super::calibrate`]).
+    pub fn new(spread: Spread, limit: f64) -> Self {
         Self {
             spread,
-            log_limit: sessions.max(1.0).ln(),
+            errors: spread.errors(),
+            log_limit: limit.max(1.0).ln(),
             count: 0,
             own: 0,
             level: None,
@@ -96,41 +107,31 @@ impl Watch {
         self.count += 1;
         self.own += 1;
         let variance = self.spread.variance(point).max(f64::MIN_POSITIVE);
-        let walk = self.spread.walk;
         let Some(mut level) = self.level else {
-            self.level = Some(Level::first(point.time, point.value, variance));
+            self.level = Some(self.spread.first(point));
             return None;
         };
-        level = level.at(point.time, walk);
+        level = level.at(point.time, &self.spread);
         let predicted = level;
+        let unchanged = level.update(point.value, variance, &self.errors);
+        self.level = Some(level);
         if self.own <= FEWEST {
-            level.update(point.value, variance);
-            self.level = Some(level);
             return None;
         }
-        // A step shows in the level, a drift in the slope; both begin at this point.
-        let scale = variance.sqrt();
-        let begin = |kind, state| Onset {
-            kind,
-            first: number,
-            before: [predicted.level, predicted.covariance[0]],
-            state,
-            log_ratio: -std::f64::consts::LN_2,
-        };
-        let slope = STEP * scale / DAYS;
-        self.onsets.push(begin(
-            Kind::Step,
-            predicted.loosened((STEP * scale).powi(2), 0.0),
-        ));
-        self.onsets
-            .push(begin(Kind::Drift, predicted.loosened(0.0, slope * slope)));
-        let unchanged = clipped(&mut level, point.value, variance);
-        self.level = Some(level);
+        for (kind, state) in begun(&predicted, variance) {
+            self.onsets.push(Onset {
+                kind,
+                first: number,
+                before: [predicted.level, predicted.covariance[0]],
+                state,
+                log_ratio: -std::f64::consts::LN_2,
+            });
+        }
         for onset in &mut self.onsets {
             if onset.first < number {
-                onset.state = onset.state.at(point.time, walk);
+                onset.state = onset.state.at(point.time, &self.spread);
             }
-            onset.log_ratio += clipped(&mut onset.state, point.value, variance) - unchanged;
+            onset.log_ratio += onset.state.update(point.value, variance, &self.errors) - unchanged;
         }
         if self.onsets.len() > KEPT {
             self.onsets
@@ -199,13 +200,7 @@ impl Watch {
     }
 }
 
-/// Takes a value, moved to within [`FAR`] of its prediction, and gives the logarithm of its predicted density.
-fn clipped(level: &mut Level, value: f64, variance: f64) -> f64 {
-    let far = FAR * (level.covariance[0] + variance).sqrt();
-    level.update(value.clamp(level.level - far, level.level + far), variance)
-}
-
-fn log_sum(values: impl Iterator<Item = f64> + Clone) -> f64 {
+pub(super) fn log_sum(values: impl Iterator<Item = f64> + Clone) -> f64 {
     let largest = values.clone().fold(f64::NEG_INFINITY, f64::max);
     largest
         + values

@@ -155,15 +155,8 @@ impl Card {
         found: &Finding,
         conclusions: &Conclusions,
     ) {
-        // The planted onset lies between two sessions: the last one before it may be told.
-        let before = own
-            .points
-            .iter()
-            .rev()
-            .find(|point| point.time < found.onset_between[0]);
-        let from = before.map_or(f64::NEG_INFINITY, |point| point.time);
-        self.onsets
-            .count(from <= one.onset && one.onset <= found.onset_between[1]);
+        let [from, to] = found.onset_between;
+        self.onsets.count(from <= one.onset && one.onset <= to);
         if found.kind == one.kind && found.quantity == one.quantity {
             self.sizes
                 .count((found.size[0] - one.size).abs() <= COVERAGE * found.size[1]);

@@ -16,6 +16,7 @@ use serde::Serialize;
 
 use super::failed;
 use crate::answer::{column, instant, list, structure};
+use crate::trend::onset::refined;
 use crate::trend::watch::Kind;
 use crate::trend::{Change, Point, Watch, spread};
 
@@ -23,8 +24,6 @@ use crate::trend::{Change, Point, Watch, spread};
 const DAY: f64 = 86_400e6;
 /// Sessions to a false alarm in the mean, unless given.
 const SESSIONS: f64 = 1000.0;
-/// Points from which repeatability and walk are estimated.
-const FIRST: usize = 30;
 
 /// What the function answers.
 static FIELDS: LazyLock<Fields> = LazyLock::new(|| {
@@ -227,7 +226,7 @@ fn concluded(points: &[[f64; 3]], sessions: f64) -> Option<Conclusion> {
             uncertainty: *uncertainty,
         })
         .collect();
-    let spread = spread(&[&series[..series.len().min(FIRST)]]);
+    let spread = spread(&[&series]);
     let mut watch = Watch::new(spread, sessions);
     let changes: Vec<Change> = series
         .iter()
@@ -241,7 +240,7 @@ fn concluded(points: &[[f64; 3]], sessions: f64) -> Option<Conclusion> {
             Kind::Drift => "drift",
         },
         onset: time(change.onset),
-        onset_lower: time(change.between[0]),
+        onset_lower: time(change.between[0].saturating_sub(1)),
         onset_upper: time(change.between[1]),
         alarm: time(change.alarm),
         size: change.size[0],
@@ -256,6 +255,9 @@ fn concluded(points: &[[f64; 3]], sessions: f64) -> Option<Conclusion> {
         level_uncertainty: level.covariance[0].max(0.0).sqrt(),
         slope_per_day: level.slope,
         slope_uncertainty: level.covariance[2].max(0.0).sqrt(),
-        changes: changes.into_iter().map(told).collect(),
+        changes: refined(&series, &spread, &changes)
+            .into_iter()
+            .map(told)
+            .collect(),
     })
 }

@@ -9,10 +9,14 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use super::{FEWEST, FIRST, Found, Spread, TOGETHER, name, own_parts, random_effects, word};
+use super::{FEWEST, Found, Spread, TOGETHER, name, own_parts, random_effects, word};
+use crate::trend::calibrate::excess;
+use crate::trend::onset::refined;
 use crate::trend::series::{Quantity, Series};
 use crate::trend::{Change, Point, Watch, spread};
 
+/// Points of each machine against whose mean it is compared.
+const FIRST: usize = 30;
 /// Days over which the machines of a type are compared, as short as most of them allow.
 const INTERVALS: [f64; 6] = [1.0, 2.0, 4.0, 7.0, 14.0, 30.0];
 /// Share of the intervals in which enough machines must have a session.
@@ -212,8 +216,8 @@ fn medians(alike: &[Vec<Point>], spread: Spread, days: f64, fewest: usize) -> Op
 /// Changes of the series of a type, with one false alarm in so many of its points in the mean.
 pub(super) fn type_changes(of_type: &OfType, points: f64) -> Vec<TypeChange> {
     let series = &of_type.points;
-    let spread = spread(&[&series[..series.len().min(FIRST)]]);
-    let mut watch = Watch::new(spread, points);
+    let spread = spread(&[series]);
+    let mut watch = Watch::new(spread, points / excess(&[series], &spread));
     let changes: Vec<Change> = series
         .iter()
         .filter_map(|point| watch.push(point))
@@ -225,11 +229,17 @@ pub(super) fn type_changes(of_type: &OfType, points: f64) -> Vec<TypeChange> {
         unit: of_type.quantity.unit.clone(),
         kind: word(change.kind),
         onset: time(change.onset),
-        onset_between: change.between.map(time),
+        onset_between: [
+            time(change.between[0].saturating_sub(1)),
+            time(change.between[1]),
+        ],
         alarm: time(change.alarm),
         size: change.size,
     };
-    changes.into_iter().map(told).collect()
+    refined(series, &spread, &changes)
+        .into_iter()
+        .map(told)
+        .collect()
 }
 
 #[cfg(test)]
