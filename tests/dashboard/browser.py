@@ -44,13 +44,13 @@ def live_cells(browser, folder, cable):
         with browser.page() as cell:
             cell.goto(f"{cable.address}/cell/mill_a")
             cell.evaluate("""() => { window.delays = []; new MutationObserver(() => {
-                const at = Number(document.querySelector('#part .newest')?.dataset.at);
+                const at = Number(document.querySelector('#part .newest')?.dataset.made);
                 if (at && at !== window.last) { window.last = at; window.delays.push(Date.now() - at); }
             }).observe(document.querySelector('.cards'), { childList: true, subtree: true }); }""")
             asked = Process("run", "punch_1", "--cell", a, folder=folder)
             wait(hall, "document.querySelector('#tile-mill_a').innerText.includes('punch_1')")
             wait(cell, "document.querySelectorAll('#part g.touch').length >= 5")
-            print("cell: touches appear as they come; ms from reception to the page:", sorted(cell.evaluate("window.delays")))
+            print("cell: touches appear as they come; ms from the touch to the page:", sorted(cell.evaluate("window.delays")))
             wait(hall, "document.querySelector('#tile-mill_a .verdict')")
             wait(hall, "document.querySelector('#tile-mill_a .verdict').innerText.includes('can be corrected')")
             print("hall: a verdict changed the tile")

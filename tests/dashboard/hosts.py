@@ -27,9 +27,9 @@ LINUXCNC = ROOT / "tests" / "interop" / "linuxcnc"
 CUT = 30  # s
 STALE = 3  # s, docs/dashboard.md
 
-# Between the reception of a touch by the dashboard and its being on the page, ms.
+# Between a touch, by its stamp, and its being on the page, ms.
 DELAYS = """() => { window.delays = []; new MutationObserver(() => {
-    const at = Number(document.querySelector('#part .newest')?.dataset.at);
+    const at = Number(document.querySelector('#part .newest')?.dataset.made);
     if (at && at !== window.last) { window.last = at; window.delays.push(Date.now() - at); }
 }).observe(document.querySelector('.cards'), { childList: true, subtree: true }); }"""
 
@@ -135,7 +135,7 @@ def parts(browser, hall, files, folder, there, host, cable):
 
         for name, page in pages.items():
             delays = sorted(page.evaluate("window.delays"))
-            print(f"{name}: {len(delays)} touches came to the page, ms from reception: median {delays[len(delays) // 2]}, most {delays[-1]}")
+            print(f"{name}: {len(delays)} touches came to the page, ms from the touch: median {delays[len(delays) // 2]}, most {delays[-1]}")
 
         # What happened during the cut is told by number and kind.
         told_at = lambda: metric("cell_touches_total", "mill_a")

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use graph::Stamp;
+use probecell_msgs::Correction;
 
 use crate::state::{CellState, Characteristic, wording};
 use crate::view::{changed_by, limits};
@@ -44,6 +45,8 @@ pub(crate) struct Summary {
     pub(crate) declared: BTreeMap<String, String>,
     /// Corrections that were applied, in words.
     pub(crate) applied: Vec<String>,
+    /// m, what the machine read back after its last correction, by what is corrected.
+    pub(crate) offsets: BTreeMap<String, f64>,
     /// °C at its end, by place.
     pub(crate) temperatures: BTreeMap<String, f64>,
     /// Parts by characteristic.
@@ -87,6 +90,11 @@ impl Summary {
                 let what = changed_by(&one.correction);
                 format!("{what}: promised {promised} → 0, achieved → {achieved}")
             });
+        let offsets = cell.corrections().filter(|one| one.is_applied());
+        let offsets = offsets.filter_map(|one| {
+            let read_back = one.acknowledgement.as_ref()?.value_after;
+            Some((offset(&one.correction)?, read_back))
+        });
         let machine = cell.machine().unwrap_or_default();
         let temperatures = machine
             .temperature_names
@@ -107,10 +115,70 @@ impl Summary {
             effects: effects.collect(),
             declared: declared.collect(),
             applied: applied.collect(),
+            offsets: offsets.collect(),
             temperatures: temperatures.collect(),
             sizes: sizes.collect(),
         }
     }
+}
+
+/// The one value that a correction changes, in words.
+fn offset(correction: &Correction) -> Option<String> {
+    match correction.kind {
+        Correction::TOOL_WEAR => Some(format!("tool {}", correction.tool_number)),
+        Correction::WORK_OFFSET => Some(correction.axis.clone()),
+        _ => None,
+    }
+}
+
+/// An effect that the model of the machine declares from a session on, or does not declare any more.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Adoption {
+    /// The first session with the other model.
+    pub(crate) at: Stamp,
+    /// The effect.
+    pub(crate) effect: String,
+    /// It was adopted; taken back otherwise.
+    pub(crate) adopted: bool,
+    /// Gap over noise of the sessions before and after.
+    pub(crate) ratios: [Option<f64>; 2],
+    /// What the effect promised and achieved, in words, where the later session tells.
+    pub(crate) kept: String,
+}
+
+impl Adoption {
+    /// In words.
+    pub(crate) fn told(&self) -> String {
+        let effect = effects::vocabulary::describe(&self.effect);
+        let what = if self.adopted {
+            "Adopted"
+        } else {
+            "Taken back"
+        };
+        format!("{what}: {effect}")
+    }
+}
+
+/// Changes of the model between successive sessions, in the order of time.
+pub(crate) fn adoptions(sessions: &[Summary]) -> Vec<Adoption> {
+    let mut found = Vec::new();
+    for pair in sessions.windows(2) {
+        let (old, new) = (&pair[0], &pair[1]);
+        let make = |effect: &String, adopted: bool| Adoption {
+            at: new.begin,
+            effect: effect.clone(),
+            adopted,
+            ratios: [old.ratio, new.ratio],
+            kept: new.declared.get(effect).cloned().unwrap_or_default(),
+        };
+        let added = new.declared.keys();
+        let added = added.filter(|one| !old.declared.contains_key(*one));
+        found.extend(added.map(|one| make(one, true)));
+        let removed = old.declared.keys();
+        let removed = removed.filter(|one| !new.declared.contains_key(*one));
+        found.extend(removed.map(|one| make(one, false)));
+    }
+    found
 }
 
 /// A parameter whose 95 % intervals before and after exclude one another.
@@ -121,9 +189,7 @@ pub(crate) struct Change {
     /// The session from which on it is another.
     pub(crate) at: Stamp,
     /// Before and after.
-    pub(crate) values: [f64; 2],
-    /// SI unit.
-    pub(crate) unit: String,
+    pub(crate) found: [Found; 2],
     /// What was done between the two sessions, as far as is recorded.
     pub(crate) done: Vec<String>,
 }
@@ -141,8 +207,7 @@ pub(crate) fn changes(sessions: &[Summary]) -> Vec<Change> {
                     found.push(Change {
                         of: of.clone(),
                         at: session.begin,
-                        values: [old.value, new.value],
-                        unit: new.unit.clone(),
+                        found: [old.clone(), new.clone()],
                         done: done(&sessions[before..=index]),
                     });
                 }
@@ -154,22 +219,11 @@ pub(crate) fn changes(sessions: &[Summary]) -> Vec<Change> {
 
 /// What was adopted, taken back and corrected from the first of the sessions to the last.
 fn done(sessions: &[Summary]) -> Vec<String> {
-    let mut all = Vec::new();
-    for pair in sessions.windows(2) {
-        let (old, new) = (&pair[0], &pair[1]);
-        all.extend(old.applied.iter().cloned());
-        let adopted = new
-            .declared
-            .keys()
-            .filter(|one| !old.declared.contains_key(*one));
-        all.extend(adopted.map(|one| format!("{one} was adopted")));
-        let removed = old
-            .declared
-            .keys()
-            .filter(|one| !new.declared.contains_key(*one));
-        all.extend(removed.map(|one| format!("{one} was taken back")));
-    }
-    all
+    let before = &sessions[..sessions.len().saturating_sub(1)];
+    let corrected = before.iter().flat_map(|one| one.applied.iter().cloned());
+    let model = adoptions(sessions);
+    let model = model.iter().map(Adoption::told);
+    corrected.chain(model).collect()
 }
 
 #[cfg(test)]
@@ -208,10 +262,15 @@ mod tests {
         let found = changes(&sessions);
         assert_eq!(found.len(), 1, "{found:?}");
         assert_eq!(found[0].at, sessions[3].begin);
-        assert_eq!(found[0].values, [12e-6, 2e-6]);
         assert_eq!(
-            found[0].done,
-            ["Wear of tool 2", "probe.radius was adopted"]
+            found[0].found.each_ref().map(|one| one.value),
+            [12e-6, 2e-6]
         );
+        assert_eq!(found[0].done, ["Wear of tool 2", "Adopted: probe.radius"]);
+        let model = adoptions(&sessions);
+        assert_eq!(model.len(), 1, "{model:?}");
+        assert_eq!((model[0].at, model[0].adopted), (sessions[3].begin, true));
+        sessions.reverse();
+        assert!(!adoptions(&sessions)[0].adopted);
     }
 }

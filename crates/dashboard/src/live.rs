@@ -119,32 +119,62 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// What is read of every cell: all but the axes, which only the page of a cell shows.
+/// What is read of every cell by one subscription for all: all but what comes at the rate of the controller.
 fn observed() -> Vec<Observed> {
     let read = read_topics().into_iter().chain([topics::OPERATOR_KEYS]);
-    let read = read.filter(|topic| topic.name != topics::JOINT_STATES.name);
+    let of_controller = [topics::JOINT_STATES.name, topics::MACHINE_STATE.name];
+    let read = read.filter(|topic| !of_controller.contains(&topic.name));
     read.map(|topic| Observed {
         name: topic.name.to_owned(),
         ty: topic.message.into(),
-        // The newest is all that counts; what is missing of it is not fetched.
-        qos: if topic.name == topics::MACHINE_STATE.name {
-            Qos::best_effort(1)
-        } else {
-            bus_qos(topic.qos)
-        },
+        qos: bus_qos(topic.qos),
     })
     .collect()
 }
 
-/// The axes of one cell.
-fn axes() -> Observed {
-    let topic = topics::JOINT_STATES;
+/// A topic that comes at the rate of the controller: it is read of each cell by a subscription of its own, for whose key Zenoh
+/// knows the way, while for one with wildcards it would search among all of them with every sample.
+fn fast(topic: graph::Topic) -> Observed {
     Observed {
         name: topic.name.to_owned(),
         ty: topic.message.into(),
+        // The newest is all that counts; what is missing of it is not fetched.
         qos: Qos::best_effort(1),
     }
 }
+
+/// The cells of which one such topic is read.
+struct OfCells {
+    topic: Observed,
+    read: BTreeMap<String, Watched>,
+}
+
+impl OfCells {
+    fn new(topic: graph::Topic) -> Self {
+        Self {
+            topic: fast(topic),
+            read: BTreeMap::new(),
+        }
+    }
+
+    /// Reads it of these cells, and of no others.
+    fn follow(&mut self, observer: &Observer, cells: &BTreeSet<String>, on: &Callbacks) {
+        self.read.retain(|cell, _| cells.contains(cell));
+        for cell in cells {
+            if let Entry::Vacant(place) = self.read.entry(cell.clone()) {
+                match observer.watch(cell, &self.topic, &on.0, &on.1) {
+                    Ok(watched) => drop(place.insert(watched)),
+                    Err(error) => {
+                        tracing::warn!(%error, cell, "{} cannot be read", self.topic.name);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// What takes samples, and what takes how many are missed.
+type Callbacks = (OnObserved, OnMissed);
 
 /// Reads one router for as long as the process runs, on a thread of its own.
 pub(crate) fn read(live: Arc<Live>, config: BusConfig) -> std::io::Result<()> {
@@ -156,9 +186,9 @@ pub(crate) fn read(live: Arc<Live>, config: BusConfig) -> std::io::Result<()> {
 
 fn run(live: &Arc<Live>, config: &BusConfig) {
     let endpoint = config.endpoints.join(", ");
-    let (on_sample, on_missed) = callbacks(live);
+    let on = callbacks(live);
     let observer = loop {
-        match Observer::open(config, &observed(), &on_sample, &on_missed) {
+        match Observer::open(config, &observed(), &on.0, &on.1) {
             Ok(observer) => break observer,
             Err(error) => {
                 tracing::debug!(%error, "no router yet");
@@ -167,20 +197,13 @@ fn run(live: &Arc<Live>, config: &BusConfig) {
             }
         }
     };
-    let mut read: BTreeMap<String, Watched> = BTreeMap::new();
+    let mut states = OfCells::new(topics::MACHINE_STATE);
+    let mut axes = OfCells::new(topics::JOINT_STATES);
     loop {
         live.set_router(&endpoint, observer.is_connected());
-        let wanted = live.wanted();
-        read.retain(|cell, _| wanted.contains(cell));
-        for cell in wanted {
-            if let Entry::Vacant(place) = read.entry(cell) {
-                match observer.watch(place.key(), &axes(), &on_sample, &on_missed) {
-                    Ok(watched) => drop(place.insert(watched)),
-                    Err(error) => tracing::warn!(%error, "the axes of a cell cannot be read"),
-                }
-            }
-        }
         let present = present(&observer);
+        states.follow(&observer, &present, &on);
+        axes.follow(&observer, &live.wanted(), &on);
         let mut hall = live.hall();
         let before = hall.last_event();
         hall.set_present(&present, host::now());
@@ -193,7 +216,7 @@ fn run(live: &Arc<Live>, config: &BusConfig) {
     }
 }
 
-fn callbacks(live: &Arc<Live>) -> (OnObserved, OnMissed) {
+fn callbacks(live: &Arc<Live>) -> Callbacks {
     let on_sample: OnObserved = Arc::new({
         let live = Arc::clone(live);
         move |topic, received| live.take(topic, &received.payload)

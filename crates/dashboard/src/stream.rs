@@ -68,7 +68,7 @@ struct Client {
     shown: Shown,
     /// Hash of each part as it was sent.
     sent: BTreeMap<String, u64>,
-    /// Newest event of each cell as its tile was written.
+    /// Newest event of each cell as it was written.
     tiles: BTreeMap<String, u64>,
     /// When all tiles were written last.
     whole: Option<Instant>,
@@ -115,12 +115,7 @@ pub(crate) fn stream(
                 return Some((Ok(event), client));
             }
             if client.begun {
-                tokio::time::sleep(ROUND).await;
-                // The sender lives as long as the server.
-                drop(
-                    tokio::time::timeout(IDLE.saturating_sub(ROUND), client.changes.changed())
-                        .await,
-                );
+                client.wait().await;
             }
             client.begun = true;
             client.changes.mark_unchanged();
@@ -139,6 +134,28 @@ pub(crate) fn seen_now(live: &Live, epoch: u64) -> String {
 }
 
 impl Client {
+    /// Until something has happened that the page shows, or for [`IDLE`]; at least [`ROUND`].
+    async fn wait(&mut self) {
+        tokio::time::sleep(ROUND).await;
+        let end = tokio::time::Instant::now() + IDLE.saturating_sub(ROUND);
+        // The sender lives as long as the server.
+        while let Ok(Ok(())) = tokio::time::timeout_at(end, self.changes.changed()).await {
+            if self.is_concerned() {
+                return;
+            }
+        }
+    }
+
+    /// An event has happened that the page has not been shown: of all cells, or of its own.
+    fn is_concerned(&self) -> bool {
+        let Shown::Cell(name, _) = &self.shown else {
+            return true;
+        };
+        let hall = self.live.hall();
+        let newest = hall.cell(name).map(|cell| cell.last_event);
+        newest != self.tiles.get(name).copied()
+    }
+
     /// What a page missed since the event `seen`.
     fn missed(&self, seen: &str) -> Event {
         let hall = self.live.hall();
@@ -214,6 +231,7 @@ impl Client {
             Shown::Cell(name, view) => match hall.cell(name) {
                 Some(cell) => {
                     live.want_axes(name);
+                    self.tiles.insert(name.clone(), cell.last_event);
                     let path = format!("/cell/{name}");
                     for one in Section::ALL {
                         // Those that are much work change with messages only, not with time.
@@ -234,6 +252,7 @@ impl Client {
                 }
                 None if self.sent.is_empty() => {}
                 None => {
+                    self.tiles.clear();
                     self.sent.clear();
                     self.written.clear();
                     self.waiting

@@ -84,6 +84,8 @@ pub struct Touch {
     pub sequence: u64,
     /// When it was received.
     pub at: Stamp,
+    /// When it was made, by the clock of the cell.
+    pub made: Stamp,
     /// m, along the outward normal; material in excess is positive.
     pub deviation: f64,
     /// m.

@@ -176,6 +176,7 @@ impl CellState {
                 Touch {
                     sequence: touch.sequence,
                     at,
+                    made: Stamp(touch.header.stamp.nanos()),
                     deviation: touch.deviation,
                     standard_uncertainty: touch.standard_uncertainty,
                 },

@@ -4,17 +4,20 @@ use std::collections::BTreeMap;
 
 use diagnosis::in_shop_units;
 use effects::vocabulary;
+use graph::Stamp;
 use maud::{Markup, html};
 
 use super::numbers::{date, mm, signed_um, um};
 use super::page::{Frame, Place, frame};
-use crate::history::{Change, Found, Sized, Summary, changes};
-use crate::state::{Characteristic, capability};
+use crate::history::{Adoption, Change, Found, Sized, Summary, adoptions, changes};
+use crate::state::{Capability, Characteristic, capability};
 
 const WIDTH: f64 = 420.0;
 const HEIGHT: f64 = 130.0;
 const LEFT: f64 = 12.0;
 const EDGE: f64 = 14.0;
+/// Sizes of an effect that stand open below its chart.
+const UNFOLDED: usize = 4;
 
 /// Machines that have recordings: name, number of them, the newest.
 pub(crate) fn machines_page(machines: &BTreeMap<String, Vec<Summary>>, unread: usize) -> Markup {
@@ -46,13 +49,13 @@ fn still_reading(unread: usize) -> Markup {
 
 /// The page of a machine. `sessions`: in the order of time.
 pub(crate) fn machine_page(name: &str, sessions: &[Summary], unread: usize) -> Markup {
-    let changes = changes(sessions);
+    let (changes, adoptions) = (changes(sessions), adoptions(sessions));
     let body = html! {
         div.title { h1 { (name) } p { (sessions.len()) " recordings" @if let (Some(first), Some(last)) = (sessions.first(), sessions.last()) { ", " (date(first.begin)) " to " (date(last.begin)) } } p.actions { a.button href="/machines" { "Machines" } } }
         (still_reading(unread))
-        section.card aria-labelledby="changes-title" { h2 #changes-title { "Changes" } (change_list(&changes)) }
-        section.card aria-labelledby="effects-title" { h2 #effects-title { "Effects" } (effects_of(sessions, &changes)) }
-        section.card aria-labelledby="days-title" { h2 #days-title { "Capability per day" } (days(sessions)) }
+        section.card aria-labelledby="changes-title" { h2 #changes-title { "Changes" } (change_list(&changes, &adoptions)) }
+        section.card aria-labelledby="effects-title" { h2 #effects-title { "Effects" } (effects_of(sessions, &changes, &adoptions)) }
+        section.card aria-labelledby="days-title" { h2 #days-title { "Capability, over all and per day" } (days(sessions)) }
         section.card aria-labelledby="kept-title" { h2 #kept-title { "Promised and achieved" } (kept(sessions)) }
         section.card aria-labelledby="all-title" { h2 #all-title { "Recordings" } (all(sessions)) }
     };
@@ -63,20 +66,42 @@ fn shop(of: &(String, String), value: f64, unit: &str, ci95: Option<[f64; 2]>) -
     in_shop_units(&of.1, value, unit, ci95).replace("= -", "= −")
 }
 
-fn change_list(changes: &[Change]) -> Markup {
+fn change_list(changes: &[Change], adoptions: &[Adoption]) -> Markup {
+    let mut rows: Vec<(Stamp, Markup)> = changes.iter().map(|one| (one.at, change(one))).collect();
+    rows.extend(adoptions.iter().map(|one| (one.at, adoption(one))));
+    rows.sort_by_key(|(at, _)| *at);
     html! {
-        @if changes.is_empty() { p.none { "No parameter of an effect has changed beyond its intervals." } }
-        ul.faults { @for one in changes {
-            li.unsure { time { (date(one.at)) } " " b { (vocabulary::describe(&one.of.0)) } ": " (shop(&one.of, one.values[0], &one.unit, None)) " → " (shop(&one.of, one.values[1], &one.unit, None))
-                @if one.done.is_empty() { small { "The recordings do not tell of anything that was done between: service, collision, temperature?" } }
-                @for done in &one.done { small { (done) } }
-            }
-        } }
-        p.note { "A change is where the 95 % intervals of two successive sessions that found the effect exclude one another." }
+        @if rows.is_empty() { p.none { "No parameter of an effect has changed beyond its intervals, and the model is the same throughout." } }
+        ul.faults { @for (_, row) in &rows { (row) } }
+        p.note { "A change is where the 95 % intervals of two successive sessions that found the effect exclude one another, or where the model of the machine was changed." }
     }
 }
 
-fn effects_of(sessions: &[Summary], changes: &[Change]) -> Markup {
+fn change(one: &Change) -> Markup {
+    let [before, after] = one.found.each_ref().map(|found| {
+        let name = format!("{} = ", one.of.1);
+        let text = shop(&one.of, found.value, &found.unit, Some(found.ci95));
+        text.trim_start_matches(&name).to_owned()
+    });
+    html! {
+        li.unsure { time { (date(one.at)) } " " b { (vocabulary::describe(&one.of.0)) } ": " (one.of.1) " = " (before) " → " (after)
+            @if one.done.is_empty() { small { "The recordings do not tell of anything that was done between: service, collision, temperature?" } }
+            @else { small { "Done since the session before:" } }
+            @for done in &one.done { small { (done) } }
+        }
+    }
+}
+
+fn adoption(one: &Adoption) -> Markup {
+    html! {
+        li.good { time { (date(one.at)) } " " b { (one.told()) }
+            @if let [Some(before), Some(after)] = one.ratios { ": gap " (format!("{before:.1} → {after:.1}")) " × noise" }
+            @if !one.kept.is_empty() { small { (one.kept) } }
+        }
+    }
+}
+
+fn effects_of(sessions: &[Summary], changes: &[Change], adoptions: &[Adoption]) -> Markup {
     let mut series: BTreeMap<&(String, String), Vec<(&Summary, &Found)>> = BTreeMap::new();
     for session in sessions {
         for (of, found) in &session.effects {
@@ -87,10 +112,10 @@ fn effects_of(sessions: &[Summary], changes: &[Change]) -> Markup {
         @if series.is_empty() { p.none { "No session has found an effect." } }
         div.charts { @for (of, found) in &series { figure {
             figcaption { b { (vocabulary::describe(&of.0)) } " " code { (of.0) } }
-            (chart(of, sessions, found, changes))
-            table { thead { tr { th scope="col" { "Session" } th scope="col" { "Size with 95 % interval" } } } tbody { @for (session, one) in found {
+            (chart(of, sessions, found, changes, adoptions))
+            details open[found.len() <= UNFOLDED] { summary { "Sizes in " (found.len()) " sessions" } table { thead { tr { th scope="col" { "Session" } th scope="col" { "Size with 95 % interval" } } } tbody { @for (session, one) in found {
                 tr { th scope="row" { (date(session.begin)) } td { (shop(of, one.value, &one.unit, Some(one.ci95))) @if one.group > 1 { small { "one of " (one.group) " causes" } } } }
-            } } }
+            } } } }
         } } }
     }
 }
@@ -101,6 +126,7 @@ fn chart(
     sessions: &[Summary],
     found: &[(&Summary, &Found)],
     changes: &[Change],
+    adoptions: &[Adoption],
 ) -> Markup {
     let begin = sessions.first().map_or(0, |one| one.begin.0);
     let end = sessions.last().map_or(0, |one| one.begin.0);
@@ -124,6 +150,10 @@ fn chart(
                 @if low < 0.0 { text.axis x=(LEFT + 6.0) y=(HEIGHT - 2.0) { (shop(of, low, &one.unit, None)) } }
             }
             @for one in changes.iter().filter(|one| one.of == *of) { line.limit x1=(x(one.at.0)) x2=(x(one.at.0)) y1="0" y2=(HEIGHT) { title { (date(one.at)) ": changed" } } }
+            @for one in adoptions.iter().filter(|one| one.effect == of.0) {
+                line.done x1=(x(one.at.0)) x2=(x(one.at.0)) y1="0" y2=(HEIGHT) { title { (date(one.at)) ": " (one.told()) } }
+                text.axis x=(x(one.at.0) - 4.0) y=(HEIGHT / 2.0) text-anchor="end" { (if one.adopted { "adopted" } else { "taken back" }) }
+            }
             @for (session, one) in found {
                 line.spread x1=(x(session.begin.0)) x2=(x(session.begin.0)) y1=(y(one.ci95[0])) y2=(y(one.ci95[1])) {}
                 circle.value cx=(x(session.begin.0)) cy=(y(one.value)) r="3.5" { title { (date(session.begin)) ": " (shop(of, one.value, &one.unit, Some(one.ci95))) } }
@@ -137,29 +167,61 @@ fn day(session: &Summary) -> String {
     date(session.begin).get(..10).unwrap_or_default().to_owned()
 }
 
+/// Sizes of each characteristic, by day.
+type Days<'a> = BTreeMap<String, Vec<&'a Sized>>;
+
 fn days(sessions: &[Summary]) -> Markup {
-    let mut per_day: BTreeMap<(&Characteristic, String), Vec<&Sized>> = BTreeMap::new();
+    let mut all: BTreeMap<&Characteristic, Days<'_>> = BTreeMap::new();
     for session in sessions {
         for (key, made) in &session.sizes {
-            per_day.entry((key, day(session))).or_default().extend(made);
+            let of_day = all.entry(key).or_default().entry(day(session)).or_default();
+            of_day.extend(made);
         }
     }
     html! {
-        @if per_day.is_empty() { p.none { "No size was measured." } } @else {
-            div.scroll tabindex="0" role="group" aria-label="Table of days" { table {
-                thead { tr { th scope="col" { "Characteristic" } th scope="col" { "Day" } th.number scope="col" { "Parts" } th.number scope="col" { "Mean, µm" } th.number scope="col" { "s, µm" } th.number scope="col" { "Cpk (95 %)" } } }
-                tbody { @for ((key, day), made) in &per_day {
-                    @let values: Vec<f64> = made.iter().map(|one| one.deviation).collect();
-                    @let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
-                    @let limits = made.last().and_then(|one| one.limits);
-                    @let index = limits.and_then(|(lower, upper)| capability(&values, lower, upper));
-                    tr { th scope="row" { (key.1) " " small { (key.0) ", nominal " (mm(key.2 as f64 * 1e-9)) " mm" } } td { (day) } td.number { (values.len()) } td.number { (signed_um(mean)) }
-                        @if let Some(one) = index { td.number { (um(one.deviation)) } td.number { (format!("{:.2} ({:.2} to {:.2})", one.cpk, one.cpk_ci95[0], one.cpk_ci95[1])) } } @else { td.number { "–" } td.number { "from 8 parts" } }
-                    }
+        @if all.is_empty() { p.none { "No size was measured." } }
+        @for (key, days) in &all {
+            @let whole: Vec<&Sized> = days.values().flatten().copied().collect();
+            details open[all.len() == 1] {
+                summary { b { (key.1) } " " small { (key.0) ", nominal " (mm(key.2 as f64 * 1e-9)) " mm" } ": " (in_words(&whole)) }
+                div.scroll tabindex="0" role="group" aria-label={ "Table of days of " (key.1) } { table {
+                    thead { tr { th scope="col" { "Day" } th.number scope="col" { "Parts" } th.number scope="col" { "Mean, µm" } th.number scope="col" { "s, µm" } th.number scope="col" { "Cpk (95 %)" } } }
+                    tbody { @for (day, made) in days {
+                        @let index = capable(made);
+                        tr { th scope="row" { (day) } td.number { (made.len()) } td.number { (signed_um(mean(made))) }
+                            @if let Some(one) = index { td.number { (um(one.deviation)) } td.number { (format!("{:.2} ({:.2} to {:.2})", one.cpk, one.cpk_ci95[0], one.cpk_ci95[1])) } } @else { td.number { "–" } td.number { "from 8 parts" } }
+                        }
+                    } }
                 } }
-            } }
+            }
         }
     }
+}
+
+/// All parts of a characteristic.
+fn in_words(made: &[&Sized]) -> String {
+    let what = format!("{} parts, mean {} µm", made.len(), signed_um(mean(made)));
+    capable(made).map_or_else(
+        || format!("{what}, Cpk from 8 parts"),
+        |one| {
+            let [low, high] = one.cpk_ci95;
+            let s = um(one.deviation);
+            format!(
+                "{what}, s {s} µm, Cpk {:.2} ({low:.2} to {high:.2})",
+                one.cpk
+            )
+        },
+    )
+}
+
+fn mean(made: &[&Sized]) -> f64 {
+    made.iter().map(|one| one.deviation).sum::<f64>() / made.len().max(1) as f64
+}
+
+fn capable(made: &[&Sized]) -> Option<Capability> {
+    let values: Vec<f64> = made.iter().map(|one| one.deviation).collect();
+    let (lower, upper) = made.last().and_then(|one| one.limits)?;
+    capability(&values, lower, upper)
 }
 
 fn kept(sessions: &[Summary]) -> Markup {
@@ -177,11 +239,12 @@ fn kept(sessions: &[Summary]) -> Markup {
 
 fn all(sessions: &[Summary]) -> Markup {
     html! { div.scroll tabindex="0" role="group" aria-label="Table of recordings" { table {
-        thead { tr { th scope="col" { "Recording" } th scope="col" { "Begin" } th.number scope="col" { "Gap / noise" } th scope="col" { "Temperatures at the end, °C" } } }
+        thead { tr { th scope="col" { "Recording" } th scope="col" { "Begin" } th.number scope="col" { "Gap / noise" } th scope="col" { "Offsets at the end, µm" } th scope="col" { "Temperatures at the end, °C" } } }
         tbody { @for one in sessions { tr {
             th scope="row" { a href={ "/session/" (one.recording) } { (one.recording) } }
             td { (date(one.begin)) }
             td.number { (one.ratio.map_or("–".to_owned(), |ratio| format!("{ratio:.1}"))) }
+            td { (one.offsets.iter().map(|(name, value)| format!("{name} {}", signed_um(*value))).collect::<Vec<_>>().join(" · ")) }
             td { (one.temperatures.iter().map(|(name, value)| format!("{name} {value:.1}")).collect::<Vec<_>>().join(" · ")) }
         } } }
     } } }

@@ -253,7 +253,7 @@ fn point(one: &Drawn<'_>, newest: Option<usize>) -> Markup {
     html! {
         @if let Some(touch) = one.touch {
             @let (dx, dy) = (one.along.0 * touch.deviation, one.along.1 * touch.deviation);
-            g.touch.(class) data-point=(one.index) data-at=(touch.at.0 / 1_000_000) {
+            g.touch.(class) data-point=(one.index) data-made=(touch.made.0 / 1_000_000) {
                 @if dx.hypot(dy) > 1.5 { line.arrow x1=(format!("{x:.1}")) y1=(format!("{y:.1}")) x2=(format!("{:.1}", x + dx)) y2=(format!("{:.1}", y + dy)) marker-end={ "url(#head-" (one.class) ")" } {} }
                 circle cx=(format!("{x:.1}")) cy=(format!("{y:.1}")) r="3.6" { title { "point " (one.index) ": " (signed_um(touch.deviation)) " µm, standard uncertainty " (format!("{:.1}", touch.standard_uncertainty * 1e6)) " µm" } }
             }

@@ -81,12 +81,12 @@ body { font: 15px/1.45 system-ui, sans-serif; color: var(--ink); background: var
 h1 { font-size: 1.5rem; } h2 { font-size: 1.15rem; margin-top: 2rem; border-bottom: 1px solid var(--rule); }
 table { border-collapse: collapse; margin: .8rem 0; font-variant-numeric: tabular-nums; }
 caption { text-align: left; font-weight: 600; padding-bottom: .3rem; }
-th, td { text-align: left; vertical-align: top; padding: .2rem .8rem .2rem 0; border-bottom: 1px solid var(--rule); }
+th, td { text-align: left; vertical-align: top; padding: .2rem .8rem .2rem 0; border-bottom: 1px solid var(--rule); } td.quantity { white-space: nowrap; }
 .plots { display: flex; flex-wrap: wrap; gap: 1rem; } figure { margin: 0; break-inside: avoid; }
 figcaption { font-size: .85rem; color: var(--quiet); max-width: 46rem; } .plots figcaption { max-width: 480px; } svg { max-width: 100%; height: auto; }
 .lead { font-size: 1.1rem; } li { margin: .2rem 0; }
 @media screen and (max-width: 40rem) {
-body { overflow-wrap: anywhere; } table { font-size: .85rem; } th, td { padding-right: .4rem; }
+body { overflow-wrap: anywhere; } td.quantity { white-space: normal; } table { font-size: .85rem; } th, td { padding-right: .4rem; }
 }
 @media screen and (max-width: 56rem) {
 .wide, .wide tbody, .wide tr, .wide caption { display: block; } .wide thead { display: none; } .wide tr { border-bottom: 1px solid var(--rule); padding: .3rem 0; }
@@ -99,7 +99,7 @@ body { overflow-wrap: anywhere; } table { font-size: .85rem; } th, td { padding-
 body { margin: 0; padding: 0; max-width: none; font-size: 10pt; color: #000; background: none; }
 h1, h2, caption { break-after: avoid; } p, li { orphans: 3; widows: 3; }
 table { font-size: 8pt; max-width: 100%; break-inside: avoid; } table.long, table.wide { break-inside: auto; } thead { display: table-header-group; }
-tr { break-inside: avoid; } th, td { padding-right: .5rem; border-bottom: .5pt solid #999; } td { overflow-wrap: break-word; } td.quantity { white-space: nowrap; }
+tr { break-inside: avoid; } th, td { padding-right: .5rem; border-bottom: .5pt solid #999; } td { overflow-wrap: break-word; }
 .signature { display: flex; gap: 8mm; margin-top: 14mm; break-inside: avoid; } .signature span { flex: 1; border-top: .5pt solid #000; padding-top: 1mm; font-size: 8pt; }
 .plots { display: block; } figure { margin: .5rem 0; } figcaption { color: #000; max-width: none; } svg { max-height: 230mm; }
 }
@@ -382,7 +382,7 @@ impl Table {
     }
 }
 
-/// A number with its unit, or two limits: not to be broken into lines on paper.
+/// A number with its unit, or two limits: not to be broken into lines.
 fn is_quantity(cell: &str) -> bool {
     let is_short = cell.chars().count() <= 22;
     is_short && cell.starts_with(|first: char| first.is_ascii_digit() || "+-−±".contains(first))
