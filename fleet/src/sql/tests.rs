@@ -14,6 +14,7 @@ use rand_pcg::Pcg64Mcg;
 use super::*;
 use crate::lake::rows::{Row, Value, batch};
 use crate::lake::schema::{CORRECTIONS, EFFECTS, FEATURES, PROMISES, SESSIONS, Table, columns};
+use crate::trend::onset::refined;
 use crate::trend::{Point, Watch, spread};
 
 /// A row of a table with these columns; the others are null.
@@ -257,11 +258,13 @@ fn a_trend_does_not_depend_on_the_order_of_the_rows() {
             uncertainty: 1e-6,
         })
         .collect();
-    let mut watch = Watch::new(spread(&[&points[..30]]), 500.0);
+    let quiet = spread(&[&points[..30]]);
+    let mut watch = Watch::new(quiet, 500.0);
     let changes: Vec<_> = points
         .iter()
         .filter_map(|point| watch.push(point))
         .collect();
+    let changes = refined(&points, &quiet, &changes);
     let level = *watch.level().expect("a level");
     let mut rows: Vec<Row> = points
         .iter()
