@@ -56,7 +56,6 @@ pub(crate) fn visitor_config(cell: &Cell, node: &str) -> anyhow::Result<BusConfi
     Ok(BusConfig {
         graph: Followed::Nothing,
         announced: false,
-        connect_timeout: COMMAND_PATIENCE,
         ..bus_config(cell, node)?
     })
 }

@@ -10,7 +10,7 @@ use anyhow::Context;
 use cell::Cell;
 use graph::{Topic, topics};
 use host::{
-    bus::{Bus, Received},
+    bus::{Bus, BusConfig, Received},
     bus_qos,
 };
 use probecell_msgs::{
@@ -21,6 +21,7 @@ use crate::{
     FAILED, GOOD,
     cell_bus::{CellFailure, visitor_config},
     output,
+    own_socket::COMMAND_PATIENCE,
     routing::refuse_unheard,
 };
 
@@ -39,7 +40,10 @@ impl CellClient {
     /// Connects.
     pub(crate) fn connect(file: &Path) -> anyhow::Result<Self> {
         let cell = Cell::read(file)?;
-        let config = visitor_config(&cell, "operator_call")?;
+        let config = BusConfig {
+            connect_timeout: COMMAND_PATIENCE,
+            ..visitor_config(&cell, "operator_call")?
+        };
         let bus = Bus::open(&config, "operator_call", &cell.namespace())?;
         Ok(Self { cell, bus })
     }
