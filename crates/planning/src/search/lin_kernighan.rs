@@ -11,7 +11,7 @@ use super::near::Near;
 use super::ring::Ring;
 
 /// Most exchanges of a sequence.
-const DEPTH: usize = 50;
+pub(super) const DEPTH: usize = 50;
 
 /// Edges of the exchanges followed.
 const BASIS: usize = 3;
@@ -36,35 +36,15 @@ fn edge(one: u32, other: u32) -> (u32, u32) {
 }
 
 impl Sequence {
-    /// Carries out a sequence of exchanges that begins by removing an edge of this point and shortens the ring. Returns by
-    /// how much, and what [`Sequence::ends`] then are; or leaves the ring as it was.
-    pub(super) fn improve(
-        &mut self,
-        moves: &impl Moves,
-        near: &Near,
-        ring: &mut Ring,
-        point: u32,
-    ) -> Option<i64> {
-        self.search::<DEPTH>(moves, near, ring, point)
-    }
-
-    /// The same by a single exchange, among other candidates.
-    pub(super) fn improve_once(
-        &mut self,
-        moves: &impl Moves,
-        near: &Near,
-        ring: &mut Ring,
-        point: u32,
-    ) -> Option<i64> {
-        self.search::<1>(moves, near, ring, point)
-    }
-
     /// The ends of the edges changed by the last improvement.
     pub(super) fn ends(&self) -> &[u32] {
         &self.ends
     }
 
-    fn search<const EXCHANGES: usize>(
+    /// Carries out a sequence of at most so many exchanges among these candidates that begins by removing an edge of this point and
+    /// shortens the ring. Returns by how much, and [`Sequence::ends`] then are those of the edges changed; or leaves the ring as it
+    /// was.
+    pub(super) fn improve<const EXCHANGES: usize>(
         &mut self,
         moves: &impl Moves,
         near: &Near,
@@ -117,8 +97,8 @@ impl Sequence {
         follows: bool,
     ) -> Option<Found> {
         let [first, open, ..] = start.ends;
-        let mut most = None;
-        let mut least = i64::MIN;
+        let mut most = i64::MIN;
+        let mut followed = None;
         for one in Added::all(near, ring, open, freed) {
             for up in [false, true] {
                 let Some(removed) = Removed::beside(ring, start, one.near, up) else {
@@ -153,22 +133,22 @@ impl Sequence {
                             return Some(Found::Shorter { gain, exchange });
                         }
                         if follows
-                            && freed > least
+                            && freed > most
                             && freed > moves.least(last.far)
                             && self.allows([open, one.near, removed.far])
                             && self.allows([removed.far, other.near, last.far])
                         {
-                            least = freed;
+                            most = freed;
                             let mut exchange = two;
                             exchange.remove(2, [other.near, last.far], last.cut, up);
-                            most = Some(exchange);
+                            followed = Some(exchange);
                         }
                     }
                 }
             }
         }
-        most.map(|exchange| Found::Open {
-            gain: least,
+        followed.map(|exchange| Found::Open {
+            gain: most,
             exchange,
         })
     }

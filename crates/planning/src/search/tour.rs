@@ -15,7 +15,7 @@ use rand_pcg::rand_core::RngCore;
 
 use super::choice::Moves;
 use super::exchange::{Exchange, closes};
-use super::lin_kernighan::Sequence;
+use super::lin_kernighan::{DEPTH, Sequence};
 use super::ring::{Layout, MOST, Ring};
 use super::{Cooling, Kicked, Path};
 
@@ -141,8 +141,8 @@ impl<M: Moves> Tour<M> {
         let (moves, ring) = (&self.moves, &mut self.ring);
         let [near, wide] = [moves.grid().candidates(), moves.grid().more_candidates()];
         let gain = sequence
-            .improve(moves, near, ring, point)
-            .or_else(|| sequence.improve_once(moves, wide, ring, point));
+            .improve::<DEPTH>(moves, near, ring, point)
+            .or_else(|| sequence.improve::<1>(moves, wide, ring, point));
         if let Some(gain) = gain {
             self.length -= gain;
             for &point in sequence.ends() {
