@@ -650,7 +650,7 @@ pub struct GapFinding {
     pub rms_after: f64,
     /// what to do about the first of effects, with its size
     pub remedy: String,
-    /// touches of the same part that would discriminate the effects; asked for by the cell where its file says so
+    /// touches of the same part that would discriminate the effects; nothing in the cell asks for them by itself
     pub further: Vec<InspectionPoint>,
 }
 
