@@ -17,7 +17,7 @@ use crate::{
 };
 
 pub use recording::Recording;
-use recording::{Key, Keyed, NodeJournal, Producers, UNJOURNALED};
+use recording::{Key, Keyed, Listed, NodeJournal, Producers, UNJOURNALED};
 pub use report::{Difference, NodeReport, Report, TopicReport, Verdict};
 
 /// A recording, and its messages by number.
@@ -55,6 +55,12 @@ impl<'a> Session<'a> {
         Some(&self.keyed.get(topic)?.get(&key)?.payload)
     }
 
+    /// What a step took from outside.
+    fn input(&self, topic: &str, key: Key, listed: &Listed) -> Option<&'a [u8]> {
+        let publication = self.keyed.get(topic)?.get(&key)?;
+        (!publication.is_after(listed)).then_some(publication.payload.as_slice())
+    }
+
     /// The recording holds this publication, from an instant on.
     fn is_published(&self, topic: &str, key: Key, now: Stamp) -> bool {
         let found = self.keyed.get(topic).and_then(|topic| topic.get(&key));
@@ -76,7 +82,7 @@ pub type Factory = Box<dyn Fn() -> Box<dyn Instance>>;
 struct Player<'a> {
     node: Box<dyn Instance>,
     incarnation: u32,
-    steps: &'a [(u32, Step)],
+    steps: &'a [Listed],
     next: usize,
     pending: BTreeMap<u32, Vec<Stamp>>,
     received: BTreeMap<u16, Key>,
@@ -159,7 +165,7 @@ pub fn replay(recording: &Recording, factories: &[Factory]) -> Result<Report, Wi
                 .get(node.name())
                 .map_or(&[][..], |journal| journal.steps.as_slice());
             // A recording may begin with a process that is not the first of its node.
-            let incarnation = steps.first().map_or(0, |(incarnation, _)| *incarnation);
+            let incarnation = steps.first().map_or(0, |listed| listed.incarnation);
             let place = session.place(node.name(), incarnation);
             Player {
                 steps,
@@ -192,7 +198,7 @@ pub fn replay(recording: &Recording, factories: &[Factory]) -> Result<Report, Wi
                 &published,
             ) {
                 progress = true;
-                let now = players[index].steps[players[index].next - 1].1.now;
+                let now = players[index].steps[players[index].next - 1].step.now;
                 settle(
                     &mut players[index],
                     emitted,
@@ -214,7 +220,10 @@ fn advance(
     wiring: &Wiring,
     published: &BTreeMap<(&'static str, Key), Vec<u8>>,
 ) -> Option<Emitted> {
-    let &(incarnation, step) = player.steps.get(player.next)?;
+    let listed = player.steps.get(player.next)?;
+    let &Listed {
+        incarnation, step, ..
+    } = listed;
     if incarnation != player.incarnation {
         player.restart(factory(), incarnation, session);
     }
@@ -231,7 +240,7 @@ fn advance(
                 .map(Vec::as_slice)
                 .or_else(|| session.unjournaled(topic.name, key))
         } else {
-            session.payload(topic.name, key)
+            session.input(topic.name, key, listed)
         };
         let Some(payload) = payload else {
             player.waits_for = Some(format!("message {} on {}", step.sequence, topic.name));
@@ -367,7 +376,7 @@ impl<'a> Comparison<'a> {
         let instants = || {
             players
                 .iter()
-                .flat_map(|player| player.steps.iter().map(|(_, step)| step.now))
+                .flat_map(|player| player.steps.iter().map(|listed| listed.step.now))
         };
         let span = instants().min().zip(instants().max());
         Report {

@@ -23,3 +23,17 @@ fn a_gate_tells_a_driver_of_another_time_who_it_is_before_it_begins() {
 fn a_recording_may_begin_with_the_second_process_of_a_node() {
     holds(1, &[(3.16, Kind::CellRestart(66.38))]);
 }
+
+/// A replay took a message that the machine published after its restart for one of the same number that the node had received at
+/// its start, from before the recording began.
+#[test]
+fn a_step_takes_nothing_that_was_published_and_recorded_after_it() {
+    holds(
+        100_225,
+        &[
+            (67.72, Kind::CellRestart(5.8)),
+            (77.09, Kind::Run(true)),
+            (101.77, Kind::Kill("simulator", 3.92, true)),
+        ],
+    );
+}

@@ -28,19 +28,41 @@ pub struct Recording {
     topics: BTreeMap<String, Vec<Publication>>,
     pub(super) journals: BTreeMap<String, NodeJournal>,
     pub(super) unreadable_journals: u64,
+    /// Messages so far.
+    recorded: u64,
 }
 
 #[derive(Debug)]
 pub(super) struct Publication {
     sequence: u64,
+    /// How many messages were recorded before it.
+    recorded: u64,
     pub(super) at: Stamp,
     pub(super) payload: Vec<u8>,
+}
+
+impl Publication {
+    /// A step cannot have taken what was recorded after the journal that lists it, and was published after it as well. Either
+    /// alone is possible: a recorder behind a link that was cut, a publisher whose clock is ahead.
+    pub(super) fn is_after(&self, listed: &Listed) -> bool {
+        self.recorded > listed.recorded && self.at > listed.step.now
+    }
+}
+
+/// A step of a journal.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Listed {
+    /// How often its node had been started before.
+    pub(super) incarnation: u32,
+    /// How many messages were recorded before the journal.
+    recorded: u64,
+    pub(super) step: Step,
 }
 
 /// The steps of one node that can be repeated: from the start of each of its processes up to the first gap.
 #[derive(Debug, Default)]
 pub(super) struct NodeJournal {
-    pub(super) steps: Vec<(u32, Step)>,
+    pub(super) steps: Vec<Listed>,
     /// Process and number of the step that comes next.
     next: (u32, u64),
     /// The processes that left a journal: of each, how often the node had been started before.
@@ -56,7 +78,7 @@ pub(super) struct NodeJournal {
 }
 
 impl NodeJournal {
-    fn push(&mut self, message: &StepJournal) {
+    fn push(&mut self, message: &StepJournal, recorded: u64) {
         let (process, next) = self.next;
         let listed = journal::steps(message);
         let (Some(&first), Some(&last)) = (message.now.first(), message.now.last()) else {
@@ -73,8 +95,11 @@ impl NodeJournal {
             || (message.incarnation > process && message.first_step == 0);
         if whole {
             let count = self.steps.len();
-            self.steps
-                .extend(listed.map(|step| (message.incarnation, step)));
+            self.steps.extend(listed.map(|step| Listed {
+                incarnation: message.incarnation,
+                recorded,
+                step,
+            }));
             let added = (self.steps.len() - count) as u64;
             self.next = (message.incarnation, message.first_step + added);
         } else {
@@ -133,13 +158,15 @@ impl Recording {
     /// Adds a message in the order recorded. `topic` is the name below the cell's namespace, `sequence` the number that
     /// its publisher gave it, `at` the instant of its publication.
     pub fn push(&mut self, topic: &str, sequence: u64, at: Stamp, payload: &[u8]) {
+        let recorded = self.recorded;
+        self.recorded += 1;
         if let Some(node) = topic.strip_suffix("/steps") {
             match from_cdr::<StepJournal>(payload) {
                 Ok(message) => self
                     .journals
                     .entry(node.to_owned())
                     .or_default()
-                    .push(&message),
+                    .push(&message, recorded),
                 Err(_) => self.unreadable_journals += 1,
             }
             return;
@@ -149,6 +176,7 @@ impl Recording {
             .or_default()
             .push(Publication {
                 sequence,
+                recorded,
                 at,
                 payload: payload.to_vec(),
             });
