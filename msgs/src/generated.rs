@@ -1,8 +1,10 @@
-// Generated from msg/, srv/ and standard/ by `cargo run -p xtask -- codegen`. Edit those, not this.
+// Generated from msg/, srv/, action/ and standard/ by `cargo run -p xtask -- codegen`. Edit those, not this.
+
+use crate::schema::{MessageType, ServiceType};
 
 use serde::{Deserialize, Serialize};
 
-use crate::schema::{Message, MessageType, ServiceType};
+use crate::schema::{Member, Message};
 
 /// A command to the driver. Only machine_state publishes it, after all its checks.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -88,6 +90,24 @@ impl Message for ControllerCommand {
             "================================================================================\nMSG: builtin_interfaces/Time\n",
             include_str!("../standard/builtin_interfaces/msg/Time.msg")
         ),
+        fields: &[
+            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
+            Member("session", 17, 0, 0, "", ""),
+            Member("command_id", 9, 0, 0, "", ""),
+            Member("kind", 3, 0, 0, "", ""),
+            Member("operation", 17, 0, 0, "", ""),
+            Member("plan_id", 17, 0, 0, "", ""),
+            Member("order", 151, 0, 0, "", ""),
+            Member("tool_number", 7, 0, 0, "", ""),
+            Member("axis", 17, 0, 0, "", ""),
+            Member("value", 11, 0, 0, "", ""),
+            Member("feature", 17, 0, 0, "", ""),
+            Member("path", 155, 0, 0, "", ""),
+            Member("correction_id", 17, 0, 0, "", ""),
+            Member("entries", 161, 0, 0, "", ""),
+            Member("values", 155, 0, 0, "", ""),
+            Member("run_id", 17, 0, 0, "", ""),
+        ],
         describe: crate::describe::of::<ControllerCommand>,
         canonical: crate::cdr::canonical::<ControllerCommand>,
     };
@@ -143,6 +163,17 @@ impl Message for ControllerReply {
             "================================================================================\nMSG: builtin_interfaces/Time\n",
             include_str!("../standard/builtin_interfaces/msg/Time.msg")
         ),
+        fields: &[
+            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
+            Member("session", 17, 0, 0, "", ""),
+            Member("command_id", 9, 0, 0, "", ""),
+            Member("outcome", 3, 0, 0, "", ""),
+            Member("value_before", 11, 0, 0, "", ""),
+            Member("value", 11, 0, 0, "", ""),
+            Member("text", 17, 0, 0, "", ""),
+            Member("values_before", 155, 0, 0, "", ""),
+            Member("values", 155, 0, 0, "", ""),
+        ],
         describe: crate::describe::of::<ControllerReply>,
         canonical: crate::cdr::canonical::<ControllerReply>,
     };
@@ -209,6 +240,30 @@ impl Message for ControllerStatus {
             "================================================================================\nMSG: builtin_interfaces/Time\n",
             include_str!("../standard/builtin_interfaces/msg/Time.msg")
         ),
+        fields: &[
+            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
+            Member("session", 17, 0, 0, "", ""),
+            Member("mode", 3, 0, 0, "", ""),
+            Member("execution", 3, 0, 0, "", ""),
+            Member("program", 17, 0, 0, "", ""),
+            Member("line", 7, 0, 0, "", ""),
+            Member("tool_number", 7, 0, 0, "", ""),
+            Member("feed_override", 11, 0, 0, "", ""),
+            Member("spindle_speed", 11, 0, 0, "", ""),
+            Member("axis_names", 161, 0, 0, "", ""),
+            Member("axis_positions", 155, 0, 0, "", ""),
+            Member("axis_commands", 155, 0, 0, "", ""),
+            Member("probe_tripped", 15, 0, 0, "", ""),
+            Member("temperature_names", 161, 0, 0, "", ""),
+            Member("temperatures", 155, 0, 0, "", ""),
+            Member("alarms", 161, 0, 0, "", ""),
+            Member("tool_numbers", 151, 0, 0, "", ""),
+            Member("tool_wear", 155, 0, 0, "", ""),
+            Member("volumetric_entries", 161, 0, 0, "", ""),
+            Member("volumetric_values", 155, 0, 0, "", ""),
+            Member("work_offset_axes", 161, 0, 0, "", ""),
+            Member("work_offsets", 155, 0, 0, "", ""),
+        ],
         describe: crate::describe::of::<ControllerStatus>,
         canonical: crate::cdr::canonical::<ControllerStatus>,
     };
@@ -326,6 +381,36 @@ impl Message for Correction {
             "================================================================================\nMSG: builtin_interfaces/Time\n",
             include_str!("../standard/builtin_interfaces/msg/Time.msg")
         ),
+        fields: &[
+            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
+            Member("correction_id", 17, 0, 0, "", ""),
+            Member("session", 17, 0, 0, "", ""),
+            Member("replayed", 15, 0, 0, "", ""),
+            Member("kind", 3, 0, 0, "", ""),
+            Member("tool_number", 7, 0, 0, "", ""),
+            Member("axis", 17, 0, 0, "", ""),
+            Member("previous_value", 11, 0, 0, "", ""),
+            Member("new_value", 11, 0, 0, "", ""),
+            Member("path", 155, 0, 0, "", ""),
+            Member("lower_bound", 11, 0, 0, "", ""),
+            Member("upper_bound", 11, 0, 0, "", ""),
+            Member("plan_id", 17, 0, 0, "", ""),
+            Member("feature_ids", 161, 0, 0, "", ""),
+            Member("sequences", 153, 0, 0, "", ""),
+            Member("measured_error", 11, 0, 0, "", ""),
+            Member("standard_uncertainty", 11, 0, 0, "", ""),
+            Member("approval", 3, 0, 0, "", ""),
+            Member("approved_by", 17, 0, 0, "", ""),
+            Member("expires", 1, 0, 0, "builtin_interfaces/msg/Time", ""),
+            Member("entries", 161, 0, 0, "", ""),
+            Member("previous_values", 155, 0, 0, "", ""),
+            Member("new_values", 155, 0, 0, "", ""),
+            Member("value_limits", 155, 0, 0, "", ""),
+            Member("value_uncertainties", 155, 0, 0, "", ""),
+            Member("approved_at", 1, 0, 0, "builtin_interfaces/msg/Time", ""),
+            Member("shown", 17, 0, 0, "", ""),
+            Member("signature", 147, 0, 0, "", ""),
+        ],
         describe: crate::describe::of::<Correction>,
         canonical: crate::cdr::canonical::<Correction>,
     };
@@ -395,6 +480,16 @@ impl Message for CorrectionAcknowledgement {
             "================================================================================\nMSG: builtin_interfaces/Time\n",
             include_str!("../standard/builtin_interfaces/msg/Time.msg")
         ),
+        fields: &[
+            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
+            Member("correction_id", 17, 0, 0, "", ""),
+            Member("outcome", 3, 0, 0, "", ""),
+            Member("value_before", 11, 0, 0, "", ""),
+            Member("value_after", 11, 0, 0, "", ""),
+            Member("text", 17, 0, 0, "", ""),
+            Member("values_before", 155, 0, 0, "", ""),
+            Member("values_after", 155, 0, 0, "", ""),
+        ],
         describe: crate::describe::of::<CorrectionAcknowledgement>,
         canonical: crate::cdr::canonical::<CorrectionAcknowledgement>,
     };
@@ -443,6 +538,13 @@ impl Message for Fault {
             "================================================================================\nMSG: builtin_interfaces/Time\n",
             include_str!("../standard/builtin_interfaces/msg/Time.msg")
         ),
+        fields: &[
+            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
+            Member("node", 17, 0, 0, "", ""),
+            Member("severity", 3, 0, 0, "", ""),
+            Member("code", 17, 0, 0, "", ""),
+            Member("text", 17, 0, 0, "", ""),
+        ],
         describe: crate::describe::of::<Fault>,
         canonical: crate::cdr::canonical::<Fault>,
     };
@@ -572,6 +674,35 @@ impl Message for FeatureResult {
             "================================================================================\nMSG: geometry_msgs/Vector3\n",
             include_str!("../standard/geometry_msgs/msg/Vector3.msg")
         ),
+        fields: &[
+            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
+            Member("plan_id", 17, 0, 0, "", ""),
+            Member("part_id", 17, 0, 0, "", ""),
+            Member("feature_id", 17, 0, 0, "", ""),
+            Member("kind", 3, 0, 0, "", ""),
+            Member("decision", 3, 0, 0, "", ""),
+            Member("criterion", 3, 0, 0, "", ""),
+            Member("aligned_to", 161, 0, 0, "", ""),
+            Member("touches", 7, 0, 0, "", ""),
+            Member("sequences", 153, 0, 0, "", ""),
+            Member("left_out", 153, 0, 0, "", ""),
+            Member("origin", 1, 0, 0, "geometry_msgs/msg/Point", ""),
+            Member("axis", 1, 0, 0, "geometry_msgs/msg/Vector3", ""),
+            Member("size", 11, 0, 0, "", ""),
+            Member("nominal_size", 11, 0, 0, "", ""),
+            Member("size_deviation", 11, 0, 0, "", ""),
+            Member("form", 11, 0, 0, "", ""),
+            Member("form_uncertainty", 11, 0, 0, "", ""),
+            Member("position", 11, 0, 0, "", ""),
+            Member("position_uncertainty", 11, 0, 0, "", ""),
+            Member("orientation", 11, 0, 0, "", ""),
+            Member("orientation_uncertainty", 11, 0, 0, "", ""),
+            Member("deviations", 155, 0, 0, "", ""),
+            Member("standard_uncertainty", 11, 0, 0, "", ""),
+            Member("coverage_factor", 11, 0, 0, "", ""),
+            Member("repeat_spread", 11, 0, 0, "", ""),
+            Member("text", 17, 0, 0, "", ""),
+        ],
         describe: crate::describe::of::<FeatureResult>,
         canonical: crate::cdr::canonical::<FeatureResult>,
     };
@@ -609,6 +740,20 @@ impl Message for GapEffect {
         dds_name: "probecell_msgs::msg::dds_::GapEffect_",
         type_hash: "RIHS01_c32e78420153ba91222c4d1a1c40316dbdb27beef5ab96cfac43f8747cd23c50",
         definition: include_str!("../msg/GapEffect.msg"),
+        fields: &[
+            Member("effect", 17, 0, 0, "", ""),
+            Member("probability", 11, 0, 0, "", ""),
+            Member("parameter_names", 161, 0, 0, "", ""),
+            Member("parameter_values", 155, 0, 0, "", ""),
+            Member("parameter_units", 161, 0, 0, "", ""),
+            Member("parameter_ci95_lower", 155, 0, 0, "", ""),
+            Member("parameter_ci95_upper", 155, 0, 0, "", ""),
+            Member("rms_before", 11, 0, 0, "", ""),
+            Member("rms_after", 11, 0, 0, "", ""),
+            Member("rms_after_ci95_lower", 11, 0, 0, "", ""),
+            Member("rms_after_ci95_upper", 11, 0, 0, "", ""),
+            Member("indistinguishable_from", 161, 0, 0, "", ""),
+        ],
         describe: crate::describe::of::<GapEffect>,
         canonical: crate::cdr::canonical::<GapEffect>,
     };
@@ -672,6 +817,33 @@ impl Message for GapFinding {
             "================================================================================\nMSG: geometry_msgs/Vector3\n",
             include_str!("../standard/geometry_msgs/msg/Vector3.msg")
         ),
+        fields: &[
+            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
+            Member("plan_id", 17, 0, 0, "", ""),
+            Member("part", 7, 0, 0, "", ""),
+            Member("onset_plan_id", 17, 0, 0, "", ""),
+            Member("onset_part", 7, 0, 0, "", ""),
+            Member("onset", 1, 0, 0, "builtin_interfaces/msg/Time", ""),
+            Member("false_alarms", 11, 0, 0, "", ""),
+            Member("effects", 161, 0, 0, "", ""),
+            Member("probability", 11, 0, 0, "", ""),
+            Member("parameter_names", 161, 0, 0, "", ""),
+            Member("parameter_values", 155, 0, 0, "", ""),
+            Member("parameter_units", 161, 0, 0, "", ""),
+            Member("parameter_ci95_lower", 155, 0, 0, "", ""),
+            Member("parameter_ci95_upper", 155, 0, 0, "", ""),
+            Member("rms_before", 11, 0, 0, "", ""),
+            Member("rms_after", 11, 0, 0, "", ""),
+            Member("remedy", 17, 0, 0, "", ""),
+            Member(
+                "further",
+                145,
+                0,
+                0,
+                "probecell_msgs/msg/InspectionPoint",
+                "",
+            ),
+        ],
         describe: crate::describe::of::<GapFinding>,
         canonical: crate::cdr::canonical::<GapFinding>,
     };
@@ -730,6 +902,16 @@ impl Message for GapReport {
             "================================================================================\nMSG: probecell_msgs/GapEffect\n",
             include_str!("../msg/GapEffect.msg")
         ),
+        fields: &[
+            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
+            Member("plan_id", 17, 0, 0, "", ""),
+            Member("samples", 7, 0, 0, "", ""),
+            Member("verdict", 3, 0, 0, "", ""),
+            Member("rms", 11, 0, 0, "", ""),
+            Member("noise_floor", 11, 0, 0, "", ""),
+            Member("effects", 145, 0, 0, "probecell_msgs/msg/GapEffect", ""),
+            Member("json", 17, 0, 0, "", ""),
+        ],
         describe: crate::describe::of::<GapReport>,
         canonical: crate::cdr::canonical::<GapReport>,
     };
@@ -759,6 +941,12 @@ impl Message for GateHeartbeat {
             "================================================================================\nMSG: builtin_interfaces/Time\n",
             include_str!("../standard/builtin_interfaces/msg/Time.msg")
         ),
+        fields: &[
+            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
+            Member("session", 17, 0, 0, "", ""),
+            Member("started", 9, 0, 0, "", ""),
+            Member("count", 9, 0, 0, "", ""),
+        ],
         describe: crate::describe::of::<GateHeartbeat>,
         canonical: crate::cdr::canonical::<GateHeartbeat>,
     };
@@ -826,6 +1014,16 @@ impl Message for InspectionFeature {
             "================================================================================\nMSG: geometry_msgs/Vector3\n",
             include_str!("../standard/geometry_msgs/msg/Vector3.msg")
         ),
+        fields: &[
+            Member("id", 17, 0, 0, "", ""),
+            Member("kind", 3, 0, 0, "", ""),
+            Member("origin", 1, 0, 0, "geometry_msgs/msg/Point", ""),
+            Member("axis", 1, 0, 0, "geometry_msgs/msg/Vector3", ""),
+            Member("radius", 11, 0, 0, "", ""),
+            Member("half_angle", 11, 0, 0, "", ""),
+            Member("lower_tolerance", 11, 0, 0, "", ""),
+            Member("upper_tolerance", 11, 0, 0, "", ""),
+        ],
         describe: crate::describe::of::<InspectionFeature>,
         canonical: crate::cdr::canonical::<InspectionFeature>,
     };
@@ -878,6 +1076,39 @@ impl Message for InspectionPlan {
             "================================================================================\nMSG: probecell_msgs/InspectionPoint\n",
             include_str!("../msg/InspectionPoint.msg")
         ),
+        fields: &[
+            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
+            Member("plan_id", 17, 0, 0, "", ""),
+            Member("part_id", 17, 0, 0, "", ""),
+            Member("machined_on_this_machine", 15, 0, 0, "", ""),
+            Member("part_pose", 1, 0, 0, "geometry_msgs/msg/Pose", ""),
+            Member("stylus", 1, 0, 0, "probecell_msgs/msg/Stylus", ""),
+            Member("rotary_names", 161, 0, 0, "", ""),
+            Member(
+                "features",
+                145,
+                0,
+                0,
+                "probecell_msgs/msg/InspectionFeature",
+                "",
+            ),
+            Member(
+                "operations",
+                145,
+                0,
+                0,
+                "probecell_msgs/msg/MachiningOperation",
+                "",
+            ),
+            Member(
+                "points",
+                145,
+                0,
+                0,
+                "probecell_msgs/msg/InspectionPoint",
+                "",
+            ),
+        ],
         describe: crate::describe::of::<InspectionPlan>,
         canonical: crate::cdr::canonical::<InspectionPlan>,
     };
@@ -922,6 +1153,19 @@ impl Message for InspectionPoint {
             "================================================================================\nMSG: geometry_msgs/Vector3\n",
             include_str!("../standard/geometry_msgs/msg/Vector3.msg")
         ),
+        fields: &[
+            Member("feature", 7, 0, 0, "", ""),
+            Member("position", 1, 0, 0, "geometry_msgs/msg/Point", ""),
+            Member("normal", 1, 0, 0, "geometry_msgs/msg/Vector3", ""),
+            Member("rotary_positions", 155, 0, 0, "", ""),
+            Member("approach_distance", 11, 0, 0, "", ""),
+            Member("retract_distance", 11, 0, 0, "", ""),
+            Member("feed", 11, 0, 0, "", ""),
+            Member("operation", 6, 0, 0, "", ""),
+            Member("cut_length", 11, 0, 0, "", ""),
+            Member("tool_height", 11, 0, 0, "", ""),
+            Member("overhang", 11, 0, 0, "", ""),
+        ],
         describe: crate::describe::of::<InspectionPoint>,
         canonical: crate::cdr::canonical::<InspectionPoint>,
     };
@@ -954,6 +1198,14 @@ impl Message for LossReport {
             "================================================================================\nMSG: builtin_interfaces/Time\n",
             include_str!("../standard/builtin_interfaces/msg/Time.msg")
         ),
+        fields: &[
+            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
+            Member("observer", 17, 0, 0, "", ""),
+            Member("topic", 17, 0, 0, "", ""),
+            Member("first_sequence", 9, 0, 0, "", ""),
+            Member("count", 9, 0, 0, "", ""),
+            Member("recovered", 15, 0, 0, "", ""),
+        ],
         describe: crate::describe::of::<LossReport>,
         canonical: crate::cdr::canonical::<LossReport>,
     };
@@ -1036,6 +1288,20 @@ impl Message for MachineState {
             "================================================================================\nMSG: builtin_interfaces/Time\n",
             include_str!("../standard/builtin_interfaces/msg/Time.msg")
         ),
+        fields: &[
+            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
+            Member("machine_id", 17, 0, 0, "", ""),
+            Member("mode", 3, 0, 0, "", ""),
+            Member("execution", 3, 0, 0, "", ""),
+            Member("program", 17, 0, 0, "", ""),
+            Member("line", 7, 0, 0, "", ""),
+            Member("tool_number", 7, 0, 0, "", ""),
+            Member("feed_override", 11, 0, 0, "", ""),
+            Member("spindle_speed", 11, 0, 0, "", ""),
+            Member("temperature_names", 161, 0, 0, "", ""),
+            Member("temperatures", 155, 0, 0, "", ""),
+            Member("alarms", 161, 0, 0, "", ""),
+        ],
         describe: crate::describe::of::<MachineState>,
         canonical: crate::cdr::canonical::<MachineState>,
     };
@@ -1062,6 +1328,14 @@ impl Message for MachiningOperation {
         dds_name: "probecell_msgs::msg::dds_::MachiningOperation_",
         type_hash: "RIHS01_6dee5609a815f7b1dc7c8358725e3a292206055cb95b8bb1332c9c492950db73",
         definition: include_str!("../msg/MachiningOperation.msg"),
+        fields: &[
+            Member("id", 17, 0, 0, "", ""),
+            Member("tool_number", 7, 0, 0, "", ""),
+            Member("tool_radius", 11, 0, 0, "", ""),
+            Member("feed", 11, 0, 0, "", ""),
+            Member("finish", 15, 0, 0, "", ""),
+            Member("rotary_positions", 155, 0, 0, "", ""),
+        ],
         describe: crate::describe::of::<MachiningOperation>,
         canonical: crate::cdr::canonical::<MachiningOperation>,
     };
@@ -1104,6 +1378,18 @@ impl Message for MeasurementOrder {
             "================================================================================\nMSG: probecell_msgs/ProbingMove\n",
             include_str!("../msg/ProbingMove.msg")
         ),
+        fields: &[
+            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
+            Member("plan_id", 17, 0, 0, "", ""),
+            Member("order", 151, 0, 0, "", ""),
+            Member("air_time", 11, 0, 0, "", ""),
+            Member("given_air_time", 11, 0, 0, "", ""),
+            Member("air_length", 11, 0, 0, "", ""),
+            Member("given_air_length", 11, 0, 0, "", ""),
+            Member("optimal", 15, 0, 0, "", ""),
+            Member("axis_names", 161, 0, 0, "", ""),
+            Member("moves", 145, 0, 0, "probecell_msgs/msg/ProbingMove", ""),
+        ],
         describe: crate::describe::of::<MeasurementOrder>,
         canonical: crate::cdr::canonical::<MeasurementOrder>,
     };
@@ -1154,6 +1440,12 @@ impl Message for OperationReport {
             "================================================================================\nMSG: builtin_interfaces/Time\n",
             include_str!("../standard/builtin_interfaces/msg/Time.msg")
         ),
+        fields: &[
+            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
+            Member("request_id", 9, 0, 0, "", ""),
+            Member("outcome", 3, 0, 0, "", ""),
+            Member("text", 17, 0, 0, "", ""),
+        ],
         describe: crate::describe::of::<OperationReport>,
         canonical: crate::cdr::canonical::<OperationReport>,
     };
@@ -1208,6 +1500,16 @@ impl Message for OperationRequest {
             "================================================================================\nMSG: builtin_interfaces/Time\n",
             include_str!("../standard/builtin_interfaces/msg/Time.msg")
         ),
+        fields: &[
+            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
+            Member("request_id", 9, 0, 0, "", ""),
+            Member("kind", 3, 0, 0, "", ""),
+            Member("operation", 17, 0, 0, "", ""),
+            Member("plan_id", 17, 0, 0, "", ""),
+            Member("pass_number", 7, 0, 0, "", ""),
+            Member("only_measure", 15, 0, 0, "", ""),
+            Member("run_id", 17, 0, 0, "", ""),
+        ],
         describe: crate::describe::of::<OperationRequest>,
         canonical: crate::cdr::canonical::<OperationRequest>,
     };
@@ -1241,6 +1543,14 @@ impl Message for OperatorKeys {
             "================================================================================\nMSG: builtin_interfaces/Time\n",
             include_str!("../standard/builtin_interfaces/msg/Time.msg")
         ),
+        fields: &[
+            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
+            Member("number", 9, 0, 0, "", ""),
+            Member("names", 161, 0, 0, "", ""),
+            Member("keys", 161, 0, 0, "", ""),
+            Member("withdrawn", 159, 0, 0, "", ""),
+            Member("signature", 147, 0, 0, "", ""),
+        ],
         describe: crate::describe::of::<OperatorKeys>,
         canonical: crate::cdr::canonical::<OperatorKeys>,
     };
@@ -1268,6 +1578,12 @@ impl Message for OperatorReply {
             "================================================================================\nMSG: builtin_interfaces/Time\n",
             include_str!("../standard/builtin_interfaces/msg/Time.msg")
         ),
+        fields: &[
+            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
+            Member("request_id", 9, 0, 0, "", ""),
+            Member("accepted", 15, 0, 0, "", ""),
+            Member("text", 17, 0, 0, "", ""),
+        ],
         describe: crate::describe::of::<OperatorReply>,
         canonical: crate::cdr::canonical::<OperatorReply>,
     };
@@ -1317,6 +1633,26 @@ impl Message for OperatorRequest {
             "================================================================================\nMSG: geometry_msgs/Vector3\n",
             include_str!("../standard/geometry_msgs/msg/Vector3.msg")
         ),
+        fields: &[
+            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
+            Member("request_id", 9, 0, 0, "", ""),
+            Member("subject", 17, 0, 0, "", ""),
+            Member("operator_name", 17, 0, 0, "", ""),
+            Member("approve", 15, 0, 0, "", ""),
+            Member("plan_id", 17, 0, 0, "", ""),
+            Member(
+                "points",
+                145,
+                0,
+                0,
+                "probecell_msgs/msg/InspectionPoint",
+                "",
+            ),
+            Member("expires", 1, 0, 0, "builtin_interfaces/msg/Time", ""),
+            Member("signed_at", 1, 0, 0, "builtin_interfaces/msg/Time", ""),
+            Member("shown", 17, 0, 0, "", ""),
+            Member("signature", 147, 0, 0, "", ""),
+        ],
         describe: crate::describe::of::<OperatorRequest>,
         canonical: crate::cdr::canonical::<OperatorRequest>,
     };
@@ -1380,6 +1716,20 @@ impl Message for PartAlignment {
             "================================================================================\nMSG: geometry_msgs/Vector3\n",
             include_str!("../standard/geometry_msgs/msg/Vector3.msg")
         ),
+        fields: &[
+            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
+            Member("plan_id", 17, 0, 0, "", ""),
+            Member("part_id", 17, 0, 0, "", ""),
+            Member("method", 3, 0, 0, "", ""),
+            Member("feature_ids", 161, 0, 0, "", ""),
+            Member("sequences", 153, 0, 0, "", ""),
+            Member("valid", 15, 0, 0, "", ""),
+            Member("shift", 1, 0, 0, "geometry_msgs/msg/Vector3", ""),
+            Member("rotation", 1, 0, 0, "geometry_msgs/msg/Vector3", ""),
+            Member("covariance", 155, 0, 0, "", ""),
+            Member("rms", 11, 0, 0, "", ""),
+            Member("text", 17, 0, 0, "", ""),
+        ],
         describe: crate::describe::of::<PartAlignment>,
         canonical: crate::cdr::canonical::<PartAlignment>,
     };
@@ -1435,6 +1785,15 @@ impl Message for PartReport {
             "================================================================================\nMSG: builtin_interfaces/Time\n",
             include_str!("../standard/builtin_interfaces/msg/Time.msg")
         ),
+        fields: &[
+            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
+            Member("part_id", 17, 0, 0, "", ""),
+            Member("verdict", 3, 0, 0, "", ""),
+            Member("passes", 7, 0, 0, "", ""),
+            Member("text", 17, 0, 0, "", ""),
+            Member("plan_id", 17, 0, 0, "", ""),
+            Member("run_id", 17, 0, 0, "", ""),
+        ],
         describe: crate::describe::of::<PartReport>,
         canonical: crate::cdr::canonical::<PartReport>,
     };
@@ -1508,6 +1867,18 @@ impl Message for PartStatus {
             "================================================================================\nMSG: builtin_interfaces/Time\n",
             include_str!("../standard/builtin_interfaces/msg/Time.msg")
         ),
+        fields: &[
+            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
+            Member("stage", 3, 0, 0, "", ""),
+            Member("run_number", 9, 0, 0, "", ""),
+            Member("run_id", 17, 0, 0, "", ""),
+            Member("part_id", 17, 0, 0, "", ""),
+            Member("pass_number", 7, 0, 0, "", ""),
+            Member("operation", 17, 0, 0, "", ""),
+            Member("plan_id", 17, 0, 0, "", ""),
+            Member("since", 1, 0, 0, "builtin_interfaces/msg/Time", ""),
+            Member("deadline", 1, 0, 0, "builtin_interfaces/msg/Time", ""),
+        ],
         describe: crate::describe::of::<PartStatus>,
         canonical: crate::cdr::canonical::<PartStatus>,
     };
@@ -1570,6 +1941,15 @@ impl Message for PassDecision {
             "================================================================================\nMSG: builtin_interfaces/Time\n",
             include_str!("../standard/builtin_interfaces/msg/Time.msg")
         ),
+        fields: &[
+            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
+            Member("plan_id", 17, 0, 0, "", ""),
+            Member("part_id", 17, 0, 0, "", ""),
+            Member("pass_number", 7, 0, 0, "", ""),
+            Member("decision", 3, 0, 0, "", ""),
+            Member("correction_ids", 161, 0, 0, "", ""),
+            Member("text", 17, 0, 0, "", ""),
+        ],
         describe: crate::describe::of::<PassDecision>,
         canonical: crate::cdr::canonical::<PassDecision>,
     };
@@ -1630,6 +2010,15 @@ impl Message for PlanProgress {
             "================================================================================\nMSG: builtin_interfaces/Time\n",
             include_str!("../standard/builtin_interfaces/msg/Time.msg")
         ),
+        fields: &[
+            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
+            Member("plan_id", 17, 0, 0, "", ""),
+            Member("touches", 7, 0, 0, "", ""),
+            Member("phase", 3, 0, 0, "", ""),
+            Member("share", 11, 0, 0, "", ""),
+            Member("air_time", 11, 0, 0, "", ""),
+            Member("given_air_time", 11, 0, 0, "", ""),
+        ],
         describe: crate::describe::of::<PlanProgress>,
         canonical: crate::cdr::canonical::<PlanProgress>,
     };
@@ -1697,6 +2086,18 @@ impl Message for ProbeEvent {
             "================================================================================\nMSG: geometry_msgs/Vector3\n",
             include_str!("../standard/geometry_msgs/msg/Vector3.msg")
         ),
+        fields: &[
+            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
+            Member("sequence", 9, 0, 0, "", ""),
+            Member("plan_id", 17, 0, 0, "", ""),
+            Member("point_index", 7, 0, 0, "", ""),
+            Member("outcome", 3, 0, 0, "", ""),
+            Member("axis_names", 161, 0, 0, "", ""),
+            Member("axis_positions", 155, 0, 0, "", ""),
+            Member("tip", 1, 0, 0, "geometry_msgs/msg/Point", ""),
+            Member("approach", 1, 0, 0, "geometry_msgs/msg/Vector3", ""),
+            Member("feed", 11, 0, 0, "", ""),
+        ],
         describe: crate::describe::of::<ProbeEvent>,
         canonical: crate::cdr::canonical::<ProbeEvent>,
     };
@@ -1738,6 +2139,18 @@ impl Message for ProbeTrigger {
             "================================================================================\nMSG: builtin_interfaces/Time\n",
             include_str!("../standard/builtin_interfaces/msg/Time.msg")
         ),
+        fields: &[
+            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
+            Member("session", 17, 0, 0, "", ""),
+            Member("plan_id", 17, 0, 0, "", ""),
+            Member("point_index", 7, 0, 0, "", ""),
+            Member("tripped", 15, 0, 0, "", ""),
+            Member("tripped_before", 15, 0, 0, "", ""),
+            Member("axis_names", 161, 0, 0, "", ""),
+            Member("axis_positions", 155, 0, 0, "", ""),
+            Member("feed", 11, 0, 0, "", ""),
+            Member("sequence", 9, 0, 0, "", ""),
+        ],
         describe: crate::describe::of::<ProbeTrigger>,
         canonical: crate::cdr::canonical::<ProbeTrigger>,
     };
@@ -1787,6 +2200,12 @@ impl Message for ProbingMove {
         dds_name: "probecell_msgs::msg::dds_::ProbingMove_",
         type_hash: "RIHS01_6ebd6abfec91d8948556adc7e72fdc8e2507a208b9b2f8f82ea4498b309e9771",
         definition: include_str!("../msg/ProbingMove.msg"),
+        fields: &[
+            Member("kind", 3, 0, 0, "", ""),
+            Member("point_index", 7, 0, 0, "", ""),
+            Member("axis_positions", 155, 0, 0, "", ""),
+            Member("feed", 11, 0, 0, "", ""),
+        ],
         describe: crate::describe::of::<ProbingMove>,
         canonical: crate::cdr::canonical::<ProbingMove>,
     };
@@ -1835,6 +2254,12 @@ impl Message for RecordingStatus {
             "================================================================================\nMSG: builtin_interfaces/Time\n",
             include_str!("../standard/builtin_interfaces/msg/Time.msg")
         ),
+        fields: &[
+            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
+            Member("state", 3, 0, 0, "", ""),
+            Member("uri", 17, 0, 0, "", ""),
+            Member("validity", 11, 0, 0, "", ""),
+        ],
         describe: crate::describe::of::<RecordingStatus>,
         canonical: crate::cdr::canonical::<RecordingStatus>,
     };
@@ -1867,6 +2292,14 @@ impl Message for ReferenceMeasurement {
             "================================================================================\nMSG: builtin_interfaces/Time\n",
             include_str!("../standard/builtin_interfaces/msg/Time.msg")
         ),
+        fields: &[
+            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
+            Member("plan_id", 17, 0, 0, "", ""),
+            Member("instrument", 17, 0, 0, "", ""),
+            Member("point_index", 151, 0, 0, "", ""),
+            Member("deviation", 155, 0, 0, "", ""),
+            Member("standard_uncertainty", 11, 0, 0, "", ""),
+        ],
         describe: crate::describe::of::<ReferenceMeasurement>,
         canonical: crate::cdr::canonical::<ReferenceMeasurement>,
     };
@@ -1901,6 +2334,15 @@ impl Message for StepJournal {
             "================================================================================\nMSG: builtin_interfaces/Time\n",
             include_str!("../standard/builtin_interfaces/msg/Time.msg")
         ),
+        fields: &[
+            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
+            Member("node", 17, 0, 0, "", ""),
+            Member("incarnation", 7, 0, 0, "", ""),
+            Member("first_step", 9, 0, 0, "", ""),
+            Member("now", 152, 0, 0, "", ""),
+            Member("port", 149, 0, 0, "", ""),
+            Member("sequence", 153, 0, 0, "", ""),
+        ],
         describe: crate::describe::of::<StepJournal>,
         canonical: crate::cdr::canonical::<StepJournal>,
     };
@@ -1926,6 +2368,11 @@ impl Message for Stylus {
             "================================================================================\nMSG: geometry_msgs/Point\n",
             include_str!("../standard/geometry_msgs/msg/Point.msg")
         ),
+        fields: &[
+            Member("id", 17, 0, 0, "", ""),
+            Member("ball_center", 1, 0, 0, "geometry_msgs/msg/Point", ""),
+            Member("ball_radius", 11, 0, 0, "", ""),
+        ],
         describe: crate::describe::of::<Stylus>,
         canonical: crate::cdr::canonical::<Stylus>,
     };
@@ -1964,6 +2411,16 @@ impl Message for ToolOffsets {
             "================================================================================\nMSG: builtin_interfaces/Time\n",
             include_str!("../standard/builtin_interfaces/msg/Time.msg")
         ),
+        fields: &[
+            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
+            Member("session", 17, 0, 0, "", ""),
+            Member("tool_numbers", 151, 0, 0, "", ""),
+            Member("wear", 155, 0, 0, "", ""),
+            Member("volumetric_entries", 161, 0, 0, "", ""),
+            Member("volumetric_values", 155, 0, 0, "", ""),
+            Member("work_offset_axes", 161, 0, 0, "", ""),
+            Member("work_offsets", 155, 0, 0, "", ""),
+        ],
         describe: crate::describe::of::<ToolOffsets>,
         canonical: crate::cdr::canonical::<ToolOffsets>,
     };
@@ -1996,6 +2453,14 @@ impl Message for TouchDeviation {
             "================================================================================\nMSG: builtin_interfaces/Time\n",
             include_str!("../standard/builtin_interfaces/msg/Time.msg")
         ),
+        fields: &[
+            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
+            Member("plan_id", 17, 0, 0, "", ""),
+            Member("sequence", 9, 0, 0, "", ""),
+            Member("point_index", 7, 0, 0, "", ""),
+            Member("deviation", 11, 0, 0, "", ""),
+            Member("standard_uncertainty", 11, 0, 0, "", ""),
+        ],
         describe: crate::describe::of::<TouchDeviation>,
         canonical: crate::cdr::canonical::<TouchDeviation>,
     };
@@ -2074,16 +2539,1085 @@ impl Message for Verdict {
             "================================================================================\nMSG: builtin_interfaces/Time\n",
             include_str!("../standard/builtin_interfaces/msg/Time.msg")
         ),
+        fields: &[
+            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
+            Member("plan_id", 17, 0, 0, "", ""),
+            Member("part_id", 17, 0, 0, "", ""),
+            Member("feature_id", 17, 0, 0, "", ""),
+            Member("pass_number", 7, 0, 0, "", ""),
+            Member("verdict", 3, 0, 0, "", ""),
+            Member("size", 11, 0, 0, "", ""),
+            Member("error", 11, 0, 0, "", ""),
+            Member("tolerance", 11, 0, 0, "", ""),
+            Member("tool_wear", 11, 0, 0, "", ""),
+            Member("text", 17, 0, 0, "", ""),
+        ],
         describe: crate::describe::of::<Verdict>,
         canonical: crate::cdr::canonical::<Verdict>,
     };
+}
+
+/// Services, and the messages that they are made of.
+pub mod srv {
+    use serde::{Deserialize, Serialize};
+
+    use crate::schema::{Member, Message, MessageType, Service, ServiceType};
+
+    /// Approve or reject a proposed correction. Without a signature it is refused, unless the cell file allows that.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub struct ApproveCorrection;
+
+    impl Service for ApproveCorrection {
+        type Request = ApproveCorrectionRequest;
+        type Response = ApproveCorrectionResponse;
+        const TYPE: &'static ServiceType = &ServiceType {
+            name: "probecell_msgs/srv/ApproveCorrection",
+            dds_name: "probecell_msgs::srv::dds_::ApproveCorrection_",
+            type_hash: "RIHS01_0a7f077683d94d64d3939e9838f0fa7866f8d1f21fe0b86f93dfb72b3e438c09",
+            request: ApproveCorrectionRequest::TYPE,
+            response: ApproveCorrectionResponse::TYPE,
+        };
+    }
+
+    /// Asks [`ApproveCorrection`].
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct ApproveCorrectionRequest {
+        pub correction_id: String,
+        pub operator_name: String,
+        pub approve: bool,
+        /// instant of the act, by the clock of the cell (service status)
+        pub signed_at: crate::builtin_interfaces::Time,
+        /// what the operator was shown: text, or `sha256:` and its digest
+        pub shown: String,
+        /// ed25519, 64 bytes: see docs/approvals.md. Empty: not signed
+        pub signature: Vec<u8>,
+    }
+
+    impl Message for ApproveCorrectionRequest {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "probecell_msgs/srv/ApproveCorrection_Request",
+            dds_name: "probecell_msgs::srv::dds_::ApproveCorrection_Request_",
+            type_hash: "RIHS01_278412bcb2741c62878faef7c9f58ad1301d12754eab7a4bfd41d8c8a429e502",
+            definition: concat!(
+                "# Approve or reject a proposed correction. Without a signature it is refused, unless the cell file allows that.\nstring correction_id\nstring operator_name\nbool approve\nbuiltin_interfaces/Time signed_at   # instant of the act, by the clock of the cell (service status)\nstring shown                 # what the operator was shown: text, or `sha256:` and its digest\nuint8[] signature            # ed25519, 64 bytes: see docs/approvals.md. Empty: not signed\n",
+                "================================================================================\nMSG: builtin_interfaces/Time\n",
+                include_str!("../standard/builtin_interfaces/msg/Time.msg")
+            ),
+            fields: &[
+                Member("correction_id", 17, 0, 0, "", ""),
+                Member("operator_name", 17, 0, 0, "", ""),
+                Member("approve", 15, 0, 0, "", ""),
+                Member("signed_at", 1, 0, 0, "builtin_interfaces/msg/Time", ""),
+                Member("shown", 17, 0, 0, "", ""),
+                Member("signature", 147, 0, 0, "", ""),
+            ],
+            describe: crate::describe::of::<ApproveCorrectionRequest>,
+            canonical: crate::cdr::canonical::<ApproveCorrectionRequest>,
+        };
+    }
+
+    /// Answers [`ApproveCorrection`].
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct ApproveCorrectionResponse {
+        pub accepted: bool,
+        pub text: String,
+    }
+
+    impl Message for ApproveCorrectionResponse {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "probecell_msgs/srv/ApproveCorrection_Response",
+            dds_name: "probecell_msgs::srv::dds_::ApproveCorrection_Response_",
+            type_hash: "RIHS01_6138cb83093d090df8962e2f3c7c29859b097273aca5aeab28f9044fd34e2c73",
+            definition: "bool accepted\nstring text\n",
+            fields: &[
+                Member("accepted", 15, 0, 0, "", ""),
+                Member("text", 17, 0, 0, "", ""),
+            ],
+            describe: crate::describe::of::<ApproveCorrectionResponse>,
+            canonical: crate::cdr::canonical::<ApproveCorrectionResponse>,
+        };
+    }
+
+    /// Plan the measuring order of the cell's part, of additional touches of the part in the machine, or of the rest of a plan.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub struct Plan;
+
+    impl Service for Plan {
+        type Request = PlanRequest;
+        type Response = PlanResponse;
+        const TYPE: &'static ServiceType = &ServiceType {
+            name: "probecell_msgs/srv/Plan",
+            dds_name: "probecell_msgs::srv::dds_::Plan_",
+            type_hash: "RIHS01_f562c32f65f73b981f1cd7a0c1e882f53a29c2b69f7b72da7c7423e31db7500a",
+            request: PlanRequest::TYPE,
+            response: PlanResponse::TYPE,
+        };
+    }
+
+    /// Asks [`Plan`].
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct PlanRequest {
+        /// empty: the cell's own plan; the plan measured last: its remaining points, until something is cut
+        pub plan_id: String,
+        /// empty: all. Else these, on features of the cell's plan; of the plan measured last: touched again
+        pub points: Vec<crate::InspectionPoint>,
+    }
+
+    impl Message for PlanRequest {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "probecell_msgs/srv/Plan_Request",
+            dds_name: "probecell_msgs::srv::dds_::Plan_Request_",
+            type_hash: "RIHS01_dc3b3ca076163b1f46cd0b9aa648275f6d3a9031a677bea24e1ba75d49bc5312",
+            definition: concat!(
+                "# Plan the measuring order of the cell's part, of additional touches of the part in the machine, or of the rest of a plan.\nstring plan_id               # empty: the cell's own plan; the plan measured last: its remaining points, until something is cut\nprobecell_msgs/InspectionPoint[] points   # empty: all. Else these, on features of the cell's plan; of the plan measured last: touched again\n",
+                "================================================================================\nMSG: probecell_msgs/InspectionPoint\n",
+                include_str!("../msg/InspectionPoint.msg"),
+                "================================================================================\nMSG: geometry_msgs/Point\n",
+                include_str!("../standard/geometry_msgs/msg/Point.msg"),
+                "================================================================================\nMSG: geometry_msgs/Vector3\n",
+                include_str!("../standard/geometry_msgs/msg/Vector3.msg")
+            ),
+            fields: &[
+                Member("plan_id", 17, 0, 0, "", ""),
+                Member(
+                    "points",
+                    145,
+                    0,
+                    0,
+                    "probecell_msgs/msg/InspectionPoint",
+                    "",
+                ),
+            ],
+            describe: crate::describe::of::<PlanRequest>,
+            canonical: crate::cdr::canonical::<PlanRequest>,
+        };
+    }
+
+    /// Answers [`Plan`].
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct PlanResponse {
+        pub accepted: bool,
+        /// reason for a refusal, or what was planned
+        pub text: String,
+    }
+
+    impl Message for PlanResponse {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "probecell_msgs/srv/Plan_Response",
+            dds_name: "probecell_msgs::srv::dds_::Plan_Response_",
+            type_hash: "RIHS01_345e374ce098525a196ea7d4ab2fa69045f1a5f8c5f64dc50874a795e5a27fa5",
+            definition: "bool accepted\nstring text                  # reason for a refusal, or what was planned\n",
+            fields: &[
+                Member("accepted", 15, 0, 0, "", ""),
+                Member("text", 17, 0, 0, "", ""),
+            ],
+            describe: crate::describe::of::<PlanResponse>,
+            canonical: crate::cdr::canonical::<PlanResponse>,
+        };
+    }
+
+    /// Make one part; or, with a plan_id, only measure, or resume the measurement with which the last part ended.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub struct Run;
+
+    impl Service for Run {
+        type Request = RunRequest;
+        type Response = RunResponse;
+        const TYPE: &'static ServiceType = &ServiceType {
+            name: "probecell_msgs/srv/Run",
+            dds_name: "probecell_msgs::srv::dds_::Run_",
+            type_hash: "RIHS01_439b45b8dd5d8abc3d880db1fab806bf4b60318201ca2d74f3d79487e0cd68a2",
+            request: RunRequest::TYPE,
+            response: RunResponse::TYPE,
+        };
+    }
+
+    /// Asks [`Run`].
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct RunRequest {
+        /// may be empty when resuming
+        pub part_id: String,
+        /// empty: make a part. A plan accepted by the service plan: measure it. The plan measured last: resume the part
+        pub plan_id: String,
+        /// nothing is started after this instant by the clock of the cell (service status); 0: 8 s after its arrival
+        pub expires: crate::builtin_interfaces::Time,
+        /// who has it made; may be empty
+        pub operator_name: String,
+        /// instant of the act, by the clock of the cell (service status)
+        pub signed_at: crate::builtin_interfaces::Time,
+        /// what the operator was shown: text, or `sha256:` and its digest
+        pub shown: String,
+        /// ed25519, 64 bytes: see docs/approvals.md. Empty: not signed
+        pub signature: Vec<u8>,
+    }
+
+    impl Message for RunRequest {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "probecell_msgs/srv/Run_Request",
+            dds_name: "probecell_msgs::srv::dds_::Run_Request_",
+            type_hash: "RIHS01_54db4fbd6bc02f7eb194d2770019e37da998895ace01f030e37ac7dc7884429a",
+            definition: concat!(
+                "# Make one part; or, with a plan_id, only measure, or resume the measurement with which the last part ended.\nstring part_id               # may be empty when resuming\nstring plan_id               # empty: make a part. A plan accepted by the service plan: measure it. The plan measured last: resume the part\nbuiltin_interfaces/Time expires   # nothing is started after this instant by the clock of the cell (service status); 0: 8 s after its arrival\nstring operator_name         # who has it made; may be empty\nbuiltin_interfaces/Time signed_at   # instant of the act, by the clock of the cell (service status)\nstring shown                 # what the operator was shown: text, or `sha256:` and its digest\nuint8[] signature            # ed25519, 64 bytes: see docs/approvals.md. Empty: not signed\n",
+                "================================================================================\nMSG: builtin_interfaces/Time\n",
+                include_str!("../standard/builtin_interfaces/msg/Time.msg")
+            ),
+            fields: &[
+                Member("part_id", 17, 0, 0, "", ""),
+                Member("plan_id", 17, 0, 0, "", ""),
+                Member("expires", 1, 0, 0, "builtin_interfaces/msg/Time", ""),
+                Member("operator_name", 17, 0, 0, "", ""),
+                Member("signed_at", 1, 0, 0, "builtin_interfaces/msg/Time", ""),
+                Member("shown", 17, 0, 0, "", ""),
+                Member("signature", 147, 0, 0, "", ""),
+            ],
+            describe: crate::describe::of::<RunRequest>,
+            canonical: crate::cdr::canonical::<RunRequest>,
+        };
+    }
+
+    /// Answers [`Run`].
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct RunResponse {
+        pub accepted: bool,
+        /// reason for a refusal
+        pub text: String,
+    }
+
+    impl Message for RunResponse {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "probecell_msgs/srv/Run_Response",
+            dds_name: "probecell_msgs::srv::dds_::Run_Response_",
+            type_hash: "RIHS01_2520c2b2b1143ea7401ccc27775cd90b33c20b9ae2f516e493c564c23ff7c071",
+            definition: "bool accepted\nstring text                  # reason for a refusal\n",
+            fields: &[
+                Member("accepted", 15, 0, 0, "", ""),
+                Member("text", 17, 0, 0, "", ""),
+            ],
+            describe: crate::describe::of::<RunResponse>,
+            canonical: crate::cdr::canonical::<RunResponse>,
+        };
+    }
+
+    /// Start a recording.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub struct StartRecording;
+
+    impl Service for StartRecording {
+        type Request = StartRecordingRequest;
+        type Response = StartRecordingResponse;
+        const TYPE: &'static ServiceType = &ServiceType {
+            name: "probecell_msgs/srv/StartRecording",
+            dds_name: "probecell_msgs::srv::dds_::StartRecording_",
+            type_hash: "RIHS01_81cb079bbca085fc0055a205086dfcd76a0f7e7fa999991b9dea1f60e9d904a2",
+            request: StartRecordingRequest::TYPE,
+            response: StartRecordingResponse::TYPE,
+        };
+    }
+
+    /// Asks [`StartRecording`].
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct StartRecordingRequest {
+        /// name of a folder inside the cell's folder of recordings; empty: the recorder chooses
+        pub uri: String,
+    }
+
+    impl Message for StartRecordingRequest {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "probecell_msgs/srv/StartRecording_Request",
+            dds_name: "probecell_msgs::srv::dds_::StartRecording_Request_",
+            type_hash: "RIHS01_1c42275d11d33906a00a123b5067093f1c97c33c32fb70ad3533971f1e364a9d",
+            definition: "# Start a recording.\nstring uri                   # name of a folder inside the cell's folder of recordings; empty: the recorder chooses\n",
+            fields: &[Member("uri", 17, 0, 0, "", "")],
+            describe: crate::describe::of::<StartRecordingRequest>,
+            canonical: crate::cdr::canonical::<StartRecordingRequest>,
+        };
+    }
+
+    /// Answers [`StartRecording`].
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct StartRecordingResponse {
+        pub accepted: bool,
+        /// folder that is written
+        pub uri: String,
+        pub text: String,
+    }
+
+    impl Message for StartRecordingResponse {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "probecell_msgs/srv/StartRecording_Response",
+            dds_name: "probecell_msgs::srv::dds_::StartRecording_Response_",
+            type_hash: "RIHS01_2af2cbfae8e43d0576321c4a090d258bf65a8c5c6fac9b4a1656849d4ae21ab9",
+            definition: "bool accepted\nstring uri                   # folder that is written\nstring text\n",
+            fields: &[
+                Member("accepted", 15, 0, 0, "", ""),
+                Member("uri", 17, 0, 0, "", ""),
+                Member("text", 17, 0, 0, "", ""),
+            ],
+            describe: crate::describe::of::<StartRecordingResponse>,
+            canonical: crate::cdr::canonical::<StartRecordingResponse>,
+        };
+    }
+
+    /// What the cell is doing.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub struct Status;
+
+    impl Service for Status {
+        type Request = StatusRequest;
+        type Response = StatusResponse;
+        const TYPE: &'static ServiceType = &ServiceType {
+            name: "probecell_msgs/srv/Status",
+            dds_name: "probecell_msgs::srv::dds_::Status_",
+            type_hash: "RIHS01_8aab5e1cf825917647ee2a2947e89e5f805dbf68d1a0de57cd022279ccdb399d",
+            request: StatusRequest::TYPE,
+            response: StatusResponse::TYPE,
+        };
+    }
+
+    /// Asks [`Status`].
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct StatusRequest {
+        /// Always 0: CDR has no empty structures.
+        pub structure_needs_at_least_one_member: u8,
+    }
+
+    impl Message for StatusRequest {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "probecell_msgs/srv/Status_Request",
+            dds_name: "probecell_msgs::srv::dds_::Status_Request_",
+            type_hash: "RIHS01_3a8c79be9bf61361ab23b7d8da6940919a59560f3f8c39ddc7c4efb1a6d35a88",
+            definition: "# What the cell is doing.\n",
+            fields: &[Member(
+                "structure_needs_at_least_one_member",
+                3,
+                0,
+                0,
+                "",
+                "",
+            )],
+            describe: crate::describe::of::<StatusRequest>,
+            canonical: crate::cdr::canonical::<StatusRequest>,
+        };
+    }
+
+    /// Answers [`Status`].
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct StatusResponse {
+        /// stamp: instant of the answer, by the clock of the cell
+        pub header: crate::std_msgs::Header,
+        /// MachineState.EXECUTION_*
+        pub execution: u8,
+        /// texts of the active alarms
+        pub alarms: Vec<String>,
+        /// the machine has reported its state within the last seconds
+        pub machine_known: bool,
+        /// the part that is being made
+        pub part: crate::PartStatus,
+        pub recording: crate::RecordingStatus,
+        /// processes of the cell
+        pub processes: Vec<String>,
+        /// each of them runs
+        pub running: Vec<bool>,
+        /// times that each was started
+        pub starts: Vec<u32>,
+        /// the last faults, newest last, `node: code: text`
+        pub faults: Vec<String>,
+    }
+
+    impl Message for StatusResponse {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "probecell_msgs/srv/Status_Response",
+            dds_name: "probecell_msgs::srv::dds_::Status_Response_",
+            type_hash: "RIHS01_e43e7740bdc6bd6dd02f121e0c8a2db7e02d3da5017da0c8f285fa08f1b5c636",
+            definition: concat!(
+                "std_msgs/Header header       # stamp: instant of the answer, by the clock of the cell\nuint8 execution              # MachineState.EXECUTION_*\nstring[] alarms              # texts of the active alarms\nbool machine_known           # the machine has reported its state within the last seconds\nprobecell_msgs/PartStatus part   # the part that is being made\nprobecell_msgs/RecordingStatus recording\nstring[] processes           # processes of the cell\nbool[] running               # each of them runs\nuint32[] starts              # times that each was started\nstring[] faults              # the last faults, newest last, `node: code: text`\n",
+                "================================================================================\nMSG: std_msgs/Header\n",
+                include_str!("../standard/std_msgs/msg/Header.msg"),
+                "================================================================================\nMSG: builtin_interfaces/Time\n",
+                include_str!("../standard/builtin_interfaces/msg/Time.msg"),
+                "================================================================================\nMSG: probecell_msgs/PartStatus\n",
+                include_str!("../msg/PartStatus.msg"),
+                "================================================================================\nMSG: probecell_msgs/RecordingStatus\n",
+                include_str!("../msg/RecordingStatus.msg")
+            ),
+            fields: &[
+                Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
+                Member("execution", 3, 0, 0, "", ""),
+                Member("alarms", 161, 0, 0, "", ""),
+                Member("machine_known", 15, 0, 0, "", ""),
+                Member("part", 1, 0, 0, "probecell_msgs/msg/PartStatus", ""),
+                Member(
+                    "recording",
+                    1,
+                    0,
+                    0,
+                    "probecell_msgs/msg/RecordingStatus",
+                    "",
+                ),
+                Member("processes", 161, 0, 0, "", ""),
+                Member("running", 159, 0, 0, "", ""),
+                Member("starts", 151, 0, 0, "", ""),
+                Member("faults", 161, 0, 0, "", ""),
+            ],
+            describe: crate::describe::of::<StatusResponse>,
+            canonical: crate::cdr::canonical::<StatusResponse>,
+        };
+    }
+
+    /// Stop the machine and the part that is being made.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub struct Stop;
+
+    impl Service for Stop {
+        type Request = StopRequest;
+        type Response = StopResponse;
+        const TYPE: &'static ServiceType = &ServiceType {
+            name: "probecell_msgs/srv/Stop",
+            dds_name: "probecell_msgs::srv::dds_::Stop_",
+            type_hash: "RIHS01_a1864f646148aa9470b235edc1d067f81bcbc2010f357369bfac13d601c120c3",
+            request: StopRequest::TYPE,
+            response: StopResponse::TYPE,
+        };
+    }
+
+    /// Asks [`Stop`].
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct StopRequest {
+        /// who stops it
+        pub operator_name: String,
+        /// instant of the act, by the clock of the cell (service status)
+        pub signed_at: crate::builtin_interfaces::Time,
+        /// what the operator was shown: text, or `sha256:` and its digest
+        pub shown: String,
+        /// ed25519, 64 bytes: see docs/approvals.md. Empty: not signed
+        pub signature: Vec<u8>,
+    }
+
+    impl Message for StopRequest {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "probecell_msgs/srv/Stop_Request",
+            dds_name: "probecell_msgs::srv::dds_::Stop_Request_",
+            type_hash: "RIHS01_b9a02d0090af3f5614a55674d98428394b45230f2b7a21fed51294878c5c6fdd",
+            definition: concat!(
+                "# Stop the machine and the part that is being made.\nstring operator_name         # who stops it\nbuiltin_interfaces/Time signed_at   # instant of the act, by the clock of the cell (service status)\nstring shown                 # what the operator was shown: text, or `sha256:` and its digest\nuint8[] signature            # ed25519, 64 bytes: see docs/approvals.md. Empty: not signed\n",
+                "================================================================================\nMSG: builtin_interfaces/Time\n",
+                include_str!("../standard/builtin_interfaces/msg/Time.msg")
+            ),
+            fields: &[
+                Member("operator_name", 17, 0, 0, "", ""),
+                Member("signed_at", 1, 0, 0, "builtin_interfaces/msg/Time", ""),
+                Member("shown", 17, 0, 0, "", ""),
+                Member("signature", 147, 0, 0, "", ""),
+            ],
+            describe: crate::describe::of::<StopRequest>,
+            canonical: crate::cdr::canonical::<StopRequest>,
+        };
+    }
+
+    /// Answers [`Stop`].
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct StopResponse {
+        /// the machine has confirmed that it stands
+        pub accepted: bool,
+        /// why it has not
+        pub text: String,
+    }
+
+    impl Message for StopResponse {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "probecell_msgs/srv/Stop_Response",
+            dds_name: "probecell_msgs::srv::dds_::Stop_Response_",
+            type_hash: "RIHS01_d0aebe4c9566cf7c36c6ae8b6d00e714f59bb3bd97c94e65eb3cb8f64a2cf229",
+            definition: "bool accepted                # the machine has confirmed that it stands\nstring text                  # why it has not\n",
+            fields: &[
+                Member("accepted", 15, 0, 0, "", ""),
+                Member("text", 17, 0, 0, "", ""),
+            ],
+            describe: crate::describe::of::<StopResponse>,
+            canonical: crate::cdr::canonical::<StopResponse>,
+        };
+    }
+
+    /// Stop the recording and close its files.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub struct StopRecording;
+
+    impl Service for StopRecording {
+        type Request = StopRecordingRequest;
+        type Response = StopRecordingResponse;
+        const TYPE: &'static ServiceType = &ServiceType {
+            name: "probecell_msgs/srv/StopRecording",
+            dds_name: "probecell_msgs::srv::dds_::StopRecording_",
+            type_hash: "RIHS01_06aa999f8d68973947068a8427e25a93ee9cd2ebea03c2a03a2103411064b310",
+            request: StopRecordingRequest::TYPE,
+            response: StopRecordingResponse::TYPE,
+        };
+    }
+
+    /// Asks [`StopRecording`].
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct StopRecordingRequest {
+        /// Always 0: CDR has no empty structures.
+        pub structure_needs_at_least_one_member: u8,
+    }
+
+    impl Message for StopRecordingRequest {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "probecell_msgs/srv/StopRecording_Request",
+            dds_name: "probecell_msgs::srv::dds_::StopRecording_Request_",
+            type_hash: "RIHS01_bee8862c0e2985b3fb433a9e7927fae66397b2489c65bbd4f56bea526972b840",
+            definition: "# Stop the recording and close its files.\n",
+            fields: &[Member(
+                "structure_needs_at_least_one_member",
+                3,
+                0,
+                0,
+                "",
+                "",
+            )],
+            describe: crate::describe::of::<StopRecordingRequest>,
+            canonical: crate::cdr::canonical::<StopRecordingRequest>,
+        };
+    }
+
+    /// Answers [`StopRecording`].
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct StopRecordingResponse {
+        pub accepted: bool,
+        /// folder that was written
+        pub uri: String,
+        /// messages written
+        pub messages: u64,
+        pub text: String,
+    }
+
+    impl Message for StopRecordingResponse {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "probecell_msgs/srv/StopRecording_Response",
+            dds_name: "probecell_msgs::srv::dds_::StopRecording_Response_",
+            type_hash: "RIHS01_18a1892d47d4997aeef751edff646829866675137b34b2ac994879365ea9caff",
+            definition: "bool accepted\nstring uri                   # folder that was written\nuint64 messages              # messages written\nstring text\n",
+            fields: &[
+                Member("accepted", 15, 0, 0, "", ""),
+                Member("uri", 17, 0, 0, "", ""),
+                Member("messages", 9, 0, 0, "", ""),
+                Member("text", 17, 0, 0, "", ""),
+            ],
+            describe: crate::describe::of::<StopRecordingResponse>,
+            canonical: crate::cdr::canonical::<StopRecordingResponse>,
+        };
+    }
+}
+
+/// Actions: messages and services that they are made of.
+pub mod action {
+    use serde::{Deserialize, Serialize};
+
+    use crate::schema::{Member, Message, MessageType, Service, ServiceType};
+
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct RunPartFeedback {
+        /// the part that is being made, at every change and once a second
+        pub status: crate::PartStatus,
+    }
+
+    impl Message for RunPartFeedback {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "probecell_msgs/action/RunPart_Feedback",
+            dds_name: "probecell_msgs::action::dds_::RunPart_Feedback_",
+            type_hash: "RIHS01_8a354af9291c05444cc0892a8f62eb077dafeb481aec7f7563465510f0fe9217",
+            definition: concat!(
+                "probecell_msgs/PartStatus status            # the part that is being made, at every change and once a second\n",
+                "================================================================================\nMSG: probecell_msgs/PartStatus\n",
+                include_str!("../msg/PartStatus.msg"),
+                "================================================================================\nMSG: std_msgs/Header\n",
+                include_str!("../standard/std_msgs/msg/Header.msg"),
+                "================================================================================\nMSG: builtin_interfaces/Time\n",
+                include_str!("../standard/builtin_interfaces/msg/Time.msg")
+            ),
+            fields: &[Member(
+                "status",
+                1,
+                0,
+                0,
+                "probecell_msgs/msg/PartStatus",
+                "",
+            )],
+            describe: crate::describe::of::<RunPartFeedback>,
+            canonical: crate::cdr::canonical::<RunPartFeedback>,
+        };
+    }
+
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct RunPartFeedbackMessage {
+        pub goal_id: crate::unique_identifier_msgs::UUID,
+        pub feedback: RunPartFeedback,
+    }
+
+    impl Message for RunPartFeedbackMessage {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "probecell_msgs/action/RunPart_FeedbackMessage",
+            dds_name: "probecell_msgs::action::dds_::RunPart_FeedbackMessage_",
+            type_hash: "RIHS01_d60d6342a42198d42ccbc12fd780548bcc208c19002502b1e787781e9d5981a0",
+            definition: concat!(
+                "unique_identifier_msgs/UUID goal_id\nprobecell_msgs/action/RunPart_Feedback feedback\n",
+                "================================================================================\nMSG: unique_identifier_msgs/UUID\n",
+                include_str!("../standard/unique_identifier_msgs/msg/UUID.msg"),
+                "================================================================================\nMSG: probecell_msgs/action/RunPart_Feedback\n",
+                "probecell_msgs/PartStatus status            # the part that is being made, at every change and once a second\n",
+                "================================================================================\nMSG: probecell_msgs/PartStatus\n",
+                include_str!("../msg/PartStatus.msg"),
+                "================================================================================\nMSG: std_msgs/Header\n",
+                include_str!("../standard/std_msgs/msg/Header.msg"),
+                "================================================================================\nMSG: builtin_interfaces/Time\n",
+                include_str!("../standard/builtin_interfaces/msg/Time.msg")
+            ),
+            fields: &[
+                Member("goal_id", 1, 0, 0, "unique_identifier_msgs/msg/UUID", ""),
+                Member(
+                    "feedback",
+                    1,
+                    0,
+                    0,
+                    "probecell_msgs/action/RunPart_Feedback",
+                    "",
+                ),
+            ],
+            describe: crate::describe::of::<RunPartFeedbackMessage>,
+            canonical: crate::cdr::canonical::<RunPartFeedbackMessage>,
+        };
+    }
+
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct RunPartGoal {
+        /// may be empty when resuming
+        pub part_id: String,
+        /// empty: make a part. A plan accepted by the service plan: measure it. The plan measured last: resume the part
+        pub plan_id: String,
+        /// nothing is started after this instant by the clock of the cell (service status); 0: 8 s after its arrival
+        pub expires: crate::builtin_interfaces::Time,
+        /// who has it made; may be empty
+        pub operator_name: String,
+        /// instant of the act, by the clock of the cell (service status)
+        pub signed_at: crate::builtin_interfaces::Time,
+        /// what the operator was shown: text, or `sha256:` and its digest
+        pub shown: String,
+        /// ed25519, 64 bytes: see docs/approvals.md. Empty: not signed
+        pub signature: Vec<u8>,
+    }
+
+    impl Message for RunPartGoal {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "probecell_msgs/action/RunPart_Goal",
+            dds_name: "probecell_msgs::action::dds_::RunPart_Goal_",
+            type_hash: "RIHS01_ac9c8c2e2d3c6bcd2199a6a3938fa7b0225c6ae231702465dfa5a84611472461",
+            definition: concat!(
+                "# The service run as an action: make one part; or, with a plan_id, only measure, or resume the measurement with which the\n# last part ended. The goal is accepted where the service would accept it, and reached when the part is reported. To cancel\n# it is to stop the machine and the part, as the service stop does.\nstring part_id               # may be empty when resuming\nstring plan_id               # empty: make a part. A plan accepted by the service plan: measure it. The plan measured last: resume the part\nbuiltin_interfaces/Time expires   # nothing is started after this instant by the clock of the cell (service status); 0: 8 s after its arrival\nstring operator_name         # who has it made; may be empty\nbuiltin_interfaces/Time signed_at   # instant of the act, by the clock of the cell (service status)\nstring shown                 # what the operator was shown: text, or `sha256:` and its digest\nuint8[] signature            # ed25519, 64 bytes: see docs/approvals.md. Empty: not signed\n",
+                "================================================================================\nMSG: builtin_interfaces/Time\n",
+                include_str!("../standard/builtin_interfaces/msg/Time.msg")
+            ),
+            fields: &[
+                Member("part_id", 17, 0, 0, "", ""),
+                Member("plan_id", 17, 0, 0, "", ""),
+                Member("expires", 1, 0, 0, "builtin_interfaces/msg/Time", ""),
+                Member("operator_name", 17, 0, 0, "", ""),
+                Member("signed_at", 1, 0, 0, "builtin_interfaces/msg/Time", ""),
+                Member("shown", 17, 0, 0, "", ""),
+                Member("signature", 147, 0, 0, "", ""),
+            ],
+            describe: crate::describe::of::<RunPartGoal>,
+            canonical: crate::cdr::canonical::<RunPartGoal>,
+        };
+    }
+
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct RunPartResult {
+        /// how the part ended; SUCCEEDED for QUALIFIED, SCRAP and MEASURED, CANCELED or ABORTED for STOPPED
+        pub report: crate::PartReport,
+        /// why there is no report
+        pub text: String,
+    }
+
+    impl Message for RunPartResult {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "probecell_msgs/action/RunPart_Result",
+            dds_name: "probecell_msgs::action::dds_::RunPart_Result_",
+            type_hash: "RIHS01_5c30123a640cbe55a794245860e4c0b1bef871350a3bbc35a808ef7419b93490",
+            definition: concat!(
+                "probecell_msgs/PartReport report            # how the part ended; SUCCEEDED for QUALIFIED, SCRAP and MEASURED, CANCELED or ABORTED for STOPPED\nstring text                  # why there is no report\n",
+                "================================================================================\nMSG: probecell_msgs/PartReport\n",
+                include_str!("../msg/PartReport.msg"),
+                "================================================================================\nMSG: std_msgs/Header\n",
+                include_str!("../standard/std_msgs/msg/Header.msg"),
+                "================================================================================\nMSG: builtin_interfaces/Time\n",
+                include_str!("../standard/builtin_interfaces/msg/Time.msg")
+            ),
+            fields: &[
+                Member("report", 1, 0, 0, "probecell_msgs/msg/PartReport", ""),
+                Member("text", 17, 0, 0, "", ""),
+            ],
+            describe: crate::describe::of::<RunPartResult>,
+            canonical: crate::cdr::canonical::<RunPartResult>,
+        };
+    }
+
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub struct RunPartGetResult;
+
+    impl Service for RunPartGetResult {
+        type Request = RunPartGetResultRequest;
+        type Response = RunPartGetResultResponse;
+        const TYPE: &'static ServiceType = &ServiceType {
+            name: "probecell_msgs/action/RunPart_GetResult",
+            dds_name: "probecell_msgs::action::dds_::RunPart_GetResult_",
+            type_hash: "RIHS01_c61612de1dcdeea2d564f19d7f7f74ca3411b0e90255bba23fcd4276199db2ad",
+            request: RunPartGetResultRequest::TYPE,
+            response: RunPartGetResultResponse::TYPE,
+        };
+    }
+
+    /// Asks [`RunPartGetResult`].
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct RunPartGetResultRequest {
+        pub goal_id: crate::unique_identifier_msgs::UUID,
+    }
+
+    impl Message for RunPartGetResultRequest {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "probecell_msgs/action/RunPart_GetResult_Request",
+            dds_name: "probecell_msgs::action::dds_::RunPart_GetResult_Request_",
+            type_hash: "RIHS01_ad6bf550c95c841265491a8f81227216490d68bf0659eb8ea813bf9118490ed5",
+            definition: concat!(
+                "unique_identifier_msgs/UUID goal_id\n",
+                "================================================================================\nMSG: unique_identifier_msgs/UUID\n",
+                include_str!("../standard/unique_identifier_msgs/msg/UUID.msg")
+            ),
+            fields: &[Member(
+                "goal_id",
+                1,
+                0,
+                0,
+                "unique_identifier_msgs/msg/UUID",
+                "",
+            )],
+            describe: crate::describe::of::<RunPartGetResultRequest>,
+            canonical: crate::cdr::canonical::<RunPartGetResultRequest>,
+        };
+    }
+
+    /// Answers [`RunPartGetResult`].
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct RunPartGetResultResponse {
+        /// `GoalStatus::STATUS_*`
+        pub status: i8,
+        pub result: RunPartResult,
+    }
+
+    impl Message for RunPartGetResultResponse {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "probecell_msgs/action/RunPart_GetResult_Response",
+            dds_name: "probecell_msgs::action::dds_::RunPart_GetResult_Response_",
+            type_hash: "RIHS01_9a26a26abe945fdd094529078b0c36a976462dbf1e474dd1bc1e595fb055c8f9",
+            definition: concat!(
+                "int8 status  # `GoalStatus::STATUS_*`\nprobecell_msgs/action/RunPart_Result result\n",
+                "================================================================================\nMSG: probecell_msgs/action/RunPart_Result\n",
+                "probecell_msgs/PartReport report            # how the part ended; SUCCEEDED for QUALIFIED, SCRAP and MEASURED, CANCELED or ABORTED for STOPPED\nstring text                  # why there is no report\n",
+                "================================================================================\nMSG: probecell_msgs/PartReport\n",
+                include_str!("../msg/PartReport.msg"),
+                "================================================================================\nMSG: std_msgs/Header\n",
+                include_str!("../standard/std_msgs/msg/Header.msg"),
+                "================================================================================\nMSG: builtin_interfaces/Time\n",
+                include_str!("../standard/builtin_interfaces/msg/Time.msg")
+            ),
+            fields: &[
+                Member("status", 2, 0, 0, "", ""),
+                Member(
+                    "result",
+                    1,
+                    0,
+                    0,
+                    "probecell_msgs/action/RunPart_Result",
+                    "",
+                ),
+            ],
+            describe: crate::describe::of::<RunPartGetResultResponse>,
+            canonical: crate::cdr::canonical::<RunPartGetResultResponse>,
+        };
+    }
+
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub struct RunPartSendGoal;
+
+    impl Service for RunPartSendGoal {
+        type Request = RunPartSendGoalRequest;
+        type Response = RunPartSendGoalResponse;
+        const TYPE: &'static ServiceType = &ServiceType {
+            name: "probecell_msgs/action/RunPart_SendGoal",
+            dds_name: "probecell_msgs::action::dds_::RunPart_SendGoal_",
+            type_hash: "RIHS01_1fa6d88dc718adcc294bba86ca6bc1d0cac731cedcce965f2002760b19c74431",
+            request: RunPartSendGoalRequest::TYPE,
+            response: RunPartSendGoalResponse::TYPE,
+        };
+    }
+
+    /// Asks [`RunPartSendGoal`].
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct RunPartSendGoalRequest {
+        pub goal_id: crate::unique_identifier_msgs::UUID,
+        pub goal: RunPartGoal,
+    }
+
+    impl Message for RunPartSendGoalRequest {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "probecell_msgs/action/RunPart_SendGoal_Request",
+            dds_name: "probecell_msgs::action::dds_::RunPart_SendGoal_Request_",
+            type_hash: "RIHS01_261011b393c672233c34bc2fc119dce258331e35fde6fff39ef59696cda990dc",
+            definition: concat!(
+                "unique_identifier_msgs/UUID goal_id\nprobecell_msgs/action/RunPart_Goal goal\n",
+                "================================================================================\nMSG: unique_identifier_msgs/UUID\n",
+                include_str!("../standard/unique_identifier_msgs/msg/UUID.msg"),
+                "================================================================================\nMSG: probecell_msgs/action/RunPart_Goal\n",
+                "# The service run as an action: make one part; or, with a plan_id, only measure, or resume the measurement with which the\n# last part ended. The goal is accepted where the service would accept it, and reached when the part is reported. To cancel\n# it is to stop the machine and the part, as the service stop does.\nstring part_id               # may be empty when resuming\nstring plan_id               # empty: make a part. A plan accepted by the service plan: measure it. The plan measured last: resume the part\nbuiltin_interfaces/Time expires   # nothing is started after this instant by the clock of the cell (service status); 0: 8 s after its arrival\nstring operator_name         # who has it made; may be empty\nbuiltin_interfaces/Time signed_at   # instant of the act, by the clock of the cell (service status)\nstring shown                 # what the operator was shown: text, or `sha256:` and its digest\nuint8[] signature            # ed25519, 64 bytes: see docs/approvals.md. Empty: not signed\n",
+                "================================================================================\nMSG: builtin_interfaces/Time\n",
+                include_str!("../standard/builtin_interfaces/msg/Time.msg")
+            ),
+            fields: &[
+                Member("goal_id", 1, 0, 0, "unique_identifier_msgs/msg/UUID", ""),
+                Member("goal", 1, 0, 0, "probecell_msgs/action/RunPart_Goal", ""),
+            ],
+            describe: crate::describe::of::<RunPartSendGoalRequest>,
+            canonical: crate::cdr::canonical::<RunPartSendGoalRequest>,
+        };
+    }
+
+    /// Answers [`RunPartSendGoal`].
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct RunPartSendGoalResponse {
+        pub accepted: bool,
+        pub stamp: crate::builtin_interfaces::Time,
+    }
+
+    impl Message for RunPartSendGoalResponse {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "probecell_msgs/action/RunPart_SendGoal_Response",
+            dds_name: "probecell_msgs::action::dds_::RunPart_SendGoal_Response_",
+            type_hash: "RIHS01_b155c5c84a0fe25b58c7bbca0d469830e28bf2cadd06af0cc7cfab13160e3f14",
+            definition: concat!(
+                "bool accepted\nbuiltin_interfaces/Time stamp\n",
+                "================================================================================\nMSG: builtin_interfaces/Time\n",
+                include_str!("../standard/builtin_interfaces/msg/Time.msg")
+            ),
+            fields: &[
+                Member("accepted", 15, 0, 0, "", ""),
+                Member("stamp", 1, 0, 0, "builtin_interfaces/msg/Time", ""),
+            ],
+            describe: crate::describe::of::<RunPartSendGoalResponse>,
+            canonical: crate::cdr::canonical::<RunPartSendGoalResponse>,
+        };
+    }
+}
+
+/// Standard types of the ROS package `action_msgs`.
+pub mod action_msgs {
+    use serde::{Deserialize, Serialize};
+
+    use crate::schema::{Member, Message, MessageType};
+
+    /// A goal of an action, and when it was accepted.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct GoalInfo {
+        pub goal_id: crate::unique_identifier_msgs::UUID,
+        pub stamp: crate::builtin_interfaces::Time,
+    }
+
+    impl Message for GoalInfo {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "action_msgs/msg/GoalInfo",
+            dds_name: "action_msgs::msg::dds_::GoalInfo_",
+            type_hash: "RIHS01_6398fe763154554353930716b225947f93b672f0fb2e49fdd01bb7a7e37933e9",
+            definition: concat!(
+                include_str!("../standard/action_msgs/msg/GoalInfo.msg"),
+                "================================================================================\nMSG: unique_identifier_msgs/UUID\n",
+                include_str!("../standard/unique_identifier_msgs/msg/UUID.msg"),
+                "================================================================================\nMSG: builtin_interfaces/Time\n",
+                include_str!("../standard/builtin_interfaces/msg/Time.msg")
+            ),
+            fields: &[
+                Member("goal_id", 1, 0, 0, "unique_identifier_msgs/msg/UUID", ""),
+                Member("stamp", 1, 0, 0, "builtin_interfaces/msg/Time", ""),
+            ],
+            describe: crate::describe::of::<GoalInfo>,
+            canonical: crate::cdr::canonical::<GoalInfo>,
+        };
+    }
+
+    /// How far a goal is.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct GoalStatus {
+        pub goal_info: GoalInfo,
+        pub status: i8,
+    }
+
+    impl GoalStatus {
+        pub const STATUS_UNKNOWN: i8 = 0;
+        pub const STATUS_ACCEPTED: i8 = 1;
+        pub const STATUS_EXECUTING: i8 = 2;
+        pub const STATUS_CANCELING: i8 = 3;
+        pub const STATUS_SUCCEEDED: i8 = 4;
+        pub const STATUS_CANCELED: i8 = 5;
+        pub const STATUS_ABORTED: i8 = 6;
+    }
+
+    impl Message for GoalStatus {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "action_msgs/msg/GoalStatus",
+            dds_name: "action_msgs::msg::dds_::GoalStatus_",
+            type_hash: "RIHS01_32f4cfd717735d17657e1178f24431c1ce996c878c515230f6c5b3476819dbb9",
+            definition: concat!(
+                include_str!("../standard/action_msgs/msg/GoalStatus.msg"),
+                "================================================================================\nMSG: action_msgs/GoalInfo\n",
+                include_str!("../standard/action_msgs/msg/GoalInfo.msg"),
+                "================================================================================\nMSG: unique_identifier_msgs/UUID\n",
+                include_str!("../standard/unique_identifier_msgs/msg/UUID.msg"),
+                "================================================================================\nMSG: builtin_interfaces/Time\n",
+                include_str!("../standard/builtin_interfaces/msg/Time.msg")
+            ),
+            fields: &[
+                Member("goal_info", 1, 0, 0, "action_msgs/msg/GoalInfo", ""),
+                Member("status", 2, 0, 0, "", ""),
+            ],
+            describe: crate::describe::of::<GoalStatus>,
+            canonical: crate::cdr::canonical::<GoalStatus>,
+        };
+    }
+
+    /// The goals that an action server keeps, oldest first.
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct GoalStatusArray {
+        pub status_list: Vec<GoalStatus>,
+    }
+
+    impl Message for GoalStatusArray {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "action_msgs/msg/GoalStatusArray",
+            dds_name: "action_msgs::msg::dds_::GoalStatusArray_",
+            type_hash: "RIHS01_6c1684b00f177d37438febe6e709fc4e2b0d4248dca4854946f9ed8b30cda83e",
+            definition: concat!(
+                include_str!("../standard/action_msgs/msg/GoalStatusArray.msg"),
+                "================================================================================\nMSG: action_msgs/GoalStatus\n",
+                include_str!("../standard/action_msgs/msg/GoalStatus.msg"),
+                "================================================================================\nMSG: action_msgs/GoalInfo\n",
+                include_str!("../standard/action_msgs/msg/GoalInfo.msg"),
+                "================================================================================\nMSG: unique_identifier_msgs/UUID\n",
+                include_str!("../standard/unique_identifier_msgs/msg/UUID.msg"),
+                "================================================================================\nMSG: builtin_interfaces/Time\n",
+                include_str!("../standard/builtin_interfaces/msg/Time.msg")
+            ),
+            fields: &[Member(
+                "status_list",
+                145,
+                0,
+                0,
+                "action_msgs/msg/GoalStatus",
+                "",
+            )],
+            describe: crate::describe::of::<GoalStatusArray>,
+            canonical: crate::cdr::canonical::<GoalStatusArray>,
+        };
+    }
+
+    /// Services, and the messages that they are made of.
+    pub mod srv {
+        use serde::{Deserialize, Serialize};
+
+        use crate::schema::{Member, Message, MessageType, Service, ServiceType};
+
+        /// Cancel goals of an action: one by its identifier; those accepted up to a stamp; all, where both are zero.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub struct CancelGoal;
+
+        impl Service for CancelGoal {
+            type Request = CancelGoalRequest;
+            type Response = CancelGoalResponse;
+            const TYPE: &'static ServiceType = &ServiceType {
+                name: "action_msgs/srv/CancelGoal",
+                dds_name: "action_msgs::srv::dds_::CancelGoal_",
+                type_hash: "RIHS01_573d8b0a534451d7bc2ac8c5ffde8ac14b8593b7001175d0cd6516dcbeb8689a",
+                request: CancelGoalRequest::TYPE,
+                response: CancelGoalResponse::TYPE,
+            };
+        }
+
+        /// Asks [`CancelGoal`].
+        #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+        pub struct CancelGoalRequest {
+            pub goal_info: crate::action_msgs::GoalInfo,
+        }
+
+        impl Message for CancelGoalRequest {
+            const TYPE: &'static MessageType = &MessageType {
+                name: "action_msgs/srv/CancelGoal_Request",
+                dds_name: "action_msgs::srv::dds_::CancelGoal_Request_",
+                type_hash: "RIHS01_3d3c84653c1f96918086887e1dcb236faec88b81a5b14fd4cf4840065bcdf8af",
+                definition: concat!(
+                    "# Cancel goals of an action: one by its identifier; those accepted up to a stamp; all, where both are zero.\n\naction_msgs/GoalInfo goal_info\n",
+                    "================================================================================\nMSG: action_msgs/GoalInfo\n",
+                    include_str!("../standard/action_msgs/msg/GoalInfo.msg"),
+                    "================================================================================\nMSG: unique_identifier_msgs/UUID\n",
+                    include_str!("../standard/unique_identifier_msgs/msg/UUID.msg"),
+                    "================================================================================\nMSG: builtin_interfaces/Time\n",
+                    include_str!("../standard/builtin_interfaces/msg/Time.msg")
+                ),
+                fields: &[Member("goal_info", 1, 0, 0, "action_msgs/msg/GoalInfo", "")],
+                describe: crate::describe::of::<CancelGoalRequest>,
+                canonical: crate::cdr::canonical::<CancelGoalRequest>,
+            };
+        }
+
+        /// Answers [`CancelGoal`].
+        #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+        pub struct CancelGoalResponse {
+            pub return_code: i8,
+            pub goals_canceling: Vec<crate::action_msgs::GoalInfo>,
+        }
+
+        impl CancelGoalResponse {
+            pub const ERROR_NONE: i8 = 0;
+            pub const ERROR_REJECTED: i8 = 1;
+            pub const ERROR_UNKNOWN_GOAL_ID: i8 = 2;
+            pub const ERROR_GOAL_TERMINATED: i8 = 3;
+        }
+
+        impl Message for CancelGoalResponse {
+            const TYPE: &'static MessageType = &MessageType {
+                name: "action_msgs/srv/CancelGoal_Response",
+                dds_name: "action_msgs::srv::dds_::CancelGoal_Response_",
+                type_hash: "RIHS01_35e682cf3f510e83c70a82a4aac888496dedee56773bf9d8e5e0aa81f9e1c960",
+                definition: concat!(
+                    "int8 ERROR_NONE=0\nint8 ERROR_REJECTED=1\nint8 ERROR_UNKNOWN_GOAL_ID=2\nint8 ERROR_GOAL_TERMINATED=3\nint8 return_code\naction_msgs/GoalInfo[] goals_canceling\n",
+                    "================================================================================\nMSG: action_msgs/GoalInfo\n",
+                    include_str!("../standard/action_msgs/msg/GoalInfo.msg"),
+                    "================================================================================\nMSG: unique_identifier_msgs/UUID\n",
+                    include_str!("../standard/unique_identifier_msgs/msg/UUID.msg"),
+                    "================================================================================\nMSG: builtin_interfaces/Time\n",
+                    include_str!("../standard/builtin_interfaces/msg/Time.msg")
+                ),
+                fields: &[
+                    Member("return_code", 2, 0, 0, "", ""),
+                    Member("goals_canceling", 145, 0, 0, "action_msgs/msg/GoalInfo", ""),
+                ],
+                describe: crate::describe::of::<CancelGoalResponse>,
+                canonical: crate::cdr::canonical::<CancelGoalResponse>,
+            };
+        }
+    }
 }
 
 /// Standard types of the ROS package `builtin_interfaces`.
 pub mod builtin_interfaces {
     use serde::{Deserialize, Serialize};
 
-    use crate::schema::{Message, MessageType};
+    use crate::schema::{Member, Message, MessageType};
 
     /// A span of time.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -2100,6 +3634,10 @@ pub mod builtin_interfaces {
             dds_name: "builtin_interfaces::msg::dds_::Duration_",
             type_hash: "RIHS01_e8d009f659816f758b75334ee1a9ca5b5c0b859843261f14c7f937349599d93b",
             definition: include_str!("../standard/builtin_interfaces/msg/Duration.msg"),
+            fields: &[
+                Member("sec", 6, 0, 0, "", ""),
+                Member("nanosec", 7, 0, 0, "", ""),
+            ],
             describe: crate::describe::of::<Duration>,
             canonical: crate::cdr::canonical::<Duration>,
         };
@@ -2120,6 +3658,10 @@ pub mod builtin_interfaces {
             dds_name: "builtin_interfaces::msg::dds_::Time_",
             type_hash: "RIHS01_b106235e25a4c5ed35098aa0a61a3ee9c9b18d197f398b0e4206cea9acf9c197",
             definition: include_str!("../standard/builtin_interfaces/msg/Time.msg"),
+            fields: &[
+                Member("sec", 6, 0, 0, "", ""),
+                Member("nanosec", 7, 0, 0, "", ""),
+            ],
             describe: crate::describe::of::<Time>,
             canonical: crate::cdr::canonical::<Time>,
         };
@@ -2130,7 +3672,7 @@ pub mod builtin_interfaces {
 pub mod diagnostic_msgs {
     use serde::{Deserialize, Serialize};
 
-    use crate::schema::{Message, MessageType};
+    use crate::schema::{Member, Message, MessageType};
 
     /// States of components at one instant.
     #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -2155,6 +3697,17 @@ pub mod diagnostic_msgs {
                 "================================================================================\nMSG: diagnostic_msgs/KeyValue\n",
                 include_str!("../standard/diagnostic_msgs/msg/KeyValue.msg")
             ),
+            fields: &[
+                Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
+                Member(
+                    "status",
+                    145,
+                    0,
+                    0,
+                    "diagnostic_msgs/msg/DiagnosticStatus",
+                    "",
+                ),
+            ],
             describe: crate::describe::of::<DiagnosticArray>,
             canonical: crate::cdr::canonical::<DiagnosticArray>,
         };
@@ -2188,6 +3741,13 @@ pub mod diagnostic_msgs {
                 "================================================================================\nMSG: diagnostic_msgs/KeyValue\n",
                 include_str!("../standard/diagnostic_msgs/msg/KeyValue.msg")
             ),
+            fields: &[
+                Member("level", 16, 0, 0, "", ""),
+                Member("name", 17, 0, 0, "", ""),
+                Member("message", 17, 0, 0, "", ""),
+                Member("hardware_id", 17, 0, 0, "", ""),
+                Member("values", 145, 0, 0, "diagnostic_msgs/msg/KeyValue", ""),
+            ],
             describe: crate::describe::of::<DiagnosticStatus>,
             canonical: crate::cdr::canonical::<DiagnosticStatus>,
         };
@@ -2206,6 +3766,10 @@ pub mod diagnostic_msgs {
             dds_name: "diagnostic_msgs::msg::dds_::KeyValue_",
             type_hash: "RIHS01_d68081eaa540288c5440753baecef0c4e16e81a5f78ad68902ded5100413bb42",
             definition: include_str!("../standard/diagnostic_msgs/msg/KeyValue.msg"),
+            fields: &[
+                Member("key", 17, 0, 0, "", ""),
+                Member("value", 17, 0, 0, "", ""),
+            ],
             describe: crate::describe::of::<KeyValue>,
             canonical: crate::cdr::canonical::<KeyValue>,
         };
@@ -2216,7 +3780,7 @@ pub mod diagnostic_msgs {
 pub mod geometry_msgs {
     use serde::{Deserialize, Serialize};
 
-    use crate::schema::{Message, MessageType};
+    use crate::schema::{Member, Message, MessageType};
 
     /// A position.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -2235,6 +3799,11 @@ pub mod geometry_msgs {
             dds_name: "geometry_msgs::msg::dds_::Point_",
             type_hash: "RIHS01_6963084842a9b04494d6b2941d11444708d892da2f4b09843b9c43f42a7f6881",
             definition: include_str!("../standard/geometry_msgs/msg/Point.msg"),
+            fields: &[
+                Member("x", 11, 0, 0, "", ""),
+                Member("y", 11, 0, 0, "", ""),
+                Member("z", 11, 0, 0, "", ""),
+            ],
             describe: crate::describe::of::<Point>,
             canonical: crate::cdr::canonical::<Point>,
         };
@@ -2261,6 +3830,10 @@ pub mod geometry_msgs {
                 "================================================================================\nMSG: geometry_msgs/Quaternion\n",
                 include_str!("../standard/geometry_msgs/msg/Quaternion.msg")
             ),
+            fields: &[
+                Member("position", 1, 0, 0, "geometry_msgs/msg/Point", ""),
+                Member("orientation", 1, 0, 0, "geometry_msgs/msg/Quaternion", ""),
+            ],
             describe: crate::describe::of::<Pose>,
             canonical: crate::cdr::canonical::<Pose>,
         };
@@ -2292,6 +3865,12 @@ pub mod geometry_msgs {
             dds_name: "geometry_msgs::msg::dds_::Quaternion_",
             type_hash: "RIHS01_8a765f66778c8ff7c8ab94afcc590a2ed5325a1d9a076ffff38fbce36f458684",
             definition: include_str!("../standard/geometry_msgs/msg/Quaternion.msg"),
+            fields: &[
+                Member("x", 11, 0, 0, "", "0.0"),
+                Member("y", 11, 0, 0, "", "0.0"),
+                Member("z", 11, 0, 0, "", "0.0"),
+                Member("w", 11, 0, 0, "", "1.0"),
+            ],
             describe: crate::describe::of::<Quaternion>,
             canonical: crate::cdr::canonical::<Quaternion>,
         };
@@ -2318,6 +3897,10 @@ pub mod geometry_msgs {
                 "================================================================================\nMSG: geometry_msgs/Quaternion\n",
                 include_str!("../standard/geometry_msgs/msg/Quaternion.msg")
             ),
+            fields: &[
+                Member("translation", 1, 0, 0, "geometry_msgs/msg/Vector3", ""),
+                Member("rotation", 1, 0, 0, "geometry_msgs/msg/Quaternion", ""),
+            ],
             describe: crate::describe::of::<Transform>,
             canonical: crate::cdr::canonical::<Transform>,
         };
@@ -2350,6 +3933,11 @@ pub mod geometry_msgs {
                 "================================================================================\nMSG: geometry_msgs/Quaternion\n",
                 include_str!("../standard/geometry_msgs/msg/Quaternion.msg")
             ),
+            fields: &[
+                Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
+                Member("child_frame_id", 17, 0, 0, "", ""),
+                Member("transform", 1, 0, 0, "geometry_msgs/msg/Transform", ""),
+            ],
             describe: crate::describe::of::<TransformStamped>,
             canonical: crate::cdr::canonical::<TransformStamped>,
         };
@@ -2369,6 +3957,11 @@ pub mod geometry_msgs {
             dds_name: "geometry_msgs::msg::dds_::Vector3_",
             type_hash: "RIHS01_cc12fe83e4c02719f1ce8070bfd14aecd40f75a96696a67a2a1f37f7dbb0765d",
             definition: include_str!("../standard/geometry_msgs/msg/Vector3.msg"),
+            fields: &[
+                Member("x", 11, 0, 0, "", ""),
+                Member("y", 11, 0, 0, "", ""),
+                Member("z", 11, 0, 0, "", ""),
+            ],
             describe: crate::describe::of::<Vector3>,
             canonical: crate::cdr::canonical::<Vector3>,
         };
@@ -2379,7 +3972,77 @@ pub mod geometry_msgs {
 pub mod rcl_interfaces {
     use serde::{Deserialize, Serialize};
 
-    use crate::schema::{Message, MessageType};
+    use crate::schema::{Member, Message, MessageType};
+
+    /// Values that a parameter of type double may have.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct FloatingPointRange {
+        pub from_value: f64,
+        pub to_value: f64,
+        pub step: f64,
+    }
+
+    impl Message for FloatingPointRange {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "rcl_interfaces/msg/FloatingPointRange",
+            dds_name: "rcl_interfaces::msg::dds_::FloatingPointRange_",
+            type_hash: "RIHS01_e6af23a23c177fee5f3075c8b1e435162a9b63c863d78c06017460b49684262d",
+            definition: include_str!("../standard/rcl_interfaces/msg/FloatingPointRange.msg"),
+            fields: &[
+                Member("from_value", 11, 0, 0, "", ""),
+                Member("to_value", 11, 0, 0, "", ""),
+                Member("step", 11, 0, 0, "", ""),
+            ],
+            describe: crate::describe::of::<FloatingPointRange>,
+            canonical: crate::cdr::canonical::<FloatingPointRange>,
+        };
+    }
+
+    /// Values that a parameter of type integer may have.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct IntegerRange {
+        pub from_value: i64,
+        pub to_value: i64,
+        pub step: u64,
+    }
+
+    impl Message for IntegerRange {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "rcl_interfaces/msg/IntegerRange",
+            dds_name: "rcl_interfaces::msg::dds_::IntegerRange_",
+            type_hash: "RIHS01_f7b7fdc0f65f07702e099218e13288c3963bcb9345bde78b560e6cd19800fc5a",
+            definition: include_str!("../standard/rcl_interfaces/msg/IntegerRange.msg"),
+            fields: &[
+                Member("from_value", 8, 0, 0, "", ""),
+                Member("to_value", 8, 0, 0, "", ""),
+                Member("step", 9, 0, 0, "", ""),
+            ],
+            describe: crate::describe::of::<IntegerRange>,
+            canonical: crate::cdr::canonical::<IntegerRange>,
+        };
+    }
+
+    /// Names of parameters, and the prefixes that they have in common.
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct ListParametersResult {
+        pub names: Vec<String>,
+        pub prefixes: Vec<String>,
+    }
+
+    impl Message for ListParametersResult {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "rcl_interfaces/msg/ListParametersResult",
+            dds_name: "rcl_interfaces::msg::dds_::ListParametersResult_",
+            type_hash: "RIHS01_237ae3428413dcbcfb452b510c42355f3a2b021dc091afa3e18526d57022f1cd",
+            definition: include_str!("../standard/rcl_interfaces/msg/ListParametersResult.msg"),
+            fields: &[
+                Member("names", 161, 0, 0, "", ""),
+                Member("prefixes", 161, 0, 0, "", ""),
+            ],
+            describe: crate::describe::of::<ListParametersResult>,
+            canonical: crate::cdr::canonical::<ListParametersResult>,
+        };
+    }
 
     /// One log message of a node, as every ROS 2 node publishes it on /rosout.
     #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -2415,9 +4078,668 @@ pub mod rcl_interfaces {
                 "================================================================================\nMSG: builtin_interfaces/Time\n",
                 include_str!("../standard/builtin_interfaces/msg/Time.msg")
             ),
+            fields: &[
+                Member("stamp", 1, 0, 0, "builtin_interfaces/msg/Time", ""),
+                Member("level", 3, 0, 0, "", ""),
+                Member("name", 17, 0, 0, "", ""),
+                Member("msg", 17, 0, 0, "", ""),
+                Member("file", 17, 0, 0, "", ""),
+                Member("function", 17, 0, 0, "", ""),
+                Member("line", 7, 0, 0, "", ""),
+            ],
             describe: crate::describe::of::<Log>,
             canonical: crate::cdr::canonical::<Log>,
         };
+    }
+
+    /// A parameter: a name, in which dots separate levels, and a value.
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct Parameter {
+        pub name: String,
+        pub value: ParameterValue,
+    }
+
+    impl Message for Parameter {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "rcl_interfaces/msg/Parameter",
+            dds_name: "rcl_interfaces::msg::dds_::Parameter_",
+            type_hash: "RIHS01_ddfe6442cffc462317adb5c92536a7b6dd55858c5c3e1e328165a6b73c2831af",
+            definition: concat!(
+                include_str!("../standard/rcl_interfaces/msg/Parameter.msg"),
+                "================================================================================\nMSG: rcl_interfaces/ParameterValue\n",
+                include_str!("../standard/rcl_interfaces/msg/ParameterValue.msg")
+            ),
+            fields: &[
+                Member("name", 17, 0, 0, "", ""),
+                Member("value", 1, 0, 0, "rcl_interfaces/msg/ParameterValue", ""),
+            ],
+            describe: crate::describe::of::<Parameter>,
+            canonical: crate::cdr::canonical::<Parameter>,
+        };
+    }
+
+    /// What may be said of a parameter beside its value.
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct ParameterDescriptor {
+        pub name: String,
+        pub r#type: u8,
+        pub description: String,
+        pub additional_constraints: String,
+        pub read_only: bool,
+        pub dynamic_typing: bool,
+        #[serde(deserialize_with = "crate::bounded::sequence::<_, _, 1>")]
+        pub floating_point_range: Vec<FloatingPointRange>,
+        #[serde(deserialize_with = "crate::bounded::sequence::<_, _, 1>")]
+        pub integer_range: Vec<IntegerRange>,
+    }
+
+    impl Message for ParameterDescriptor {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "rcl_interfaces/msg/ParameterDescriptor",
+            dds_name: "rcl_interfaces::msg::dds_::ParameterDescriptor_",
+            type_hash: "RIHS01_52175dbfda6c51153101d33d2a9da05743f66f02d5ab2ca9ec4709b46b73d704",
+            definition: concat!(
+                include_str!("../standard/rcl_interfaces/msg/ParameterDescriptor.msg"),
+                "================================================================================\nMSG: rcl_interfaces/FloatingPointRange\n",
+                include_str!("../standard/rcl_interfaces/msg/FloatingPointRange.msg"),
+                "================================================================================\nMSG: rcl_interfaces/IntegerRange\n",
+                include_str!("../standard/rcl_interfaces/msg/IntegerRange.msg")
+            ),
+            fields: &[
+                Member("name", 17, 0, 0, "", ""),
+                Member("type", 3, 0, 0, "", ""),
+                Member("description", 17, 0, 0, "", ""),
+                Member("additional_constraints", 17, 0, 0, "", ""),
+                Member("read_only", 15, 0, 0, "", "False"),
+                Member("dynamic_typing", 15, 0, 0, "", "False"),
+                Member(
+                    "floating_point_range",
+                    97,
+                    1,
+                    0,
+                    "rcl_interfaces/msg/FloatingPointRange",
+                    "",
+                ),
+                Member(
+                    "integer_range",
+                    97,
+                    1,
+                    0,
+                    "rcl_interfaces/msg/IntegerRange",
+                    "",
+                ),
+            ],
+            describe: crate::describe::of::<ParameterDescriptor>,
+            canonical: crate::cdr::canonical::<ParameterDescriptor>,
+        };
+    }
+
+    /// Parameters of one node that were declared, set or removed.
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct ParameterEvent {
+        pub stamp: crate::builtin_interfaces::Time,
+        pub node: String,
+        pub new_parameters: Vec<Parameter>,
+        pub changed_parameters: Vec<Parameter>,
+        pub deleted_parameters: Vec<Parameter>,
+    }
+
+    impl Message for ParameterEvent {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "rcl_interfaces/msg/ParameterEvent",
+            dds_name: "rcl_interfaces::msg::dds_::ParameterEvent_",
+            type_hash: "RIHS01_043e627780fcad87a22d225bc2a037361dba713fca6a6b9f4b869a5aa0393204",
+            definition: concat!(
+                include_str!("../standard/rcl_interfaces/msg/ParameterEvent.msg"),
+                "================================================================================\nMSG: builtin_interfaces/Time\n",
+                include_str!("../standard/builtin_interfaces/msg/Time.msg"),
+                "================================================================================\nMSG: rcl_interfaces/Parameter\n",
+                include_str!("../standard/rcl_interfaces/msg/Parameter.msg"),
+                "================================================================================\nMSG: rcl_interfaces/ParameterValue\n",
+                include_str!("../standard/rcl_interfaces/msg/ParameterValue.msg")
+            ),
+            fields: &[
+                Member("stamp", 1, 0, 0, "builtin_interfaces/msg/Time", ""),
+                Member("node", 17, 0, 0, "", ""),
+                Member(
+                    "new_parameters",
+                    145,
+                    0,
+                    0,
+                    "rcl_interfaces/msg/Parameter",
+                    "",
+                ),
+                Member(
+                    "changed_parameters",
+                    145,
+                    0,
+                    0,
+                    "rcl_interfaces/msg/Parameter",
+                    "",
+                ),
+                Member(
+                    "deleted_parameters",
+                    145,
+                    0,
+                    0,
+                    "rcl_interfaces/msg/Parameter",
+                    "",
+                ),
+            ],
+            describe: crate::describe::of::<ParameterEvent>,
+            canonical: crate::cdr::canonical::<ParameterEvent>,
+        };
+    }
+
+    /// Numbers of the types of parameters.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct ParameterType {
+        /// Always 0: CDR has no empty structures.
+        pub structure_needs_at_least_one_member: u8,
+    }
+
+    impl ParameterType {
+        pub const PARAMETER_NOT_SET: u8 = 0;
+        pub const PARAMETER_BOOL: u8 = 1;
+        pub const PARAMETER_INTEGER: u8 = 2;
+        pub const PARAMETER_DOUBLE: u8 = 3;
+        pub const PARAMETER_STRING: u8 = 4;
+        pub const PARAMETER_BYTE_ARRAY: u8 = 5;
+        pub const PARAMETER_BOOL_ARRAY: u8 = 6;
+        pub const PARAMETER_INTEGER_ARRAY: u8 = 7;
+        pub const PARAMETER_DOUBLE_ARRAY: u8 = 8;
+        pub const PARAMETER_STRING_ARRAY: u8 = 9;
+    }
+
+    impl Message for ParameterType {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "rcl_interfaces/msg/ParameterType",
+            dds_name: "rcl_interfaces::msg::dds_::ParameterType_",
+            type_hash: "RIHS01_df29ed057a834862187be24dd187d981790ff3ea6502f4cd27b432cbc42c6d46",
+            definition: include_str!("../standard/rcl_interfaces/msg/ParameterType.msg"),
+            fields: &[Member(
+                "structure_needs_at_least_one_member",
+                3,
+                0,
+                0,
+                "",
+                "",
+            )],
+            describe: crate::describe::of::<ParameterType>,
+            canonical: crate::cdr::canonical::<ParameterType>,
+        };
+    }
+
+    /// A value of a parameter: the field that its type names.
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct ParameterValue {
+        pub r#type: u8,
+        pub bool_value: bool,
+        pub integer_value: i64,
+        pub double_value: f64,
+        pub string_value: String,
+        pub byte_array_value: Vec<u8>,
+        pub bool_array_value: Vec<bool>,
+        pub integer_array_value: Vec<i64>,
+        pub double_array_value: Vec<f64>,
+        pub string_array_value: Vec<String>,
+    }
+
+    impl Message for ParameterValue {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "rcl_interfaces/msg/ParameterValue",
+            dds_name: "rcl_interfaces::msg::dds_::ParameterValue_",
+            type_hash: "RIHS01_115fc089a387e23c7ecd3525c9189c379109119d6ab82e8dfbde0fdf6a7f9b68",
+            definition: include_str!("../standard/rcl_interfaces/msg/ParameterValue.msg"),
+            fields: &[
+                Member("type", 3, 0, 0, "", ""),
+                Member("bool_value", 15, 0, 0, "", ""),
+                Member("integer_value", 8, 0, 0, "", ""),
+                Member("double_value", 11, 0, 0, "", ""),
+                Member("string_value", 17, 0, 0, "", ""),
+                Member("byte_array_value", 160, 0, 0, "", ""),
+                Member("bool_array_value", 159, 0, 0, "", ""),
+                Member("integer_array_value", 152, 0, 0, "", ""),
+                Member("double_array_value", 155, 0, 0, "", ""),
+                Member("string_array_value", 161, 0, 0, "", ""),
+            ],
+            describe: crate::describe::of::<ParameterValue>,
+            canonical: crate::cdr::canonical::<ParameterValue>,
+        };
+    }
+
+    /// Whether a parameter was set, or why not.
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct SetParametersResult {
+        pub successful: bool,
+        pub reason: String,
+    }
+
+    impl Message for SetParametersResult {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "rcl_interfaces/msg/SetParametersResult",
+            dds_name: "rcl_interfaces::msg::dds_::SetParametersResult_",
+            type_hash: "RIHS01_cfcc0fb0371ee5159b403960ef4300f8f9d2f1fd6117c8666b7f9654d528a9b1",
+            definition: include_str!("../standard/rcl_interfaces/msg/SetParametersResult.msg"),
+            fields: &[
+                Member("successful", 15, 0, 0, "", ""),
+                Member("reason", 17, 0, 0, "", ""),
+            ],
+            describe: crate::describe::of::<SetParametersResult>,
+            canonical: crate::cdr::canonical::<SetParametersResult>,
+        };
+    }
+
+    /// Services, and the messages that they are made of.
+    pub mod srv {
+        use serde::{Deserialize, Serialize};
+
+        use crate::schema::{Member, Message, MessageType, Service, ServiceType};
+
+        /// Describe parameters of a node.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub struct DescribeParameters;
+
+        impl Service for DescribeParameters {
+            type Request = DescribeParametersRequest;
+            type Response = DescribeParametersResponse;
+            const TYPE: &'static ServiceType = &ServiceType {
+                name: "rcl_interfaces/srv/DescribeParameters",
+                dds_name: "rcl_interfaces::srv::dds_::DescribeParameters_",
+                type_hash: "RIHS01_845b484d71eb0673dae682f2e3ba3c4851a65a3dcfb97bddd82c5b57e91e4cff",
+                request: DescribeParametersRequest::TYPE,
+                response: DescribeParametersResponse::TYPE,
+            };
+        }
+
+        /// Asks [`DescribeParameters`].
+        #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+        pub struct DescribeParametersRequest {
+            pub names: Vec<String>,
+        }
+
+        impl Message for DescribeParametersRequest {
+            const TYPE: &'static MessageType = &MessageType {
+                name: "rcl_interfaces/srv/DescribeParameters_Request",
+                dds_name: "rcl_interfaces::srv::dds_::DescribeParameters_Request_",
+                type_hash: "RIHS01_05dd1c2bc87dec2627105c8070d6f9725c781a4f2ab852975bf105462b82b644",
+                definition: "# Describe parameters of a node.\n\nstring[] names\n",
+                fields: &[Member("names", 161, 0, 0, "", "")],
+                describe: crate::describe::of::<DescribeParametersRequest>,
+                canonical: crate::cdr::canonical::<DescribeParametersRequest>,
+            };
+        }
+
+        /// Answers [`DescribeParameters`].
+        #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+        pub struct DescribeParametersResponse {
+            pub descriptors: Vec<crate::rcl_interfaces::ParameterDescriptor>,
+        }
+
+        impl Message for DescribeParametersResponse {
+            const TYPE: &'static MessageType = &MessageType {
+                name: "rcl_interfaces/srv/DescribeParameters_Response",
+                dds_name: "rcl_interfaces::srv::dds_::DescribeParameters_Response_",
+                type_hash: "RIHS01_ad6747319613c6131589e062e095b469a46cc764f7d0f12a001a49e6cd893995",
+                definition: concat!(
+                    "rcl_interfaces/ParameterDescriptor[] descriptors\n",
+                    "================================================================================\nMSG: rcl_interfaces/ParameterDescriptor\n",
+                    include_str!("../standard/rcl_interfaces/msg/ParameterDescriptor.msg"),
+                    "================================================================================\nMSG: rcl_interfaces/FloatingPointRange\n",
+                    include_str!("../standard/rcl_interfaces/msg/FloatingPointRange.msg"),
+                    "================================================================================\nMSG: rcl_interfaces/IntegerRange\n",
+                    include_str!("../standard/rcl_interfaces/msg/IntegerRange.msg")
+                ),
+                fields: &[Member(
+                    "descriptors",
+                    145,
+                    0,
+                    0,
+                    "rcl_interfaces/msg/ParameterDescriptor",
+                    "",
+                )],
+                describe: crate::describe::of::<DescribeParametersResponse>,
+                canonical: crate::cdr::canonical::<DescribeParametersResponse>,
+            };
+        }
+
+        /// Tell the types of parameters of a node.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub struct GetParameterTypes;
+
+        impl Service for GetParameterTypes {
+            type Request = GetParameterTypesRequest;
+            type Response = GetParameterTypesResponse;
+            const TYPE: &'static ServiceType = &ServiceType {
+                name: "rcl_interfaces/srv/GetParameterTypes",
+                dds_name: "rcl_interfaces::srv::dds_::GetParameterTypes_",
+                type_hash: "RIHS01_da199c878688b3e530bdfe3ca8f74cb9fa0c303101e980a9e8f260e25e1c80ca",
+                request: GetParameterTypesRequest::TYPE,
+                response: GetParameterTypesResponse::TYPE,
+            };
+        }
+
+        /// Asks [`GetParameterTypes`].
+        #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+        pub struct GetParameterTypesRequest {
+            pub names: Vec<String>,
+        }
+
+        impl Message for GetParameterTypesRequest {
+            const TYPE: &'static MessageType = &MessageType {
+                name: "rcl_interfaces/srv/GetParameterTypes_Request",
+                dds_name: "rcl_interfaces::srv::dds_::GetParameterTypes_Request_",
+                type_hash: "RIHS01_87d7ec5ef545d4daa289d500025d31fb2437bc8b8365ca367161c4dac4be33fd",
+                definition: "# Tell the types of parameters of a node.\n\nstring[] names\n",
+                fields: &[Member("names", 161, 0, 0, "", "")],
+                describe: crate::describe::of::<GetParameterTypesRequest>,
+                canonical: crate::cdr::canonical::<GetParameterTypesRequest>,
+            };
+        }
+
+        /// Answers [`GetParameterTypes`].
+        #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+        pub struct GetParameterTypesResponse {
+            pub types: Vec<u8>,
+        }
+
+        impl Message for GetParameterTypesResponse {
+            const TYPE: &'static MessageType = &MessageType {
+                name: "rcl_interfaces/srv/GetParameterTypes_Response",
+                dds_name: "rcl_interfaces::srv::dds_::GetParameterTypes_Response_",
+                type_hash: "RIHS01_ac1335dce67c478e669434f6ac2fbff34fcd529580f272d3006785ba8b54e47f",
+                definition: "uint8[] types\n",
+                fields: &[Member("types", 147, 0, 0, "", "")],
+                describe: crate::describe::of::<GetParameterTypesResponse>,
+                canonical: crate::cdr::canonical::<GetParameterTypesResponse>,
+            };
+        }
+
+        /// Read parameters of a node.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub struct GetParameters;
+
+        impl Service for GetParameters {
+            type Request = GetParametersRequest;
+            type Response = GetParametersResponse;
+            const TYPE: &'static ServiceType = &ServiceType {
+                name: "rcl_interfaces/srv/GetParameters",
+                dds_name: "rcl_interfaces::srv::dds_::GetParameters_",
+                type_hash: "RIHS01_bf9803d5c74cf989a5de3e0c2e99444599a627c7ff75f97b8c05b01003675cbc",
+                request: GetParametersRequest::TYPE,
+                response: GetParametersResponse::TYPE,
+            };
+        }
+
+        /// Asks [`GetParameters`].
+        #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+        pub struct GetParametersRequest {
+            pub names: Vec<String>,
+        }
+
+        impl Message for GetParametersRequest {
+            const TYPE: &'static MessageType = &MessageType {
+                name: "rcl_interfaces/srv/GetParameters_Request",
+                dds_name: "rcl_interfaces::srv::dds_::GetParameters_Request_",
+                type_hash: "RIHS01_135a9e1c3d7cebef792f6687d7ddf99949b21a0bd9a320d863a9110a3f5cf4d6",
+                definition: "# Read parameters of a node.\n\nstring[] names\n",
+                fields: &[Member("names", 161, 0, 0, "", "")],
+                describe: crate::describe::of::<GetParametersRequest>,
+                canonical: crate::cdr::canonical::<GetParametersRequest>,
+            };
+        }
+
+        /// Answers [`GetParameters`].
+        #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+        pub struct GetParametersResponse {
+            pub values: Vec<crate::rcl_interfaces::ParameterValue>,
+        }
+
+        impl Message for GetParametersResponse {
+            const TYPE: &'static MessageType = &MessageType {
+                name: "rcl_interfaces/srv/GetParameters_Response",
+                dds_name: "rcl_interfaces::srv::dds_::GetParameters_Response_",
+                type_hash: "RIHS01_9fa773b46e39cc5d02db6224d8fd520bb9caeeffc2b27c96c1e59431baba9f2a",
+                definition: concat!(
+                    "rcl_interfaces/ParameterValue[] values\n",
+                    "================================================================================\nMSG: rcl_interfaces/ParameterValue\n",
+                    include_str!("../standard/rcl_interfaces/msg/ParameterValue.msg")
+                ),
+                fields: &[Member(
+                    "values",
+                    145,
+                    0,
+                    0,
+                    "rcl_interfaces/msg/ParameterValue",
+                    "",
+                )],
+                describe: crate::describe::of::<GetParametersResponse>,
+                canonical: crate::cdr::canonical::<GetParametersResponse>,
+            };
+        }
+
+        /// List the parameters of a node below some prefixes, and to some depth.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub struct ListParameters;
+
+        impl Service for ListParameters {
+            type Request = ListParametersRequest;
+            type Response = ListParametersResponse;
+            const TYPE: &'static ServiceType = &ServiceType {
+                name: "rcl_interfaces/srv/ListParameters",
+                dds_name: "rcl_interfaces::srv::dds_::ListParameters_",
+                type_hash: "RIHS01_3e6062bfbb27bfb8730d4cef2558221f51a11646d78e7bb30a1e83afac3aad9d",
+                request: ListParametersRequest::TYPE,
+                response: ListParametersResponse::TYPE,
+            };
+        }
+
+        /// Asks [`ListParameters`].
+        #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+        pub struct ListParametersRequest {
+            pub prefixes: Vec<String>,
+            pub depth: u64,
+        }
+
+        impl ListParametersRequest {
+            pub const DEPTH_RECURSIVE: u64 = 0;
+        }
+
+        impl Message for ListParametersRequest {
+            const TYPE: &'static MessageType = &MessageType {
+                name: "rcl_interfaces/srv/ListParameters_Request",
+                dds_name: "rcl_interfaces::srv::dds_::ListParameters_Request_",
+                type_hash: "RIHS01_a1b0b5d6b967a5b8ac5bc8563c3ea678f349e312a6a4967227c5a96bc5ce38df",
+                definition: "# List the parameters of a node below some prefixes, and to some depth.\n\nuint64 DEPTH_RECURSIVE=0\nstring[] prefixes\nuint64 depth\n",
+                fields: &[
+                    Member("prefixes", 161, 0, 0, "", ""),
+                    Member("depth", 9, 0, 0, "", ""),
+                ],
+                describe: crate::describe::of::<ListParametersRequest>,
+                canonical: crate::cdr::canonical::<ListParametersRequest>,
+            };
+        }
+
+        /// Answers [`ListParameters`].
+        #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+        pub struct ListParametersResponse {
+            pub result: crate::rcl_interfaces::ListParametersResult,
+        }
+
+        impl Message for ListParametersResponse {
+            const TYPE: &'static MessageType = &MessageType {
+                name: "rcl_interfaces/srv/ListParameters_Response",
+                dds_name: "rcl_interfaces::srv::dds_::ListParameters_Response_",
+                type_hash: "RIHS01_31b937b82de3612426be79f231e386259f97e8dc843e3f2845288b4bfa296bdd",
+                definition: concat!(
+                    "rcl_interfaces/ListParametersResult result\n",
+                    "================================================================================\nMSG: rcl_interfaces/ListParametersResult\n",
+                    include_str!("../standard/rcl_interfaces/msg/ListParametersResult.msg")
+                ),
+                fields: &[Member(
+                    "result",
+                    1,
+                    0,
+                    0,
+                    "rcl_interfaces/msg/ListParametersResult",
+                    "",
+                )],
+                describe: crate::describe::of::<ListParametersResponse>,
+                canonical: crate::cdr::canonical::<ListParametersResponse>,
+            };
+        }
+
+        /// Set parameters of a node, one by one.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub struct SetParameters;
+
+        impl Service for SetParameters {
+            type Request = SetParametersRequest;
+            type Response = SetParametersResponse;
+            const TYPE: &'static ServiceType = &ServiceType {
+                name: "rcl_interfaces/srv/SetParameters",
+                dds_name: "rcl_interfaces::srv::dds_::SetParameters_",
+                type_hash: "RIHS01_56eed9a67e169f9cb6c1f987bc88f868c14a8fc9f743a263bc734c154015d7e0",
+                request: SetParametersRequest::TYPE,
+                response: SetParametersResponse::TYPE,
+            };
+        }
+
+        /// Asks [`SetParameters`].
+        #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+        pub struct SetParametersRequest {
+            pub parameters: Vec<crate::rcl_interfaces::Parameter>,
+        }
+
+        impl Message for SetParametersRequest {
+            const TYPE: &'static MessageType = &MessageType {
+                name: "rcl_interfaces/srv/SetParameters_Request",
+                dds_name: "rcl_interfaces::srv::dds_::SetParameters_Request_",
+                type_hash: "RIHS01_130d46386b7e84ea9ecf60608a4d83cbe5e5cb7c6cc5b712b7a4e3a6c254e932",
+                definition: concat!(
+                    "# Set parameters of a node, one by one.\n\nrcl_interfaces/Parameter[] parameters\n",
+                    "================================================================================\nMSG: rcl_interfaces/Parameter\n",
+                    include_str!("../standard/rcl_interfaces/msg/Parameter.msg"),
+                    "================================================================================\nMSG: rcl_interfaces/ParameterValue\n",
+                    include_str!("../standard/rcl_interfaces/msg/ParameterValue.msg")
+                ),
+                fields: &[Member(
+                    "parameters",
+                    145,
+                    0,
+                    0,
+                    "rcl_interfaces/msg/Parameter",
+                    "",
+                )],
+                describe: crate::describe::of::<SetParametersRequest>,
+                canonical: crate::cdr::canonical::<SetParametersRequest>,
+            };
+        }
+
+        /// Answers [`SetParameters`].
+        #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+        pub struct SetParametersResponse {
+            pub results: Vec<crate::rcl_interfaces::SetParametersResult>,
+        }
+
+        impl Message for SetParametersResponse {
+            const TYPE: &'static MessageType = &MessageType {
+                name: "rcl_interfaces/srv/SetParameters_Response",
+                dds_name: "rcl_interfaces::srv::dds_::SetParameters_Response_",
+                type_hash: "RIHS01_7a0e8140a0b8d98308fa81a5403a766e610af29a239caf54b7553227906fc266",
+                definition: concat!(
+                    "rcl_interfaces/SetParametersResult[] results\n",
+                    "================================================================================\nMSG: rcl_interfaces/SetParametersResult\n",
+                    include_str!("../standard/rcl_interfaces/msg/SetParametersResult.msg")
+                ),
+                fields: &[Member(
+                    "results",
+                    145,
+                    0,
+                    0,
+                    "rcl_interfaces/msg/SetParametersResult",
+                    "",
+                )],
+                describe: crate::describe::of::<SetParametersResponse>,
+                canonical: crate::cdr::canonical::<SetParametersResponse>,
+            };
+        }
+
+        /// Set parameters of a node, all or none.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub struct SetParametersAtomically;
+
+        impl Service for SetParametersAtomically {
+            type Request = SetParametersAtomicallyRequest;
+            type Response = SetParametersAtomicallyResponse;
+            const TYPE: &'static ServiceType = &ServiceType {
+                name: "rcl_interfaces/srv/SetParametersAtomically",
+                dds_name: "rcl_interfaces::srv::dds_::SetParametersAtomically_",
+                type_hash: "RIHS01_0e192ef259c07fc3c07a13191d27002222e65e00ccec653ca05e856f79285fcd",
+                request: SetParametersAtomicallyRequest::TYPE,
+                response: SetParametersAtomicallyResponse::TYPE,
+            };
+        }
+
+        /// Asks [`SetParametersAtomically`].
+        #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+        pub struct SetParametersAtomicallyRequest {
+            pub parameters: Vec<crate::rcl_interfaces::Parameter>,
+        }
+
+        impl Message for SetParametersAtomicallyRequest {
+            const TYPE: &'static MessageType = &MessageType {
+                name: "rcl_interfaces/srv/SetParametersAtomically_Request",
+                dds_name: "rcl_interfaces::srv::dds_::SetParametersAtomically_Request_",
+                type_hash: "RIHS01_db0bd950ed5ed867a0e90b225e44dea382d762c0762ff3e0ee842190042a59e5",
+                definition: concat!(
+                    "# Set parameters of a node, all or none.\n\nrcl_interfaces/Parameter[] parameters\n",
+                    "================================================================================\nMSG: rcl_interfaces/Parameter\n",
+                    include_str!("../standard/rcl_interfaces/msg/Parameter.msg"),
+                    "================================================================================\nMSG: rcl_interfaces/ParameterValue\n",
+                    include_str!("../standard/rcl_interfaces/msg/ParameterValue.msg")
+                ),
+                fields: &[Member(
+                    "parameters",
+                    145,
+                    0,
+                    0,
+                    "rcl_interfaces/msg/Parameter",
+                    "",
+                )],
+                describe: crate::describe::of::<SetParametersAtomicallyRequest>,
+                canonical: crate::cdr::canonical::<SetParametersAtomicallyRequest>,
+            };
+        }
+
+        /// Answers [`SetParametersAtomically`].
+        #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+        pub struct SetParametersAtomicallyResponse {
+            pub result: crate::rcl_interfaces::SetParametersResult,
+        }
+
+        impl Message for SetParametersAtomicallyResponse {
+            const TYPE: &'static MessageType = &MessageType {
+                name: "rcl_interfaces/srv/SetParametersAtomically_Response",
+                dds_name: "rcl_interfaces::srv::dds_::SetParametersAtomically_Response_",
+                type_hash: "RIHS01_31b1a38c5b0b9d893ee24da45f69638f4561c78461d82d52750f429b534502b8",
+                definition: concat!(
+                    "rcl_interfaces/SetParametersResult result\n",
+                    "================================================================================\nMSG: rcl_interfaces/SetParametersResult\n",
+                    include_str!("../standard/rcl_interfaces/msg/SetParametersResult.msg")
+                ),
+                fields: &[Member(
+                    "result",
+                    1,
+                    0,
+                    0,
+                    "rcl_interfaces/msg/SetParametersResult",
+                    "",
+                )],
+                describe: crate::describe::of::<SetParametersAtomicallyResponse>,
+                canonical: crate::cdr::canonical::<SetParametersAtomicallyResponse>,
+            };
+        }
     }
 }
 
@@ -2425,7 +4747,7 @@ pub mod rcl_interfaces {
 pub mod rosgraph_msgs {
     use serde::{Deserialize, Serialize};
 
-    use crate::schema::{Message, MessageType};
+    use crate::schema::{Member, Message, MessageType};
 
     /// Simulated or replayed time.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -2443,6 +4765,7 @@ pub mod rosgraph_msgs {
                 "================================================================================\nMSG: builtin_interfaces/Time\n",
                 include_str!("../standard/builtin_interfaces/msg/Time.msg")
             ),
+            fields: &[Member("clock", 1, 0, 0, "builtin_interfaces/msg/Time", "")],
             describe: crate::describe::of::<Clock>,
             canonical: crate::cdr::canonical::<Clock>,
         };
@@ -2453,7 +4776,7 @@ pub mod rosgraph_msgs {
 pub mod sensor_msgs {
     use serde::{Deserialize, Serialize};
 
-    use crate::schema::{Message, MessageType};
+    use crate::schema::{Member, Message, MessageType};
 
     /// An encoded picture.
     #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -2475,6 +4798,11 @@ pub mod sensor_msgs {
                 "================================================================================\nMSG: builtin_interfaces/Time\n",
                 include_str!("../standard/builtin_interfaces/msg/Time.msg")
             ),
+            fields: &[
+                Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
+                Member("format", 17, 0, 0, "", ""),
+                Member("data", 147, 0, 0, "", ""),
+            ],
             describe: crate::describe::of::<CompressedImage>,
             canonical: crate::cdr::canonical::<CompressedImage>,
         };
@@ -2505,6 +4833,13 @@ pub mod sensor_msgs {
                 "================================================================================\nMSG: builtin_interfaces/Time\n",
                 include_str!("../standard/builtin_interfaces/msg/Time.msg")
             ),
+            fields: &[
+                Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
+                Member("name", 161, 0, 0, "", ""),
+                Member("position", 155, 0, 0, "", ""),
+                Member("velocity", 155, 0, 0, "", ""),
+                Member("effort", 155, 0, 0, "", ""),
+            ],
             describe: crate::describe::of::<JointState>,
             canonical: crate::cdr::canonical::<JointState>,
         };
@@ -2515,7 +4850,7 @@ pub mod sensor_msgs {
 pub mod service_msgs {
     use serde::{Deserialize, Serialize};
 
-    use crate::schema::{Message, MessageType};
+    use crate::schema::{Member, Message, MessageType};
 
     /// One step of a service call.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -2543,6 +4878,12 @@ pub mod service_msgs {
                 "================================================================================\nMSG: builtin_interfaces/Time\n",
                 include_str!("../standard/builtin_interfaces/msg/Time.msg")
             ),
+            fields: &[
+                Member("event_type", 3, 0, 0, "", ""),
+                Member("stamp", 1, 0, 0, "builtin_interfaces/msg/Time", ""),
+                Member("client_gid", 51, 16, 0, "", ""),
+                Member("sequence_number", 8, 0, 0, "", ""),
+            ],
             describe: crate::describe::of::<ServiceEventInfo>,
             canonical: crate::cdr::canonical::<ServiceEventInfo>,
         };
@@ -2553,7 +4894,7 @@ pub mod service_msgs {
 pub mod std_msgs {
     use serde::{Deserialize, Serialize};
 
-    use crate::schema::{Message, MessageType};
+    use crate::schema::{Member, Message, MessageType};
 
     /// A colour.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -2574,6 +4915,12 @@ pub mod std_msgs {
             dds_name: "std_msgs::msg::dds_::ColorRGBA_",
             type_hash: "RIHS01_77a7a5b9ae477306097665106e0413ba74440245b1f3d0c6d6405fe5c7813fe8",
             definition: include_str!("../standard/std_msgs/msg/ColorRGBA.msg"),
+            fields: &[
+                Member("r", 10, 0, 0, "", ""),
+                Member("g", 10, 0, 0, "", ""),
+                Member("b", 10, 0, 0, "", ""),
+                Member("a", 10, 0, 0, "", ""),
+            ],
             describe: crate::describe::of::<ColorRGBA>,
             canonical: crate::cdr::canonical::<ColorRGBA>,
         };
@@ -2596,6 +4943,10 @@ pub mod std_msgs {
                 "================================================================================\nMSG: builtin_interfaces/Time\n",
                 include_str!("../standard/builtin_interfaces/msg/Time.msg")
             ),
+            fields: &[
+                Member("stamp", 1, 0, 0, "builtin_interfaces/msg/Time", ""),
+                Member("frame_id", 17, 0, 0, "", ""),
+            ],
             describe: crate::describe::of::<Header>,
             canonical: crate::cdr::canonical::<Header>,
         };
@@ -2613,6 +4964,7 @@ pub mod std_msgs {
             dds_name: "std_msgs::msg::dds_::String_",
             type_hash: "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18",
             definition: include_str!("../standard/std_msgs/msg/String.msg"),
+            fields: &[Member("data", 17, 0, 0, "", "")],
             describe: crate::describe::of::<String>,
             canonical: crate::cdr::canonical::<String>,
         };
@@ -2623,7 +4975,7 @@ pub mod std_msgs {
 pub mod tf2_msgs {
     use serde::{Deserialize, Serialize};
 
-    use crate::schema::{Message, MessageType};
+    use crate::schema::{Member, Message, MessageType};
 
     /// Transforms between frames.
     #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -2651,8 +5003,454 @@ pub mod tf2_msgs {
                 "================================================================================\nMSG: geometry_msgs/Quaternion\n",
                 include_str!("../standard/geometry_msgs/msg/Quaternion.msg")
             ),
+            fields: &[Member(
+                "transforms",
+                145,
+                0,
+                0,
+                "geometry_msgs/msg/TransformStamped",
+                "",
+            )],
             describe: crate::describe::of::<TFMessage>,
             canonical: crate::cdr::canonical::<TFMessage>,
+        };
+    }
+}
+
+/// Standard types of the ROS package `type_description_interfaces`.
+pub mod type_description_interfaces {
+    use serde::{Deserialize, Serialize};
+
+    use crate::schema::{Member, Message, MessageType};
+
+    /// A field of a type.
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct Field {
+        pub name: String,
+        pub r#type: FieldType,
+        pub default_value: String,
+    }
+
+    impl Message for Field {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "type_description_interfaces/msg/Field",
+            dds_name: "type_description_interfaces::msg::dds_::Field_",
+            type_hash: "RIHS01_c0b01379cd4226281285ccaf6be46653968f855f7c5e41614ff5d7a854efef7c",
+            definition: concat!(
+                include_str!("../standard/type_description_interfaces/msg/Field.msg"),
+                "================================================================================\nMSG: type_description_interfaces/FieldType\n",
+                include_str!("../standard/type_description_interfaces/msg/FieldType.msg")
+            ),
+            fields: &[
+                Member("name", 17, 0, 0, "", ""),
+                Member(
+                    "type",
+                    1,
+                    0,
+                    0,
+                    "type_description_interfaces/msg/FieldType",
+                    "",
+                ),
+                Member("default_value", 17, 0, 0, "", ""),
+            ],
+            describe: crate::describe::of::<Field>,
+            canonical: crate::cdr::canonical::<Field>,
+        };
+    }
+
+    /// Type of a field (REP 2016).
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct FieldType {
+        pub type_id: u8,
+        pub capacity: u64,
+        pub string_capacity: u64,
+        #[serde(deserialize_with = "crate::bounded::string::<_, 255>")]
+        pub nested_type_name: String,
+    }
+
+    impl FieldType {
+        pub const FIELD_TYPE_NOT_SET: u8 = 0;
+        pub const FIELD_TYPE_NESTED_TYPE: u8 = 1;
+        pub const FIELD_TYPE_INT8: u8 = 2;
+        pub const FIELD_TYPE_UINT8: u8 = 3;
+        pub const FIELD_TYPE_INT16: u8 = 4;
+        pub const FIELD_TYPE_UINT16: u8 = 5;
+        pub const FIELD_TYPE_INT32: u8 = 6;
+        pub const FIELD_TYPE_UINT32: u8 = 7;
+        pub const FIELD_TYPE_INT64: u8 = 8;
+        pub const FIELD_TYPE_UINT64: u8 = 9;
+        pub const FIELD_TYPE_FLOAT: u8 = 10;
+        pub const FIELD_TYPE_DOUBLE: u8 = 11;
+        pub const FIELD_TYPE_LONG_DOUBLE: u8 = 12;
+        pub const FIELD_TYPE_CHAR: u8 = 13;
+        pub const FIELD_TYPE_WCHAR: u8 = 14;
+        pub const FIELD_TYPE_BOOLEAN: u8 = 15;
+        pub const FIELD_TYPE_BYTE: u8 = 16;
+        pub const FIELD_TYPE_STRING: u8 = 17;
+        pub const FIELD_TYPE_WSTRING: u8 = 18;
+        pub const FIELD_TYPE_FIXED_STRING: u8 = 19;
+        pub const FIELD_TYPE_FIXED_WSTRING: u8 = 20;
+        pub const FIELD_TYPE_BOUNDED_STRING: u8 = 21;
+        pub const FIELD_TYPE_BOUNDED_WSTRING: u8 = 22;
+        pub const FIELD_TYPE_NESTED_TYPE_ARRAY: u8 = 49;
+        pub const FIELD_TYPE_INT8_ARRAY: u8 = 50;
+        pub const FIELD_TYPE_UINT8_ARRAY: u8 = 51;
+        pub const FIELD_TYPE_INT16_ARRAY: u8 = 52;
+        pub const FIELD_TYPE_UINT16_ARRAY: u8 = 53;
+        pub const FIELD_TYPE_INT32_ARRAY: u8 = 54;
+        pub const FIELD_TYPE_UINT32_ARRAY: u8 = 55;
+        pub const FIELD_TYPE_INT64_ARRAY: u8 = 56;
+        pub const FIELD_TYPE_UINT64_ARRAY: u8 = 57;
+        pub const FIELD_TYPE_FLOAT_ARRAY: u8 = 58;
+        pub const FIELD_TYPE_DOUBLE_ARRAY: u8 = 59;
+        pub const FIELD_TYPE_LONG_DOUBLE_ARRAY: u8 = 60;
+        pub const FIELD_TYPE_CHAR_ARRAY: u8 = 61;
+        pub const FIELD_TYPE_WCHAR_ARRAY: u8 = 62;
+        pub const FIELD_TYPE_BOOLEAN_ARRAY: u8 = 63;
+        pub const FIELD_TYPE_BYTE_ARRAY: u8 = 64;
+        pub const FIELD_TYPE_STRING_ARRAY: u8 = 65;
+        pub const FIELD_TYPE_WSTRING_ARRAY: u8 = 66;
+        pub const FIELD_TYPE_FIXED_STRING_ARRAY: u8 = 67;
+        pub const FIELD_TYPE_FIXED_WSTRING_ARRAY: u8 = 68;
+        pub const FIELD_TYPE_BOUNDED_STRING_ARRAY: u8 = 69;
+        pub const FIELD_TYPE_BOUNDED_WSTRING_ARRAY: u8 = 70;
+        pub const FIELD_TYPE_NESTED_TYPE_BOUNDED_SEQUENCE: u8 = 97;
+        pub const FIELD_TYPE_INT8_BOUNDED_SEQUENCE: u8 = 98;
+        pub const FIELD_TYPE_UINT8_BOUNDED_SEQUENCE: u8 = 99;
+        pub const FIELD_TYPE_INT16_BOUNDED_SEQUENCE: u8 = 100;
+        pub const FIELD_TYPE_UINT16_BOUNDED_SEQUENCE: u8 = 101;
+        pub const FIELD_TYPE_INT32_BOUNDED_SEQUENCE: u8 = 102;
+        pub const FIELD_TYPE_UINT32_BOUNDED_SEQUENCE: u8 = 103;
+        pub const FIELD_TYPE_INT64_BOUNDED_SEQUENCE: u8 = 104;
+        pub const FIELD_TYPE_UINT64_BOUNDED_SEQUENCE: u8 = 105;
+        pub const FIELD_TYPE_FLOAT_BOUNDED_SEQUENCE: u8 = 106;
+        pub const FIELD_TYPE_DOUBLE_BOUNDED_SEQUENCE: u8 = 107;
+        pub const FIELD_TYPE_LONG_DOUBLE_BOUNDED_SEQUENCE: u8 = 108;
+        pub const FIELD_TYPE_CHAR_BOUNDED_SEQUENCE: u8 = 109;
+        pub const FIELD_TYPE_WCHAR_BOUNDED_SEQUENCE: u8 = 110;
+        pub const FIELD_TYPE_BOOLEAN_BOUNDED_SEQUENCE: u8 = 111;
+        pub const FIELD_TYPE_BYTE_BOUNDED_SEQUENCE: u8 = 112;
+        pub const FIELD_TYPE_STRING_BOUNDED_SEQUENCE: u8 = 113;
+        pub const FIELD_TYPE_WSTRING_BOUNDED_SEQUENCE: u8 = 114;
+        pub const FIELD_TYPE_FIXED_STRING_BOUNDED_SEQUENCE: u8 = 115;
+        pub const FIELD_TYPE_FIXED_WSTRING_BOUNDED_SEQUENCE: u8 = 116;
+        pub const FIELD_TYPE_BOUNDED_STRING_BOUNDED_SEQUENCE: u8 = 117;
+        pub const FIELD_TYPE_BOUNDED_WSTRING_BOUNDED_SEQUENCE: u8 = 118;
+        pub const FIELD_TYPE_NESTED_TYPE_UNBOUNDED_SEQUENCE: u8 = 145;
+        pub const FIELD_TYPE_INT8_UNBOUNDED_SEQUENCE: u8 = 146;
+        pub const FIELD_TYPE_UINT8_UNBOUNDED_SEQUENCE: u8 = 147;
+        pub const FIELD_TYPE_INT16_UNBOUNDED_SEQUENCE: u8 = 148;
+        pub const FIELD_TYPE_UINT16_UNBOUNDED_SEQUENCE: u8 = 149;
+        pub const FIELD_TYPE_INT32_UNBOUNDED_SEQUENCE: u8 = 150;
+        pub const FIELD_TYPE_UINT32_UNBOUNDED_SEQUENCE: u8 = 151;
+        pub const FIELD_TYPE_INT64_UNBOUNDED_SEQUENCE: u8 = 152;
+        pub const FIELD_TYPE_UINT64_UNBOUNDED_SEQUENCE: u8 = 153;
+        pub const FIELD_TYPE_FLOAT_UNBOUNDED_SEQUENCE: u8 = 154;
+        pub const FIELD_TYPE_DOUBLE_UNBOUNDED_SEQUENCE: u8 = 155;
+        pub const FIELD_TYPE_LONG_DOUBLE_UNBOUNDED_SEQUENCE: u8 = 156;
+        pub const FIELD_TYPE_CHAR_UNBOUNDED_SEQUENCE: u8 = 157;
+        pub const FIELD_TYPE_WCHAR_UNBOUNDED_SEQUENCE: u8 = 158;
+        pub const FIELD_TYPE_BOOLEAN_UNBOUNDED_SEQUENCE: u8 = 159;
+        pub const FIELD_TYPE_BYTE_UNBOUNDED_SEQUENCE: u8 = 160;
+        pub const FIELD_TYPE_STRING_UNBOUNDED_SEQUENCE: u8 = 161;
+        pub const FIELD_TYPE_WSTRING_UNBOUNDED_SEQUENCE: u8 = 162;
+        pub const FIELD_TYPE_FIXED_STRING_UNBOUNDED_SEQUENCE: u8 = 163;
+        pub const FIELD_TYPE_FIXED_WSTRING_UNBOUNDED_SEQUENCE: u8 = 164;
+        pub const FIELD_TYPE_BOUNDED_STRING_UNBOUNDED_SEQUENCE: u8 = 165;
+        pub const FIELD_TYPE_BOUNDED_WSTRING_UNBOUNDED_SEQUENCE: u8 = 166;
+    }
+
+    impl Message for FieldType {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "type_description_interfaces/msg/FieldType",
+            dds_name: "type_description_interfaces::msg::dds_::FieldType_",
+            type_hash: "RIHS01_a70b6dd919645a03a3586f7f821defbc886ea3e531a1d95cc0f380a3973ccaa6",
+            definition: include_str!("../standard/type_description_interfaces/msg/FieldType.msg"),
+            fields: &[
+                Member("type_id", 3, 0, 0, "", "0"),
+                Member("capacity", 9, 0, 0, "", ""),
+                Member("string_capacity", 9, 0, 0, "", ""),
+                Member("nested_type_name", 21, 0, 255, "", ""),
+            ],
+            describe: crate::describe::of::<FieldType>,
+            canonical: crate::cdr::canonical::<FieldType>,
+        };
+    }
+
+    /// A type without those that it refers to.
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct IndividualTypeDescription {
+        #[serde(deserialize_with = "crate::bounded::string::<_, 255>")]
+        pub type_name: String,
+        pub fields: Vec<Field>,
+    }
+
+    impl Message for IndividualTypeDescription {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "type_description_interfaces/msg/IndividualTypeDescription",
+            dds_name: "type_description_interfaces::msg::dds_::IndividualTypeDescription_",
+            type_hash: "RIHS01_55c827d86c3c141bdd318fe6c22e11190e4d3b37c8f4f9751a084aa05ce96560",
+            definition: concat!(
+                include_str!(
+                    "../standard/type_description_interfaces/msg/IndividualTypeDescription.msg"
+                ),
+                "================================================================================\nMSG: type_description_interfaces/Field\n",
+                include_str!("../standard/type_description_interfaces/msg/Field.msg"),
+                "================================================================================\nMSG: type_description_interfaces/FieldType\n",
+                include_str!("../standard/type_description_interfaces/msg/FieldType.msg")
+            ),
+            fields: &[
+                Member("type_name", 21, 0, 255, "", ""),
+                Member(
+                    "fields",
+                    145,
+                    0,
+                    0,
+                    "type_description_interfaces/msg/Field",
+                    "",
+                ),
+            ],
+            describe: crate::describe::of::<IndividualTypeDescription>,
+            canonical: crate::cdr::canonical::<IndividualTypeDescription>,
+        };
+    }
+
+    /// Anything else that is worth saying.
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct KeyValue {
+        pub key: String,
+        pub value: String,
+    }
+
+    impl Message for KeyValue {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "type_description_interfaces/msg/KeyValue",
+            dds_name: "type_description_interfaces::msg::dds_::KeyValue_",
+            type_hash: "RIHS01_274fe56bf14f33c7512e34c646a37579ee36779f745f049a9760763e817f0c42",
+            definition: include_str!("../standard/type_description_interfaces/msg/KeyValue.msg"),
+            fields: &[
+                Member("key", 17, 0, 0, "", ""),
+                Member("value", 17, 0, 0, "", ""),
+            ],
+            describe: crate::describe::of::<KeyValue>,
+            canonical: crate::cdr::canonical::<KeyValue>,
+        };
+    }
+
+    /// A type and all those that it refers to, sorted by name: what its hash is made of.
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct TypeDescription {
+        pub type_description: IndividualTypeDescription,
+        pub referenced_type_descriptions: Vec<IndividualTypeDescription>,
+    }
+
+    impl Message for TypeDescription {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "type_description_interfaces/msg/TypeDescription",
+            dds_name: "type_description_interfaces::msg::dds_::TypeDescription_",
+            type_hash: "RIHS01_739f2508c9fa3a6f330913ff5b9d25fb74159a077da71e1087f51a60c12a080b",
+            definition: concat!(
+                include_str!("../standard/type_description_interfaces/msg/TypeDescription.msg"),
+                "================================================================================\nMSG: type_description_interfaces/IndividualTypeDescription\n",
+                include_str!(
+                    "../standard/type_description_interfaces/msg/IndividualTypeDescription.msg"
+                ),
+                "================================================================================\nMSG: type_description_interfaces/Field\n",
+                include_str!("../standard/type_description_interfaces/msg/Field.msg"),
+                "================================================================================\nMSG: type_description_interfaces/FieldType\n",
+                include_str!("../standard/type_description_interfaces/msg/FieldType.msg")
+            ),
+            fields: &[
+                Member(
+                    "type_description",
+                    1,
+                    0,
+                    0,
+                    "type_description_interfaces/msg/IndividualTypeDescription",
+                    "",
+                ),
+                Member(
+                    "referenced_type_descriptions",
+                    145,
+                    0,
+                    0,
+                    "type_description_interfaces/msg/IndividualTypeDescription",
+                    "",
+                ),
+            ],
+            describe: crate::describe::of::<TypeDescription>,
+            canonical: crate::cdr::canonical::<TypeDescription>,
+        };
+    }
+
+    /// The text from which a type was made.
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct TypeSource {
+        pub type_name: String,
+        pub encoding: String,
+        pub raw_file_contents: String,
+    }
+
+    impl Message for TypeSource {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "type_description_interfaces/msg/TypeSource",
+            dds_name: "type_description_interfaces::msg::dds_::TypeSource_",
+            type_hash: "RIHS01_faeaec7596c04ecf5b6e99ad225e4c7cbb997ad5435f793526fb3984d011aae5",
+            definition: include_str!("../standard/type_description_interfaces/msg/TypeSource.msg"),
+            fields: &[
+                Member("type_name", 17, 0, 0, "", ""),
+                Member("encoding", 17, 0, 0, "", ""),
+                Member("raw_file_contents", 17, 0, 0, "", ""),
+            ],
+            describe: crate::describe::of::<TypeSource>,
+            canonical: crate::cdr::canonical::<TypeSource>,
+        };
+    }
+
+    /// Services, and the messages that they are made of.
+    pub mod srv {
+        use serde::{Deserialize, Serialize};
+
+        use crate::schema::{Member, Message, MessageType, Service, ServiceType};
+
+        /// Describe a type that the node uses.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub struct GetTypeDescription;
+
+        impl Service for GetTypeDescription {
+            type Request = GetTypeDescriptionRequest;
+            type Response = GetTypeDescriptionResponse;
+            const TYPE: &'static ServiceType = &ServiceType {
+                name: "type_description_interfaces/srv/GetTypeDescription",
+                dds_name: "type_description_interfaces::srv::dds_::GetTypeDescription_",
+                type_hash: "RIHS01_69b9c19c1021405984cc60dbbb1edceb147a6538b411d812ba6afabeed962cd5",
+                request: GetTypeDescriptionRequest::TYPE,
+                response: GetTypeDescriptionResponse::TYPE,
+            };
+        }
+
+        /// Asks [`GetTypeDescription`].
+        #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+        pub struct GetTypeDescriptionRequest {
+            pub type_name: String,
+            pub type_hash: String,
+            pub include_type_sources: bool,
+        }
+
+        impl Default for GetTypeDescriptionRequest {
+            fn default() -> Self {
+                Self {
+                    type_name: <String>::default(),
+                    type_hash: <String>::default(),
+                    include_type_sources: true,
+                }
+            }
+        }
+
+        impl Message for GetTypeDescriptionRequest {
+            const TYPE: &'static MessageType = &MessageType {
+                name: "type_description_interfaces/srv/GetTypeDescription_Request",
+                dds_name: "type_description_interfaces::srv::dds_::GetTypeDescription_Request_",
+                type_hash: "RIHS01_470f56ccbcf13d55c78c8b735fb12da03e639e5acded994426c89d94778d9e28",
+                definition: "# Describe a type that the node uses.\n\nstring type_name\nstring type_hash\nbool include_type_sources true\n",
+                fields: &[
+                    Member("type_name", 17, 0, 0, "", ""),
+                    Member("type_hash", 17, 0, 0, "", ""),
+                    Member("include_type_sources", 15, 0, 0, "", "True"),
+                ],
+                describe: crate::describe::of::<GetTypeDescriptionRequest>,
+                canonical: crate::cdr::canonical::<GetTypeDescriptionRequest>,
+            };
+        }
+
+        /// Answers [`GetTypeDescription`].
+        #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+        pub struct GetTypeDescriptionResponse {
+            pub successful: bool,
+            pub failure_reason: String,
+            pub type_description: crate::type_description_interfaces::TypeDescription,
+            pub type_sources: Vec<crate::type_description_interfaces::TypeSource>,
+            pub extra_information: Vec<crate::type_description_interfaces::KeyValue>,
+        }
+
+        impl Message for GetTypeDescriptionResponse {
+            const TYPE: &'static MessageType = &MessageType {
+                name: "type_description_interfaces/srv/GetTypeDescription_Response",
+                dds_name: "type_description_interfaces::srv::dds_::GetTypeDescription_Response_",
+                type_hash: "RIHS01_648c49d976240861a482f961c5621ddd0d2135d8cce6f297a76d4f6376d93b75",
+                definition: concat!(
+                    "bool successful\nstring failure_reason\ntype_description_interfaces/TypeDescription type_description\ntype_description_interfaces/TypeSource[] type_sources\ntype_description_interfaces/KeyValue[] extra_information\n",
+                    "================================================================================\nMSG: type_description_interfaces/TypeDescription\n",
+                    include_str!("../standard/type_description_interfaces/msg/TypeDescription.msg"),
+                    "================================================================================\nMSG: type_description_interfaces/IndividualTypeDescription\n",
+                    include_str!(
+                        "../standard/type_description_interfaces/msg/IndividualTypeDescription.msg"
+                    ),
+                    "================================================================================\nMSG: type_description_interfaces/Field\n",
+                    include_str!("../standard/type_description_interfaces/msg/Field.msg"),
+                    "================================================================================\nMSG: type_description_interfaces/FieldType\n",
+                    include_str!("../standard/type_description_interfaces/msg/FieldType.msg"),
+                    "================================================================================\nMSG: type_description_interfaces/TypeSource\n",
+                    include_str!("../standard/type_description_interfaces/msg/TypeSource.msg"),
+                    "================================================================================\nMSG: type_description_interfaces/KeyValue\n",
+                    include_str!("../standard/type_description_interfaces/msg/KeyValue.msg")
+                ),
+                fields: &[
+                    Member("successful", 15, 0, 0, "", ""),
+                    Member("failure_reason", 17, 0, 0, "", ""),
+                    Member(
+                        "type_description",
+                        1,
+                        0,
+                        0,
+                        "type_description_interfaces/msg/TypeDescription",
+                        "",
+                    ),
+                    Member(
+                        "type_sources",
+                        145,
+                        0,
+                        0,
+                        "type_description_interfaces/msg/TypeSource",
+                        "",
+                    ),
+                    Member(
+                        "extra_information",
+                        145,
+                        0,
+                        0,
+                        "type_description_interfaces/msg/KeyValue",
+                        "",
+                    ),
+                ],
+                describe: crate::describe::of::<GetTypeDescriptionResponse>,
+                canonical: crate::cdr::canonical::<GetTypeDescriptionResponse>,
+            };
+        }
+    }
+}
+
+/// Standard types of the ROS package `unique_identifier_msgs`.
+pub mod unique_identifier_msgs {
+    use serde::{Deserialize, Serialize};
+
+    use crate::schema::{Member, Message, MessageType};
+
+    /// A universally unique identifier (RFC 9562).
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct UUID {
+        pub uuid: [u8; 16],
+    }
+
+    impl Message for UUID {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "unique_identifier_msgs/msg/UUID",
+            dds_name: "unique_identifier_msgs::msg::dds_::UUID_",
+            type_hash: "RIHS01_1b8e8aca958cbea28fe6ef60bf6c19b683c97a9ef60bb34752067d0f2f7ab437",
+            definition: include_str!("../standard/unique_identifier_msgs/msg/UUID.msg"),
+            fields: &[Member("uuid", 51, 16, 0, "", "")],
+            describe: crate::describe::of::<UUID>,
+            canonical: crate::cdr::canonical::<UUID>,
         };
     }
 }
@@ -2661,7 +5459,7 @@ pub mod tf2_msgs {
 pub mod visualization_msgs {
     use serde::{Deserialize, Serialize};
 
-    use crate::schema::{Message, MessageType};
+    use crate::schema::{Member, Message, MessageType};
 
     /// A mark to draw.
     #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -2743,6 +5541,34 @@ pub mod visualization_msgs {
                 "================================================================================\nMSG: visualization_msgs/MeshFile\n",
                 include_str!("../standard/visualization_msgs/msg/MeshFile.msg")
             ),
+            fields: &[
+                Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
+                Member("ns", 17, 0, 0, "", ""),
+                Member("id", 6, 0, 0, "", ""),
+                Member("type", 6, 0, 0, "", ""),
+                Member("action", 6, 0, 0, "", ""),
+                Member("pose", 1, 0, 0, "geometry_msgs/msg/Pose", ""),
+                Member("scale", 1, 0, 0, "geometry_msgs/msg/Vector3", ""),
+                Member("color", 1, 0, 0, "std_msgs/msg/ColorRGBA", ""),
+                Member("lifetime", 1, 0, 0, "builtin_interfaces/msg/Duration", ""),
+                Member("frame_locked", 15, 0, 0, "", ""),
+                Member("points", 145, 0, 0, "geometry_msgs/msg/Point", ""),
+                Member("colors", 145, 0, 0, "std_msgs/msg/ColorRGBA", ""),
+                Member("texture_resource", 17, 0, 0, "", ""),
+                Member("texture", 1, 0, 0, "sensor_msgs/msg/CompressedImage", ""),
+                Member(
+                    "uv_coordinates",
+                    145,
+                    0,
+                    0,
+                    "visualization_msgs/msg/UVCoordinate",
+                    "",
+                ),
+                Member("text", 17, 0, 0, "", ""),
+                Member("mesh_resource", 17, 0, 0, "", ""),
+                Member("mesh_file", 1, 0, 0, "visualization_msgs/msg/MeshFile", ""),
+                Member("mesh_use_embedded_materials", 15, 0, 0, "", ""),
+            ],
             describe: crate::describe::of::<Marker>,
             canonical: crate::cdr::canonical::<Marker>,
         };
@@ -2786,6 +5612,14 @@ pub mod visualization_msgs {
                 "================================================================================\nMSG: visualization_msgs/MeshFile\n",
                 include_str!("../standard/visualization_msgs/msg/MeshFile.msg")
             ),
+            fields: &[Member(
+                "markers",
+                145,
+                0,
+                0,
+                "visualization_msgs/msg/Marker",
+                "",
+            )],
             describe: crate::describe::of::<MarkerArray>,
             canonical: crate::cdr::canonical::<MarkerArray>,
         };
@@ -2804,6 +5638,10 @@ pub mod visualization_msgs {
             dds_name: "visualization_msgs::msg::dds_::MeshFile_",
             type_hash: "RIHS01_7710ece15a148fb7c9b546364cfb215bb06098087bd6394fe5b73a493508f8c4",
             definition: include_str!("../standard/visualization_msgs/msg/MeshFile.msg"),
+            fields: &[
+                Member("filename", 17, 0, 0, "", ""),
+                Member("data", 147, 0, 0, "", ""),
+            ],
             describe: crate::describe::of::<MeshFile>,
             canonical: crate::cdr::canonical::<MeshFile>,
         };
@@ -2824,554 +5662,153 @@ pub mod visualization_msgs {
             dds_name: "visualization_msgs::msg::dds_::UVCoordinate_",
             type_hash: "RIHS01_f27f7ed21fe360c6066944f856b801a0c0d1e94e815b6886444b42d90b196a26",
             definition: include_str!("../standard/visualization_msgs/msg/UVCoordinate.msg"),
+            fields: &[Member("u", 10, 0, 0, "", ""), Member("v", 10, 0, 0, "", "")],
             describe: crate::describe::of::<UVCoordinate>,
             canonical: crate::cdr::canonical::<UVCoordinate>,
         };
     }
 }
 
-/// Services, and the messages that they are made of.
-pub mod srv {
-    use serde::{Deserialize, Serialize};
-
-    use crate::schema::{Message, MessageType, Service, ServiceType};
-
-    /// Approve or reject a proposed correction. Without a signature it is refused, unless the cell file allows that.
-    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-    pub struct ApproveCorrection;
-
-    impl Service for ApproveCorrection {
-        type Request = ApproveCorrectionRequest;
-        type Response = ApproveCorrectionResponse;
-        const TYPE: &'static ServiceType = &ServiceType {
-            name: "probecell_msgs/srv/ApproveCorrection",
-            dds_name: "probecell_msgs::srv::dds_::ApproveCorrection_",
-            type_hash: "RIHS01_0a7f077683d94d64d3939e9838f0fa7866f8d1f21fe0b86f93dfb72b3e438c09",
-            request: ApproveCorrectionRequest::TYPE,
-            response: ApproveCorrectionResponse::TYPE,
-        };
-    }
-
-    /// Asks [`ApproveCorrection`].
-    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-    pub struct ApproveCorrectionRequest {
-        pub correction_id: String,
-        pub operator_name: String,
-        pub approve: bool,
-        /// instant of the act, by the clock of the cell (service status)
-        pub signed_at: crate::builtin_interfaces::Time,
-        /// what the operator was shown: text, or `sha256:` and its digest
-        pub shown: String,
-        /// ed25519, 64 bytes: see docs/approvals.md. Empty: not signed
-        pub signature: Vec<u8>,
-    }
-
-    impl Message for ApproveCorrectionRequest {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "probecell_msgs/srv/ApproveCorrection_Request",
-            dds_name: "probecell_msgs::srv::dds_::ApproveCorrection_Request_",
-            type_hash: "RIHS01_278412bcb2741c62878faef7c9f58ad1301d12754eab7a4bfd41d8c8a429e502",
-            definition: concat!(
-                "# Approve or reject a proposed correction. Without a signature it is refused, unless the cell file allows that.\nstring correction_id\nstring operator_name\nbool approve\nbuiltin_interfaces/Time signed_at   # instant of the act, by the clock of the cell (service status)\nstring shown                 # what the operator was shown: text, or `sha256:` and its digest\nuint8[] signature            # ed25519, 64 bytes: see docs/approvals.md. Empty: not signed\n",
-                "================================================================================\nMSG: builtin_interfaces/Time\n",
-                include_str!("../standard/builtin_interfaces/msg/Time.msg")
-            ),
-            describe: crate::describe::of::<ApproveCorrectionRequest>,
-            canonical: crate::cdr::canonical::<ApproveCorrectionRequest>,
-        };
-    }
-
-    /// Answers [`ApproveCorrection`].
-    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-    pub struct ApproveCorrectionResponse {
-        pub accepted: bool,
-        pub text: String,
-    }
-
-    impl Message for ApproveCorrectionResponse {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "probecell_msgs/srv/ApproveCorrection_Response",
-            dds_name: "probecell_msgs::srv::dds_::ApproveCorrection_Response_",
-            type_hash: "RIHS01_6138cb83093d090df8962e2f3c7c29859b097273aca5aeab28f9044fd34e2c73",
-            definition: "bool accepted\nstring text\n",
-            describe: crate::describe::of::<ApproveCorrectionResponse>,
-            canonical: crate::cdr::canonical::<ApproveCorrectionResponse>,
-        };
-    }
-
-    /// Plan the measuring order of the cell's part, of additional touches of the part in the machine, or of the rest of a plan.
-    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-    pub struct Plan;
-
-    impl Service for Plan {
-        type Request = PlanRequest;
-        type Response = PlanResponse;
-        const TYPE: &'static ServiceType = &ServiceType {
-            name: "probecell_msgs/srv/Plan",
-            dds_name: "probecell_msgs::srv::dds_::Plan_",
-            type_hash: "RIHS01_f562c32f65f73b981f1cd7a0c1e882f53a29c2b69f7b72da7c7423e31db7500a",
-            request: PlanRequest::TYPE,
-            response: PlanResponse::TYPE,
-        };
-    }
-
-    /// Asks [`Plan`].
-    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-    pub struct PlanRequest {
-        /// empty: the cell's own plan; the plan measured last: its remaining points, until something is cut
-        pub plan_id: String,
-        /// empty: all. Else these, on features of the cell's plan; of the plan measured last: touched again
-        pub points: Vec<crate::InspectionPoint>,
-    }
-
-    impl Message for PlanRequest {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "probecell_msgs/srv/Plan_Request",
-            dds_name: "probecell_msgs::srv::dds_::Plan_Request_",
-            type_hash: "RIHS01_dc3b3ca076163b1f46cd0b9aa648275f6d3a9031a677bea24e1ba75d49bc5312",
-            definition: concat!(
-                "# Plan the measuring order of the cell's part, of additional touches of the part in the machine, or of the rest of a plan.\nstring plan_id               # empty: the cell's own plan; the plan measured last: its remaining points, until something is cut\nprobecell_msgs/InspectionPoint[] points   # empty: all. Else these, on features of the cell's plan; of the plan measured last: touched again\n",
-                "================================================================================\nMSG: probecell_msgs/InspectionPoint\n",
-                include_str!("../msg/InspectionPoint.msg"),
-                "================================================================================\nMSG: geometry_msgs/Point\n",
-                include_str!("../standard/geometry_msgs/msg/Point.msg"),
-                "================================================================================\nMSG: geometry_msgs/Vector3\n",
-                include_str!("../standard/geometry_msgs/msg/Vector3.msg")
-            ),
-            describe: crate::describe::of::<PlanRequest>,
-            canonical: crate::cdr::canonical::<PlanRequest>,
-        };
-    }
-
-    /// Answers [`Plan`].
-    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-    pub struct PlanResponse {
-        pub accepted: bool,
-        /// reason for a refusal, or what was planned
-        pub text: String,
-    }
-
-    impl Message for PlanResponse {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "probecell_msgs/srv/Plan_Response",
-            dds_name: "probecell_msgs::srv::dds_::Plan_Response_",
-            type_hash: "RIHS01_345e374ce098525a196ea7d4ab2fa69045f1a5f8c5f64dc50874a795e5a27fa5",
-            definition: "bool accepted\nstring text                  # reason for a refusal, or what was planned\n",
-            describe: crate::describe::of::<PlanResponse>,
-            canonical: crate::cdr::canonical::<PlanResponse>,
-        };
-    }
-
-    /// Make one part; or, with a plan_id, only measure, or resume the measurement with which the last part ended.
-    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-    pub struct Run;
-
-    impl Service for Run {
-        type Request = RunRequest;
-        type Response = RunResponse;
-        const TYPE: &'static ServiceType = &ServiceType {
-            name: "probecell_msgs/srv/Run",
-            dds_name: "probecell_msgs::srv::dds_::Run_",
-            type_hash: "RIHS01_439b45b8dd5d8abc3d880db1fab806bf4b60318201ca2d74f3d79487e0cd68a2",
-            request: RunRequest::TYPE,
-            response: RunResponse::TYPE,
-        };
-    }
-
-    /// Asks [`Run`].
-    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-    pub struct RunRequest {
-        /// may be empty when resuming
-        pub part_id: String,
-        /// empty: make a part. A plan accepted by the service plan: measure it. The plan measured last: resume the part
-        pub plan_id: String,
-        /// nothing is started after this instant by the clock of the cell (service status); 0: 8 s after its arrival
-        pub expires: crate::builtin_interfaces::Time,
-        /// who has it made; may be empty
-        pub operator_name: String,
-        /// instant of the act, by the clock of the cell (service status)
-        pub signed_at: crate::builtin_interfaces::Time,
-        /// what the operator was shown: text, or `sha256:` and its digest
-        pub shown: String,
-        /// ed25519, 64 bytes: see docs/approvals.md. Empty: not signed
-        pub signature: Vec<u8>,
-    }
-
-    impl Message for RunRequest {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "probecell_msgs/srv/Run_Request",
-            dds_name: "probecell_msgs::srv::dds_::Run_Request_",
-            type_hash: "RIHS01_54db4fbd6bc02f7eb194d2770019e37da998895ace01f030e37ac7dc7884429a",
-            definition: concat!(
-                "# Make one part; or, with a plan_id, only measure, or resume the measurement with which the last part ended.\nstring part_id               # may be empty when resuming\nstring plan_id               # empty: make a part. A plan accepted by the service plan: measure it. The plan measured last: resume the part\nbuiltin_interfaces/Time expires   # nothing is started after this instant by the clock of the cell (service status); 0: 8 s after its arrival\nstring operator_name         # who has it made; may be empty\nbuiltin_interfaces/Time signed_at   # instant of the act, by the clock of the cell (service status)\nstring shown                 # what the operator was shown: text, or `sha256:` and its digest\nuint8[] signature            # ed25519, 64 bytes: see docs/approvals.md. Empty: not signed\n",
-                "================================================================================\nMSG: builtin_interfaces/Time\n",
-                include_str!("../standard/builtin_interfaces/msg/Time.msg")
-            ),
-            describe: crate::describe::of::<RunRequest>,
-            canonical: crate::cdr::canonical::<RunRequest>,
-        };
-    }
-
-    /// Answers [`Run`].
-    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-    pub struct RunResponse {
-        pub accepted: bool,
-        /// reason for a refusal
-        pub text: String,
-    }
-
-    impl Message for RunResponse {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "probecell_msgs/srv/Run_Response",
-            dds_name: "probecell_msgs::srv::dds_::Run_Response_",
-            type_hash: "RIHS01_2520c2b2b1143ea7401ccc27775cd90b33c20b9ae2f516e493c564c23ff7c071",
-            definition: "bool accepted\nstring text                  # reason for a refusal\n",
-            describe: crate::describe::of::<RunResponse>,
-            canonical: crate::cdr::canonical::<RunResponse>,
-        };
-    }
-
-    /// Start a recording.
-    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-    pub struct StartRecording;
-
-    impl Service for StartRecording {
-        type Request = StartRecordingRequest;
-        type Response = StartRecordingResponse;
-        const TYPE: &'static ServiceType = &ServiceType {
-            name: "probecell_msgs/srv/StartRecording",
-            dds_name: "probecell_msgs::srv::dds_::StartRecording_",
-            type_hash: "RIHS01_81cb079bbca085fc0055a205086dfcd76a0f7e7fa999991b9dea1f60e9d904a2",
-            request: StartRecordingRequest::TYPE,
-            response: StartRecordingResponse::TYPE,
-        };
-    }
-
-    /// Asks [`StartRecording`].
-    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-    pub struct StartRecordingRequest {
-        /// name of a folder inside the cell's folder of recordings; empty: the recorder chooses
-        pub uri: String,
-    }
-
-    impl Message for StartRecordingRequest {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "probecell_msgs/srv/StartRecording_Request",
-            dds_name: "probecell_msgs::srv::dds_::StartRecording_Request_",
-            type_hash: "RIHS01_1c42275d11d33906a00a123b5067093f1c97c33c32fb70ad3533971f1e364a9d",
-            definition: "# Start a recording.\nstring uri                   # name of a folder inside the cell's folder of recordings; empty: the recorder chooses\n",
-            describe: crate::describe::of::<StartRecordingRequest>,
-            canonical: crate::cdr::canonical::<StartRecordingRequest>,
-        };
-    }
-
-    /// Answers [`StartRecording`].
-    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-    pub struct StartRecordingResponse {
-        pub accepted: bool,
-        /// folder that is written
-        pub uri: String,
-        pub text: String,
-    }
-
-    impl Message for StartRecordingResponse {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "probecell_msgs/srv/StartRecording_Response",
-            dds_name: "probecell_msgs::srv::dds_::StartRecording_Response_",
-            type_hash: "RIHS01_2af2cbfae8e43d0576321c4a090d258bf65a8c5c6fac9b4a1656849d4ae21ab9",
-            definition: "bool accepted\nstring uri                   # folder that is written\nstring text\n",
-            describe: crate::describe::of::<StartRecordingResponse>,
-            canonical: crate::cdr::canonical::<StartRecordingResponse>,
-        };
-    }
-
-    /// What the cell is doing.
-    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-    pub struct Status;
-
-    impl Service for Status {
-        type Request = StatusRequest;
-        type Response = StatusResponse;
-        const TYPE: &'static ServiceType = &ServiceType {
-            name: "probecell_msgs/srv/Status",
-            dds_name: "probecell_msgs::srv::dds_::Status_",
-            type_hash: "RIHS01_8aab5e1cf825917647ee2a2947e89e5f805dbf68d1a0de57cd022279ccdb399d",
-            request: StatusRequest::TYPE,
-            response: StatusResponse::TYPE,
-        };
-    }
-
-    /// Asks [`Status`].
-    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-    pub struct StatusRequest {
-        /// Always 0: CDR has no empty structures.
-        pub structure_needs_at_least_one_member: u8,
-    }
-
-    impl Message for StatusRequest {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "probecell_msgs/srv/Status_Request",
-            dds_name: "probecell_msgs::srv::dds_::Status_Request_",
-            type_hash: "RIHS01_3a8c79be9bf61361ab23b7d8da6940919a59560f3f8c39ddc7c4efb1a6d35a88",
-            definition: "# What the cell is doing.\n",
-            describe: crate::describe::of::<StatusRequest>,
-            canonical: crate::cdr::canonical::<StatusRequest>,
-        };
-    }
-
-    /// Answers [`Status`].
-    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-    pub struct StatusResponse {
-        /// stamp: instant of the answer, by the clock of the cell
-        pub header: crate::std_msgs::Header,
-        /// MachineState.EXECUTION_*
-        pub execution: u8,
-        /// texts of the active alarms
-        pub alarms: Vec<String>,
-        /// the machine has reported its state within the last seconds
-        pub machine_known: bool,
-        /// the part that is being made
-        pub part: crate::PartStatus,
-        pub recording: crate::RecordingStatus,
-        /// processes of the cell
-        pub processes: Vec<String>,
-        /// each of them runs
-        pub running: Vec<bool>,
-        /// times that each was started
-        pub starts: Vec<u32>,
-        /// the last faults, newest last, `node: code: text`
-        pub faults: Vec<String>,
-    }
-
-    impl Message for StatusResponse {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "probecell_msgs/srv/Status_Response",
-            dds_name: "probecell_msgs::srv::dds_::Status_Response_",
-            type_hash: "RIHS01_e43e7740bdc6bd6dd02f121e0c8a2db7e02d3da5017da0c8f285fa08f1b5c636",
-            definition: concat!(
-                "std_msgs/Header header       # stamp: instant of the answer, by the clock of the cell\nuint8 execution              # MachineState.EXECUTION_*\nstring[] alarms              # texts of the active alarms\nbool machine_known           # the machine has reported its state within the last seconds\nprobecell_msgs/PartStatus part   # the part that is being made\nprobecell_msgs/RecordingStatus recording\nstring[] processes           # processes of the cell\nbool[] running               # each of them runs\nuint32[] starts              # times that each was started\nstring[] faults              # the last faults, newest last, `node: code: text`\n",
-                "================================================================================\nMSG: std_msgs/Header\n",
-                include_str!("../standard/std_msgs/msg/Header.msg"),
-                "================================================================================\nMSG: builtin_interfaces/Time\n",
-                include_str!("../standard/builtin_interfaces/msg/Time.msg"),
-                "================================================================================\nMSG: probecell_msgs/PartStatus\n",
-                include_str!("../msg/PartStatus.msg"),
-                "================================================================================\nMSG: probecell_msgs/RecordingStatus\n",
-                include_str!("../msg/RecordingStatus.msg")
-            ),
-            describe: crate::describe::of::<StatusResponse>,
-            canonical: crate::cdr::canonical::<StatusResponse>,
-        };
-    }
-
-    /// Stop the machine and the part that is being made.
-    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-    pub struct Stop;
-
-    impl Service for Stop {
-        type Request = StopRequest;
-        type Response = StopResponse;
-        const TYPE: &'static ServiceType = &ServiceType {
-            name: "probecell_msgs/srv/Stop",
-            dds_name: "probecell_msgs::srv::dds_::Stop_",
-            type_hash: "RIHS01_a1864f646148aa9470b235edc1d067f81bcbc2010f357369bfac13d601c120c3",
-            request: StopRequest::TYPE,
-            response: StopResponse::TYPE,
-        };
-    }
-
-    /// Asks [`Stop`].
-    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-    pub struct StopRequest {
-        /// who stops it
-        pub operator_name: String,
-        /// instant of the act, by the clock of the cell (service status)
-        pub signed_at: crate::builtin_interfaces::Time,
-        /// what the operator was shown: text, or `sha256:` and its digest
-        pub shown: String,
-        /// ed25519, 64 bytes: see docs/approvals.md. Empty: not signed
-        pub signature: Vec<u8>,
-    }
-
-    impl Message for StopRequest {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "probecell_msgs/srv/Stop_Request",
-            dds_name: "probecell_msgs::srv::dds_::Stop_Request_",
-            type_hash: "RIHS01_b9a02d0090af3f5614a55674d98428394b45230f2b7a21fed51294878c5c6fdd",
-            definition: concat!(
-                "# Stop the machine and the part that is being made.\nstring operator_name         # who stops it\nbuiltin_interfaces/Time signed_at   # instant of the act, by the clock of the cell (service status)\nstring shown                 # what the operator was shown: text, or `sha256:` and its digest\nuint8[] signature            # ed25519, 64 bytes: see docs/approvals.md. Empty: not signed\n",
-                "================================================================================\nMSG: builtin_interfaces/Time\n",
-                include_str!("../standard/builtin_interfaces/msg/Time.msg")
-            ),
-            describe: crate::describe::of::<StopRequest>,
-            canonical: crate::cdr::canonical::<StopRequest>,
-        };
-    }
-
-    /// Answers [`Stop`].
-    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-    pub struct StopResponse {
-        /// the machine has confirmed that it stands
-        pub accepted: bool,
-        /// why it has not
-        pub text: String,
-    }
-
-    impl Message for StopResponse {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "probecell_msgs/srv/Stop_Response",
-            dds_name: "probecell_msgs::srv::dds_::Stop_Response_",
-            type_hash: "RIHS01_d0aebe4c9566cf7c36c6ae8b6d00e714f59bb3bd97c94e65eb3cb8f64a2cf229",
-            definition: "bool accepted                # the machine has confirmed that it stands\nstring text                  # why it has not\n",
-            describe: crate::describe::of::<StopResponse>,
-            canonical: crate::cdr::canonical::<StopResponse>,
-        };
-    }
-
-    /// Stop the recording and close its files.
-    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-    pub struct StopRecording;
-
-    impl Service for StopRecording {
-        type Request = StopRecordingRequest;
-        type Response = StopRecordingResponse;
-        const TYPE: &'static ServiceType = &ServiceType {
-            name: "probecell_msgs/srv/StopRecording",
-            dds_name: "probecell_msgs::srv::dds_::StopRecording_",
-            type_hash: "RIHS01_06aa999f8d68973947068a8427e25a93ee9cd2ebea03c2a03a2103411064b310",
-            request: StopRecordingRequest::TYPE,
-            response: StopRecordingResponse::TYPE,
-        };
-    }
-
-    /// Asks [`StopRecording`].
-    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-    pub struct StopRecordingRequest {
-        /// Always 0: CDR has no empty structures.
-        pub structure_needs_at_least_one_member: u8,
-    }
-
-    impl Message for StopRecordingRequest {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "probecell_msgs/srv/StopRecording_Request",
-            dds_name: "probecell_msgs::srv::dds_::StopRecording_Request_",
-            type_hash: "RIHS01_bee8862c0e2985b3fb433a9e7927fae66397b2489c65bbd4f56bea526972b840",
-            definition: "# Stop the recording and close its files.\n",
-            describe: crate::describe::of::<StopRecordingRequest>,
-            canonical: crate::cdr::canonical::<StopRecordingRequest>,
-        };
-    }
-
-    /// Answers [`StopRecording`].
-    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-    pub struct StopRecordingResponse {
-        pub accepted: bool,
-        /// folder that was written
-        pub uri: String,
-        /// messages written
-        pub messages: u64,
-        pub text: String,
-    }
-
-    impl Message for StopRecordingResponse {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "probecell_msgs/srv/StopRecording_Response",
-            dds_name: "probecell_msgs::srv::dds_::StopRecording_Response_",
-            type_hash: "RIHS01_18a1892d47d4997aeef751edff646829866675137b34b2ac994879365ea9caff",
-            definition: "bool accepted\nstring uri                   # folder that was written\nuint64 messages              # messages written\nstring text\n",
-            describe: crate::describe::of::<StopRecordingResponse>,
-            canonical: crate::cdr::canonical::<StopRecordingResponse>,
-        };
-    }
-}
-
 /// Every message type, sorted by name.
 pub(crate) static MESSAGES: &[&MessageType] = &[
-    <builtin_interfaces::Duration as Message>::TYPE,
-    <builtin_interfaces::Time as Message>::TYPE,
-    <diagnostic_msgs::DiagnosticArray as Message>::TYPE,
-    <diagnostic_msgs::DiagnosticStatus as Message>::TYPE,
-    <diagnostic_msgs::KeyValue as Message>::TYPE,
-    <geometry_msgs::Point as Message>::TYPE,
-    <geometry_msgs::Pose as Message>::TYPE,
-    <geometry_msgs::Quaternion as Message>::TYPE,
-    <geometry_msgs::Transform as Message>::TYPE,
-    <geometry_msgs::TransformStamped as Message>::TYPE,
-    <geometry_msgs::Vector3 as Message>::TYPE,
-    <ControllerCommand as Message>::TYPE,
-    <ControllerReply as Message>::TYPE,
-    <ControllerStatus as Message>::TYPE,
-    <Correction as Message>::TYPE,
-    <CorrectionAcknowledgement as Message>::TYPE,
-    <Fault as Message>::TYPE,
-    <FeatureResult as Message>::TYPE,
-    <GapEffect as Message>::TYPE,
-    <GapFinding as Message>::TYPE,
-    <GapReport as Message>::TYPE,
-    <GateHeartbeat as Message>::TYPE,
-    <InspectionFeature as Message>::TYPE,
-    <InspectionPlan as Message>::TYPE,
-    <InspectionPoint as Message>::TYPE,
-    <LossReport as Message>::TYPE,
-    <MachineState as Message>::TYPE,
-    <MachiningOperation as Message>::TYPE,
-    <MeasurementOrder as Message>::TYPE,
-    <OperationReport as Message>::TYPE,
-    <OperationRequest as Message>::TYPE,
-    <OperatorKeys as Message>::TYPE,
-    <OperatorReply as Message>::TYPE,
-    <OperatorRequest as Message>::TYPE,
-    <PartAlignment as Message>::TYPE,
-    <PartReport as Message>::TYPE,
-    <PartStatus as Message>::TYPE,
-    <PassDecision as Message>::TYPE,
-    <PlanProgress as Message>::TYPE,
-    <ProbeEvent as Message>::TYPE,
-    <ProbeTrigger as Message>::TYPE,
-    <ProbingMove as Message>::TYPE,
-    <RecordingStatus as Message>::TYPE,
-    <ReferenceMeasurement as Message>::TYPE,
-    <StepJournal as Message>::TYPE,
-    <Stylus as Message>::TYPE,
-    <ToolOffsets as Message>::TYPE,
-    <TouchDeviation as Message>::TYPE,
-    <Verdict as Message>::TYPE,
-    <srv::ApproveCorrectionRequest as Message>::TYPE,
-    <srv::ApproveCorrectionResponse as Message>::TYPE,
-    <srv::PlanRequest as Message>::TYPE,
-    <srv::PlanResponse as Message>::TYPE,
-    <srv::RunRequest as Message>::TYPE,
-    <srv::RunResponse as Message>::TYPE,
-    <srv::StartRecordingRequest as Message>::TYPE,
-    <srv::StartRecordingResponse as Message>::TYPE,
-    <srv::StatusRequest as Message>::TYPE,
-    <srv::StatusResponse as Message>::TYPE,
-    <srv::StopRecordingRequest as Message>::TYPE,
-    <srv::StopRecordingResponse as Message>::TYPE,
-    <srv::StopRequest as Message>::TYPE,
-    <srv::StopResponse as Message>::TYPE,
-    <rcl_interfaces::Log as Message>::TYPE,
-    <rosgraph_msgs::Clock as Message>::TYPE,
-    <sensor_msgs::CompressedImage as Message>::TYPE,
-    <sensor_msgs::JointState as Message>::TYPE,
-    <service_msgs::ServiceEventInfo as Message>::TYPE,
-    <std_msgs::ColorRGBA as Message>::TYPE,
-    <std_msgs::Header as Message>::TYPE,
-    <std_msgs::String as Message>::TYPE,
-    <tf2_msgs::TFMessage as Message>::TYPE,
-    <visualization_msgs::Marker as Message>::TYPE,
-    <visualization_msgs::MarkerArray as Message>::TYPE,
-    <visualization_msgs::MeshFile as Message>::TYPE,
-    <visualization_msgs::UVCoordinate as Message>::TYPE,
+<crate::action_msgs::GoalInfo as crate::schema::Message>::TYPE,
+<crate::action_msgs::GoalStatus as crate::schema::Message>::TYPE,
+<crate::action_msgs::GoalStatusArray as crate::schema::Message>::TYPE,
+<crate::action_msgs::srv::CancelGoalRequest as crate::schema::Message>::TYPE,
+<crate::action_msgs::srv::CancelGoalResponse as crate::schema::Message>::TYPE,
+<crate::builtin_interfaces::Duration as crate::schema::Message>::TYPE,
+<crate::builtin_interfaces::Time as crate::schema::Message>::TYPE,
+<crate::diagnostic_msgs::DiagnosticArray as crate::schema::Message>::TYPE,
+<crate::diagnostic_msgs::DiagnosticStatus as crate::schema::Message>::TYPE,
+<crate::diagnostic_msgs::KeyValue as crate::schema::Message>::TYPE,
+<crate::geometry_msgs::Point as crate::schema::Message>::TYPE,
+<crate::geometry_msgs::Pose as crate::schema::Message>::TYPE,
+<crate::geometry_msgs::Quaternion as crate::schema::Message>::TYPE,
+<crate::geometry_msgs::Transform as crate::schema::Message>::TYPE,
+<crate::geometry_msgs::TransformStamped as crate::schema::Message>::TYPE,
+<crate::geometry_msgs::Vector3 as crate::schema::Message>::TYPE,
+<crate::action::RunPartFeedback as crate::schema::Message>::TYPE,
+<crate::action::RunPartFeedbackMessage as crate::schema::Message>::TYPE,
+<crate::action::RunPartGetResultRequest as crate::schema::Message>::TYPE,
+<crate::action::RunPartGetResultResponse as crate::schema::Message>::TYPE,
+<crate::action::RunPartGoal as crate::schema::Message>::TYPE,
+<crate::action::RunPartResult as crate::schema::Message>::TYPE,
+<crate::action::RunPartSendGoalRequest as crate::schema::Message>::TYPE,
+<crate::action::RunPartSendGoalResponse as crate::schema::Message>::TYPE,
+<crate::ControllerCommand as crate::schema::Message>::TYPE,
+<crate::ControllerReply as crate::schema::Message>::TYPE,
+<crate::ControllerStatus as crate::schema::Message>::TYPE,
+<crate::Correction as crate::schema::Message>::TYPE,
+<crate::CorrectionAcknowledgement as crate::schema::Message>::TYPE,
+<crate::Fault as crate::schema::Message>::TYPE,
+<crate::FeatureResult as crate::schema::Message>::TYPE,
+<crate::GapEffect as crate::schema::Message>::TYPE,
+<crate::GapFinding as crate::schema::Message>::TYPE,
+<crate::GapReport as crate::schema::Message>::TYPE,
+<crate::GateHeartbeat as crate::schema::Message>::TYPE,
+<crate::InspectionFeature as crate::schema::Message>::TYPE,
+<crate::InspectionPlan as crate::schema::Message>::TYPE,
+<crate::InspectionPoint as crate::schema::Message>::TYPE,
+<crate::LossReport as crate::schema::Message>::TYPE,
+<crate::MachineState as crate::schema::Message>::TYPE,
+<crate::MachiningOperation as crate::schema::Message>::TYPE,
+<crate::MeasurementOrder as crate::schema::Message>::TYPE,
+<crate::OperationReport as crate::schema::Message>::TYPE,
+<crate::OperationRequest as crate::schema::Message>::TYPE,
+<crate::OperatorKeys as crate::schema::Message>::TYPE,
+<crate::OperatorReply as crate::schema::Message>::TYPE,
+<crate::OperatorRequest as crate::schema::Message>::TYPE,
+<crate::PartAlignment as crate::schema::Message>::TYPE,
+<crate::PartReport as crate::schema::Message>::TYPE,
+<crate::PartStatus as crate::schema::Message>::TYPE,
+<crate::PassDecision as crate::schema::Message>::TYPE,
+<crate::PlanProgress as crate::schema::Message>::TYPE,
+<crate::ProbeEvent as crate::schema::Message>::TYPE,
+<crate::ProbeTrigger as crate::schema::Message>::TYPE,
+<crate::ProbingMove as crate::schema::Message>::TYPE,
+<crate::RecordingStatus as crate::schema::Message>::TYPE,
+<crate::ReferenceMeasurement as crate::schema::Message>::TYPE,
+<crate::StepJournal as crate::schema::Message>::TYPE,
+<crate::Stylus as crate::schema::Message>::TYPE,
+<crate::ToolOffsets as crate::schema::Message>::TYPE,
+<crate::TouchDeviation as crate::schema::Message>::TYPE,
+<crate::Verdict as crate::schema::Message>::TYPE,
+<crate::srv::ApproveCorrectionRequest as crate::schema::Message>::TYPE,
+<crate::srv::ApproveCorrectionResponse as crate::schema::Message>::TYPE,
+<crate::srv::PlanRequest as crate::schema::Message>::TYPE,
+<crate::srv::PlanResponse as crate::schema::Message>::TYPE,
+<crate::srv::RunRequest as crate::schema::Message>::TYPE,
+<crate::srv::RunResponse as crate::schema::Message>::TYPE,
+<crate::srv::StartRecordingRequest as crate::schema::Message>::TYPE,
+<crate::srv::StartRecordingResponse as crate::schema::Message>::TYPE,
+<crate::srv::StatusRequest as crate::schema::Message>::TYPE,
+<crate::srv::StatusResponse as crate::schema::Message>::TYPE,
+<crate::srv::StopRecordingRequest as crate::schema::Message>::TYPE,
+<crate::srv::StopRecordingResponse as crate::schema::Message>::TYPE,
+<crate::srv::StopRequest as crate::schema::Message>::TYPE,
+<crate::srv::StopResponse as crate::schema::Message>::TYPE,
+<crate::rcl_interfaces::FloatingPointRange as crate::schema::Message>::TYPE,
+<crate::rcl_interfaces::IntegerRange as crate::schema::Message>::TYPE,
+<crate::rcl_interfaces::ListParametersResult as crate::schema::Message>::TYPE,
+<crate::rcl_interfaces::Log as crate::schema::Message>::TYPE,
+<crate::rcl_interfaces::Parameter as crate::schema::Message>::TYPE,
+<crate::rcl_interfaces::ParameterDescriptor as crate::schema::Message>::TYPE,
+<crate::rcl_interfaces::ParameterEvent as crate::schema::Message>::TYPE,
+<crate::rcl_interfaces::ParameterType as crate::schema::Message>::TYPE,
+<crate::rcl_interfaces::ParameterValue as crate::schema::Message>::TYPE,
+<crate::rcl_interfaces::SetParametersResult as crate::schema::Message>::TYPE,
+<crate::rcl_interfaces::srv::DescribeParametersRequest as crate::schema::Message>::TYPE,
+<crate::rcl_interfaces::srv::DescribeParametersResponse as crate::schema::Message>::TYPE,
+<crate::rcl_interfaces::srv::GetParameterTypesRequest as crate::schema::Message>::TYPE,
+<crate::rcl_interfaces::srv::GetParameterTypesResponse as crate::schema::Message>::TYPE,
+<crate::rcl_interfaces::srv::GetParametersRequest as crate::schema::Message>::TYPE,
+<crate::rcl_interfaces::srv::GetParametersResponse as crate::schema::Message>::TYPE,
+<crate::rcl_interfaces::srv::ListParametersRequest as crate::schema::Message>::TYPE,
+<crate::rcl_interfaces::srv::ListParametersResponse as crate::schema::Message>::TYPE,
+<crate::rcl_interfaces::srv::SetParametersAtomicallyRequest as crate::schema::Message>::TYPE,
+<crate::rcl_interfaces::srv::SetParametersAtomicallyResponse as crate::schema::Message>::TYPE,
+<crate::rcl_interfaces::srv::SetParametersRequest as crate::schema::Message>::TYPE,
+<crate::rcl_interfaces::srv::SetParametersResponse as crate::schema::Message>::TYPE,
+<crate::rosgraph_msgs::Clock as crate::schema::Message>::TYPE,
+<crate::sensor_msgs::CompressedImage as crate::schema::Message>::TYPE,
+<crate::sensor_msgs::JointState as crate::schema::Message>::TYPE,
+<crate::service_msgs::ServiceEventInfo as crate::schema::Message>::TYPE,
+<crate::std_msgs::ColorRGBA as crate::schema::Message>::TYPE,
+<crate::std_msgs::Header as crate::schema::Message>::TYPE,
+<crate::std_msgs::String as crate::schema::Message>::TYPE,
+<crate::tf2_msgs::TFMessage as crate::schema::Message>::TYPE,
+<crate::type_description_interfaces::Field as crate::schema::Message>::TYPE,
+<crate::type_description_interfaces::FieldType as crate::schema::Message>::TYPE,
+<crate::type_description_interfaces::IndividualTypeDescription as crate::schema::Message>::TYPE,
+<crate::type_description_interfaces::KeyValue as crate::schema::Message>::TYPE,
+<crate::type_description_interfaces::TypeDescription as crate::schema::Message>::TYPE,
+<crate::type_description_interfaces::TypeSource as crate::schema::Message>::TYPE,
+<crate::type_description_interfaces::srv::GetTypeDescriptionRequest as crate::schema::Message>::TYPE,
+<crate::type_description_interfaces::srv::GetTypeDescriptionResponse as crate::schema::Message>::TYPE,
+<crate::unique_identifier_msgs::UUID as crate::schema::Message>::TYPE,
+<crate::visualization_msgs::Marker as crate::schema::Message>::TYPE,
+<crate::visualization_msgs::MarkerArray as crate::schema::Message>::TYPE,
+<crate::visualization_msgs::MeshFile as crate::schema::Message>::TYPE,
+<crate::visualization_msgs::UVCoordinate as crate::schema::Message>::TYPE,
 ];
 
 /// Every service type, sorted by name.
 pub(crate) static SERVICES: &[&ServiceType] = &[
-    <srv::ApproveCorrection as crate::schema::Service>::TYPE,
-    <srv::Plan as crate::schema::Service>::TYPE,
-    <srv::Run as crate::schema::Service>::TYPE,
-    <srv::StartRecording as crate::schema::Service>::TYPE,
-    <srv::Status as crate::schema::Service>::TYPE,
-    <srv::Stop as crate::schema::Service>::TYPE,
-    <srv::StopRecording as crate::schema::Service>::TYPE,
+    <crate::action_msgs::srv::CancelGoal as crate::schema::Service>::TYPE,
+    <crate::action::RunPartGetResult as crate::schema::Service>::TYPE,
+    <crate::action::RunPartSendGoal as crate::schema::Service>::TYPE,
+    <crate::srv::ApproveCorrection as crate::schema::Service>::TYPE,
+    <crate::srv::Plan as crate::schema::Service>::TYPE,
+    <crate::srv::Run as crate::schema::Service>::TYPE,
+    <crate::srv::StartRecording as crate::schema::Service>::TYPE,
+    <crate::srv::Status as crate::schema::Service>::TYPE,
+    <crate::srv::Stop as crate::schema::Service>::TYPE,
+    <crate::srv::StopRecording as crate::schema::Service>::TYPE,
+    <crate::rcl_interfaces::srv::DescribeParameters as crate::schema::Service>::TYPE,
+    <crate::rcl_interfaces::srv::GetParameterTypes as crate::schema::Service>::TYPE,
+    <crate::rcl_interfaces::srv::GetParameters as crate::schema::Service>::TYPE,
+    <crate::rcl_interfaces::srv::ListParameters as crate::schema::Service>::TYPE,
+    <crate::rcl_interfaces::srv::SetParameters as crate::schema::Service>::TYPE,
+    <crate::rcl_interfaces::srv::SetParametersAtomically as crate::schema::Service>::TYPE,
+    <crate::type_description_interfaces::srv::GetTypeDescription as crate::schema::Service>::TYPE,
 ];

@@ -1,13 +1,13 @@
 //! The messages of the cell: plain structs, their CDR bytes, their schemas and type hashes.
 //!
 //! ```text
-//!  msg/*.msg, srv/*.srv ──cargo xtask codegen──> generated.rs ──to_cdr──> bytes on the bus and in a recording
+//!  msg/ srv/ action/ ────cargo xtask codegen──> generated.rs ──to_cdr──> bytes on the bus and in a recording
 //!        │                                            ^                         │
 //!        └──ament: the ROS 2 package probecell_msgs   └────────from_cdr─────────┘
 //! ```
 //!
-//! The `.msg` and `.srv` files beside this crate are the truth. Messages of the package are at the root, those of services
-//! in [`srv`], standard ones in a module named as their ROS package. Units are SI and stand in the comment of each field;
+//! The `.msg`, `.srv` and `.action` files beside this crate are the truth. Messages of the package are at the root, those of services
+//! in [`srv`], those of actions in [`action`], standard ones in a module named as their ROS package. Units are SI and stand in the comment of each field;
 //! stamps count from 1970.
 //!
 //! Strings and bytes that carry a grammar have a type beside the message: [`PlanId`] and [`RunId`] for identifiers of
@@ -33,6 +33,7 @@
 //! assert_eq!(Correction::TYPE.name, "probecell_msgs/msg/Correction");
 //! ```
 
+mod bounded;
 mod cdr;
 mod code;
 mod convert;
@@ -46,6 +47,7 @@ pub mod geometrical;
 pub mod offset;
 mod plan_id;
 mod schema;
+mod type_description;
 mod words;
 
 pub use cdr::{CdrError, from_cdr, to_cdr};
@@ -54,3 +56,4 @@ pub use describe::Value;
 pub use generated::*;
 pub use plan_id::{PlanId, RunId, is_unprintable};
 pub use schema::{Message, MessageType, Service, ServiceType, all, by_name, services};
+pub use type_description::type_description;

@@ -35,9 +35,22 @@ pub struct MessageType {
     pub type_hash: &'static str,
     /// Schema text of encoding `ros2msg`: the definition, then each type it uses after 80 `=` and `MSG: pkg/Type`.
     pub definition: &'static str,
+    pub(crate) fields: &'static [Member<'static>],
     pub(crate) describe: fn(&[u8]) -> Result<Value, CdrError>,
     pub(crate) canonical: fn(&[u8]) -> Result<Vec<u8>, CdrError>,
 }
+
+/// A field as `type_description_interfaces/msg/Field` describes it: its name; `type_id`, `capacity`, `string_capacity`
+/// and `nested_type_name` of its type; its default value.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Member<'a>(
+    pub(crate) &'a str,
+    pub(crate) u8,
+    pub(crate) u64,
+    pub(crate) u64,
+    pub(crate) &'a str,
+    pub(crate) &'a str,
+);
 
 impl MessageType {
     /// Decodes a message of this type, header included, into a tree of named values.

@@ -8,14 +8,17 @@ use probecell_msgs::{
     diagnostic_msgs::DiagnosticStatus,
     from_cdr,
     geometry_msgs::Point,
+    rcl_interfaces::{IntegerRange, ParameterDescriptor},
     sensor_msgs::CompressedImage,
     services,
     srv::StopRecordingRequest,
     std_msgs::{Header, String as Text},
-    to_cdr,
+    to_cdr, type_description,
+    type_description_interfaces::IndividualTypeDescription,
 };
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
+use sha2::{Digest, Sha256};
 
 fn header() -> Header {
     Header {
@@ -308,4 +311,82 @@ fn codes_are_read_back_and_unknown_ones_are_named() {
     );
     let text = unknown.unwrap_err().to_string();
     assert_eq!(text, "Correction.kind = 9 is not one of its constants");
+}
+
+#[test]
+fn what_is_beyond_its_bound_is_refused() {
+    let range = IntegerRange {
+        from_value: 1,
+        to_value: 2,
+        step: 1,
+    };
+    let ranges = |count| ParameterDescriptor {
+        integer_range: vec![range; count],
+        ..ParameterDescriptor::default()
+    };
+    assert_eq!(from_cdr(&to_cdr(&ranges(1))), Ok(ranges(1)));
+    let error = from_cdr::<ParameterDescriptor>(&to_cdr(&ranges(2))).unwrap_err();
+    assert!(error.to_string().contains("at most 1"), "{error}");
+    let named = |length| IndividualTypeDescription {
+        type_name: "x".repeat(length),
+        ..IndividualTypeDescription::default()
+    };
+    assert_eq!(from_cdr(&to_cdr(&named(255))), Ok(named(255)));
+    let error = from_cdr::<IndividualTypeDescription>(&to_cdr(&named(256))).unwrap_err();
+    assert!(error.to_string().contains("at most 255"), "{error}");
+}
+
+/// What a peer learns of a type is what its hash is made of (REP 2016).
+#[test]
+fn a_type_description_hashes_to_the_type_hash() {
+    let messages = all().iter().map(|ty| (ty.name, ty.type_hash));
+    let services = services().iter().map(|ty| (ty.name, ty.type_hash));
+    for (name, hash) in messages.chain(services) {
+        let (described, _) = type_description(name, hash).unwrap();
+        let of = |one: &IndividualTypeDescription| {
+            let fields = one.fields.iter().map(|field| {
+                let ty = &field.r#type;
+                format!(
+                    "{{\"name\": \"{}\", \"type\": {{\"type_id\": {}, \"capacity\": {}, \
+                     \"string_capacity\": {}, \"nested_type_name\": \"{}\"}}}}",
+                    field.name, ty.type_id, ty.capacity, ty.string_capacity, ty.nested_type_name
+                )
+            });
+            let fields: Vec<String> = fields.collect();
+            let name = &one.type_name;
+            format!(
+                "{{\"type_name\": \"{name}\", \"fields\": [{}]}}",
+                fields.join(", ")
+            )
+        };
+        let referenced = described.referenced_type_descriptions.iter().map(of);
+        let referenced: Vec<String> = referenced.collect();
+        let json = format!(
+            "{{\"type_description\": {}, \"referenced_type_descriptions\": [{}]}}",
+            of(&described.type_description),
+            referenced.join(", ")
+        );
+        assert_eq!(format!("RIHS01_{:x}", Sha256::digest(json)), hash, "{name}");
+    }
+    assert_eq!(type_description("std_msgs/msg/String", "RIHS01_00"), None);
+    assert_eq!(type_description("std_msgs/msg/Nothing", "RIHS01_00"), None);
+}
+
+#[test]
+fn a_type_description_has_the_file_of_each_type() {
+    let ty = by_name("probecell_msgs/msg/Stylus").unwrap();
+    let (_, sources) = type_description(ty.name, ty.type_hash).unwrap();
+    let read: Vec<(&str, &str)> = sources
+        .iter()
+        .map(|one| (one.type_name.as_str(), one.raw_file_contents.as_str()))
+        .collect();
+    let stylus = include_str!("../msg/Stylus.msg");
+    let point = include_str!("../standard/geometry_msgs/msg/Point.msg");
+    assert_eq!(
+        read,
+        [
+            ("probecell_msgs/msg/Stylus", stylus),
+            ("geometry_msgs/msg/Point", point)
+        ]
+    );
 }

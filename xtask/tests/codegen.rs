@@ -9,8 +9,8 @@ use std::{
 use xtask::codegen::{
     self, OWN_PACKAGE,
     codes::{codes, unread},
-    hash::{message_hash, service_hash},
-    interface::{Element, Message, Primitive, Service},
+    hash::type_hash,
+    interface::{Action, Element, Message, Primitive, Service},
     package::{Interfaces, load},
 };
 
@@ -31,34 +31,86 @@ fn generated_code_is_fresh() {
 #[test]
 fn hashes_are_those_that_ros_publishes() {
     let mut interfaces = load(&msgs()).unwrap();
-    let empty = Message::parse("std_msgs", "msg", "Empty", "").unwrap();
+    interfaces
+        .add(Message::parse("std_msgs", "msg", "Empty", "").unwrap())
+        .unwrap();
     let adding = "int64 a\nint64 b\n---\nint64 sum\n";
-    let adding = Service::parse("example_interfaces", "AddTwoInts", adding).unwrap();
-    let trigger =
-        Service::parse("std_srvs", "Trigger", "---\nbool success\nstring message\n").unwrap();
-    interfaces.add_service(adding.clone()).unwrap();
-    interfaces.add_service(trigger.clone()).unwrap();
-    let string = interfaces.message("std_msgs/msg/String").unwrap();
-    for (hash, published) in [
+    for (package, name, text) in [
+        ("example_interfaces", "AddTwoInts", adding),
+        ("std_srvs", "Trigger", "---\nbool success\nstring message\n"),
+    ] {
+        interfaces
+            .add_service(Service::parse(package, name, text).unwrap())
+            .unwrap();
+    }
+    for (name, published) in [
         (
-            message_hash(&interfaces, string),
+            "std_msgs/msg/String",
             "df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18",
         ),
         (
-            message_hash(&interfaces, &empty),
+            "std_msgs/msg/Empty",
             "20b625256f32d5dbc0d04fee44f43c41e51c70d3502f84b4a08e7a9c26a96312",
         ),
         (
-            service_hash(&interfaces, &adding),
+            "example_interfaces/srv/AddTwoInts",
             "e118de6bf5eeb66a2491b5bda11202e7b68f198d6f67922cf30364858239c81a",
         ),
         (
-            service_hash(&interfaces, &trigger),
+            "std_srvs/srv/Trigger",
             "eeff2cd6fa5ad9d27cdf4dec64818317839b62f212a91e6b5304b634b2062c5f",
         ),
     ] {
-        assert_eq!(hash.unwrap(), format!("RIHS01_{published}"));
+        let message = interfaces.message(name).unwrap();
+        let hash = type_hash(&interfaces, message).unwrap();
+        assert_eq!(hash, format!("RIHS01_{published}"));
     }
+}
+
+/// Our own copies of standard packages, and definitions of others, with the hashes that rosidl's own generator made: of
+/// messages, services, events, and all types of which an action consists.
+#[test]
+fn hashes_are_those_of_the_generator_of_ros() {
+    let Some(folder) = shared_data::path("data/ros2") else {
+        return;
+    };
+    let table = fs::read_to_string(folder.join("type_hashes.json")).unwrap();
+    let table: serde_json::Value = serde_json::from_str(&table).unwrap();
+    let mut interfaces = load(&msgs()).unwrap();
+    for entry in fs::read_dir(folder.join("interfaces")).unwrap() {
+        let path = entry.unwrap().path();
+        let package = path.file_name().unwrap().to_str().unwrap();
+        if path.is_dir() && !msgs().join("standard").join(package).exists() {
+            interfaces.load_package(package, &path).unwrap();
+        }
+    }
+    // A part of geometry_msgs only.
+    let twist = folder.join("interfaces/geometry_msgs/msg/Twist.msg");
+    let twist = fs::read_to_string(twist).unwrap();
+    let twist = Message::parse("geometry_msgs", "msg", "Twist", &twist).unwrap();
+    interfaces.add(twist).unwrap();
+    let mut compared = BTreeSet::new();
+    let all = interfaces.messages.values();
+    for message in all.chain(interfaces.described.values()) {
+        if let Some(published) = table["type_hashes"].get(message.full_name()) {
+            let hash = type_hash(&interfaces, message).unwrap();
+            assert_eq!(hash, *published, "{}", message.full_name());
+            compared.insert(message.full_name());
+        }
+    }
+    for name in [
+        "golden_interfaces/action/RunPart",
+        "golden_interfaces/action/RunPart_GetResult_Event",
+        "golden_interfaces/action/RunPart_FeedbackMessage",
+        "control_msgs/action/FollowJointTrajectory",
+        "rcl_interfaces/srv/DescribeParameters",
+        "type_description_interfaces/srv/GetTypeDescription",
+        "action_msgs/srv/CancelGoal",
+        "diagnostic_msgs/msg/DiagnosticArray",
+    ] {
+        assert!(compared.contains(name), "{name}");
+    }
+    assert!(compared.len() > 130, "{} compared", compared.len());
 }
 
 #[test]
@@ -70,21 +122,16 @@ fn every_interface_file_is_built_by_cmake_and_no_other() {
         .map(str::to_owned)
         .collect();
     let interfaces = load(&msgs()).unwrap();
-    let messages = interfaces
-        .messages
-        .values()
-        .filter(|message| message.package == OWN_PACKAGE && message.kind == "msg");
-    let services = interfaces
-        .services
-        .iter()
-        .map(|service| format!("srv/{}.srv", service.name));
-    assert_eq!(
-        listed,
-        messages
-            .map(|message| format!("msg/{}.msg", message.name))
-            .chain(services)
-            .collect()
-    );
+    let messages = interfaces.messages.values();
+    let messages = messages.filter(|message| message.kind == "msg");
+    // Services and actions; what an action consists of is no file.
+    let described = interfaces.described.values();
+    let described = described.filter(|message| !message.name.contains('_'));
+    let own = messages
+        .chain(described)
+        .filter(|message| message.package == OWN_PACKAGE);
+    let files = own.map(|one| format!("{}/{}.{}", one.kind, one.name, one.kind));
+    assert_eq!(listed, files.collect());
 }
 
 /// Bare numbers carry no unit in their type, so the comment of each says it first.
@@ -125,6 +172,7 @@ fn every_real_number_says_its_unit() {
                 Element::Primitive(primitive) => {
                     matches!(primitive, Primitive::F32 | Primitive::F64)
                 }
+                Element::BoundedString(_) => false,
                 Element::Nested(name) => GEOMETRY
                     .iter()
                     .any(|ty| *name == format!("geometry_msgs/msg/{ty}")),
@@ -140,8 +188,10 @@ fn every_real_number_says_its_unit() {
 #[test]
 fn what_structs_cannot_promise_is_refused_with_its_line() {
     for (line, why) in [
-        ("string<=10 name", "bounded"),
-        ("float64[<=3] values", "bounded"),
+        ("string<=0 name", "at least 1"),
+        ("string<=8[] names", "of a single string"),
+        ("float64[<=0] values", "at least 1"),
+        ("float64[<=many] values", "length many"),
         ("wstring name", "neither primitive nor a message"),
         ("uint8[2] pair [1, 2]", "default values of arrays"),
         ("uint8 LARGE=256", "does not fit"),
@@ -162,7 +212,13 @@ fn what_structs_cannot_promise_is_refused_with_its_line() {
             "{line}: {error}"
         );
     }
-    assert!(Service::parse("p", "S", "int32 a\n").is_err());
+    for error in [
+        Service::parse("p", "S", "int32 a\n").map(drop),
+        Service::parse("p", "S", "---\n---\n").map(drop),
+        Action::parse("p", "A", "int32 a\n---\n").map(drop),
+    ] {
+        assert!(error.unwrap_err().to_string().contains("parts between"));
+    }
 }
 
 #[test]

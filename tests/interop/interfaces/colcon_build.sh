@@ -13,6 +13,7 @@ mkdir -p "$scratch/src"
 
 # The dependencies of a standard package, in the order of need; a package not named here needs none.
 declare -A needs=(
+    [action_msgs]="builtin_interfaces unique_identifier_msgs"
     [std_msgs]="builtin_interfaces"
     [geometry_msgs]="std_msgs"
 )
@@ -48,7 +49,7 @@ meta_package() { # name, package to find...
 message_package() { # name
     local name=$1 folder=$scratch/src/$1 dependencies=${needs[$1]:-}
     mkdir -p "$folder"
-    cp -r "$root/msgs/standard/$name/msg" "$folder/msg"
+    cp -r "$root/msgs/standard/$name/." "$folder"
     # shellcheck disable=SC2086
     manifest "$name" rosidl_interface_packages rosidl_default_generators $dependencies >"$folder/package.xml"
     {
@@ -58,7 +59,7 @@ message_package() { # name
         echo 'find_package(rosidl_default_generators REQUIRED)'
         for dependency in $dependencies; do echo "find_package($dependency REQUIRED)"; done
         echo "rosidl_generate_interfaces($name"
-        (cd "$folder" && printf '  "%s"\n' msg/*.msg)
+        (cd "$folder" && printf '  "%s"\n' */*.???)
         [ -z "$dependencies" ] || echo "  DEPENDENCIES $dependencies"
         echo ')'
         echo 'ament_package()'
@@ -69,7 +70,7 @@ meta_package rosidl_default_generators \
     rosidl_cmake rosidl_generator_c rosidl_generator_cpp rosidl_typesupport_interface \
     rosidl_typesupport_introspection_c rosidl_typesupport_introspection_cpp
 meta_package rosidl_default_runtime rosidl_runtime_c rosidl_runtime_cpp rosidl_typesupport_interface
-for package in builtin_interfaces std_msgs geometry_msgs; do
+for package in builtin_interfaces unique_identifier_msgs action_msgs std_msgs geometry_msgs; do
     message_package "$package"
 done
 

@@ -1,6 +1,6 @@
 """Compares probecell_msgs with rosbags: type hashes, definitions, and the bytes of random messages.
 
-rosbags parses our .msg and .srv files itself and brings its own standard types; the Rust side answers through the
+rosbags parses our .msg, .srv and .action files itself and brings its own standard types; the Rust side answers through the
 example program dump_types. Where recordings of others are given, their schemas and messages are compared as well.
 """
 
@@ -54,7 +54,8 @@ class Peer:
 
 def parse(text, name):
     """Types that a definition text defines, by full name."""
-    types = {key.replace("/srv/msg/", "/srv/"): value for key, value in get_types_from_msg(text, name).items()}
+    # It knows of no other folder than msg/.
+    types = {key.replace("/srv/msg/", "/srv/").replace("/action/msg/", "/action/"): value for key, value in get_types_from_msg(text, name).items()}
     for _, fields in types.values():
         if not fields:
             # The IDL that a .msg stands for has no empty structures; rosbags' own Empty says so, its parser does not.
@@ -62,15 +63,36 @@ def parse(text, name):
     return types
 
 
+GOAL_ID = "unique_identifier_msgs/UUID goal_id\n"
+
+
+def parts_of_action(name, text):
+    """The messages of which an action consists, by their names: the ROS 2 design of actions."""
+    goal, result, feedback = text.split("---\n")
+    of = f"probecell_msgs/action/{name}"
+    return {
+        "Goal": goal, "Result": result, "Feedback": feedback,
+        "FeedbackMessage": f"{GOAL_ID}{of}_Feedback feedback\n",
+        "SendGoal_Request": f"{GOAL_ID}{of}_Goal goal\n",
+        "SendGoal_Response": "bool accepted\nbuiltin_interfaces/Time stamp\n",
+        "GetResult_Request": GOAL_ID,
+        "GetResult_Response": f"int8 status\n{of}_Result result\n",
+    }
+
+
 def own_types(msgs):
-    """Our interfaces as rosbags reads them."""
+    """Our interfaces as rosbags reads them, and the services of standard packages, which it does not bring."""
     types = {}
     for path in sorted((msgs / "msg").glob("*.msg")):
         types |= parse(path.read_text(), f"probecell_msgs/msg/{path.stem}")
-    for path in sorted((msgs / "srv").glob("*.srv")):
+    for path in sorted([*(msgs / "srv").glob("*.srv"), *msgs.glob("standard/*/srv/*.srv")]):
+        package = "probecell_msgs" if path.parents[1] == msgs else path.parents[1].name
         request, response = path.read_text().split("---\n")
-        types |= parse(request, f"probecell_msgs/srv/{path.stem}_Request")
-        types |= parse(response, f"probecell_msgs/srv/{path.stem}_Response")
+        types |= parse(request, f"{package}/srv/{path.stem}_Request")
+        types |= parse(response, f"{package}/srv/{path.stem}_Response")
+    for path in sorted((msgs / "action").glob("*.action")):
+        for part, text in parts_of_action(path.stem, path.read_text()).items():
+            types |= parse(text, f"probecell_msgs/action/{path.stem}_{part}")
     return types
 
 
@@ -99,7 +121,7 @@ def random_field(store, node, rng):
     if kind in (Nodetype.BASE, Nodetype.NAME):
         return random_element(store, node, rng)
     element, length = detail
-    count = length if kind == Nodetype.ARRAY else rng.randrange(5)
+    count = length if kind == Nodetype.ARRAY else rng.randrange(1 + (length or 4))  # a sequence: its bound, or 0
     values = [random_element(store, element, rng) for _ in range(count)]
     if element[0] == Nodetype.NAME or element[1][0] == "string":
         return values

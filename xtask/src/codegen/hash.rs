@@ -8,7 +8,7 @@ use anyhow::Result;
 use sha2::{Digest, Sha256};
 
 use super::{
-    interface::{Element, Field, Message, Primitive, Service, Shape},
+    interface::{Element, Field, Message, Primitive, Shape},
     package::Interfaces,
 };
 
@@ -19,48 +19,18 @@ pub const EMPTY_MEMBER: &str = "structure_needs_at_least_one_member";
 const ARRAY: u8 = 48;
 const BOUNDED_SEQUENCE: u8 = 96;
 const SEQUENCE: u8 = 144;
-/// Number of a nested type.
+/// Numbers of a nested type and of a text with a bound.
 const NESTED: u8 = 1;
+const BOUNDED_STRING: u8 = 21;
 
-/// `RIHS01_<64 hex>` of a message.
-pub fn message_hash(interfaces: &Interfaces, message: &Message) -> Result<String> {
+/// `RIHS01_<64 hex>` of a message, or of a service or action as its description stands for it: it holds request,
+/// response and event of a service, and of an action all messages and services of which it consists.
+pub fn type_hash(interfaces: &Interfaces, message: &Message) -> Result<String> {
     let mut referenced = Vec::new();
     for nested in interfaces.dependencies(message)? {
         referenced.push((nested.full_name(), description(nested)));
     }
     Ok(rihs01(&description(message), referenced))
-}
-
-/// `RIHS01_<64 hex>` of a service: of its description with request, response and event types.
-pub fn service_hash(interfaces: &Interfaces, service: &Service) -> Result<String> {
-    let base = format!("{}/srv/{}", service.package, service.name);
-    let [request, response, event] =
-        ["Request", "Response", "Event"].map(|part| format!("{base}_{part}"));
-    let info = interfaces.message("service_msgs/msg/ServiceEventInfo")?;
-    let description_of_service = structure(
-        &base,
-        &[
-            field("request_message", NESTED, 0, &request),
-            field("response_message", NESTED, 0, &response),
-            field("event_message", NESTED, 0, &event),
-        ],
-    );
-    let description_of_event = structure(
-        &event,
-        &[
-            field("info", NESTED, 0, &info.full_name()),
-            field("request", BOUNDED_SEQUENCE + NESTED, 1, &request),
-            field("response", BOUNDED_SEQUENCE + NESTED, 1, &response),
-        ],
-    );
-    let mut referenced = vec![(event.clone(), description_of_event)];
-    for part in [&service.request, &service.response, info] {
-        referenced.push((part.full_name(), description(part)));
-        for nested in interfaces.dependencies(part)? {
-            referenced.push((nested.full_name(), description(nested)));
-        }
-    }
-    Ok(rihs01(&description_of_service, referenced))
 }
 
 fn rihs01(description: &str, mut referenced: Vec<(String, String)>) -> String {
@@ -78,22 +48,72 @@ fn rihs01(description: &str, mut referenced: Vec<(String, String)>) -> String {
 }
 
 fn description(message: &Message) -> String {
-    let mut fields: Vec<String> = message.fields.iter().map(field_of).collect();
-    if fields.is_empty() {
-        fields.push(field(EMPTY_MEMBER, primitive_number(Primitive::U8), 0, ""));
-    }
-    structure(&message.full_name(), &fields)
+    let fields: Vec<String> = members(message).iter().map(Member::json).collect();
+    format!(
+        "{{\"type_name\": \"{}\", \"fields\": [{}]}}",
+        message.full_name(),
+        fields.join(", ")
+    )
 }
 
-fn field_of(source: &Field) -> String {
-    let (number, nested) = match &source.element {
-        Element::Primitive(primitive) => (primitive_number(*primitive), ""),
-        Element::Nested(name) => (NESTED, name.as_str()),
+/// A field as `type_description_interfaces` describes it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Member<'a> {
+    /// Its name.
+    pub name: &'a str,
+    /// `FieldType` of its element and shape together.
+    pub type_id: u8,
+    /// Elements that it holds, or may hold; 0: one, or any number.
+    pub capacity: usize,
+    /// Bytes that its text may have; 0: any number.
+    pub string_capacity: usize,
+    /// Full name of its type, or empty.
+    pub nested_type_name: &'a str,
+}
+
+/// The fields of a message, at least one.
+pub fn members(message: &Message) -> Vec<Member<'_>> {
+    if message.fields.is_empty() {
+        return vec![Member {
+            name: EMPTY_MEMBER,
+            type_id: primitive_number(Primitive::U8),
+            capacity: 0,
+            string_capacity: 0,
+            nested_type_name: "",
+        }];
+    }
+    message.fields.iter().map(member).collect()
+}
+
+fn member(field: &Field) -> Member<'_> {
+    let (number, string_capacity, nested_type_name) = match &field.element {
+        Element::Primitive(primitive) => (primitive_number(*primitive), 0, ""),
+        Element::BoundedString(bound) => (BOUNDED_STRING, *bound, ""),
+        Element::Nested(name) => (NESTED, 0, name.as_str()),
     };
-    match source.shape {
-        Shape::One => field(&source.name, number, 0, nested),
-        Shape::Array(length) => field(&source.name, ARRAY + number, length, nested),
-        Shape::Sequence => field(&source.name, SEQUENCE + number, 0, nested),
+    let (shape, capacity) = match field.shape {
+        Shape::One => (0, 0),
+        Shape::Array(length) => (ARRAY, length),
+        Shape::Bounded(bound) => (BOUNDED_SEQUENCE, bound),
+        Shape::Sequence => (SEQUENCE, 0),
+    };
+    Member {
+        name: &field.name,
+        type_id: shape + number,
+        capacity,
+        string_capacity,
+        nested_type_name,
+    }
+}
+
+impl Member<'_> {
+    /// Names are letters, digits, `_` and `/` (checked by the parser), so that JSON needs no escapes.
+    fn json(&self) -> String {
+        format!(
+            "{{\"name\": \"{}\", \"type\": {{\"type_id\": {}, \"capacity\": {}, \
+             \"string_capacity\": {}, \"nested_type_name\": \"{}\"}}}}",
+            self.name, self.type_id, self.capacity, self.string_capacity, self.nested_type_name
+        )
     }
 }
 
@@ -113,19 +133,4 @@ fn primitive_number(primitive: Primitive) -> u8 {
         Primitive::Byte => 16,
         Primitive::String => 17,
     }
-}
-
-/// Names are letters, digits, `_` and `/` (checked by the parser), so that JSON needs no escapes.
-fn field(name: &str, number: u8, capacity: usize, nested: &str) -> String {
-    format!(
-        "{{\"name\": \"{name}\", \"type\": {{\"type_id\": {number}, \"capacity\": {capacity}, \
-         \"string_capacity\": 0, \"nested_type_name\": \"{nested}\"}}}}"
-    )
-}
-
-fn structure(name: &str, fields: &[String]) -> String {
-    format!(
-        "{{\"type_name\": \"{name}\", \"fields\": [{}]}}",
-        fields.join(", ")
-    )
 }

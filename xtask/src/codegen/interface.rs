@@ -1,10 +1,10 @@
-//! The grammar of `.msg` and `.srv` files, as far as the generated code can honour it.
+//! The grammar of `.msg`, `.srv` and `.action` files, as far as the generated code can honour it.
 //!
 //! Source: the ROS 2 interface definition language (`.msg` form). A file is lines of `type name`, `type name default`
-//! and `type NAME=value`, with comments after `#`. Refused, because plain structs cannot keep their promise: bounded
-//! strings and sequences, wide strings, default values of arrays.
+//! and `type NAME=value`, with comments after `#`. Refused, because plain structs cannot keep their promise: wide
+//! strings, default values of arrays. A bound (`string<=255`, `[<=1]`) holds for what is read.
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Context, Result, anyhow, bail, ensure};
 
 /// Words in small letters that the C++ or the Python made from an interface cannot have as a field. Sources: C++20,
 /// 5.11, and Python's `keyword.kwlist`.
@@ -18,12 +18,12 @@ const RESERVED: &str = "\
     template this thread_local throw true try typedef typeid typename union unsigned using virtual void volatile \
     wchar_t while with xor xor_eq yield";
 
-/// A parsed message, or one half of a service.
+/// A parsed message, or one part of a service or of an action.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Message {
     /// Name of its package.
     pub package: String,
-    /// Folder of the file, `msg` or `srv`.
+    /// Folder of the file: `msg`, `srv` or `action`.
     pub kind: &'static str,
     /// Name of the type, for example `Header` or `Run_Request`.
     pub name: String,
@@ -42,6 +42,8 @@ pub struct Message {
 pub struct Service {
     /// Name of its package.
     pub package: String,
+    /// Folder of the file: `srv`, or `action` where an action consists of it.
+    pub kind: &'static str,
     /// Name of the type, for example `Run`.
     pub name: String,
     /// Comment at the head of the file, a line each.
@@ -50,6 +52,23 @@ pub struct Service {
     pub request: Message,
     /// What comes back.
     pub response: Message,
+}
+
+/// A parsed action: three messages.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Action {
+    /// Name of its package.
+    pub package: String,
+    /// Name of the type, for example `RunPart`.
+    pub name: String,
+    /// Comment at the head of the file, a line each.
+    pub doc: Vec<String>,
+    /// What is to be reached.
+    pub goal: Message,
+    /// How it ended.
+    pub result: Message,
+    /// How far it is.
+    pub feedback: Message,
 }
 
 /// A named value of a message type.
@@ -85,7 +104,9 @@ pub struct Field {
 pub enum Element {
     /// A number, a boolean or a text.
     Primitive(Primitive),
-    /// Another message, `package/msg/Name`.
+    /// A text of at most so many bytes.
+    BoundedString(usize),
+    /// Another message, `package/kind/Name`.
     Nested(String),
 }
 
@@ -98,6 +119,8 @@ pub enum Shape {
     Array(usize),
     /// Any number.
     Sequence,
+    /// Any number up to this.
+    Bounded(usize),
 }
 
 /// Primitive types, by their Rust and ROS names.
@@ -197,11 +220,7 @@ impl Message {
 
     /// Parses the text of a message. Names of messages without a package are of `package`.
     pub fn parse(package: &str, kind: &'static str, name: &str, text: &str) -> Result<Self> {
-        check_name(
-            name.trim_end_matches("_Request")
-                .trim_end_matches("_Response"),
-            char::is_uppercase,
-        )?;
+        check_name(name, char::is_uppercase)?;
         let mut message = Self {
             package: package.to_owned(),
             kind,
@@ -306,30 +325,119 @@ impl Message {
 impl Service {
     /// Parses the text of a service: the request, a line `---`, the response.
     pub fn parse(package: &str, name: &str, text: &str) -> Result<Self> {
-        let mut halves = vec![String::new()];
-        for line in text.lines() {
-            match halves.last_mut() {
-                Some(half) if line.trim() != "---" => half.extend([line, "\n"]),
-                _ => halves.push(String::new()),
-            }
-        }
-        let [request, response] = &halves[..] else {
-            bail!(
-                "{package}/srv/{name} has {} parts, a service has 2",
-                halves.len()
-            )
+        Self::of(package, "srv", name, &parts(text)?)
+    }
+
+    fn of(package: &str, kind: &'static str, name: &str, texts: &[String; 2]) -> Result<Self> {
+        let part =
+            |part: &str, text: &str| Message::parse(package, kind, &format!("{name}_{part}"), text);
+        let mut request = part("Request", &texts[0])?;
+        Ok(Self {
+            package: package.to_owned(),
+            kind,
+            name: name.to_owned(),
+            doc: std::mem::take(&mut request.doc),
+            response: part("Response", &texts[1])?,
+            request,
+        })
+    }
+
+    /// `package/kind/Name`.
+    pub fn full_name(&self) -> String {
+        format!("{}/{}/{}", self.package, self.kind, self.name)
+    }
+
+    /// What a server may publish of each call. Nothing here does, but it enters the type hash.
+    pub fn event(&self) -> Result<Message> {
+        let [request, response] = [&self.request, &self.response].map(Message::full_name);
+        let text = format!(
+            "service_msgs/ServiceEventInfo info\n{request}[<=1] request\n{response}[<=1] response\n"
+        );
+        let name = format!("{}_Event", self.name);
+        Message::parse(&self.package, self.kind, &name, &text)
+    }
+
+    /// The service as its type hash sees it: a structure of its three messages.
+    pub fn description(&self) -> Result<Message> {
+        let name = self.full_name();
+        let text = format!(
+            "{name}_Request request_message\n{name}_Response response_message\n{name}_Event event_message\n"
+        );
+        Message::parse(&self.package, self.kind, &self.name, &text)
+    }
+}
+
+impl Action {
+    /// Parses the text of an action: the goal, a line `---`, the result, a line `---`, the feedback.
+    pub fn parse(package: &str, name: &str, text: &str) -> Result<Self> {
+        let [goal, result, feedback] = parts(text)?;
+        let part = |part: &str, text: &str| {
+            Message::parse(package, "action", &format!("{name}_{part}"), text)
         };
-        let mut request = Message::parse(package, "srv", &format!("{name}_Request"), request)?;
-        let response = Message::parse(package, "srv", &format!("{name}_Response"), response)?;
-        let doc = std::mem::take(&mut request.doc);
+        let mut goal = part("Goal", &goal)?;
         Ok(Self {
             package: package.to_owned(),
             name: name.to_owned(),
-            doc,
-            request,
-            response,
+            doc: std::mem::take(&mut goal.doc),
+            goal,
+            result: part("Result", &result)?,
+            feedback: part("Feedback", &feedback)?,
         })
     }
+
+    /// `SendGoal` and `GetResult`. Source: the ROS 2 design of actions.
+    pub fn services(&self) -> Result<[Service; 2]> {
+        let service = |part: &str, request: String, response: String| {
+            let name = format!("{}_{part}", self.name);
+            Service::of(&self.package, "action", &name, &[request, response])
+        };
+        let id = "unique_identifier_msgs/UUID goal_id\n";
+        let (goal, result) = (self.goal.full_name(), self.result.full_name());
+        Ok([
+            service(
+                "SendGoal",
+                format!("{id}{goal} goal\n"),
+                "bool accepted\nbuiltin_interfaces/Time stamp\n".to_owned(),
+            )?,
+            service(
+                "GetResult",
+                id.to_owned(),
+                format!("int8 status  # `GoalStatus::STATUS_*`\n{result} result\n"),
+            )?,
+        ])
+    }
+
+    /// What is published while a goal is pursued.
+    pub fn feedback_message(&self) -> Result<Message> {
+        let feedback = self.feedback.full_name();
+        let text = format!("unique_identifier_msgs/UUID goal_id\n{feedback} feedback\n");
+        let name = format!("{}_FeedbackMessage", self.name);
+        Message::parse(&self.package, "action", &name, &text)
+    }
+
+    /// The action as its type hash sees it: a structure of its messages and services.
+    pub fn description(&self) -> Result<Message> {
+        let name = format!("{}/action/{}", self.package, self.name);
+        let text = format!(
+            "{name}_Goal goal\n{name}_Result result\n{name}_Feedback feedback\n\
+             {name}_SendGoal send_goal_service\n{name}_GetResult get_result_service\n\
+             {name}_FeedbackMessage feedback_message\n"
+        );
+        Message::parse(&self.package, "action", &self.name, &text)
+    }
+}
+
+/// The parts of a service or of an action, between lines `---`.
+fn parts<const COUNT: usize>(text: &str) -> Result<[String; COUNT]> {
+    let mut parts = vec![String::new()];
+    for line in text.lines() {
+        match parts.last_mut() {
+            Some(part) if line.trim() != "---" => part.extend([line, "\n"]),
+            _ => parts.push(String::new()),
+        }
+    }
+    let found = parts.len();
+    (parts.try_into()).map_err(|_| anyhow!("{found} parts between lines `---`, not {COUNT}"))
 }
 
 fn head_comment(text: &str) -> Vec<String> {
@@ -354,23 +462,22 @@ fn split_comment(line: &str) -> (&str, Option<&str>) {
 }
 
 fn parse_type(package: &str, text: &str) -> Result<(Element, Shape)> {
-    ensure!(
-        !text.contains("<="),
-        "bounded strings and sequences are not supported"
-    );
     let (element, shape) = match text.split_once('[') {
         None => (text, Shape::One),
         Some((element, "]")) => (element, Shape::Sequence),
         Some((element, length)) => {
             let length = length.strip_suffix(']').context("an array without ]")?;
-            (
-                element,
-                Shape::Array(
-                    length
-                        .parse()
-                        .with_context(|| format!("an array of length {length}"))?,
-                ),
-            )
+            let (bound, length) = match length.strip_prefix("<=") {
+                Some(length) => (true, length),
+                None => (false, length),
+            };
+            let count = (length.parse()).with_context(|| format!("an array of length {length}"))?;
+            let shape = if bound {
+                Shape::Bounded(count)
+            } else {
+                Shape::Array(count)
+            };
+            (element, shape)
         }
     };
     // serde reads and writes arrays of up to 32 elements.
@@ -378,12 +485,22 @@ fn parse_type(package: &str, text: &str) -> Result<(Element, Shape)> {
         !matches!(shape, Shape::Array(length) if !(1..=32).contains(&length)),
         "arrays hold 1 to 32 elements"
     );
+    ensure!(shape != Shape::Bounded(0), "a bound is at least 1");
+    if let Some(bound) = element.strip_prefix("string<=") {
+        let bound = (bound.parse()).with_context(|| format!("a string of length {bound}"))?;
+        ensure!(
+            bound > 0 && shape == Shape::One,
+            "a bound is at least 1, and of a single string"
+        );
+        return Ok((Element::BoundedString(bound), shape));
+    }
     if let Some(primitive) = Primitive::from_ros(element) {
         return Ok((Element::Primitive(primitive), shape));
     }
     let name = match element.split('/').collect::<Vec<_>>()[..] {
         [name] => format!("{package}/msg/{name}"),
-        [package, name] | [package, "msg", name] => format!("{package}/msg/{name}"),
+        [package, name] => format!("{package}/msg/{name}"),
+        [package, kind @ ("msg" | "srv" | "action"), name] => format!("{package}/{kind}/{name}"),
         _ => bail!("{element} is not a type"),
     };
     check_name(

@@ -10,16 +10,18 @@ use anyhow::{Context, Result, ensure};
 
 use super::{
     OWN_PACKAGE,
-    interface::{Element, Message, Service},
+    interface::{Action, Element, Message, Service},
 };
 
-/// All messages by full name, and the services, in order of their names.
+/// All messages and services by full name.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Interfaces {
-    /// Messages, those of services included.
+    /// Messages, those of services and actions included.
     pub messages: BTreeMap<String, Message>,
-    /// Services.
-    pub services: Vec<Service>,
+    /// Services, those of actions included.
+    pub services: BTreeMap<String, Service>,
+    /// What is described and hashed but has no struct: services, their events, actions.
+    pub described: BTreeMap<String, Message>,
 }
 
 impl Interfaces {
@@ -37,14 +39,33 @@ impl Interfaces {
     pub fn add_service(&mut self, service: Service) -> Result<()> {
         self.add(service.request.clone())?;
         self.add(service.response.clone())?;
-        self.services.push(service);
+        self.describe(service.event()?);
+        self.describe(service.description()?);
+        self.services.insert(service.full_name(), service);
         Ok(())
     }
 
-    /// The message of that full name.
+    /// Adds an action with the messages and services of which it consists.
+    pub fn add_action(&mut self, action: &Action) -> Result<()> {
+        for message in [&action.goal, &action.result, &action.feedback] {
+            self.add(message.clone())?;
+        }
+        self.add(action.feedback_message()?)?;
+        for service in action.services()? {
+            self.add_service(service)?;
+        }
+        self.describe(action.description()?);
+        Ok(())
+    }
+
+    fn describe(&mut self, description: Message) {
+        self.described.insert(description.full_name(), description);
+    }
+
+    /// The message of that full name, or the description of a service, an event or an action.
     pub fn message(&self, name: &str) -> Result<&Message> {
-        self.messages
-            .get(name)
+        (self.messages.get(name))
+            .or_else(|| self.described.get(name))
             .with_context(|| format!("{name} is not defined"))
     }
 
@@ -71,35 +92,49 @@ impl Interfaces {
     }
 }
 
-/// Reads `msg/`, `srv/` and `standard/*/msg/` under `msgs`, and checks that every nested type is there.
+/// Reads the package under `msgs` and those under `msgs/standard`, and checks that every nested type is there.
 pub fn load(msgs: &Path) -> Result<Interfaces> {
     let mut interfaces = Interfaces::default();
-    load_messages(OWN_PACKAGE, &msgs.join("msg"), &mut interfaces)?;
+    interfaces.load_package(OWN_PACKAGE, msgs)?;
     for path in sorted_entries(&msgs.join("standard"))? {
-        load_messages(&stem(&path)?, &path.join("msg"), &mut interfaces)?;
+        interfaces.load_package(&stem(&path)?, &path)?;
     }
-    for path in sorted_entries(&msgs.join("srv"))? {
-        interfaces.add_service(Service::parse(OWN_PACKAGE, &stem(&path)?, &read(&path)?)?)?;
-    }
-    for message in interfaces.messages.values() {
+    let all = interfaces.messages.values();
+    for message in all.chain(interfaces.described.values()) {
         interfaces.dependencies(message)?;
     }
     Ok(interfaces)
 }
 
-fn load_messages(package: &str, folder: &Path, interfaces: &mut Interfaces) -> Result<()> {
-    for path in sorted_entries(folder)? {
-        interfaces.add(Message::parse(
-            package,
-            "msg",
-            &stem(&path)?,
-            &read(&path)?,
-        )?)?;
+impl Interfaces {
+    /// Reads those of `msg/`, `srv/` and `action/` that `folder` has.
+    pub fn load_package(&mut self, package: &str, folder: &Path) -> Result<()> {
+        for path in sorted_entries(&folder.join("msg"))? {
+            self.add(Message::parse(
+                package,
+                "msg",
+                &stem(&path)?,
+                &read(&path)?,
+            )?)?;
+        }
+        let of = |path: &Path| format!("{package}, {}", path.display());
+        for path in sorted_entries(&folder.join("srv"))? {
+            let service = Service::parse(package, &stem(&path)?, &read(&path)?);
+            self.add_service(service.with_context(|| of(&path))?)?;
+        }
+        for path in sorted_entries(&folder.join("action"))? {
+            let action = Action::parse(package, &stem(&path)?, &read(&path)?);
+            self.add_action(&action.with_context(|| of(&path))?)?;
+        }
+        Ok(())
     }
-    Ok(())
 }
 
+/// What `folder` holds; nothing where it is not there.
 fn sorted_entries(folder: &Path) -> Result<Vec<PathBuf>> {
+    if !folder.exists() {
+        return Ok(Vec::new());
+    }
     let entries =
         fs::read_dir(folder).with_context(|| format!("cannot list {}", folder.display()))?;
     let mut paths = entries

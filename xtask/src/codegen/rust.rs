@@ -3,6 +3,7 @@
 //! A message's schema text is included from the interface files themselves, so that it cannot differ from them.
 
 use std::{
+    collections::BTreeSet,
     fmt::Write as _,
     io::Write as _,
     process::{Command, Stdio},
@@ -16,51 +17,85 @@ use super::{
     package::Interfaces,
 };
 
-const HEAD: &str = "// Generated from msg/, srv/ and standard/ by `cargo run -p xtask -- codegen`. Edit those, not this.\n\n";
-const USES: &str =
-    "use serde::{Deserialize, Serialize};\n\nuse crate::schema::{Message, MessageType};\n\n";
+const HEAD: &str = "// Generated from msg/, srv/, action/ and standard/ by `cargo run -p xtask -- codegen`. Edit those, not this.\n\n";
 
 /// The text of `generated.rs`, formatted by `rustfmt`.
 pub fn generate(interfaces: &Interfaces) -> Result<String> {
     let mut code = HEAD.to_owned();
-    code += "use serde::{Deserialize, Serialize};\n\nuse crate::schema::{Message, MessageType, ServiceType};\n\n";
-    let mut packages: Vec<&str> = Vec::new();
-    for message in interfaces.messages.values() {
-        if message.package == OWN_PACKAGE && message.kind == "msg" {
-            code += &structure(interfaces, message)?;
-        } else if message.package != OWN_PACKAGE
-            && packages.last() != Some(&message.package.as_str())
-        {
-            packages.push(&message.package);
-        }
-    }
-    for package in packages {
+    code += "use crate::schema::{MessageType, ServiceType};\n\n";
+    code += &package_code(interfaces, OWN_PACKAGE)?;
+    let others = interfaces.messages.values().map(|one| one.package.as_str());
+    let others: BTreeSet<&str> = others.filter(|name| *name != OWN_PACKAGE).collect();
+    for package in others {
+        let inside = package_code(interfaces, package)?;
         write!(
             code,
-            "/// Standard types of the ROS package `{package}`.\npub mod {package} {{\n{USES}"
+            "/// Standard types of the ROS package `{package}`.\npub mod {package} {{\n{inside}}}\n\n"
         )?;
-        for message in interfaces
-            .messages
-            .values()
-            .filter(|message| message.package == package)
-        {
-            code += &structure(interfaces, message)?;
-        }
-        code += "}\n\n";
     }
-    code += "/// Services, and the messages that they are made of.\npub mod srv {\n";
-    code += "use serde::{Deserialize, Serialize};\n\nuse crate::schema::{Message, MessageType, Service, ServiceType};\n\n";
-    for service in &interfaces.services {
-        code += &service_code(interfaces, service)?;
-    }
-    code += "}\n\n";
     code += &registry(interfaces)?;
     format_code(&code)
 }
 
+/// Messages of a package, and modules of its services and actions.
+fn package_code(interfaces: &Interfaces, package: &str) -> Result<String> {
+    const MODULES: [(&str, &str); 2] = [
+        ("srv", "Services, and the messages that they are made of."),
+        (
+            "action",
+            "Actions: messages and services that they are made of.",
+        ),
+    ];
+    let mut code = kind_code(interfaces, package, "msg")?;
+    for (kind, what) in MODULES {
+        let inside = kind_code(interfaces, package, kind)?;
+        if !inside.is_empty() {
+            write!(code, "/// {what}\npub mod {kind} {{\n{inside}}}\n\n")?;
+        }
+    }
+    Ok(code)
+}
+
+/// Messages that no service is made of, then services with theirs; empty where the package has none of the kind.
+fn kind_code(interfaces: &Interfaces, package: &str, kind: &str) -> Result<String> {
+    let services = interfaces.services.values();
+    let services = services.filter(|one| one.package == package && one.kind == kind);
+    let services: Vec<&Service> = services.collect();
+    let of_service = |message: &Message| {
+        let mut parts = services
+            .iter()
+            .flat_map(|one| [&one.request, &one.response]);
+        parts.any(|part| part == message)
+    };
+    let mut code = String::new();
+    for message in interfaces.messages.values() {
+        if message.package == package && message.kind == kind && !of_service(message) {
+            code += &structure(interfaces, message)?;
+        }
+    }
+    for service in &services {
+        code += &service_code(interfaces, service)?;
+    }
+    let traits = match (code.is_empty(), services.is_empty()) {
+        (true, _) => return Ok(code),
+        // The registry beside them has the type already.
+        (false, true) if package == OWN_PACKAGE => "Member, Message",
+        (false, true) => "Member, Message, MessageType",
+        (false, false) => "Member, Message, MessageType, Service, ServiceType",
+    };
+    Ok(format!(
+        "use serde::{{Deserialize, Serialize}};\n\nuse crate::schema::{{{traits}}};\n\n{code}"
+    ))
+}
+
 fn structure(interfaces: &Interfaces, message: &Message) -> Result<String> {
     let mut code = doc(&message.doc);
-    let has_defaults = message.fields.iter().any(|field| field.default.is_some());
+    // Those of the type are derived.
+    let other = |field: &Field| {
+        let default = field.default.as_deref();
+        default.is_some_and(|text| !["false", "0", "0.0", "\"\""].contains(&text))
+    };
+    let has_defaults = message.fields.iter().any(other);
     let copies = is_copy(interfaces, message)?;
     writeln!(
         code,
@@ -72,6 +107,7 @@ fn structure(interfaces: &Interfaces, message: &Message) -> Result<String> {
     writeln!(code, "pub struct {name} {{")?;
     for field in &message.fields {
         code += &doc(&field.doc);
+        code += &bound(field);
         writeln!(
             code,
             "pub {}: {},",
@@ -96,7 +132,10 @@ fn structure(interfaces: &Interfaces, message: &Message) -> Result<String> {
             let value = match (&field.default, &field.element) {
                 (Some(text), Element::Primitive(Primitive::String)) => format!("{text}.to_owned()"),
                 (Some(value), _) => value.clone(),
-                (None, _) => "Default::default()".to_owned(),
+                (None, _) if matches!(field.shape, Shape::Sequence | Shape::Bounded(_)) => {
+                    "Vec::new()".to_owned()
+                }
+                (None, _) => format!("<{}>::default()", rust_type(interfaces, message, field)?),
             };
             writeln!(code, "{}: {value},", rust_field(&field.name))?;
         }
@@ -133,30 +172,66 @@ fn structure(interfaces: &Interfaces, message: &Message) -> Result<String> {
         code,
         "impl Message for {name} {{\nconst TYPE: &'static MessageType = &MessageType {{\n\
          name: {:?},\ndds_name: {:?},\ntype_hash: {:?},\ndefinition: {},\n\
+         fields: &[{}],\n\
          describe: crate::describe::of::<{name}>,\ncanonical: crate::cdr::canonical::<{name}>,\n}};\n}}\n",
         message.full_name(),
         format!(
             "{}::{}::dds_::{}_",
             message.package, message.kind, message.name
         ),
-        hash::message_hash(interfaces, message)?,
+        hash::type_hash(interfaces, message)?,
         definition(interfaces, message)?,
+        described(message),
     )?;
     Ok(code)
+}
+
+/// The fields as `type_description_interfaces` describes them.
+fn described(message: &Message) -> String {
+    let members = hash::members(message).into_iter().enumerate();
+    let members = members.map(|(index, member)| {
+        let default = message
+            .fields
+            .get(index)
+            .and_then(|one| one.default.as_deref());
+        // As Python writes it, which describes types in ROS.
+        let default = match default {
+            Some("true") => "True",
+            Some("false") => "False",
+            default => default.map_or("", |text| text.trim_matches('"')),
+        };
+        format!(
+            "Member({:?}, {}, {}, {}, {:?}, {:?})",
+            member.name,
+            member.type_id,
+            member.capacity,
+            member.string_capacity,
+            member.nested_type_name,
+            default,
+        )
+    });
+    members.collect::<Vec<_>>().join(", ")
+}
+
+/// What reads a field and refuses it beyond its bound.
+fn bound(field: &Field) -> String {
+    let reader = match (&field.element, field.shape) {
+        (Element::BoundedString(bound), _) => format!("string::<_, {bound}>"),
+        (_, Shape::Bounded(bound)) => format!("sequence::<_, _, {bound}>"),
+        _ => return String::new(),
+    };
+    format!("#[serde(deserialize_with = \"crate::bounded::{reader}\")]\n")
 }
 
 /// An expression for the full `ros2msg` text: the definition, then each dependency after a line of 80 `=`.
 fn definition(interfaces: &Interfaces, message: &Message) -> Result<String> {
     let mut parts = vec![source(message)];
     for nested in interfaces.dependencies(message)? {
+        // A message is named without its folder.
+        let name = nested.full_name().replace("/msg/", "/");
         parts.push(format!(
             "{:?}",
-            format!(
-                "{}\nMSG: {}/{}\n",
-                "=".repeat(80),
-                nested.package,
-                nested.name
-            )
+            format!("{}\nMSG: {name}\n", "=".repeat(80))
         ));
         parts.push(source(nested));
     }
@@ -179,7 +254,7 @@ fn source(message: &Message) -> String {
 
 fn service_code(interfaces: &Interfaces, service: &Service) -> Result<String> {
     let mut code = doc(&service.doc);
-    let name = &service.name;
+    let name = service.name.replace('_', "");
     writeln!(
         code,
         "#[derive(Clone, Copy, Debug, PartialEq, Eq)]\npub struct {name};\n"
@@ -189,9 +264,12 @@ fn service_code(interfaces: &Interfaces, service: &Service) -> Result<String> {
         "impl Service for {name} {{\ntype Request = {name}Request;\ntype Response = {name}Response;\n\
          const TYPE: &'static ServiceType = &ServiceType {{\nname: {:?},\ndds_name: {:?},\ntype_hash: {:?},\n\
          request: {name}Request::TYPE,\nresponse: {name}Response::TYPE,\n}};\n}}\n",
-        format!("{}/srv/{name}", service.package),
-        format!("{}::srv::dds_::{name}_", service.package),
-        hash::service_hash(interfaces, service)?,
+        service.full_name(),
+        format!(
+            "{}::{}::dds_::{}_",
+            service.package, service.kind, service.name
+        ),
+        hash::type_hash(interfaces, interfaces.message(&service.full_name())?)?,
     )?;
     for (mut part, what) in [
         (service.request.clone(), "Asks"),
@@ -206,23 +284,28 @@ fn service_code(interfaces: &Interfaces, service: &Service) -> Result<String> {
 fn registry(interfaces: &Interfaces) -> Result<String> {
     let mut code = "/// Every message type, sorted by name.\npub(crate) static MESSAGES: &[&MessageType] = &[\n".to_owned();
     for message in interfaces.messages.values() {
-        let path = match (message.kind, message.package == OWN_PACKAGE) {
-            ("msg", true) => rust_name(message),
-            ("msg", false) => format!("{}::{}", message.package, message.name),
-            _ => format!("srv::{}", rust_name(message)),
-        };
-        writeln!(code, "<{path} as Message>::TYPE,")?;
+        let path = rust_path(&message.package, message.kind, &message.name);
+        writeln!(code, "<{path} as crate::schema::Message>::TYPE,")?;
     }
     code += "];\n\n/// Every service type, sorted by name.\npub(crate) static SERVICES: &[&ServiceType] = &[\n";
-    for service in &interfaces.services {
-        writeln!(
-            code,
-            "<srv::{} as crate::schema::Service>::TYPE,",
-            service.name
-        )?;
+    for service in interfaces.services.values() {
+        let path = rust_path(&service.package, service.kind, &service.name);
+        writeln!(code, "<{path} as crate::schema::Service>::TYPE,")?;
     }
     code += "];\n";
     Ok(code)
+}
+
+/// Where a type stands in this crate.
+fn rust_path(package: &str, kind: &str, name: &str) -> String {
+    let mut path = "crate".to_owned();
+    for module in [package, kind] {
+        if module != OWN_PACKAGE && module != "msg" {
+            path += "::";
+            path += module;
+        }
+    }
+    path + "::" + &name.replace('_', "")
 }
 
 /// Standard types of numbers only are values: they copy. Our own may grow a text some day, so they do not.
@@ -230,7 +313,11 @@ fn is_copy(interfaces: &Interfaces, message: &Message) -> Result<bool> {
     let own = |message: &Message| message.package == OWN_PACKAGE;
     let plain = |message: &Message| {
         message.fields.iter().all(|field| {
-            field.shape != Shape::Sequence && field.element != Element::Primitive(Primitive::String)
+            matches!(field.shape, Shape::One | Shape::Array(_))
+                && !matches!(
+                    field.element,
+                    Element::Primitive(Primitive::String) | Element::BoundedString(_)
+                )
         })
     };
     let nested = interfaces.dependencies(message)?;
@@ -240,31 +327,28 @@ fn is_copy(interfaces: &Interfaces, message: &Message) -> Result<bool> {
 fn rust_type(interfaces: &Interfaces, within: &Message, field: &Field) -> Result<String> {
     let element = match &field.element {
         // A package may define a message called String.
-        Element::Primitive(Primitive::String)
+        Element::Primitive(Primitive::String) | Element::BoundedString(_)
             if interfaces
                 .messages
                 .contains_key(&format!("{}/msg/String", within.package)) =>
         {
             "std::string::String".to_owned()
         }
+        Element::BoundedString(_) => "String".to_owned(),
         Element::Primitive(primitive) => rust_primitive(*primitive).to_owned(),
         Element::Nested(name) => {
             let nested = interfaces.message(name)?;
-            let name = rust_name(nested);
-            match (
-                nested.package == within.package && within.kind == "msg",
-                nested.package == OWN_PACKAGE,
-            ) {
-                (true, _) => name,
-                (false, true) => format!("crate::{name}"),
-                (false, false) => format!("crate::{}::{name}", nested.package),
+            if (&nested.package, nested.kind) == (&within.package, within.kind) {
+                rust_name(nested)
+            } else {
+                rust_path(&nested.package, nested.kind, &nested.name)
             }
         }
     };
     Ok(match field.shape {
         Shape::One => element,
         Shape::Array(length) => format!("[{element}; {length}]"),
-        Shape::Sequence => format!("Vec<{element}>"),
+        Shape::Sequence | Shape::Bounded(_) => format!("Vec<{element}>"),
     })
 }
 
