@@ -57,3 +57,4 @@ pub use generated::*;
 pub use plan_id::{PlanId, RunId, is_unprintable};
 pub use schema::{Message, MessageType, Service, ServiceType, all, by_name, services};
 pub use type_description::type_description;
+pub use words::Reasons;

@@ -17,6 +17,35 @@ impl Verdict {
             _ => "unknown verdict",
         }
     }
+
+    /// What the text of a verdict says of its rule, as far as it does: the name of the rule, where it accepts, the probability that
+    /// the true size is out of tolerance, and the largest that it accepts.
+    pub fn reasons(&self) -> Reasons<'_> {
+        let (rule, rest) = self.text.split_once(", U = ").unwrap_or((&self.text, ""));
+        let between = |from: &str, to: &str| {
+            let (_, rest) = rest.split_once(from)?;
+            Some(rest.split_once(to).map_or(rest, |(found, _)| found))
+        };
+        Reasons {
+            rule,
+            accepted: between("): ", ";").unwrap_or_default(),
+            risk: between("out of tolerance is ", ", at the limit"),
+            largest_risk: between("at the limit of acceptance ", ";"),
+        }
+    }
+}
+
+/// The parts of a verdict's text.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Reasons<'a> {
+    /// Name of the decision rule; all of a text that names none.
+    pub rule: &'a str,
+    /// Where it accepts; empty where the text does not say.
+    pub accepted: &'a str,
+    /// Probability that the true size is out of tolerance, in per cent.
+    pub risk: Option<&'a str>,
+    /// That probability of a size at the limit of acceptance.
+    pub largest_risk: Option<&'a str>,
 }
 
 impl PartStatus {

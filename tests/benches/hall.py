@@ -98,7 +98,9 @@ class Watched:
         return {name: (processor_s(processes) - self.before[name]) / span for name, processes in self.groups.items()}
 
 
-def measure(probecell, load, count, chromium, folder):
+@contextlib.contextmanager
+def starting(folder):
+    """What starts processes that end with it."""
     with contextlib.ExitStack() as ending:
         def start(*words, **how):
             one = subprocess.Popen([str(word) for word in words], cwd=folder, **how)
@@ -106,15 +108,53 @@ def measure(probecell, load, count, chromium, folder):
             ending.callback(one.send_signal, signal.SIGTERM)
             return one
 
-        quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-        router = start(probecell, "router", "--listen", ROUTER, "--strangers", "write", **quiet)
-        dashboard = start(probecell, "dashboard", "--listen", ADDRESS, "--connect", ROUTER, "--recordings", folder, **quiet)
-        loads, begun = [], time.monotonic()
-        for first in range(0, count, CELLS_OF_A_PROCESS):
-            words = (load, ROUTER, RECORDING, first, min(CELLS_OF_A_PROCESS, count - first))
-            loads.append(start(*words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True))
-        for one in loads:
-            assert one.stdout.readline() == "ready\n", "the load did not start"
+        yield start, ending
+
+
+QUIET = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+
+
+def bus(start, probecell):
+    return start(probecell, "router", "--listen", ROUTER, "--strangers", "write", **QUIET)
+
+
+def cells(start, load, count):
+    """Processes that play so many cells; they have joined the bus."""
+    loads = []
+    for first in range(0, count, CELLS_OF_A_PROCESS):
+        words = (load, ROUTER, RECORDING, first, min(CELLS_OF_A_PROCESS, count - first))
+        loads.append(start(*words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True))
+    for one in loads:
+        assert one.stdout.readline() == "ready\n", "the load did not start"
+    return loads
+
+
+def ended(loads):
+    """What they say at their end."""
+    for one in loads:
+        one.stdin.close()
+    return sorted({one.stdout.readline().strip() for one in loads})
+
+
+def generator(probecell, load, count, folder):
+    """What the cells publish while nobody reads them: the limit of the load itself."""
+    with starting(folder) as (start, _):
+        bus(start, probecell)
+        loads = cells(start, load, count)
+        watched = Watched(cells=[one.pid for one in loads])
+        time.sleep(WATCHED)
+        share = watched.shares()["cells"]
+        print(f"  the load alone, {count} cells: {100 * share:.1f} % of a processor", flush=True)
+        for one in ended(loads):
+            print(f"  load: {one}", flush=True)
+
+
+def measure(probecell, load, count, chromium, folder):
+    with starting(folder) as (start, ending):
+        router = bus(start, probecell)
+        dashboard = start(probecell, "dashboard", "--listen", ADDRESS, "--connect", ROUTER, "--recordings", folder, **QUIET)
+        begun = time.monotonic()
+        loads = cells(start, load, count)
         until("all cells", lambda: metric("probecell_dashboard_cells") == count)
         found = time.monotonic() - begun
         time.sleep(SETTLED)
@@ -146,15 +186,12 @@ def measure(probecell, load, count, chromium, folder):
         at = lambda share: delays[min(len(delays) - 1, int(share * len(delays)))] if delays else float("nan")
         resident, missed = kib(dashboard.pid, "status", "VmRSS:") / 1024, metric("probecell_dashboard_missed_messages_total")
 
-        told = []
-        for one in loads:
-            one.stdin.close()
-            told.append(one.stdout.readline().strip())
+        told = ended(loads)
         percent = lambda share: f"{100 * share:.1f}"
         print(f"| {count} | {rate:.0f} | {percent(alone['dashboard'])} | {percent(followed['dashboard'])} | {percent(looked['dashboard'])} | {resident:.0f} | "
               f"{percent(followed['browser'])} | {pages:.0f} | {at(0.5):.0f} | {at(0.99):.0f} | {len(delays)} | {missed:.0f} | {percent(alone['router'])} | {percent(alone['cells'])} |", flush=True)
         print(f"  all cells joined and found after {found:.0f} s")
-        for one in sorted(set(told)):
+        for one in told:
             print(f"  load: {one}", flush=True)
 
 
@@ -182,6 +219,7 @@ def main():
     with sync_playwright() as playwright:
         for count in counts or ["10", "100", "500"]:
             with tempfile.TemporaryDirectory() as folder:
+                generator(probecell, load, int(count), folder)
                 measure(probecell, load, int(count), playwright.chromium, folder)
     print(f"load average {os.getloadavg()[0]:.0f}")
 

@@ -182,10 +182,35 @@ def recordings(browser, folder, recorded):
         browser.audit("/session/punch_uncalibrated.mcap/report", "report")
         browser.audit("/session/ball_check.mcap/diagnosis", "diagnosis")
         (shown / "broken.mcap").write_bytes((SAMPLES / "punch.mcap").read_bytes()[:60000])
+        for path in ("/sessions", "/machines", "/machine/turn_mill", "/session/punch.mcap?t=12", "/session/ball_check.mcap", "/session/punch_uncalibrated.mcap/report",
+                     "/session/ball_check.mcap/diagnosis", "/compare?a=punch.mcap&b=punch_uncalibrated.mcap"):
+            browser.read_without_scripts(path)
+        scrubbed_without_scripts(browser)
+        words = browser.printed("/session/punch_uncalibrated.mcap/report", "report_printed")
+        assert all(word in words for word in ("Released by", "Signature")), words[-300:]
+        browser.printed("/session/ball_check.mcap/diagnosis", "diagnosis_printed")
         for path in ("/session/punch.mcap?t=0", "/session/broken.mcap", "/key", "/sessions", "/cell/none", "/none", "/machine/none", "/compare?a=punch.mcap&b=none", "/session/broken.mcap/report"):
             browser.glance(path)
     finally:
         server.end()
+
+
+def scrubbed_without_scripts(browser):
+    """A timeline by links, two sessions side by side by a form, and the way between the pages."""
+    with browser.page(scripts=False) as page:
+        page.goto(f"http://{ADDRESS}/session/punch.mcap?t=8")
+        page.click(".timeline a:has-text('+ 1 s')")
+        touches = sum(at <= 9.0 for at, one in twin("punch", "touch_deviations") if one["plan_id"] == "punch/rough/1")
+        assert "9.0 s" in page.inner_text("#instant") and page.locator("#part svg g.touch").count() == touches > 0
+        page.goto(f"http://{ADDRESS}/sessions")
+        page.select_option("select[name=a]", "punch.mcap")
+        page.select_option("select[name=b]", "ball_check.mcap")
+        page.click("form.compare button")
+        assert "ball_check.mcap" in page.inner_text("h1") + page.inner_text("main")
+        page.goto(f"http://{ADDRESS}/sessions")
+        page.click("li:has(a[href='/session/punch.mcap']) >> text=Report")
+        assert "Measurement punch/finish/1" in page.inner_text("main")
+    print("without scripts: every page of recordings says the same, the timeline, the comparison and the links work")
 
 
 def main():

@@ -16,13 +16,16 @@ import time
 import urllib.error
 import urllib.request
 
+import pypdfium2
 from axe_playwright_python.sync_playwright import Axe
+from PIL import ImageChops
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 BINARY, PICTURES = sys.argv[1], pathlib.Path(sys.argv[2])
 SAMPLES = ROOT / "bags" / "samples"
 ADDRESS = "127.0.0.1:7480"
 PATIENCE = float(os.environ.get("PATIENCE_S", "120"))  # more where others use the machine
+SHEET_SCALE = 1.5  # px per point
 WIDTHS = {"1400": (1400, 900), "800": (800, 1100), "390": (390, 844)}
 
 
@@ -202,6 +205,36 @@ class Browser:
                 told = axe(page)
                 assert not told, f"{path} {width} {scheme}: {json.dumps(told, indent=1)[:4000]}"
                 self.audited += 1
+
+
+    def read_without_scripts(self, path):
+        """Whatever the page of scripts says stands there without them as well."""
+        texts = []
+        for scripts in (True, False):
+            with self.page(scripts=scripts) as page:
+                page.goto(f"http://{ADDRESS}{path}")
+                texts.append(page.inner_text("main").replace("\nShow", ""))  # the button that takes the place of a script
+        assert texts[0] == texts[1] and len(texts[1]) > 40, (path, texts)
+
+    def printed(self, path, name):
+        """The page on A4: sheets with their numbers, none half empty but the last, and a picture of each."""
+        with self.page() as page:
+            page.goto(f"http://{ADDRESS}{path}")
+            sheets = pypdfium2.PdfDocument(page.pdf(prefer_css_page_size=True))
+        for old in PICTURES.glob(f"{name}_sheet_*.png"):
+            old.unlink()
+        filled = []
+        for number, sheet in enumerate(sheets, 1):
+            words = sheet.get_textpage().get_text_range()
+            assert f"{number} / {len(sheets)}" in words, (name, number, words[-200:])
+            picture = sheet.render(scale=SHEET_SCALE).to_pil().convert("RGB")
+            picture.save(PICTURES / f"{name}_sheet_{number:02}.png")
+            # Without the number at the foot.
+            ink = ImageChops.invert(picture.convert("L").crop((0, 0, picture.width, picture.height * 93 // 100))).getbbox()
+            filled.append(round(ink[3] / picture.height, 2) if ink else 0.0)
+        assert all(share > 0.5 for share in filled[:-1]), f"{name}: sheets are half empty: {filled}"
+        print(f"{name}: {len(filled)} sheets, filled to {filled}")
+        return "\n".join(sheet.get_textpage().get_text_range() for sheet in sheets)
 
 
 def axe(page):

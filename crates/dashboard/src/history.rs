@@ -147,8 +147,8 @@ pub(crate) struct Adoption {
 }
 
 impl Adoption {
-    /// In words.
-    pub(crate) fn told(&self) -> String {
+    /// What was done to the model, in words.
+    pub(crate) fn description(&self) -> String {
         let effect = effects::vocabulary::describe(&self.effect);
         let what = if self.adopted {
             "Adopted"
@@ -222,7 +222,7 @@ fn done(sessions: &[Summary]) -> Vec<String> {
     let before = &sessions[..sessions.len().saturating_sub(1)];
     let corrected = before.iter().flat_map(|one| one.applied.iter().cloned());
     let model = adoptions(sessions);
-    let model = model.iter().map(Adoption::told);
+    let model = model.iter().map(Adoption::description);
     corrected.chain(model).collect()
 }
 

@@ -23,6 +23,8 @@ use crate::view::{View, order_of, section, section_id, sums, tile, tile_id};
 
 /// Shortest time between two rounds of one client: changes that come closer are sent together.
 const ROUND: Duration = Duration::from_millis(80);
+/// The same of the hall, where events of many cells come all the time.
+const HALL_ROUND: Duration = Duration::from_millis(200);
 /// Longest time between two rounds: axes, ages and elapsed times go on without events.
 const IDLE: Duration = Duration::from_millis(500);
 /// Streams at once.
@@ -134,10 +136,14 @@ pub(crate) fn seen_now(live: &Live, epoch: u64) -> String {
 }
 
 impl Client {
-    /// Until something has happened that the page shows, or for [`IDLE`]; at least [`ROUND`].
+    /// Until something has happened that the page shows, or for [`IDLE`]; at least one round.
     async fn wait(&mut self) {
-        tokio::time::sleep(ROUND).await;
-        let end = tokio::time::Instant::now() + IDLE.saturating_sub(ROUND);
+        let round = match self.shown {
+            Shown::Hall => HALL_ROUND,
+            Shown::Cell(..) => ROUND,
+        };
+        tokio::time::sleep(round).await;
+        let end = tokio::time::Instant::now() + IDLE.saturating_sub(round);
         // The sender lives as long as the server.
         while let Ok(Ok(())) = tokio::time::timeout_at(end, self.changes.changed()).await {
             if self.is_concerned() {

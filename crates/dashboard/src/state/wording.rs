@@ -73,15 +73,3 @@ pub(crate) fn gap(code: u8) -> &'static str {
         _ => "not explained",
     }
 }
-
-/// Rule and risk of a verdict's text: what stands before the first comma, and the probability.
-pub(crate) fn rule_and_risk(text: &str) -> (String, Option<String>) {
-    let rule = text.split(", U =").next().unwrap_or(text).to_owned();
-    let risk = text.split_once("out of tolerance is ").map(|(_, rest)| {
-        rest.split(", at the limit")
-            .next()
-            .unwrap_or(rest)
-            .to_owned()
-    });
-    (rule, risk)
-}

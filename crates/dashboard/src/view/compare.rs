@@ -115,12 +115,14 @@ fn gap(cell: &CellState) -> String {
     )
 }
 
-fn causes(cell: &CellState) -> String {
+fn causes(cell: &CellState) -> Markup {
     let names = group(cell);
-    match names.as_slice() {
-        [] => "none".to_owned(),
-        [one] => one.clone(),
-        several => format!("one of {}", several.join(", ")),
+    html! {
+        @match names.as_slice() {
+            [] => "none",
+            [one] => (one),
+            several => { "one of " (several.len()) ul.group { @for one in several { li { (one) } } } }
+        }
     }
 }
 

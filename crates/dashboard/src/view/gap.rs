@@ -1,5 +1,6 @@
 //! The gap report: how large, why, what to do, what to measure next.
 
+use diagnosis::report::Place;
 use diagnosis::{Report, Verdict, in_shop_units};
 use effects::vocabulary;
 use maud::{Markup, html};
@@ -56,7 +57,11 @@ fn in_full(report: &Report, deeds: &dyn Fn(usize) -> Markup) -> Markup {
             }
         }
         @if report.effects.is_empty() && report.verdict == Verdict::NoGap { p { "The cell does what its model says, as far as this measurement can see." } }
-        @if report.unexplained.rms > 0.0 { p { b { (um(report.unexplained.rms)) " µm rms" } " stay unexplained." } }
+        @if report.unexplained.rms > 0.0 { p { b { (um(report.unexplained.rms)) " µm rms" } " stay unexplained." @if !unexplained(report).is_empty() { " Of that " (unexplained(report)) "." } } }
+        @if !report.unexplained.ladder.is_empty() {
+            p.note { "Known effects that could explain it, which these touches do not prove:" }
+            ul.group { @for rung in &report.unexplained.ladder { li { (capital(&vocabulary::describe(&rung.effect))) " " code { (rung.effect) } " " small { (um(rung.rms_before)) " → " (um(rung.rms_after)) " µm" } } } }
+        }
         (place(report))
         (next(report, deeds))
         @for warning in &report.warnings { p.note { "Note: " (warning) "." } }
@@ -74,14 +79,22 @@ fn what_to_do(report: &Report) -> Markup {
         .collect();
     let rivals = report.effects.iter().any(|one| one.group.len() > 1);
     let touches = (report.next_measurement.iter()).find(|one| !one.points.is_empty());
+    let unknown = matches!(
+        report.verdict,
+        Verdict::Unexplained | Verdict::PartlyExplained
+    );
     html! {
-        @if !remedies.is_empty() || rivals {
+        @if !remedies.is_empty() || rivals || unknown {
             div.todo {
                 h3 { "What to do" }
                 @for (name, remedy) in &remedies { p { (name) ". Remedy: " b { (remedy) } } }
                 @if rivals {
                     @if let Some(next) = touches { p { b { "Take the " (next.points.len()) " touches below" } ": they tell causes apart that those made so far cannot." } }
                     @else { p { b { "Repair nothing of a group yet" } ": these touches cannot tell its causes apart, and no reachable touch would." } }
+                }
+                @if unknown {
+                    @if let (false, Some(next)) = (rivals, touches) { p { b { "Take the " (next.points.len()) " touches below" } ": they tell more of what no known cause explains." } }
+                    @else if !rivals { p { b { "Measure this part again" } ": what comes back at the same touches is no scatter. Then look at what touches it" @if let Some(first) = report.unexplained.place.first() { ", at " (where_is(first)) " first" } ": chips, clamping, surface." } }
                 }
             }
         }
@@ -109,14 +122,34 @@ fn parameters(report: &Report, effect: usize, one: &str) -> Vec<String> {
 }
 
 fn place(report: &Report) -> Markup {
-    let shares: Vec<String> = (report.place.iter())
-        .filter(|one| one.share > 0.0)
-        .take(PLACES)
-        .map(|one| {
-            format!("{} {} {:.0} %", one.dimension, one.key, one.share * 100.0).replace(" -", " −")
-        })
-        .collect();
-    html! { @if !shares.is_empty() { p { b { "Where" } " " (shares.join(", ")) } } }
+    let shares = shares(&report.place, PLACES);
+    html! { @if !shares.is_empty() { p { b { "Where" } " " (shares) } } }
+}
+
+/// Where the largest shares of a gap are.
+fn shares(places: &[Place], most: usize) -> String {
+    let places = places.iter().filter(|one| one.share > 0.0).take(most);
+    let shares = places.map(|one| format!("{:.0} % at {}", one.share * 100.0, where_is(one)));
+    shares.collect::<Vec<_>>().join(", ")
+}
+
+/// Where most of what no known cause explains is; empty where the report does not say.
+pub(super) fn unexplained(report: &Report) -> String {
+    shares(&report.unexplained.place, 2)
+}
+
+/// A place as people call it. Of a range on the part its ends; the unit of an axis is not known here.
+fn where_is(place: &Place) -> String {
+    let key = match place.dimension.as_str() {
+        "feature" => place.key.clone(),
+        "region" if place.key.starts_with("part ") => {
+            let ends = place.from.zip(place.to);
+            let ends = ends.map(|(from, to)| format!(" {:.0} to {:.0} mm", from * 1e3, to * 1e3));
+            format!("{}{}", place.key, ends.unwrap_or_default())
+        }
+        dimension => format!("{dimension} {}", place.key),
+    };
+    key.replace(" -", " −")
 }
 
 fn next(report: &Report, deeds: &dyn Fn(usize) -> Markup) -> Markup {
@@ -136,7 +169,10 @@ fn next(report: &Report, deeds: &dyn Fn(usize) -> Markup) -> Markup {
                         }
                     } }
                 }
-                @for pair in &next.inseparable { p.note { (pair.iter().map(|one| vocabulary::describe(one)).collect::<Vec<_>>().join(" and ")) " cannot be told apart by any reachable touch." } }
+                @if !next.inseparable.is_empty() {
+                    p.note { "No reachable touch tells these apart:" }
+                    ul.group { @for pair in &next.inseparable { li { (capital(&pair.iter().map(|one| vocabulary::describe(one)).collect::<Vec<_>>().join(" and "))) } } }
+                }
                 (deeds(number))
             }
         }

@@ -4,6 +4,7 @@ use graph::Stamp;
 use maud::{Markup, html};
 use probecell_msgs::{MachineState, PartReport, PartStatus, Verdict};
 
+use super::gap::unexplained;
 use super::numbers::{cell_title, silence};
 use super::page::{Frame, Place, frame};
 use crate::state::{Attention, CellState, Hall, wording};
@@ -119,11 +120,11 @@ fn verdict(cell: &CellState) -> Markup {
     let Some(last) = &cell.last_verdict else {
         return html! {};
     };
-    let (rule, risk) = wording::rule_and_risk(&last.text);
+    let reasons = last.reasons();
     html! {
         div { dt { "Last verdict" } dd {
             span.verdict.(super::sizes::class_of(last.verdict)) { (last.feature_id) " " (Verdict::word(last.verdict)) ", " (wording::micrometres(last.error)) }
-            small { (rule) @if let Some(risk) = risk { "; risk " (risk) } }
+            small { (reasons.rule) @if let Some(risk) = reasons.risk { "; risk " (risk) } }
         } }
     }
 }
@@ -143,6 +144,8 @@ fn gap(cell: &CellState) -> Markup {
                     (names.iter().take(WRITTEN).cloned().collect::<Vec<_>>().join(", "))
                     @if names.len() > WRITTEN { " and " (names.len() - WRITTEN) " more" }
                 }
+            } @else if let Some(report) = cell.report.as_ref().filter(|one| one.verdict == diagnosis::Verdict::Unexplained) {
+                small { "no known cause fits" @let most = unexplained(report); @if !most.is_empty() { "; " (most) } }
             }
         } }
     }

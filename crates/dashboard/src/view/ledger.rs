@@ -2,7 +2,7 @@
 
 use graph::Stamp;
 use maud::{Markup, html};
-use probecell_msgs::{Correction, CorrectionAcknowledgement};
+use probecell_msgs::{Correction, CorrectionAcknowledgement, Verdict};
 
 use super::deeds::deed;
 use super::numbers::{clock, signed_um, um};
@@ -20,7 +20,7 @@ pub(super) fn ledger(cell: &CellState, takes_acts: bool, now: Stamp) -> Markup {
         @if entries.is_empty() { p.none { "No correction has been proposed." } }
         @let open = entries.iter().filter(|one| one.is_waiting(now)).count().max(OPEN).min(entries.len());
         @let (new, old) = entries.split_at(open);
-        @let list = |entries: &[&Entry]| html! { ol.ledger { @for entry in entries { (item(entry, &deeds(cell, takes_acts, entry, now), now)) } } };
+        @let list = |entries: &[&Entry]| html! { ol.ledger { @for entry in entries { (item(cell, entry, &deeds(cell, takes_acts, entry, now), now)) } } };
         (list(new))
         @if !old.is_empty() { details { summary { (old.len()) " earlier" } (list(old)) } }
     }
@@ -44,7 +44,7 @@ fn value(metres: f64) -> String {
     format!("{} µm", signed_um(metres))
 }
 
-fn item(entry: &Entry, deeds: &Markup, now: Stamp) -> Markup {
+fn item(cell: &CellState, entry: &Entry, deeds: &Markup, now: Stamp) -> Markup {
     let one = &entry.correction;
     let waiting = entry.is_waiting(now);
     let class = state_of(entry, now);
@@ -66,7 +66,7 @@ fn item(entry: &Entry, deeds: &Markup, now: Stamp) -> Markup {
                         @if !answer.text.is_empty() { ": " (answer.text) }
                     }
                 }
-                (achieved(entry))
+                (achieved(cell, entry))
             }
             (deeds)
         }
@@ -100,14 +100,21 @@ fn state_of(entry: &Entry, now: Stamp) -> &'static str {
 }
 
 /// A correction promises the error of its source to vanish; the next measurement of the same features says what came of it.
-fn achieved(entry: &Entry) -> Markup {
+fn achieved(cell: &CellState, entry: &Entry) -> Markup {
     let one = &entry.correction;
+    let refuted = (entry.achieved.iter()).any(|(id, _)| {
+        let verdict = cell.verdicts.get(id);
+        verdict.is_some_and(|one| one.verdict == Verdict::CONTRADICTED)
+    });
     let each: Vec<String> = (entry.achieved.iter())
         .map(|(id, error)| format!("{id} {}", value(*error)))
         .collect();
     html! {
         @if let Some(mean) = entry.achieved_error() {
-            li.done { b { "Promised" } " " (value(one.measured_error)) " → 0, " b { "achieved" } " → " b { (value(mean)) } " (" (each.join(", ")) ")" }
+            li.(if refuted { "failed" } else { "done" }) {
+                b { "Promised" } " " (value(one.measured_error)) " → 0, " b { "achieved" } " → " b { (value(mean)) } " (" (each.join(", ")) ")"
+                @if refuted { ", " b { "by readings that the reference contradicts" } ": do not rely on it" }
+            }
         } @else if entry.acknowledgement.is_some() {
             li.open { b { "Promised" } " " (value(one.measured_error)) " → 0; the next measurement will tell" }
         }

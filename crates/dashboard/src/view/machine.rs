@@ -66,6 +66,12 @@ fn shop(of: &(String, String), value: f64, unit: &str, ci95: Option<[f64; 2]>) -
     in_shop_units(&of.1, value, unit, ci95).replace("= -", "= −")
 }
 
+/// The end of an axis: to two digits of what the axis spans.
+fn tick(of: &(String, String), value: f64, span: f64, unit: &str) -> String {
+    let step = 10_f64.powf(span.log10().floor() - 1.0);
+    shop(of, (value / step).round() * step, unit, None)
+}
+
 fn change_list(changes: &[Change], adoptions: &[Adoption]) -> Markup {
     let mut rows: Vec<(Stamp, Markup)> = changes.iter().map(|one| (one.at, change(one))).collect();
     rows.extend(adoptions.iter().map(|one| (one.at, adoption(one))));
@@ -94,7 +100,7 @@ fn change(one: &Change) -> Markup {
 
 fn adoption(one: &Adoption) -> Markup {
     html! {
-        li.good { time { (date(one.at)) } " " b { (one.told()) }
+        li.good { time { (date(one.at)) } " " b { (one.description()) }
             @if let [Some(before), Some(after)] = one.ratios { ": gap " (format!("{before:.1} → {after:.1}")) " × noise" }
             @if !one.kept.is_empty() { small { (one.kept) } }
         }
@@ -146,12 +152,12 @@ fn chart(
         svg.run viewBox={ "0 0 " (WIDTH) " " (HEIGHT) } role="img" aria-label={ (vocabulary::describe(&of.0)) " in " (found.len()) " sessions; table below" } {
             line.nominal x1=(LEFT) x2=(WIDTH - LEFT) y1=(y(0.0)) y2=(y(0.0)) {}
             @if let Some((_, one)) = found.first() {
-                @if high > 0.0 { text.axis x=(LEFT + 6.0) y=(EDGE - 3.0) { (shop(of, high, &one.unit, None)) } }
-                @if low < 0.0 { text.axis x=(LEFT + 6.0) y=(HEIGHT - 2.0) { (shop(of, low, &one.unit, None)) } }
+                @if high > 0.0 { text.axis x=(LEFT + 6.0) y=(EDGE - 3.0) { (tick(of, high, high - low, &one.unit)) } }
+                @if low < 0.0 { text.axis x=(LEFT + 6.0) y=(HEIGHT - 2.0) { (tick(of, low, high - low, &one.unit)) } }
             }
             @for one in changes.iter().filter(|one| one.of == *of) { line.limit x1=(x(one.at.0)) x2=(x(one.at.0)) y1="0" y2=(HEIGHT) { title { (date(one.at)) ": changed" } } }
             @for one in adoptions.iter().filter(|one| one.effect == of.0) {
-                line.done x1=(x(one.at.0)) x2=(x(one.at.0)) y1="0" y2=(HEIGHT) { title { (date(one.at)) ": " (one.told()) } }
+                line.done x1=(x(one.at.0)) x2=(x(one.at.0)) y1="0" y2=(HEIGHT) { title { (date(one.at)) ": " (one.description()) } }
                 text.axis x=(x(one.at.0) - 4.0) y=(HEIGHT / 2.0) text-anchor="end" { (if one.adopted { "adopted" } else { "taken back" }) }
             }
             @for (session, one) in found {

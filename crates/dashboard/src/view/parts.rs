@@ -30,8 +30,8 @@ pub(super) fn state(cell: &CellState, takes_acts: bool, now: Stamp) -> Markup {
                 div { dt { "Part" } dd { @if part.stage == PartStatus::NONE { @if let Some(last) = cell.ended.back() { (last.part_id) ", " (PartReport::word(last.verdict)) small { (last.text) } } @else { "none yet" } } @else { (part.part_id) ", pass " (part.pass_number + 1) ", " (PartStatus::word(part.stage)) small { (part.operation.replace('_', " ")) code { (part.plan_id) } } } } }
                 @if let Some(machine) = machine.as_ref().filter(|one| !one.program.is_empty()) { div { dt { "Program" } dd { (machine.program) " line " (machine.line) } } }
                 @if let Some(last) = &cell.last_verdict {
-                    @let (rule, risk) = wording::rule_and_risk(&last.text);
-                    div { dt { "Last verdict" } dd { span.verdict.(class_of(last.verdict)) { (last.feature_id) " " (Verdict::word(last.verdict)) ", " (wording::micrometres(last.error)) } small { (rule) @if let Some(risk) = risk { "; risk " (risk) } } } }
+                    @let reasons = last.reasons();
+                    div { dt { "Last verdict" } dd { span.verdict.(class_of(last.verdict)) { (last.feature_id) " " (Verdict::word(last.verdict)) ", " (wording::micrometres(last.error)) } small { (reasons.rule) @if let Some(risk) = reasons.risk { "; risk " (risk) } } } }
                 }
                 @if let Some(one) = cell.decision.as_ref().filter(|one| part.stage != PartStatus::NONE || cell.ended.back().is_none_or(|last| last.text != one.text)) { div { dt { "Decision" } dd { (wording::decision(one.decision)) small { (one.text) } } } }
                 div { dt { "Parts" } dd { @if cell.parts.is_empty() { "none ended" } @for (index, (code, count)) in cell.parts.iter().enumerate() { @if index > 0 { ", " } (count) " " (PartReport::word(*code)) } } }

@@ -4,7 +4,7 @@ use maud::{Markup, html};
 use probecell_msgs::{FeatureResult, InspectionFeature, Verdict, geometrical};
 
 use super::numbers::{mm, signed_um, um};
-use crate::state::{CellState, wording};
+use crate::state::CellState;
 
 /// Class of a verdict.
 pub(super) fn class_of(verdict: u8) -> &'static str {
@@ -34,7 +34,7 @@ impl Size<'_> {
         match (self.verdict, self.result.decision) {
             (Some(verdict), _) => Verdict::word(verdict.verdict),
             (None, FeatureResult::INVALID) => "not measurable",
-            (None, _) if self.limits.is_none() => "no tolerance",
+            (None, _) if self.limits.is_none() => "not judged",
             (None, FeatureResult::CONFORMS) => "conforms",
             (None, FeatureResult::DOES_NOT_CONFORM) => "does not conform",
             (None, _) => "indeterminate",
@@ -126,25 +126,28 @@ pub(super) fn sizes(cell: &CellState) -> Markup {
 }
 
 fn rules(cell: &CellState) -> String {
-    let mut rules: Vec<String> = cell
+    let mut rules: Vec<&str> = cell
         .verdicts
         .values()
-        .map(|one| wording::rule_and_risk(&one.text).0)
+        .map(|one| match one.reasons() {
+            reasons if reasons.risk.is_some() => reasons.rule,
+            _ => Verdict::word(one.verdict),
+        })
         .collect();
-    rules.sort();
+    rules.sort_unstable();
     rules.dedup();
     if rules.is_empty() {
         "no decision rule has been applied".to_owned()
     } else {
-        format!("judged by {}", rules.join("; "))
+        format!("judged: {}", rules.join("; "))
     }
 }
 
 fn row(size: &Size<'_>) -> Markup {
     let result = size.result;
-    let risk = size
-        .verdict
-        .and_then(|one| wording::rule_and_risk(&one.text).1);
+    let risk = size.verdict.and_then(|one| one.reasons().risk);
+    let refuted = (size.verdict).filter(|one| one.verdict == Verdict::CONTRADICTED);
+    let refuted = refuted.and_then(|one| Some(one.text.split_once(": ")?.1.replace('-', "−")));
     html! {
         tr.(size.class) {
             th scope="row" { (geometrical::label(result)) }
@@ -153,7 +156,7 @@ fn row(size: &Size<'_>) -> Markup {
             td.number { @if let Some((lower, upper)) = size.limits { (signed_um(lower)) " … " (signed_um(upper)) } @else { "–" } }
             td.number.extra { (mm(result.size)) }
             td.number.extra { (mm(result.nominal_size)) }
-            td { span.verdict.(size.class) { (size.says()) } @if let Some(risk) = risk { small { "risk " (risk) } } }
+            td { span.verdict.(size.class) { (size.says()) } @if let Some(risk) = risk { small { "risk " (risk) } } @else if let Some(why) = refuted { small { (why) } } }
         }
     }
 }

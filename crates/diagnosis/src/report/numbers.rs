@@ -3,11 +3,14 @@
 //! An expanded uncertainty has two significant digits and its value is rounded to the same place (GUM 7.2.6). A value that
 //! rounds to nothing has no sign.
 
+/// What rounding leaves of nothing, in the units of the workshop: it is no uncertainty, and no value.
+const NOTHING: f64 = 1e-9;
+
 /// A parameter as text: name, value, half width of its 95 % interval, in the units of the workshop.
 pub fn in_shop_units(name: &str, value: f64, unit: &str, ci95: Option<[f64; 2]>) -> String {
     let half = ci95.map_or(0.0, |[low, high]| 0.5 * (high - low));
     let (factor, unit) = shop_unit(name, value, unit);
-    let text = if half > 0.0 && half.is_finite() {
+    let text = if half * factor > NOTHING && half.is_finite() {
         let (value, half) = rounded(value * factor, half * factor);
         format!("{name} = {value} ± {half} {unit}")
     } else {
@@ -60,8 +63,11 @@ fn rounded(value: f64, uncertainty: f64) -> (String, String) {
 
 /// At most five significant digits, without rounding whole numbers and without trailing zeros.
 fn significant(value: f64) -> f64 {
-    if value == 0.0 || !value.is_finite() || value.fract() == 0.0 {
-        return without_sign(value);
+    if value.abs() < NOTHING {
+        return 0.0;
+    }
+    if !value.is_finite() || value.fract() == 0.0 {
+        return value;
     }
     let place = 10_f64.powi(4 - value.abs().log10().floor() as i32);
     let rounded = (value * place).round() / place;

@@ -66,7 +66,11 @@ impl Posterior {
                 same.then_some((other, [one, two]))
             });
             if let Some((other, names)) = equal {
-                self.indistinguishable.push(names);
+                // Sets of several effects meet in the same pair again.
+                let known = |pair: &[String; 2]| names.iter().all(|name| pair.contains(name));
+                if !self.indistinguishable.iter().any(known) {
+                    self.indistinguishable.push(names);
+                }
                 for own in self.predictions.iter_mut().filter(|own| own.class == class) {
                     own.class = other;
                 }

@@ -46,7 +46,11 @@ pub struct Bars {
 const ROW: u32 = 22;
 const AROUND: u32 = 96;
 const WIDTH: u32 = 720;
-const NAMES: u32 = 250;
+const NAMES: u32 = 270;
+/// Room of a letter, at the most.
+const LETTER: u32 = 8;
+/// Letters of a name that fit into that room.
+const LETTERS: usize = 38;
 
 impl Bars {
     /// The drawing alone, an `<svg>` element. Bars that are not finite are left out.
@@ -74,6 +78,8 @@ impl Bars {
         } else {
             low
         };
+        let longest = bars.iter().map(|bar| bar.label.chars().count()).max();
+        let names = NAMES.min(LETTER * longest.unwrap_or(0) as u32 + 2 * LETTER);
         let mut svg = String::new();
         {
             let entries = (self.groups.len() + self.levels.len()) as u32;
@@ -91,7 +97,7 @@ impl Bars {
                 .margin(8)
                 .margin_right(16)
                 .x_label_area_size(40)
-                .y_label_area_size(NAMES)
+                .y_label_area_size(names)
                 .build_cartesian_2d(low..high, rows..0.0)
                 .map_err(failed)?;
             chart
@@ -101,13 +107,13 @@ impl Bars {
                 .x_labels(8)
                 .x_desc(format!("{} / {}", self.label, self.unit.symbol))
                 .x_label_formatter(&|value| super::unit::number(*value))
-                .label_style(text_style(11))
-                .axis_desc_style(text_style(12))
+                .label_style(text_style(13))
+                .axis_desc_style(text_style(13))
                 .light_line_style(WHITE)
                 .bold_line_style(LINE)
                 .draw()
                 .map_err(failed)?;
-            let name_style = text_style(12)
+            let name_style = text_style(13)
                 .into_text_style(&area)
                 .pos(text_anchor::Pos::new(
                     text_anchor::HPos::Right,
@@ -117,7 +123,7 @@ impl Bars {
                 let middle = index as f64 + 0.5;
                 let (x, y) = chart.backend_coord(&(low, middle));
                 area.draw(&Text::new(
-                    bar.label.clone(),
+                    draw::shortened(&bar.label, LETTERS),
                     (x - 8, y),
                     name_style.clone(),
                 ))
@@ -153,7 +159,7 @@ impl Bars {
                 chart
                     .draw_series([PathElement::new(line, colour.stroke_width(2))])
                     .map_err(failed)?
-                    .label(format!("{name}: {}", self.unit.text(*level)))
+                    .label(format!("{name}: {}", self.unit.size(*level)))
                     .legend(move |(x, y)| {
                         PathElement::new(vec![(x, y), (x + 14, y)], colour.stroke_width(2))
                     });

@@ -37,6 +37,17 @@ pub(crate) fn text_style(size: u32) -> FontDesc<'static> {
     (FontFamily::SansSerif, size).into_font()
 }
 
+/// A name that fits; the middle of one that has more letters is elided, since names differ at their ends.
+pub(crate) fn shortened(name: &str, most: usize) -> String {
+    let letters: Vec<char> = name.chars().collect();
+    if letters.len() <= most {
+        return name.to_owned();
+    }
+    let half = (most - 1) / 2;
+    let (first, last) = (&letters[..half], &letters[letters.len() - half..]);
+    first.iter().chain(&['…']).chain(last).collect()
+}
+
 /// A range around the values with some air; a single value gets a range around it.
 pub(crate) fn range(values: impl Iterator<Item = f64>) -> (f64, f64) {
     let (low, high) = values
@@ -75,7 +86,7 @@ pub(crate) fn legend<'a>(
         .position(position)
         .background_style(WHITE.mix(0.85))
         .border_style(LINE)
-        .label_font(text_style(11))
+        .label_font(text_style(12))
         .draw()
         .map_err(failed)
 }
@@ -154,8 +165,8 @@ fn plot(plot: &Plot) -> Result<String, PlotError> {
             .y_labels(labels(&plot.y, 7))
             .x_label_formatter(&|value| axis_tick(&plot.x, *value, x))
             .y_label_formatter(&|value| axis_tick(&plot.y, *value, y))
-            .label_style(text_style(11))
-            .axis_desc_style(text_style(12))
+            .label_style(text_style(13))
+            .axis_desc_style(text_style(13))
             .light_line_style(WHITE)
             .bold_line_style(LINE)
             .draw()
@@ -430,7 +441,7 @@ fn frame(
             Side::BelowLeft => (Pos::new(HPos::Right, VPos::Top), (-2, 3)),
             Side::BelowRight => (Pos::new(HPos::Left, VPos::Top), (2, 3)),
         };
-        let style = TextStyle::from(text_style(11)).color(&DARK).pos(anchor);
+        let style = TextStyle::from(text_style(12)).color(&DARK).pos(anchor);
         let text = EmptyElement::at(scaled(name.at)) + Text::new(name.text.clone(), shift, style);
         chart.draw_series([text]).map_err(failed)?;
     }

@@ -1,5 +1,6 @@
 //! The page: blocks in the order in which they are added, and the few styles that screen and paper need.
 
+use std::collections::BTreeSet;
 use std::fmt::Write;
 
 use super::{
@@ -43,6 +44,8 @@ pub struct Table {
     pub columns: Vec<String>,
     /// Rows of as many cells.
     pub rows: Vec<Vec<String>>,
+    /// Numbers of rows that ask for attention.
+    pub marked: BTreeSet<usize>,
 }
 
 impl Table {
@@ -51,7 +54,7 @@ impl Table {
         Self {
             caption: caption.into(),
             columns: columns.iter().map(|&name| name.to_owned()).collect(),
-            rows: Vec::new(),
+            ..Self::default()
         }
     }
 
@@ -64,6 +67,8 @@ impl Table {
 
 /// Rows from which on a printed table may continue on the next sheet, with its head repeated.
 const KEPT_WHOLE: usize = 20;
+/// Rows up to which a wide table, whose rows may be of several lines, is moved as a whole to the next sheet instead.
+const MOVED_WHOLE: usize = 12;
 /// Most columns that a phone or tablet shows side by side; of a wider table each row stands upright there.
 const NARROW: usize = 4;
 /// Characters on a line of plain text; a wider table is printed row by row.
@@ -84,6 +89,7 @@ caption { text-align: left; font-weight: 600; padding-bottom: .3rem; }
 th, td { text-align: left; vertical-align: top; padding: .2rem .8rem .2rem 0; border-bottom: 1px solid var(--rule); } td.quantity { white-space: nowrap; }
 .plots { display: flex; flex-wrap: wrap; gap: 1rem; } figure { margin: 0; break-inside: avoid; }
 figcaption { font-size: .85rem; color: var(--quiet); max-width: 46rem; } .plots figcaption { max-width: 480px; } svg { max-width: 100%; height: auto; }
+.marked td:first-child { font-weight: 600; border-left: 4px solid currentColor; padding-left: .4rem; }
 .lead { font-size: 1.1rem; } li { margin: .2rem 0; }
 @media screen and (max-width: 40rem) {
 body { overflow-wrap: anywhere; } td.quantity { white-space: normal; } table { font-size: .85rem; } th, td { padding-right: .4rem; }
@@ -101,7 +107,10 @@ h1, h2, caption { break-after: avoid; } p, li { orphans: 3; widows: 3; }
 table { font-size: 8pt; max-width: 100%; break-inside: avoid; } table.long, table.wide { break-inside: auto; } thead { display: table-header-group; }
 tr { break-inside: avoid; } th, td { padding-right: .5rem; border-bottom: .5pt solid #999; } td { overflow-wrap: break-word; }
 .signature { display: flex; gap: 8mm; margin-top: 14mm; break-inside: avoid; } .signature span { flex: 1; border-top: .5pt solid #000; padding-top: 1mm; font-size: 8pt; }
-.plots { display: block; } figure { margin: .5rem 0; } figcaption { color: #000; max-width: none; } svg { max-height: 230mm; }
+figure { margin: .5rem 0; } figcaption { color: #000; max-width: none; } svg { max-height: 230mm; }
+figure svg { width: 70%; } p:has(+ .plots) { break-after: avoid; } .kept { break-inside: avoid !important; }
+.plots { display: block; orphans: 1; widows: 1; } .plots figure { display: inline-block; vertical-align: top; width: 49%; } .plots figure:only-child { width: 100%; }
+.plots figure:not(:only-child) svg { width: 100%; } figcaption { font-size: 8pt; }
 }
 ";
 
@@ -299,12 +308,14 @@ impl Table {
     fn html(&self, body: &mut String) {
         let long = self.rows.len() > KEPT_WHOLE;
         let wide = self.has_head() && self.columns.len() > NARROW;
-        body.push_str(match (long, wide) {
-            (false, false) => "<table>\n",
-            (false, true) => "<table class=\"wide\">\n",
-            (true, false) => "<table class=\"long\">\n",
-            (true, true) => "<table class=\"long wide\">\n",
-        });
+        // A short one is moved to the next sheet as a whole.
+        let kept = self.rows.len() <= MOVED_WHOLE;
+        let classes = [(long, "long"), (wide, "wide"), (wide && kept, "kept")];
+        let classes = classes.iter().filter(|(is, _)| *is).map(|(_, name)| *name);
+        match classes.collect::<Vec<_>>().join(" ").as_str() {
+            "" => body.push_str("<table>\n"),
+            classes => put(body, format_args!("<table class=\"{classes}\">\n")),
+        }
         if !self.caption.is_empty() {
             element(body, "caption", "", &self.caption);
         }
@@ -319,8 +330,12 @@ impl Table {
             body.push_str("</thead>\n");
         }
         body.push_str("<tbody>\n");
-        for cells in &self.rows {
-            body.push_str("<tr>");
+        for (row, cells) in self.rows.iter().enumerate() {
+            body.push_str(if self.marked.contains(&row) {
+                "<tr class=\"marked\">"
+            } else {
+                "<tr>"
+            });
             for (column, cell) in cells.iter().enumerate() {
                 // What a phone writes before the cell, where the row stands upright.
                 let name = self.columns.get(column).filter(|_| wide);

@@ -91,8 +91,8 @@ impl Strips {
                 .x_labels(8)
                 .x_desc(self.axis.text())
                 .x_label_formatter(&|value| draw::tick(*value, (low, high)))
-                .label_style(text_style(11))
-                .axis_desc_style(text_style(12))
+                .label_style(text_style(13))
+                .axis_desc_style(text_style(13))
                 .light_line_style(WHITE)
                 .bold_line_style(LINE)
                 .draw()
@@ -100,8 +100,12 @@ impl Strips {
             let style = TextStyle::from(text_style(12)).pos(Pos::new(HPos::Right, VPos::Center));
             for (row, name) in self.rows.iter().enumerate() {
                 let (x, y) = chart.backend_coord(&(low, row as f64 + 0.5));
-                area.draw(&Text::new(shortened(name), (x - 8, y), style.clone()))
-                    .map_err(failed)?;
+                area.draw(&Text::new(
+                    draw::shortened(name, LETTERS),
+                    (x - 8, y),
+                    style.clone(),
+                ))
+                .map_err(failed)?;
                 let border = vec![(low, row as f64), (high, row as f64)];
                 chart
                     .draw_series([PathElement::new(border, LINE.stroke_width(1))])
@@ -162,15 +166,4 @@ impl Strips {
         chart.draw_series(means).map_err(failed)?;
         Ok(())
     }
-}
-
-/// A name that fits; the middle of a longer one is elided, since names differ at their ends.
-fn shortened(name: &str) -> String {
-    let letters: Vec<char> = name.chars().collect();
-    if letters.len() <= LETTERS {
-        return name.to_owned();
-    }
-    let half = (LETTERS - 1) / 2;
-    let (first, last) = (&letters[..half], &letters[letters.len() - half..]);
-    first.iter().chain(&['…']).chain(last).collect()
 }

@@ -9,6 +9,9 @@ pub struct Unit {
     pub symbol: std::borrow::Cow<'static, str>,
 }
 
+/// Shown numbers that are smaller are what rounding has left.
+const NOTHING: f64 = 1e-9;
+
 impl Unit {
     /// Millimetres, of metres.
     pub const MM: Self = Self::fixed(1e3, "mm");
@@ -90,8 +93,9 @@ impl Unit {
             si * self.factor,
             0.5 * (ci95[1] - ci95[0]).abs() * self.factor,
         );
-        if !(half > 0.0 && half.is_finite()) {
-            return self.signed(number(value));
+        // What rounding leaves of nothing is no interval.
+        if !(half > NOTHING && half.is_finite()) {
+            return self.signed(number(if value.abs() < NOTHING { 0.0 } else { value }));
         }
         // Two digits of the interval are worth reading, and the value to the same place (GUM 7.2.6).
         let place = |of: f64| of.log10().floor() as i32 - 1;

@@ -1,7 +1,7 @@
-//! The conclusion in plain language: verdict, causes with size and interval, reduction of the gap, indistinguishable
-//! effects, further measurements.
+//! The conclusion in plain language: verdict, causes with size and interval, reduction of the gap, further measurements, and
+//! the members of groups that the data cannot distinguish.
 
-use crate::kit::Unit;
+use crate::kit::{Page, Table, Unit};
 use ::diagnosis::report::{Durations, Effect, NextMeasurement};
 use ::diagnosis::{Report, Verdict};
 use effects::vocabulary;
@@ -37,27 +37,72 @@ pub(crate) fn verdict(report: &Report, samples: &str) -> String {
     }
 }
 
-/// What may act: of effects that these data cannot distinguish the whole group, never one as certain.
+/// What may act: of effects that these data cannot distinguish all, never one as certain.
 fn causes(report: &Report) -> String {
+    let one = |effect: &Effect| match effect.group.len() {
+        0 | 1 => named(&effect.effect),
+        count => format!(
+            "one of {count} causes that these data cannot distinguish ({})",
+            brief(&effect.group)
+        ),
+    };
     match report.effects.as_slice() {
-        [one] if one.group.len() > 1 => {
-            format!(
-                "one effect of a group that these data cannot distinguish: {}",
-                alternatives(&one.group)
-            )
-        }
-        [one] => format!("one effect, {}", named(&one.effect)),
+        [effect] if effect.group.len() > 1 => one(effect),
+        [effect] => format!("one effect, {}", one(effect)),
         several => {
-            let phrases = several.iter().map(|effect| match effect.group.as_slice() {
-                [] | [_] => named(&effect.effect),
-                group => format!("one of {}", alternatives(group)),
-            });
-            format!(
-                "{} effects: {}",
-                several.len(),
-                phrases.collect::<Vec<_>>().join("; ")
-            )
+            let phrases: Vec<String> = several.iter().map(one).collect();
+            format!("{} effects: {}", several.len(), phrases.join("; "))
         }
+    }
+}
+
+/// Names of causes that are written out in a sentence; tables hold all.
+const WRITTEN: usize = 4;
+
+/// Names alone, without what explains them; of many the first, and how many more.
+fn brief(effects: &[String]) -> String {
+    let written = if effects.len() > WRITTEN {
+        WRITTEN - 1
+    } else {
+        WRITTEN
+    };
+    let names = effects.iter().take(written).map(|one| short_name(one));
+    let mut names: Vec<String> = names.collect();
+    if effects.len() > written {
+        names.push(format!("{} more", effects.len() - written));
+    }
+    names.join("; ")
+}
+
+/// The name of an effect without what explains it: `backlash of axis X`.
+pub(crate) fn short_name(effect: &str) -> String {
+    let words = vocabulary::describe(effect);
+    let name = words.split_once(": ").map_or(&*words, |(name, _)| name);
+    name.to_owned()
+}
+
+/// A table for each group of effects that these data cannot distinguish: its members, and their sizes if they act.
+pub(crate) fn groups(page: &mut Page, report: &Report) {
+    for effect in report.effects.iter().filter(|one| one.group.len() > 1) {
+        let caption = format!(
+            "One of these {} acts, with probability {}; these data cannot tell which",
+            effect.group.len(),
+            probability(effect.probability)
+        );
+        let mut table = Table::new(caption, &["cause", "size, if it is this one"]);
+        for one in &effect.group {
+            let other = effect
+                .alternatives
+                .iter()
+                .find(|other| other.effect == *one);
+            let size = match other {
+                _ if *one == effect.effect => parameters(&effect.parameters),
+                Some(other) => parameters(&other.parameters),
+                None => "–".to_owned(),
+            };
+            table.row(vec![capitalised(&named(one)), size]);
+        }
+        page.table(&table);
     }
 }
 
@@ -77,36 +122,34 @@ pub(crate) fn alternatives(effects: &[String]) -> String {
     named.join(", or ")
 }
 
-/// A sentence for each effect, one for the reduction of the gap, one for each ambiguity, one for each proposal.
+/// A sentence for each effect, one for the reduction of the gap, one for each proposal. [`groups`] has the members of groups.
 pub(crate) fn findings(report: &Report) -> Vec<String> {
     let mut findings: Vec<String> = report.effects.iter().map(finding).collect();
     findings.extend(report.durations.as_ref().map(durations));
     findings.extend(shrinkage(report));
-    findings.extend(report.effects.iter().filter_map(ambiguity));
     findings.extend(report.next_measurement.iter().filter_map(next));
     findings
 }
 
 fn finding(effect: &Effect) -> String {
-    let size = parameters(effect);
+    let probability = probability(effect.probability);
+    if effect.group.len() > 1 {
+        return format!(
+            "One of the {} causes in the table below acts, with probability {probability}; until further touches tell which, \
+             none is to be repaired or adopted.",
+            effect.group.len(),
+        );
+    }
+    let size = parameters(&effect.parameters);
     let size = if size.is_empty() {
         String::new()
     } else {
         format!(": {size}")
     };
-    if effect.group.len() > 1 {
-        return format!(
-            "One of these acts, with probability {}: {}. If it is {}{size}.",
-            probability(effect.probability),
-            alternatives(&effect.group),
-            effect.effect
-        );
-    }
     let remedy = (effect.remedy()).map_or_else(String::new, |remedy| format!(" Remedy: {remedy}."));
     format!(
-        "{}{size}; probability {}.{remedy}",
+        "{}{size}; probability {probability}.{remedy}",
         capitalised(&named(&effect.effect)),
-        probability(effect.probability)
     )
 }
 
@@ -145,25 +188,15 @@ fn shrinkage(report: &Report) -> Option<String> {
     ))
 }
 
-fn ambiguity(effect: &Effect) -> Option<String> {
-    if effect.indistinguishable_from.is_empty() {
-        return None;
-    }
-    Some(format!(
-        "These data cannot distinguish {} from {}.",
-        named(&effect.effect),
-        alternatives(&effect.indistinguishable_from)
-    ))
-}
-
 fn next(next: &NextMeasurement) -> Option<String> {
     if next.points.is_empty() {
         return None;
     }
     Some(format!(
-        "To discriminate between {}, take the {} touches listed under “Further measurements”: with a probability of {:.0} % \
-         one explanation then exceeds 0.95.",
-        alternatives(&next.separates),
+        "To discriminate between {} explanations ({}), take the {} touches listed below: with a probability of {:.0} % one of \
+         them then exceeds 0.95.",
+        next.separates.len(),
+        brief(&next.separates),
         next.points.len(),
         100.0 * next.chance
     ))

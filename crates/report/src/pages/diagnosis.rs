@@ -4,11 +4,16 @@ use crate::kit::{Bar, Bars, Page, PlotError, Table, Unit};
 use ::diagnosis::report::{Effect, NextMeasurement, Place};
 use ::diagnosis::{Report, Residuals};
 
-use crate::pages::conclusion::{alternatives, findings, named, position, verdict};
+use crate::pages::conclusion::{
+    alternatives, findings, groups, named, position, short_name, verdict,
+};
 use crate::pages::numbers::{
     Turns, interval, location_text, parameters, percent, probability, unit_of,
 };
 use crate::pages::{drives, moves, provenance, touches};
+
+/// Explanations that the title of a table names with identifier and all.
+const FULLY_NAMED: usize = 3;
 
 /// The page of a report and the residuals behind it.
 ///
@@ -23,6 +28,7 @@ pub fn diagnosis_page(report: &Report, residuals: &Residuals) -> Result<Page, Pl
     };
     page.lead(&verdict(report, samples));
     page.list(&findings(report));
+    groups(&mut page, report);
     provenance::machine(&mut page, report);
     provenance::declared(&mut page, report);
     if !report.effects.is_empty() {
@@ -63,6 +69,7 @@ pub fn diagnosis_page(report: &Report, residuals: &Residuals) -> Result<Page, Pl
 pub fn add_diagnosis(page: &mut Page, report: &Report) -> Result<(), PlotError> {
     page.paragraph(&verdict(report, "touches"));
     page.list(&findings(report));
+    groups(page, report);
     effects(page, report)?;
     next(page, report);
     page.list(&report.warnings);
@@ -97,24 +104,22 @@ fn effects(page: &mut Page, report: &Report) -> Result<(), PlotError> {
             "gap after",
             "95 % interval",
             "placebo",
-            "indistinguishable from",
         ],
     );
     for effect in &report.effects {
         let placebo = effect.placebo_rms_after;
+        let (name, size) = match effect.group.len() {
+            0 | 1 => (named(&effect.effect), parameters(&effect.parameters)),
+            count => (format!("one of {count} causes"), "see above".to_owned()),
+        };
         table.row(vec![
-            named(&effect.effect),
-            parameters(effect),
+            name,
+            size,
             probability(effect.probability),
             unit.size(effect.rms_before),
             unit.size(effect.rms_after),
             interval(&unit, effect.ci95_after),
             placebo.map_or_else(|| "–".to_owned(), |rms| unit.size(rms)),
-            if effect.indistinguishable_from.is_empty() {
-                "–".to_owned()
-            } else {
-                alternatives(&effect.indistinguishable_from)
-            },
         ]);
     }
     page.table(&table);
@@ -148,7 +153,10 @@ fn shrinkage(report: &Report, unit: &Unit) -> Bars {
     for (index, effect) in shown.iter().enumerate() {
         let sign = if index == 0 { "with" } else { "and" };
         bars.push(Bar {
-            label: format!("{sign} {}", effect.effect),
+            label: match effect.group.len() {
+                0 | 1 => format!("{sign} {}", short_name(&effect.effect)),
+                count => format!("{sign} one of {count} causes"),
+            },
             value: effect.rms_after,
             ci95: Some(effect.ci95_after),
             group: 0,
@@ -278,7 +286,8 @@ fn localisation(page: &mut Page, report: &Report, turns: Turns<'_>) -> Result<()
     Ok(())
 }
 
-fn next(page: &mut Page, report: &Report) {
+/// Touches to take next, and what none would tell.
+pub(crate) fn next(page: &mut Page, report: &Report) {
     for next in &report.next_measurement {
         if !next.points.is_empty() {
             page.table(&proposed(report, next));
@@ -291,7 +300,6 @@ fn next(page: &mut Page, report: &Report) {
             })
             .collect();
         pairs.sort_unstable();
-        pairs.dedup();
         if !pairs.is_empty() {
             page.paragraph(&format!(
                 "No reachable touch distinguishes: {}.",
@@ -308,7 +316,13 @@ fn proposed(report: &Report, next: &NextMeasurement) -> Table {
     let mut columns = vec!["feature", "point x, y, z / mm"];
     columns.extend(turned.then_some("rotary axes / °"));
     columns.extend(["feed / mm/min", "difference of the predictions", "reason"]);
-    let title = format!("To discriminate between: {}", alternatives(&next.separates));
+    let names = if next.separates.len() > FULLY_NAMED {
+        let names = next.separates.iter().map(|one| short_name(one));
+        names.collect::<Vec<_>>().join("; ")
+    } else {
+        alternatives(&next.separates)
+    };
+    let title = format!("To discriminate between: {names}");
     let mut table = Table::new(title, &columns);
     for point in &next.points {
         let angles = point.rotary_positions.iter();
@@ -332,13 +346,14 @@ fn considered(page: &mut Page, report: &Report) {
         return;
     }
     page.heading("Rejected effects");
-    let mut table = Table::new("", &["effect", "probability", "remark"]);
+    let remarks = report.rejected.iter().any(|one| one.reason.is_some());
+    let mut columns = vec!["effect", "probability"];
+    columns.extend(remarks.then_some("remark"));
+    let mut table = Table::new("", &columns);
     for effect in &report.rejected {
-        table.row(vec![
-            named(&effect.effect),
-            probability(effect.probability),
-            effect.reason.clone().unwrap_or_default(),
-        ]);
+        let mut row = vec![named(&effect.effect), probability(effect.probability)];
+        row.extend(remarks.then(|| effect.reason.clone().unwrap_or_default()));
+        table.row(row);
     }
     page.table(&table);
 }

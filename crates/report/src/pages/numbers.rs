@@ -1,7 +1,7 @@
 //! Numbers of a gap report in µm, µrad and ms, with the digits that their interval justifies.
 
 use crate::kit::Unit;
-use ::diagnosis::report::{Effect, ParameterEstimate, Place};
+use ::diagnosis::report::{ParameterEstimate, Place};
 
 /// The unit of a report's root mean squares on paper.
 pub(crate) fn unit_of(report: &::diagnosis::Report) -> Unit {
@@ -25,10 +25,10 @@ pub(crate) fn parameter(parameter: &ParameterEstimate) -> String {
     format!("{} = {text}", parameter.name)
 }
 
-/// All parameters of an effect; of many, the first ones.
-pub(crate) fn parameters(effect: &Effect) -> String {
+/// Parameters of an effect; of many, the first ones.
+pub(crate) fn parameters(all: &[ParameterEstimate]) -> String {
     const MOST: usize = 6;
-    let mut texts: Vec<String> = effect.parameters.iter().map(parameter).collect();
+    let mut texts: Vec<String> = all.iter().map(parameter).collect();
     let more = texts.len().saturating_sub(MOST);
     texts.truncate(MOST);
     if more > 0 {

@@ -23,7 +23,7 @@ use probecell_msgs::{
 pub use references::{SizeRecord, size_records};
 pub use tables::table_entries;
 
-use crate::pages::conclusion;
+use crate::pages::{conclusion, diagnosis::next};
 
 /// What a session's recording holds of its parts.
 #[derive(Clone, Debug, Default)]
@@ -232,7 +232,7 @@ fn provenance(session: &PartSession) -> Table {
         } else {
             &run.operator_name
         };
-        format!("{}, by {by}, {}", run.subject, time(run.header.stamp))
+        format!("{}, by {by}{}", run.subject, asked_at(run.header.stamp))
     });
     row("requested", asked.collect::<Vec<_>>().join("; "));
     let ended = session.parts.iter().map(|part| time(part.header.stamp));
@@ -263,6 +263,9 @@ fn measurement(
         page.paragraph(&tables::alignment(placed));
     }
     page.table(&tables::sizes(session, &plan.plan_id));
+    for rule in tables::rules(session, &plan.plan_id) {
+        page.paragraph(&rule);
+    }
     let by_reference = references::table(session, &plan.plan_id);
     if !by_reference.rows.is_empty() {
         page.table(&by_reference);
@@ -321,6 +324,8 @@ fn short(page: &mut Page, diagnosis: ShortDiagnosis<'_>) {
         ShortDiagnosis::Made(report, command) => {
             page.paragraph(&conclusion::verdict(report, "touches"));
             page.list(&conclusion::findings(report));
+            conclusion::groups(page, report);
+            next(page, report);
             page.paragraph(&format!(
                 "Of the last measurement. The full page is made by: {command}"
             ));
@@ -335,12 +340,25 @@ fn short(page: &mut Page, diagnosis: ShortDiagnosis<'_>) {
 
 /// UTC, to the second.
 fn time(stamp: Time) -> String {
-    humantime::format_rfc3339_seconds(instant(stamp)).to_string()
+    readable(&humantime::format_rfc3339_seconds(instant(stamp)).to_string())
 }
 
 /// UTC, to the millisecond, so that successive steps differ.
 fn moment(stamp: Time) -> String {
-    humantime::format_rfc3339_millis(instant(stamp)).to_string()
+    readable(&humantime::format_rfc3339_millis(instant(stamp)).to_string())
+}
+
+/// Of a stamp that somebody has set: its instant, after a comma.
+fn asked_at(stamp: Time) -> String {
+    if stamp == Time::default() {
+        return String::new();
+    }
+    format!(", {}", time(stamp))
+}
+
+/// Date and time of day as people write them.
+fn readable(rfc3339: &str) -> String {
+    rfc3339.trim_end_matches('Z').replace('T', " ")
 }
 
 /// The instant of a stamp; one before 1970 becomes 1970.

@@ -110,6 +110,17 @@ fn close(shown: &str, said: f64) {
     );
 }
 
+/// The row of a result: that of its feature in the table of its plan.
+fn find<'a>(shown: &'a [Vec<String>], results: &[FeatureResult], index: usize) -> &'a Vec<String> {
+    let plan = &results[index].plan_id;
+    let of_plan = |one: &&FeatureResult| one.plan_id == *plan;
+    let first = results.iter().position(|one| one.plan_id == *plan);
+    let count = results.iter().filter(of_plan).count();
+    let table = &shown[first.expect("a plan")..][..count];
+    let row = table.iter().find(|row| row[0] == results[index].feature_id);
+    row.expect("a row of the feature")
+}
+
 #[test]
 fn the_page_says_what_the_messages_say_and_stands_alone() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -140,8 +151,16 @@ fn the_page_says_what_the_messages_say_and_stands_alone() {
     let verdicts: Vec<Verdict> = messages(&log, topics::VERDICTS);
     let shown = rows(&page, "Sizes");
     assert_eq!(shown.len(), results.len());
-    for (row, result) in shown.iter().zip(&results) {
-        assert_eq!(row[0], result.feature_id);
+    // One table after the other; in each those first that are not in order.
+    let mut left = &shown[..];
+    for of_plan in results.chunk_by(|one, other| one.plan_id == other.plan_id) {
+        let (table, rest) = left.split_at(of_plan.len());
+        left = rest;
+        let good = |row: &Vec<String>| row[7].starts_with("qualified") || row[5] == "conforms";
+        assert!(table.is_sorted_by_key(good), "{table:?}");
+    }
+    for (index, result) in results.iter().enumerate() {
+        let row = find(&shown, &results, index);
         close(&row[1], result.nominal_size);
         close(&row[2], result.size);
         close(&row[3], result.size_deviation);
@@ -178,9 +197,9 @@ fn the_page_says_what_the_messages_say_and_stands_alone() {
         assert_eq!(row[0], correction.correction_id);
         close(&row[2], correction.previous_value);
         close(&row[3], correction.new_value);
-        let (lower, upper) = row[4].split_once(" to ").expect("bounds");
-        close(lower, correction.lower_bound);
-        close(upper, correction.upper_bound);
+        let bound = row[4].strip_prefix("± ").expect("bounds");
+        close(bound, correction.upper_bound);
+        assert_eq!(correction.lower_bound, -correction.upper_bound);
         close(&row[5], correction.measured_error);
         assert!(row[7].contains("policy of the cell file"), "{}", row[7]);
         let (applied, read_back) = row[8].split_once(", read back ").expect("an answer");

@@ -11,7 +11,7 @@ use probecell_msgs::{
 };
 
 use super::tables::{answered, subject};
-use super::wording::{um, um_size};
+use super::wording::{between, um, um_size};
 use super::{PartSession, moment};
 
 /// One message about a correction.
@@ -95,11 +95,7 @@ fn proposed_or_approved(correction: &Correction) -> Step {
             um(correction.previous_value),
             um(correction.new_value)
         ),
-        bounds: format!(
-            "{} to {}",
-            um(correction.lower_bound),
-            um(correction.upper_bound)
-        ),
+        bounds: between(correction.lower_bound, correction.upper_bound),
         source: format!(
             "{}: {}, {} touches, error {}, u {}",
             correction.plan_id,

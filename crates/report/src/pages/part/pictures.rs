@@ -45,10 +45,9 @@ pub(super) fn before_and_after(page: &mut Page, session: &PartSession) -> Result
             None => passes.push((plan, plan)),
         }
     }
+    let (mut strips, mut plots) = (Vec::new(), Vec::new());
     for (first, last) in passes {
         let corrected = first.plan_id != last.plan_id;
-        let title = format!("Deviations of {}", run(first));
-        page.heading(&title);
         let mut measured = vec![(
             if corrected {
                 "before correction"
@@ -60,8 +59,11 @@ pub(super) fn before_and_after(page: &mut Page, session: &PartSession) -> Result
         if corrected {
             measured.push(("after correction", last));
         }
-        page.strips(&by_feature(session, first, &measured))?;
-        page.plots(&along(session, first, &measured))?;
+        strips.extend(by_feature(session, first, &measured));
+        plots.extend(along(session, first, &measured));
+    }
+    if !(strips.is_empty() && plots.is_empty()) {
+        page.heading("Deviations").strips(&strips)?.plots(&plots)?;
     }
     Ok(())
 }
@@ -93,7 +95,7 @@ fn by_feature(
             }
         });
         Strips {
-            title: "By feature".to_owned(),
+            title: format!("{} by feature", run(plan)),
             axis: Axis::new("deviation", Unit::UM).showing(0.0, 0.0),
             strips: kinds.collect(),
             rows: plan.features[range.clone()]
@@ -118,7 +120,7 @@ fn along(session: &PartSession, plan: &InspectionPlan, measured: &Measured<'_>) 
             continue;
         }
         let mut plot = Plot::new(
-            format!("Along {}", feature.id),
+            format!("{} along {}", run(plan), feature.id),
             Axis::new("point of the plan", Unit::ONE),
             Axis::new("deviation", Unit::UM).showing(0.0, 0.0),
         );

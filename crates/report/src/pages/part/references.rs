@@ -4,6 +4,8 @@
 //! ISO 13528:2015, 9.7), or the reference proves out of tolerance what was qualified
 //! ([`metrology::conformance::contradiction`]). m.
 
+use std::collections::BTreeSet;
+
 use metrology::conformance::{contradiction, normalised_error};
 use probecell_msgs::{FeatureResult, Verdict};
 
@@ -61,6 +63,20 @@ pub(super) fn record<'a>(session: &'a PartSession, result: &'a FeatureResult) ->
     }
 }
 
+/// Sizes of a measurement, those first that are not in order, then those that a verdict judges, by name.
+pub(super) fn by_urgency<'a>(session: &'a PartSession, plan_id: &str) -> Vec<SizeRecord<'a>> {
+    let own = session.results.iter().filter(|one| one.plan_id == plan_id);
+    let mut sizes: Vec<SizeRecord<'_>> = own.map(|result| record(session, result)).collect();
+    sizes.sort_by_key(|one| {
+        (
+            one.urgency(),
+            one.verdict.is_none(),
+            one.result.feature_id.clone(),
+        )
+    });
+    sizes
+}
+
 fn compared(result: &FeatureResult) -> Vec<f64> {
     if result.deviations.is_empty() {
         vec![result.size_deviation]
@@ -95,19 +111,58 @@ impl SizeRecord<'_> {
             (_, _, None) => "not judged".to_owned(),
         }
     }
+
+    /// The same where its rule stands beside the table, and readings of references below it.
+    pub(super) fn judged_in_short(&self) -> String {
+        let Some(verdict) = self.verdict.filter(|_| !self.contradicted) else {
+            return match self.reference.filter(|_| self.contradicted) {
+                Some(found) => format!("contradicted {}", found.text),
+                None => self.judged(),
+            };
+        };
+        let reasons = verdict.reasons();
+        let Some(risk) = reasons.risk else {
+            return judged(verdict);
+        };
+        let word = Verdict::word(verdict.verdict);
+        let narrower = !reasons.accepted.ends_with(&um_size(verdict.tolerance));
+        let accepted = narrower.then(|| format!(", {}", reasons.accepted));
+        format!("{word}, risk {risk}{}", accepted.unwrap_or_default())
+    }
+
+    /// How much a reader must see it.
+    pub(super) fn urgency(&self) -> Urgency {
+        if self.contradicted {
+            return Urgency::Out;
+        }
+        match (self.verdict.map(|one| one.verdict), self.result.decision) {
+            (Some(Verdict::QUALIFIED), _) | (None, FeatureResult::CONFORMS) => Urgency::Good,
+            (Some(Verdict::INDETERMINATE), _) | (None, FeatureResult::INDETERMINATE) => {
+                Urgency::Unsure
+            }
+            _ => Urgency::Out,
+        }
+    }
+}
+
+/// In which order sizes are read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Urgency {
+    /// Out of tolerance, contradicted, or not measurable.
+    Out,
+    /// Neither in nor out.
+    Unsure,
+    /// In tolerance.
+    Good,
 }
 
 /// Sizes of a plan that a reference contradicts, by name.
 pub(super) fn contradicted(session: &PartSession, of_plan: impl Fn(&str) -> bool) -> Vec<&str> {
     let records = size_records(session).into_iter();
     let refuted = records.filter(|one| one.contradicted && of_plan(&one.result.plan_id));
-    let mut names: Vec<&str> = Vec::new();
-    for one in refuted {
-        if !names.contains(&one.result.feature_id.as_str()) {
-            names.push(&one.result.feature_id);
-        }
-    }
-    names
+    let names = refuted.map(|one| one.result.feature_id.as_str());
+    let names: BTreeSet<&str> = names.collect();
+    names.into_iter().collect()
 }
 
 /// What the instruments find of a measurement, in addition to the readings.
@@ -125,8 +180,7 @@ pub(super) fn table(session: &PartSession, plan_id: &str) -> Table {
             "reading and reference",
         ],
     );
-    let own = session.results.iter().filter(|one| one.plan_id == plan_id);
-    for one in own.map(|result| record(session, result)) {
+    for one in by_urgency(session, plan_id) {
         let (Some(found), Some(score)) = (one.reference, one.score()) else {
             continue;
         };

@@ -8,8 +8,8 @@ use probecell_msgs::{
     PassDecision, Verdict, geometrical,
 };
 
-use super::references::{self, record};
-use super::wording::{fixed, judged, um, um_size};
+use super::references::{self, Urgency, by_urgency};
+use super::wording::{between, fixed, judged, um, um_size};
 use super::{PartSession, moment};
 
 /// A length in mm, to 0.1 µm.
@@ -53,8 +53,27 @@ pub(super) fn measurements(session: &PartSession) -> Table {
     table
 }
 
+/// The decision rules of a measurement and what their risk means, a sentence each.
+pub(super) fn rules(session: &PartSession, plan_id: &str) -> BTreeSet<String> {
+    let own = session.verdicts.iter().filter(|one| one.plan_id == plan_id);
+    let reasons = own.map(Verdict::reasons);
+    reasons
+        .filter_map(|one| {
+            Some(format!(
+                "Decided by {}. Risk: the probability that the true size is out of tolerance; {} at the limit of acceptance.",
+                one.rule, one.largest_risk?
+            ))
+        })
+        .collect()
+}
+
 /// Every size of a measurement with its uncertainty and what followed from it.
 pub(super) fn sizes(session: &PartSession, plan_id: &str) -> Table {
+    let sizes = by_urgency(session, plan_id);
+    // Of all sizes the same as a rule: then the head says it.
+    let factor = sizes.first().map_or(0.0, |one| one.result.coverage_factor);
+    let same = (sizes.iter()).all(|one| one.result.coverage_factor == factor);
+    let head = format!("U (k = {factor})");
     let mut table = Table::new(
         "Sizes",
         &[
@@ -62,23 +81,28 @@ pub(super) fn sizes(session: &PartSession, plan_id: &str) -> Table {
             "nominal",
             "measured",
             "deviation",
-            "U",
+            if same { &head } else { "U" },
             "conformity",
             "tolerance",
             "verdict",
         ],
     );
-    let own = session.results.iter().filter(|one| one.plan_id == plan_id);
-    for result in own {
-        let verdict = (session.verdicts.iter())
-            .find(|one| one.plan_id == plan_id && one.feature_id == result.feature_id);
+    for one in sizes {
+        let (result, verdict) = (one.result, one.verdict);
         let expanded = result.coverage_factor * result.standard_uncertainty;
+        if one.urgency() == Urgency::Out {
+            table.marked.insert(table.rows.len());
+        }
         table.row(vec![
             geometrical::label(result),
             mm(result.nominal_size),
             mm(result.size),
             um(result.size_deviation),
-            format!("{} (k = {})", um_size(expanded), result.coverage_factor),
+            if same {
+                um_size(expanded)
+            } else {
+                format!("{} (k = {})", um_size(expanded), result.coverage_factor)
+            },
             conformity(result).to_owned(),
             verdict.map_or_else(
                 || limits(session, result),
@@ -91,7 +115,7 @@ pub(super) fn sizes(session: &PartSession, plan_id: &str) -> Table {
                     format!("{sign} {}", um_size(one.tolerance))
                 },
             ),
-            record(session, result).judged(),
+            one.judged_in_short(),
         ]);
     }
     table
@@ -99,10 +123,9 @@ pub(super) fn sizes(session: &PartSession, plan_id: &str) -> Table {
 
 /// The limits of the plan, where no verdict names a tolerance.
 fn limits(session: &PartSession, result: &FeatureResult) -> String {
-    session.limits(result).map_or_else(
-        || "–".to_owned(),
-        |[lower, upper]| format!("{} to {}", um(lower), um(upper)),
-    )
+    session
+        .limits(result)
+        .map_or_else(|| "–".to_owned(), |[lower, upper]| between(lower, upper))
 }
 
 /// Form, position and orientation of every fitted feature of a measurement, each with its expanded uncertainty.
@@ -125,7 +148,9 @@ pub(super) fn geometry(session: &PartSession, plan: &InspectionPlan) -> Table {
             .any(|feature| feature.id == one.feature_id);
         one.plan_id == plan.plan_id && of_plan && one.decision != FeatureResult::INVALID
     };
-    for result in session.results.iter().filter(fitted) {
+    let mut results: Vec<&FeatureResult> = session.results.iter().filter(fitted).collect();
+    results.sort_by_key(|one| &one.feature_id);
+    for result in results {
         let with_uncertainty = |value: String, uncertainty: f64, text: fn(f64) -> String| {
             if uncertainty > 0.0 {
                 format!("{value} ± {}", text(result.coverage_factor * uncertainty))
@@ -266,7 +291,7 @@ pub(super) fn corrections(session: &PartSession, plan_id: &str) -> Table {
             subject(one),
             um(one.previous_value),
             um(one.new_value),
-            format!("{} to {}", um(one.lower_bound), um(one.upper_bound)),
+            between(one.lower_bound, one.upper_bound),
             format!(
                 "{}, u {}",
                 um(one.measured_error),

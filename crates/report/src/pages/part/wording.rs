@@ -12,6 +12,15 @@ pub(super) fn um_size(metres: f64) -> String {
     fixed(metres * 1e6, 1, "µm", false)
 }
 
+/// Two limits, m.
+pub(super) fn between(lower: f64, upper: f64) -> String {
+    if lower == -upper {
+        format!("± {}", um_size(upper))
+    } else {
+        format!("{} to {}", um(lower), um(upper))
+    }
+}
+
 pub(super) fn fixed(value: f64, digits: usize, unit: &str, signed: bool) -> String {
     if !value.is_finite() {
         return "–".to_owned();
