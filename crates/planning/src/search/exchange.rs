@@ -11,7 +11,7 @@ pub(super) struct Exchange {
     pub(super) edges: usize,
     pub(super) ends: [u32; 2 * MOST],
     /// True where ranks rise with the positions of the ring.
-    pub(super) forwards: bool,
+    forwards: bool,
     /// Position of rank zero.
     begin: u32,
     /// Rank of the lower end of each removed edge.
@@ -38,7 +38,7 @@ impl Exchange {
 
     /// Rank of the point at this position, in a ring of `size` points.
     #[inline]
-    pub(super) fn rank(&self, position: u32, size: u32) -> u32 {
+    fn rank(&self, position: u32, size: u32) -> u32 {
         let steps = if self.forwards {
             position.wrapping_sub(self.begin)
         } else {
@@ -51,10 +51,29 @@ impl Exchange {
         }
     }
 
-    /// True when this edge is among the first `edges` removed ones.
+    /// The neighbour of next higher (`up`) or lower rank of a point, and the cut between them; none where that edge is among the
+    /// first `edges` removed ones.
     #[inline]
-    pub(super) fn removes(&self, cut: u32, edges: usize) -> bool {
-        self.cuts[..edges].contains(&cut)
+    pub(super) fn beside(
+        &self,
+        ring: &Ring,
+        point: u32,
+        up: bool,
+        edges: usize,
+    ) -> Option<(u32, u32)> {
+        let size = ring.len() as u32;
+        let rank = self.rank(ring.position(point), size);
+        let cut = if up { rank } else { rank.wrapping_sub(1) };
+        let cut = if cut < size { cut } else { size - 1 };
+        if self.cuts[..edges].contains(&cut) {
+            return None;
+        }
+        let neighbour = if up == self.forwards {
+            ring.next(point)
+        } else {
+            ring.previous(point)
+        };
+        Some((neighbour, cut))
     }
 
     /// The signature with one more edge removed, from a point to the next higher rank (`up`) or the next lower: bits for
@@ -229,20 +248,9 @@ mod tests {
             return;
         }
         for near in 0..size as u32 {
-            let rank = exchange.rank(ring.position(near), size as u32);
             for up in [true, false] {
-                let cut = if up {
-                    rank
-                } else {
-                    (rank + size as u32 - 1) % size as u32
-                };
-                if !exchange.removes(cut, exchange.edges) {
+                if let Some((far, cut)) = exchange.beside(ring, near, up, exchange.edges) {
                     let mut next = exchange;
-                    let far = if up == exchange.forwards {
-                        ring.next(near)
-                    } else {
-                        ring.previous(near)
-                    };
                     next.remove(exchange.edges, [near, far], cut, up);
                     compare(ring, next, seen);
                 }

@@ -1,20 +1,18 @@
 //! Improves a ring by sequences of exchanges of three edges, carried out one after the other as long as the sum of what
 //! they remove exceeds what they add (Lin and Kernighan 1973, with the sequential 3-opt move of Helsgaun 2000 as its basis).
 //!
-//! An exchange that does not pay by itself is carried out nevertheless, and the search goes on from the edge that closes the
-//! ring; where no exchange of a sequence pays, all of them are undone. Only the exchange that leaves most to gain is followed, so
+//! Where an exchange does not pay by itself, the search goes on from the edge that closes the ring. The first two exchanges are
+//! judged by positions alone, as one of five edges; only where they do not pay either are they carried out, then the next two, and
+//! where none of a sequence pays, all of them are undone. Only the exchange that leaves most to gain is followed, so
 //! that a sequence costs little and may be long.
 
 use super::choice::Moves;
 use super::exchange::{Exchange, closes};
 use super::near::Near;
-use super::ring::Ring;
+use super::ring::{MOST, Ring};
 
 /// Most exchanges of a sequence.
 pub(super) const DEPTH: usize = 50;
-
-/// Edges of the exchanges followed.
-const BASIS: usize = 3;
 
 /// The exchanges of a sequence so far.
 #[derive(Default)]
@@ -58,24 +56,34 @@ impl Sequence {
             self.removed.push(edge(point, other));
             self.ends.clear();
             self.ends.extend([point, other]);
-            let (mut last, mut freed) = (other, moves.cost(point, other));
+            let mut freed = moves.cost(point, other);
+            let mut start = Exchange::new(ring, point, other);
             for exchanged in 1..=EXCHANGES {
-                let start = Exchange::new(ring, point, last);
                 let follows = exchanged < EXCHANGES;
-                match self.basis(moves, near, ring, &start, freed, follows) {
+                let found = if start.edges == 1 {
+                    self.basis::<1>(moves, near, ring, &start, freed, follows)
+                } else {
+                    self.basis::<3>(moves, near, ring, &start, freed, follows)
+                };
+                let known = 2 * start.edges;
+                match found {
                     Some(Found::Shorter { gain, exchange }) => {
                         ring.rearrange(&exchange.layout(ring));
                         self.ends
-                            .extend_from_slice(&exchange.ends[1..2 * exchange.edges]);
+                            .extend_from_slice(&exchange.ends[known..2 * exchange.edges]);
                         return Some(gain);
                     }
                     Some(Found::Open { gain, exchange }) => {
-                        ring.rearrange(&exchange.layout(ring));
-                        let [_, from, near, far, next, end, ..] = exchange.ends;
+                        let [from, near, far, next, end] =
+                            std::array::from_fn(|at| exchange.ends[known - 1 + at]);
                         self.added.extend([edge(from, near), edge(far, next)]);
                         self.removed.extend([edge(near, far), edge(next, end)]);
                         self.ends.extend([near, far, next, end]);
-                        (last, freed) = (end, gain);
+                        (start, freed) = (exchange, gain);
+                        if start.edges == MOST {
+                            ring.rearrange(&start.layout(ring));
+                            start = Exchange::new(ring, point, end);
+                        }
                     }
                     None => break,
                 }
@@ -85,9 +93,9 @@ impl Sequence {
         None
     }
 
-    /// The first exchange of up to three edges that shortens the ring; if `follows`, otherwise the one that leaves most to gain. No
-    /// edge is added that the sequence removed, nor removed that it added.
-    fn basis(
+    /// The first exchange of up to two edges more than the `EDGES` removed that shortens the ring; if `follows`, otherwise the one
+    /// that leaves most to gain. No edge is added that the sequence removed, nor removed that it added.
+    fn basis<const EDGES: usize>(
         &self,
         moves: &impl Moves,
         near: &Near,
@@ -96,51 +104,52 @@ impl Sequence {
         freed: i64,
         follows: bool,
     ) -> Option<Found> {
-        let [first, open, ..] = start.ends;
+        let [first, open] = [start.ends[0], start.ends[2 * EDGES - 1]];
         let mut most = i64::MIN;
         let mut followed = None;
         for one in Added::all(near, ring, open, freed) {
             for up in [false, true] {
-                let Some(removed) = Removed::beside(ring, start, one.near, up) else {
+                let Some((far, cut)) = start.beside(ring, one.near, up, EDGES) else {
                     continue;
                 };
-                let freed = one.left + moves.cost(one.near, removed.far);
+                let freed = one.left + moves.cost(one.near, far);
                 if freed <= 0 {
                     continue;
                 }
-                let mut two = *start;
-                two.remove(1, [one.near, removed.far], removed.cut, up);
-                if two.closes() {
-                    let gain = freed - moves.cost(first, removed.far);
+                let mut longer = *start;
+                longer.remove(EDGES, [one.near, far], cut, up);
+                if longer.closes() {
+                    let gain = freed - moves.cost(first, far);
                     if gain > 0 {
-                        let exchange = two;
+                        let exchange = longer;
                         return Some(Found::Shorter { gain, exchange });
                     }
                 }
-                for other in Added::all(near, ring, removed.far, freed) {
+                for other in Added::all(near, ring, far, freed) {
                     for up in [false, true] {
-                        let Some(last) = Removed::beside(ring, &two, other.near, up) else {
+                        let Some((end, cut)) = longer.beside(ring, other.near, up, EDGES + 1)
+                        else {
                             continue;
                         };
-                        if !closes(BASIS, two.with(last.cut, up, 2)) {
+                        if !closes(EDGES + 2, longer.with(cut, up, EDGES + 1)) {
                             continue;
                         }
-                        let freed = other.left + moves.cost(other.near, last.far);
-                        let gain = freed - moves.cost(first, last.far);
+                        let freed = other.left + moves.cost(other.near, end);
+                        let gain = freed - moves.cost(first, end);
                         if gain > 0 {
-                            two.remove(2, [other.near, last.far], last.cut, up);
-                            let exchange = two;
+                            let mut exchange = longer;
+                            exchange.remove(EDGES + 1, [other.near, end], cut, up);
                             return Some(Found::Shorter { gain, exchange });
                         }
                         if follows
                             && freed > most
-                            && freed > moves.least(last.far)
-                            && self.allows([open, one.near, removed.far])
-                            && self.allows([removed.far, other.near, last.far])
+                            && freed > moves.least(end)
+                            && self.allows([open, one.near, far])
+                            && self.allows([far, other.near, end])
                         {
                             most = freed;
-                            let mut exchange = two;
-                            exchange.remove(2, [other.near, last.far], last.cut, up);
+                            let mut exchange = longer;
+                            exchange.remove(EDGES + 1, [other.near, end], cut, up);
                             followed = Some(exchange);
                         }
                     }
@@ -179,31 +188,5 @@ impl Added {
             })
             .take_while(|edge| edge.left > 0)
             .filter(move |edge| edge.near != before && edge.near != after)
-    }
-}
-
-/// The edge that is then removed, from the near point to its neighbour of next higher (`up`) or lower rank.
-struct Removed {
-    far: u32,
-    cut: u32,
-}
-
-impl Removed {
-    /// None where the exchange has removed it.
-    #[inline]
-    fn beside(ring: &Ring, exchange: &Exchange, near: u32, up: bool) -> Option<Self> {
-        let size = ring.len() as u32;
-        let rank = exchange.rank(ring.position(near), size);
-        let cut = if up { rank } else { rank.wrapping_sub(1) };
-        let cut = if cut < size { cut } else { size - 1 };
-        if exchange.removes(cut, exchange.edges) {
-            return None;
-        }
-        let far = if up == exchange.forwards {
-            ring.next(near)
-        } else {
-            ring.previous(near)
-        };
-        Some(Self { far, cut })
     }
 }

@@ -235,7 +235,6 @@ impl<M: Moves> Tour<M> {
     /// shortens it, otherwise follows the few continuations that leave the most to gain.
     fn shorten<const EDGES: usize>(&self, exchange: &mut Exchange, gain: i64) -> Option<i64> {
         let (moves, ring) = (&self.moves, &self.ring);
-        let size = ring.len() as u32;
         let first = exchange.ends[0];
         let open = exchange.ends[2 * EDGES - 1];
         let breadth = M::BREADTH.get(EDGES - 1).copied().unwrap_or(0);
@@ -252,19 +251,14 @@ impl<M: Moves> Tour<M> {
             if left <= 0 {
                 continue;
             }
-            let rank = exchange.rank(ring.position(near), size);
             for up in [true, false] {
-                let cut = if up { rank } else { rank.wrapping_sub(1) };
-                let cut = if cut < size { cut } else { size - 1 };
+                let Some((far, cut)) = exchange.beside(ring, near, up, EDGES) else {
+                    continue;
+                };
                 let closes = closes(EDGES + 1, exchange.with(cut, up, EDGES));
-                if breadth == 0 && !closes || exchange.removes(cut, EDGES) {
+                if breadth == 0 && !closes {
                     continue;
                 }
-                let far = if up == exchange.forwards {
-                    ring.next(near)
-                } else {
-                    ring.previous(near)
-                };
                 let total = left + moves.cost(near, far);
                 if total <= moves.least(far) {
                     continue;
