@@ -319,10 +319,20 @@ impl Motion {
         self.program.latency + distance / feed + 0.5 * self.feed_ramp((from, to), distance, feed)
     }
 
-    /// Time from the touch until the machine stands, and the standstill after it, s; arguments as of [`Motion::touching`].
+    /// Time from the touch until the machine stands, the standstill after it, and what the way back takes longer because it
+    /// begins where the machine stands and not where it touched, s; arguments as of [`Motion::touching`].
     pub fn stopping(&self, ends: (&[f64], &[f64]), distance: f64, feed: f64) -> f64 {
         let feed = (feed * self.program.feed_override).max(1e-6);
-        self.program.touch_dwell + self.feed_ramp(ends, distance, feed)
+        let ramp = self.feed_ramp(ends, distance, feed);
+        if ramp == 0.0 {
+            return self.program.touch_dwell;
+        }
+        let (from, to) = ends;
+        let beyond = 0.5 * feed * ramp / distance;
+        let stands: Vec<f64> = (from.iter().zip(to))
+            .map(|(from, to)| from + beyond * (from - to))
+            .collect();
+        self.program.touch_dwell + ramp + self.time(&stands, to) - self.time(from, to)
     }
 
     /// Time in which the slowest axis of a move gathers its share of a feed (m/s of the ball), s.

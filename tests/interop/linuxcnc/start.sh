@@ -23,7 +23,7 @@ if [ "$(id -u)" = 0 ]; then
     export RTAPI_FIFO_PATH
 fi
 cd "$scratch"
-setsid nice linuxcnc -r "$scratch/$ini" >"$scratch/linuxcnc.out" 2>&1 </dev/null &
+setsid linuxcnc -r "$scratch/$ini" >"$scratch/linuxcnc.out" 2>&1 </dev/null &
 echo $! >"$scratch/linuxcnc.pid"
 for _ in $(seq 300); do
     if listens; then

@@ -283,9 +283,11 @@ impl Cell {
                 *clock += seconds;
                 track.push((*clock, at));
             };
-        let mut stopped = probed(truth, AWAY).1;
+        let (_, mut stopped) = probed(truth, AWAY);
         for to in 1..self.points.len() {
-            wait(&mut clock, truth.dwell + stopped, at, &mut track);
+            let (seconds, beyond) = stopped;
+            at[2] -= beyond;
+            wait(&mut clock, truth.dwell + seconds, at, &mut track);
             for target in self.targets(to) {
                 wait(&mut clock, truth.latency, at, &mut track);
                 clock = moved(truth, clock, at, target, &mut track);
@@ -439,15 +441,15 @@ fn way(axis: &AxisTruth, rapid: f64, distance: f64) -> Vec<f64> {
     way.iter().map(|x| x * distance.signum()).collect()
 }
 
-/// Time of a probing move of Z until the touch, and from the touch to standstill, s.
-fn probed(truth: &Truth, distance: f64) -> (f64, f64) {
+/// Time of a probing move of Z until the touch, s; time and distance from there to standstill, s and m.
+fn probed(truth: &Truth, distance: f64) -> (f64, (f64, f64)) {
     let axis = AxisTruth {
         velocity: FEED * truth.feed,
         ..truth.axes[2]
     };
     let on = way(&axis, 1.0, distance + 0.01);
     let touch = on.iter().take_while(|x| **x < distance).count();
-    (STEP * touch as f64, braking(&axis, axis.velocity, 0.0).0)
+    (STEP * touch as f64, braking(&axis, axis.velocity, 0.0))
 }
 
 /// Time and distance to standstill from a speed and an acceleration: the acceleration is taken back, then the axis brakes.

@@ -10,6 +10,9 @@
 //! where it stands. So a trip within two servo periods of the start is logged as `stuck`, never as a touch, and ends the
 //! program.
 //!
+//! Moves stop exactly at their targets (`G61.1`), as the plan promises their times. Under `G61` LinuxCNC plans moves that meet at a
+//! bend for a tenth less acceleration (`ARC_BLEND_KINK_RATIO`) and still all but stops there.
+//!
 //! The modal state is saved before the first word and restored after the last (`M70`, `M72`); the file ends by `%` and not
 //! by `M2`, which would change the modal state again. After an abort the driver sends `M72`.
 

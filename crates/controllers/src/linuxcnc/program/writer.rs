@@ -60,7 +60,7 @@ impl<'a> Writer<'a> {
 
     pub(super) fn head(&mut self, touches: usize) {
         let settings = self.settings;
-        for block in ["%", "M70", "G8 G17 G21 G40 G49 G61 G80 G90 G94"] {
+        for block in ["%", "M70", "G8 G17 G21 G40 G49 G61.1 G80 G90 G94"] {
             self.line(format_args!("{block}"));
         }
         for block in settings.preamble {
