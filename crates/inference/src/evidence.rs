@@ -21,6 +21,15 @@ const STOP: Stop = Stop {
 /// Largest set of columns that is solved.
 pub const MOST_COLUMNS: usize = 96;
 
+/// Natural logarithm of a sum of exponentials; −∞ for none.
+pub fn log_sum(values: impl Iterator<Item = f64> + Clone) -> f64 {
+    let most = values.clone().fold(f64::NEG_INFINITY, f64::max);
+    if most.is_infinite() {
+        return most;
+    }
+    most + values.map(|value| (value - most).exp()).sum::<f64>().ln()
+}
+
 /// Inner products of all candidate columns with one another and with the deviations.
 #[derive(Debug, Clone)]
 pub struct Products {

@@ -14,6 +14,7 @@ use metrology::statistics::normal_quantile;
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
+use crate::evidence::log_sum;
 use crate::linear::dot;
 
 /// Onsets that are kept: one that was not seen within so many parts is given up.
@@ -113,7 +114,7 @@ impl Stream {
                     // Up, and down.
                     ratios.extend([along - one.half_square, -along - one.half_square]);
                 }
-                let log = log_sum(&ratios);
+                let log = log_sum(ratios.iter().copied());
                 if largest.is_none_or(|(known, ..)| log > known) {
                     largest = Some((log, number, (first + onset) as u64));
                 }
@@ -123,7 +124,7 @@ impl Stream {
         let (_, direction, onset) = largest?;
         let weights = (self.directions.len() * 2 * alternatives.len()) as f64;
         Some(Evidence {
-            log_statistic: log_sum(&logs) - weights.ln(),
+            log_statistic: log_sum(logs.iter().copied()) - weights.ln(),
             direction,
             onset,
         })
@@ -190,12 +191,4 @@ fn means(first: usize, onset: usize, kept: usize, (size, ramp): (f64, bool)) -> 
             mean
         })
         .collect()
-}
-
-fn log_sum(logs: &[f64]) -> f64 {
-    let most = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    if most.is_infinite() {
-        return most;
-    }
-    most + logs.iter().map(|log| (log - most).exp()).sum::<f64>().ln()
 }

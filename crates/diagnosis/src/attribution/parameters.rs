@@ -22,8 +22,8 @@ use super::candidate_pool::Shapes;
 const RIDGE: f64 = 1e-9;
 /// Explanations over which parameters are averaged, at most.
 const AVERAGED: usize = 8;
-/// Coverage factor of the spread between explanations.
-const COVERAGE: f64 = 1.96;
+/// Coverage factor of 95 % for standard deviations of many degrees of freedom.
+pub(crate) const NORMAL_COVERAGE: f64 = 1.96;
 /// Directions of a process below this share of the power of the largest are rounding.
 const ROUNDING: f64 = 1e-12;
 /// Singular values below this share of the noise-free solution are taken as zero.
@@ -103,7 +103,7 @@ fn average(parameter: &mut ParameterEstimate, all: &[(f64, f64, [f64; 2])]) {
         .sum::<f64>()
         / total;
     let spread = all.iter().map(|(weight, value, [low, high])| {
-        weight * ((0.5 * (high - low)).powi(2) + (COVERAGE * (value - mean)).powi(2))
+        weight * ((0.5 * (high - low)).powi(2) + (NORMAL_COVERAGE * (value - mean)).powi(2))
     });
     let half = (spread.sum::<f64>() / total).sqrt();
     parameter.value = mean;
@@ -222,7 +222,7 @@ impl GaussNewton {
 }
 
 /// The process of an unknown cause over the rows in use.
-struct Process {
+pub(crate) struct Process {
     /// Orthonormal directions over the rows.
     directions: Vec<Vec<f64>>,
     /// Standard deviation of the noise over that of noise and process together, along each.
@@ -236,7 +236,7 @@ impl Process {
     }
 
     /// Of the kernel that the outer products of columns sum to.
-    fn of_columns(columns: &[Vec<f64>], power: f64) -> Option<Self> {
+    pub(crate) fn of_columns(columns: &[Vec<f64>], power: f64) -> Option<Self> {
         let rows = columns.first()?.len();
         let down = DMatrix::from_vec(rows, columns.len(), columns.concat());
         let eigen = down.tr_mul(&down).symmetric_eigen();
@@ -255,7 +255,7 @@ impl Process {
     }
 
     /// (I + power·K)^(−1/2) times values over the rows in use.
-    fn whiten(&self, mut values: Vec<f64>) -> Vec<f64> {
+    pub(crate) fn whiten(&self, mut values: Vec<f64>) -> Vec<f64> {
         let along: Vec<f64> = (self.directions.iter())
             .map(|direction| dot(direction, &values))
             .collect();

@@ -11,7 +11,7 @@ use std::rc::Rc;
 
 use inference::candidate::Candidate;
 use inference::discrepancy::{Discrepancy, Kind};
-use inference::evidence::Products;
+use inference::evidence::{Products, log_sum};
 use inference::linear::{SPANNED, orthonormal};
 use inference::posterior::Model;
 use inference::whitened::Design;
@@ -56,9 +56,10 @@ pub(super) fn restrict(
     let Some(fields) = fields(pool, discrepancies, &leader.set) else {
         return;
     };
+    let design = Design::new(pool.candidates.iter(), pool.y, &pool.rows());
     let mut found: Vec<Model> = Vec::new();
     for (weight, index, power) in fields {
-        let mut beside = search_beside(pool, &discrepancies[index], index, power);
+        let mut beside = search_beside(pool, &design, &discrepancies[index], (index, power));
         let sum = log_sum(beside.iter().map(|model| model.score));
         for model in &mut beside {
             model.score += all + weight - sum;
@@ -97,15 +98,7 @@ fn fields(
     if used < ROWS_FOR_EACH * basis.len() {
         return None;
     }
-    let columns = Candidate {
-        variant: 0,
-        shape: 0.0,
-        plausible: vec![1.0; basis.len()],
-        parameters_from_block: DMatrix::identity(basis.len(), basis.len()),
-        log_prior: 0.0,
-        second_order: false,
-        block: basis,
-    };
+    let columns = candidate(basis);
     let block = [columns.block.as_slice()];
     let plain = Products::with_lag1(&block, pool.y, pool.active, touches, pool.lag1_correlation);
     let design = Design::new(std::iter::once(&columns), pool.y, &pool.rows());
@@ -129,6 +122,19 @@ fn fields(
         field.0 -= sum;
     }
     Some(all)
+}
+
+/// Columns as a candidate, each with its coefficient as a parameter.
+fn candidate(block: Vec<Vec<f64>>) -> Candidate {
+    Candidate {
+        variant: 0,
+        shape: 0.0,
+        plausible: vec![1.0; block.len()],
+        parameters_from_block: DMatrix::identity(block.len(), block.len()),
+        log_prior: 0.0,
+        second_order: false,
+        block,
+    }
 }
 
 /// What is alike for all touches, and what displacements that are linear in the place do to the weighted rows.
@@ -162,12 +168,6 @@ fn restricted_log_likelihood(products: &Products) -> Option<f64> {
     Some(-0.5 * freedom * left.max(f64::MIN_POSITIVE).ln() - log_determinant - products.offset)
 }
 
-/// Logarithm of a sum of exponentials.
-fn log_sum(values: impl Iterator<Item = f64> + Clone) -> f64 {
-    let most = values.clone().fold(f64::NEG_INFINITY, f64::max);
-    most + values.map(|value| (value - most).exp()).sum::<f64>().ln()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -187,15 +187,7 @@ mod tests {
         let made = columns(11, 4);
         let field = Discrepancy::new(Kind::Region, &made, 0.0);
         let active = vec![true; rows];
-        let block = Candidate {
-            variant: 0,
-            shape: 0.0,
-            plausible: vec![1.0; count],
-            parameters_from_block: DMatrix::identity(count, count),
-            log_prior: 0.0,
-            second_order: false,
-            block: basis.clone(),
-        };
+        let block = candidate(basis.clone());
         let plain = Products::with_lag1(&[basis.as_slice()], &y, &active, rows, 0.0);
         let all = inference::columns::Rows {
             active,

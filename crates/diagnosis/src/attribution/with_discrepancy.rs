@@ -94,12 +94,13 @@ pub(crate) fn score_with_discrepancies(
     models
 }
 
-/// Models of a search over the whole library beside a discrepancy of this index, at one variance over that of the noise.
+/// Models of a search over the whole library, whose columns are the design, beside a discrepancy of this index, at one variance
+/// over that of the noise.
 pub(super) fn search_beside(
     pool: &CandidatePool<'_>,
+    design: &Design,
     discrepancy: &Rc<Discrepancy>,
-    index: usize,
-    power: f64,
+    (index, power): (usize, f64),
 ) -> Vec<Model> {
     let scorer = Scorer {
         pool,
@@ -107,7 +108,6 @@ pub(super) fn search_beside(
         priors: &pool.priors(),
     };
     let priors = scorer.priors_with(discrepancy);
-    let design = Design::new(pool.candidates.iter(), pool.y, &pool.rows());
     let products = (design.with_discrepancy(discrepancy)).products(power, &pool.products);
     let mut found = search(&products, &priors, SEARCH_BEAM, &mut EvidenceCache::new());
     exchange_best(&products, &priors, &mut found);

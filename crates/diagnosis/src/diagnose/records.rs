@@ -7,10 +7,9 @@ use inference::posterior::Model;
 
 use super::explain::residuals;
 use super::reporter::{Reporter, rms};
+use crate::attribution::parameters::NORMAL_COVERAGE;
 use crate::report::{Effect, ParameterEstimate};
 
-/// Coverage factor of 95 % for standard deviations of many degrees of freedom.
-const NORMAL_COVERAGE: f64 = 1.96;
 /// A grid is named when it makes at least this share of the noise variance.
 const GRID_SHARE: f64 = 0.2;
 /// And at most this multiple of it: more would show.
