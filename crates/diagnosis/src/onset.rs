@@ -7,25 +7,29 @@
 
 mod cause;
 mod further;
+mod scatter;
 
 use std::collections::VecDeque;
 
 use effects::{DiagnoseError, Observations, Session, Variant, library, observe};
 use inference::linear::{add_scaled, dot};
 use inference::onset::Stream;
-use metrology::statistics::rms;
+use metrology::statistics::{median, rms, robust_deviation};
 use probecell_msgs::InspectionPoint;
 use serde::{Deserialize, Serialize};
 
+use self::scatter::Scatter;
 use crate::options::Options;
 use crate::report::Effect;
 
 /// Parts kept for comparison.
 const KEPT: usize = 100;
-/// Parts from which on a single touch far off the others is taken for a chip.
-const EXPERIENCED: u64 = 10;
-/// How far, in standard deviations of that touch.
+/// Parts that are compared together before the stream begins.
+const FIRST: usize = 5;
+/// A touch that is farther off what its point usually reads than this many robust standard deviations is taken for a chip.
 const FAR: f64 = 6.0;
+/// Largest share of the touches of a part that are: more of them have changed. One may be in any case.
+const CHIPS: f64 = 0.15;
 /// A signature whose plausible size stays below this rms does not show, m.
 const INVISIBLE: f64 = 2e-7;
 /// Values of a nonlinear constant that are tried.
@@ -37,15 +41,9 @@ struct Part {
     plan_id: String,
     /// ns since 1970, first touch.
     measured: i64,
-    /// m, in the order of the plan's points.
+    /// m, in the order of the plan's points; as measured, and without chips.
+    measured_deviations: Vec<f64>,
     deviations: Vec<f64>,
-}
-
-/// Running mean and sum of squares of the deviations of one point.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
-struct Usual {
-    mean: f64,
-    squares: f64,
 }
 
 /// Parts of one plan, one after the other.
@@ -54,7 +52,8 @@ pub struct Watch {
     points: Vec<usize>,
     directions: Vec<Vec<f64>>,
     stream: Stream,
-    usual: Vec<Usual>,
+    /// Parts since this watch began, which the stream takes from the [`FIRST`] on.
+    seen: u64,
     recent: VecDeque<Part>,
     /// Parts before those that the stream holds.
     before: u64,
@@ -86,7 +85,7 @@ pub struct Change {
 impl Watch {
     /// Number of parts watched.
     pub fn parts(&self) -> u64 {
-        self.before + self.stream.count()
+        self.before + self.seen
     }
 
     /// Takes the measurement of a part. `Some` where the gap has changed, at a rate of at most `rate` false alarms in 1,000
@@ -122,7 +121,6 @@ impl Watch {
         if points != self.points {
             *self = Self {
                 directions: directions(&observations, &points, &variants()),
-                usual: vec![Usual::default(); points.len()],
                 points,
                 last: plan_id.to_owned(),
                 ..Self::default()
@@ -134,12 +132,13 @@ impl Watch {
         self.push(Part {
             plan_id: self.last.clone(),
             measured: nanoseconds.min().unwrap_or(0),
-            deviations,
+            measured_deviations: deviations,
+            deviations: Vec::new(),
         });
         let Some(alarm) = self.stream.evidence().filter(|one| one.is_alarm(rate)) else {
             return Ok(None);
         };
-        let first = (self.stream.count() - self.recent.len() as u64) as usize;
+        let first = (self.seen - self.recent.len() as u64) as usize;
         let since = (alarm.onset as usize)
             .saturating_sub(first)
             .clamp(1, self.recent.len() - 1);
@@ -149,7 +148,6 @@ impl Watch {
         *self = Self {
             points: std::mem::take(&mut self.points),
             directions: std::mem::take(&mut self.directions),
-            usual: vec![Usual::default(); self.usual.len()],
             before: parts - changed.len() as u64,
             last: std::mem::take(&mut self.last),
             ..Self::default()
@@ -160,27 +158,41 @@ impl Watch {
         Ok(Some(change))
     }
 
-    fn push(&mut self, mut part: Part) {
-        let count = self.stream.count();
-        for (deviation, usual) in part.deviations.iter_mut().zip(&mut self.usual) {
-            if count >= EXPERIENCED {
-                let far = FAR * (usual.squares / (count as f64 - 1.0)).sqrt();
-                // A single touch; a change of many is not held back for long, since the spread grows with it.
-                *deviation = deviation.clamp(usual.mean - far, usual.mean + far);
-            }
-            let off = *deviation - usual.mean;
-            usual.mean += off / (count as f64 + 1.0);
-            usual.squares += off * (*deviation - usual.mean);
-        }
-        let estimates: Vec<f64> = self
-            .directions
-            .iter()
-            .map(|direction| dot(direction, &part.deviations))
-            .collect();
-        self.stream.push(&estimates);
+    /// Adds a part to the recent ones and, chips taken out, to the stream.
+    fn push(&mut self, part: Part) {
         self.recent.push_back(part);
         if self.recent.len() > KEPT {
             self.recent.pop_front();
+        }
+        self.seen += 1;
+        let count = self.recent.len();
+        if count < FIRST {
+            return;
+        }
+        let usual: Vec<[f64; 2]> = (0..self.points.len())
+            .map(|point| {
+                let all = self
+                    .recent
+                    .iter()
+                    .map(|part| part.measured_deviations[point]);
+                middle_and_spread(&all.collect::<Vec<f64>>())
+            })
+            .collect();
+        let entering = if self.stream.count() == 0 {
+            0
+        } else {
+            count - 1
+        };
+        let far: Vec<Far> = (self.recent.iter().skip(entering.saturating_sub(1)))
+            .map(|part| Far::new(&part.measured_deviations, &usual))
+            .collect();
+        for (index, part) in self.recent.range_mut(entering..).enumerate() {
+            let own = index + entering.min(1);
+            let before = own.checked_sub(1).map(|before| &far[before]);
+            part.deviations = far[own].without_chips(&part.measured_deviations, &usual, before);
+            let along = |direction: &Vec<f64>| dot(direction, &part.deviations);
+            let estimates: Vec<f64> = self.directions.iter().map(along).collect();
+            self.stream.push(&estimates);
         }
     }
 
@@ -205,31 +217,22 @@ impl Watch {
         let (mean_before, mean_after) = (mean(before), mean(after));
         let mut difference = mean_after.clone();
         add_scaled(&mut difference, -1.0, &mean_before);
-        let left = |part: &Part, mean: &[f64]| -> f64 {
-            part.deviations
-                .iter()
-                .zip(mean)
-                .map(|(a, b)| (a - b).powi(2))
-                .sum()
+        let off = |parts: &[&Part], mean: &[f64]| -> Vec<Vec<f64>> {
+            let of = |part: &&Part| {
+                part.deviations
+                    .iter()
+                    .zip(mean)
+                    .map(|(a, b)| a - b)
+                    .collect()
+            };
+            parts.iter().map(of).collect()
         };
-        let squares: f64 = before
-            .iter()
-            .map(|part| left(part, &mean_before))
-            .sum::<f64>()
-            + after
-                .iter()
-                .map(|part| left(part, &mean_after))
-                .sum::<f64>();
-        let freedom = all.len().saturating_sub(2).max(1) * self.points.len();
-        let variance =
-            squares / freedom as f64 * (1.0 / before.len() as f64 + 1.0 / after.len() as f64);
-        let cause = cause::cause(
-            observations,
-            &self.points,
-            variants,
-            &difference,
-            variance.max(1e-18),
-        );
+        let mut scatter = off(before, &mean_before);
+        scatter.extend(off(after, &mean_after));
+        let means = 1.0 / before.len() as f64 + 1.0 / after.len() as f64;
+        let freedom = scatter.len().saturating_sub(2).max(1) as f64;
+        let scatter = Scatter::new(&scatter, freedom, means);
+        let cause = cause::cause(observations, &self.points, variants, &difference, &scatter);
         let further = match (&session.plan, &cause) {
             (Some(plan), Some(cause)) if cause.group.len() > 1 => {
                 let change = further::Change {
@@ -252,6 +255,52 @@ impl Watch {
             cause,
             further,
         }
+    }
+}
+
+/// Median and robust standard deviation.
+fn middle_and_spread(values: &[f64]) -> [f64; 2] {
+    let middle = median(values);
+    [middle, robust_deviation(values, middle)]
+}
+
+/// Touches of a part that are far off the others of the part, by what is usual at their points.
+struct Far {
+    /// How far the whole part is off what is usual, m.
+    part: f64,
+    touches: Vec<bool>,
+}
+
+impl Far {
+    fn new(measured: &[f64], usual: &[[f64; 2]]) -> Self {
+        let pairs = measured.iter().zip(usual);
+        let off: Vec<f64> = pairs.map(|(value, [middle, _])| value - middle).collect();
+        let [part, spread] = middle_and_spread(&off);
+        let is_far =
+            |(off, [_, own]): (&f64, &[f64; 2])| (off - part).abs() > FAR * own.max(spread);
+        let touches = off.iter().zip(usual).map(is_far).collect();
+        Self { part, touches }
+    }
+
+    /// The deviations of the part with what is usual at the points of chips. No chip meets the same point in the part `before`
+    /// as well.
+    fn without_chips(
+        &self,
+        measured: &[f64],
+        usual: &[[f64; 2]],
+        before: Option<&Self>,
+    ) -> Vec<f64> {
+        let fresh = |point: &usize| {
+            self.touches[*point] && before.is_none_or(|before| !before.touches[*point])
+        };
+        let chips: Vec<usize> = (0..measured.len()).filter(fresh).collect();
+        let mut deviations = measured.to_vec();
+        if chips.len() <= ((CHIPS * measured.len() as f64) as usize).max(1) {
+            for point in chips {
+                deviations[point] = usual[point][0] + self.part;
+            }
+        }
+        deviations
     }
 }
 

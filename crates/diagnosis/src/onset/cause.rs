@@ -5,47 +5,58 @@ use inference::least_squares::NormalEquations;
 use inference::linear::{add_scaled, dot};
 use metrology::statistics::{coverage_factor, rms};
 
+use super::scatter::Scatter;
 use super::{columns, shapes};
 use crate::report::{Effect, ParameterEstimate};
 
 /// An effect whose log evidence is lower by less than this is not excluded.
 const NOT_EXCLUDED: f64 = 4.6;
 
+/// An effect that leaves more of a change than this share, of the squares beyond what the parts scatter by, does not explain it.
+const MOST_LEFT: f64 = 0.25;
+
 /// One way to explain a change.
 struct Explanation<'v> {
     variant: &'v Variant,
     score: f64,
     left: f64,
+    /// Squares that it leaves beyond what the parts scatter by, of unit variance.
+    beyond: f64,
     parameters: Vec<ParameterEstimate>,
 }
 
-/// The effect that explains a change best and those that do as well; `variance` is that of each point's change.
+/// The effect that explains a change best and those that do as well, by how the parts scatter; none where the best leaves too much.
 pub(super) fn cause(
     observations: &Observations,
     points: &[usize],
     variants: &[Variant],
     change: &[f64],
-    variance: f64,
+    scatter: &Scatter,
 ) -> Option<Effect> {
     let mut found: Vec<Explanation<'_>> = Vec::new();
+    let seen = scatter.whiten(change);
     for variant in variants {
         let tried = shapes(variant);
         let price = (tried.len() as f64).ln();
         for shape in tried {
             let columns = columns(observations, points, variant, shape);
+            let white: Vec<Vec<f64>> = columns.iter().map(|one| scatter.whiten(one)).collect();
             let mut normal = NormalEquations::new(columns.len());
-            normal.add(&columns, change);
+            normal.add(&white, &seen);
             let Ok(solution) = normal.solve(1e-9) else {
                 continue;
             };
-            let mut left = change.to_vec();
-            for (column, coefficient) in columns.iter().zip(&solution.coefficients) {
-                add_scaled(&mut left, -coefficient, column);
-            }
+            let less = |values: &[f64], columns: &[Vec<f64>]| {
+                let mut left = values.to_vec();
+                for (column, coefficient) in columns.iter().zip(&solution.coefficients) {
+                    add_scaled(&mut left, -coefficient, column);
+                }
+                left
+            };
+            let (left, unlikely) = (less(change, &columns), less(&seen, &white));
             let members = columns.len() as f64;
-            let score = -0.5 * dot(&left, &left) / variance
-                - 0.5 * members * (points.len() as f64).ln()
-                - price;
+            let unlikely = dot(&unlikely, &unlikely);
+            let score = -0.5 * unlikely - 0.5 * members * (points.len() as f64).ln() - price;
             let known = found
                 .iter_mut()
                 .find(|one| one.variant.effect == variant.effect);
@@ -56,7 +67,7 @@ pub(super) fn cause(
             let parameters = (variant.parameters.iter().zip(&solution.coefficients))
                 .zip(&solution.unit_variances)
                 .map(|((parameter, value), unit)| {
-                    let half = quantile * (unit * variance).sqrt();
+                    let half = quantile * unit.sqrt();
                     ParameterEstimate {
                         name: parameter.name.clone(),
                         value: *value,
@@ -69,6 +80,7 @@ pub(super) fn cause(
                 variant,
                 score,
                 left: rms(&left),
+                beyond: (unlikely - (points.len() as f64 - members)).max(0.0),
                 parameters,
             };
             match known {
@@ -83,7 +95,8 @@ pub(super) fn cause(
     let (group, others) = found.split_at(alike);
     let first = group.first()?;
     let size = rms(change);
-    if first.left > 0.5 * size {
+    let all = dot(&seen, &seen) - points.len() as f64;
+    if first.beyond > MOST_LEFT * all {
         return None;
     }
     let weight = |one: &Explanation<'_>| (one.score - best).exp();
