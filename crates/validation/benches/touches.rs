@@ -1,27 +1,32 @@
 //! Time of a diagnosis against the number of touches and of effects in the library: `cargo bench -p validation`.
 //!
-//! Sessions of the blind plant; longer ones repeat a session's touches with fresh noise. One run, ratios in the last
-//! column: how much longer than the first line. `-- 10000` makes only the lines of so many touches, `-- 0` those of 124.
+//! Sessions of the blind plant; longer ones repeat a session's touches with fresh noise. A plate of 640 holes, each with two
+//! readings, and nine days of a warming spindle diagnosed together are those of the layouts. Times are those of the processor, by the kernel's
+//! account of this thread, so that what else runs hardly matters: median and range over sessions. The last column
+//! tells how much longer than the first line. `-- 10000` makes only the lines of so many touches, `-- 0` those of 124.
 #![expect(
     clippy::print_stdout,
     clippy::unwrap_used,
     reason = "a table for a person; a failure ends it"
 )]
 
-use std::time::Instant;
-
-use diagnosis::{Options, Session, diagnose};
+use diagnosis::{Options, Session, diagnose, diagnose_together_with_residuals};
 use effects::library;
 use effects::observe;
+use layouts::plate::{Errors, plate};
+use layouts::warming::day;
 use validation::blind::{Content, session};
 
+#[path = "../../diagnosis/tests/layouts/mod.rs"]
+mod layouts;
+
 /// Runs of which the median counts.
-const RUNS: u64 = 5;
+const RUNS: u64 = 11;
 /// Noise of a repeated touch, m.
 const NOISE: f64 = 5e-7;
 
 fn main() {
-    println!("| touches | effects offered | ms | ratio |\n|---|---|---|---|");
+    println!("| touches | effects offered | ms | from, to | ratio |\n|---|---|---|---|---|");
     let mut first = None;
     let wanted: Vec<usize> = (std::env::args().skip(1))
         .filter_map(|number| number.parse().ok())
@@ -39,17 +44,70 @@ fn main() {
             line(content, touches, 0, &mut first);
         }
     }
+    if !wanted.is_empty() {
+        return;
+    }
     for most in [10, 30, 60] {
-        if !wanted.is_empty() {
-            break;
-        }
         line(Content::Known(2), 0, most, &mut first);
     }
+    let errors = Errors {
+        shift: [1e-4, -8e-5],
+        turn: 3e-5,
+        scale: [2e-5, -1e-5],
+        squareness: 2e-5,
+        noise: 3e-6,
+    };
+    let plates = (0..RUNS).map(|seed| plate(&errors, seed));
+    let took = plates.map(|plate| {
+        processor(|| {
+            diagnose(&plate, &Options::default()).unwrap();
+        })
+    });
+    print(
+        "1280 (a plate of 640 holes)",
+        "",
+        took.collect(),
+        &mut first,
+    );
+    let took = (0..3).map(|run| {
+        let days: Vec<Session> = (0..9)
+            .map(|number| day(9 * run + number, (0.6e-6, 0.3e-6), 3e-7))
+            .collect();
+        processor(|| {
+            diagnose_together_with_residuals(&days, &[], &Options::default()).unwrap();
+        })
+    });
+    print(
+        "2160 (nine sessions together)",
+        "",
+        took.collect(),
+        &mut first,
+    );
+}
+
+/// Time that this thread spends on the processor for a task, ms.
+fn processor(task: impl FnOnce()) -> f64 {
+    let nanoseconds = || {
+        let account = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap();
+        let spent = account.split_whitespace().next().unwrap();
+        spent.parse::<f64>().unwrap()
+    };
+    let before = nanoseconds();
+    task();
+    (nanoseconds() - before) * 1e-6
+}
+
+/// One line of the table.
+fn print(touches: &str, offered: &str, mut took: Vec<f64>, first: &mut Option<f64>) {
+    took.sort_by(f64::total_cmp);
+    let (least, middle, most) = (took[0], took[took.len() / 2], took[took.len() - 1]);
+    let ratio = middle / *first.get_or_insert(middle);
+    println!("| {touches} | {offered} | {middle:.0} | {least:.0}, {most:.0} | {ratio:.1} |");
 }
 
 /// Diagnoses sessions repeated up to `touches`, with at most `effects` offered where that is not 0.
 fn line(content: Content, touches: usize, effects: usize, first: &mut Option<f64>) {
-    let runs = if touches > 2_000 { 1 } else { RUNS };
+    let runs = if touches > 2_000 { 3 } else { RUNS };
     let mut took = Vec::new();
     let (mut rows, mut offered) = (0, 0);
     for seed in 0..runs {
@@ -65,22 +123,17 @@ fn line(content: Content, touches: usize, effects: usize, first: &mut Option<f64
         } else {
             Vec::new()
         };
-        let begun = Instant::now();
-        diagnose(
-            &session,
-            &Options {
-                without,
-                ..Options::default()
-            },
-        )
-        .unwrap();
-        took.push(begun.elapsed().as_secs_f64() * 1e3);
+        let options = Options {
+            without,
+            ..Options::default()
+        };
+        took.push(processor(|| {
+            diagnose(&session, &options).unwrap();
+        }));
         (rows, offered) = (session.events.len(), names.len());
     }
-    took.sort_by(f64::total_cmp);
-    let middle = took[took.len() / 2];
-    let ratio = middle / *first.get_or_insert(middle);
-    println!("| {rows} ({content:?}) | {offered} | {middle:.0} | {ratio:.1} |");
+    let touches = format!("{rows} ({content:?})");
+    print(&touches, &offered.to_string(), took, first);
 }
 
 /// The session's touches again and again, each with its own noise, later and later.
