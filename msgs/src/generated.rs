@@ -3234,7 +3234,7 @@ pub mod action {
     pub struct RunPartResult {
         /// how the part ended; SUCCEEDED for QUALIFIED, SCRAP and MEASURED, CANCELED or ABORTED for STOPPED
         pub report: crate::PartReport,
-        /// why there is no report
+        /// how it ended, in words
         pub text: String,
     }
 
@@ -3244,7 +3244,7 @@ pub mod action {
             dds_name: "probecell_msgs::action::dds_::RunPart_Result_",
             type_hash: "RIHS01_5c30123a640cbe55a794245860e4c0b1bef871350a3bbc35a808ef7419b93490",
             definition: concat!(
-                "probecell_msgs/PartReport report            # how the part ended; SUCCEEDED for QUALIFIED, SCRAP and MEASURED, CANCELED or ABORTED for STOPPED\nstring text                  # why there is no report\n",
+                "probecell_msgs/PartReport report            # how the part ended; SUCCEEDED for QUALIFIED, SCRAP and MEASURED, CANCELED or ABORTED for STOPPED\nstring text                  # how it ended, in words\n",
                 "================================================================================\nMSG: probecell_msgs/PartReport\n",
                 include_str!("../msg/PartReport.msg"),
                 "================================================================================\nMSG: std_msgs/Header\n",
@@ -3321,7 +3321,7 @@ pub mod action {
             definition: concat!(
                 "int8 status  # `GoalStatus::STATUS_*`\nprobecell_msgs/action/RunPart_Result result\n",
                 "================================================================================\nMSG: probecell_msgs/action/RunPart_Result\n",
-                "probecell_msgs/PartReport report            # how the part ended; SUCCEEDED for QUALIFIED, SCRAP and MEASURED, CANCELED or ABORTED for STOPPED\nstring text                  # why there is no report\n",
+                "probecell_msgs/PartReport report            # how the part ended; SUCCEEDED for QUALIFIED, SCRAP and MEASURED, CANCELED or ABORTED for STOPPED\nstring text                  # how it ended, in words\n",
                 "================================================================================\nMSG: probecell_msgs/PartReport\n",
                 include_str!("../msg/PartReport.msg"),
                 "================================================================================\nMSG: std_msgs/Header\n",

@@ -41,6 +41,7 @@ mod motion;
 mod nodes;
 mod numbers;
 mod order;
+pub mod parameters;
 pub mod policy;
 pub mod secrets;
 mod sections;

@@ -3,7 +3,8 @@
 //!
 //! Every topic has one producer, so each process has a user of its own, who may put on the topics of that process and on no
 //! other, and announce itself under its own name and no other. Reading is allowed to every user of the cell. Services are
-//! served by the launcher and the recorder, and called by `console`, under whom an operator's commands run, and by `ros`.
+//! served by the launcher and the recorder, parameters by every process; both are called by `console`, under whom an operator's
+//! commands run, and by `ros`.
 //!
 //! | user | may |
 //! |---|---|
@@ -46,6 +47,20 @@ pub const SERVICES: [(&str, &str); 7] = [
     ("start_recording", RECORDER),
     ("stop_recording", RECORDER),
 ];
+
+/// Services by which every process tells its parameters and the types that it knows.
+pub const PARAMETERS: [&str; 5] = [
+    "get_parameters",
+    "get_parameter_types",
+    "list_parameters",
+    "describe_parameters",
+    "get_type_description",
+];
+/// Services by which ROS 2 sets parameters; every process answers that its own are read only.
+pub const PARAMETERS_SET: [&str; 2] = ["set_parameters", "set_parameters_atomically"];
+
+/// Topics of the action `run`.
+const ACTION: [&str; 2] = ["run/_action/feedback", "run/_action/status"];
 
 /// Messages that carry information to a reader.
 pub(crate) const TOLD: [&str; 4] = ["put", "delete", "reply", "liveliness_token"];
@@ -120,12 +135,13 @@ pub fn productions(cell: &Cell) -> Result<BTreeMap<String, Vec<String>>, CellErr
     let waiver = format!("{name}/{}", topics::RECORDING_STATUS.name);
     let mut launcher = of(LAUNCHER);
     launcher.extend([waiver]);
+    launcher.extend(ACTION.map(|topic| format!("{name}/{topic}")));
     launcher.extend(["diagnostics", "tf", "tf_static"].map(str::to_owned));
     processes.insert(LAUNCHER.to_owned(), launcher);
     processes.insert(RECORDER.to_owned(), of(RECORDER));
-    // As every ROS 2 node, each publishes its log on a topic that all share.
+    // As every ROS 2 node, each publishes its log and what parameters it has on topics that all share.
     for produced in processes.values_mut() {
-        produced.push("rosout".to_owned());
+        produced.extend(["rosout", "parameter_events"].map(str::to_owned));
     }
     let made = |topic: &String| processes.values().any(|produced| produced.contains(topic));
     let left: Vec<String> = of("instrument")
@@ -167,7 +183,15 @@ pub fn access_control(cell: &Cell) -> Result<Table, CellError> {
             .map(|(name, _)| format!("{domain}/{}/{name}/**", cell.cell.name))
             .collect()
     };
-    policy.rule("call", &["ingress"], &["query"], &services(None));
+    // Of any process.
+    let parameters = |node: &str| {
+        let all = PARAMETERS.iter().chain(&PARAMETERS_SET);
+        all.map(|service| format!("{domain}/{}/{node}/{service}/**", cell.cell.name))
+            .collect::<Vec<_>>()
+    };
+    let mut called = services(None);
+    called.extend(parameters("*"));
+    policy.rule("call", &["ingress"], &["query"], &called);
     let namespace = cell.namespace().replace('/', "%");
     for (user, topics) in productions(cell)? {
         let keys = topics.iter().flat_map(|topic| {
@@ -177,6 +201,7 @@ pub fn access_control(cell: &Cell) -> Result<Table, CellError> {
         });
         let mut keys: Vec<String> = keys.collect();
         keys.extend(services(Some(&user)));
+        keys.extend(parameters(&user));
         // Session, node, entity, kind, enclave; then namespace and name, and of an endpoint its topic.
         keys.push(format!("@ros2_lv/{domain}/*/*/*/*/*/{namespace}/{user}/**"));
         let speaks = format!("speak_as_{user}");

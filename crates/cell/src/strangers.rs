@@ -6,7 +6,7 @@
 //! | link | may |
 //! |---|---|
 //! | Unix socket | everything |
-//! | any other | read every topic, call `status`; publish and call what the cell file names |
+//! | any other | read every topic and parameter, call `status`; publish and call what the cell file names |
 //! | any other, for a robot on ROS 2 | publish the topics and serve the services and actions that `[ros2]` names |
 //!
 //! The policy names no cell where it can do without, so that several cells of one user share a router.
@@ -184,6 +184,7 @@ fn section<'a>(
         &everything[..2],
     );
     called.insert(0, format!("*/*/{STATUS}/**"));
+    called.extend(policy::PARAMETERS.map(|service| format!("*/*/*/{service}/**")));
     policy.rule("call", &["ingress"], &["query"], &called);
     // Nodes, subscriptions and clients announce themselves, under other names than those of the processes of a cell.
     let shown = ["NN", "MS", "SC"].map(|kind| format!("@ros2_lv/*/*/*/*/{kind}/**"));

@@ -15,6 +15,7 @@
 //! | [`process`] | drives one node by messages and timers, and publishes its step journal |
 //! | [`driver`] | polls the connection to a controller |
 //! | [`recording`] | the recorder |
+//! | [`parameters`] | the settings of the process as ROS 2 parameters, and descriptions of types |
 //! | [`rosout`] | the log of the process on `/rosout` |
 //! | [`clock`] | stamps on the monotonic clock |
 //!
@@ -54,6 +55,7 @@
 pub mod bus;
 pub mod clock;
 pub mod driver;
+pub mod parameters;
 pub mod process;
 pub mod recording;
 mod robot;

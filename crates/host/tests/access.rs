@@ -265,7 +265,18 @@ fn services_are_called_by_operators_and_served_by_their_process_only() {
             (session, sentinel)
         })
         .into();
-    for (name, server) in policy::SERVICES {
+    // Those of the cell, of the action, and by which the launcher tells its parameters.
+    let of_launcher = [
+        "run/_action/send_goal",
+        "run/_action/cancel_goal",
+        "operator/get_parameters",
+        "operator/set_parameters",
+    ];
+    let services: Vec<(&str, &str)> = policy::SERVICES
+        .into_iter()
+        .chain(of_launcher.map(|name| (name, policy::LAUNCHER)))
+        .collect();
+    for &(name, server) in &services {
         let at = usize::from(server == policy::RECORDER);
         serve(&servers[at].0, server, name);
     }
@@ -276,7 +287,7 @@ fn services_are_called_by_operators_and_served_by_their_process_only() {
             reach(&session, sentinel);
         }
         let mut asked = Vec::new();
-        for (name, _) in policy::SERVICES {
+        for &(name, _) in &services {
             let get = session
                 .get(service(name))
                 .payload(user.as_str())
@@ -293,13 +304,13 @@ fn services_are_called_by_operators_and_served_by_their_process_only() {
             .filter(|(who, _)| *who == user)
             .count();
         let expected = if may_call.contains(&user.as_str()) {
-            policy::SERVICES.len()
+            services.len()
         } else {
             0
         };
         assert_eq!(count, expected, "{user}");
         // Nobody else is asked in their place.
-        for (name, server) in policy::SERVICES {
+        for &(name, server) in &services {
             if server != user {
                 serve(&session, &format!("impostor {user}"), name);
             }
@@ -308,7 +319,7 @@ fn services_are_called_by_operators_and_served_by_their_process_only() {
             ask(&session, sentinel);
         }
         let console = secured.session(policy::CONSOLE);
-        for (name, server) in policy::SERVICES {
+        for &(name, server) in &services {
             let replies = console
                 .get(service(name))
                 .payload("check")

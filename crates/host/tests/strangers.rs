@@ -290,10 +290,20 @@ fn a_stranger_announces_what_reads_under_a_name_of_its_own() {
     );
 }
 
+/// Services of the cell, of the action `run`, and by which a process tells its parameters.
+fn services() -> Vec<String> {
+    let own = policy::SERVICES.map(|(name, _)| name.to_owned());
+    let action =
+        ["send_goal", "cancel_goal", "get_result"].map(|part| format!("run/_action/{part}"));
+    let parameters = policy::PARAMETERS.iter().chain(&policy::PARAMETERS_SET);
+    let parameters = parameters.map(|name| format!("cycle/{name}"));
+    own.into_iter().chain(action).chain(parameters).collect()
+}
+
 /// Serves each service of the cell.
 fn serve(session: &Session, by: &str, heard: &Heard) {
-    for (name, _) in policy::SERVICES {
-        let (into, by, key) = (Arc::clone(heard), by.to_owned(), service(name));
+    for name in services() {
+        let (into, by, key) = (Arc::clone(heard), by.to_owned(), service(&name));
         let answer = key.clone();
         let queryable = session
             .declare_queryable(&key)
@@ -314,9 +324,9 @@ fn service(name: &str) -> String {
 }
 
 fn call_all(session: &Session, who: &str) {
-    let calls: Vec<_> = policy::SERVICES
+    let calls: Vec<_> = services()
         .iter()
-        .map(|(name, _)| {
+        .map(|name| {
             let call = session.get(service(name)).payload(who).timeout(PATIENCE);
             call.wait().expect("asked")
         })
@@ -339,8 +349,15 @@ fn a_stranger_calls_what_reads_and_serves_nothing() {
     for (more, called) in [
         ("", &["status"][..]),
         (
-            "strangers_call = [\"stop\", \"plan\"]",
-            &["plan", "status", "stop"],
+            "strangers_call = [\"stop\", \"run\"]",
+            &[
+                "run",
+                "run/_action/send_goal",
+                "run/_action/cancel_goal",
+                "run/_action/get_result",
+                "status",
+                "stop",
+            ],
         ),
     ] {
         let guarded = Guarded::start("turn_mill.toml", more);
@@ -352,7 +369,8 @@ fn a_stranger_calls_what_reads_and_serves_nothing() {
             reach(&stranger, &sentinel);
             call_all(&stranger, mode);
             reach(&stranger, &sentinel);
-            let expected = called.iter().map(|name| format!("own {name}"));
+            let told = policy::PARAMETERS.map(|name| format!("own cycle/{name}"));
+            let expected = called.iter().map(|name| format!("own {name}")).chain(told);
             assert_eq!(of(&heard, mode), expected.collect(), "{mode} {more}");
             // Nobody is asked in the place of the cell.
             serve(&stranger, &format!("impostor {mode}"), &heard);
@@ -362,7 +380,7 @@ fn a_stranger_calls_what_reads_and_serves_nothing() {
             call_all(&console, &format!("console beside {mode}"));
             assert_eq!(
                 of(&heard, &format!("console beside {mode}")).len(),
-                policy::SERVICES.len()
+                services().len()
             );
             stranger.close().wait().expect("closed");
         }

@@ -7,7 +7,11 @@ use cell::{
     keys::{BusUsers, KeyError, KeyFolder},
     policy, strangers,
 };
-use host::bus::{BusConfig, Followed, RouterConfig, Transport};
+use host::{
+    bus::{Bus, BusConfig, Followed, RouterConfig, Transport},
+    parameters::{Declared, Parameters},
+};
+use probecell_msgs::rcl_interfaces::{ParameterType, ParameterValue};
 
 use crate::own_socket::{COMMAND_PATIENCE, OwnSocket, PATIENCE, own_locator};
 
@@ -178,6 +182,23 @@ pub(crate) fn router_config(cell: &Cell) -> anyhow::Result<RouterConfig> {
         connect: cell.bus.join.clone(),
         zenoh,
     })
+}
+
+/// Publishes the log of this process, and serves its settings as parameters, under the name of its node.
+pub(crate) fn show(bus: &Bus, cell: &Cell, node: &str) -> anyhow::Result<()> {
+    let namespace = cell.namespace();
+    host::rosout::publish(bus, &namespace, node)?;
+    // Every ROS 2 node has it. Stamps are those of the cell's clock in any case.
+    let sim_time = ParameterValue {
+        r#type: ParameterType::PARAMETER_BOOL,
+        ..ParameterValue::default()
+    };
+    let sim_time = Declared::read_only("use_sim_time", sim_time, "the clock of the cell counts");
+    let settings = cell::parameters::of(cell, node).into_iter();
+    let settings =
+        settings.map(|(name, value)| Declared::read_only(&name, value, "of the cell file"));
+    let parameters = Parameters(std::iter::once(sim_time).chain(settings).collect());
+    Ok(host::parameters::serve(bus, &namespace, node, parameters)?)
 }
 
 /// Folder of the next recording: name of the cell and time, in the cell's recordings folder.

@@ -20,7 +20,7 @@ use host::{bus::Bus, clock::WallClock};
 use self::processes::{END_TIMEOUT, PERIOD, Processes};
 use crate::{
     FAILED, GOOD, LOSS,
-    cell_bus::{CellFailure, bus_config, has_own_socket, new_recording, users},
+    cell_bus::{CellFailure, bus_config, has_own_socket, new_recording, show, users},
     external_driver::{Change, ExternalDriver},
     operator::Operator,
     output,
@@ -51,7 +51,7 @@ pub(crate) fn up(file: &Path, once: bool, recorded: bool, shown: bool) -> anyhow
         "operator",
         &cell.namespace(),
     )?;
-    host::rosout::publish(&bus, &cell.namespace(), "operator")?;
+    show(&bus, &cell, "operator")?;
     // Nobody else is on a bus whose router has only just been started.
     if !routing.is_own() {
         refuse_second(&bus, &cell)?;

@@ -2,10 +2,14 @@
 
 import pathlib
 import random
+import sys
 
 import numpy
 from rosbags.interfaces import Nodetype
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys import Stores, get_typestore
+
+sys.path.append(str(pathlib.Path(__file__).resolve().parents[1] / "interfaces"))
+from compare import own_types  # noqa: E402
 
 # Topic below the cell's namespace, type, quality of service.
 CONTRACT = [
@@ -40,15 +44,7 @@ class Messages:
     def __init__(self, root):
         """`root` is the folder of the interface package."""
         self.store = get_typestore(Stores.ROS2_JAZZY)
-        types = {}
-        for path in sorted(pathlib.Path(root).glob("msg/*.msg")):
-            types.update(get_types_from_msg(path.read_text(), f"probecell_msgs/msg/{path.stem}"))
-        for path in sorted(pathlib.Path(root).glob("srv/*.srv")):
-            request, response = path.read_text().split("\n---\n" if "\n---\n" in path.read_text() else "---\n", 1)
-            for text, half in ((request, "Request"), (response, "Response")):
-                name = f"probecell_msgs/srv/{path.stem}_{half}"
-                found = get_types_from_msg(text, name)
-                types.update({key.replace("/srv/msg/", "/srv/"): value for key, value in found.items()})
+        types = own_types(pathlib.Path(root))
         self.store.register({key: value for key, value in types.items() if key not in self.store.fielddefs})
 
     def hash(self, name):
@@ -85,7 +81,7 @@ class Messages:
         count = count if kind == Nodetype.ARRAY else source.randrange(5)
         values = [self._value(item, source) for _ in range(count)]
         if item[0] == Nodetype.BASE and item[1][0] != "string":
-            return numpy.array(values, dtype=item[1][0])
+            return numpy.array(values, dtype={"byte": "uint8"}.get(item[1][0], item[1][0]))
         return values
 
     @staticmethod

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """What a ROS 2 user expects beside the topics: services that answer, bags that anybody may record, bags that convert.
 
-    check.py PROBECELL [services|outside|convert|domain|log]...
+    check.py PROBECELL [services|outside|convert|domain|log|parameters|action]...
 
 Runs in a network namespace of its own (the router's port is taken). The client and the recorder are eclipse-zenoh, rosbags
 and mcap; nothing of ours but the message files.
@@ -19,6 +19,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import tomllib
 
 import zenoh
 from mcap.writer import CompressionType, Writer
@@ -94,18 +95,28 @@ def tokens(opened, domain=0):
     return {str(reply.ok.key_expr) for reply in opened.liveliness().get(f"@ros2_lv/{domain}/**") if reply.ok}
 
 
-def call(opened, service, request, response, **fields):
+def channel(opened, kind, name):
+    """Key of a topic or service of the cell, as its announcement names type and hash."""
+    (token,) = [
+        one for one in tokens(opened) if f"/{kind}/%/%turn_mill/" in one and f"/%turn_mill%{name.replace('/', '%')}/" in one
+    ]
+    return "/".join(["0/turn_mill", name, *token.split("/")[10:12]])
+
+
+def replies(opened, key, payload, timeout=60.0):
     """What rmw_zenoh_cpp does: it hears replies, and no error."""
-    (token,) = [one for one in tokens(opened) if "/SS/%/%turn_mill/" in one and f"/%turn_mill%{service}/" in one]
-    kind, digest = token.split("/")[10:12]
-    payload = MESSAGES.encode(default(request, fields), request)
-    replies = opened.get(
-        f"0/turn_mill/{service}/{kind}/{digest}", payload=payload, attachment=struct.pack("<qqB", 1, 1, 16) + bytes(16),
-        target=zenoh.QueryTarget.ALL_COMPLETE, consolidation=zenoh.ConsolidationMode.NONE, timeout=60.0,
+    got = opened.get(
+        key, payload=payload, attachment=struct.pack("<qqB", 1, 1, 16) + bytes(16),
+        target=zenoh.QueryTarget.ALL_COMPLETE, consolidation=zenoh.ConsolidationMode.NONE, timeout=timeout,
     )
-    answers = [MESSAGES.decode(bytes(reply.ok.payload), response) for reply in replies if reply.ok]
+    return [bytes(reply.ok.payload) for reply in got if reply.ok]
+
+
+def call(opened, service, request, response, **fields):
+    payload = MESSAGES.encode(default(request, fields), request)
+    answers = replies(opened, channel(opened, "SS", service), payload)
     assert len(answers) == 1, f"{service}: {len(answers)} replies"
-    return answers[0]
+    return MESSAGES.decode(answers[0], response)
 
 
 def default(name, fields):
@@ -254,10 +265,220 @@ def log_of_the_nodes(folder):
         print(f"  {log.name}: {log.msg}", flush=True)
 
 
+def settings(node):
+    """Settings below a section of the cell file, as the parameters of its process name them."""
+    found = {}
+
+    def flatten(path, value):
+        if isinstance(value, dict):
+            for key, below in value.items():
+                flatten([*path, key], below)
+        elif isinstance(value, list) and any(isinstance(one, (dict, list)) for one in value):
+            for index, below in enumerate(value):
+                flatten([*path, str(index)], below)
+        else:
+            found[".".join(path)] = value
+
+    flatten([], tomllib.loads((ROOT / "launch-scripts" / "turn_mill.toml").read_text())[node])
+    return found
+
+
+def value_of(parameter):
+    fields = ["", "bool_value", "integer_value", "double_value", "string_value", "byte_array_value", "bool_array_value",
+              "integer_array_value", "double_array_value", "string_array_value"]
+    value = getattr(parameter, fields[parameter.type])
+    return list(value) if parameter.type > 4 else value
+
+
+PARAMETER_SERVICES = {
+    "describe_parameters", "get_parameters", "get_parameter_types", "list_parameters", "set_parameters", "set_parameters_atomically",
+    "get_type_description",
+}
+
+
+def parameter_call(opened, node, service, kind, **fields):
+    package = "type_description_interfaces" if kind == "GetTypeDescription" else "rcl_interfaces"
+    name = f"{package}/srv/{kind}"
+    return call(opened, f"{node}/{service}", f"{name}_Request", f"{name}_Response", **fields)
+
+
+def one_parameter(name, number):
+    parameter = MESSAGES.random("rcl_interfaces/msg/Parameter", 1)
+    parameter.name, parameter.value.type, parameter.value.integer_value = name, 2, number
+    return parameter
+
+
+def parameters_of_the_processes(folder):
+    """What `ros2 param list, get, describe, set` and `ros2 topic echo /parameter_events` see."""
+    cell = own_cell(folder)
+    with running("up", cell, folder=folder) as up, contextlib.ExitStack() as stack:
+        assert "is ready" in up.stdout.readline()
+        opened = stack.enter_context(session())
+        announced = [one.split("/") for one in tokens(opened)]
+        nodes = {one[8] for one in announced if one[5] == "NN" and one[7] == "%turn_mill"}
+        served = {(one[8], one[9].split("%")[-1]) for one in announced if one[5] == "SS" and one[7] == "%turn_mill"}
+        # The command `up` and the page that reads the cell are no processes of it.
+        for node in nodes:
+            missing = {service for service in PARAMETER_SERVICES if (node, service) not in served}
+            assert not missing, (node, missing)
+        assert {"path_planning", "compensation", "cycle", "operator", "recorder", "simulator"} <= nodes, nodes
+        for node in ("path_planning", "compensation", "analysis", "recorder"):
+            wanted = settings(node)
+            listed = parameter_call(opened, node, "list_parameters", "ListParameters", prefixes=[], depth=0).result
+            assert sorted(listed.names) == sorted([*wanted, "use_sim_time"]), listed
+            names = list(wanted)
+            values = parameter_call(opened, node, "get_parameters", "GetParameters", names=names).values
+            assert {name: value_of(one) for name, one in zip(names, values, strict=True)} == wanted
+            described = parameter_call(opened, node, "describe_parameters", "DescribeParameters", names=names).descriptors
+            assert all(one.read_only for one in described) and [one.name for one in described] == names
+            types = parameter_call(opened, node, "get_parameter_types", "GetParameterTypes", names=names).types
+            assert list(types) == [one.type for one in values]
+        print(f"  {len(nodes)} processes tell their parameters, for example {names[0]} = {value_of(values[0])}", flush=True)
+        assert not parameter_call(opened, "cycle", "get_parameters", "GetParameters", names=["nothing"]).values
+        kind, digest = "sensor_msgs/msg/JointState", MESSAGES.hash("sensor_msgs/msg/JointState")
+        told = parameter_call(opened, "cycle", "get_type_description", "GetTypeDescription", type_name=kind, type_hash=digest, include_type_sources=True)
+        fields = [one.name for one in told.type_description.type_description.fields]
+        assert told.successful and fields == ["header", "name", "position", "velocity", "effort"], told
+        assert [one.type_name for one in told.type_sources] == [kind, "std_msgs/msg/Header", "builtin_interfaces/msg/Time"]
+        # A stranger reads them and sets none: the router takes no such request.
+        request = MESSAGES.random("rcl_interfaces/srv/SetParameters_Request", 1)
+        request.parameters = [one_parameter("max_corrections", 50)]
+        setting = MESSAGES.encode(request, "rcl_interfaces/srv/SetParameters_Request")
+        assert replies(opened, channel(opened, "SS", "compensation/set_parameters"), setting, 3.0) == []
+        key = "0/parameter_events/*/*/@adv/pub/**?_anyke"
+        told = opened.get(key, target=zenoh.QueryTarget.ALL, consolidation=zenoh.ConsolidationMode.NONE)
+        events = [reply.ok for reply in told if reply.ok]
+        events = [MESSAGES.decode(bytes(one.payload), "rcl_interfaces/msg/ParameterEvent") for one in events]
+        assert {one.node for one in events} == {f"/turn_mill/{node}" for node in nodes}, events
+        assert all(one.new_parameters[0].name == "use_sim_time" and not one.new_parameters[0].value.bool_value for one in events)
+    cell.write_text(cell.read_text().replace("[bus]\n", '[bus]\nstrangers = "write"\n', 1))
+    with running("up", cell, folder=folder) as up, contextlib.ExitStack() as stack:
+        assert "is ready" in up.stdout.readline()
+        opened = stack.enter_context(session())
+        (answer,) = replies(opened, channel(opened, "SS", "compensation/set_parameters"), setting)
+        (result,) = MESSAGES.decode(answer, "rcl_interfaces/srv/SetParameters_Response").results
+        assert not result.successful and "read-only" in result.reason, result
+        print(f"  set_parameters: {result.reason}", flush=True)
+
+
+class ActionClient:
+    """An action client by the rules of rmw_zenoh."""
+
+    KIND = "probecell_msgs/action/RunPart"
+
+    def __init__(self, opened):
+        self.opened, self.feedback, self.statuses = opened, queue.Queue(), {}
+        self.subscriptions = [
+            opened.declare_subscriber(channel(opened, "MP", "run/_action/feedback"), self.take_feedback),
+            opened.declare_subscriber(channel(opened, "MP", "run/_action/status"), self.take_status),
+        ]
+
+    def take_feedback(self, sample):
+        self.feedback.put(MESSAGES.decode(bytes(sample.payload), f"{self.KIND}_FeedbackMessage"))
+
+    def take_status(self, sample):
+        for one in MESSAGES.decode(bytes(sample.payload), "action_msgs/msg/GoalStatusArray").status_list:
+            seen = self.statuses.setdefault(bytes(one.goal_info.goal_id.uuid), [])
+            if not seen or seen[-1] != one.status:
+                seen.append(one.status)
+
+    def ask(self, part, request_name, response_name, edit, timeout=60.0):
+        message = MESSAGES.random(request_name, 1)
+        edit(message)
+        got = replies(self.opened, channel(self.opened, "SS", f"run/_action/{part}"), MESSAGES.encode(message, request_name), timeout)
+        return [MESSAGES.decode(one, response_name) for one in got]
+
+    def send(self, number, part):
+        def edit(request):
+            request.goal_id.uuid[:] = number
+            goal = request.goal
+            goal.part_id, goal.plan_id, goal.operator_name, goal.shown, goal.signature = part, "", "", "", goal.signature[:0]
+            goal.expires.sec = goal.expires.nanosec = goal.signed_at.sec = goal.signed_at.nanosec = 0
+
+        return self.ask("send_goal", f"{self.KIND}_SendGoal_Request", f"{self.KIND}_SendGoal_Response", edit)
+
+    def result(self, number):
+        def edit(request):
+            request.goal_id.uuid[:] = number
+
+        (answer,) = self.ask("get_result", f"{self.KIND}_GetResult_Request", f"{self.KIND}_GetResult_Response", edit, 300.0)
+        return answer
+
+    def cancel(self, number):
+        def edit(request):
+            request.goal_info.goal_id.uuid[:] = number
+            request.goal_info.stamp.sec = request.goal_info.stamp.nanosec = 0
+
+        (answer,) = self.ask("cancel_goal", "action_msgs/srv/CancelGoal_Request", "action_msgs/srv/CancelGoal_Response", edit)
+        return answer.return_code, [bytes(one.goal_id.uuid)[0] for one in answer.goals_canceling]
+
+    def passes_through(self, number, statuses):
+        """The last status may come after the result."""
+        seen = self.statuses[bytes([number] * 16)]
+        until(f"status {statuses[-1]}", lambda: seen[-1] == statuses[-1])
+        assert seen == statuses, seen
+
+    def fed(self, number, stage):
+        """The stages told until this one."""
+        told = []
+        while not told or told[-1] != stage:
+            message = self.feedback.get(timeout=PATIENCE)
+            assert bytes(message.goal_id.uuid) == bytes([number] * 16), message
+            told.append(message.feedback.status.stage)
+        return told
+
+
+def run_as_an_action(folder):
+    """What `ros2 action send_goal --feedback` does, and Ctrl-C in it."""
+    cell = own_cell(folder)
+    opened_to = '[bus]\nstrangers_call = ["run"]\n'
+    cell.write_text(cell.read_text().replace("[bus]\n", opened_to, 1))
+    with running("up", cell, folder=folder) as up, contextlib.ExitStack() as stack:
+        assert "is ready" in up.stdout.readline()
+        client = ActionClient(stack.enter_context(session()))
+        assert (client.result(9).status, client.cancel(9)) == (0, (2, [])), "an unknown goal"
+        (answer,) = client.send(1, "first")
+        assert answer.accepted and abs(time.time() - answer.stamp.sec) < PATIENCE, answer
+        (second,) = client.send(2, "second")
+        assert not second.accepted and second.stamp.sec == 0, "two parts at once"
+        (again,) = client.send(1, "again")
+        assert not again.accepted, "an identifier twice"
+        assert client.result(2).status == 0, "a refused goal"
+        ended = client.result(1)
+        report = ended.result.report
+        assert (ended.status, report.part_id, report.verdict, report.run_id) == (4, "first", 0, "first"), ended
+        told = set()
+        while not client.feedback.empty():
+            told.add(client.feedback.get().feedback.status.stage)
+        assert {1, 2} <= told, told  # cutting, measuring
+        client.passes_through(1, [1, 2, 4])
+        assert client.cancel(1) == (3, []), "a goal that has ended"
+        print(f"  first: {ended.result.text or 'qualified'}, after {report.passes} passes", flush=True)
+        (answer,) = client.send(3, "third")
+        assert answer.accepted
+        client.fed(3, 1)
+        begun = time.monotonic()
+        assert client.cancel(3) == (0, [3])
+        stopped = time.monotonic() - begun
+        ended = client.result(3)
+        assert (ended.status, ended.result.report.part_id, ended.result.report.verdict) == (5, "third", 2), ended
+        client.passes_through(3, [1, 2, 3, 5])
+        print(f"  third: canceled, the machine stands after {stopped:.1f} s: {ended.result.text}", flush=True)
+        late = client.opened.get(f"{channel(client.opened, 'MP', 'run/_action/status')}/@adv/pub/**?_anyke", target=zenoh.QueryTarget.ALL)
+        (late,) = [MESSAGES.decode(bytes(one.ok.payload), "action_msgs/msg/GoalStatusArray") for one in late if one.ok]
+        assert late.status_list[-1].status == 5, late
+    cell.write_text(cell.read_text().replace(opened_to, "[bus]\n", 1))
+    with running("up", cell, folder=folder) as up, contextlib.ExitStack() as stack:
+        assert "is ready" in up.stdout.readline()
+        client = ActionClient(stack.enter_context(session()))
+        assert client.send(4, "stranger") == [] and not client.statuses, "a stranger's goal"
+
+
 def main():
     checks = {
         "services": services_of_stopped_nodes, "outside": a_bag_from_outside, "convert": bags_convert,
         "domain": domain_of_the_environment, "log": log_of_the_nodes,
+        "parameters": parameters_of_the_processes, "action": run_as_an_action,
     }
     for name in sys.argv[2:] or checks:
         with tempfile.TemporaryDirectory() as folder:

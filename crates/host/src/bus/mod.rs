@@ -41,6 +41,7 @@ mod types;
 pub mod wire;
 
 use std::borrow::Cow;
+use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
 pub use config::{BusConfig, DdsServices, Followed, ROUTER_ENDPOINT, RouterConfig, Transport};
@@ -86,6 +87,24 @@ pub type OnLost = Box<dyn Fn(Lost) + Send + Sync>;
 
 /// Answers one request (CDR) with a response (CDR), or refuses it with a sentence.
 pub type Handler = Box<dyn FnMut(&[u8]) -> Result<Vec<u8>, String> + Send>;
+
+/// A request that any thread answers, at any time. Where it is dropped, the client learns that there is no answer, or runs
+/// into its timeout.
+pub struct Request {
+    /// CDR with its header.
+    pub payload: Vec<u8>,
+    reply: Box<dyn FnOnce(Result<Vec<u8>, String>) + Send>,
+}
+
+impl Request {
+    /// Answers with a response (CDR), or refuses with a sentence.
+    pub fn answer(self, answer: Result<Vec<u8>, String>) {
+        (self.reply)(answer);
+    }
+}
+
+/// Called with requests; must not block.
+pub type OnRequest = Box<dyn Fn(Request) + Send + Sync>;
 
 /// One node's access to the bus.
 pub struct Bus {
@@ -170,15 +189,45 @@ impl Bus {
         &self,
         name: &str,
         ty: impl Into<ServiceId>,
-        handler: Handler,
+        mut handler: Handler,
+    ) -> Result<Server, BusError> {
+        let (sender, requests) = mpsc::channel::<Request>();
+        std::thread::Builder::new()
+            .name(format!("service {name}"))
+            .spawn(move || {
+                for request in requests {
+                    let answer = handler(&request.payload);
+                    request.answer(answer);
+                }
+            })
+            .map_err(|reason| BusError::transport("start a service's thread", &reason))?;
+        // The thread ends only after this sender, unless the handler has panicked: then the request is dropped here.
+        let queue = move |request| drop(sender.send(request));
+        self.serve_deferred(name, ty, Box::new(queue))
+    }
+
+    /// Serves `name` (absolute) until the server is dropped; whoever takes the requests answers them when it can.
+    ///
+    /// # Errors
+    /// A name or type that is none of ROS, or what the transport says.
+    pub fn serve_deferred(
+        &self,
+        name: &str,
+        ty: impl Into<ServiceId>,
+        on_request: OnRequest,
     ) -> Result<Server, BusError> {
         wire::check_name(name)?;
         Ok(Server {
             _inner: match &self.inner {
-                Inner::Zenoh(bus) => ServerInner::Zenoh(bus.serve(name, ty.into(), handler)?),
-                Inner::Dds(bus) => ServerInner::Dds(bus.serve(name, &ty.into(), handler)?),
+                Inner::Zenoh(bus) => ServerInner::Zenoh(bus.serve(name, ty.into(), on_request)?),
+                Inner::Dds(bus) => ServerInner::Dds(bus.serve(name, &ty.into(), on_request)?),
             },
         })
+    }
+
+    /// True over Zenoh in the format of rmw_zenoh, which has type hashes.
+    pub fn is_zenoh(&self) -> bool {
+        matches!(self.inner, Inner::Zenoh(_))
     }
 
     /// Announces a client of service `name` (absolute).

@@ -13,7 +13,7 @@ use super::qos::Qos;
 use super::session::{Announced, Core, ZenohBus};
 use super::types::{ServiceId, TypeId};
 use super::wire::{Attachment, EntityKind};
-use super::{BusError, Handler, wall_ns};
+use super::{BusError, OnRequest, Request, wall_ns};
 
 pub(super) struct ZenohServer {
     _queryable: Queryable<()>,
@@ -35,27 +35,17 @@ impl ZenohBus {
         &self,
         name: &str,
         ty: ServiceId,
-        mut handler: Handler,
+        on_request: OnRequest,
     ) -> Result<ZenohServer, BusError> {
         let core = self.core();
-        let key = core.key(name, &ty.0);
-        let (sender, queries) = mpsc::channel::<Query>();
-        std::thread::Builder::new()
-            .name(format!("service {name}"))
-            .spawn(move || {
-                for query in queries {
-                    answer(&query, &mut handler);
-                }
-            })
-            .map_err(|reason| BusError::transport("start a service's thread", &reason))?;
         let queryable = core
             .session
-            .declare_queryable(key)
+            .declare_queryable(core.key(name, &ty.0))
             .complete(true)
             .callback(move |query| {
-                // The thread ends only after this sender, unless the handler has panicked: then the query is
-                // dropped here, and the client learns that there is no reply.
-                drop(sender.send(query));
+                if let Some(request) = request_of(query) {
+                    on_request(request);
+                }
             })
             .wait()
             .map_err(|reason| BusError::transport("declare a service", &reason))?;
@@ -87,16 +77,26 @@ impl ZenohBus {
     }
 }
 
-fn answer(query: &Query, handler: &mut Handler) {
-    let request = query.payload().map(|payload| payload.to_bytes());
+/// The request that a query carries.
+fn request_of(query: Query) -> Option<Request> {
+    let payload = query.payload().map(|payload| payload.to_bytes());
     let attachment = query
         .attachment()
         .and_then(|bytes| Attachment::from_bytes(&bytes.to_bytes()));
-    let (Some(request), Some(attachment)) = (request, attachment) else {
+    let (Some(payload), Some(attachment)) = (payload, attachment) else {
         tracing::warn!(key = %query.key_expr(), "a request without payload or attachment is left out");
-        return;
+        return None;
     };
-    let sent = match handler(&request) {
+    let payload = payload.into_owned();
+    let reply = move |answer| answer_query(&query, attachment, answer);
+    Some(Request {
+        payload,
+        reply: Box::new(reply),
+    })
+}
+
+fn answer_query(query: &Query, attachment: Attachment, answer: Result<Vec<u8>, String>) {
+    let sent = match answer {
         Ok(response) => query
             .reply(query.key_expr().clone(), response)
             .attachment(

@@ -46,7 +46,7 @@ pub(crate) fn run(
         refuse_unheard(&cell)?;
     }
     let bus = Bus::open(&bus, name, &cell.namespace())?;
-    host::rosout::publish(&bus, &cell.namespace(), name)?;
+    cell_bus::show(&bus, &cell, name)?;
     let settings = NodeProcess {
         namespace: cell.namespace(),
         incarnation,
@@ -93,7 +93,7 @@ fn drive(
         refuse_unheard(cell)?;
     }
     let bus = Bus::open(&bus, name, &cell.namespace())?;
-    host::rosout::publish(&bus, &cell.namespace(), name)?;
+    cell_bus::show(&bus, cell, name)?;
     let connection = connect(&session, &bus).map_err(anyhow::Error::from_boxed)?;
     let end = signals::end_flag()?;
     run_driver(bus, connection, &cell.namespace(), &|| {

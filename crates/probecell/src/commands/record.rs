@@ -116,7 +116,7 @@ pub(crate) fn run(file: &Path, folder: Option<PathBuf>, supervised: bool) -> any
     // The receiver is gone once the recorder has ended.
     signals::on_end(move || end.send(Request::End).unwrap_or_default())?;
     let bus = Bus::open(&bus, "recorder", &cell.namespace())?;
-    host::rosout::publish(&bus, &cell.namespace(), "recorder")?;
+    cell_bus::show(&bus, &cell, "recorder")?;
     let topic = topics::RECORDING_STATUS;
     let status = bus.publisher(&cell.topic(topic.name), topic.message, bus_qos(topic.qos))?;
     let making = Making::follow(&bus, &cell)?;

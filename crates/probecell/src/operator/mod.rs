@@ -3,6 +3,7 @@
 //! | module | content |
 //! |---|---|
 //! | [`services`] | `plan`, `run`, `stop`, `approve_correction`: a call enters the graph as a numbered message, so that it is recorded and a replay can repeat it |
+//! | [`run_action`] | `run` as an action |
 //! | [`state`] | what was received, by the callbacks of the bus |
 //! | [`keys`] | the operators' keys in force, signed by the cell's |
 //! | [`console`] | what a person reads while a part is made |
@@ -13,6 +14,7 @@ mod console;
 mod diagnostics;
 mod health;
 mod keys;
+mod run_action;
 mod services;
 mod state;
 mod transforms;
@@ -40,6 +42,7 @@ use self::{
     console::{print_acknowledgement, print_correction, print_fault, print_part},
     diagnostics::Diagnostics,
     keys::Keys,
+    run_action::Event,
     services::{RequestPublishers, serve},
     state::{OperatorState, lock},
 };
@@ -91,6 +94,10 @@ impl Operator {
         let relayed = transforms::relay(&operator.bus, cell)?;
         operator.subscriptions.extend(relayed);
         operator.servers = serve(&operator.bus, &operator.namespace, &operator.requests)?;
+        let (servers, events) =
+            run_action::serve(&operator.bus, &operator.namespace, &operator.requests)?;
+        operator.servers.extend(servers);
+        lock(&operator.state).action = Some(events);
         Ok(operator)
     }
 
@@ -102,6 +109,7 @@ impl Operator {
         })?;
         self.subscribe(topics::PART_STATUS, |state, status: PartStatus| {
             state.informed = true;
+            state.tell(Event::Status(status.clone()));
             state.making = status;
         })?;
         self.subscribe(
@@ -129,6 +137,7 @@ impl Operator {
         self.subscribe(topics::PART_REPORTS, |state, part: PartReport| {
             print_part(&part);
             state.health.part_ended();
+            state.tell(Event::Report(part.clone()));
             state.part = Some(part);
         })?;
         self.subscribe(topics::LOSS_REPORTS, |state, loss: LossReport| {

@@ -128,25 +128,9 @@ pub(super) fn serve(
             },
             |accepted, text| srv::PlanResponse { accepted, text },
         )?,
-        service.offer::<srv::Run>(
-            "run",
-            topics::RUN_REPLIES,
-            |request| OperatorRequest {
-                subject: request.part_id,
-                operator_name: request.operator_name,
-                signed_at: request.signed_at,
-                shown: request.shown,
-                signature: request.signature,
-                plan_id: request.plan_id,
-                expires: if request.expires == Time::default() {
-                    expiry().time()
-                } else {
-                    request.expires
-                },
-                ..OperatorRequest::default()
-            },
-            |accepted, text| srv::RunResponse { accepted, text },
-        )?,
+        service.offer::<srv::Run>("run", topics::RUN_REPLIES, run_request, |accepted, text| {
+            srv::RunResponse { accepted, text }
+        })?,
         service.offer::<srv::Stop>(
             "stop",
             topics::STOP_REPLIES,
@@ -175,6 +159,24 @@ pub(super) fn serve(
             |accepted, text| srv::ApproveCorrectionResponse { accepted, text },
         )?,
     ])
+}
+
+/// What a request for a part asks of the graph.
+pub(super) fn run_request(request: srv::RunRequest) -> OperatorRequest {
+    OperatorRequest {
+        subject: request.part_id,
+        operator_name: request.operator_name,
+        signed_at: request.signed_at,
+        shown: request.shown,
+        signature: request.signature,
+        plan_id: request.plan_id,
+        expires: if request.expires == Time::default() {
+            expiry().time()
+        } else {
+            request.expires
+        },
+        ..OperatorRequest::default()
+    }
 }
 
 struct Services<'a> {

@@ -13,6 +13,7 @@ use super::{
     console::print_measurement,
     diagnostics::ProcessState,
     health::{Health, KNOWN},
+    run_action::Event,
 };
 
 /// Faults kept for the service `status`.
@@ -45,6 +46,8 @@ pub(super) struct OperatorState {
     pub(super) planning: Option<Instant>,
     /// Number of the next request.
     pub(super) next_request: u64,
+    /// Where the action `run` takes what is received of parts.
+    pub(super) action: Option<Sender<Event>>,
     /// When diagnostics were published last.
     pub(super) diagnosed: Option<Instant>,
 }
@@ -112,6 +115,14 @@ impl OperatorState {
             running: self.processes.iter().map(|one| one.running).collect(),
             starts: self.processes.iter().map(|one| one.starts).collect(),
             faults: self.faults.iter().cloned().collect(),
+        }
+    }
+
+    /// Tells the action `run`.
+    pub(super) fn tell(&self, event: Event) {
+        if let Some(action) = &self.action {
+            // Its thread ends with the process only.
+            drop(action.send(event));
         }
     }
 

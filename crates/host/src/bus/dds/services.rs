@@ -16,7 +16,7 @@ use super::super::config::DdsServices;
 use super::super::graph::lock;
 use super::super::qos::Qos;
 use super::super::types::ServiceId;
-use super::super::{BusError, Handler, wall_ns};
+use super::super::{BusError, OnRequest, Request, wall_ns};
 use super::payload::{Payload, timestamp};
 use super::{DdsBus, Discovery, Reading, Writer};
 
@@ -55,28 +55,35 @@ impl DdsBus {
         &self,
         name: &str,
         ty: &ServiceId,
-        mut handler: Handler,
+        on_request: OnRequest,
     ) -> Result<DdsServer, BusError> {
         let (requests, replies) = self.service_topics(name, ty)?;
         let writer = self.writer(&replies)?;
         let mapping = self.services;
         let discovery = Arc::clone(&self.discovery);
         let name = name.to_owned();
-        // The reader's own thread answers: requests wait in the reader meanwhile.
         let reading = Reading::start(self.reader(&requests)?, move |change| {
-            let Some((id, request)) = request_of(mapping, &change) else {
+            let Some((id, payload)) = request_of(mapping, &change) else {
                 tracing::warn!(service = name, "a request without identity is left out");
                 return;
             };
-            let answered = handler(&request).and_then(|response| {
-                let deadline = Instant::now() + CLIENT_WAIT;
-                discovery.wait_for_reader_beside(writer.guid(), change.writer_guid, deadline);
-                reply(&writer, id, response).map_err(|reason| reason.to_string())
+            let (writer, discovery) = (Arc::clone(&writer), Arc::clone(&discovery));
+            let (name, client) = (name.clone(), change.writer_guid);
+            let answer = move |answer: Result<Vec<u8>, String>| {
+                let answered = answer.and_then(|response| {
+                    let deadline = Instant::now() + CLIENT_WAIT;
+                    discovery.wait_for_reader_beside(writer.guid(), client, deadline);
+                    reply(&writer, id, response).map_err(|reason| reason.to_string())
+                });
+                if let Err(reason) = answered {
+                    // DDS has no way to refuse: the client runs into its timeout.
+                    tracing::error!(service = name, reason, "a request is not answered");
+                }
+            };
+            on_request(Request {
+                payload,
+                reply: Box::new(answer),
             });
-            if let Err(reason) = answered {
-                // DDS has no way to refuse: the client runs into its timeout.
-                tracing::error!(service = name, reason, "a request is not answered");
-            }
         })?;
         Ok(DdsServer { _reading: reading })
     }
