@@ -42,9 +42,8 @@ use self::{
     console::{print_acknowledgement, print_correction, print_fault, print_part},
     diagnostics::Diagnostics,
     keys::Keys,
-    run_action::Event,
     services::{RequestPublishers, serve},
-    state::{OperatorState, lock},
+    state::{OperatorState, PartNews, lock},
 };
 use recorded::embedded;
 
@@ -97,7 +96,9 @@ impl Operator {
         let (servers, events) =
             run_action::serve(&operator.bus, &operator.namespace, &operator.requests)?;
         operator.servers.extend(servers);
-        lock(&operator.state).action = Some(events);
+        // Its thread ends with the process only.
+        let take = move |news| drop(events.send(run_action::Event::Part(news)));
+        lock(&operator.state).action = Some(Box::new(take));
         Ok(operator)
     }
 
@@ -109,7 +110,7 @@ impl Operator {
         })?;
         self.subscribe(topics::PART_STATUS, |state, status: PartStatus| {
             state.informed = true;
-            state.tell(Event::Status(status.clone()));
+            state.tell(PartNews::Status(status.clone()));
             state.making = status;
         })?;
         self.subscribe(
@@ -137,7 +138,7 @@ impl Operator {
         self.subscribe(topics::PART_REPORTS, |state, part: PartReport| {
             print_part(&part);
             state.health.part_ended();
-            state.tell(Event::Report(part.clone()));
+            state.tell(PartNews::Report(part.clone()));
             state.part = Some(part);
         })?;
         self.subscribe(topics::LOSS_REPORTS, |state, loss: LossReport| {

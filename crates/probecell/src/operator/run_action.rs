@@ -34,7 +34,10 @@ use probecell_msgs::{
     unique_identifier_msgs::UUID,
 };
 
-use super::services::{RequestPublishers, run_request};
+use super::{
+    services::{RequestPublishers, run_request},
+    state::PartNews,
+};
 
 /// How long the result of a goal is kept, as `rcl_action` keeps it by default.
 const KEPT: Duration = Duration::from_secs(10);
@@ -55,10 +58,8 @@ pub(super) enum Event {
     Stopped(Result<OperatorReply, String>),
     /// Somebody wants the result of a goal.
     Result(Request),
-    /// The part that is being made.
-    Status(PartStatus),
-    /// A part has ended.
-    Report(PartReport),
+    /// Something is received of a part.
+    Part(PartNews),
 }
 
 /// A goal that was accepted.
@@ -163,8 +164,8 @@ impl ActionServer {
             Event::Cancel(request) => self.cancel(request),
             Event::Stopped(reply) => self.stopped(reply),
             Event::Result(request) => self.result(request),
-            Event::Status(status) => self.feed_back(status),
-            Event::Report(report) => {
+            Event::Part(PartNews::Status(status)) => self.feed_back(status),
+            Event::Part(PartNews::Report(report)) => {
                 self.last = report;
                 self.end();
             }

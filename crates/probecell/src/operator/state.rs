@@ -13,8 +13,15 @@ use super::{
     console::print_measurement,
     diagnostics::ProcessState,
     health::{Health, KNOWN},
-    run_action::Event,
 };
+
+/// What is received of parts.
+pub(super) enum PartNews {
+    /// The part that is being made.
+    Status(PartStatus),
+    /// A part has ended.
+    Report(PartReport),
+}
 
 /// Faults kept for the service `status`.
 const FAULTS: usize = 8;
@@ -46,8 +53,8 @@ pub(super) struct OperatorState {
     pub(super) planning: Option<Instant>,
     /// Number of the next request.
     pub(super) next_request: u64,
-    /// Where the action `run` takes what is received of parts.
-    pub(super) action: Option<Sender<Event>>,
+    /// How the action `run` takes what is received of parts; must not block.
+    pub(super) action: Option<Box<dyn Fn(PartNews) + Send>>,
     /// When diagnostics were published last.
     pub(super) diagnosed: Option<Instant>,
 }
@@ -119,10 +126,9 @@ impl OperatorState {
     }
 
     /// Tells the action `run`.
-    pub(super) fn tell(&self, event: Event) {
+    pub(super) fn tell(&self, news: PartNews) {
         if let Some(action) = &self.action {
-            // Its thread ends with the process only.
-            drop(action.send(event));
+            action(news);
         }
     }
 
