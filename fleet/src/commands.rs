@@ -2,10 +2,11 @@
 
 use std::io::{ErrorKind, IsTerminal, Write};
 use std::path::PathBuf;
+use std::time::{Duration, SystemTime};
 
 use anyhow::{Context, bail};
 use clap::{Args, Parser, Subcommand};
-use probecell_fleet::lake::{Event, Lake};
+use probecell_fleet::lake::{Added, Event, Follower, Lake, Look, Pushed};
 use probecell_fleet::sql::{self, Engine, Form};
 use probecell_fleet::trend::hall::{Options, conclude};
 use probecell_fleet::trend::series::{events, series};
@@ -40,6 +41,9 @@ enum Command {
         /// Follow the effects that the diagnosis has named in so many sessions of one machine.
         #[arg(long, default_value_t = 5, value_name = "NUMBER")]
         named_in: usize,
+        /// Keep the answer in the lake (`trends.json`), where `probecell dashboard` reads it for its pages of machines.
+        #[arg(long)]
+        keep: bool,
         /// Print JSON.
         #[arg(long)]
         json: bool,
@@ -85,6 +89,26 @@ enum LakeCommand {
         #[command(flatten)]
         lake: Where,
     },
+    /// Add each recording in folders when it ends, and hand the lake over whenever it has changed and the network is there;
+    /// runs until it is stopped.
+    ///
+    /// Example: probecell-fleet lake follow recordings --lake hall --push s3://works/north
+    Follow {
+        /// Folders in which recordings are made.
+        #[arg(required = true)]
+        folders: Vec<PathBuf>,
+        /// Hand the lake over to `s3://BUCKET/FOLDER`, as `lake push` does.
+        #[arg(long, value_name = "URL")]
+        push: Option<String>,
+        /// Look every so many seconds.
+        #[arg(long, value_name = "S", default_value_t = 10.0, value_parser = period)]
+        every: f64,
+        /// Look once and end: status 3 where a recording was refused or the lake could not be handed over.
+        #[arg(long)]
+        once: bool,
+        #[command(flatten)]
+        lake: Where,
+    },
     /// Note what was done to a machine: a service, a crash.
     Event {
         /// Machine.
@@ -120,6 +144,23 @@ enum LakeCommand {
 pub(crate) fn run(arguments: Arguments) -> anyhow::Result<u8> {
     match arguments.command {
         Command::Lake(LakeCommand::Add { bags, lake }) => add(&lake, &bags),
+        Command::Lake(LakeCommand::Follow {
+            folders,
+            push,
+            every,
+            once,
+            lake,
+        }) => {
+            let lake = Lake::open_or_create(&lake.folder)?;
+            let mut follower = Follower::new(lake, folders, push);
+            loop {
+                let status = say(&follower.look(SystemTime::now())?)?;
+                if once {
+                    return Ok(status);
+                }
+                std::thread::sleep(Duration::from_secs_f64(every));
+            }
+        }
         Command::Lake(LakeCommand::Event {
             machine,
             time,
@@ -145,17 +186,14 @@ pub(crate) fn run(arguments: Arguments) -> anyhow::Result<u8> {
             print(&format!("{before} files before, {after} after\n"))
         }
         Command::Lake(LakeCommand::Push { to, lake }) => {
-            let pushed = Lake::open(&lake.folder)?.push(&to)?;
-            print(&format!(
-                "{} files put, {} there already, {} removed\n",
-                pushed.put, pushed.there, pushed.removed
-            ))
+            handed_over(&Lake::open(&lake.folder)?.push(&to)?)
         }
         Command::Trends {
             lake,
             false_alarms,
             limit,
             named_in,
+            keep,
             json,
         } => {
             if !(false_alarms > 0.0 && false_alarms <= 1000.0) {
@@ -166,7 +204,11 @@ pub(crate) fn run(arguments: Arguments) -> anyhow::Result<u8> {
                 false_alarms,
                 limits: limit.into_iter().collect(),
             };
-            let conclusions = conclude(&series(&lake, named_in)?, &events(&lake)?, &options);
+            let series = series(&lake, named_in)?;
+            let conclusions = conclude(&series, &events(&lake)?, &options);
+            if keep {
+                conclusions.keep(&lake, &series)?;
+            }
             if json {
                 print(&format!(
                     "{}\n",
@@ -231,6 +273,11 @@ fn add(lake: &Where, bags: &[PathBuf]) -> anyhow::Result<u8> {
             remark(&format!("{done} of {all}"));
         }
     })?;
+    report(&added)
+}
+
+/// Says what was added and gives the exit status.
+fn report(added: &Added) -> anyhow::Result<u8> {
     for text in &added.remarks {
         remark(&format!("warning: {text}"));
     }
@@ -248,6 +295,38 @@ fn add(lake: &Where, bags: &[PathBuf]) -> anyhow::Result<u8> {
     } else {
         LEFT_OUT
     })
+}
+
+fn handed_over(pushed: &Pushed) -> anyhow::Result<u8> {
+    print(&format!(
+        "{} files put, {} there already, {} removed\n",
+        pushed.put, pushed.there, pushed.removed
+    ))
+}
+
+/// Says what a look has done, if anything.
+fn say(look: &Look) -> anyhow::Result<u8> {
+    let added = &look.added;
+    let mut status = 0;
+    if added.new + added.known + added.refused.len() > 0 {
+        status = report(added)?;
+    }
+    match &look.pushed {
+        Some(Ok(pushed)) if pushed.put + pushed.removed > 0 => handed_over(pushed),
+        Some(Err(error)) => {
+            remark(&format!("not handed over: {}", probecell_fleet::sentence(error)));
+            Ok(LEFT_OUT)
+        }
+        _ => Ok(0),
+    }
+    .map(|own| status.max(own))
+}
+
+/// s, from a hundredth to a day.
+fn period(text: &str) -> Result<f64, String> {
+    let seconds = text.parse::<f64>().ok();
+    let within = seconds.filter(|seconds| (0.01..=86_400.0).contains(seconds));
+    within.ok_or_else(|| "must be a number of seconds from 0.01 to 86400".to_owned())
 }
 
 /// Tables and their columns.

@@ -13,6 +13,7 @@ mod add;
 mod commit;
 mod compact;
 mod events;
+mod follow;
 mod read;
 pub(crate) mod remote;
 pub mod rows;
@@ -29,6 +30,7 @@ use serde::{Deserialize, Serialize};
 
 pub use add::{Added, Rows, hash};
 pub use events::Event;
+pub use follow::{Follower, Look};
 pub use remote::Pushed;
 use remote::{Remote, is_url};
 use schema::{SESSIONS, TABLES, Table};
@@ -177,6 +179,15 @@ impl Lake {
             Ok(())
         })?;
         Ok(known)
+    }
+
+    /// Writes a file beside the tables, whole or not at all.
+    pub(crate) fn keep(&self, name: &str, content: &[u8]) -> anyhow::Result<()> {
+        let _lock = self.lock()?;
+        let (path, written) = (self.root.join(name), self.root.join(format!(".{name}")));
+        fs::write(&written, content)
+            .and_then(|()| fs::rename(&written, &path))
+            .with_context(|| format!("cannot write {}", path.display()))
     }
 
     /// The lock of the one writer, until it is dropped.

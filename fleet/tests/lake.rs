@@ -4,9 +4,11 @@ mod common;
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};
+use std::time::{Duration, SystemTime};
 
 use arrow_array::Array;
 use arrow_array::cast::AsArray;
+use bags::{Recorder, RecorderOptions};
 use common::samples;
 use parquet::arrow::ProjectionMask;
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
@@ -15,7 +17,7 @@ use probecell_fleet::diagnose::diagnose_bag;
 use probecell_fleet::lake::schema::{
     CORRECTIONS, EFFECTS, FEATURES, SESSIONS, SIGNALS, TABLES, TOUCHES, Table,
 };
-use probecell_fleet::lake::{Event, Lake, numbers, texts};
+use probecell_fleet::lake::{Event, Follower, Lake, numbers, texts};
 
 fn rows(lake: &Lake, table: &Table) -> usize {
     let mut rows = 0;
@@ -152,6 +154,45 @@ fn a_damaged_recording_is_named_and_the_others_are_added() {
         .add(&[folder.path().join("nothing.mcap")], &mut quiet)
         .expect("no failure");
     assert_eq!(error.refused.len(), 1);
+}
+
+#[test]
+fn a_recording_is_added_once_and_when_it_has_ended() {
+    const MINUTE: Duration = Duration::from_secs(60);
+    let folder = tempfile::tempdir().expect("a folder");
+    let bags = folder.path().join("recordings");
+    fs::create_dir_all(&bags).expect("a folder");
+    let lake = Lake::open_or_create(&folder.path().join("lake")).expect("a lake");
+    let mut follower = Follower::new(lake.clone(), vec![bags.clone()], None);
+    let mut look = |at: SystemTime| {
+        let look = follower.look(at).expect("a look");
+        (look.recording, look.added.new, look.added.known)
+    };
+    let now = SystemTime::now();
+    assert_eq!(look(now), (0, 0, 0));
+
+    // A recorder that runs, and is quiet for a minute.
+    let running = Recorder::start(RecorderOptions::new(bags.join("running"))).expect("a recorder");
+    assert_eq!(look(now), (1, 0, 0));
+    assert_eq!(look(now + MINUTE), (1, 0, 0));
+    running.stop().expect("an end");
+    let end = SystemTime::now();
+    assert_eq!(look(end), (1, 0, 0));
+    assert_eq!(look(end + MINUTE), (0, 1, 0));
+    assert_eq!(look(end + 2 * MINUTE), (0, 0, 0));
+
+    // What a killed one has left, and a copy of a recording that is in the lake.
+    let whole = fs::read(samples().join("punch.mcap")).expect("a sample");
+    fs::write(bags.join("killed.mcap"), &whole[..whole.len() / 2]).expect("a file");
+    fs::copy(bags.join("running/running_0.mcap"), bags.join("copy.mcap")).expect("a copy");
+    let then = SystemTime::now();
+    assert_eq!(look(then + MINUTE), (1, 0, 1));
+    assert_eq!(look(then + 11 * MINUTE), (0, 1, 0));
+    assert_eq!(rows(&lake, &SESSIONS), 2);
+
+    // Another follower, after a restart, adds nothing.
+    let look = Follower::new(lake, vec![bags], None).look(then + 11 * MINUTE);
+    assert_eq!(look.expect("a look").added.new, 0);
 }
 
 #[test]

@@ -35,6 +35,7 @@ mod recordings;
 mod server;
 pub mod state;
 mod stream;
+mod trends;
 pub mod view;
 mod viewer;
 
@@ -64,6 +65,8 @@ pub struct Settings {
     pub buses: Vec<BusConfig>,
     /// Folders of recordings.
     pub recordings: Vec<PathBuf>,
+    /// Folder of a lake whose trends the pages of machines show.
+    pub lake: Option<PathBuf>,
     /// Pages that the program makes of a recording.
     pub pages: Pages,
     /// Cells that take acts.
@@ -143,6 +146,7 @@ pub fn run(
         let shared = server::Shared {
             live,
             recordings: Arc::new(recordings::Recordings::new(settings.recordings)),
+            trends: Arc::new(trends::Trends::new(settings.lake)),
             pages: settings.pages,
             epoch: host::now().0.unsigned_abs(),
             clients: stream::Clients::default(),

@@ -7,6 +7,7 @@ mod gap;
 mod hall;
 mod ledger;
 mod machine;
+mod months;
 mod numbers;
 mod page;
 mod parts;

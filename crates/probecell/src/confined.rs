@@ -49,11 +49,11 @@ fn make<'a>(folders: impl IntoIterator<Item = &'a Path>) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// A process that serves what it reads: recordings, the bus, and of the cells' keys what it joins the bus by.
+/// A process that serves what it reads: folders, the bus, and of the cells' keys what it joins the bus by.
 pub(crate) fn server(
     cells: &[Cell],
     buses: &[BusConfig],
-    recordings: &[PathBuf],
+    folders: &[PathBuf],
 ) -> anyhow::Result<Confined> {
     // A folder that is made later lies in one that is there.
     let there = |path: &PathBuf| {
@@ -63,7 +63,7 @@ pub(crate) fn server(
     };
     let mut rights = Rights::default()
         .with_sockets(Sockets::any())
-        .reads(recordings.iter().map(there))
+        .reads(folders.iter().map(there))
         .reads(buses.iter().flat_map(BusConfig::files));
     for cell in cells {
         rights = rights.reads(cell.bus.zenoh.iter().flat_map(secrets::files));

@@ -128,7 +128,7 @@ pub fn hash(bag: &Bag) -> anyhow::Result<(String, u64)> {
 }
 
 /// Recordings at or below a path: a file, a folder with `metadata.yaml`, or each of them in any other folder.
-fn scan(path: &Path, found: &mut Vec<PathBuf>) -> anyhow::Result<()> {
+pub(super) fn scan(path: &Path, found: &mut Vec<PathBuf>) -> anyhow::Result<()> {
     if !path.is_dir() || path.join("metadata.yaml").is_file() {
         found.push(path.to_owned());
         return Ok(());

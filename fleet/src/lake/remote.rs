@@ -9,13 +9,13 @@ use std::collections::BTreeSet;
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, LazyLock};
-use std::time::SystemTime;
+use std::time::{Duration, SystemTime};
 
 use anyhow::{Context, anyhow, bail};
 use futures::TryStreamExt;
 use object_store::aws::AmazonS3Builder;
 use object_store::path::Path as Key;
-use object_store::{ObjectStore, ObjectStoreExt, PutMode, PutPayload};
+use object_store::{ObjectStore, ObjectStoreExt, PutMode, PutPayload, RetryConfig};
 use sha2::{Digest, Sha256};
 use tokio::runtime::Runtime;
 use url::Url;
@@ -26,6 +26,9 @@ use super::{FILE, Lake};
 
 /// Name of the object and of the file beside the lake that tell of which lake the copy is.
 const ORIGIN: &str = "origin";
+
+/// For a request with all its repetitions: whoever is cut off tries again later.
+const PATIENCE: Duration = Duration::from_secs(30);
 
 /// What waits for the network, for the life of the program.
 static RUNTIME: LazyLock<std::io::Result<Runtime>> = LazyLock::new(|| {
@@ -63,6 +66,11 @@ impl Remote {
         }
         let store = AmazonS3Builder::from_env()
             .with_url(name)
+            .with_retry(RetryConfig {
+                max_retries: 3,
+                retry_timeout: PATIENCE,
+                ..RetryConfig::default()
+            })
             .build()
             .map_err(|error| anyhow!("cannot reach {name}: {}", line(&error)))?;
         let prefix = Key::from_url_path(url.path()).with_context(|| format!("{name:?}"))?;

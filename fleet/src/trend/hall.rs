@@ -121,6 +121,68 @@ pub struct Conclusions {
     pub levels: Vec<Levels>,
 }
 
+/// What is kept in a lake for the dashboard (`probecell dashboard --lake DIR`).
+#[derive(Serialize)]
+struct Kept<'c> {
+    /// `probecell/trends`.
+    schema: &'static str,
+    version: u32,
+    conclusions: &'c Conclusions,
+    series: Vec<Daily<'c>>,
+}
+
+/// A series by days: of each day that has sessions its time (days since 1970), mean weighted by uncertainty, and standard
+/// uncertainty of the mean.
+#[derive(Serialize)]
+struct Daily<'c> {
+    machine: &'c str,
+    effect: &'c str,
+    parameter: &'c str,
+    unit: &'c str,
+    days: Vec<[f64; 3]>,
+}
+
+impl Conclusions {
+    /// Keeps the conclusions in a lake, with the series that they are of, as `trends.json`.
+    ///
+    /// # Errors
+    /// The lake is a copy behind a URL, or cannot be written.
+    pub fn keep(&self, lake: &Lake, series: &[Series]) -> anyhow::Result<()> {
+        let daily = |one: &'_ Series| by_day(&one.points);
+        let kept = Kept {
+            schema: "probecell/trends",
+            version: 1,
+            conclusions: self,
+            series: (series.iter())
+                .map(|one| Daily {
+                    machine: &one.machine,
+                    effect: &one.quantity.effect,
+                    parameter: &one.quantity.parameter,
+                    unit: &one.quantity.unit,
+                    days: daily(one),
+                })
+                .collect(),
+        };
+        lake.keep("trends.json", &serde_json::to_vec(&kept)?)
+    }
+}
+
+fn by_day(points: &[Point]) -> Vec<[f64; 3]> {
+    let of_one_day = |a: &Point, b: &Point| a.time.floor() == b.time.floor();
+    let mean = |points: &[Point]| {
+        // Readings whose noise is zero by the differences of few weigh alike.
+        let exact = points.iter().any(|one| one.uncertainty <= 0.0);
+        let weight = |one: &Point| if exact { 1.0 } else { one.uncertainty.powi(-2) };
+        let whole: f64 = points.iter().map(weight).sum();
+        let mean = |of: fn(&Point) -> f64| {
+            points.iter().map(|one| weight(one) * of(one)).sum::<f64>() / whole
+        };
+        let uncertainty = if exact { 0.0 } else { whole.sqrt().recip() };
+        [mean(|one| one.time), mean(|one| one.value), uncertainty]
+    };
+    points.chunk_by(of_one_day).map(mean).collect()
+}
+
 /// A change with what it belongs to.
 struct Found<'s> {
     series: &'s Series,

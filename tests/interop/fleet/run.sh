@@ -11,6 +11,7 @@ trap 'rm -rf "$work"' EXIT
 "$python" tests/interop/fleet/readers.py "$work/lake" bags/samples
 "$python" tests/interop/fleet/ask.py "$program" "$work/lake" ${probecell:+"$probecell"}
 "$python" tests/interop/fleet/s3.py "$program" "$work/lake" bags/samples
+[ -z "$probecell" ] || "$python" tests/interop/fleet/months.py "$program" "$probecell" "$work/lake"
 "$program" lake compact --lake "$work/lake"
 "$python" tests/interop/fleet/readers.py "$work/lake" bags/samples
 "$python" tests/interop/fleet/ask.py "$program" "$work/lake"

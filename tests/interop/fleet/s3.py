@@ -93,6 +93,24 @@ def check(program, lake, samples, endpoint):
         ran("lake", "add", samples / "punch.mcap", "--lake", other)
         assert "holds the copy of another lake" in ran("lake", "push", url, "--lake", other, status=2)
         assert "is a copy" in ran("lake", "add", samples / "punch.mcap", "--lake", url, status=2)
+
+    # A cell follows its recordings without a network, hands them over when there is one, and once.
+    with tempfile.TemporaryDirectory() as work:
+        bags, own, place = pathlib.Path(work, "recordings"), pathlib.Path(work, "lake"), f"s3://{BUCKET}/edge"
+        bags.mkdir()
+        for name in ("punch", "guideway"):
+            shutil.copy(samples / f"{name}.mcap", bags)
+            os.utime(bags / f"{name}.mcap", (0, 0))
+        follow = ("lake", "follow", bags, "--lake", own, "--push", place, "--once")
+        reached, environment["AWS_ENDPOINT"] = endpoint, "http://127.0.0.1:9"
+        assert "not handed over" in ran(*follow, status=3)
+        environment["AWS_ENDPOINT"] = reached
+        sessions = "SELECT bag FROM sessions ORDER BY bag"
+        held = ask(own, sessions)
+        assert len(held) == 2, held
+        assert " files put, 0 there already" in ran(*follow)
+        assert ask(place, sessions) == held
+        assert ran(*follow) == "0 added, 2 known already, 0 not added\n"
     print(f"{files} files handed over to S3, asked there, compacted to {left}")
 
 

@@ -13,6 +13,7 @@ use crate::acts::Acts;
 use crate::live::Live;
 use crate::recordings::Recordings;
 use crate::stream::Clients;
+use crate::trends::Trends;
 use crate::view::{Place, View, message_page};
 
 /// Makes the page of a report or of a diagnosis of a recording; the error is a sentence.
@@ -31,6 +32,7 @@ pub struct Pages {
 pub(crate) struct Shared {
     pub(crate) live: Arc<Live>,
     pub(crate) recordings: Arc<Recordings>,
+    pub(crate) trends: Arc<Trends>,
     pub(crate) pages: Pages,
     /// Instant of the start: distinguishes pages of another run of the program.
     pub(crate) epoch: u64,

@@ -86,7 +86,10 @@ pub(super) async fn session(
 
 pub(super) async fn machines(State(shared): State<Shared>) -> Response {
     blocking(move || {
-        let (machines, unread) = shared.recordings.machines();
+        let (mut machines, unread) = shared.recordings.machines();
+        for name in shared.trends.machines().iter().flat_map(|all| all.keys()) {
+            machines.entry(name.clone()).or_default();
+        }
         page(view::machines_page(&machines, unread))
     })
     .await
@@ -95,9 +98,19 @@ pub(super) async fn machines(State(shared): State<Shared>) -> Response {
 pub(super) async fn machine(State(shared): State<Shared>, Path(name): Path<String>) -> Response {
     blocking(move || {
         let (machines, unread) = shared.recordings.machines();
-        match machines.get(&name) {
-            Some(sessions) => page(view::machine_page(&name, sessions, unread)),
-            None => missing("No recording tells of a machine of this name."),
+        let trends = shared.trends.machines();
+        let of_lake = match &trends {
+            Ok(all) => all.get(&name).map(Ok),
+            Err(text) => Some(Err(text.as_str())),
+        };
+        match (machines.get(&name), &of_lake) {
+            (None, None | Some(Err(_))) => {
+                missing("Neither a recording nor a lake tells of a machine of this name.")
+            }
+            (sessions, _) => {
+                let sessions = sessions.map_or(&[][..], Vec::as_slice);
+                page(view::machine_page(&name, sessions, unread, of_lake))
+            }
         }
     })
     .await

@@ -7,10 +7,12 @@ use effects::vocabulary;
 use graph::Stamp;
 use maud::{Markup, html};
 
+use super::months::months;
 use super::numbers::{date, mm, signed_um, um};
 use super::page::{Frame, Place, frame};
 use crate::history::{Adoption, Change, Found, Sized, Summary, adoptions, changes};
 use crate::state::{Capability, Characteristic, capability};
+use crate::trends::Months;
 
 const WIDTH: f64 = 420.0;
 const HEIGHT: f64 = 130.0;
@@ -48,13 +50,23 @@ fn still_reading(unread: usize) -> Markup {
 }
 
 /// The page of a machine. `sessions`: in the order of time.
-pub(crate) fn machine_page(name: &str, sessions: &[Summary], unread: usize) -> Markup {
+/// `of_lake`: what a lake tells of it, where there is one.
+pub(crate) fn machine_page(
+    name: &str,
+    sessions: &[Summary],
+    unread: usize,
+    of_lake: Option<Result<&Months, &str>>,
+) -> Markup {
     let (changes, adoptions) = (changes(sessions), adoptions(sessions));
+    let marks: Vec<_> = (changes.iter())
+        .map(|one| (one.of.clone(), one.at))
+        .collect();
     let body = html! {
         div.title { h1 { (name) } p { (sessions.len()) " recordings" @if let (Some(first), Some(last)) = (sessions.first(), sessions.last()) { ", " (date(first.begin)) " to " (date(last.begin)) } } p.actions { a.button href="/machines" { "Machines" } } }
         (still_reading(unread))
         section.card aria-labelledby="changes-title" { h2 #changes-title { "Changes" } (change_list(&changes, &adoptions)) }
-        section.card aria-labelledby="effects-title" { h2 #effects-title { "Effects" } (effects_of(sessions, &changes, &adoptions)) }
+        section.card aria-labelledby="effects-title" { h2 #effects-title { "Effects" } (effects_of(&Charted { sessions, each: "sessions", changes: &marks, adoptions: &adoptions })) }
+        @if let Some(months_of) = of_lake { (months(months_of)) }
         section.card aria-labelledby="days-title" { h2 #days-title { "Capability, over all and per day" } (days(sessions)) }
         section.card aria-labelledby="kept-title" { h2 #kept-title { "Promised and achieved" } (kept(sessions)) }
         section.card aria-labelledby="all-title" { h2 #all-title { "Recordings" } (all(sessions)) }
@@ -62,7 +74,12 @@ pub(crate) fn machine_page(name: &str, sessions: &[Summary], unread: usize) -> M
     whole(name, &body)
 }
 
-fn shop(of: &(String, String), value: f64, unit: &str, ci95: Option<[f64; 2]>) -> String {
+pub(super) fn shop(
+    of: &(String, String),
+    value: f64,
+    unit: &str,
+    ci95: Option<[f64; 2]>,
+) -> String {
     in_shop_units(&of.1, value, unit, ci95).replace("= -", "= −")
 }
 
@@ -107,9 +124,21 @@ fn adoption(one: &Adoption) -> Markup {
     }
 }
 
-fn effects_of(sessions: &[Summary], changes: &[Change], adoptions: &[Adoption]) -> Markup {
+/// What the charts of effects show.
+pub(super) struct Charted<'a> {
+    /// In the order of time.
+    pub(super) sessions: &'a [Summary],
+    /// What each of them is, as a plural.
+    pub(super) each: &'a str,
+    /// Parameters of effects that have changed, and when.
+    pub(super) changes: &'a [((String, String), Stamp)],
+    pub(super) adoptions: &'a [Adoption],
+}
+
+/// A chart and a table of each parameter of an effect.
+pub(super) fn effects_of(charted: &Charted<'_>) -> Markup {
     let mut series: BTreeMap<&(String, String), Vec<(&Summary, &Found)>> = BTreeMap::new();
-    for session in sessions {
+    for session in charted.sessions {
         for (of, found) in &session.effects {
             series.entry(of).or_default().push((session, found));
         }
@@ -118,8 +147,8 @@ fn effects_of(sessions: &[Summary], changes: &[Change], adoptions: &[Adoption]) 
         @if series.is_empty() { p.none { "No session has found an effect." } }
         div.charts { @for (of, found) in &series { figure {
             figcaption { b { (vocabulary::describe(&of.0)) } " " code { (of.0) } }
-            (chart(of, sessions, found, changes, adoptions))
-            details open[found.len() <= UNFOLDED] { summary { "Sizes in " (found.len()) " sessions" } table { thead { tr { th scope="col" { "Session" } th scope="col" { "Size with 95 % interval" } } } tbody { @for (session, one) in found {
+            (chart(of, charted, found))
+            details open[found.len() <= UNFOLDED] { summary { "Sizes in " (found.len()) " " (charted.each) } table { thead { tr { th scope="col" { "Begin" } th scope="col" { "Size with 95 % interval" } } } tbody { @for (session, one) in found {
                 tr { th scope="row" { (date(session.begin)) } td { (shop(of, one.value, &one.unit, Some(one.ci95))) @if one.group > 1 { small { "one of " (one.group) " causes" } } } }
             } } } }
         } } }
@@ -127,13 +156,13 @@ fn effects_of(sessions: &[Summary], changes: &[Change], adoptions: &[Adoption]) 
 }
 
 /// Sizes over time with their intervals; changes as lines.
-fn chart(
-    of: &(String, String),
-    sessions: &[Summary],
-    found: &[(&Summary, &Found)],
-    changes: &[Change],
-    adoptions: &[Adoption],
-) -> Markup {
+fn chart(of: &(String, String), charted: &Charted<'_>, found: &[(&Summary, &Found)]) -> Markup {
+    let Charted {
+        sessions,
+        each,
+        changes,
+        adoptions,
+    } = charted;
     let begin = sessions.first().map_or(0, |one| one.begin.0);
     let end = sessions.last().map_or(0, |one| one.begin.0);
     let x = |at: i64| {
@@ -149,13 +178,13 @@ fn chart(
         EDGE + (high - value) / (high - low).max(f64::MIN_POSITIVE) * (HEIGHT - 2.0 * EDGE)
     };
     html! {
-        svg.run viewBox={ "0 0 " (WIDTH) " " (HEIGHT) } role="img" aria-label={ (vocabulary::describe(&of.0)) " in " (found.len()) " sessions; table below" } {
+        svg.run viewBox={ "0 0 " (WIDTH) " " (HEIGHT) } role="img" aria-label={ (vocabulary::describe(&of.0)) " in " (found.len()) " " (each) "; table below" } {
             line.nominal x1=(LEFT) x2=(WIDTH - LEFT) y1=(y(0.0)) y2=(y(0.0)) {}
             @if let Some((_, one)) = found.first() {
                 @if high > 0.0 { text.axis x=(LEFT + 6.0) y=(EDGE - 3.0) { (tick(of, high, high - low, &one.unit)) } }
                 @if low < 0.0 { text.axis x=(LEFT + 6.0) y=(HEIGHT - 2.0) { (tick(of, low, high - low, &one.unit)) } }
             }
-            @for one in changes.iter().filter(|one| one.of == *of) { line.limit x1=(x(one.at.0)) x2=(x(one.at.0)) y1="0" y2=(HEIGHT) { title { (date(one.at)) ": changed" } } }
+            @for (_, at) in changes.iter().filter(|one| one.0 == *of) { line.limit x1=(x(at.0)) x2=(x(at.0)) y1="0" y2=(HEIGHT) { title { (date(*at)) ": changed" } } }
             @for one in adoptions.iter().filter(|one| one.effect == of.0) {
                 line.done x1=(x(one.at.0)) x2=(x(one.at.0)) y1="0" y2=(HEIGHT) { title { (date(one.at)) ": " (one.description()) } }
                 text.axis x=(x(one.at.0) - 4.0) y=(HEIGHT / 2.0) text-anchor="end" { (if one.adopted { "adopted" } else { "taken back" }) }

@@ -19,6 +19,10 @@ use crate::{
 
 /// Address unless the user chooses another.
 const ADDRESS: &str = "127.0.0.1:7480";
+/// Folder of a lake unless the user chooses another, as of `probecell-fleet`.
+const LAKE: &str = "lake";
+/// Name of the file that every lake has.
+const LAKE_FILE: &str = "lake.json";
 /// How often the end of the process is looked for.
 const PERIOD: Duration = Duration::from_millis(50);
 
@@ -45,6 +49,10 @@ pub(crate) struct Arguments {
     /// Folder of recordings; may be repeated. Default: `recordings`, or that of --cell.
     #[arg(long, value_name = "DIR")]
     recordings: Vec<PathBuf>,
+    /// Folder of a lake of sessions: pages of machines show the trends that `probecell fleet trends --keep` has left there.
+    /// Default: `lake`, where there is one.
+    #[arg(long, value_name = "DIR")]
+    lake: Option<PathBuf>,
     /// ROS domain.
     #[arg(long, default_value_t = 0)]
     domain: u32,
@@ -195,12 +203,20 @@ pub(crate) fn run(arguments: Arguments) -> anyhow::Result<u8> {
     let mut hosts = arguments.host;
     hosts.extend(host_names());
     let desks = desks(&cells)?;
-    confined::server(&cells, &buses, &recordings)?;
+    if let Some(lake) = &arguments.lake {
+        std::fs::metadata(lake.join(LAKE_FILE))
+            .with_context(|| format!("there is no lake in {}", lake.display()))?;
+    }
+    let by_default = || Some(PathBuf::from(LAKE)).filter(|lake| lake.join(LAKE_FILE).exists());
+    let lake = arguments.lake.or_else(by_default);
+    let folders: Vec<PathBuf> = recordings.iter().chain(&lake).cloned().collect();
+    confined::server(&cells, &buses, &folders)?;
     let settings = Settings {
         listen: arguments.listen,
         any_port: arguments.any_port,
         buses,
         recordings,
+        lake,
         pages: Pages { report, diagnosis },
         desks,
         hosts,
