@@ -414,7 +414,7 @@ fn every_topic_of_the_cell_has_one_producer_and_every_input_a_speaker() {
             assert_eq!(producer, expected, "{}", topic.name);
         } else {
             assert!(
-                ["operator", "gap", "recorder"].contains(&topic.producer),
+                ["operator", "gap", "recorder", "signals"].contains(&topic.producer),
                 "{} has no producer",
                 topic.name
             );
@@ -430,6 +430,7 @@ fn every_topic_of_the_cell_has_one_producer_and_every_input_a_speaker() {
             "plan_requests",
             "recording_status",
             "run_requests",
+            "signals",
             "stop_requests"
         ]
     );

@@ -22,8 +22,11 @@ use cell_tests::{
 use graph::{Published, START, topics};
 use probecell_msgs::{
     ControllerCommand, Correction, FeatureResult, InspectionPlan, MachineState, OperationRequest,
-    OperatorRequest, PartReport, ProbeEvent, ProbeTrigger, ReferenceMeasurement, from_cdr,
-    sensor_msgs::JointState, to_cdr,
+    OperatorRequest, PartReport, ProbeEvent, ProbeTrigger, ReferenceMeasurement,
+    diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue},
+    from_cdr,
+    sensor_msgs::JointState,
+    to_cdr,
 };
 use serde_json::Value;
 
@@ -369,6 +372,33 @@ fn slow_to_stop() -> (Cell, Vec<Published>) {
     (cell, session.finish())
 }
 
+/// A clamping opens while the part is measured.
+fn unclamped() -> (Cell, Vec<Published>) {
+    let cell = turn_mill(|text| {
+        let chuck = "name = \"chuck\"\nrole = \"clamping_closed\"\nsource = \"s7://10.0.0.5/0/1\"\n\
+                     address = \"M0.0\"\ntype = \"bool\"\ntimeout_s = 600\n";
+        format!("{text}\n[[signals]]\n{chuck}")
+    });
+    let mut session = Session::new(&cell);
+    let chuck = |session: &Session, value: &str| DiagnosticArray {
+        header: session.now().header(""),
+        status: vec![DiagnosticStatus {
+            name: "chuck".to_owned(),
+            values: vec![KeyValue {
+                key: "value".to_owned(),
+                value: value.to_owned(),
+            }],
+            ..DiagnosticStatus::default()
+        }],
+    };
+    session.send(topics::SIGNALS, &chuck(&session, "1"));
+    session.ask_for("punch");
+    session.run_to(topics::PROBE_EVENTS);
+    session.send(topics::SIGNALS, &chuck(&session, "0"));
+    session.run_s(6.0);
+    (cell, session.finish())
+}
+
 fn gone_wrong(kind: &str) -> (Cell, Vec<Published>) {
     let cell = turn_mill(|text| with_fault(text, kind, 20));
     let mut session = Session::new(&cell);
@@ -468,6 +498,7 @@ fn sessions() -> Vec<(Cell, Vec<Published>)> {
         unanswered(),
         delivered_again(),
         slow_to_stop(),
+        unclamped(),
         not_converging(),
         springing(),
         five_axis(),

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use analysis::feature::Criterion;
 use probecell_msgs::is_unprintable;
 
-use crate::{Cell, access, sections::LAST_DOMAIN, strangers};
+use crate::{Cell, access, sections::LAST_DOMAIN, signals, strangers};
 
 /// s; shortest and longest time after which a recording is flushed.
 const FLUSH_INTERVAL: std::ops::RangeInclusive<f64> = 0.01..=3600.0;
@@ -42,6 +42,7 @@ pub(crate) fn sections(cell: &Cell) -> Result<(), String> {
     recorder(cell)?;
     printable(cell)?;
     limits(cell)?;
+    signals::check(cell)?;
     names(cell)
 }
 

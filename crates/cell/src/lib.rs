@@ -3,6 +3,7 @@
 //! ```text
 //! cell.toml ----> [cell] [bus] [recorder]            sections of no node, checked here
 //!                 [machine_state] ... [gap]          one section for each node, checked by the node
+//!                 [[signals]]                        of controllers beside the machine, by plc
 //!                 [driver] source = NAME  [NAME]     settings of the driver, by controllers::driver::DRIVERS
 //!                 [[model.effects]]                  effects declared besides the robot description
 //! robot.urdf ---> kinematic chain
@@ -45,6 +46,7 @@ pub mod parameters;
 pub mod policy;
 pub mod secrets;
 mod sections;
+mod signals;
 pub mod strangers;
 
 use std::collections::BTreeMap;
@@ -67,6 +69,7 @@ pub use sections::{
     ApprovalsSection, BusSection, CellSection, RecorderSection, Strangers, TransportName,
     domain_of_environment,
 };
+pub use signals::SignalSection;
 
 /// Text of a cell file and of the robot description that it names.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -90,7 +93,7 @@ cell_file! {
             #[serde(default)] machine_state: machine_state::RawConfig => machine_state::MachineStateNode,
                 |raw, site| {
                     let config = raw.check(site.robot_description(), site.chain.name(), site.replayed);
-                    config.map(|config| config.with_trust(site.trust()))
+                    config.map(|config| config.with_trust(site.trust()).with_signals(site.cell.watched_signals()))
                 };
             #[serde(default)] probe_events: probe_events::RawConfig => probe_events::ProbeEventsNode,
                 |raw, site| raw.check(site.chain.clone());
@@ -126,6 +129,9 @@ cell_file! {
         pub approvals: ApprovalsSection,
         /// What stands behind the driver's topics.
         pub driver: DriverSection,
+        /// What is read of controllers beside the machine.
+        #[serde(default)]
+        pub signals: Vec<SignalSection>,
         /// The part to make and measure.
         pub part: path_planning::part::RawPart,
         /// Limits of the axes, dwell, delays, overrides; without them moves are timed by top speeds.

@@ -18,6 +18,7 @@ pub fn of(cell: &Cell, name: &str) -> Vec<(String, ParameterValue)> {
         section == policy::RECORDER
             || processes.contains(&section)
             || cell.driver_process() == Some(section)
+            || cell.signals_process() == Some(section)
     };
     let mut settings = Vec::new();
     for (section, value) in sections {
@@ -171,6 +172,18 @@ mod tests {
             &mut leaves,
         );
         assert_eq!(all.values().map(BTreeMap::len).sum::<usize>(), leaves.len());
+    }
+
+    #[test]
+    fn signals_are_parameters_of_the_process_that_reads_them() {
+        let mut text = turn_mill().text().clone();
+        text.cell += "\n[[signals]]\nname = \"chuck\"\nrole = \"clamping_closed\"\nsource = \"s7://10.0.0.5/0/1\"\n\
+                      address = \"M0.0\"\ntype = \"bool\"\n";
+        let cell = Cell::from_text(text).expect("a cell");
+        let read: BTreeMap<String, ParameterValue> = of(&cell, "signals").into_iter().collect();
+        assert_eq!(read["0.name"].string_value, "chuck");
+        let launcher = of(&cell, policy::LAUNCHER);
+        assert!(launcher.iter().all(|(name, _)| !name.contains("signals")));
     }
 
     #[test]

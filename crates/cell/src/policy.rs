@@ -128,6 +128,9 @@ pub fn productions(cell: &Cell) -> Result<BTreeMap<String, Vec<String>>, CellErr
     if let Some(driver) = cell.driver_process() {
         processes.insert(driver.to_owned(), of(DRIVER));
     }
+    if let Some(reader) = cell.signals_process() {
+        processes.insert(reader.to_owned(), of(reader));
+    }
     if cell.is_driver_external() {
         processes.insert(DRIVER.to_owned(), of(DRIVER));
     }

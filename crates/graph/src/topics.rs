@@ -11,8 +11,8 @@ use probecell_msgs::{
     MachineState, MeasurementOrder, Message, MessageType, OperationReport, OperationRequest,
     OperatorKeys, OperatorReply, OperatorRequest, PartAlignment, PartReport, PartStatus,
     PassDecision, PlanProgress, ProbeEvent, ProbeTrigger, RecordingStatus, ReferenceMeasurement,
-    StepJournal, ToolOffsets, TouchDeviation, Verdict, sensor_msgs::JointState, std_msgs,
-    tf2_msgs::TFMessage, visualization_msgs::MarkerArray,
+    StepJournal, ToolOffsets, TouchDeviation, Verdict, diagnostic_msgs::DiagnosticArray,
+    sensor_msgs::JointState, std_msgs, tf2_msgs::TFMessage, visualization_msgs::MarkerArray,
 };
 
 /// Quality of service of a topic, in ROS 2 terms.
@@ -62,7 +62,7 @@ pub struct Topic {
     pub message: &'static MessageType,
     /// How it is delivered.
     pub qos: Qos,
-    /// The one node (or `driver`, `operator`, `recorder`, `instrument`) that publishes it.
+    /// The one node (or `driver`, `signals`, `operator`, `recorder`, `instrument`) that publishes it.
     pub producer: &'static str,
 }
 
@@ -89,6 +89,7 @@ declare_topics! {
     CONTROLLER_STATUS = "driver", "controller_status", ControllerStatus, Qos::reliable(100);
     PROBE_TRIGGERS = "driver", "probe_triggers", ProbeTrigger, Qos::KEEP_ALL;
     CONTROLLER_REPLIES = "driver", "controller_replies", ControllerReply, Qos::KEEP_ALL;
+    SIGNALS = "signals", "signals", DiagnosticArray, Qos::reliable(100);
     REFERENCE = "instrument", "reference", ReferenceMeasurement, Qos::latched(1);
 
     PLAN_REQUESTS = "operator", "plan_requests", OperatorRequest, Qos::KEEP_ALL;

@@ -16,6 +16,7 @@
 //! | [`driver`] | polls the connection to a controller |
 //! | [`recording`] | the recorder |
 //! | [`parameters`] | the settings of the process as ROS 2 parameters, and descriptions of types |
+//! | [`signals`] | reads controllers beside the machine |
 //! | [`rosout`] | the log of the process on `/rosout` |
 //! | [`clock`] | stamps on the monotonic clock |
 //!
@@ -60,10 +61,12 @@ pub mod process;
 pub mod recording;
 mod robot;
 pub mod rosout;
+pub mod signals;
 mod topology;
 
 pub use clock::now;
 pub use driver::{SUBSCRIBED, run_driver};
 pub use process::{NodeProcess, ProcessError, Stop, run_node};
 pub use recording::{RecorderProcess, RecordingSettings};
+pub use signals::run_signals;
 pub use topology::{bus_qos, endpoint_answers, wait_for_subscriptions};

@@ -69,6 +69,7 @@ fn is_supervised(cell: &Cell, node: &str) -> bool {
     node == policy::RECORDER
         || cell.node_names().contains(&node)
         || cell.driver_process() == Some(node)
+        || cell.signals_process() == Some(node)
 }
 
 /// Where a process of the cell finds the router. What only reads comes as a stranger, who may do no more.

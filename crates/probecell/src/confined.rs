@@ -25,14 +25,23 @@ pub(crate) fn driver(cell: &Cell, bus: &BusConfig) -> anyhow::Result<Confined> {
         return node(bus);
     };
     let files = controller.files();
+    let rights = networked(bus)?.reads(files.read).writes(files.write);
+    Ok(confine(&rights)?)
+}
+
+/// What reads controllers beside the machine: any address of the network.
+pub(crate) fn with_network(bus: &BusConfig) -> anyhow::Result<Confined> {
+    Ok(confine(&networked(bus)?)?)
+}
+
+fn networked(bus: &BusConfig) -> anyhow::Result<Rights> {
     let sockets = Sockets {
         tcp: true,
         udp: true,
         ports: None,
         ..bus.sockets()?
     };
-    let rights = of_bus(bus)?.reads(files.read).writes(files.write);
-    Ok(confine(&rights.with_sockets(sockets))?)
+    Ok(of_bus(bus)?.with_sockets(sockets))
 }
 
 /// The recorder: the bus, and the folders of recordings.

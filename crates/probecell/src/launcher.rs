@@ -81,7 +81,11 @@ pub(crate) fn up(file: &Path, once: bool, recorded: bool, shown: bool) -> anyhow
     {
         output::remark(&format!("no dashboard: {error:#}"));
     }
-    for name in cell.node_names().into_iter().chain(cell.driver_process()) {
+    let beside = cell
+        .driver_process()
+        .into_iter()
+        .chain(cell.signals_process());
+    for name in cell.node_names().into_iter().chain(beside) {
         processes.start(name)?;
     }
     let mut operator = Operator::join(bus, &cell)?;

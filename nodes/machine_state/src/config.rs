@@ -4,6 +4,44 @@ use quantity::{Angle, Length};
 use serde::Deserialize;
 use trust::Trust;
 
+/// What a signal says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Role {
+    /// The part is clamped: 1, else 0. Nothing begins without.
+    ClampingClosed,
+    /// The part is there: 1, else 0. Nothing begins without.
+    PartPresent,
+    /// A temperature of `machine_state`, degree Celsius.
+    Temperature,
+    /// A quantity that is watched and recorded.
+    Value,
+}
+
+impl Role {
+    /// The machine may do nothing while it is 0.
+    pub fn is_interlock(self) -> bool {
+        matches!(self, Self::ClampingClosed | Self::PartPresent)
+    }
+}
+
+/// A signal, as it is watched here.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Signal {
+    /// Its name, of a temperature as well that in `machine_state`.
+    pub name: String,
+    /// What it says.
+    pub role: Role,
+    /// Unit of its value.
+    pub unit: String,
+    /// Least value, in that unit.
+    pub minimum: Option<f64>,
+    /// Largest value, in that unit.
+    pub maximum: Option<f64>,
+    /// s; without a valid reading for longer it is stale.
+    pub timeout: f64,
+}
+
 /// As written in the cell file, section `[machine_state]`.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -74,6 +112,8 @@ pub struct Config {
     pub volumetric_length_limit: Length,
     /// No entry that is an angle is written outside plus or minus this.
     pub volumetric_angle_limit: Angle,
+    /// Signals of controllers beside the machine.
+    pub signals: Vec<Signal>,
     /// Whose approvals count.
     pub trust: Trust,
     /// This graph runs on a recording: no command may reach a machine.
@@ -85,6 +125,12 @@ impl Config {
     #[must_use]
     pub fn with_trust(self, trust: Trust) -> Self {
         Self { trust, ..self }
+    }
+
+    /// The same with signals of controllers beside the machine.
+    #[must_use]
+    pub fn with_signals(self, signals: Vec<Signal>) -> Self {
+        Self { signals, ..self }
     }
 }
 
@@ -139,6 +185,7 @@ impl RawConfig {
             work_offset_limit: Length::from_mm(self.work_offset_limit_mm),
             volumetric_length_limit: Length::from_um(self.volumetric_limit_um),
             volumetric_angle_limit: Angle::from_urad(self.volumetric_limit_urad),
+            signals: Vec::new(),
             trust: Trust::default(),
             replayed,
         })

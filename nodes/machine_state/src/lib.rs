@@ -15,12 +15,12 @@
 //! | `controller_status`, `controller_replies` | `robot_description`, `joint_states`, `joint_commands`, `machine_state`, `tool_offsets` |
 //! | `operation_requests`, `plan_progress`, `measurement_order` | `controller_commands`, `operation_reports` |
 //! | `corrections`, `part_reports`, `part_status` | `correction_acknowledgements`, `supervised_part` |
-//! | `stop_requests`, `recording_status`, `operator_keys` | `stop_replies`, `gate_heartbeat` |
-//! | | `machine_state/faults`: `controller_lost`, `controller_restarted`, `estop`, `controller_alarm`, `unplanned_touch`, `status_not_finite`, `probe_stuck`, `machine_off`, `stopped`, `unsupervised_motion`, `cycle_lost`, `gate_lost` |
+//! | `stop_requests`, `recording_status`, `operator_keys`, `signals` | `stop_replies`, `gate_heartbeat` |
+//! | | `machine_state/faults`: `controller_lost`, `controller_restarted`, `estop`, `controller_alarm`, `unplanned_touch`, `status_not_finite`, `probe_stuck`, `machine_off`, `stopped`, `unsupervised_motion`, `cycle_lost`, `gate_lost`, `interlock_lost`, `interlock_open`, `signal_lost`, `signal_out_of_range` |
 //!
 //! Invariants: nothing else publishes `controller_commands`; a correction is written at most once; a command names the
 //! session of the driver that runs now; no correction rests on a part that ended other than qualified, and none is written for
-//! a part that is not being made. The first command to a session is STOP. A request is taken once; without a recording none is. A driver that does
+//! a part that is not being made. Nothing begins while a declared clamping is not known to be closed, or the part to be present. The first command to a session is STOP. A request is taken once; without a recording none is. A driver that does
 //! not answer a correction in time has failed it, and an operation has failed when the controller stays idle without a
 //! report. A volumetric table is written as a whole, and applied only when every entry is read back.
 //!
@@ -58,6 +58,7 @@ mod operation;
 mod part;
 mod ports;
 mod refusal;
+mod signals;
 mod standing;
 mod state;
 mod status;
@@ -66,7 +67,8 @@ mod stop;
 mod table;
 mod writing;
 
-pub use config::{Config, ConfigError, RawConfig};
+pub use config::{Config, ConfigError, RawConfig, Role, Signal};
 pub use ports::{Input, MachineFault, Output};
+pub use signals::VALUE;
 pub use state::State;
 pub use step::MachineStateNode;

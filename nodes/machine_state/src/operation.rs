@@ -11,6 +11,7 @@ use crate::{
     config::Config,
     part,
     ports::{MachineFault, Output},
+    signals,
     standing::{clear, raise},
     state::{Asker, Awaited, Operation, State, Writing},
     stop, writing,
@@ -45,7 +46,7 @@ fn unrecorded(state: &State, now: Stamp) -> Option<&'static str> {
 }
 
 /// Takes a request once. One that is repeated is answered by the last report on it. While the driver has not confirmed a stop,
-/// nothing is begun, since the stop would end it: `cycle` repeats its request.
+/// nothing is begun, since the stop would end it, and neither is it before a clamping is known: `cycle` repeats its request.
 pub(crate) fn request(
     config: &Config,
     state: &mut State,
@@ -62,7 +63,11 @@ pub(crate) fn request(
             }
             return;
         }
-        _ if request.kind != OperationRequest::STOP && !state.stops.is_empty() => return,
+        _ if request.kind != OperationRequest::STOP
+            && (!state.stops.is_empty() || signals::is_awaited(config, state, now)) =>
+        {
+            return;
+        }
         _ => state.taken = Some((request.request_id, None)),
     }
     carry_out(config, state, now, request, out);
@@ -108,11 +113,13 @@ pub(crate) fn carry_out(
         .or_else(|| {
             let stopped = part::is_stopped(state, &request.run_id);
             stopped.then_some("an operator has stopped the machine")
-        });
+        })
+        .map(str::to_owned)
+        .or_else(|| signals::refusal(config, state, now));
     if let Some(text) = refusal {
         state.order = None;
         let id = request.request_id;
-        report(state, now, id, OperationReport::REFUSED, text, out);
+        report(state, now, id, OperationReport::REFUSED, &text, out);
         return;
     }
     let mut order = Vec::new();

@@ -5,7 +5,8 @@ use probecell_msgs::{
     ControllerCommand, ControllerReply, ControllerStatus, Correction, CorrectionAcknowledgement,
     Fault, GateHeartbeat, MachineState, MeasurementOrder, OperationReport, OperationRequest,
     OperatorKeys, OperatorReply, OperatorRequest, PartReport, PartStatus, PlanProgress,
-    RecordingStatus, ToolOffsets, sensor_msgs::JointState, std_msgs,
+    RecordingStatus, ToolOffsets, diagnostic_msgs::DiagnosticArray, sensor_msgs::JointState,
+    std_msgs,
 };
 
 inputs! {
@@ -33,6 +34,8 @@ inputs! {
         Progress(PlanProgress) = topics::PLAN_PROGRESS,
         /// The operators' keys in force.
         Keys(OperatorKeys) = topics::OPERATOR_KEYS,
+        /// Signals of controllers beside the machine.
+        Signals(DiagnosticArray) = topics::SIGNALS,
     }
 }
 
@@ -85,6 +88,14 @@ faults! {
         UnsupervisedMotion = ERROR "unsupervised_motion",
         /// `cycle` no longer reports the part that is being made.
         CycleLost = ERROR "cycle_lost",
+        /// A clamping or the presence of the part is not known any more.
+        InterlockLost = ERROR "interlock_lost",
+        /// A clamping was opened, or the part was taken away, while it is made.
+        InterlockOpen = ERROR "interlock_open",
+        /// Another signal has not been read for too long.
+        SignalLost = WARNING "signal_lost",
+        /// A signal is beyond its limits.
+        SignalOutOfRange = WARNING "signal_out_of_range",
         /// Driver: the gate has fallen silent, or it is another process than before.
         GateLost = ERROR "gate_lost",
         /// Driver: the probe was tripped before a move began.

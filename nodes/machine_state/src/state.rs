@@ -55,8 +55,19 @@ pub struct State {
     pub applied: BTreeMap<String, ReadBack>,
     /// Largest offset of each feature's tool path that was written in this session, m.
     pub paths: BTreeMap<String, f64>,
-    /// Codes of the faults that stand: each has been reported once.
+    /// Codes of the faults that stand, with the signal where they are of one: each has been reported once.
     pub standing: BTreeSet<String>,
+    /// What was heard of each signal.
+    pub signals: BTreeMap<String, Heard>,
+}
+
+/// What was heard of a signal.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Heard {
+    /// Its last valid reading, and when it was read.
+    pub last: Option<(f64, Stamp)>,
+    /// Why it could not be read since; empty where it could.
+    pub failure: String,
 }
 
 /// Values that the controller held before a correction was written, and those read back after it.

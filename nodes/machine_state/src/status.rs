@@ -10,6 +10,7 @@ use crate::{
     config::Config,
     operation,
     ports::{MachineFault, Output},
+    signals,
     standing::{clear, raise},
     state::{Asker, Controller, State},
     stop,
@@ -64,12 +65,13 @@ pub(crate) fn sample(
             keys: state.keys.take(),
             order: state.order.take(),
             standing: std::mem::take(&mut state.standing),
+            signals: std::mem::take(&mut state.signals),
             ..State::default()
         };
     }
     let greeted = state.controller.is_some() || state.started == 0;
     report_faults(state, now, &status, out);
-    publish(config, state, &status, out);
+    publish(config, state, now, &status, out);
     if let Some(operation) = &mut state.operation {
         let idle = status.execution == MachineState::EXECUTION_IDLE;
         operation.idle = idle.then(|| operation.idle.unwrap_or(now));
@@ -162,7 +164,13 @@ fn report_faults(
     }
 }
 
-fn publish(config: &Config, state: &State, status: &ControllerStatus, out: &mut Outbox<Output>) {
+fn publish(
+    config: &Config,
+    state: &State,
+    now: Stamp,
+    status: &ControllerStatus,
+    out: &mut Outbox<Output>,
+) {
     let header = std_msgs::Header {
         stamp: status.header.stamp,
         frame_id: "foundation".to_owned(),
@@ -177,6 +185,12 @@ fn publish(config: &Config, state: &State, status: &ControllerStatus, out: &mut 
     if status.axis_commands.len() == status.axis_names.len() {
         out.send(Output::JointCommands(joints(&status.axis_commands)));
     }
+    // Of two sources of one temperature the one counts that the cell file names.
+    let read: Vec<(String, f64)> = signals::temperatures(config, state, now).collect();
+    let reported = (status.temperature_names.iter().cloned()).zip(status.temperatures.clone());
+    let reported = reported.filter(|(name, _)| read.iter().all(|(own, _)| own != name));
+    let (temperature_names, temperatures) = reported.chain(read.clone()).unzip();
+    let alarms = status.alarms.iter().cloned();
     out.send(Output::State(MachineState {
         header: header.clone(),
         machine_id: config.machine_id.clone(),
@@ -187,9 +201,9 @@ fn publish(config: &Config, state: &State, status: &ControllerStatus, out: &mut 
         tool_number: status.tool_number,
         feed_override: status.feed_override,
         spindle_speed: status.spindle_speed,
-        temperature_names: status.temperature_names.clone(),
-        temperatures: status.temperatures.clone(),
-        alarms: status.alarms.clone(),
+        temperature_names,
+        temperatures,
+        alarms: alarms.chain(signals::alarms(config, state, now)).collect(),
     }));
     let held = state
         .controller

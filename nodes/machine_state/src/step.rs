@@ -8,6 +8,7 @@ use crate::{
     config::Config,
     operation, part,
     ports::{Input, MachineFault, Output},
+    signals,
     state::{Asker, Awaited, State},
     status, stop, writing,
 };
@@ -57,6 +58,9 @@ impl Node for MachineStateNode {
                 command::beat(state, now, out);
                 status::watch(config, state, now, out);
                 part::watch(config, state, now, out);
+                if signals::watch(config, state, now, out) {
+                    stop::stop(config, state, now, Asker::Gate, out);
+                }
                 stop::expire(state, now, out);
                 writing::expire(config, state, now, out);
                 writing::write_deferred(config, state, now, out);
@@ -99,6 +103,11 @@ impl Node for MachineStateNode {
                 stop::stop(config, state, now, asked_by, out);
             }
             Input::Recording(status) => hear_of_recording(state, now, status),
+            Input::Signals(readings) => {
+                if signals::take(config, state, now, readings, out) {
+                    stop::stop(config, state, now, Asker::Gate, out);
+                }
+            }
             Input::Keys(keys) => {
                 trust::operators::take(config.trust.cell.as_ref(), &mut state.keys, keys);
             }

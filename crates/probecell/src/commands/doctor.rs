@@ -10,6 +10,7 @@ use cell::{Cell, TransportName};
 use controllers::driver::tcp_answers;
 use graph::{Wiring, topics};
 use host::bus::{Bus, BusConfig};
+use plc::Poll;
 use serde::Serialize;
 
 use crate::{BAD_INPUT, FAILED, GOOD, cell_bus, output};
@@ -63,6 +64,9 @@ pub(crate) fn run(file: &Path, json: bool) -> anyhow::Result<u8> {
                     find(&check.subject, check.result);
                 }
             }
+            for poll in cell.polls().unwrap_or_default() {
+                find(&poll.source, values(&poll));
+            }
         }
     }
     let good = findings.iter().all(|finding| finding.good);
@@ -81,12 +85,24 @@ pub(crate) fn run(file: &Path, json: bool) -> anyhow::Result<u8> {
     })
 }
 
+/// What a controller beside the machine holds now.
+fn values(poll: &Poll) -> Result<String, String> {
+    let values = poll.once()?;
+    let texts = values.iter().map(|(signal, value)| {
+        let unit = if signal.unit == "1" { "" } else { &signal.unit };
+        format!("{} = {value} {unit}", signal.name)
+            .trim_end()
+            .to_owned()
+    });
+    Ok(texts.collect::<Vec<_>>().join(", "))
+}
+
 /// Every topic with a subscription has a publisher.
 fn graph(cell: &Cell) -> Result<String, String> {
     let nodes = cell.nodes(false).map_err(|error| error.to_string())?;
     let wiring = Wiring::of(&nodes).map_err(|error| error.to_string())?;
     let names = cell.node_names();
-    let outside = ["driver", "operator", "instrument", "recorder"];
+    let outside = ["driver", "signals", "operator", "instrument", "recorder"];
     for node in &nodes {
         for topic in node.inputs() {
             let known =

@@ -1,11 +1,11 @@
-//! `probecell node`: runs one node, or the driver of a controller, in this process.
+//! `probecell node`: runs one node, the driver of a controller, or what reads signals beside the machine, in this process.
 
 use std::{collections::BTreeMap, path::Path, sync::atomic::Ordering};
 
 use cell::{Cell, keys::KeyFolder};
 use controllers::driver::{ConnectError, Connection, Role};
 use graph::Wiring;
-use host::{NodeProcess, bus::Bus, run_driver, run_node};
+use host::{NodeProcess, bus::Bus, run_driver, run_node, run_signals};
 
 use crate::{GOOD, cell_bus, confined, routing::refuse_unheard, signals};
 
@@ -31,6 +31,9 @@ pub(crate) fn run(
             }
             Role::Node(_) | Role::External | Role::Playback => {}
         }
+    }
+    if cell.signals_process() == Some(name) {
+        return read_signals(&cell, name, supervised);
     }
     let folder = KeyFolder::of(&cell)?;
     // The private key goes to the one node that signs, and to no other.
@@ -77,6 +80,23 @@ fn awaited(cell: &Cell, recorded: bool) -> anyhow::Result<BTreeMap<String, usize
         }
     }
     Ok(awaited)
+}
+
+/// Reads controllers beside the machine until it is asked to end.
+fn read_signals(cell: &Cell, name: &str, supervised: bool) -> anyhow::Result<u8> {
+    let polls = cell.polls().map_err(anyhow::Error::msg)?;
+    let bus = cell_bus::bus_config(cell, name)?;
+    confined::with_network(&bus)?;
+    if !supervised {
+        refuse_unheard(cell)?;
+    }
+    let bus = Bus::open(&bus, name, &cell.namespace())?;
+    cell_bus::show(&bus, cell, name)?;
+    let end = signals::end_flag()?;
+    run_signals(bus, polls, &cell.namespace(), &|| {
+        end.load(Ordering::SeqCst)
+    })?;
+    Ok(GOOD)
 }
 
 /// Runs the driver of a real controller until it is asked to end.
