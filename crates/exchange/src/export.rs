@@ -2,8 +2,10 @@
 //! recording's, in the unit that a format asks for.
 
 pub mod aqdef;
+mod live;
 pub mod mtconnect;
 pub mod qif;
+pub mod sparkplug;
 pub mod table;
 mod uuid;
 mod xml;

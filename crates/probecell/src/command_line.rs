@@ -110,6 +110,8 @@ pub(crate) enum Command {
     Dashboard(commands::dashboard::Arguments),
     /// Serve a running cell as an MTConnect agent, read only.
     Mtconnect(commands::mtconnect::Arguments),
+    /// Publish a running cell to an MQTT broker as an edge node of Sparkplug B.
+    Sparkplug(commands::sparkplug::Arguments),
     /// Show every cell of the bus on one screen, those that need a person first.
     Watch(commands::watch::Arguments),
     /// Resume an interrupted measurement of a running cell, or repeat points of it; the part then continues.

@@ -5,7 +5,7 @@
 
 pub mod agent;
 
-use probecell_msgs::ToolOffsets;
+use probecell_msgs::{MachineState, ToolOffsets};
 use probecell_msgs::builtin_interfaces::Time;
 
 use super::xml::Xml;
@@ -43,6 +43,17 @@ enum Content {
 impl Content {
     fn text(text: &str) -> Self {
         Self::Text(text.to_owned())
+    }
+}
+
+/// What the machine does, as MTConnect names it (`EXECUTION`).
+pub(super) fn execution_name(execution: u8) -> &'static str {
+    match execution {
+        MachineState::EXECUTION_RUNNING => "ACTIVE",
+        MachineState::EXECUTION_HOLD => "FEED_HOLD",
+        MachineState::EXECUTION_ALARM => "STOPPED",
+        MachineState::EXECUTION_ESTOP => "INTERRUPTED",
+        _ => "READY",
     }
 }
 

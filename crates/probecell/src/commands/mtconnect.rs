@@ -11,12 +11,10 @@ use anyhow::Context;
 use cell::Cell;
 use exchange::export::mtconnect::agent::Agent;
 use graph::topics::{self, Topic};
-use host::bus::{BusConfig, EntityKind, Observed, Observer, OnMissed, OnObserved};
-use host::bus_qos;
 use probecell_msgs::from_cdr;
 use tokio::sync::watch;
 
-use super::dashboard;
+use super::{dashboard, following::follow};
 use crate::{DEFAULT_CELL, GOOD, confined, output, signals};
 
 /// The port that agents use.
@@ -29,10 +27,8 @@ const READ: [Topic; 5] = [
     topics::FEATURE_RESULTS,
     topics::VERDICTS,
 ];
-/// How often it is looked whether the cell is on the bus, and whether this process is to end.
+/// How often it is looked whether this process is to end.
 const PERIOD: Duration = Duration::from_millis(200);
-/// Wait between two attempts to reach the router.
-const AGAIN: Duration = Duration::from_secs(1);
 
 /// What the user asks for.
 #[derive(clap::Args)]
@@ -81,18 +77,17 @@ impl Served {
 
     /// Takes a message; one that is not of its type is left out and logged.
     fn take(&self, topic: &str, payload: &[u8]) {
-        let name = topic.rsplit('/').next().unwrap_or_default();
-        let taken = match name {
-            _ if name == topics::MACHINE_STATE.name => {
+        let taken = match topic {
+            _ if topic == topics::MACHINE_STATE.name => {
                 from_cdr(payload).map(|state| self.change(|agent| agent.machine(&state)))
             }
-            _ if name == topics::TOOL_OFFSETS.name => {
+            _ if topic == topics::TOOL_OFFSETS.name => {
                 from_cdr(payload).map(|offsets| self.change(|agent| agent.offsets(&offsets)))
             }
-            _ if name == topics::INSPECTION_PLAN.name => {
+            _ if topic == topics::INSPECTION_PLAN.name => {
                 from_cdr(payload).map(|plan| self.change(|agent| agent.plan(plan)))
             }
-            _ if name == topics::FEATURE_RESULTS.name => {
+            _ if topic == topics::FEATURE_RESULTS.name => {
                 from_cdr(payload).map(|result| self.change(|agent| agent.result(result)))
             }
             _ => from_cdr(payload).map(|verdict| self.change(|agent| agent.verdict(verdict))),
@@ -120,7 +115,18 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
         .name("mtconnect bus".to_owned())
         .spawn({
             let served = Arc::clone(&served);
-            move || read(&served, &bus, &name)
+            move || -> () {
+                let heard = Arc::clone(&served);
+                follow(
+                    &bus,
+                    &name,
+                    &READ,
+                    move |topic, payload| heard.take(topic, payload),
+                    |is_present| {
+                        served.change(|agent| agent.present(host::now().time(), is_present));
+                    },
+                )
+            }
         })?;
     let end = signals::end_flag()?;
     let ended = async move {
@@ -135,56 +141,4 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
         ));
     })?;
     Ok(GOOD)
-}
-
-/// Feeds the agent for as long as the process runs. A router that does not answer is tried again.
-fn read(served: &Arc<Served>, bus: &BusConfig, cell: &str) {
-    let on_sample: OnObserved = Arc::new({
-        let served = Arc::clone(served);
-        move |topic, received| served.take(topic, &received.payload)
-    });
-    let on_missed: OnMissed = Arc::new(|topic, _, count| {
-        tracing::warn!(%topic, count, "messages of the cell were missed");
-    });
-    let observer = loop {
-        match Observer::open(bus, &[], &on_sample, &on_missed) {
-            Ok(observer) => break observer,
-            Err(error) => {
-                tracing::debug!(%error, "no router yet");
-                std::thread::sleep(AGAIN);
-            }
-        }
-    };
-    let mut watched = Vec::new();
-    for topic in READ {
-        let observed = Observed {
-            name: topic.name.to_owned(),
-            ty: topic.message.into(),
-            qos: bus_qos(topic.qos),
-        };
-        match observer.watch(cell, &observed, &on_sample, &on_missed) {
-            Ok(one) => watched.push(one),
-            Err(error) => tracing::error!(topic = topic.name, %error, "a topic cannot be read"),
-        }
-    }
-    loop {
-        let is_present = is_present(&observer, cell);
-        served.change(|agent| agent.present(host::now().time(), is_present));
-        std::thread::sleep(PERIOD);
-    }
-}
-
-/// Whether somebody publishes the state of the cell's machine.
-fn is_present(observer: &Observer, cell: &str) -> bool {
-    let topic = format!("/{cell}/{}", topics::MACHINE_STATE.name);
-    let graph = observer.graph();
-    let mut publishers = graph
-        .entities()
-        .iter()
-        .filter(|one| one.kind == EntityKind::Publisher);
-    publishers.any(|one| {
-        one.channel
-            .as_ref()
-            .is_some_and(|channel| channel.name == topic)
-    })
 }

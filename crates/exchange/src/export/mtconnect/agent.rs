@@ -7,12 +7,11 @@
 use std::collections::{BTreeMap, VecDeque};
 
 use probecell_msgs::builtin_interfaces::Time;
-use probecell_msgs::{
-    FeatureResult, InspectionPlan, MachineState, ToolOffsets, Verdict, geometrical,
-};
+use probecell_msgs::{FeatureResult, InspectionPlan, MachineState, ToolOffsets, Verdict};
 
 use super::{AVAILABILITY, EXECUTION, MEASUREMENTS, MODE, PROGRAM, TOOLS, WORK};
-use super::{Content, Document, Size, date_time, device, document, item_element, write};
+use super::{Content, Document, date_time, device, document, item_element, write};
+use crate::export::live::Sizes;
 
 /// Observations kept.
 pub const BUFFER: usize = 131_072;
@@ -43,9 +42,7 @@ pub struct Agent {
     before: BTreeMap<&'static str, Observation>,
     /// Last value of each data item with a text, so that a sample of the machine is compared without a search.
     latest: BTreeMap<&'static str, String>,
-    plans: BTreeMap<String, InspectionPlan>,
-    results: Vec<FeatureResult>,
-    verdicts: Vec<Verdict>,
+    sizes: Sizes,
 }
 
 impl Agent {
@@ -59,9 +56,7 @@ impl Agent {
             buffer: VecDeque::new(),
             before: BTreeMap::new(),
             latest: BTreeMap::new(),
-            plans: BTreeMap::new(),
-            results: Vec::new(),
-            verdicts: Vec::new(),
+            sizes: Sizes::default(),
         };
         for item in [
             AVAILABILITY,
@@ -114,19 +109,12 @@ impl Agent {
     /// Takes what the machine is doing.
     pub fn machine(&mut self, state: &MachineState) {
         let when = state.header.stamp;
-        let execution = match state.execution {
-            MachineState::EXECUTION_RUNNING => "ACTIVE",
-            MachineState::EXECUTION_HOLD => "FEED_HOLD",
-            MachineState::EXECUTION_ALARM => "STOPPED",
-            MachineState::EXECUTION_ESTOP => "INTERRUPTED",
-            _ => "READY",
-        };
         let mode = match state.mode {
             MachineState::MODE_AUTO => "AUTOMATIC",
             MachineState::MODE_MDI => "MANUAL_DATA_INPUT",
             _ => "MANUAL",
         };
-        self.change(EXECUTION, when, execution);
+        self.change(EXECUTION, when, super::execution_name(state.execution));
         self.change(MODE, when, mode);
         let program = if state.program.is_empty() {
             "UNAVAILABLE"
@@ -146,77 +134,22 @@ impl Agent {
 
     /// Takes a plan, whose limits apply where no verdict states others.
     pub fn plan(&mut self, plan: InspectionPlan) {
-        self.plans.insert(plan.plan_id.clone(), plan);
-        while self.plans.len() > 16 {
-            self.plans.pop_first();
-        }
+        self.sizes.plan(plan);
     }
 
     /// Takes a size. The sizes of its measurement, so far, are one observation.
     pub fn result(&mut self, result: FeatureResult) {
-        if self
-            .results
-            .first()
-            .is_some_and(|first| first.plan_id != result.plan_id)
-        {
-            self.results.clear();
-            self.verdicts.clear();
-        }
         let when = result.header.stamp;
-        self.results
-            .retain(|one| one.feature_id != result.feature_id);
-        self.results.push(result);
-        self.measured(when);
+        self.sizes.result(result);
+        self.observe(MEASUREMENTS, when, Content::Sizes(self.sizes.sizes()));
     }
 
     /// Takes what was decided of a size.
     pub fn verdict(&mut self, verdict: Verdict) {
-        let known = |one: &FeatureResult| {
-            one.plan_id == verdict.plan_id && one.feature_id == verdict.feature_id
-        };
-        if self.results.iter().any(known) {
-            let when = verdict.header.stamp;
-            self.verdicts
-                .retain(|one| one.feature_id != verdict.feature_id);
-            self.verdicts.push(verdict);
-            self.measured(when);
+        let when = verdict.header.stamp;
+        if self.sizes.verdict(verdict) {
+            self.observe(MEASUREMENTS, when, Content::Sizes(self.sizes.sizes()));
         }
-    }
-
-    fn measured(&mut self, when: Time) {
-        let sizes = self.results.iter().map(|result| {
-            let verdict = self
-                .verdicts
-                .iter()
-                .find(|one| one.feature_id == result.feature_id);
-            let zone = geometrical::named(result.kind).is_some();
-            let stated = verdict.map(|one| {
-                let lower = if zone {
-                    f64::NEG_INFINITY
-                } else {
-                    -one.tolerance
-                };
-                [lower, one.tolerance]
-            });
-            let planned = || {
-                let features = &self.plans.get(&result.plan_id)?.features;
-                let own = features.iter().find(|one| one.id == result.feature_id)?;
-                let limits = [own.lower_tolerance, own.upper_tolerance];
-                limits
-                    .iter()
-                    .any(|limit| limit.is_finite())
-                    .then_some(limits)
-            };
-            Size {
-                limits: stated.or_else(planned),
-                text: String::new(),
-                contradicted: verdict.is_some_and(|one| one.verdict == Verdict::CONTRADICTED),
-                verdict: verdict.cloned(),
-                result: result.clone(),
-            }
-        });
-        let sizes = sizes.collect();
-        self.observe(MEASUREMENTS, when, Content::Sizes(sizes));
     }
 
     /// Whether requests for a device of this name or identifier are for this one.
