@@ -40,9 +40,10 @@ impl Sizes {
 
     /// Takes what was decided of a size; false where that size is not of this measurement.
     pub fn verdict(&mut self, verdict: Verdict) -> bool {
-        let is_known = self.results.iter().any(|one| {
-            one.plan_id == verdict.plan_id && one.feature_id == verdict.feature_id
-        });
+        let is_known = self
+            .results
+            .iter()
+            .any(|one| one.plan_id == verdict.plan_id && one.feature_id == verdict.feature_id);
         if is_known {
             self.verdicts
                 .retain(|one| one.feature_id != verdict.feature_id);

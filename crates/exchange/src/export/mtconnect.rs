@@ -5,8 +5,8 @@
 
 pub mod agent;
 
-use probecell_msgs::{MachineState, ToolOffsets};
 use probecell_msgs::builtin_interfaces::Time;
+use probecell_msgs::{MachineState, ToolOffsets};
 
 use super::xml::Xml;
 use super::{Record, Size, Status, date_time, mm};

@@ -127,8 +127,16 @@ impl Edge {
         let metrics = vec![
             Metric::new(SESSION, &Value::Number(self.session), Some(now)),
             Metric::new(REBIRTH, &Value::Flag(false), Some(now)),
-            Metric::new("Properties/Software", &Value::Text("probecell".to_owned()), Some(now)),
-            Metric::new("Properties/Version", &Value::Text(self.version.clone()), Some(now)),
+            Metric::new(
+                "Properties/Software",
+                &Value::Text("probecell".to_owned()),
+                Some(now),
+            ),
+            Metric::new(
+                "Properties/Version",
+                &Value::Text(self.version.clone()),
+                Some(now),
+            ),
         ];
         let mut messages = vec![self.message("NBIRTH", metrics, now)];
         messages.extend(self.changes(now));
@@ -203,7 +211,8 @@ impl Edge {
     /// Takes what the machine is doing.
     pub fn machine(&mut self, state: &MachineState) {
         let at = milliseconds(state.header.stamp.nanos());
-        let mut text = |name: &str, text: &str| self.set(name, Value::Text(text.to_owned()), "", at);
+        let mut text =
+            |name: &str, text: &str| self.set(name, Value::Text(text.to_owned()), "", at);
         text("machine/execution", execution_name(state.execution));
         text("machine/program", &state.program);
         text("machine/alarms", &state.alarms.join("; "));
@@ -244,7 +253,12 @@ impl Edge {
         ] {
             self.set(name, Value::Text(text.to_owned()), "", at);
         }
-        self.set("part/last/passes", Value::Number(u64::from(report.passes)), "", at);
+        self.set(
+            "part/last/passes",
+            Value::Number(u64::from(report.passes)),
+            "",
+            at,
+        );
     }
 
     /// Takes a plan, whose limits apply where no verdict states others.
@@ -273,14 +287,23 @@ impl Edge {
             let name = |what: &str| format!("size/{}/{what}", result.feature_id);
             let quantity = |value: f64| {
                 let is_known = size.is_valid() && value.is_finite();
-                if is_known { Value::Quantity(value) } else { Value::Nothing }
+                if is_known {
+                    Value::Quantity(value)
+                } else {
+                    Value::Nothing
+                }
             };
             let uncertainty = result.coverage_factor * result.standard_uncertainty;
             self.set(name("plan"), Value::Text(result.plan_id.clone()), "", at);
             self.set(name("value"), quantity(result.size), "m", at);
             self.set(name("deviation"), quantity(result.size_deviation), "m", at);
             self.set(name("expanded uncertainty"), quantity(uncertainty), "m", at);
-            self.set(name("coverage factor"), quantity(result.coverage_factor), "1", at);
+            self.set(
+                name("coverage factor"),
+                quantity(result.coverage_factor),
+                "1",
+                at,
+            );
             let [lower, upper] = size.limits.unwrap_or([f64::NAN; 2]);
             self.set(name("lower limit"), quantity(lower), "m", at);
             self.set(name("upper limit"), quantity(upper), "m", at);
@@ -313,7 +336,12 @@ impl Edge {
         }
         self.set("gap/cause/probability", probability, "1", at);
         self.set("gap/rms", Value::Quantity(report.rms), "m", at);
-        self.set("gap/noise floor", Value::Quantity(report.noise_floor), "m", at);
+        self.set(
+            "gap/noise floor",
+            Value::Quantity(report.noise_floor),
+            "m",
+            at,
+        );
     }
 }
 
