@@ -49,9 +49,10 @@ pub fn run_signals(
                 let instant = now();
                 let failure = value.as_ref().err().cloned();
                 if failure != last {
-                    match &failure {
-                        Some(text) => warn!("{text}"),
-                        None => info!("{} is read again", poll.source),
+                    if let Some(text) = &failure {
+                        warn!("{text}");
+                    } else {
+                        info!("{} is read again", poll.source);
                     }
                     last.clone_from(&failure);
                 }
