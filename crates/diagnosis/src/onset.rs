@@ -14,6 +14,7 @@ use std::collections::VecDeque;
 use effects::{DiagnoseError, Observations, Session, Variant, library, observe};
 use inference::linear::{add_scaled, dot};
 use inference::onset::Stream;
+use inference::robust::{coefficients, residuals};
 use metrology::statistics::{median, rms, robust_deviation};
 use probecell_msgs::InspectionPoint;
 use serde::{Deserialize, Serialize};
@@ -26,12 +27,17 @@ use crate::report::Effect;
 const KEPT: usize = 100;
 /// Parts that are compared together before the stream begins.
 const FIRST: usize = 5;
-/// A touch that is farther off what its point usually reads than this many robust standard deviations is taken for a chip.
-const FAR: f64 = 6.0;
+/// A touch that is farther off what its point usually reads, in this clamping, than this many robust standard deviations is taken
+/// for a chip.
+const FAR: f64 = 5.0;
 /// Largest share of the touches of a part that are: more of them have changed. One may be in any case.
 const CHIPS: f64 = 0.15;
 /// A signature whose plausible size stays below this rms does not show, m.
 const INVISIBLE: f64 = 2e-7;
+/// Touches for each way in which a clamped part can sit otherwise that it takes to tell them.
+const TOUCHES_EACH: usize = 3;
+/// Least spread of how parts sit, over that of a touch.
+const LEAST_CLAMPED: f64 = 0.1;
 /// Values of a nonlinear constant that are tried.
 const TRIED: usize = 12;
 
@@ -44,6 +50,8 @@ struct Part {
     /// m, in the order of the plan's points; as measured, and without chips.
     measured_deviations: Vec<f64>,
     deviations: Vec<f64>,
+    /// How it sits in its clamping: a factor of each of [`Watch::clampings`]; empty before it enters the stream.
+    clamped: Vec<f64>,
 }
 
 /// Parts of one plan, one after the other.
@@ -51,6 +59,8 @@ struct Part {
 pub struct Watch {
     points: Vec<usize>,
     directions: Vec<Vec<f64>>,
+    /// How a part that is clamped otherwise reads, over the points.
+    clampings: Vec<Vec<f64>>,
     stream: Stream,
     /// Parts since this watch began, which the stream takes from the [`FIRST`] on.
     seen: u64,
@@ -121,6 +131,7 @@ impl Watch {
         if points != self.points {
             *self = Self {
                 directions: directions(&observations, &points, &variants()),
+                clampings: clampings(&observations, &points),
                 points,
                 last: plan_id.to_owned(),
                 ..Self::default()
@@ -134,6 +145,7 @@ impl Watch {
             measured: nanoseconds.min().unwrap_or(0),
             measured_deviations: deviations,
             deviations: Vec::new(),
+            clamped: Vec::new(),
         });
         let Some(alarm) = self.stream.evidence().filter(|one| one.is_alarm(rate)) else {
             return Ok(None);
@@ -148,6 +160,7 @@ impl Watch {
         *self = Self {
             points: std::mem::take(&mut self.points),
             directions: std::mem::take(&mut self.directions),
+            clampings: std::mem::take(&mut self.clampings),
             before: parts - changed.len() as u64,
             last: std::mem::take(&mut self.last),
             ..Self::default()
@@ -169,13 +182,13 @@ impl Watch {
         if count < FIRST {
             return;
         }
-        let usual: Vec<[f64; 2]> = (0..self.points.len())
+        let middles: Vec<f64> = (0..self.points.len())
             .map(|point| {
                 let all = self
                     .recent
                     .iter()
                     .map(|part| part.measured_deviations[point]);
-                middle_and_spread(&all.collect::<Vec<f64>>())
+                median(&all.collect::<Vec<f64>>())
             })
             .collect();
         let entering = if self.stream.count() == 0 {
@@ -183,13 +196,36 @@ impl Watch {
         } else {
             count - 1
         };
-        let far: Vec<Far> = (self.recent.iter().skip(entering.saturating_sub(1)))
-            .map(|part| Far::new(&part.measured_deviations, &usual))
+        let usual: Vec<Vec<f64>> = (self.recent.iter())
+            .map(|part| less(&part.measured_deviations, &middles))
             .collect();
-        for (index, part) in self.recent.range_mut(entering..).enumerate() {
-            let own = index + entering.min(1);
-            let before = own.checked_sub(1).map(|before| &far[before]);
-            part.deviations = far[own].without_chips(&part.measured_deviations, &usual, before);
+        let mut sits = Sits::new(&self.clampings);
+        if entering == 0 {
+            for (part, off) in self.recent.iter_mut().zip(&usual) {
+                part.clamped = sits.of(off);
+            }
+        }
+        let others = self
+            .recent
+            .iter()
+            .zip(&usual)
+            .take(count - usize::from(entering > 0));
+        sits.learn(others.map(|(part, off)| (part.clamped.as_slice(), off.as_slice())));
+        for (part, off) in self.recent.iter_mut().zip(&usual).skip(entering) {
+            part.clamped = sits.of(off);
+        }
+        let left: Vec<Vec<f64>> = (self.recent.iter().zip(&usual))
+            .map(|(part, off)| residuals(&self.clampings, &part.clamped, off))
+            .collect();
+        let spreads = spreads(&left);
+        for index in entering..count {
+            let before = index.checked_sub(1).map(|before| left[before].as_slice());
+            let chips = chips(&left[index], before, &spreads);
+            let part = &mut self.recent[index];
+            part.deviations.clone_from(&part.measured_deviations);
+            for point in chips {
+                part.deviations[point] -= left[index][point];
+            }
             let along = |direction: &Vec<f64>| dot(direction, &part.deviations);
             let estimates: Vec<f64> = self.directions.iter().map(along).collect();
             self.stream.push(&estimates);
@@ -258,50 +294,101 @@ impl Watch {
     }
 }
 
-/// Median and robust standard deviation.
-fn middle_and_spread(values: &[f64]) -> [f64; 2] {
-    let middle = median(values);
-    [middle, robust_deviation(values, middle)]
+/// How parts sit in their clampings.
+struct Sits<'a> {
+    clampings: &'a [Vec<f64>],
+    /// Of a touch, m, and of each factor from part to part; where they are known.
+    spreads: Option<(f64, Vec<f64>)>,
 }
 
-/// Touches of a part that are far off the others of the part, by what is usual at their points.
-struct Far {
-    /// How far the whole part is off what is usual, m.
-    part: f64,
-    touches: Vec<bool>,
-}
-
-impl Far {
-    fn new(measured: &[f64], usual: &[[f64; 2]]) -> Self {
-        let pairs = measured.iter().zip(usual);
-        let off: Vec<f64> = pairs.map(|(value, [middle, _])| value - middle).collect();
-        let [part, spread] = middle_and_spread(&off);
-        let is_far =
-            |(off, [_, own]): (&f64, &[f64; 2])| (off - part).abs() > FAR * own.max(spread);
-        let touches = off.iter().zip(usual).map(is_far).collect();
-        Self { part, touches }
-    }
-
-    /// The deviations of the part with what is usual at the points of chips. No chip meets the same point in the part `before`
-    /// as well.
-    fn without_chips(
-        &self,
-        measured: &[f64],
-        usual: &[[f64; 2]],
-        before: Option<&Self>,
-    ) -> Vec<f64> {
-        let fresh = |point: &usize| {
-            self.touches[*point] && before.is_none_or(|before| !before.touches[*point])
-        };
-        let chips: Vec<usize> = (0..measured.len()).filter(fresh).collect();
-        let mut deviations = measured.to_vec();
-        if chips.len() <= ((CHIPS * measured.len() as f64) as usize).max(1) {
-            for point in chips {
-                deviations[point] = usual[point][0] + self.part;
-            }
+impl<'a> Sits<'a> {
+    fn new(clampings: &'a [Vec<f64>]) -> Self {
+        Self {
+            clampings,
+            spreads: None,
         }
-        deviations
     }
+
+    /// Takes the spreads from parts: their factors, and how far they are off what is usual, m.
+    fn learn<'p>(&mut self, parts: impl Iterator<Item = (&'p [f64], &'p [f64])>) {
+        let (factors, left): (Vec<&[f64]>, Vec<Vec<f64>>) = parts
+            .map(|(factors, off)| (factors, residuals(self.clampings, factors, off)))
+            .unzip();
+        let touch = median(&spreads(&left));
+        let of_factor = |(number, column): (usize, &Vec<f64>)| {
+            let all: Vec<f64> = factors.iter().map(|factors| factors[number]).collect();
+            robust_deviation(&all, 0.0).max(LEAST_CLAMPED * touch / rms(column))
+        };
+        let each = self.clampings.iter().enumerate().map(of_factor).collect();
+        self.spreads = (touch > 0.0).then_some((touch, each));
+    }
+
+    /// The factors of a part that is so far off what is usual, m; touches that are wild do not count, and other parts say what is
+    /// usual.
+    fn of(&self, off: &[f64]) -> Vec<f64> {
+        let mut columns = self.clampings.to_vec();
+        let mut off = off.to_vec();
+        if let Some((touch, spreads)) = &self.spreads {
+            for (number, column) in columns.iter_mut().enumerate() {
+                let usual = spreads.iter().enumerate();
+                column.extend(usual.map(
+                    |(other, spread)| {
+                        if other == number { touch / spread } else { 0.0 }
+                    },
+                ));
+            }
+            off.resize(off.len() + spreads.len(), 0.0);
+        }
+        coefficients(&columns, &off).unwrap_or_else(|_| vec![0.0; self.clampings.len()])
+    }
+}
+
+fn less(values: &[f64], others: &[f64]) -> Vec<f64> {
+    let pairs = values.iter().zip(others);
+    pairs.map(|(value, other)| value - other).collect()
+}
+
+/// Robust standard deviation of each touch from part to part.
+fn spreads(left: &[Vec<f64>]) -> Vec<f64> {
+    let of_point = |point: usize| {
+        let all: Vec<f64> = left.iter().map(|part| part[point]).collect();
+        robust_deviation(&all, median(&all))
+    };
+    (0..left.first().map_or(0, Vec::len))
+        .map(of_point)
+        .collect()
+}
+
+/// Touches of a part that met a chip, by what is `left` of each, m, and how that spreads at its point and over the part. What the
+/// part `before` shows at the same point as well, as large, has changed.
+fn chips(left: &[f64], before: Option<&[f64]>, spreads: &[f64]) -> Vec<usize> {
+    let own = robust_deviation(left, median(left));
+    let is_chip = |point: &usize| {
+        let far = FAR * spreads[*point].max(own);
+        let remains = before.is_some_and(|before| (left[*point] - before[*point]).abs() <= far);
+        left[*point].abs() > far && !remains
+    };
+    let chips: Vec<usize> = (0..left.len()).filter(is_chip).collect();
+    if chips.len() <= ((CHIPS * left.len() as f64) as usize).max(1) {
+        chips
+    } else {
+        Vec::new()
+    }
+}
+
+/// How a part that is moved or turned in its clamping reads, and one whose readings are all off alike; the last alone where the plan
+/// has few points.
+fn clampings(observations: &Observations, points: &[usize]) -> Vec<Vec<f64>> {
+    let alike = vec![1.0; points.len()];
+    let rigid = library(observations)
+        .into_iter()
+        .filter(|one| ["fixture.shift", "fixture.tilt"].contains(&one.effect.as_str()))
+        .flat_map(|one| columns(observations, points, &one, 0.0));
+    let all: Vec<Vec<f64>> = std::iter::once(alike.clone()).chain(rigid).collect();
+    if points.len() < TOUCHES_EACH * all.len() {
+        return vec![alike];
+    }
+    all
 }
 
 /// Points of the plan that were touched, ascending, and their mean deviations; `None` where one was not.

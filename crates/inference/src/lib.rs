@@ -13,6 +13,7 @@
 //!                                        markov, switching  signals that switch between two states
 //!   posterior over (set, discrepancy)    posterior    probabilities of all models, fits and residuals
 //!                                        onset  whether and when a stream of estimates has changed
+//!                                        robust  linear fits that single wild values do not move
 //!                                        outliers, held_out  leave-one-out suspects; cross-validation by blocks
 //! ```
 //!
@@ -55,6 +56,7 @@ pub mod markov;
 pub mod onset;
 pub mod outliers;
 pub mod posterior;
+pub mod robust;
 pub mod scan;
 pub mod search;
 pub mod switching;

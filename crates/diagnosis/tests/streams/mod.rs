@@ -4,15 +4,7 @@
 use diagnosis::Session;
 use probecell_msgs::{InspectionFeature, InspectionPlan, InspectionPoint, ProbeEvent};
 
-const MACHINE: &str = r#"<robot name="block"><link name="foundation"/><link name="workpiece"/><link name="probe_mount"/>
-<link name="a"/><link name="b"/>
-<joint name="table" type="fixed"><parent link="foundation"/><child link="workpiece"/></joint>
-<joint name="X" type="prismatic"><parent link="foundation"/><child link="a"/><axis xyz="1 0 0"/>
-<limit lower="-1" upper="1" effort="0" velocity="0.3"/></joint>
-<joint name="Y" type="prismatic"><parent link="a"/><child link="b"/><axis xyz="0 1 0"/>
-<limit lower="-1" upper="1" effort="0" velocity="0.3"/></joint>
-<joint name="Z" type="prismatic"><parent link="b"/><child link="probe_mount"/><axis xyz="0 0 1"/>
-<limit lower="-1" upper="1" effort="0" velocity="0.3"/></joint></robot>"#;
+const MACHINE: &str = include_str!("../machines/three_axes.urdf");
 /// m.
 const BALL: f64 = 1e-3;
 
