@@ -178,10 +178,6 @@ def main():
     for name in ("turn_mill.toml", "turn_mill.urdf"):
         shutil.copy(ROOT / "launch-scripts" / name, WORK / "launch-scripts")
     (WORK / "mosquitto.conf").write_text(f"listener {PORT} 127.0.0.1\nallow_anonymous true\n", encoding="utf-8")
-    cell = WORK / "launch-scripts" / "turn_mill.toml"
-    text = cell.read_text(encoding="utf-8")
-    assert "at_end_of_plan = false" in text
-    cell.write_text(text.replace("at_end_of_plan = false", "at_end_of_plan = true"), encoding="utf-8")
     mosquitto = broker()
     host = Host()
     process = edge()
