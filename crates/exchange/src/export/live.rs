@@ -11,7 +11,7 @@ const PLANS: usize = 16;
 
 /// The sizes of the last measurement, so far.
 #[derive(Debug, Default)]
-pub struct Sizes {
+pub(super) struct Sizes {
     plans: BTreeMap<String, InspectionPlan>,
     results: Vec<FeatureResult>,
     verdicts: Vec<Verdict>,
@@ -19,7 +19,7 @@ pub struct Sizes {
 
 impl Sizes {
     /// Takes a plan.
-    pub fn plan(&mut self, plan: InspectionPlan) {
+    pub(super) fn plan(&mut self, plan: InspectionPlan) {
         self.plans.insert(plan.plan_id.clone(), plan);
         while self.plans.len() > PLANS {
             self.plans.pop_first();
@@ -27,7 +27,7 @@ impl Sizes {
     }
 
     /// Takes a size; one of another plan begins another measurement.
-    pub fn result(&mut self, result: FeatureResult) {
+    pub(super) fn result(&mut self, result: FeatureResult) {
         let is_other = |first: &FeatureResult| first.plan_id != result.plan_id;
         if self.results.first().is_some_and(is_other) {
             self.results.clear();
@@ -39,7 +39,7 @@ impl Sizes {
     }
 
     /// Takes what was decided of a size; false where that size is not of this measurement.
-    pub fn verdict(&mut self, verdict: Verdict) -> bool {
+    pub(super) fn verdict(&mut self, verdict: Verdict) -> bool {
         let is_known = self
             .results
             .iter()
@@ -53,7 +53,7 @@ impl Sizes {
     }
 
     /// The sizes, each with its limits and what was decided of it, in the order in which they came.
-    pub fn sizes(&self) -> Vec<Size> {
+    pub(super) fn sizes(&self) -> Vec<Size> {
         let sizes = self.results.iter().map(|result| {
             let verdict = self
                 .verdicts
