@@ -207,6 +207,10 @@ pub struct ControllerStatus {
     pub axis_positions: Vec<f64>,
     /// m or rad, commanded positions; empty where the controller does not report them
     pub axis_commands: Vec<f64>,
+    /// m/s or rad/s; empty where the controller does not report them
+    pub axis_velocities: Vec<f64>,
+    /// N or N m, at the joint; empty where the controller does not report them
+    pub axis_efforts: Vec<f64>,
     /// level of the probe input
     pub probe_tripped: bool,
     pub temperature_names: Vec<String>,
@@ -232,7 +236,7 @@ impl Message for ControllerStatus {
     const TYPE: &'static MessageType = &MessageType {
         name: "probecell_msgs/msg/ControllerStatus",
         dds_name: "probecell_msgs::msg::dds_::ControllerStatus_",
-        type_hash: "RIHS01_dbcb617c9219fea247490ce5f5476608adaa31f211c2c08881447e3475eb3b3b",
+        type_hash: "RIHS01_7c0f83e31178ef7d861bc897dc232e1c4426bd9ee0f6723fe662cbf5fa617109",
         definition: concat!(
             include_str!("../msg/ControllerStatus.msg"),
             "================================================================================\nMSG: std_msgs/Header\n",
@@ -253,6 +257,8 @@ impl Message for ControllerStatus {
             Member("axis_names", 161, 0, 0, "", ""),
             Member("axis_positions", 155, 0, 0, "", ""),
             Member("axis_commands", 155, 0, 0, "", ""),
+            Member("axis_velocities", 155, 0, 0, "", ""),
+            Member("axis_efforts", 155, 0, 0, "", ""),
             Member("probe_tripped", 15, 0, 0, "", ""),
             Member("temperature_names", 161, 0, 0, "", ""),
             Member("temperatures", 155, 0, 0, "", ""),
@@ -1603,6 +1609,8 @@ pub struct OperatorRequest {
     pub approve: bool,
     /// run: measure only this plan, or resume it; empty: make a part
     pub plan_id: String,
+    /// plan: requests whose planning ends, in place of a plan; empty: a plan is made
+    pub cancels: Vec<u64>,
     /// plan: points to touch in place of the part's, or to touch again; empty: the part's
     pub points: Vec<InspectionPoint>,
     /// run: refused after this instant by the clock of the cell; 0: never
@@ -1619,7 +1627,7 @@ impl Message for OperatorRequest {
     const TYPE: &'static MessageType = &MessageType {
         name: "probecell_msgs/msg/OperatorRequest",
         dds_name: "probecell_msgs::msg::dds_::OperatorRequest_",
-        type_hash: "RIHS01_cd7d8626df0aeb10e7c91e550b02a8718e2249b69b8ab29fd50501e22d79f700",
+        type_hash: "RIHS01_84125452c393b594aa9565f72f41e65f28799d13cb993b3ed1ba4ebc1863cf26",
         definition: concat!(
             include_str!("../msg/OperatorRequest.msg"),
             "================================================================================\nMSG: std_msgs/Header\n",
@@ -1640,6 +1648,7 @@ impl Message for OperatorRequest {
             Member("operator_name", 17, 0, 0, "", ""),
             Member("approve", 15, 0, 0, "", ""),
             Member("plan_id", 17, 0, 0, "", ""),
+            Member("cancels", 153, 0, 0, "", ""),
             Member(
                 "points",
                 145,
@@ -1971,6 +1980,10 @@ pub struct PlanProgress {
     pub air_time: f64,
     /// s, the same in the order in which the plan lists them; 0 before it is known
     pub given_air_time: f64,
+    /// m, path of the ball centre in the part frame between touches in the order made; 0 before DONE
+    pub air_length: f64,
+    /// m, the same in the order in which the plan lists them; 0 before DONE
+    pub given_air_length: f64,
 }
 
 impl PlanProgress {
@@ -2002,7 +2015,7 @@ impl Message for PlanProgress {
     const TYPE: &'static MessageType = &MessageType {
         name: "probecell_msgs/msg/PlanProgress",
         dds_name: "probecell_msgs::msg::dds_::PlanProgress_",
-        type_hash: "RIHS01_43bd91ec33574a47cd1396783d4bcf89c79ac30a273653685c643d3b4564edde",
+        type_hash: "RIHS01_552f037057c5cb1ad422fa7f361448fe145ba9d92caa543c9e8409d984132549",
         definition: concat!(
             include_str!("../msg/PlanProgress.msg"),
             "================================================================================\nMSG: std_msgs/Header\n",
@@ -2018,6 +2031,8 @@ impl Message for PlanProgress {
             Member("share", 11, 0, 0, "", ""),
             Member("air_time", 11, 0, 0, "", ""),
             Member("given_air_time", 11, 0, 0, "", ""),
+            Member("air_length", 11, 0, 0, "", ""),
+            Member("given_air_length", 11, 0, 0, "", ""),
         ],
         describe: crate::describe::of::<PlanProgress>,
         canonical: crate::cdr::canonical::<PlanProgress>,
@@ -3116,6 +3131,155 @@ pub mod action {
     use crate::schema::{Member, Message, MessageType, Service, ServiceType};
 
     #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct PlanMeasurementFeedback {
+        /// after every step of the computation
+        pub progress: crate::PlanProgress,
+    }
+
+    impl Message for PlanMeasurementFeedback {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "probecell_msgs/action/PlanMeasurement_Feedback",
+            dds_name: "probecell_msgs::action::dds_::PlanMeasurement_Feedback_",
+            type_hash: "RIHS01_a646547c34de433b40cb5a2f60dff1528141dedaf6dc67d49671a42d1942d84d",
+            definition: concat!(
+                "probecell_msgs/PlanProgress progress        # after every step of the computation\n",
+                "================================================================================\nMSG: probecell_msgs/PlanProgress\n",
+                include_str!("../msg/PlanProgress.msg"),
+                "================================================================================\nMSG: std_msgs/Header\n",
+                include_str!("../standard/std_msgs/msg/Header.msg"),
+                "================================================================================\nMSG: builtin_interfaces/Time\n",
+                include_str!("../standard/builtin_interfaces/msg/Time.msg")
+            ),
+            fields: &[Member(
+                "progress",
+                1,
+                0,
+                0,
+                "probecell_msgs/msg/PlanProgress",
+                "",
+            )],
+            describe: crate::describe::of::<PlanMeasurementFeedback>,
+            canonical: crate::cdr::canonical::<PlanMeasurementFeedback>,
+        };
+    }
+
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct PlanMeasurementFeedbackMessage {
+        pub goal_id: crate::unique_identifier_msgs::UUID,
+        pub feedback: PlanMeasurementFeedback,
+    }
+
+    impl Message for PlanMeasurementFeedbackMessage {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "probecell_msgs/action/PlanMeasurement_FeedbackMessage",
+            dds_name: "probecell_msgs::action::dds_::PlanMeasurement_FeedbackMessage_",
+            type_hash: "RIHS01_f6e4727f2c2490d71666873f6fa797ca164ea7011183ab5e615b0f1c5a219139",
+            definition: concat!(
+                "unique_identifier_msgs/UUID goal_id\nprobecell_msgs/action/PlanMeasurement_Feedback feedback\n",
+                "================================================================================\nMSG: unique_identifier_msgs/UUID\n",
+                include_str!("../standard/unique_identifier_msgs/msg/UUID.msg"),
+                "================================================================================\nMSG: probecell_msgs/action/PlanMeasurement_Feedback\n",
+                "probecell_msgs/PlanProgress progress        # after every step of the computation\n",
+                "================================================================================\nMSG: probecell_msgs/PlanProgress\n",
+                include_str!("../msg/PlanProgress.msg"),
+                "================================================================================\nMSG: std_msgs/Header\n",
+                include_str!("../standard/std_msgs/msg/Header.msg"),
+                "================================================================================\nMSG: builtin_interfaces/Time\n",
+                include_str!("../standard/builtin_interfaces/msg/Time.msg")
+            ),
+            fields: &[
+                Member("goal_id", 1, 0, 0, "unique_identifier_msgs/msg/UUID", ""),
+                Member(
+                    "feedback",
+                    1,
+                    0,
+                    0,
+                    "probecell_msgs/action/PlanMeasurement_Feedback",
+                    "",
+                ),
+            ],
+            describe: crate::describe::of::<PlanMeasurementFeedbackMessage>,
+            canonical: crate::cdr::canonical::<PlanMeasurementFeedbackMessage>,
+        };
+    }
+
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct PlanMeasurementGoal {
+        /// empty: the cell's own plan; the plan measured last: its remaining points, until something is cut
+        pub plan_id: String,
+        /// empty: all. Else these, on features of the cell's plan; of the plan measured last: touched again
+        pub points: Vec<crate::InspectionPoint>,
+    }
+
+    impl Message for PlanMeasurementGoal {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "probecell_msgs/action/PlanMeasurement_Goal",
+            dds_name: "probecell_msgs::action::dds_::PlanMeasurement_Goal_",
+            type_hash: "RIHS01_67a465b80a8b63f48aa4e89ddc3c12a592bd687086c596a01002e5191df10804",
+            definition: concat!(
+                "# The service plan as an action: plan the measuring order of the cell's part, of additional touches of the part in the machine,\n# or of the rest of a plan. A goal is accepted while no other of this action is pursued, and reached when the order is made.\n# To cancel it is to end the search; nothing is planned then.\nstring plan_id               # empty: the cell's own plan; the plan measured last: its remaining points, until something is cut\nprobecell_msgs/InspectionPoint[] points   # empty: all. Else these, on features of the cell's plan; of the plan measured last: touched again\n",
+                "================================================================================\nMSG: probecell_msgs/InspectionPoint\n",
+                include_str!("../msg/InspectionPoint.msg"),
+                "================================================================================\nMSG: geometry_msgs/Point\n",
+                include_str!("../standard/geometry_msgs/msg/Point.msg"),
+                "================================================================================\nMSG: geometry_msgs/Vector3\n",
+                include_str!("../standard/geometry_msgs/msg/Vector3.msg")
+            ),
+            fields: &[
+                Member("plan_id", 17, 0, 0, "", ""),
+                Member(
+                    "points",
+                    145,
+                    0,
+                    0,
+                    "probecell_msgs/msg/InspectionPoint",
+                    "",
+                ),
+            ],
+            describe: crate::describe::of::<PlanMeasurementGoal>,
+            canonical: crate::cdr::canonical::<PlanMeasurementGoal>,
+        };
+    }
+
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct PlanMeasurementResult {
+        /// the plan whose order was made; empty: none was
+        pub plan_id: String,
+        /// number of touches of the order
+        pub touches: u32,
+        /// s, promised for the moves between touches in this order
+        pub air_time: f64,
+        /// s, the same in the order in which the plan lists them
+        pub given_air_time: f64,
+        /// m, path of the ball centre in the part frame between touches in this order
+        pub air_length: f64,
+        /// m, the same in the order in which the plan lists them
+        pub given_air_length: f64,
+        /// what was planned, or why not
+        pub text: String,
+    }
+
+    impl Message for PlanMeasurementResult {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "probecell_msgs/action/PlanMeasurement_Result",
+            dds_name: "probecell_msgs::action::dds_::PlanMeasurement_Result_",
+            type_hash: "RIHS01_1e1d3db1e4c602eb9d2c87d4a27872e10af22db1762826b9bf021ec7331b4b40",
+            definition: "string plan_id               # the plan whose order was made; empty: none was\nuint32 touches               # number of touches of the order\nfloat64 air_time             # s, promised for the moves between touches in this order\nfloat64 given_air_time       # s, the same in the order in which the plan lists them\nfloat64 air_length           # m, path of the ball centre in the part frame between touches in this order\nfloat64 given_air_length     # m, the same in the order in which the plan lists them\nstring text                  # what was planned, or why not\n",
+            fields: &[
+                Member("plan_id", 17, 0, 0, "", ""),
+                Member("touches", 7, 0, 0, "", ""),
+                Member("air_time", 11, 0, 0, "", ""),
+                Member("given_air_time", 11, 0, 0, "", ""),
+                Member("air_length", 11, 0, 0, "", ""),
+                Member("given_air_length", 11, 0, 0, "", ""),
+                Member("text", 17, 0, 0, "", ""),
+            ],
+            describe: crate::describe::of::<PlanMeasurementResult>,
+            canonical: crate::cdr::canonical::<PlanMeasurementResult>,
+        };
+    }
+
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
     pub struct RunPartFeedback {
         /// the part that is being made, at every change and once a second
         pub status: crate::PartStatus,
@@ -3258,6 +3422,166 @@ pub mod action {
             ],
             describe: crate::describe::of::<RunPartResult>,
             canonical: crate::cdr::canonical::<RunPartResult>,
+        };
+    }
+
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub struct PlanMeasurementGetResult;
+
+    impl Service for PlanMeasurementGetResult {
+        type Request = PlanMeasurementGetResultRequest;
+        type Response = PlanMeasurementGetResultResponse;
+        const TYPE: &'static ServiceType = &ServiceType {
+            name: "probecell_msgs/action/PlanMeasurement_GetResult",
+            dds_name: "probecell_msgs::action::dds_::PlanMeasurement_GetResult_",
+            type_hash: "RIHS01_4090bc726d9e3698961e08133c2ffc7c0d517cbc8ae9f60869488190265803bb",
+            request: PlanMeasurementGetResultRequest::TYPE,
+            response: PlanMeasurementGetResultResponse::TYPE,
+        };
+    }
+
+    /// Asks [`PlanMeasurementGetResult`].
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct PlanMeasurementGetResultRequest {
+        pub goal_id: crate::unique_identifier_msgs::UUID,
+    }
+
+    impl Message for PlanMeasurementGetResultRequest {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "probecell_msgs/action/PlanMeasurement_GetResult_Request",
+            dds_name: "probecell_msgs::action::dds_::PlanMeasurement_GetResult_Request_",
+            type_hash: "RIHS01_3dbbe325ab0a4d37d639c9d1d9f09af4f6fac1f27412b8ee06fc582dac5bff4a",
+            definition: concat!(
+                "unique_identifier_msgs/UUID goal_id\n",
+                "================================================================================\nMSG: unique_identifier_msgs/UUID\n",
+                include_str!("../standard/unique_identifier_msgs/msg/UUID.msg")
+            ),
+            fields: &[Member(
+                "goal_id",
+                1,
+                0,
+                0,
+                "unique_identifier_msgs/msg/UUID",
+                "",
+            )],
+            describe: crate::describe::of::<PlanMeasurementGetResultRequest>,
+            canonical: crate::cdr::canonical::<PlanMeasurementGetResultRequest>,
+        };
+    }
+
+    /// Answers [`PlanMeasurementGetResult`].
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct PlanMeasurementGetResultResponse {
+        /// `GoalStatus::STATUS_*`
+        pub status: i8,
+        pub result: PlanMeasurementResult,
+    }
+
+    impl Message for PlanMeasurementGetResultResponse {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "probecell_msgs/action/PlanMeasurement_GetResult_Response",
+            dds_name: "probecell_msgs::action::dds_::PlanMeasurement_GetResult_Response_",
+            type_hash: "RIHS01_cd9470d0cb7efa1f6dd0b07f86a91e31e9a07f3cef007a1d12d8d1b781e11e3a",
+            definition: concat!(
+                "int8 status  # `GoalStatus::STATUS_*`\nprobecell_msgs/action/PlanMeasurement_Result result\n",
+                "================================================================================\nMSG: probecell_msgs/action/PlanMeasurement_Result\n",
+                "string plan_id               # the plan whose order was made; empty: none was\nuint32 touches               # number of touches of the order\nfloat64 air_time             # s, promised for the moves between touches in this order\nfloat64 given_air_time       # s, the same in the order in which the plan lists them\nfloat64 air_length           # m, path of the ball centre in the part frame between touches in this order\nfloat64 given_air_length     # m, the same in the order in which the plan lists them\nstring text                  # what was planned, or why not\n"
+            ),
+            fields: &[
+                Member("status", 2, 0, 0, "", ""),
+                Member(
+                    "result",
+                    1,
+                    0,
+                    0,
+                    "probecell_msgs/action/PlanMeasurement_Result",
+                    "",
+                ),
+            ],
+            describe: crate::describe::of::<PlanMeasurementGetResultResponse>,
+            canonical: crate::cdr::canonical::<PlanMeasurementGetResultResponse>,
+        };
+    }
+
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub struct PlanMeasurementSendGoal;
+
+    impl Service for PlanMeasurementSendGoal {
+        type Request = PlanMeasurementSendGoalRequest;
+        type Response = PlanMeasurementSendGoalResponse;
+        const TYPE: &'static ServiceType = &ServiceType {
+            name: "probecell_msgs/action/PlanMeasurement_SendGoal",
+            dds_name: "probecell_msgs::action::dds_::PlanMeasurement_SendGoal_",
+            type_hash: "RIHS01_a04a6a74087f900b4eaab8cec0b8510245608bf05589d0eadd52adf29b0b9177",
+            request: PlanMeasurementSendGoalRequest::TYPE,
+            response: PlanMeasurementSendGoalResponse::TYPE,
+        };
+    }
+
+    /// Asks [`PlanMeasurementSendGoal`].
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct PlanMeasurementSendGoalRequest {
+        pub goal_id: crate::unique_identifier_msgs::UUID,
+        pub goal: PlanMeasurementGoal,
+    }
+
+    impl Message for PlanMeasurementSendGoalRequest {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "probecell_msgs/action/PlanMeasurement_SendGoal_Request",
+            dds_name: "probecell_msgs::action::dds_::PlanMeasurement_SendGoal_Request_",
+            type_hash: "RIHS01_ab7ab0f0251b309f98ea70747c7f06fb9bfdbed61b03a56a2980557763472236",
+            definition: concat!(
+                "unique_identifier_msgs/UUID goal_id\nprobecell_msgs/action/PlanMeasurement_Goal goal\n",
+                "================================================================================\nMSG: unique_identifier_msgs/UUID\n",
+                include_str!("../standard/unique_identifier_msgs/msg/UUID.msg"),
+                "================================================================================\nMSG: probecell_msgs/action/PlanMeasurement_Goal\n",
+                "# The service plan as an action: plan the measuring order of the cell's part, of additional touches of the part in the machine,\n# or of the rest of a plan. A goal is accepted while no other of this action is pursued, and reached when the order is made.\n# To cancel it is to end the search; nothing is planned then.\nstring plan_id               # empty: the cell's own plan; the plan measured last: its remaining points, until something is cut\nprobecell_msgs/InspectionPoint[] points   # empty: all. Else these, on features of the cell's plan; of the plan measured last: touched again\n",
+                "================================================================================\nMSG: probecell_msgs/InspectionPoint\n",
+                include_str!("../msg/InspectionPoint.msg"),
+                "================================================================================\nMSG: geometry_msgs/Point\n",
+                include_str!("../standard/geometry_msgs/msg/Point.msg"),
+                "================================================================================\nMSG: geometry_msgs/Vector3\n",
+                include_str!("../standard/geometry_msgs/msg/Vector3.msg")
+            ),
+            fields: &[
+                Member("goal_id", 1, 0, 0, "unique_identifier_msgs/msg/UUID", ""),
+                Member(
+                    "goal",
+                    1,
+                    0,
+                    0,
+                    "probecell_msgs/action/PlanMeasurement_Goal",
+                    "",
+                ),
+            ],
+            describe: crate::describe::of::<PlanMeasurementSendGoalRequest>,
+            canonical: crate::cdr::canonical::<PlanMeasurementSendGoalRequest>,
+        };
+    }
+
+    /// Answers [`PlanMeasurementSendGoal`].
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct PlanMeasurementSendGoalResponse {
+        pub accepted: bool,
+        pub stamp: crate::builtin_interfaces::Time,
+    }
+
+    impl Message for PlanMeasurementSendGoalResponse {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "probecell_msgs/action/PlanMeasurement_SendGoal_Response",
+            dds_name: "probecell_msgs::action::dds_::PlanMeasurement_SendGoal_Response_",
+            type_hash: "RIHS01_4453307ffef21571955178a305b67451a2195ea4d1b927cee7b43de3841672fe",
+            definition: concat!(
+                "bool accepted\nbuiltin_interfaces/Time stamp\n",
+                "================================================================================\nMSG: builtin_interfaces/Time\n",
+                include_str!("../standard/builtin_interfaces/msg/Time.msg")
+            ),
+            fields: &[
+                Member("accepted", 15, 0, 0, "", ""),
+                Member("stamp", 1, 0, 0, "builtin_interfaces/msg/Time", ""),
+            ],
+            describe: crate::describe::of::<PlanMeasurementSendGoalResponse>,
+            canonical: crate::cdr::canonical::<PlanMeasurementSendGoalResponse>,
         };
     }
 
@@ -5687,6 +6011,14 @@ pub(crate) static MESSAGES: &[&MessageType] = &[
 <crate::geometry_msgs::Transform as crate::schema::Message>::TYPE,
 <crate::geometry_msgs::TransformStamped as crate::schema::Message>::TYPE,
 <crate::geometry_msgs::Vector3 as crate::schema::Message>::TYPE,
+<crate::action::PlanMeasurementFeedback as crate::schema::Message>::TYPE,
+<crate::action::PlanMeasurementFeedbackMessage as crate::schema::Message>::TYPE,
+<crate::action::PlanMeasurementGetResultRequest as crate::schema::Message>::TYPE,
+<crate::action::PlanMeasurementGetResultResponse as crate::schema::Message>::TYPE,
+<crate::action::PlanMeasurementGoal as crate::schema::Message>::TYPE,
+<crate::action::PlanMeasurementResult as crate::schema::Message>::TYPE,
+<crate::action::PlanMeasurementSendGoalRequest as crate::schema::Message>::TYPE,
+<crate::action::PlanMeasurementSendGoalResponse as crate::schema::Message>::TYPE,
 <crate::action::RunPartFeedback as crate::schema::Message>::TYPE,
 <crate::action::RunPartFeedbackMessage as crate::schema::Message>::TYPE,
 <crate::action::RunPartGetResultRequest as crate::schema::Message>::TYPE,
@@ -5795,6 +6127,8 @@ pub(crate) static MESSAGES: &[&MessageType] = &[
 /// Every service type, sorted by name.
 pub(crate) static SERVICES: &[&ServiceType] = &[
     <crate::action_msgs::srv::CancelGoal as crate::schema::Service>::TYPE,
+    <crate::action::PlanMeasurementGetResult as crate::schema::Service>::TYPE,
+    <crate::action::PlanMeasurementSendGoal as crate::schema::Service>::TYPE,
     <crate::action::RunPartGetResult as crate::schema::Service>::TYPE,
     <crate::action::RunPartSendGoal as crate::schema::Service>::TYPE,
     <crate::srv::ApproveCorrection as crate::schema::Service>::TYPE,

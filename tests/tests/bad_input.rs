@@ -373,6 +373,8 @@ fn positions_that_are_no_numbers_are_a_fault_and_no_state() {
             as fn(&mut ControllerStatus),
         |sample| sample.axis_positions[0] = f64::INFINITY,
         |sample| sample.axis_commands[0] = f64::NEG_INFINITY,
+        |sample| sample.axis_velocities[0] = f64::NAN,
+        |sample| sample.axis_efforts = vec![f64::NAN],
         |sample| {
             sample.axis_positions.pop();
         },

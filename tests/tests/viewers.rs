@@ -144,3 +144,60 @@ fn markers_show_every_touch(log: &[Published]) {
     assert_eq!(told, judged);
     assert_eq!(of("features").count(), plan.features.len());
 }
+
+/// s between two samples of the simulated machine.
+const PERIOD: f64 = 0.01;
+/// m/s² and rad/s²; of every axis in the test below.
+const ACCELERATION: f64 = 1.5;
+
+/// Slopes of the positions of a session against the velocities told with them: intervals whose slope lies beyond both
+/// velocities at its ends by more than `slack` (m/s, rad/s), and intervals in which an axis moves.
+fn slopes(log: &[Published], slack: f64) -> (usize, usize) {
+    let joints = messages::<JointState>(log, topics::JOINT_STATES.name);
+    let (mut beyond, mut moving) = (0, 0);
+    for pair in joints.windows(2) {
+        let [from, to] = pair else { continue };
+        assert_eq!(from.velocity.len(), from.name.len());
+        assert!(
+            from.effort.is_empty(),
+            "the simulated machine has no efforts"
+        );
+        let seconds = Stamp::from(&to.header.stamp).since_s(Stamp::from(&from.header.stamp));
+        assert!(seconds <= 1.001 * PERIOD, "{seconds} s");
+        // Two samples within a millisecond: the stamps are whole nanoseconds, and the positions doubles.
+        if seconds < 1e-3 {
+            continue;
+        }
+        for axis in 0..from.name.len() {
+            let slope = (to.position[axis] - from.position[axis]) / seconds;
+            let ends = [from.velocity[axis], to.velocity[axis]];
+            let (low, high) = (ends[0].min(ends[1]), ends[0].max(ends[1]));
+            moving += usize::from(slope.abs() > 1e-3);
+            beyond += usize::from(!(low - slack..=high + slack).contains(&slope));
+        }
+    }
+    (beyond, moving)
+}
+
+#[test]
+fn velocities_are_the_slopes_of_the_positions() {
+    // By top speeds alone velocities jump, and a move or a standstill that is shorter than an interval is seen at neither end.
+    let mut session = Session::new(&cell("turn_mill.toml", str::to_owned));
+    session.make("punch");
+    let (beyond, moving) = slopes(&session.finish(), 1e-6);
+    assert!(
+        moving > 1000 && beyond * 50 < moving,
+        "{beyond} of {moving}"
+    );
+    // With an acceleration they do not, but where a move at a feed begins and ends.
+    let limits = "[motion.axes]\nX = { acceleration_mm_per_s2 = 1500.0 }\nY = { acceleration_mm_per_s2 = 1500.0 }\nZ = { acceleration_mm_per_s2 = 1500.0 }\n\
+                  C = { acceleration_deg_per_s2 = 85.0 }\n";
+    let cell = cell("turn_mill.toml", |text| format!("{text}\n{limits}"));
+    let mut session = Session::new(&cell);
+    session.make("punch");
+    let (beyond, moving) = slopes(&session.finish(), ACCELERATION * PERIOD);
+    assert!(
+        moving > 1000 && beyond * 50 < moving,
+        "{beyond} of {moving}"
+    );
+}

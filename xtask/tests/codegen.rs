@@ -137,12 +137,13 @@ fn every_interface_file_is_built_by_cmake_and_no_other() {
 /// Bare numbers carry no unit in their type, so the comment of each says it first.
 #[test]
 fn every_real_number_says_its_unit() {
-    const UNITS: [&str; 12] = [
+    const UNITS: [&str; 13] = [
         "m",
         "rad",
         "m or rad",
         "m/s",
         "rad/s",
+        "N or N m",
         "s",
         "ratio",
         "of 1,000 parts",

@@ -182,6 +182,44 @@ impl Profile {
         }
     }
 
+    /// Speed at an instant after the start (s), m/s or rad/s; 0 before the start and after the end. Where it jumps, at the ends of
+    /// a motion without ramps, it is that of the motion.
+    pub fn speed_at(&self, time: f64) -> f64 {
+        let (moving, time) = (self.moving(), time - 0.5 * self.clamping);
+        if time < 0.0 || time > moving {
+            return 0.0;
+        }
+        self.rising_speed(time.min(moving - time))
+    }
+
+    /// Share of the distance that is covered per second at an instant after the start (s), 1/s.
+    pub fn share_rate_at(&self, time: f64) -> f64 {
+        let all = self.velocity * (self.accelerating() + self.cruise);
+        if all > 0.0 {
+            self.speed_at(time) / all
+        } else {
+            0.0
+        }
+    }
+
+    /// Derivative of [`Self::first_half`].
+    fn rising_speed(&self, time: f64) -> f64 {
+        let (ramp, hold, v) = (self.ramp, self.hold, self.velocity);
+        let accelerating = self.accelerating();
+        if time >= accelerating {
+            return v;
+        }
+        let a = v / (ramp + hold);
+        if time < ramp {
+            0.5 * a * time * time / ramp
+        } else if time <= ramp + hold {
+            a * (time - 0.5 * ramp)
+        } else {
+            let rest = accelerating - time;
+            v - 0.5 * a * rest * rest / ramp
+        }
+    }
+
     fn first_half(&self, time: f64) -> f64 {
         let (ramp, hold, v) = (self.ramp, self.hold, self.velocity);
         let accelerating = self.accelerating();

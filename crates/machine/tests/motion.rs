@@ -128,6 +128,18 @@ fn positions_along_a_profile_keep_every_limit_and_end_where_they_should() {
             assert!((profile.share_at(0.5 * all) - 0.5).abs() < 1e-9);
             let v: Vec<f64> = at.windows(2).map(|pair| (pair[1] - pair[0]) / dt).collect();
             assert!(v.iter().all(|v| *v <= 0.5 * (1.0 + 1e-9)));
+            // The slope of an interval lies between the speeds at its ends, but for what is gained around a peak within it.
+            let steepest = acceleration.or(jerk.map(|j: f64| (0.5 * j).sqrt()));
+            let slack = 0.5 * steepest.unwrap_or(0.0) * dt + 1e-9;
+            let speed = |k: usize| profile.speed_at(k as f64 * dt);
+            for (k, slope) in v.iter().enumerate() {
+                let (low, high) = (speed(k).min(speed(k + 1)), speed(k).max(speed(k + 1)));
+                assert!(
+                    (low - slack..=high + slack).contains(slope),
+                    "{limits:?} {distance}: {slope} m/s in interval {k}, told {low} to {high}"
+                );
+            }
+            assert_eq!([-1e-6, all + 1e-6].map(|t| profile.speed_at(t)), [0.0; 2]);
             if let Some(most) = acceleration {
                 let a = v.windows(2).map(|pair| (pair[1] - pair[0]).abs() / dt);
                 assert!(a.fold(0.0, f64::max) <= most * (1.0 + 1e-6));

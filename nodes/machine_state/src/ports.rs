@@ -82,7 +82,7 @@ faults! {
         ControllerAlarm = ERROR "controller_alarm",
         /// The probe tripped in a move that is not a probing move.
         UnplannedTouch = ERROR "unplanned_touch",
-        /// A sample has an axis position that is missing or not a finite number.
+        /// A sample has an axis position that is missing, or a value of an axis that is not a finite number.
         StatusNotFinite = ERROR "status_not_finite",
         /// The machine was executing a program when the gate started: nobody has supervised it.
         UnsupervisedMotion = ERROR "unsupervised_motion",

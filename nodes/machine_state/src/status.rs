@@ -31,11 +31,16 @@ pub(crate) fn sample(
     out: &mut Outbox<Output>,
 ) {
     let finite = |values: &[f64]| values.iter().all(|value| value.is_finite());
-    if !finite(&status.axis_positions)
-        || !finite(&status.axis_commands)
+    let signals = [
+        &status.axis_positions,
+        &status.axis_commands,
+        &status.axis_velocities,
+        &status.axis_efforts,
+    ];
+    if !signals.into_iter().all(|values| finite(values))
         || status.axis_positions.len() != status.axis_names.len()
     {
-        let text = "a sample has an axis position that is missing or not a finite number";
+        let text = "a sample has an axis position that is missing, or a value of an axis that is not a finite number";
         raise(state, now, MachineFault::StatusNotFinite, text, out);
         return;
     }
@@ -175,15 +180,24 @@ fn publish(
         stamp: status.header.stamp,
         frame_id: "foundation".to_owned(),
     };
-    let joints = |position: &[f64]| JointState {
+    // An array of another length belongs to other axes: sensor_msgs/JointState has all of them or none.
+    let of_all = |values: &[f64]| {
+        let known = values.len() == status.axis_names.len();
+        known.then(|| values.to_vec())
+    };
+    let joints = JointState {
         header: header.clone(),
         name: status.axis_names.clone(),
-        position: position.to_vec(),
         ..JointState::default()
     };
-    out.send(Output::JointStates(joints(&status.axis_positions)));
-    if status.axis_commands.len() == status.axis_names.len() {
-        out.send(Output::JointCommands(joints(&status.axis_commands)));
+    out.send(Output::JointStates(JointState {
+        position: status.axis_positions.clone(),
+        velocity: of_all(&status.axis_velocities).unwrap_or_default(),
+        effort: of_all(&status.axis_efforts).unwrap_or_default(),
+        ..joints.clone()
+    }));
+    if let Some(position) = of_all(&status.axis_commands) {
+        out.send(Output::JointCommands(JointState { position, ..joints }));
     }
     // Of two sources of one temperature the one counts that the cell file names.
     let read: Vec<(String, f64)> = signals::temperatures(config, state, now).collect();

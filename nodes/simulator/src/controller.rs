@@ -9,7 +9,7 @@ use crate::{
     plant,
     ports::Output,
     replies::{refused, reply},
-    state::{State, Then},
+    state::{Segment, State, Then},
     stopping::{stand, stop},
 };
 
@@ -289,15 +289,29 @@ fn set_table(
     out.send(Output::Reply(answer));
 }
 
+/// A regular sample.
 pub(crate) fn sample(config: &Config, state: &State, now: Stamp, out: &mut Outbox<Output>) {
+    let velocity = moving(state).map(|segment| segment.velocity_at(now));
+    sample_at(config, state, now, velocity, out);
+}
+
+/// What the machine carries out.
+fn moving(state: &State) -> Option<&Segment> {
+    state.program.as_ref()?.segments.front()
+}
+
+/// A sample at an instant with these axis velocities, m/s and rad/s; `None`: the axes stand.
+pub(crate) fn sample_at(
+    config: &Config,
+    state: &State,
+    now: Stamp,
+    velocity: Option<Vec<f64>>,
+    out: &mut Outbox<Output>,
+) {
     if state.silent {
         return;
     }
-    let segment = state
-        .program
-        .as_ref()
-        .and_then(|program| program.segments.front());
-    let position = segment.map_or_else(|| state.position.clone(), |segment| segment.at(now));
+    let position = moving(state).map_or_else(|| state.position.clone(), |segment| segment.at(now));
     let execution = if state.estop {
         MachineState::EXECUTION_ESTOP
     } else if !state.alarms.is_empty() {
@@ -325,6 +339,7 @@ pub(crate) fn sample(config: &Config, state: &State, now: Stamp, out: &mut Outbo
             .map_or(0.0, |program| program.spindle_speed),
         axis_names: config.chain.axis_names().map(str::to_owned).collect(),
         axis_commands: position.clone(),
+        axis_velocities: velocity.unwrap_or_else(|| vec![0.0; position.len()]),
         axis_positions: position,
         temperature_names: ["spindle", "part", "ambient"].map(str::to_owned).to_vec(),
         temperatures: vec![20.0; 3],

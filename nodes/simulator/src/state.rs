@@ -138,4 +138,18 @@ impl Segment {
             .map(|(from, to)| from + (to - from) * part)
             .collect()
     }
+
+    /// Axis velocities at an instant, m/s and rad/s: at the start and at the end those of the move, 0 before and after.
+    pub fn velocity_at(&self, now: Stamp) -> Vec<f64> {
+        let duration = self.end.since_s(self.start);
+        let elapsed = now.since_s(self.start);
+        let rate = match &self.profile {
+            _ if elapsed < 0.0 || elapsed > duration => 0.0,
+            Some(profile) => profile.share_rate_at(elapsed),
+            None if duration > 0.0 => 1.0 / duration,
+            None => 0.0,
+        };
+        let ends = self.from.iter().zip(&self.to);
+        ends.map(|(from, to)| (to - from) * rate).collect()
+    }
 }

@@ -7,7 +7,7 @@ use rand_pcg::Pcg32;
 
 use crate::{
     config::Config,
-    controller::{measure_when_ready, obey, sample},
+    controller::{measure_when_ready, obey, sample, sample_at},
     plant,
     ports::{Input, Output},
     raw::Injected,
@@ -129,6 +129,7 @@ fn run(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Output>)
     let out = if state.silent { &mut dropped } else { out };
     while let Some(segment) = next_ended(state, now) {
         state.position.clone_from(&segment.to);
+        let velocity = segment.velocity_at(segment.end);
         match segment.then {
             Then::Go => {}
             Then::Touch(trigger) => {
@@ -138,7 +139,7 @@ fn run(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Output>)
                 };
                 state.triggers += 1;
                 // A sample at the very instant of the latch: what is interpolated there is what was latched.
-                sample(config, state, segment.end, out);
+                sample_at(config, state, segment.end, Some(velocity), out);
                 out.send(Output::Trigger(trigger));
             }
             Then::Cut(operation) => plant::cut(config, state, &operation),

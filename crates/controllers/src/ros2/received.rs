@@ -26,6 +26,10 @@ const STILL_FOR: i64 = 50_000_000;
 pub(super) struct Joints {
     pub(super) stamp: i64,
     pub(super) positions: Vec<f64>,
+    /// m/s or rad/s; empty where the robot does not publish that of each joint.
+    pub(super) velocities: Vec<f64>,
+    /// N or N m; likewise.
+    pub(super) efforts: Vec<f64>,
 }
 
 /// The newest messages of the robot.
@@ -106,17 +110,24 @@ impl Received {
 
     fn read(&self, payload: &[u8]) -> Result<Joints, String> {
         let message: JointState = from_cdr(payload).map_err(|error| error.to_string())?;
-        let positions = self.names.iter().map(|name| {
+        let value = |name: &String, values: &[f64]| {
             let index = message.name.iter().position(|known| known == name);
-            let position = index.and_then(|index| message.position.get(index));
-            position
-                .copied()
-                .filter(|position| position.is_finite())
-                .ok_or_else(|| format!("joint {name:?} has no position"))
+            let value = index.and_then(|index| values.get(index)).copied();
+            value.filter(|value| value.is_finite())
+        };
+        let positions = self.names.iter().map(|name| {
+            value(name, &message.position).ok_or_else(|| format!("joint {name:?} has no position"))
         });
+        // ros2_control publishes NaN for what a joint does not report.
+        let of_all = |values: &[f64]| {
+            let all: Option<Vec<f64>> = self.names.iter().map(|name| value(name, values)).collect();
+            all.unwrap_or_default()
+        };
         Ok(Joints {
             stamp: message.header.stamp.nanos(),
             positions: positions.collect::<Result<_, _>>()?,
+            velocities: of_all(&message.velocity),
+            efforts: of_all(&message.effort),
         })
     }
 
@@ -169,6 +180,8 @@ impl Received {
         Some(Joints {
             stamp: instant,
             positions: pairs.map(|(a, b)| a + (b - a) * share).collect(),
+            velocities: Vec::new(),
+            efforts: Vec::new(),
         })
     }
 

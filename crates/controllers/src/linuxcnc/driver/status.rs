@@ -58,6 +58,9 @@ impl LinuxCncConnection {
             axis_names: self.axis_names(),
             axis_positions,
             axis_commands: commands,
+            // The remote shell reports neither.
+            axis_velocities: Vec::new(),
+            axis_efforts: Vec::new(),
             probe_tripped: sample.probe_tripped,
             temperature_names: Vec::new(),
             temperatures: Vec::new(),

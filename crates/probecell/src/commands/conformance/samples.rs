@@ -163,13 +163,14 @@ fn axes(judge: &mut Judge, sample: &ControllerStatus, chain: &Chain) {
         &sample.axis_positions,
         sample.axis_names.len(),
     );
-    if !sample.axis_commands.is_empty() {
-        numbers(
-            judge,
-            "axis_commands",
-            &sample.axis_commands,
-            sample.axis_names.len(),
-        );
+    for (field, values) in [
+        ("axis_commands", &sample.axis_commands),
+        ("axis_velocities", &sample.axis_velocities),
+        ("axis_efforts", &sample.axis_efforts),
+    ] {
+        if !values.is_empty() {
+            numbers(judge, field, values, sample.axis_names.len());
+        }
     }
     for (name, position) in sample.axis_names.iter().zip(&sample.axis_positions) {
         let limits = chain
