@@ -13,7 +13,7 @@
 
 use std::collections::BTreeSet;
 
-use graph::topics;
+use graph::{parameters, topics};
 use toml::Table;
 
 use crate::{
@@ -184,7 +184,7 @@ fn section<'a>(
         &everything[..2],
     );
     called.insert(0, format!("*/*/{STATUS}/**"));
-    called.extend(policy::PARAMETERS.map(|service| format!("*/*/*/{service}/**")));
+    called.extend(parameters::READING.map(|service| format!("*/*/*/{service}/**")));
     policy.rule("call", &["ingress"], &["query"], &called);
     // Nodes, subscriptions and clients announce themselves, under other names than those of the processes of a cell.
     let shown = ["NN", "MS", "SC"].map(|kind| format!("@ros2_lv/*/*/*/*/{kind}/**"));

@@ -103,6 +103,7 @@ mod fault;
 mod instance;
 pub mod journal;
 mod node;
+pub mod parameters;
 pub mod replay;
 mod stamp;
 pub mod supervision;

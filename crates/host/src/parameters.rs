@@ -6,6 +6,7 @@
 
 use std::{collections::BTreeSet, sync::mpsc::channel};
 
+use graph::parameters as names;
 use probecell_msgs::{
     CdrError, Message, Service, from_cdr,
     rcl_interfaces::{
@@ -51,29 +52,25 @@ type Answer = fn(&Parameters, &[u8]) -> Result<Vec<u8>, CdrError>;
 
 /// The services of a node in the order of rclpy, by the names below its own.
 const SERVICES: [(&str, &probecell_msgs::ServiceType, Answer); 7] = [
-    (
-        "describe_parameters",
-        DescribeParameters::TYPE,
-        |all, request| answer::<DescribeParameters>(request, |asked| all.describe(&asked.names)),
-    ),
-    ("get_parameters", GetParameters::TYPE, |all, request| {
+    (names::DESCRIBE, DescribeParameters::TYPE, |all, request| {
+        answer::<DescribeParameters>(request, |asked| all.describe(&asked.names))
+    }),
+    (names::GET, GetParameters::TYPE, |all, request| {
         answer::<GetParameters>(request, |asked| all.get(&asked.names))
     }),
-    (
-        "get_parameter_types",
-        GetParameterTypes::TYPE,
-        |all, request| answer::<GetParameterTypes>(request, |asked| all.types(&asked.names)),
-    ),
-    ("list_parameters", ListParameters::TYPE, |all, request| {
+    (names::GET_TYPES, GetParameterTypes::TYPE, |all, request| {
+        answer::<GetParameterTypes>(request, |asked| all.types(&asked.names))
+    }),
+    (names::LIST, ListParameters::TYPE, |all, request| {
         answer::<ListParameters>(request, |asked| all.list(&asked))
     }),
-    ("set_parameters", SetParameters::TYPE, |all, request| {
+    (names::SET, SetParameters::TYPE, |all, request| {
         answer::<SetParameters>(request, |asked| SetParametersResponse {
             results: asked.parameters.iter().map(|one| all.refuse(one)).collect(),
         })
     }),
     (
-        "set_parameters_atomically",
+        names::SET_ATOMICALLY,
         SetParametersAtomically::TYPE,
         |all, request| {
             answer::<SetParametersAtomically>(request, |asked| SetParametersAtomicallyResponse {
@@ -82,7 +79,7 @@ const SERVICES: [(&str, &probecell_msgs::ServiceType, Answer); 7] = [
         },
     ),
     (
-        "get_type_description",
+        names::TYPE_DESCRIPTION,
         GetTypeDescription::TYPE,
         |_, request| {
             answer::<GetTypeDescription>(request, |asked| {
