@@ -19,7 +19,7 @@
 
 use std::collections::BTreeMap;
 
-use graph::topics;
+use graph::{parameters, topics};
 use toml::{Table, Value};
 
 use crate::{Cell, CellError};
@@ -48,19 +48,8 @@ pub const SERVICES: [(&str, &str); 7] = [
     ("stop_recording", RECORDER),
 ];
 
-/// Services by which every process tells its parameters and the types that it knows.
-pub const PARAMETERS: [&str; 5] = [
-    "get_parameters",
-    "get_parameter_types",
-    "list_parameters",
-    "describe_parameters",
-    "get_type_description",
-];
-/// Services by which ROS 2 sets parameters; every process answers that its own are read only.
-pub const PARAMETERS_SET: [&str; 2] = ["set_parameters", "set_parameters_atomically"];
-
-/// Topics of the action `run`.
-const ACTION: [&str; 2] = ["run/_action/feedback", "run/_action/status"];
+/// Services that are actions as well.
+const ACTIONS: [&str; 2] = ["plan", "run"];
 
 /// Messages that carry information to a reader.
 pub(crate) const TOLD: [&str; 4] = ["put", "delete", "reply", "liveliness_token"];
@@ -138,7 +127,10 @@ pub fn productions(cell: &Cell) -> Result<BTreeMap<String, Vec<String>>, CellErr
     let waiver = format!("{name}/{}", topics::RECORDING_STATUS.name);
     let mut launcher = of(LAUNCHER);
     launcher.extend([waiver]);
-    launcher.extend(ACTION.map(|topic| format!("{name}/{topic}")));
+    for action in ACTIONS {
+        launcher
+            .extend(["feedback", "status"].map(|topic| format!("{name}/{action}/_action/{topic}")));
+    }
     launcher.extend(["diagnostics", "tf", "tf_static"].map(str::to_owned));
     processes.insert(LAUNCHER.to_owned(), launcher);
     processes.insert(RECORDER.to_owned(), of(RECORDER));
@@ -187,13 +179,13 @@ pub fn access_control(cell: &Cell) -> Result<Table, CellError> {
             .collect()
     };
     // Of any process.
-    let parameters = |node: &str| {
-        let all = PARAMETERS.iter().chain(&PARAMETERS_SET);
+    let parameters_of = |node: &str| {
+        let all = parameters::READING.iter().chain(&parameters::SETTING);
         all.map(|service| format!("{domain}/{}/{node}/{service}/**", cell.cell.name))
             .collect::<Vec<_>>()
     };
     let mut called = services(None);
-    called.extend(parameters("*"));
+    called.extend(parameters_of("*"));
     policy.rule("call", &["ingress"], &["query"], &called);
     let namespace = cell.namespace().replace('/', "%");
     for (user, topics) in productions(cell)? {
@@ -204,7 +196,7 @@ pub fn access_control(cell: &Cell) -> Result<Table, CellError> {
         });
         let mut keys: Vec<String> = keys.collect();
         keys.extend(services(Some(&user)));
-        keys.extend(parameters(&user));
+        keys.extend(parameters_of(&user));
         // Session, node, entity, kind, enclave; then namespace and name, and of an endpoint its topic.
         keys.push(format!("@ros2_lv/{domain}/*/*/*/*/*/{namespace}/{user}/**"));
         let speaks = format!("speak_as_{user}");

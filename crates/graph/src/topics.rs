@@ -173,5 +173,13 @@ pub fn journal_name(node: &str) -> String {
     format!("{node}/steps")
 }
 
+/// Absolute name, message and quality of service of the topic on which whatever is on the bus reports its health, as every ROS 2
+/// system does. The launcher publishes that of the cell's processes; no node subscribes to it.
+pub const DIAGNOSTICS: (&str, &MessageType, Qos) = (
+    "/diagnostics",
+    <DiagnosticArray as Message>::TYPE,
+    Qos::reliable(10),
+);
+
 /// Message and quality of service of every journal topic.
 pub const JOURNAL: (&MessageType, Qos) = (<StepJournal as Message>::TYPE, Qos::KEEP_ALL);

@@ -63,7 +63,7 @@ struct Losses {
 }
 
 impl RecorderProcess {
-    /// Makes the bag and subscribes to every topic of the cell.
+    /// Makes the bag and subscribes to every topic of the cell, and to `/diagnostics`.
     ///
     /// # Errors
     /// What the bus or the file system says.
@@ -89,42 +89,31 @@ impl RecorderProcess {
             recorder,
             subscriptions: Vec::new(),
         };
+        let absolute = |name: &str| format!("{}/{name}", settings.namespace);
         for topic in &settings.topics {
-            process.subscribe(
-                bus,
-                &settings.namespace,
-                topic.name,
-                topic.message,
-                topic.qos,
-                &losses,
-            )?;
+            let name = absolute(topic.name);
+            process.subscribe(bus, &name, topic.message, topic.qos, &losses)?;
         }
         for node in &settings.nodes {
             let (message, qos) = topics::JOURNAL;
-            process.subscribe(
-                bus,
-                &settings.namespace,
-                &topics::journal_name(node),
-                message,
-                qos,
-                &losses,
-            )?;
+            let name = absolute(&topics::journal_name(node));
+            process.subscribe(bus, &name, message, qos, &losses)?;
         }
+        let (name, message, qos) = topics::DIAGNOSTICS;
+        process.subscribe(bus, name, message, qos, &losses)?;
         Ok(process)
     }
 
     fn subscribe(
         &mut self,
         bus: &Bus,
-        namespace: &str,
         name: &str,
         message: &'static MessageType,
         qos: graph::Qos,
         losses: &Arc<Losses>,
     ) -> Result<(), RecordingError> {
-        let absolute = format!("{namespace}/{name}");
         let pusher = self.recorder.pusher();
-        let channel = pusher.channel(&Channel::of(&absolute, message, bag_qos(qos)))?;
+        let channel = pusher.channel(&Channel::of(name, message, bag_qos(qos)))?;
         let for_losses = pusher.clone();
         let on_sample = move |received: Received<'_>| {
             let (reception, source) = (received.received_ns as u64, received.source_time_ns as u64);
@@ -138,13 +127,15 @@ impl RecorderProcess {
             // A full queue is counted by the bag itself; a stopped or failed one is reported by `finish`.
             drop(pushed);
         };
-        let (losses, topic) = (Arc::clone(losses), name.to_owned());
+        let losses = Arc::clone(losses);
+        let prefix = format!("{}/", losses.namespace);
+        let topic = name.strip_prefix(&prefix).unwrap_or(name).to_owned();
         let on_lost = move |lost: crate::bus::Lost| {
             for_losses.report_bus_loss(channel, lost.count, false);
             losses.publish(&topic, lost);
         };
         let subscription = bus.subscribe(
-            &absolute,
+            name,
             message,
             bus_qos(qos),
             Box::new(on_sample),
@@ -173,7 +164,7 @@ impl Losses {
     fn publish(&self, topic: &str, lost: crate::bus::Lost) {
         let instant: Stamp = now();
         error!(
-            "lost {} messages on {}/{topic} from number {}",
+            "lost {} messages on {topic} of cell {} from number {}",
             lost.count, self.namespace, lost.first
         );
         let report = LossReport {

@@ -10,6 +10,7 @@ use std::sync::{
     atomic::{AtomicU64, Ordering},
     mpsc::{Receiver, SyncSender, sync_channel},
 };
+use std::time::Duration;
 
 use probecell_msgs::{Message, builtin_interfaces::Time, rcl_interfaces::Log, to_cdr};
 use tracing::{Level, Metadata, field::Field};
@@ -24,8 +25,8 @@ use crate::{
 pub const TOPIC: &str = "/rosout";
 /// Messages that wait to be published.
 const QUEUE: usize = 1_000;
-/// Quality of service of rcl's logs, but for their lifespan of 10 s.
-const QOS: Qos = Qos::latched(1_000);
+/// Quality of service of rcl's logs.
+const QOS: Qos = Qos::latched(1_000).with_lifespan(Duration::from_secs(10));
 /// Beginnings of the targets of the transports.
 const TRANSPORTS: [&str; 4] = ["zenoh", "rustdds", "ros2_client", "mio"];
 

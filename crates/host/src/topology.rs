@@ -26,6 +26,7 @@ pub fn bus_qos(qos: graph::Qos) -> Qos {
         history: qos
             .depth
             .map_or(History::KeepAll, |depth| History::KeepLast(depth as usize)),
+        lifespan: None,
     }
 }
 

@@ -269,6 +269,8 @@ fn services_are_called_by_operators_and_served_by_their_process_only() {
     let of_launcher = [
         "run/_action/send_goal",
         "run/_action/cancel_goal",
+        "plan/_action/send_goal",
+        "plan/_action/cancel_goal",
         "operator/get_parameters",
         "operator/set_parameters",
     ];

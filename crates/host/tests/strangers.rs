@@ -13,6 +13,7 @@ use std::{
 
 use cell::{Cell, CellText, policy, strangers};
 use common::{PATIENCE, reach};
+use graph::parameters;
 use host::bus::{Router, RouterConfig};
 use serde_json::{Value, json};
 use zenoh::{
@@ -290,12 +291,13 @@ fn a_stranger_announces_what_reads_under_a_name_of_its_own() {
     );
 }
 
-/// Services of the cell, of the action `run`, and by which a process tells its parameters.
+/// Services of the cell, of the actions `plan` and `run`, and by which a process tells its parameters.
 fn services() -> Vec<String> {
     let own = policy::SERVICES.map(|(name, _)| name.to_owned());
-    let action =
-        ["send_goal", "cancel_goal", "get_result"].map(|part| format!("run/_action/{part}"));
-    let parameters = policy::PARAMETERS.iter().chain(&policy::PARAMETERS_SET);
+    let action = ["plan", "run"].into_iter().flat_map(|action| {
+        ["send_goal", "cancel_goal", "get_result"].map(|part| format!("{action}/_action/{part}"))
+    });
+    let parameters = parameters::READING.iter().chain(&parameters::SETTING);
     let parameters = parameters.map(|name| format!("cycle/{name}"));
     own.into_iter().chain(action).chain(parameters).collect()
 }
@@ -349,8 +351,12 @@ fn a_stranger_calls_what_reads_and_serves_nothing() {
     for (more, called) in [
         ("", &["status"][..]),
         (
-            "strangers_call = [\"stop\", \"run\"]",
+            "strangers_call = [\"stop\", \"run\", \"plan\"]",
             &[
+                "plan",
+                "plan/_action/send_goal",
+                "plan/_action/cancel_goal",
+                "plan/_action/get_result",
                 "run",
                 "run/_action/send_goal",
                 "run/_action/cancel_goal",
@@ -369,7 +375,7 @@ fn a_stranger_calls_what_reads_and_serves_nothing() {
             reach(&stranger, &sentinel);
             call_all(&stranger, mode);
             reach(&stranger, &sentinel);
-            let told = policy::PARAMETERS.map(|name| format!("own cycle/{name}"));
+            let told = parameters::READING.map(|name| format!("own cycle/{name}"));
             let expected = called.iter().map(|name| format!("own {name}")).chain(told);
             assert_eq!(of(&heard, mode), expected.collect(), "{mode} {more}");
             // Nobody is asked in the place of the cell.

@@ -111,6 +111,7 @@ pub use config::{Config, ConfigError, RawConfig};
 pub use error::PlanningError;
 pub use job::{Job, Purpose};
 pub use ports::{Input, Output, PlanningFault};
+pub use requests::PREVIEW;
 pub use rules::MotionRules;
 pub use state::State;
 pub use step::PathPlanningNode;

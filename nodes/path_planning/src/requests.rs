@@ -7,13 +7,16 @@ use crate::{
     config::Config,
     error::PlanningError,
     further::{self, FurtherError},
-    job::Purpose,
-    ports::{Failure, Output, PlanningFault},
+    job::{Job, Purpose},
+    ports::{Failure, Output, PlanningFault, reply},
     resume::{Measurement, ResumeError},
     state::State,
     task::{OrderRequest, Task},
     work,
 };
+
+/// Name of the part's own plan where an operator gives none.
+pub const PREVIEW: &str = "preview";
 
 /// A request of the cycle: plans are made for its measurements. The error is code and text of a fault.
 pub(crate) fn handle_cycle_request(
@@ -135,11 +138,7 @@ pub(crate) fn handle_operator_request(
         return Err(ResumeError::Over(subject.clone()).into());
     }
     if request.points.is_empty() {
-        let plan_id = if subject.is_empty() {
-            "preview"
-        } else {
-            subject
-        };
+        let plan_id = if subject.is_empty() { PREVIEW } else { subject };
         if let Some((_, measured)) = &state.running {
             return Err(RequestError::Measuring(measured.clone()));
         }
@@ -163,6 +162,24 @@ pub(crate) fn handle_operator_request(
     let purpose = Purpose::Further(request.request_id);
     work::start(state, now, task, purpose, out);
     Ok(())
+}
+
+/// Ends the planning that an operator has requested; whoever has requested it is informed first.
+pub(crate) fn cancel(
+    state: &mut State,
+    now: Stamp,
+    request: &OperatorRequest,
+    out: &mut Outbox<Output>,
+) {
+    let is_meant = |job: &Job| {
+        let number = job.purpose.of_operator();
+        number.is_some_and(|number| request.cancels.contains(&number))
+    };
+    let known = state.job.as_ref().filter(|job| is_meant(job));
+    let known = known.map(|job| format!("planning of {:?} has ended", job.task.plan().plan_id));
+    work::cancel(state, now, is_meant, "an operator has cancelled it", out);
+    let result = known.ok_or_else(|| "what was to be cancelled is not being planned".to_owned());
+    out.send(reply(now, request.request_id, result));
 }
 
 /// The plan with an identifier, stamped now.

@@ -7,7 +7,7 @@ use crate::{
     config::Config,
     job::Job,
     ports::{Input, Output, PlanningFault, reply},
-    requests::{handle_cycle_request, handle_operator_request},
+    requests::{cancel, handle_cycle_request, handle_operator_request},
     state::State,
     work,
 };
@@ -71,6 +71,9 @@ impl Node for PathPlanningNode {
                     state.running = None;
                     out.fault(now, fault, text);
                 }
+            }
+            Input::Plan(request) if !request.cancels.is_empty() => {
+                cancel(state, now, &request, out);
             }
             Input::Plan(request) => {
                 if let Err(error) = handle_operator_request(config, state, now, &request, out) {

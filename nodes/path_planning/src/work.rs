@@ -50,6 +50,8 @@ pub(crate) fn advance(
             progress.phase = PlanProgress::DONE;
             progress.air_time = planned.order.air_time;
             progress.given_air_time = planned.order.given_air_time;
+            progress.air_length = planned.order.air_length;
+            progress.given_air_length = planned.order.given_air_length;
             out.send(Output::Progress(progress));
             publish_result(config, state, now, job.purpose, planned, out);
         }

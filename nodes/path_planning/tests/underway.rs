@@ -290,6 +290,36 @@ fn an_operator_is_refused_while_an_order_is_made_and_told_when_his_own_is_given_
     assert_eq!(words(&node.finish()), ["plan p/1", "order p/1"]);
 }
 
+/// An operator ends what an operator has requested, by the number of that request, and nothing of the cycle.
+#[test]
+fn an_operator_ends_the_search_that_was_requested() {
+    let cancel = |numbers: &[u64]| {
+        Input::Plan(OperatorRequest {
+            request_id: 10,
+            cancels: numbers.to_vec(),
+            ..OperatorRequest::default()
+        })
+    };
+    let refusal = "false: what was to be cancelled is not being planned";
+    let mut node = in_the_middle(wish("", &[]));
+    assert_eq!(words(&node.take(cancel(&[8]))), [refusal]);
+    let said = node.take(cancel(&[9]));
+    assert_eq!(progress(&said)[0].phase, PlanProgress::GIVEN_UP);
+    assert_eq!(
+        words(&said),
+        [
+            "false: planning of \"preview\" was cancelled: an operator has cancelled it",
+            "true: planning of \"preview\" has ended",
+        ]
+    );
+    assert!(node.finish().is_empty(), "nothing is planned");
+    assert_eq!(words(&node.take(cancel(&[9]))), [refusal]);
+    // That of the measurement goes on.
+    let mut node = in_the_middle(measure());
+    assert_eq!(words(&node.take(cancel(&[5, 9]))), [refusal]);
+    assert_eq!(words(&node.finish()), ["plan p/1", "order p/1"]);
+}
+
 #[test]
 fn a_cut_ends_the_work_on_further_touches() {
     let points = config().part.plan(0.0).points;

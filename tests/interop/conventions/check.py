@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """What a ROS 2 user expects beside the topics: services that answer, bags that anybody may record, bags that convert.
 
-    check.py PROBECELL [services|outside|convert|domain|log|parameters|action]...
+    check.py PROBECELL [services|outside|convert|domain|log|parameters|run|plan]...
 
 Runs in a network namespace of its own (the router's port is taken). The client and the recorder are eclipse-zenoh, rosbags
 and mcap; nothing of ours but the message files.
@@ -67,10 +67,17 @@ def running(*words, folder, **more):
         process.communicate(timeout=PATIENCE)
 
 
-def own_cell(folder):
+def own_cell(folder, bus="", planning=""):
+    """The default cell, with more lines of its sections `bus` and `path_planning`."""
     for name in ("turn_mill.toml", "turn_mill.urdf"):
         shutil.copy(ROOT / "launch-scripts" / name, folder)
-    return folder / "turn_mill.toml"
+    cell = folder / "turn_mill.toml"
+    text = cell.read_text()
+    for section, lines in (("[bus]\n", bus), ("[path_planning]\n", planning)):
+        assert text.count(section) == 1, section
+        text = text.replace(section, f"{section}{lines}\n")
+    cell.write_text(text)
+    return cell
 
 
 @contextlib.contextmanager
@@ -129,10 +136,8 @@ def default(name, fields):
 
 def services_of_stopped_nodes(folder):
     """Each node that would answer is stopped: the launcher answers for it, in the type of the service."""
-    cell = own_cell(folder)
     # This session is a stranger.
-    opened = '[bus]\nstrangers_call = ["plan", "run", "stop", "approve_correction"]\n'
-    cell.write_text(cell.read_text().replace("[bus]\n", opened, 1))
+    cell = own_cell(folder, 'strangers_call = ["plan", "run", "stop", "approve_correction"]')
     with running("up", cell, folder=folder) as up, contextlib.ExitStack() as stack:
         line = up.stdout.readline()
         assert "is ready" in line, line
@@ -224,7 +229,17 @@ def bags_convert(folder):
     for bag in (own, folder / "converted"):
         with AnyReader([bag]) as reader:
             counts.append({topic: one.msgcount for topic, one in reader.topics.items()})
+        with AnyReader([bag]) as reader:
+            # The health of the cell, as rosbags' own definition reads it.
+            wanted = [one for one in reader.connections if one.topic == "/diagnostics"]
+            health = [MESSAGES.decode(bytes(raw), "diagnostic_msgs/msg/DiagnosticArray") for _, _, raw in reader.messages(connections=wanted)]
+            assert len(health) > 3, health
+            named = {status.name for array in health for status in array.status}
+            assert {"/turn_mill/compensation", "/turn_mill/recorder", "/turn_mill/machine"} <= named, named
+            assert any(status.name == "/turn_mill/compensation" and status.message == "running" for status in health[-1].status)
     assert counts[0] == counts[1] and counts[0], counts
+    code, output, errors = asked("replay", own, folder=folder)
+    assert code == 0 and "all outputs of all nodes are equal" in output, (code, output, errors)
     assert "ros_distro: \"unknown\"" in (own / "metadata.yaml").read_text() or os.environ.get("ROS_DISTRO")
 
 
@@ -250,7 +265,8 @@ def log_of_the_nodes(folder):
         publishers = [one.split("/") for one in tokens(opened) if "/MP/" in one and "/%rosout/" in one]
         assert {one[8] for one in publishers} == {one.split("/")[8] for one in tokens(opened) if "/NN/" in one}, publishers
         assert len(publishers) > 9
-        assert {one[12].split(":")[1] for one in publishers} == {"1"}, publishers  # transient local
+        # As rcl announces it (traces of real nodes): transient local, depth 1000, lifespan 10 s.
+        assert {one[12] for one in publishers} == {":1:,1000:,:10,0:,,"}, publishers
         kind, digest = publishers[0][10:12]
         os.kill(process_of(up, "gap"), signal.SIGKILL)
 
@@ -351,7 +367,7 @@ def parameters_of_the_processes(folder):
         events = [MESSAGES.decode(bytes(one.payload), "rcl_interfaces/msg/ParameterEvent") for one in events]
         assert {one.node for one in events} == {f"/turn_mill/{node}" for node in nodes}, events
         assert all(one.new_parameters[0].name == "use_sim_time" and not one.new_parameters[0].value.bool_value for one in events)
-    cell.write_text(cell.read_text().replace("[bus]\n", '[bus]\nstrangers = "write"\n', 1))
+    cell = own_cell(folder, 'strangers = "write"')
     with running("up", cell, folder=folder) as up, contextlib.ExitStack() as stack:
         assert "is ready" in up.stdout.readline()
         opened = stack.enter_context(session())
@@ -362,19 +378,18 @@ def parameters_of_the_processes(folder):
 
 
 class ActionClient:
-    """An action client by the rules of rmw_zenoh."""
+    """A client of an action of the cell by the rules of rmw_zenoh."""
 
-    KIND = "probecell_msgs/action/RunPart"
-
-    def __init__(self, opened):
-        self.opened, self.feedback, self.statuses = opened, queue.Queue(), {}
+    def __init__(self, opened, action, kind):
+        self.opened, self.action, self.kind = opened, f"{action}/_action", f"probecell_msgs/action/{kind}"
+        self.feedback, self.statuses = queue.Queue(), {}
         self.subscriptions = [
-            opened.declare_subscriber(channel(opened, "MP", "run/_action/feedback"), self.take_feedback),
-            opened.declare_subscriber(channel(opened, "MP", "run/_action/status"), self.take_status),
+            opened.declare_subscriber(channel(opened, "MP", f"{self.action}/feedback"), self.take_feedback),
+            opened.declare_subscriber(channel(opened, "MP", f"{self.action}/status"), self.take_status),
         ]
 
     def take_feedback(self, sample):
-        self.feedback.put(MESSAGES.decode(bytes(sample.payload), f"{self.KIND}_FeedbackMessage"))
+        self.feedback.put(MESSAGES.decode(bytes(sample.payload), f"{self.kind}_FeedbackMessage"))
 
     def take_status(self, sample):
         for one in MESSAGES.decode(bytes(sample.payload), "action_msgs/msg/GoalStatusArray").status_list:
@@ -385,23 +400,21 @@ class ActionClient:
     def ask(self, part, request_name, response_name, edit, timeout=60.0):
         message = MESSAGES.random(request_name, 1)
         edit(message)
-        got = replies(self.opened, channel(self.opened, "SS", f"run/_action/{part}"), MESSAGES.encode(message, request_name), timeout)
+        got = replies(self.opened, channel(self.opened, "SS", f"{self.action}/{part}"), MESSAGES.encode(message, request_name), timeout)
         return [MESSAGES.decode(one, response_name) for one in got]
 
-    def send(self, number, part):
+    def send(self, number, fill):
         def edit(request):
             request.goal_id.uuid[:] = number
-            goal = request.goal
-            goal.part_id, goal.plan_id, goal.operator_name, goal.shown, goal.signature = part, "", "", "", goal.signature[:0]
-            goal.expires.sec = goal.expires.nanosec = goal.signed_at.sec = goal.signed_at.nanosec = 0
+            fill(request.goal)
 
-        return self.ask("send_goal", f"{self.KIND}_SendGoal_Request", f"{self.KIND}_SendGoal_Response", edit)
+        return self.ask("send_goal", f"{self.kind}_SendGoal_Request", f"{self.kind}_SendGoal_Response", edit)
 
     def result(self, number):
         def edit(request):
             request.goal_id.uuid[:] = number
 
-        (answer,) = self.ask("get_result", f"{self.KIND}_GetResult_Request", f"{self.KIND}_GetResult_Response", edit, 300.0)
+        (answer,) = self.ask("get_result", f"{self.kind}_GetResult_Request", f"{self.kind}_GetResult_Response", edit, 300.0)
         return answer
 
     def cancel(self, number):
@@ -418,45 +431,63 @@ class ActionClient:
         until(f"status {statuses[-1]}", lambda: seen[-1] == statuses[-1])
         assert seen == statuses, seen
 
-    def fed(self, number, stage):
-        """The stages told until this one."""
+    def fed(self, number, is_last):
+        """Feedback on a goal until one that is the last."""
         told = []
-        while not told or told[-1] != stage:
+        while not told or not is_last(told[-1]):
             message = self.feedback.get(timeout=PATIENCE)
             assert bytes(message.goal_id.uuid) == bytes([number] * 16), message
-            told.append(message.feedback.status.stage)
+            told.append(message.feedback)
         return told
+
+    def left(self):
+        """Feedback that has arrived."""
+        told = []
+        while not self.feedback.empty():
+            told.append(self.feedback.get().feedback)
+        return told
+
+    def latched_statuses(self):
+        late = self.opened.get(
+            f"{channel(self.opened, 'MP', f'{self.action}/status')}/@adv/pub/**?_anyke", target=zenoh.QueryTarget.ALL
+        )
+        (late,) = [MESSAGES.decode(bytes(one.ok.payload), "action_msgs/msg/GoalStatusArray") for one in late if one.ok]
+        return [one.status for one in late.status_list]
+
+
+def the_part(name):
+    def fill(goal):
+        goal.part_id, goal.plan_id, goal.operator_name, goal.shown, goal.signature = name, "", "", "", goal.signature[:0]
+        goal.expires.sec = goal.expires.nanosec = goal.signed_at.sec = goal.signed_at.nanosec = 0
+
+    return fill
 
 
 def run_as_an_action(folder):
     """What `ros2 action send_goal --feedback` does, and Ctrl-C in it."""
-    cell = own_cell(folder)
-    opened_to = '[bus]\nstrangers_call = ["run"]\n'
-    cell.write_text(cell.read_text().replace("[bus]\n", opened_to, 1))
+    cell = own_cell(folder, 'strangers_call = ["run"]')
     with running("up", cell, folder=folder) as up, contextlib.ExitStack() as stack:
         assert "is ready" in up.stdout.readline()
-        client = ActionClient(stack.enter_context(session()))
+        client = ActionClient(stack.enter_context(session()), "run", "RunPart")
         assert (client.result(9).status, client.cancel(9)) == (0, (2, [])), "an unknown goal"
-        (answer,) = client.send(1, "first")
+        (answer,) = client.send(1, the_part("first"))
         assert answer.accepted and abs(time.time() - answer.stamp.sec) < PATIENCE, answer
-        (second,) = client.send(2, "second")
+        (second,) = client.send(2, the_part("second"))
         assert not second.accepted and second.stamp.sec == 0, "two parts at once"
-        (again,) = client.send(1, "again")
+        (again,) = client.send(1, the_part("again"))
         assert not again.accepted, "an identifier twice"
         assert client.result(2).status == 0, "a refused goal"
         ended = client.result(1)
         report = ended.result.report
         assert (ended.status, report.part_id, report.verdict, report.run_id) == (4, "first", 0, "first"), ended
-        told = set()
-        while not client.feedback.empty():
-            told.add(client.feedback.get().feedback.status.stage)
+        told = {feedback.status.stage for feedback in client.left()}
         assert {1, 2} <= told, told  # cutting, measuring
         client.passes_through(1, [1, 2, 4])
         assert client.cancel(1) == (3, []), "a goal that has ended"
         print(f"  first: {ended.result.text or 'qualified'}, after {report.passes} passes", flush=True)
-        (answer,) = client.send(3, "third")
+        (answer,) = client.send(3, the_part("third"))
         assert answer.accepted
-        client.fed(3, 1)
+        client.fed(3, lambda feedback: feedback.status.stage == 1)
         begun = time.monotonic()
         assert client.cancel(3) == (0, [3])
         stopped = time.monotonic() - begun
@@ -464,21 +495,85 @@ def run_as_an_action(folder):
         assert (ended.status, ended.result.report.part_id, ended.result.report.verdict) == (5, "third", 2), ended
         client.passes_through(3, [1, 2, 3, 5])
         print(f"  third: canceled, the machine stands after {stopped:.1f} s: {ended.result.text}", flush=True)
-        late = client.opened.get(f"{channel(client.opened, 'MP', 'run/_action/status')}/@adv/pub/**?_anyke", target=zenoh.QueryTarget.ALL)
-        (late,) = [MESSAGES.decode(bytes(one.ok.payload), "action_msgs/msg/GoalStatusArray") for one in late if one.ok]
-        assert late.status_list[-1].status == 5, late
-    cell.write_text(cell.read_text().replace(opened_to, "[bus]\n", 1))
+        assert client.latched_statuses()[-1] == 5
+    cell = own_cell(folder)
     with running("up", cell, folder=folder) as up, contextlib.ExitStack() as stack:
         assert "is ready" in up.stdout.readline()
-        client = ActionClient(stack.enter_context(session()))
-        assert client.send(4, "stranger") == [] and not client.statuses, "a stranger's goal"
+        client = ActionClient(stack.enter_context(session()), "run", "RunPart")
+        assert client.send(4, the_part("stranger")) == [] and not client.statuses, "a stranger's goal"
+
+
+def the_plan(plan_id="", points=False):
+    def fill(goal):
+        goal.plan_id = plan_id
+        if not points:
+            goal.points = []
+
+    return fill
+
+
+TRANSITS, SEARCHING, DONE, GIVEN_UP = range(4)
+
+
+def plan_as_an_action(folder):
+    """What `ros2 action send_goal --feedback` does with `plan`, and Ctrl-C in it."""
+    cell = own_cell(folder, 'strangers_call = ["plan"]')
+    code, output, errors = asked("plan", cell, "--json", folder=folder)
+    assert code == 0, errors
+    known = json.loads(output)  # by the command, in a process of its own
+    with running("up", cell, folder=folder) as up, contextlib.ExitStack() as stack:
+        assert "is ready" in up.stdout.readline()
+        opened = stack.enter_context(session())
+        client = ActionClient(opened, "plan", "PlanMeasurement")
+        (answer,) = client.send(1, the_plan())
+        assert answer.accepted and abs(time.time() - answer.stamp.sec) < PATIENCE, answer
+        ended = client.result(1)
+        result = ended.result
+        assert (ended.status, result.plan_id, result.touches) == (4, "preview", len(known["order"])), ended
+        for key in ("air_time", "given_air_time", "air_length", "given_air_length"):
+            assert getattr(result, key) == known[key] > 0, (key, result, known[key])
+        told = [feedback.progress for feedback in client.fed(1, lambda feedback: feedback.progress.phase == DONE)]
+        assert {one.plan_id for one in told} == {"preview"} and [one.phase for one in told] == sorted(one.phase for one in told), told
+        assert {TRANSITS, SEARCHING, DONE} == {one.phase for one in told}, told
+        assert all(one.air_time >= result.air_time * (1 - 1e-12) for one in told if one.phase == SEARCHING), told
+        client.passes_through(1, [1, 2, 4])
+        assert client.cancel(1) == (3, []), "a goal that has ended"
+        print(f"  {result.text}; told in {len(told)} steps", flush=True)
+        # Points without a name: what the planner refuses is aborted, with the reason.
+        (answer,) = client.send(2, the_plan(points=True))
+        assert answer.accepted
+        ended = client.result(2)
+        assert ended.status == 6 and ended.result.text and not ended.result.touches, ended
+        print(f"  refused: {ended.result.text}", flush=True)
+        client.passes_through(2, [1, 2, 6])
+    # A search that takes for ever.
+    cell = own_cell(folder, 'strangers_call = ["plan"]', "kicks = 1_000_000_000_000")
+    with running("up", cell, folder=folder) as up, contextlib.ExitStack() as stack:
+        assert "is ready" in up.stdout.readline()
+        opened = stack.enter_context(session())
+        client = ActionClient(opened, "plan", "PlanMeasurement")
+        for number in (3, 5):  # the second finds the planner free
+            (answer,) = client.send(number, the_plan())
+            assert answer.accepted
+            client.fed(number, lambda feedback: feedback.progress.phase == SEARCHING and feedback.progress.share > 0)
+            (second,) = client.send(4, the_plan())
+            assert not second.accepted, "two goals at once"
+            begun = time.monotonic()
+            assert client.cancel(number) == (0, [number])
+            stopped = time.monotonic() - begun
+            ended = client.result(number)
+            assert (ended.status, ended.result.touches) == (5, 0) and "cancelled" in ended.result.text, ended
+            client.passes_through(number, [1, 2, 3, 5])
+            client.left()
+        print(f"  canceled within {stopped:.2f} s: {ended.result.text}", flush=True)
+        assert client.latched_statuses()[-1] == 5
 
 
 def main():
     checks = {
         "services": services_of_stopped_nodes, "outside": a_bag_from_outside, "convert": bags_convert,
         "domain": domain_of_the_environment, "log": log_of_the_nodes,
-        "parameters": parameters_of_the_processes, "action": run_as_an_action,
+        "parameters": parameters_of_the_processes, "run": run_as_an_action, "plan": plan_as_an_action,
     }
     for name in sys.argv[2:] or checks:
         with tempfile.TemporaryDirectory() as folder:

@@ -1,7 +1,9 @@
 //! Quality of service of a topic, and its spelling in rmw_zenoh's liveliness tokens.
 //!
-//! Only the three policies that the contract of the cell uses are kept: reliability, durability and history.
-//! Deadline, lifespan and liveliness stay at their defaults on both transports.
+//! Only the policies that a cell uses are kept: reliability, durability, history and lifespan. Deadline and liveliness stay at
+//! their defaults on both transports.
+
+use std::time::Duration;
 
 /// Whether a sample that the network lost is sent again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -39,6 +41,9 @@ pub struct Qos {
     pub durability: Durability,
     /// Depth.
     pub history: History,
+    /// Age at which a sample is no longer valid; `None`: it stays valid. On Zenoh it is announced and expires nothing, as with
+    /// rmw_zenoh.
+    pub lifespan: Option<Duration>,
 }
 
 /// Depth that rmw_zenoh assumes, and therefore leaves out of its tokens.
@@ -51,6 +56,7 @@ impl Qos {
             reliability: Reliability::Reliable,
             durability: Durability::Volatile,
             history: History::KeepLast(depth),
+            lifespan: None,
         }
     }
 
@@ -60,6 +66,7 @@ impl Qos {
             reliability: Reliability::BestEffort,
             durability: Durability::Volatile,
             history: History::KeepLast(depth),
+            lifespan: None,
         }
     }
 
@@ -69,6 +76,7 @@ impl Qos {
             reliability: Reliability::Reliable,
             durability: Durability::Volatile,
             history: History::KeepAll,
+            lifespan: None,
         }
     }
 
@@ -78,6 +86,16 @@ impl Qos {
             reliability: Reliability::Reliable,
             durability: Durability::TransientLocal,
             history: History::KeepLast(depth),
+            lifespan: None,
+        }
+    }
+
+    /// The same, with samples that are valid until this age.
+    #[must_use]
+    pub const fn with_lifespan(self, lifespan: Duration) -> Self {
+        Self {
+            lifespan: Some(lifespan),
+            ..self
         }
     }
 
@@ -121,7 +139,10 @@ impl Qos {
             History::KeepLast(depth) => ("", depth.to_string()),
             History::KeepAll => ("2", String::new()),
         };
-        format!("{reliability}:{durability}:{history},{depth}:,:,:,,")
+        let lifespan = self.lifespan.map_or(",".to_owned(), |age| {
+            format!("{},{}", age.as_secs(), age.subsec_nanos())
+        });
+        format!("{reliability}:{durability}:{history},{depth}:,:{lifespan}:,,")
     }
 
     /// Reads a token's spelling; policies that this type does not keep are ignored.
@@ -144,10 +165,20 @@ impl Qos {
             "2" => History::KeepAll,
             _ => return None,
         };
+        let lifespan = parts.nth(1).and_then(|part| part.split_once(','));
+        let lifespan = match lifespan {
+            None | Some(("", _)) => None,
+            Some((seconds, nanos)) => {
+                let nanos = if nanos.is_empty() { "0" } else { nanos };
+                let whole = Duration::from_secs(seconds.parse().ok()?);
+                Some(whole.saturating_add(Duration::from_nanos(nanos.parse().ok()?)))
+            }
+        };
         Some(Self {
             reliability,
             durability,
             history,
+            lifespan,
         })
     }
 }
@@ -165,6 +196,14 @@ mod tests {
             (Qos::reliable(42), "::,:,:,:,,"),
             (Qos::best_effort(10), "2::,10:,:,:,,"),
             (Qos::events(), "::2,:,:,:,,"),
+            (
+                Qos::latched(1_000).with_lifespan(Duration::from_secs(10)),
+                ":1:,1000:,:10,0:,,",
+            ),
+            (
+                Qos::reliable(10).with_lifespan(Duration::from_millis(1_500)),
+                "::,10:,:1,500000000:,,",
+            ),
         ] {
             assert_eq!(qos.to_token(), token);
             assert_eq!(Qos::from_token(token), Some(qos));
@@ -175,6 +214,7 @@ mod tests {
     fn explicit_defaults_are_read_and_nonsense_is_refused() {
         assert_eq!(Qos::from_token("1:2:1,10:,:,:,,"), Some(Qos::reliable(10)));
         assert_eq!(Qos::from_token("9::,10"), None);
+        assert_eq!(Qos::from_token("::,10:,:ten,0:,,"), None);
         assert_eq!(Qos::from_token("::,ten"), None);
         assert_eq!(Qos::from_token(""), None);
     }

@@ -444,5 +444,6 @@ fn qos(recorded: bags::Qos) -> Qos {
             History::KeepLast(depth) => bus::History::KeepLast(depth as usize),
             History::KeepAll => bus::History::KeepAll,
         },
+        lifespan: None,
     }
 }

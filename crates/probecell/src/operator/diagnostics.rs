@@ -8,7 +8,7 @@ use host::{
     bus::{Bus, Publisher},
     bus_qos,
 };
-use probecell_msgs::{Fault, Message, diagnostic_msgs, std_msgs, to_cdr};
+use probecell_msgs::{Fault, diagnostic_msgs, std_msgs, to_cdr};
 
 use crate::output;
 
@@ -38,12 +38,9 @@ impl Diagnostics {
     /// Announces both topics.
     pub(super) fn new(bus: &Bus, cell: &Cell) -> anyhow::Result<Self> {
         let faults = topics::LAUNCHER_FAULTS;
+        let (name, message, qos) = topics::DIAGNOSTICS;
         Ok(Self {
-            diagnostics: bus.publisher(
-                "/diagnostics",
-                diagnostic_msgs::DiagnosticArray::TYPE,
-                bus_qos(graph::Qos::reliable(10)),
-            )?,
+            diagnostics: bus.publisher(name, message, bus_qos(qos))?,
             faults: bus.publisher(
                 &cell.topic(faults.name),
                 faults.message,

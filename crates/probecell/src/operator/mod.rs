@@ -3,17 +3,20 @@
 //! | module | content |
 //! |---|---|
 //! | [`services`] | `plan`, `run`, `stop`, `approve_correction`: a call enters the graph as a numbered message, so that it is recorded and a replay can repeat it |
-//! | [`run_action`] | `run` as an action |
+//! | [`action`] | what all actions have: goals, statuses, results, cancels |
+//! | [`run_action`], [`plan_action`] | `run` and `plan` as actions |
 //! | [`state`] | what was received, by the callbacks of the bus |
 //! | [`keys`] | the operators' keys in force, signed by the cell's |
 //! | [`console`] | what a person reads while a part is made |
 //! | [`diagnostics`], [`health`] | `/diagnostics`, and faults of processes that ended |
 //! | [`transforms`] | the cell's frames on `/tf` and `/tf_static` |
 
+mod action;
 mod console;
 mod diagnostics;
 mod health;
 mod keys;
+mod plan_action;
 mod run_action;
 mod services;
 mod state;
@@ -37,14 +40,15 @@ use probecell_msgs::{
     RecordingStatus, Verdict, from_cdr, std_msgs, to_cdr,
 };
 
-pub(crate) use self::{console::described, diagnostics::ProcessState};
 use self::{
+    action::Event,
     console::{print_acknowledgement, print_correction, print_fault, print_part},
     diagnostics::Diagnostics,
     keys::Keys,
     services::{RequestPublishers, serve},
     state::{OperatorState, PartNews, lock},
 };
+pub(crate) use self::{console::described, diagnostics::ProcessState};
 use recorded::embedded;
 
 use crate::{cell_bus::CellFailure, output};
@@ -93,12 +97,18 @@ impl Operator {
         let relayed = transforms::relay(&operator.bus, cell)?;
         operator.subscriptions.extend(relayed);
         operator.servers = serve(&operator.bus, &operator.namespace, &operator.requests)?;
-        let (servers, events) =
-            run_action::serve(&operator.bus, &operator.namespace, &operator.requests)?;
-        operator.servers.extend(servers);
-        // Its thread ends with the process only.
-        let take = move |news| drop(events.send(run_action::Event::Part(news)));
-        lock(&operator.state).action = Some(Box::new(take));
+        let (bus, namespace) = (&operator.bus, &operator.namespace);
+        let (run, parts) = run_action::serve(bus, namespace, &operator.requests)?;
+        let (plan, orders) = plan_action::serve(bus, namespace, &operator.requests)?;
+        operator.servers.extend(run.into_iter().chain(plan));
+        // The threads of the actions end with the process only.
+        let on_part = move |news| drop(parts.send(Event::News(run_action::News::Part(news))));
+        let on_progress =
+            move |progress| drop(orders.send(Event::News(plan_action::News::Progress(progress))));
+        let mut state = lock(&operator.state);
+        state.on_part = Some(Box::new(on_part));
+        state.on_progress = Some(Box::new(on_progress));
+        drop(state);
         Ok(operator)
     }
 
@@ -147,8 +157,8 @@ impl Operator {
         self.subscribe(topics::GAP_REPORT, |state, report: GapReport| {
             state.health.gap(report);
         })?;
-        self.subscribe(topics::PLAN_PROGRESS, |state, _: PlanProgress| {
-            state.planning = Some(Instant::now());
+        self.subscribe(topics::PLAN_PROGRESS, |state, progress: PlanProgress| {
+            state.progress(progress);
         })?;
         for topic in topics::ALL
             .iter()

@@ -1,7 +1,10 @@
 //! The operator's services: each call enters the graph as a message, and the reply of a node answers it.
 
 use std::{
-    sync::{Arc, Mutex, mpsc::channel},
+    sync::{
+        Arc, Mutex,
+        mpsc::{Receiver, channel},
+    },
     time::{Duration, Instant},
 };
 
@@ -12,8 +15,8 @@ use host::{
     bus_qos,
 };
 use probecell_msgs::{
-    OperatorReply, OperatorRequest, Service, builtin_interfaces::Time, from_cdr, srv, std_msgs,
-    to_cdr,
+    InspectionPoint, OperatorReply, OperatorRequest, Service, builtin_interfaces::Time, from_cdr,
+    srv, std_msgs, to_cdr,
 };
 
 use super::state::{OperatorState, lock};
@@ -27,6 +30,14 @@ const VALIDITY: f64 = 8.0;
 /// When a request for a part that is made now expires.
 pub(super) fn expiry() -> Stamp {
     host::now().after_s(VALIDITY)
+}
+
+/// A call whose reply is awaited.
+pub(super) struct Asked {
+    reply_topic: &'static str,
+    /// Number of the request.
+    pub(super) request_id: u64,
+    receiver: Receiver<OperatorReply>,
 }
 
 /// Publishes operators' calls into the graph.
@@ -63,6 +74,15 @@ impl RequestPublishers {
         reply_topic: &'static str,
         request: OperatorRequest,
     ) -> Result<OperatorReply, String> {
+        self.wait(self.ask(reply_topic, request)?)
+    }
+
+    /// Publishes a call.
+    pub(super) fn ask(
+        &self,
+        reply_topic: &'static str,
+        request: OperatorRequest,
+    ) -> Result<Asked, String> {
         let publisher = match reply_topic {
             name if name == topics::PLAN_REPLIES.name => &self.plan,
             name if name == topics::RUN_REPLIES.name => &self.run,
@@ -90,6 +110,20 @@ impl RequestPublishers {
         publisher
             .publish(to_cdr(&request), instant.0)
             .map_err(|error| error.to_string())?;
+        Ok(Asked {
+            reply_topic,
+            request_id,
+            receiver,
+        })
+    }
+
+    /// Waits for the reply to a call.
+    pub(super) fn wait(&self, asked: Asked) -> Result<OperatorReply, String> {
+        let Asked {
+            reply_topic,
+            request_id,
+            receiver,
+        } = asked;
         let mut deadline = Instant::now() + REPLY_TIMEOUT;
         let reply = loop {
             let reply = receiver.recv_timeout(deadline.saturating_duration_since(Instant::now()));
@@ -121,11 +155,7 @@ pub(super) fn serve(
         service.offer::<srv::Plan>(
             "plan",
             topics::PLAN_REPLIES,
-            |request| OperatorRequest {
-                subject: request.plan_id,
-                points: request.points,
-                ..OperatorRequest::default()
-            },
+            |request| plan_request(request.plan_id, request.points),
             |accepted, text| srv::PlanResponse { accepted, text },
         )?,
         service.offer::<srv::Run>("run", topics::RUN_REPLIES, run_request, |accepted, text| {
@@ -159,6 +189,15 @@ pub(super) fn serve(
             |accepted, text| srv::ApproveCorrectionResponse { accepted, text },
         )?,
     ])
+}
+
+/// What a request for a plan asks of the graph.
+pub(super) fn plan_request(plan_id: String, points: Vec<InspectionPoint>) -> OperatorRequest {
+    OperatorRequest {
+        subject: plan_id,
+        points,
+        ..OperatorRequest::default()
+    }
 }
 
 /// What a request for a part asks of the graph.

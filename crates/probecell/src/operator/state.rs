@@ -7,7 +7,9 @@ use std::{
 };
 
 use cell::Cell;
-use probecell_msgs::{OperatorReply, PartReport, PartStatus, PassDecision, Verdict, srv, std_msgs};
+use probecell_msgs::{
+    OperatorReply, PartReport, PartStatus, PassDecision, PlanProgress, Verdict, srv, std_msgs,
+};
 
 use super::{
     console::print_measurement,
@@ -54,7 +56,9 @@ pub(super) struct OperatorState {
     /// Number of the next request.
     pub(super) next_request: u64,
     /// How the action `run` takes what is received of parts; must not block.
-    pub(super) action: Option<Box<dyn Fn(PartNews) + Send>>,
+    pub(super) on_part: Option<Box<dyn Fn(PartNews) + Send>>,
+    /// How the action `plan` takes how far an order has come; must not block.
+    pub(super) on_progress: Option<Box<dyn Fn(PlanProgress) + Send>>,
     /// When diagnostics were published last.
     pub(super) diagnosed: Option<Instant>,
 }
@@ -127,8 +131,16 @@ impl OperatorState {
 
     /// Tells the action `run`.
     pub(super) fn tell(&self, news: PartNews) {
-        if let Some(action) = &self.action {
-            action(news);
+        if let Some(take) = &self.on_part {
+            take(news);
+        }
+    }
+
+    /// Takes how far an order has come.
+    pub(super) fn progress(&mut self, progress: PlanProgress) {
+        self.planning = Some(Instant::now());
+        if let Some(take) = &self.on_progress {
+            take(progress);
         }
     }
 

@@ -257,6 +257,7 @@ impl Discovery {
                 reliability: reliability(data.reliability),
                 durability: durability(data.durability),
                 history: History::KeepLast(1),
+                lifespan: None,
             };
             add(
                 data.key.to_bytes(),

@@ -242,6 +242,12 @@ fn policies(qos: Qos, keep_all_depth: usize) -> QosPolicies {
     } else {
         builder
     };
+    let builder = match qos.lifespan {
+        Some(age) => builder.lifespan(policy::Lifespan {
+            duration: rustdds::Duration::from(age),
+        }),
+        None => builder,
+    };
     if qos.is_reliable() {
         builder.reliable(wait).build()
     } else {

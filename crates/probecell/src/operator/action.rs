@@ -1,0 +1,375 @@
+//! What all actions of a cell have: goals, their statuses and results, and who cancels them.
+//!
+//! What a goal asks of the cell, and what ends it, is that of each action ([`super::run_action`], [`super::plan_action`]). At
+//! most one goal of an action is pursued; one that has ended is kept for its result. Source: the ROS 2 design of actions, and
+//! what `rcl_action` answers.
+
+use std::{
+    collections::VecDeque,
+    mem,
+    sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel},
+    time::{Duration, Instant},
+};
+
+use host::bus::{Bus, Publisher, Qos, Request, Server, ServiceId};
+use probecell_msgs::{
+    Message, Service,
+    action_msgs::{
+        GoalInfo, GoalStatus, GoalStatusArray,
+        srv::{CancelGoal, CancelGoalRequest, CancelGoalResponse},
+    },
+    builtin_interfaces::Time,
+    from_cdr, to_cdr,
+    unique_identifier_msgs::UUID,
+};
+
+/// How long the result of a goal is kept, as `rcl_action` keeps it by default.
+pub(super) const KEPT: Duration = Duration::from_secs(10);
+
+/// The types of an action, as they are generated of its definition.
+pub(super) trait Action: 'static {
+    /// Its name below the namespace of the cell.
+    const NAME: &'static str;
+    /// The service `send_goal`.
+    type SendGoal: Service;
+    /// What is to be reached.
+    type Goal;
+    /// The service `get_result`.
+    type GetResult: Service;
+    /// How a goal has ended.
+    type Result: Clone + Default;
+    /// The message of the topic `feedback`.
+    type FeedbackMessage: Message;
+    /// What is told while a goal is pursued.
+    type Feedback;
+    /// What is kept of a goal that is pursued.
+    type Pursued;
+
+    /// Identifier and goal of a request.
+    fn goal(request: <Self::SendGoal as Service>::Request) -> (UUID, Self::Goal);
+    /// The answer to it.
+    fn answer(accepted: bool, stamp: Time) -> <Self::SendGoal as Service>::Response;
+    /// Whose result is asked for.
+    fn asked(request: &<Self::GetResult as Service>::Request) -> UUID;
+    /// The answer to that.
+    fn ended(status: i8, result: Self::Result) -> <Self::GetResult as Service>::Response;
+    /// Feedback on a goal.
+    fn feedback(goal_id: UUID, feedback: Self::Feedback) -> Self::FeedbackMessage;
+}
+
+/// What happens to the goals of an action; `News` is what it follows of the cell.
+pub(super) enum Event<News> {
+    /// Somebody asks for a goal.
+    Send(Request),
+    /// Somebody cancels goals.
+    Cancel(Request),
+    /// Somebody wants the result of a goal.
+    Result(Request),
+    /// Something has happened in the cell.
+    News(News),
+}
+
+/// How an action pursues its goals.
+pub(super) trait Pursuit: Send + 'static {
+    /// Its types.
+    type Action: Action;
+    /// What it follows of the cell.
+    type News: Send;
+
+    /// Its goals.
+    fn goals(&mut self) -> &mut Goals<Self::Action>;
+    /// Somebody wants this; the request is answered by [`Goals::accept`] or [`Goals::refuse`], now or later.
+    fn send(&mut self, id: UUID, goal: <Self::Action as Action>::Goal, request: Request);
+    /// The goal that is pursued is to end; [`Goals::canceled`] says later whether it does.
+    fn cancel(&mut self);
+    /// Something has happened in the cell.
+    fn take(&mut self, news: Self::News);
+    /// Called after every event, and at the latest [`KEPT`] after the last.
+    fn tend(&mut self) {}
+}
+
+/// The servers of an action, and where what happens in the cell goes.
+pub(super) type Served<News> = (Vec<Server>, Sender<Event<News>>);
+
+/// Serves an action; its thread ends with the senders of events.
+pub(super) fn serve<P: Pursuit>(
+    bus: &Bus,
+    namespace: &str,
+    pursuit: impl FnOnce(Goals<P::Action>, Sender<Event<P::News>>) -> P,
+) -> anyhow::Result<Served<P::News>> {
+    let action = P::Action::NAME;
+    let name = |part: &str| format!("{namespace}/{action}/_action/{part}");
+    let (events, received) = channel();
+    let offer = |part: &str, ty: ServiceId, event: fn(Request) -> Event<P::News>| {
+        let events = events.clone();
+        // The thread of the action ends with the process only.
+        let on_request = move |request| drop(events.send(event(request)));
+        bus.serve_deferred(&name(part), ty, Box::new(on_request))
+    };
+    let feedback = <P::Action as Action>::FeedbackMessage::TYPE;
+    let goals = Goals {
+        feedback: bus.publisher(&name("feedback"), feedback, Qos::reliable(10))?,
+        status: bus.publisher(&name("status"), GoalStatusArray::TYPE, Qos::latched(1))?,
+        kept: VecDeque::new(),
+        asked: Vec::new(),
+        cancels: Vec::new(),
+    };
+    let send_goal = <P::Action as Action>::SendGoal::TYPE;
+    let get_result = <P::Action as Action>::GetResult::TYPE;
+    let servers = vec![
+        offer("send_goal", send_goal.into(), Event::Send)?,
+        offer("cancel_goal", CancelGoal::TYPE.into(), Event::Cancel)?,
+        offer("get_result", get_result.into(), Event::Result)?,
+    ];
+    let mut pursuit = pursuit(goals, events.clone());
+    std::thread::Builder::new()
+        .name(format!("action {action}"))
+        .spawn(move || run(&mut pursuit, &received))?;
+    Ok((servers, events))
+}
+
+fn run<P: Pursuit>(pursuit: &mut P, events: &Receiver<Event<P::News>>) {
+    loop {
+        let event = events.recv_timeout(KEPT);
+        pursuit.goals().forget();
+        match event {
+            Ok(Event::Send(request)) => {
+                if let Some((id, goal, request)) = pursuit.goals().asked_for(request) {
+                    pursuit.send(id, goal, request);
+                }
+            }
+            Ok(Event::Cancel(request)) => {
+                if pursuit.goals().cancel(request) {
+                    pursuit.cancel();
+                }
+            }
+            Ok(Event::Result(request)) => pursuit.goals().result(request),
+            Ok(Event::News(news)) => pursuit.take(news),
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => return,
+        }
+        pursuit.tend();
+    }
+}
+
+/// A goal that was accepted.
+pub(super) struct Goal<A: Action> {
+    info: GoalInfo,
+    status: i8,
+    /// What the action keeps of it.
+    pub(super) pursued: A::Pursued,
+    result: A::Result,
+    /// Who waits for the result.
+    waiting: Vec<Request>,
+    ended: Option<Instant>,
+}
+
+impl<A: Action> Goal<A> {
+    fn is_active(&self) -> bool {
+        self.ended.is_none()
+    }
+
+    fn response(&self) -> Vec<u8> {
+        to_cdr(&A::ended(self.status, self.result.clone()))
+    }
+}
+
+/// The goals of an action.
+pub(super) struct Goals<A: Action> {
+    feedback: Publisher,
+    status: Publisher,
+    /// Oldest first.
+    kept: VecDeque<Goal<A>>,
+    /// Identifiers whose requests are not answered yet.
+    asked: Vec<UUID>,
+    /// Calls that wait for what they cancel to end, with those goals.
+    cancels: Vec<(Request, Vec<GoalInfo>)>,
+}
+
+impl<A: Action> Goals<A> {
+    /// The goal that is pursued.
+    pub(super) fn active(&mut self) -> Option<&mut Goal<A>> {
+        self.kept.iter_mut().find(|goal| goal.is_active())
+    }
+
+    /// Somebody wants the goal that is pursued to end.
+    pub(super) fn is_canceled(&self) -> bool {
+        let canceling = |goal: &Goal<A>| goal.status == GoalStatus::STATUS_CANCELING;
+        !self.cancels.is_empty() || self.kept.iter().any(canceling)
+    }
+
+    /// Drops goals whose results were kept long enough; as with rcl no message tells.
+    fn forget(&mut self) {
+        let kept = |goal: &Goal<A>| goal.ended.is_none_or(|at| at.elapsed() < KEPT);
+        self.kept.retain(kept);
+    }
+
+    /// What is asked for, under an identifier that is new.
+    fn asked_for(&mut self, request: Request) -> Option<(UUID, A::Goal, Request)> {
+        let (asked, request) = read(request)?;
+        let (id, goal) = A::goal(asked);
+        let used = self.kept.iter().any(|goal| goal.info.goal_id == id);
+        if used || self.asked.contains(&id) {
+            request.answer(Ok(to_cdr(&A::answer(false, Time::default()))));
+            return None;
+        }
+        self.asked.push(id);
+        Some((id, goal, request))
+    }
+
+    /// Refuses a goal. The response has no room for the reason, which the log says.
+    pub(super) fn refuse(&mut self, id: UUID, why: &str, request: Request) {
+        self.asked.retain(|asked| *asked != id);
+        tracing::warn!("a goal of the action {} is refused: {why}", A::NAME);
+        request.answer(Ok(to_cdr(&A::answer(false, Time::default()))));
+    }
+
+    /// Accepts a goal, which is pursued from now on.
+    pub(super) fn accept(&mut self, id: UUID, pursued: A::Pursued, request: Request) {
+        self.asked.retain(|asked| *asked != id);
+        let stamp = host::now().time();
+        request.answer(Ok(to_cdr(&A::answer(true, stamp))));
+        self.kept.push_back(Goal {
+            info: GoalInfo { goal_id: id, stamp },
+            status: GoalStatus::STATUS_ACCEPTED,
+            pursued,
+            result: A::Result::default(),
+            waiting: Vec::new(),
+            ended: None,
+        });
+        self.publish_status();
+        self.set_status(GoalStatus::STATUS_EXECUTING);
+    }
+
+    /// Whether a call cancels the goal that is pursued; one that does not is answered.
+    fn cancel(&mut self, request: Request) -> bool {
+        let Some((asked, request)) = read::<CancelGoalRequest>(request) else {
+            return false;
+        };
+        let GoalInfo { goal_id, stamp } = asked.goal_info;
+        let by_id = goal_id != UUID::default();
+        let all = !by_id && stamp == Time::default();
+        let order = |time: Time| (time.sec, time.nanosec);
+        let meant = |info: &GoalInfo| {
+            all || by_id && info.goal_id == goal_id
+                || stamp != Time::default() && order(info.stamp) <= order(stamp)
+        };
+        let active = self.kept.iter().filter(|goal| goal.is_active());
+        let infos: Vec<GoalInfo> = active
+            .map(|goal| goal.info)
+            .filter(|info| meant(info))
+            .collect();
+        if !infos.is_empty() {
+            self.cancels.push((request, infos));
+            return true;
+        }
+        let known = self.kept.iter().any(|goal| goal.info.goal_id == goal_id);
+        let return_code = match (by_id, known) {
+            (false, _) => CancelGoalResponse::ERROR_NONE,
+            (true, true) => CancelGoalResponse::ERROR_GOAL_TERMINATED,
+            (true, false) => CancelGoalResponse::ERROR_UNKNOWN_GOAL_ID,
+        };
+        request.answer(Ok(to_cdr(&CancelGoalResponse {
+            return_code,
+            goals_canceling: Vec::new(),
+        })));
+        false
+    }
+
+    /// Answers whoever cancels: the goals end, or why they do not.
+    pub(super) fn canceled(&mut self, outcome: Result<(), &str>) {
+        let return_code = match outcome {
+            Ok(()) => CancelGoalResponse::ERROR_NONE,
+            Err(why) => {
+                tracing::warn!("a goal of the action {} is not canceled: {why}", A::NAME);
+                CancelGoalResponse::ERROR_REJECTED
+            }
+        };
+        for (request, infos) in mem::take(&mut self.cancels) {
+            let goals_canceling = outcome.map_or(Vec::new(), |()| infos);
+            request.answer(Ok(to_cdr(&CancelGoalResponse {
+                return_code,
+                goals_canceling,
+            })));
+        }
+        if outcome.is_ok() {
+            self.set_status(GoalStatus::STATUS_CANCELING);
+        }
+    }
+
+    fn result(&mut self, request: Request) {
+        let Some((asked, request)) = read(request) else {
+            return;
+        };
+        let id = A::asked(&asked);
+        let mut goals = self.kept.iter_mut();
+        match goals.find(|goal| goal.info.goal_id == id) {
+            Some(goal) if goal.is_active() => goal.waiting.push(request),
+            Some(goal) => request.answer(Ok(goal.response())),
+            None => request.answer(Ok(to_cdr(&A::ended(0, A::Result::default())))),
+        }
+    }
+
+    /// Tells of the goal that is pursued.
+    pub(super) fn feed_back(&mut self, feedback: A::Feedback) {
+        if let Some(goal) = self.kept.iter().find(|goal| goal.is_active()) {
+            let message = A::feedback(goal.info.goal_id, feedback);
+            publish::<A>(&self.feedback, &message);
+        }
+    }
+
+    /// Ends the goal that is pursued.
+    pub(super) fn end(&mut self, status: i8, result: A::Result) {
+        let Some(goal) = self.active() else { return };
+        goal.result = result;
+        // It may end before whoever cancels it is answered.
+        if status == GoalStatus::STATUS_CANCELED {
+            self.set_status(GoalStatus::STATUS_CANCELING);
+        }
+        self.set_status(status);
+    }
+
+    /// Gives the goal that is pursued another status; a terminal one ends it.
+    fn set_status(&mut self, status: i8) {
+        let Some(goal) = self.active().filter(|goal| goal.status != status) else {
+            return;
+        };
+        goal.status = status;
+        let mut waiting = Vec::new();
+        if status >= GoalStatus::STATUS_SUCCEEDED {
+            goal.ended = Some(Instant::now());
+            waiting = mem::take(&mut goal.waiting);
+        }
+        let response = goal.response();
+        self.publish_status();
+        for request in waiting {
+            request.answer(Ok(response.clone()));
+        }
+    }
+
+    fn publish_status(&self) {
+        let status = |goal: &Goal<A>| GoalStatus {
+            goal_info: goal.info,
+            status: goal.status,
+        };
+        let status_list = self.kept.iter().map(status).collect();
+        publish::<A>(&self.status, &GoalStatusArray { status_list });
+    }
+}
+
+/// The request as a message; what cannot be read is refused.
+fn read<M: Message>(request: Request) -> Option<(M, Request)> {
+    match from_cdr(&request.payload) {
+        Ok(message) => Some((message, request)),
+        Err(error) => {
+            request.answer(Err(format!("the request cannot be read: {error}")));
+            None
+        }
+    }
+}
+
+fn publish<A: Action>(publisher: &Publisher, message: &impl Message) {
+    if let Err(error) = publisher.publish(to_cdr(message), host::now().0) {
+        tracing::error!("the action {}: {error}", A::NAME);
+    }
+}
