@@ -5,7 +5,12 @@ use std::collections::BTreeSet;
 use analysis::feature::Criterion;
 use probecell_msgs::is_unprintable;
 
-use crate::{Cell, access, sections::LAST_DOMAIN, signals, strangers};
+use crate::{
+    Cell, access,
+    ros_arguments::{SHARED, is_absolute},
+    sections::LAST_DOMAIN,
+    signals, strangers,
+};
 
 /// s; shortest and longest time after which a recording is flushed.
 const FLUSH_INTERVAL: std::ops::RangeInclusive<f64> = 0.01..=3600.0;
@@ -24,6 +29,20 @@ pub(crate) fn sections(cell: &Cell) -> Result<(), String> {
         return Err(format!(
             "bus.domain_id = {domain} must lie between 0 and {LAST_DOMAIN}"
         ));
+    }
+    for (known, named) in &bus.names {
+        if !SHARED.contains(&known.as_str()) {
+            return Err(format!(
+                "bus.names: {known:?} is none of {}",
+                SHARED.join(", ")
+            ));
+        }
+        let own = format!("{}/", cell.namespace());
+        if !is_absolute(named) || named.starts_with(&own) {
+            return Err(format!(
+                "bus.names: {named:?}, in place of {known}, must be an absolute ROS name outside of the cell's namespace"
+            ));
+        }
     }
     endpoint("router_endpoint", &bus.router_endpoint)?;
     for (key, endpoints) in [("join", &bus.join), ("listen", &bus.listen)] {

@@ -44,6 +44,7 @@ mod numbers;
 mod order;
 pub mod parameters;
 pub mod policy;
+pub mod ros_arguments;
 pub mod secrets;
 mod sections;
 mod signals;
@@ -59,6 +60,7 @@ use serde::Deserialize;
 use toml::de::DeTable;
 
 use nodes::cell_file;
+use ros_arguments::RosArguments;
 
 pub use driver::DriverSection;
 pub use model::{AdoptError, Adopted, ModelSection, adopt, remove};
@@ -197,6 +199,14 @@ impl Cell {
     /// # Errors
     /// [`CellError`] names file, line and key.
     pub fn read(path: &Path) -> Result<Self, CellError> {
+        Self::read_with(path, &RosArguments::default())
+    }
+
+    /// The same with changes of the text by ROS arguments.
+    ///
+    /// # Errors
+    /// [`CellError`] names file, line and key, or the argument.
+    pub fn read_with(path: &Path, arguments: &RosArguments) -> Result<Self, CellError> {
         let read = |what, path: &Path| {
             std::fs::read_to_string(path).map_err(|source| CellError::Read {
                 what,
@@ -206,6 +216,11 @@ impl Cell {
         };
         let name = path.display().to_string();
         let cell = read("the cell file", path)?;
+        let cell = arguments.apply(&cell);
+        let cell = cell.map_err(|message| CellError::Setting {
+            file: name.clone(),
+            message,
+        })?;
         // Not of the text of a recording, which may be older than this rule.
         if let Some((key, value)) = secrets::first_literal(&cell) {
             let line = cell.lines().position(|line| line.contains(&value));
@@ -301,6 +316,11 @@ impl Cell {
     /// Namespace of its topics, with the slash.
     pub fn namespace(&self) -> String {
         format!("/{}", self.cell.name)
+    }
+
+    /// The name in this cell of a topic that is shared with others ([`ros_arguments::SHARED`]).
+    pub fn shared(&self, name: &'static str) -> &str {
+        self.bus.names.get(name).map_or(name, String::as_str)
     }
 
     /// Absolute name of a topic.

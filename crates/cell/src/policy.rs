@@ -22,7 +22,7 @@ use std::collections::BTreeMap;
 use graph::{parameters, topics};
 use toml::{Table, Value};
 
-use crate::{Cell, CellError};
+use crate::{Cell, CellError, ros_arguments::SHARED};
 
 /// Under whom an operator's commands join the bus.
 pub const CONSOLE: &str = "console";
@@ -131,7 +131,7 @@ pub fn productions(cell: &Cell) -> Result<BTreeMap<String, Vec<String>>, CellErr
         launcher
             .extend(["feedback", "status"].map(|topic| format!("{name}/{action}/_action/{topic}")));
     }
-    launcher.extend(["diagnostics", "tf", "tf_static"].map(str::to_owned));
+    launcher.extend(SHARED.map(|topic| cell.shared(topic).trim_start_matches('/').to_owned()));
     processes.insert(LAUNCHER.to_owned(), launcher);
     processes.insert(RECORDER.to_owned(), of(RECORDER));
     // As every ROS 2 node, each publishes its log and what parameters it has on topics that all share.

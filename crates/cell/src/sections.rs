@@ -1,6 +1,6 @@
 //! The sections of the cell file that belong to no node.
 
-use std::path::PathBuf;
+use std::{collections::BTreeMap, path::PathBuf};
 
 use serde::Deserialize;
 
@@ -44,6 +44,8 @@ pub struct BusSection {
     /// Begins the name of every frame on `/tf` and `/tf_static`, which all robots of a domain share; without it the name of the
     /// cell and a slash. Empty where the cell is the only robot of its domain.
     pub frame_prefix: Option<String>,
+    /// Other names of `/tf`, `/tf_static` and `/diagnostics`, which the cell shares with whatever else is on the bus.
+    pub names: BTreeMap<String, String>,
     /// A DDS cell starts although its sockets, which listen on all addresses, can be reached from other machines.
     pub dds_on_all_addresses: bool,
     /// Routers of other machines that the router of `up` joins.
@@ -67,6 +69,7 @@ impl Default for BusSection {
             strangers_publish: Vec::new(),
             strangers_call: Vec::new(),
             frame_prefix: None,
+            names: BTreeMap::new(),
             dds_on_all_addresses: false,
             join: Vec::new(),
             listen: vec!["tcp/127.0.0.1:0".to_owned()],

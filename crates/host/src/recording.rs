@@ -23,6 +23,8 @@ pub struct RecordingSettings {
     pub folder: PathBuf,
     /// Namespace of the cell, with its slash.
     pub namespace: String,
+    /// Absolute name of the topic on which whatever is on the bus reports its health.
+    pub diagnostics: String,
     /// Topics to record.
     pub topics: Vec<Topic>,
     /// Nodes whose step journals are recorded.
@@ -99,8 +101,8 @@ impl RecorderProcess {
             let name = absolute(&topics::journal_name(node));
             process.subscribe(bus, &name, message, qos, &losses)?;
         }
-        let (name, message, qos) = topics::DIAGNOSTICS;
-        process.subscribe(bus, name, message, qos, &losses)?;
+        let (_, message, qos) = topics::DIAGNOSTICS;
+        process.subscribe(bus, &settings.diagnostics, message, qos, &losses)?;
         Ok(process)
     }
 

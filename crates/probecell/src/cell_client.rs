@@ -22,6 +22,7 @@ use crate::{
     cell_bus::{CellFailure, visitor_config},
     output,
     own_socket::COMMAND_PATIENCE,
+    ros_arguments::read_cell,
     routing::refuse_unheard,
 };
 
@@ -39,7 +40,7 @@ pub(crate) struct CellClient {
 impl CellClient {
     /// Connects.
     pub(crate) fn connect(file: &Path) -> anyhow::Result<Self> {
-        let cell = Cell::read(file)?;
+        let cell = read_cell(file)?;
         let config = BusConfig {
             connect_timeout: COMMAND_PATIENCE,
             ..visitor_config(&cell, "operator_call")?

@@ -6,8 +6,12 @@ use clap::{Parser, Subcommand};
 
 use crate::{DEFAULT_CELL, commands};
 
+/// What the help says of ROS arguments, which are no options of any command.
+const ROS_ARGUMENTS: &str = "Commands of a running cell take ROS arguments behind their own, each cell file being changed by them:\n  \
+    --ros-args -r __ns:=/NAME -p NODE:KEY:=VALUE -r /tf:=/NAME";
+
 #[derive(Parser)]
-#[command(version, about, arg_required_else_help = true)]
+#[command(version, about, arg_required_else_help = true, after_help = ROS_ARGUMENTS)]
 pub(crate) struct Arguments {
     #[command(subcommand)]
     pub(crate) command: Command,
@@ -286,4 +290,32 @@ pub(crate) enum Command {
         /// Output folder; created if it does not exist.
         folder: PathBuf,
     },
+}
+
+impl Command {
+    /// It starts a cell, or is of one that may run under ROS arguments.
+    pub(crate) fn is_of_a_cell(&self) -> bool {
+        matches!(
+            self,
+            Self::Up { .. }
+                | Self::Node { .. }
+                | Self::Record { .. }
+                | Self::Recording(_)
+                | Self::Run { .. }
+                | Self::Stop { .. }
+                | Self::Status { .. }
+                | Self::Measure { .. }
+                | Self::Approve { .. }
+                | Self::Key(_)
+                | Self::Secure { .. }
+                | Self::Plan { .. }
+                | Self::Dashboard(_)
+                | Self::Watch(_)
+                | Self::Mtconnect(_)
+                | Self::Sparkplug(_)
+                | Self::Conformance(_)
+                | Self::Doctor { .. }
+                | Self::Layouts { .. }
+        )
+    }
 }

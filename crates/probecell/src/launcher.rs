@@ -24,6 +24,7 @@ use crate::{
     external_driver::{Change, ExternalDriver},
     operator::Operator,
     output,
+    ros_arguments::{self, read_cell},
     routing::Routing,
     signals,
 };
@@ -36,7 +37,7 @@ const READY_TIMEOUT: Duration = Duration::from_secs(30);
 /// Runs a cell until SIGINT or SIGTERM, or until one part is made. A part that is being made is stopped first, and its end
 /// is recorded.
 pub(crate) fn up(file: &Path, once: bool, recorded: bool, shown: bool) -> anyhow::Result<u8> {
-    let cell = Cell::read(file)?;
+    let cell = read_cell(file)?;
     for warning in cell.access_warnings() {
         output::warning(&warning);
     }
@@ -208,9 +209,10 @@ fn watch(
                 operator.request_part(&cell.cell.part)?;
             } else {
                 output::line(&format!(
-                    "{} is ready: probecell run PART --cell {}",
+                    "{} is ready: probecell run PART --cell {}{}",
                     cell.cell.name,
-                    cell.text().name
+                    cell.text().name,
+                    ros_arguments::for_commands()
                 ));
             }
             requested = true;

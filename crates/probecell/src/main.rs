@@ -9,6 +9,7 @@
 //!   cell_bus                      how processes join the bus of a cell
 //!   confined                      what each process may do
 //!   external_driver               whether a driver that others start is on the bus
+//!   ros_arguments                 `--ros-args`: name, settings and outside names of a cell
 //!   output                        standard output and standard error
 //! ```
 //!
@@ -32,6 +33,7 @@ mod launcher;
 mod operator;
 mod output;
 mod own_socket;
+mod ros_arguments;
 mod routing;
 mod signals;
 
@@ -65,8 +67,15 @@ fn main() -> ExitCode {
         .with(terminal)
         .with(host::rosout::layer())
         .init();
-    let arguments =
-        Arguments::from_arg_matches(&examples::with_examples(Arguments::command()).get_matches());
+    let words = match ros_arguments::take(std::env::args_os()) {
+        Ok(words) => words,
+        Err(why) => {
+            output::error(&anyhow::Error::msg(why));
+            return ExitCode::from(BAD_INPUT);
+        }
+    };
+    let matches = examples::with_examples(Arguments::command()).get_matches_from(words);
+    let arguments = Arguments::from_arg_matches(&matches);
     let command = match arguments {
         Ok(arguments) => arguments.command,
         Err(error) => error.exit(),
@@ -101,6 +110,9 @@ fn begin_process(supervised: bool, clock: Option<i64>) -> anyhow::Result<()> {
 }
 
 fn run(command: Command) -> anyhow::Result<u8> {
+    if !ros_arguments::words().is_empty() && !command.is_of_a_cell() {
+        anyhow::bail!("--ros-args: this command takes none, since it is of no running cell");
+    }
     match command {
         Command::Up {
             cell,

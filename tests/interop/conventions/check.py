@@ -1,17 +1,19 @@
 #!/usr/bin/env python3
 """What a ROS 2 user expects beside the topics: services that answer, bags that anybody may record, bags that convert.
 
-    check.py PROBECELL [services|outside|convert|domain|log|parameters|run|plan]...
+    check.py PROBECELL [services|outside|convert|domain|log|parameters|run|plan|launch]...
 
 Runs in a network namespace of its own (the router's port is taken). The client and the recorder are eclipse-zenoh, rosbags
 and mcap; nothing of ours but the message files.
 """
 
+import ast
 import contextlib
 import json
 import os
 import pathlib
 import queue
+import shlex
 import shutil
 import signal
 import struct
@@ -102,12 +104,10 @@ def tokens(opened, domain=0):
     return {str(reply.ok.key_expr) for reply in opened.liveliness().get(f"@ros2_lv/{domain}/**") if reply.ok}
 
 
-def channel(opened, kind, name):
+def channel(opened, kind, name, cell="turn_mill"):
     """Key of a topic or service of the cell, as its announcement names type and hash."""
-    (token,) = [
-        one for one in tokens(opened) if f"/{kind}/%/%turn_mill/" in one and f"/%turn_mill%{name.replace('/', '%')}/" in one
-    ]
-    return "/".join(["0/turn_mill", name, *token.split("/")[10:12]])
+    (token,) = [one for one in tokens(opened) if f"/{kind}/%/%{cell}/" in one and f"/%{cell}%{name.replace('/', '%')}/" in one]
+    return "/".join([f"0/{cell}", name, *token.split("/")[10:12]])
 
 
 def replies(opened, key, payload, timeout=60.0):
@@ -119,9 +119,9 @@ def replies(opened, key, payload, timeout=60.0):
     return [bytes(reply.ok.payload) for reply in got if reply.ok]
 
 
-def call(opened, service, request, response, **fields):
+def call(opened, service, request, response, cell="turn_mill", **fields):
     payload = MESSAGES.encode(default(request, fields), request)
-    answers = replies(opened, channel(opened, "SS", service), payload)
+    answers = replies(opened, channel(opened, "SS", service, cell), payload)
     assert len(answers) == 1, f"{service}: {len(answers)} replies"
     return MESSAGES.decode(answers[0], response)
 
@@ -569,11 +569,82 @@ def plan_as_an_action(folder):
         assert client.latched_statuses()[-1] == 5
 
 
+def launch_file():
+    """The arguments of the launch file and its function that makes a command of them, without ROS 2's package `launch`."""
+    path = ROOT / "launch-scripts" / "cell.launch.py"
+    tree = ast.parse(path.read_text())
+    wanted = [
+        one for one in tree.body
+        if isinstance(one, ast.FunctionDef) and one.name == "command" or isinstance(one, ast.Assign) and one.targets[0].id == "ARGUMENTS"
+    ]
+    assert len(wanted) == 2, wanted
+    known = {"pathlib": pathlib, "shlex": shlex, "__file__": str(path)}
+    exec(compile(ast.Module(wanted, []), str(path), "exec"), known)
+    return known["command"], {name: default for name, (default, _) in known["ARGUMENTS"].items()}
+
+
+def arguments_of_a_launch(folder):
+    """What the launch file starts: a second cell of the same file, with another name, settings and outside names."""
+    command, defaults = launch_file()
+    assert command(**defaults) == ["probecell", "up", str(ROOT / "launch-scripts" / "turn_mill.toml")], command(**defaults)
+    cell = own_cell(folder)
+    words = command(**defaults | {
+        "cell": str(cell), "name": "cell_2", "dashboard": "false", "remap": "/tf:=/hall/tf /diagnostics:=/hall/health",
+        "settings": "path_planning:clearance_mm:=-15.0 'compensation:max_corrections:=7'",
+    })
+    name = words[words.index("--ros-args"):][-2:]
+    assert words[0] == "probecell" and name == ["-r", "__ns:=/cell_2"], words
+    with running(*words[1:], folder=folder) as up, contextlib.ExitStack() as stack:
+        line = up.stdout.readline()
+        assert "cell_2 is ready" in line and " ".join(["--ros-args", *name]) in line, line
+        opened = stack.enter_context(session())
+        announced = [one.split("/") for one in tokens(opened)]
+        assert {one[7] for one in announced if one[5] == "NN"} >= {"%cell_2"}, announced
+        assert not any("%turn_mill" in one[7] for one in announced), announced
+        shared = {one[9] for one in announced if one[5] == "MP" and not one[9].startswith("%cell_2%")}
+        assert shared == {"%hall%tf", "%hall%health", "%tf_static", "%rosout", "%parameter_events"}, shared
+        for node, setting, value in [("path_planning", "clearance_mm", -15.0), ("compensation", "max_corrections", 7)]:
+            kind = "rcl_interfaces/srv/GetParameters"
+            answer = call(opened, f"{node}/get_parameters", f"{kind}_Request", f"{kind}_Response", cell="cell_2", names=[setting])
+            assert [value_of(one) for one in answer.values] == [value], (node, answer)
+        code, output, errors = asked("run", "punch", "--cell", cell, "--ros-args", *name, folder=folder)
+        assert code == 0, (output, errors)
+        said = [up.stdout.readline()]
+        while "punch: " not in said[-1]:
+            said.append(up.stdout.readline())
+            assert said[-1], said
+        print(f"  {said[-1].strip()}", flush=True)
+    (own,) = (folder / "recordings").glob("cell_2_*")
+    code, output, errors = asked("replay", own, folder=folder)
+    assert code == 0 and "all outputs of all nodes are equal" in output, (code, output, errors)
+    code, output, errors = asked("info", own, "--json", folder=folder)
+    recorded = {one["topic"] for one in json.loads(output)["topics"]}
+    assert "/hall/health" in recorded and "/cell_2/joint_states" in recorded, recorded
+    code, _, errors = asked("diagnose", own, "--ros-args", *name, folder=folder)
+    assert code == 2 and "--ros-args: this command takes none" in errors, errors
+    code, _, errors = asked("up", cell, "--ros-args", "-r", "joint_states:=js", folder=folder)
+    assert code == 2 and errors.startswith("probecell: --ros-args -r joint_states:=js: names that are remapped are absolute"), errors
+    try:
+        import launch
+    except ImportError:
+        launch = None
+    if launch is None or not hasattr(launch, "LaunchService"):
+        print("  skipped: the description itself, for which ROS 2's package launch is needed", flush=True)
+        return
+    os.environ["PATH"] = f"{pathlib.Path(BINARY).parent}:{os.environ['PATH']}"
+    source = launch.launch_description_sources.PythonLaunchDescriptionSource(str(ROOT / "launch-scripts" / "cell.launch.py"))
+    included = launch.actions.IncludeLaunchDescription(source, launch_arguments={"cell": str(cell), "once": "true"}.items())
+    service = launch.LaunchService(noninteractive=True)
+    service.include_launch_description(launch.LaunchDescription([included]))
+    assert service.run() == 0
+
+
 def main():
     checks = {
         "services": services_of_stopped_nodes, "outside": a_bag_from_outside, "convert": bags_convert,
         "domain": domain_of_the_environment, "log": log_of_the_nodes,
         "parameters": parameters_of_the_processes, "run": run_as_an_action, "plan": plan_as_an_action,
+        "launch": arguments_of_a_launch,
     }
     for name in sys.argv[2:] or checks:
         with tempfile.TemporaryDirectory() as folder:

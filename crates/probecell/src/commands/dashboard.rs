@@ -14,7 +14,9 @@ use host::bus::{BusConfig, ROUTER_ENDPOINT};
 use crate::{
     GOOD,
     cell_bus::{bus_config, visitor_config},
-    confined, output, signals,
+    confined, output,
+    ros_arguments::read_cell,
+    signals,
 };
 
 /// Address unless the user chooses another.
@@ -184,7 +186,7 @@ fn host_names() -> Vec<String> {
 
 /// Serves until SIGINT or SIGTERM.
 pub(crate) fn run(arguments: Arguments) -> anyhow::Result<u8> {
-    let read = arguments.cell.iter().map(|file| Cell::read(file));
+    let read = arguments.cell.iter().map(|file| read_cell(file));
     let cells = read.collect::<Result<Vec<Cell>, _>>()?;
     let buses = buses(&cells, arguments.connect, arguments.domain)?;
     for folder in &arguments.recordings {

@@ -13,7 +13,7 @@ use host::bus::{Bus, BusConfig};
 use plc::Poll;
 use serde::Serialize;
 
-use crate::{BAD_INPUT, FAILED, GOOD, cell_bus, output};
+use crate::{BAD_INPUT, FAILED, GOOD, cell_bus, output, ros_arguments::read_cell};
 
 /// Timeout of discovery between two participants on one machine.
 const DISCOVERY_TIMEOUT: Duration = Duration::from_secs(10);
@@ -42,7 +42,7 @@ pub(crate) fn run(file: &Path, json: bool) -> anyhow::Result<u8> {
             text,
         });
     };
-    let cell = Cell::read(file);
+    let cell = read_cell(file);
     let readable = cell.is_ok();
     match cell {
         Err(error) => find("cell file", Err(error.to_string())),

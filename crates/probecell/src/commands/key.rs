@@ -2,15 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use cell::{
-    Cell,
-    keys::{KeyFolder, new_operator_key},
-};
+use cell::keys::{KeyFolder, new_operator_key};
 use clap::Subcommand;
 use serde_json::json;
 use trust::PublicKey;
 
-use crate::{DEFAULT_CELL, GOOD, output};
+use crate::{DEFAULT_CELL, GOOD, output, ros_arguments::read_cell};
 
 /// What is done with keys.
 #[derive(Subcommand)]
@@ -73,7 +70,7 @@ pub(crate) fn run(command: &Command) -> anyhow::Result<u8> {
 }
 
 fn folder(cell: &Path) -> anyhow::Result<KeyFolder> {
-    Ok(KeyFolder::of(&Cell::read(cell)?)?)
+    Ok(KeyFolder::of(&read_cell(cell)?)?)
 }
 
 fn list(folder: &KeyFolder, json: bool) -> anyhow::Result<()> {

@@ -3,9 +3,8 @@
 use std::{fs, path::Path};
 
 use anyhow::Context;
-use cell::Cell;
 
-use crate::{GOOD, output};
+use crate::{GOOD, output, ros_arguments::read_cell};
 
 /// Namespace in the layouts of the repository.
 const NAMESPACE: &str = "/turn_mill";
@@ -27,7 +26,7 @@ const LAYOUTS: [(&str, &str); 3] = [
 
 /// Writes the layouts for the topics of a cell; a file that exists is an error.
 pub(crate) fn run(file: &Path, folder: &Path) -> anyhow::Result<u8> {
-    let cell = Cell::read(file)?;
+    let cell = read_cell(file)?;
     let cannot = || format!("layouts cannot be written to {}", folder.display());
     fs::create_dir_all(folder).with_context(cannot)?;
     for (name, text) in LAYOUTS {

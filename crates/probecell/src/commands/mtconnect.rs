@@ -8,14 +8,13 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, atomic::Ordering};
 use std::time::Duration;
 
 use anyhow::Context;
-use cell::Cell;
 use exchange::export::mtconnect::agent::Agent;
 use graph::topics::{self, Topic};
 use probecell_msgs::from_cdr;
 use tokio::sync::watch;
 
 use super::{dashboard, following::follow};
-use crate::{DEFAULT_CELL, GOOD, confined, output, signals};
+use crate::{DEFAULT_CELL, GOOD, confined, output, ros_arguments::read_cell, signals};
 
 /// The port that agents use.
 const ADDRESS: &str = "127.0.0.1:5000";
@@ -100,7 +99,7 @@ impl Served {
 
 /// Serves until SIGINT or SIGTERM.
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
-    let cell = Cell::read(&arguments.cell)?;
+    let cell = read_cell(&arguments.cell)?;
     let bus = dashboard::buses(std::slice::from_ref(&cell), Vec::new(), 0)?;
     let bus = bus.into_iter().next().context("the cell has no bus")?;
     confined::server(std::slice::from_ref(&cell), std::slice::from_ref(&bus), &[])?;

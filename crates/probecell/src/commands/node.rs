@@ -7,7 +7,7 @@ use controllers::driver::{ConnectError, Connection, Role};
 use graph::Wiring;
 use host::{NodeProcess, bus::Bus, run_driver, run_node, run_signals};
 
-use crate::{GOOD, cell_bus, confined, routing::refuse_unheard, signals};
+use crate::{GOOD, cell_bus, confined, ros_arguments::read_cell, routing::refuse_unheard, signals};
 
 /// Runs the node until SIGINT or SIGTERM. `supervised`: `up` has started it, and has looked at the bus.
 pub(crate) fn run(
@@ -17,7 +17,7 @@ pub(crate) fn run(
     recorded: bool,
     supervised: bool,
 ) -> anyhow::Result<u8> {
-    let cell = Cell::read(file)?;
+    let cell = read_cell(file)?;
     if name == cell.driver.source {
         match cell.driver_role() {
             Role::Process(controller) => {

@@ -12,12 +12,12 @@ use probecell_msgs::{InspectionPlan, PlanProgress};
 use recorded::evaluation::{Features, evaluate};
 use serde_json::json;
 
-use crate::{GOOD, output};
+use crate::{GOOD, output, ros_arguments::read_cell};
 
 /// Plans and prints.
 pub(crate) fn run(source: &Path, as_json: bool) -> anyhow::Result<u8> {
     let (planned, status) = if is_cell(source) {
-        (of_cell(&Cell::read(source)?, 0.0, &|_| true)?, GOOD)
+        (of_cell(&read_cell(source)?, 0.0, &|_| true)?, GOOD)
     } else {
         of_bag(&Bag::open(source)?, None, &|_| true)?
     };

@@ -26,7 +26,10 @@ use probecell_msgs::{
 use recorded::embedded::{CELL_FILE, KEY_FILE, PROVENANCE, ROBOT_FILE};
 use trust::{Act, Kind, PublicKey, SecretKey};
 
-use crate::{GOOD, LOSS, cell_bus, confined, output, routing::refuse_unheard, signals};
+use crate::{
+    GOOD, LOSS, cell_bus, confined, output, ros_arguments::read_cell, routing::refuse_unheard,
+    signals,
+};
 
 /// Timeout of the recorder to answer a service; a client of this project waits for 15 s.
 const REPLY_TIMEOUT: Duration = Duration::from_secs(10);
@@ -100,7 +103,7 @@ impl Making {
 /// Records until SIGINT or SIGTERM; the services `start_recording` and `stop_recording` end one recording and begin
 /// another.
 pub(crate) fn run(file: &Path, folder: Option<PathBuf>, supervised: bool) -> anyhow::Result<u8> {
-    let cell = Cell::read(file)?;
+    let cell = read_cell(file)?;
     let key = KeyFolder::of(&cell)?.private()?;
     let cell = cell.with_key(key.public());
     let bus = cell_bus::bus_config(&cell, "recorder")?;
@@ -388,6 +391,7 @@ fn settings(cell: &Cell, key: &SecretKey, folder: PathBuf) -> anyhow::Result<Rec
     Ok(RecordingSettings {
         folder,
         namespace: cell.namespace(),
+        diagnostics: cell.shared(topics::DIAGNOSTICS.0).to_owned(),
         topics: cell.topics()?,
         nodes: cell.node_names().into_iter().map(str::to_owned).collect(),
         sync_interval: Duration::from_secs_f64(cell.recorder.flush_interval_s.clamp(0.01, 3600.0)),

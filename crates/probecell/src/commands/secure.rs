@@ -14,11 +14,11 @@ use cell::{
     policy,
 };
 
-use crate::{GOOD, output};
+use crate::{GOOD, output, ros_arguments::read_cell};
 
 /// Secures the bus of a cell from its next start on, or takes that back.
 pub(crate) fn run(file: &Path, out: Option<PathBuf>, off: bool) -> anyhow::Result<u8> {
-    let cell = Cell::read(file)?;
+    let cell = read_cell(file)?;
     let folder = KeyFolder::of(&cell)?;
     if off {
         let text = if folder.open_bus()? {

@@ -5,7 +5,6 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, atomic::AtomicBool, atomic:
 use std::time::Duration;
 
 use anyhow::Context;
-use cell::Cell;
 use exchange::export::sparkplug::{Edge, Message, milliseconds};
 use graph::topics::{self, Topic};
 use probecell_msgs::from_cdr;
@@ -13,7 +12,7 @@ use rumqttc::{AsyncClient, ClientError, Event, LastWill, MqttOptions, Packet, Qo
 use tokio::sync::mpsc::unbounded_channel;
 
 use super::{dashboard, following::follow};
-use crate::{DEFAULT_CELL, GOOD, confined, output, signals};
+use crate::{DEFAULT_CELL, GOOD, confined, output, ros_arguments::read_cell, signals};
 
 /// What is read of the cell.
 const READ: [Topic; 7] = [
@@ -68,7 +67,7 @@ fn lock(edge: &Mutex<Edge>) -> MutexGuard<'_, Edge> {
 
 /// Publishes until SIGINT or SIGTERM.
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
-    let cell = Cell::read(&arguments.cell)?;
+    let cell = read_cell(&arguments.cell)?;
     let (host, port) = broker(&arguments.broker)?;
     let group = &arguments.group;
     if group.is_empty() || group.contains(['/', '+', '#']) {

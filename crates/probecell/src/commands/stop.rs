@@ -2,14 +2,11 @@
 
 use std::path::Path;
 
-use cell::{
-    Cell,
-    keys::{KeyFolder, operator_key},
-};
+use cell::keys::{KeyFolder, operator_key};
 use probecell_msgs::{OperatorRequest, srv};
 use trust::{Act, Kind};
 
-use crate::{FAILED, GOOD, cell_client::call_once, output};
+use crate::{FAILED, GOOD, cell_client::call_once, output, ros_arguments::read_cell};
 
 /// Calls the service `stop`; succeeds when the machine has confirmed that it stands.
 pub(crate) fn run(file: &Path, operator: &str) -> anyhow::Result<u8> {
@@ -40,7 +37,7 @@ fn signed(file: &Path, operator: &str) -> OperatorRequest {
         ..OperatorRequest::default()
     };
     let sign = || -> anyhow::Result<Vec<u8>> {
-        let cell = KeyFolder::of(&Cell::read(file)?)?.public()?;
+        let cell = KeyFolder::of(&read_cell(file)?)?.public()?;
         Ok(operator_key(operator)?.sign(&Act::of_request(cell, Kind::Stop, &act)))
     };
     match sign() {

@@ -6,7 +6,7 @@ use ::dashboard::{view::hall_text, watch};
 use cell::Cell;
 
 use super::dashboard;
-use crate::{FAILED, GOOD, output, signals};
+use crate::{FAILED, GOOD, output, ros_arguments::read_cell, signals};
 
 /// How often the screen is drawn.
 const PERIOD: Duration = Duration::from_millis(500);
@@ -42,7 +42,7 @@ pub(crate) struct Arguments {
 
 /// Draws until SIGINT or SIGTERM, or once.
 pub(crate) fn run(arguments: Arguments) -> anyhow::Result<u8> {
-    let cell = arguments.cell.as_deref().map(Cell::read).transpose()?;
+    let cell = arguments.cell.as_deref().map(read_cell).transpose()?;
     let cells: Vec<Cell> = cell.into_iter().collect();
     let buses = dashboard::buses(&cells, arguments.connect, arguments.domain)?;
     let end = signals::end_flag()?;

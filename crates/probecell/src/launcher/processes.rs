@@ -10,7 +10,7 @@ use std::{
 use anyhow::Context;
 use rustix::process::{Pid, Signal, kill_process};
 
-use crate::{cell_bus::CellFailure, commands, operator::ProcessState, output};
+use crate::{cell_bus::CellFailure, commands, operator::ProcessState, output, ros_arguments};
 
 /// Supervision period.
 pub(super) const PERIOD: Duration = Duration::from_millis(20);
@@ -69,6 +69,7 @@ impl Processes {
         let mut command = Command::new(std::env::current_exe()?);
         command
             .args(commands::dashboard::arguments(&self.file))
+            .args(ros_arguments::words())
             .process_group(0);
         let child = command.spawn().context("cannot start the dashboard")?;
         self.dashboard = Some(child);
@@ -100,6 +101,7 @@ impl Processes {
             command.arg("--no-record");
         }
         command
+            .args(ros_arguments::words())
             .spawn()
             .with_context(|| format!("cannot start the process of {name}"))
     }
@@ -117,7 +119,8 @@ impl Processes {
             .process_group(0)
             .arg(&self.file)
             .arg("--folder")
-            .arg(folder);
+            .arg(folder)
+            .args(ros_arguments::words());
         let child = command.spawn().context("cannot start the recorder")?;
         self.recorder = Some(Supervised::new(RECORDER, child));
         Ok(())

@@ -40,7 +40,7 @@ impl Diagnostics {
         let faults = topics::LAUNCHER_FAULTS;
         let (name, message, qos) = topics::DIAGNOSTICS;
         Ok(Self {
-            diagnostics: bus.publisher(name, message, bus_qos(qos))?,
+            diagnostics: bus.publisher(cell.shared(name), message, bus_qos(qos))?,
             faults: bus.publisher(
                 &cell.topic(faults.name),
                 faults.message,

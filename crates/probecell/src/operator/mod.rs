@@ -51,7 +51,7 @@ use self::{
 pub(crate) use self::{console::described, diagnostics::ProcessState};
 use recorded::embedded;
 
-use crate::{cell_bus::CellFailure, output};
+use crate::{cell_bus::CellFailure, output, ros_arguments};
 
 /// How a part ended.
 #[derive(Clone, Copy, Debug)]
@@ -133,7 +133,7 @@ impl Operator {
         self.subscribe(topics::PASS_DECISIONS, |state, decision: PassDecision| {
             state.decision(decision);
         })?;
-        let file = file.to_owned();
+        let file = format!("{file}{}", ros_arguments::for_commands());
         self.subscribe(topics::CORRECTIONS, move |state, correction: Correction| {
             state.health.correction(&correction);
             print_correction(&correction, &file);

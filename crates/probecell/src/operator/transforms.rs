@@ -19,7 +19,7 @@ pub(super) fn relay(bus: &Bus, cell: &Cell) -> anyhow::Result<Vec<Subscription>>
     let prefix = prefix.unwrap_or_else(|| format!("{}/", cell.cell.name));
     [(topics::TF, "/tf"), (topics::TF_STATIC, "/tf_static")]
         .into_iter()
-        .map(|(topic, shared)| relay_topic(bus, cell, topic, shared, prefix.clone()))
+        .map(|(topic, shared)| relay_topic(bus, cell, topic, cell.shared(shared), prefix.clone()))
         .collect()
 }
 
@@ -27,11 +27,12 @@ fn relay_topic(
     bus: &Bus,
     cell: &Cell,
     topic: Topic,
-    shared: &'static str,
+    shared: &str,
     prefix: String,
 ) -> anyhow::Result<Subscription> {
     let qos = bus_qos(topic.qos);
     let publisher = Mutex::new(bus.publisher(shared, topic.message, qos)?);
+    let shared = shared.to_owned();
     let on_sample = move |received: Received<'_>| {
         let Ok(mut message) = from_cdr::<TFMessage>(&received.payload) else {
             return;

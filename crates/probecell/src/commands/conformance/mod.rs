@@ -32,6 +32,7 @@ use crate::{
     DEFAULT_CELL, FAILED, GOOD,
     cell_bus::{bus_config, users},
     output,
+    ros_arguments::read_cell,
     routing::Routing,
 };
 
@@ -68,7 +69,7 @@ fn seconds(text: &str) -> Result<f64, String> {
 
 /// Checks the driver.
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
-    let cell = Cell::read(&arguments.cell)?;
+    let cell = read_cell(&arguments.cell)?;
     let known: Vec<&str> = (cell.cycle.passes.iter())
         .flat_map(|pass| pass.operations.iter().map(String::as_str))
         .collect();
