@@ -19,7 +19,7 @@ mod judge;
 mod report;
 mod selection;
 
-use effects::motion::{Limit, Moves, MovesError, library, moves};
+use effects::motion::{FEED_DEVIATIONS, Limit, Moves, MovesError, library, moves};
 use effects::session::{DiagnoseError, Session};
 use effects::vocabulary;
 use machine::{Chain, Motion};
@@ -52,6 +52,15 @@ impl Rows<'_> {
     /// What each row takes by that model, s.
     fn durations(&self, settings: &[Setting]) -> Vec<f64> {
         self.moves.durations(&self.motion(settings))
+    }
+
+    /// How far the override of feeds is off what the recorded axes show, over the standard deviation of that; 0 where they do not.
+    fn feed_off(&self, settings: &[Setting]) -> f64 {
+        let modelled = self.motion(settings).program.feed_override;
+        self.moves.feed_seen.map_or(0.0, |[least, most]| {
+            let seen = 0.5 * (least + most);
+            (modelled - seen) / ((most - seen) / FEED_DEVIATIONS)
+        })
     }
 
     /// Measured less modelled, s.

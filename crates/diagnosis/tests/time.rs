@@ -185,6 +185,46 @@ fn dwell_and_latency_of_rows_alike_are_one_group() {
     );
 }
 
+/// Probing moves of one length at a lower feed and a standstill per touch take the same time longer; the recorded axes show the feed.
+#[test]
+fn recorded_axes_tell_a_standstill_from_an_override() {
+    let mut cell = Cell::new(60);
+    cell.always_over_clearance();
+    let truth = Truth {
+        dwell: 0.03,
+        ..Truth::of(&cell)
+    };
+    let diagnosed = |axes: bool, truth: &Truth| {
+        let mut session = cell.session(truth, 6);
+        if axes {
+            session.joint_states = cell.recorded(truth, 6);
+        }
+        let found = diagnose_time(
+            &session,
+            &[cell.order()],
+            &cell.declared,
+            &Options::default(),
+        );
+        found.unwrap().0
+    };
+    let unseen = diagnosed(false, &truth);
+    assert!(names(&unseen.effects[0], "motion.override"), "{unseen}");
+    let seen = diagnosed(true, &truth);
+    assert_eq!(seen.effects.len(), 1, "{seen}");
+    assert!(names(&seen.effects[0], "motion.dwell"), "{seen}");
+    assert!(!names(&seen.effects[0], "motion.override"), "{seen}");
+    let slower = Truth {
+        feed: 0.8,
+        ..Truth::of(&cell)
+    };
+    let seen = diagnosed(true, &slower);
+    assert_eq!(seen.effects.len(), 1, "{seen}");
+    assert_eq!(seen.effects[0].group, ["motion.override"], "{seen}");
+    let found = value(&seen, "motion.override").unwrap();
+    assert!((found / 0.8 - 1.0).abs() < 0.02, "{seen}");
+    assert!(seen.to_string().contains("% of their feed"), "{seen}");
+}
+
 /// A machine that gets slower half way through keeps no limit: something outside the vocabulary, and where.
 #[test]
 fn a_change_half_way_is_no_limit() {

@@ -20,7 +20,7 @@ use machine::{Motion, motion::AxisLimits};
 
 use crate::effect::{ActsOn, Effect, Instance, Subject};
 
-pub use moves::{Interval, Moves, MovesError, moves};
+pub use moves::{FEED_DEVIATIONS, Interval, Moves, MovesError, moves};
 
 /// Why none of them is an effect of `[[model.effects]]`.
 const UNDECLARABLE: &str =
@@ -132,6 +132,22 @@ impl Limit {
         }
     }
 
+    /// A limit that the recorded axes show between two values, if they show it at all: `None` where these hold the declared one.
+    fn seen(mut self, seen: Option<[f64; 2]>) -> Option<Self> {
+        let Some([least, most]) = seen else {
+            return Some(self);
+        };
+        if self
+            .declared
+            .is_some_and(|declared| (least..=most).contains(&declared))
+        {
+            return None;
+        }
+        self.range = [least, most];
+        self.tried = vec![least, 0.5 * (least + most), most];
+        Some(self)
+    }
+
     fn setting(self, set: impl Fn(&mut Motion, f64) + 'static) -> Self {
         Self {
             set: Box::new(set),
@@ -219,6 +235,7 @@ pub(crate) mod specimen {
             axes: vec![("X".to_owned(), false), ("Y".to_owned(), false)],
             declared: Motion::new(vec![limits; 2], 0.0),
             intervals: (0..40).map(interval).collect(),
+            feed_seen: None,
             remarks: Vec::new(),
         }
     }

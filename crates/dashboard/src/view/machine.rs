@@ -18,6 +18,8 @@ const WIDTH: f64 = 420.0;
 const HEIGHT: f64 = 130.0;
 const LEFT: f64 = 12.0;
 const EDGE: f64 = 14.0;
+/// Below the chart, for its dates.
+const FOOT: f64 = 16.0;
 /// Sizes of an effect that stand open below its chart.
 const UNFOLDED: usize = 4;
 
@@ -178,8 +180,13 @@ fn chart(of: &(String, String), charted: &Charted<'_>, found: &[(&Summary, &Foun
         EDGE + (high - value) / (high - low).max(f64::MIN_POSITIVE) * (HEIGHT - 2.0 * EDGE)
     };
     html! {
-        svg.run viewBox={ "0 0 " (WIDTH) " " (HEIGHT) } role="img" aria-label={ (vocabulary::describe(&of.0)) " in " (found.len()) " " (each) "; table below" } {
+        svg.run viewBox={ "0 0 " (WIDTH) " " (HEIGHT + FOOT) } role="img" aria-label={ (vocabulary::describe(&of.0)) " in " (found.len()) " " (each) "; table below" } {
             line.nominal x1=(LEFT) x2=(WIDTH - LEFT) y1=(y(0.0)) y2=(y(0.0)) {}
+            text.axis x=(LEFT - 3.0) y=(y(0.0) + 4.0) text-anchor="end" { "0" }
+            @if let (Some(first), Some(last)) = (sessions.first(), sessions.last()) {
+                text.axis x=(LEFT) y=(HEIGHT + FOOT - 3.0) { (day(first)) }
+                @if day(first) != day(last) { text.axis x=(WIDTH - LEFT) y=(HEIGHT + FOOT - 3.0) text-anchor="end" { (day(last)) } }
+            }
             @if let Some((_, one)) = found.first() {
                 @if high > 0.0 { text.axis x=(LEFT + 6.0) y=(EDGE - 3.0) { (tick(of, high, high - low, &one.unit)) } }
                 @if low < 0.0 { text.axis x=(LEFT + 6.0) y=(HEIGHT - 2.0) { (tick(of, low, high - low, &one.unit)) } }

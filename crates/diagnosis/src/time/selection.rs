@@ -195,15 +195,18 @@ pub(super) fn replaced(
     found
 }
 
-/// Log evidence of a set by its own fit (Schwarz 1978), with a price for the choice. Differences of [`FINEST`] of a move
-/// count as noise: the motion model is no better.
+/// Log evidence of a set by its own fit (Schwarz 1978), with a price for the choice, and of the feed that the recorded axes show.
+/// Differences of [`FINEST`] of a move count as noise: the motion model is no better.
 pub(super) fn score(rows: &Rows<'_>, active: &[bool], fitted: &Fitted) -> f64 {
     let used = || active.iter().zip(&rows.measured).filter(|(used, _)| **used);
     let count = used().count() as f64;
     let finest = FINEST * FINEST * used().map(|(_, s)| s * s).sum::<f64>();
     let members = fitted.settings.len() as f64;
     let library = rows.limits.len() as f64;
-    -0.5 * count * (fitted.squares + finest).ln() - members * (0.5 * count.ln() + library.ln())
+    let feed = rows.feed_off(&fitted.settings);
+    -0.5 * count * (fitted.squares + finest).ln()
+        - members * (0.5 * count.ln() + library.ln())
+        - 0.5 * feed * feed
 }
 
 /// Candidates about a model.

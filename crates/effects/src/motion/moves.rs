@@ -4,6 +4,7 @@
 use std::collections::BTreeMap;
 
 use machine::{Chain, JointKind, Motion, Nominal, touch_positions};
+use metrology::statistics::{median, robust_deviation};
 use probecell_msgs::{InspectionPlan, MachineState, MeasurementOrder, ProbeEvent, ProbingMove};
 
 use super::track::Track;
@@ -50,6 +51,8 @@ pub struct Moves {
     pub declared: Motion,
     /// In the order of time.
     pub intervals: Vec<Interval>,
+    /// Least and largest share of its feed at which the recorded axes show the probing moves; `None` where they do not show it.
+    pub feed_seen: Option<[f64; 2]>,
     /// What was left out, and what the controller said about itself.
     pub remarks: Vec<String>,
 }
@@ -72,6 +75,12 @@ pub enum MovesError {
 
 /// Fewest moves that are compared.
 const FEWEST: usize = 8;
+/// Standard deviations to either side of the share of the feed that is seen ([`Moves::feed_seen`]).
+pub const FEED_DEVIATIONS: f64 = 3.0;
+/// Least distance to either side, as a share of it: axes are recorded at instants that are rounded.
+const FINEST_FEED: f64 = 0.01;
+/// Standard deviation of a median over that of a mean.
+const OF_MEDIAN: f64 = 1.253;
 
 impl Moves {
     /// How long each row takes by a motion model, s.
@@ -168,8 +177,10 @@ pub fn moves(
             .collect(),
         declared: motion.clone(),
         intervals: Vec::new(),
+        feed_seen: None,
         remarks: spoken(&session.machine_states),
     };
+    let mut shares = Vec::new();
     let first = events
         .first()
         .map_or(0.0, |(event, _)| seconds(&event.header.stamp));
@@ -208,6 +219,13 @@ pub fn moves(
         } else {
             point_feed(plan, after)
         };
+        let distance = probing.ball_path(&start_of_touch, end);
+        let speed = track.probing_speed(&probing, stamps[0], (after, end), distance);
+        shares.extend(
+            speed
+                .map(|speed| speed / feed)
+                .filter(|share| share.is_finite()),
+        );
         found.intervals.push(Interval {
             time: stamps[1] - first,
             sequences: [before.sequence, after.sequence],
@@ -218,13 +236,30 @@ pub fn moves(
                 .first()
                 .map_or(0.0, |back| probing.ball_path(start, back)),
             targets,
-            distance: probing.ball_path(&start_of_touch, end),
+            distance,
             feed,
             measured: stamps[1] - stamps[0],
         });
     }
     found.remark([held, unseen], orders.is_empty(), plan)?;
+    found.feed_seen = seen(&shares);
+    if let Some([least, most]) = found.feed_seen
+        && !(least..=most).contains(&motion.program.feed_override)
+    {
+        found.remarks.push(format!(
+            "the recorded axes show the probing moves at {:.0} % of their feed",
+            50.0 * (least + most)
+        ));
+    }
     Ok(found)
+}
+
+/// The share that most of them have, with its uncertainty.
+fn seen(shares: &[f64]) -> Option<[f64; 2]> {
+    let middle = median(shares);
+    let spread = OF_MEDIAN * robust_deviation(shares, middle) / (shares.len() as f64).sqrt();
+    let half = (FEED_DEVIATIONS * spread).max(FINEST_FEED * middle);
+    (shares.len() >= FEWEST).then_some([middle - half, middle + half])
 }
 
 impl Probing<'_> {

@@ -1,5 +1,5 @@
 //! `motion.override`: an override slows down or speeds up rapid moves, probing moves, or both. Top speeds and feeds are
-//! multiplied, accelerations stay.
+//! multiplied, accelerations stay. Where the recorded axes show the feed of the probing moves, an override of it is what they show.
 
 use machine::Chain;
 
@@ -43,13 +43,17 @@ impl MotionEffect for SpeedOverride {
             motion.program.rapid_override = declared.rapid_override * factor;
             motion.program.feed_override = declared.feed_override * factor;
         };
-        vec![
-            around("speed", 1.0).setting(both),
-            around("rapid", declared.rapid_override)
-                .setting(|motion, value| motion.program.rapid_override = value),
-            around("feed", declared.feed_override)
-                .setting(|motion, value| motion.program.feed_override = value),
-        ]
+        let speed = around("speed", 1.0).setting(both);
+        let rapid = around("rapid", declared.rapid_override)
+            .setting(|motion, value| motion.program.rapid_override = value);
+        let feed = around("feed", declared.feed_override)
+            .setting(|motion, value| motion.program.feed_override = value);
+        let seen = moves.feed_seen;
+        let of_both = seen.map(|seen| seen.map(|share| share / declared.feed_override));
+        [speed.seen(of_both), Some(rapid), feed.seen(seen)]
+            .into_iter()
+            .flatten()
+            .collect()
     }
 
     fn sized_remedy(&self, _: &Instance<'_>, name: &str, size: &str, instead: &str) -> String {

@@ -21,6 +21,9 @@ const REVERSED: f64 = 1.2;
 const LEAST: f64 = 5e-4;
 /// Rest of a way that is no move of its own, as a share of an approach.
 const REST: f64 = 0.05;
+/// The part of a probing move at its feed: what remains of it, as shares of its path, and least of it that is seen.
+const AT_FEED: [f64; 2] = [0.1, 0.8];
+const SEEN: f64 = 0.3;
 
 /// Positions of all axes over time.
 pub(super) struct Track {
@@ -104,6 +107,30 @@ impl Track {
         places.pop();
         places.remove(0);
         (!places.is_empty()).then_some(places)
+    }
+}
+
+impl Track {
+    /// Speed of the ball in the probing move that ends with a touch at `end`, over the part of its path that is at feed, m/s. `None`
+    /// where the samples since the stamp `from`, s, do not show it.
+    pub(super) fn probing_speed(
+        &self,
+        probing: &Probing<'_>,
+        from: f64,
+        (touch, end): (&ProbeEvent, &[f64]),
+        distance: f64,
+    ) -> Option<f64> {
+        let until = seconds(&touch.header.stamp);
+        let first = self.samples.partition_point(|(at, _)| *at <= from);
+        let last = self.samples.partition_point(|(at, _)| *at < until);
+        let remaining = (self.samples.get(first..last)?.iter().rev())
+            .map(|(at, positions)| (*at, probing.ball_path(positions, end)))
+            .skip_while(|(_, path)| *path < AT_FEED[0] * distance);
+        let seen: Vec<(f64, f64)> = remaining
+            .take_while(|(_, path)| *path <= AT_FEED[1] * distance)
+            .collect();
+        let ((late, near), (early, far)) = (*seen.first()?, *seen.last()?);
+        (far - near >= SEEN * distance && late > early).then(|| (far - near) / (late - early))
     }
 }
 
