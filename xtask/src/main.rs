@@ -2,6 +2,7 @@
 
 use std::{
     io::{Write as _, stdout},
+    path::Path,
     process::{Command, ExitCode},
 };
 
@@ -23,8 +24,8 @@ usage: cargo run --release -p xtask -- TASK
                      xtask/allowed.toml. Types are not inferred. It misses, so says nothing of: a function of a type
                      when some reached code uses any member of the same name; trait implementations of a type in use;
                      fields and variants; code behind conditions that never hold; items of generated.rs.
-  licences           Checks licences and sources of all dependencies against deny.toml, as cargo-deny does, which is not
-                     needed; exit status 1 if one does not fit.
+  licences [FOLDER...] Checks licences and sources of all dependencies against deny.toml, as cargo-deny does, which is not
+                     needed; exit status 1 if one does not fit. Of this workspace, or of those in the folders.
   sbom               Prints the bill of materials of the program on Linux, x86-64: CycloneDX 1.5.
 ";
 
@@ -41,7 +42,7 @@ fn main() -> Result<ExitCode> {
         ["bags", ..] => make_bags(&arguments[1..]),
         ["imports", ..] => print_imports(&arguments[1..]),
         ["unused"] => print_unused(),
-        ["licences"] => print_licences(),
+        ["licences", ref folders @ ..] => print_licences(folders),
         ["sbom"] => print_bill(),
         _ => bail!("{USAGE}"),
     }
@@ -49,11 +50,16 @@ fn main() -> Result<ExitCode> {
 
 /// What `cargo metadata` tells of the workspace, as JSON.
 fn metadata(more: &[&str]) -> Result<Vec<u8>> {
+    metadata_of(&workspace_root()?, more)
+}
+
+/// The same of the workspace in a folder.
+fn metadata_of(folder: &Path, more: &[&str]) -> Result<Vec<u8>> {
     let cargo = std::env::var("CARGO").unwrap_or_else(|_| "cargo".to_owned());
     let told = Command::new(cargo)
         .args(["metadata", "--locked", "--format-version", "1"])
         .args(more)
-        .current_dir(workspace_root()?)
+        .current_dir(folder)
         .output()?;
     if !told.status.success() {
         bail!("cargo metadata: {}", String::from_utf8_lossy(&told.stderr));
@@ -69,11 +75,15 @@ fn print_bill() -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-fn print_licences() -> Result<ExitCode> {
+fn print_licences(folders: &[&str]) -> Result<ExitCode> {
     let root = workspace_root()?;
-    let told = metadata(&[])?;
     let policy = licences::Policy::read(&std::fs::read_to_string(root.join("deny.toml"))?)?;
-    let refused = policy.refused(&serde_json::from_slice(&told)?);
+    let folders = if folders.is_empty() { &[""] } else { folders };
+    let mut refused = Vec::new();
+    for folder in folders {
+        let told = metadata_of(&root.join(folder), &[])?;
+        refused.extend(policy.refused(&serde_json::from_slice(&told)?));
+    }
     let mut out = stdout().lock();
     for sentence in &refused {
         writeln!(out, "{sentence}")?;

@@ -4,6 +4,7 @@
 pub mod aqdef;
 mod live;
 pub mod mtconnect;
+pub mod opcua;
 pub mod qif;
 pub mod sparkplug;
 pub mod table;
@@ -12,8 +13,8 @@ mod xml;
 
 use probecell_msgs::builtin_interfaces::Time;
 use probecell_msgs::{
-    FeatureResult, InspectionFeature, InspectionPlan, ProbeEvent, ToolOffsets, TouchDeviation,
-    Verdict, geometrical,
+    FeatureResult, GapReport, InspectionFeature, InspectionPlan, ProbeEvent, ToolOffsets,
+    TouchDeviation, Verdict, geometrical,
 };
 
 /// What a session found, to be given to other systems.
@@ -136,6 +137,16 @@ fn date_time(stamp: Time) -> String {
     let seconds = u64::try_from(stamp.sec).unwrap_or(0);
     let since = std::time::Duration::new(seconds, stamp.nanosec.min(999_999_999));
     humantime::format_rfc3339_nanos(std::time::UNIX_EPOCH + since).to_string()
+}
+
+/// Name of the verdict of a gap report.
+fn gap_verdict(verdict: u8) -> &'static str {
+    match verdict {
+        GapReport::NO_GAP => "NO_GAP",
+        GapReport::EXPLAINED => "EXPLAINED",
+        GapReport::PARTLY_EXPLAINED => "PARTLY_EXPLAINED",
+        _ => "UNEXPLAINED",
+    }
 }
 
 /// Name of a kind of feature.

@@ -8,6 +8,7 @@
 //! ISO 230-2, circular test, R-test ------+
 //!
 //! a session's record --> export::Record --> QIF 3, AQDEF .dfq, CSV, MTConnect
+//! a running cell's messages --> export::{mtconnect::agent, sparkplug, opcua} --> what is served or published
 //! ```
 //!
 //! Nothing is guessed and nothing is lost silently: units are named by the caller, a value that is wrong is named with line and

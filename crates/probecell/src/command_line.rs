@@ -114,6 +114,8 @@ pub(crate) enum Command {
     Dashboard(commands::dashboard::Arguments),
     /// Serve a running cell as an MTConnect agent, read only.
     Mtconnect(commands::mtconnect::Arguments),
+    /// Serve a running cell, or a recording, as an OPC UA server, read only.
+    Opcua(commands::opcua::Arguments),
     /// Publish a running cell to an MQTT broker as an edge node of Sparkplug B.
     Sparkplug(commands::sparkplug::Arguments),
     /// Show every cell of the bus on one screen, those that need a person first.

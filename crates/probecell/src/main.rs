@@ -153,6 +153,7 @@ fn run(command: Command) -> anyhow::Result<u8> {
         Command::Stop { operator, cell } => commands::stop::run(&cell, &operator),
         Command::Status { cell, json } => commands::status::run(&cell, json),
         Command::Mtconnect(arguments) => commands::mtconnect::run(&arguments),
+        Command::Opcua(arguments) => commands::opcua::run(&arguments),
         Command::Sparkplug(arguments) => commands::sparkplug::run(&arguments),
         Command::Dashboard(arguments) => {
             begin_process(arguments.supervised, arguments.clock)?;

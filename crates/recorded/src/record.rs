@@ -162,8 +162,11 @@ pub fn gather(bag: &Bag, path: &Path) -> anyhow::Result<PartSession> {
     Ok(session)
 }
 
-/// The only cell of the bag that makes parts.
-fn namespace(bag: &Bag, path: &Path) -> anyhow::Result<String> {
+/// `/` and the name of the cell whose measurements a recording holds.
+///
+/// # Errors
+/// It holds no plan, or several cells.
+pub fn namespace(bag: &Bag, path: &Path) -> anyhow::Result<String> {
     let suffix = format!("/{}", topics::INSPECTION_PLAN.name);
     let mut found: Vec<&str> = (bag.channels().iter())
         .filter_map(|channel| channel.topic.strip_suffix(suffix.as_str()))

@@ -17,8 +17,6 @@ use payload::{Metric, Payload};
 
 pub use payload::Value;
 
-/// Name of the device of each edge node.
-pub const DEVICE: &str = "machine";
 /// The command by which a host asks for births.
 const REBIRTH: &str = "Node Control/Rebirth";
 /// Number of the connection, by which a death belongs to its birth.
@@ -315,12 +313,7 @@ impl Edge {
     /// Takes why the session differs from the declared model.
     pub fn gap(&mut self, report: &GapReport) {
         let at = milliseconds(report.header.stamp.nanos());
-        let verdict = match report.verdict {
-            GapReport::NO_GAP => "NO_GAP",
-            GapReport::EXPLAINED => "EXPLAINED",
-            GapReport::PARTLY_EXPLAINED => "PARTLY_EXPLAINED",
-            _ => "UNEXPLAINED",
-        };
+        let verdict = super::gap_verdict(report.verdict);
         let top = report.effects.first();
         let cause = top.map_or(String::new(), |one| one.effect.clone());
         // Those which the session cannot tell from it belong to its name.
