@@ -19,12 +19,16 @@ pub mod hall;
 mod joint;
 mod likelihood;
 pub mod onset;
+mod quantity;
 pub mod series;
+mod spread;
 pub mod watch;
 
 pub use crossing::{Crossing, crossing};
 pub use filter::Level;
-pub use likelihood::{Spread, spread};
+pub use likelihood::spread;
+pub use quantity::Quantity;
+pub use spread::Spread;
 pub use watch::{Change, Watch};
 
 /// One estimate of a series.

@@ -3,7 +3,7 @@
 use metrology::statistics::normal_cdf;
 
 use super::filter::Level;
-use super::likelihood::Spread;
+use super::spread::Spread;
 
 /// Farthest that is looked ahead, days.
 const HORIZON: f64 = 3650.0;

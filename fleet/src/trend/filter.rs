@@ -4,8 +4,9 @@
 //! 4.3 (the filter) and 3.2 (the local linear trend). A third part of the state is what a day adds to all of its sessions;
 //! the next day it is another.
 
+use super::Point;
 use super::errors::Errors;
-use super::likelihood::Spread;
+use super::spread::Spread;
 
 /// Level and slope with their covariance, at the time of the last point.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -32,6 +33,15 @@ impl Level {
             covariance: [variance, 0.0, 0.0],
             day: [0.0; 4],
         }
+    }
+
+    /// A level after one point of a series with this spread.
+    pub(super) fn after(point: &Point, spread: &Spread) -> Self {
+        let variance = spread.variance(point).max(f64::MIN_POSITIVE);
+        let mut level = Self::first(point.time, point.value, variance + spread.daily);
+        // What this day adds is in the level and is taken off again.
+        level.day = [0.0, -spread.daily, 0.0, spread.daily];
+        level
     }
 
     /// At a later time.

@@ -13,9 +13,10 @@ pub use hierarchy::{Levels, Own, TypeChange};
 
 use super::calibrate::excess;
 use super::onset::refined;
-use super::series::{Done, Quantity, Series};
+use super::series::{Done, Series};
 use super::watch::{Change, Kind, Watch};
-use super::{Spread, crossing, spread};
+use super::{Point, Quantity, Spread, crossing, spread};
+use crate::lake::Lake;
 
 /// Days between the onsets of machines that are taken for one cause.
 const TOGETHER: f64 = 14.0;

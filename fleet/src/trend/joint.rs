@@ -13,7 +13,7 @@ use arrow_array::cast::AsArray;
 use arrow_array::types::Float64Type;
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
-use super::series::{Estimate, Quantity, days};
+use super::quantity::{Estimate, Quantity, days};
 use crate::lake::schema::{EFFECTS, INFORMATION};
 use crate::lake::{Lake, counts, flags, moments, numbers, texts};
 

@@ -3,19 +3,7 @@
 use super::Point;
 use super::errors::Errors;
 use super::filter::Level;
-
-/// What moves an estimate from one session to the next when nothing happens.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Spread {
-    /// Repeatability between sessions, variance beyond the points' own uncertainty.
-    pub repeatability: f64,
-    /// Repeatability between days beyond that between sessions, variance.
-    pub daily: f64,
-    /// Variance of the level per day.
-    pub walk: f64,
-    /// Degrees of freedom of Student's t of the errors of sessions; infinite: normal.
-    pub freedom: f64,
-}
+use super::spread::Spread;
 
 /// Fewest points of a series that takes part.
 const FEWEST: usize = 5;
@@ -29,35 +17,6 @@ const TRIED_DAILY: [f64; 6] = [0.0, 0.1, 0.3, 1.0, 3.0, 10.0];
 const TRIED_FREEDOM: [f64; 3] = [f64::INFINITY, 10.0, 4.0];
 /// Days of the walk that is compared with the variance of a point.
 const MONTH: f64 = 30.0;
-
-impl Spread {
-    /// Nothing beyond the points' own uncertainty.
-    pub const NONE: Self = Self {
-        repeatability: 0.0,
-        daily: 0.0,
-        walk: 0.0,
-        freedom: f64::INFINITY,
-    };
-
-    /// Variance of a point about the level of its day.
-    pub fn variance(&self, point: &Point) -> f64 {
-        point.uncertainty.powi(2) + self.repeatability
-    }
-
-    /// Distribution of the errors of sessions.
-    pub fn errors(&self) -> Errors {
-        Errors::student(self.freedom)
-    }
-
-    /// A level after one point.
-    pub(super) fn first(&self, point: &Point) -> Level {
-        let variance = self.variance(point).max(f64::MIN_POSITIVE);
-        let mut level = Level::first(point.time, point.value, variance + self.daily);
-        // What this day adds is in the level and is taken off again.
-        level.day = [0.0, -self.daily, 0.0, self.daily];
-        level
-    }
-}
 
 /// The spread under which the first days of the series are most likely, each with a level of its own; no spread where no series
 /// is long enough. One part after the other, twice.
@@ -129,7 +88,7 @@ fn log_likelihood(points: &[Point], spread: &Spread, errors: &Errors) -> f64 {
     let Some((first, rest)) = points.split_first() else {
         return 0.0;
     };
-    let mut level = spread.first(first);
+    let mut level = Level::after(first, spread);
     let mut sum = 0.0;
     for point in rest {
         level = level.at(point.time, spread);

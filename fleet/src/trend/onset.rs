@@ -5,8 +5,10 @@
 //! likely as they are far apart. A step is the difference of the level as the sessions before it give it and as those
 //! after it do, backwards in time; a drift is the slope after it.
 
+use inference::evidence::log_sum;
+
 use super::filter::Level;
-use super::watch::{Change, Kind, begun, log_sum};
+use super::watch::{Change, Kind, begun};
 use super::{Point, Spread};
 
 /// Sessions before the alarm among which the onset is sought.
@@ -102,7 +104,7 @@ fn onsets(
             ..points[place]
         };
         let own = match level {
-            None => spread.first(&mirrored),
+            None => Level::after(&mirrored, spread),
             Some(level) => {
                 let mut level = level.at(mirrored.time, spread);
                 level.update(mirrored.value, variance(&mirrored), &errors);
@@ -112,7 +114,7 @@ fn onsets(
         after[place - from] = Some([own.level, own.covariance[0]]);
         level = Some(own);
     }
-    let mut level = spread.first(&points[from]);
+    let mut level = Level::after(&points[from], spread);
     if drifting {
         let [_, (_, begun)] = begun(&level, variance(&points[from]));
         level = begun;

@@ -2,29 +2,17 @@
 
 use std::collections::BTreeMap;
 
+use super::quantity::{Estimate, Quantity, days};
 use super::{Point, joint};
 use crate::lake::schema::{EVENTS, SIGNALS};
 use crate::lake::{Lake, moments, numbers, texts};
 
-/// µs of a day.
-const DAY: f64 = 86_400e6;
 /// Days over which the readings of the hall are compared.
 const WEEK: f64 = 7.0;
 /// Fewest machines with which a reading is compared.
 const FEWEST_MACHINES: usize = 3;
 /// Name before that of a sensor.
 pub const SENSOR: &str = "sensor.";
-
-/// What is followed: an effect, one of its parameters, and the unit.
-#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Quantity {
-    /// Identifier of the effect, or `sensor.` and the name of the signal.
-    pub effect: String,
-    /// Parameter of the effect; `mean` of a sensor.
-    pub parameter: String,
-    /// Unit of the values.
-    pub unit: String,
-}
 
 /// One series.
 #[derive(Debug, Clone)]
@@ -48,20 +36,6 @@ pub struct Done {
     pub kind: String,
     /// What was done.
     pub text: String,
-}
-
-/// A point with what its uncertainty is made of.
-pub(super) struct Estimate {
-    pub(super) time: f64,
-    pub(super) value: f64,
-    pub(super) uncertainty: f64,
-    pub(super) noise: f64,
-    pub(super) freedom: f64,
-}
-
-/// Days since 1970 of an instant (µs).
-pub fn days(time: i64) -> f64 {
-    time as f64 / DAY
 }
 
 /// All series of a lake. Of a type of machine those effects are followed that the diagnosis has named in at least `sessions`

@@ -1,11 +1,12 @@
 //! The watch of one series.
 
+use inference::evidence::log_sum;
 use metrology::statistics::normal_quantile;
 
 use super::Point;
 use super::errors::Errors;
 use super::filter::Level;
-use super::likelihood::Spread;
+use super::spread::Spread;
 
 /// Sessions before which the level is not known well enough to see a change.
 const FEWEST: usize = 5;
@@ -108,7 +109,7 @@ impl Watch {
         self.own += 1;
         let variance = self.spread.variance(point).max(f64::MIN_POSITIVE);
         let Some(mut level) = self.level else {
-            self.level = Some(self.spread.first(point));
+            self.level = Some(Level::after(point, &self.spread));
             return None;
         };
         level = level.at(point.time, &self.spread);
@@ -198,15 +199,6 @@ impl Watch {
             log_statistic,
         }
     }
-}
-
-pub(super) fn log_sum(values: impl Iterator<Item = f64> + Clone) -> f64 {
-    let largest = values.clone().fold(f64::NEG_INFINITY, f64::max);
-    largest
-        + values
-            .map(|value| (value - largest).exp())
-            .sum::<f64>()
-            .ln()
 }
 
 /// Half width of a 95 % interval over the standard uncertainty.

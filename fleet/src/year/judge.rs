@@ -8,9 +8,7 @@ use super::Planted;
 use super::charts::Chart;
 use crate::trend::hall::{Conclusions, Finding, name};
 use crate::trend::series::Series;
-
-/// Half width of a 95 % interval over the standard uncertainty.
-const COVERAGE: f64 = 1.96;
+use crate::trend::watch::quantile95;
 
 /// How one method did.
 #[derive(Debug, Clone, Default, Serialize)]
@@ -159,7 +157,7 @@ impl Card {
         self.onsets.count(from <= one.onset && one.onset <= to);
         if found.kind == one.kind && found.quantity == one.quantity {
             self.sizes
-                .count((found.size[0] - one.size).abs() <= COVERAGE * found.size[1]);
+                .count((found.size[0] - one.size).abs() <= quantile95() * found.size[1]);
         }
         if one.at_service {
             self.services.count(!found.coincides_with.is_empty());
@@ -173,7 +171,7 @@ impl Card {
                 .and_then(|common| common.own.iter().find(|part| part.machine == one.machine));
             if let Some(part) = part {
                 let off = (part.size[0] - one.own_size).abs();
-                self.own_parts.count(off <= COVERAGE * part.size[1]);
+                self.own_parts.count(off <= quantile95() * part.size[1]);
             }
         } else {
             self.own.count(!found.common);

@@ -10,21 +10,31 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import threading
 
 import boto3
 
 BUCKET = "hall"
 
 
-def server():
+def server(host="127.0.0.1"):
     """The server and its port, once it listens."""
     process = subprocess.Popen(
-        [sys.executable, "-u", "-m", "moto.server", "-H", "127.0.0.1", "-p", "0"], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+        [sys.executable, "-u", "-m", "moto.server", "-H", host, "-p", "0"], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
     )
     for line in process.stderr:
         if "Running on http://127.0.0.1:" in line:
+            # It says every request, into a pipe that must not fill.
+            threading.Thread(target=process.stderr.read, daemon=True).start()
             return process, int(line.rsplit(":", 1)[1])
     raise SystemExit("the server has ended")
+
+
+def client_of(endpoint):
+    """What others use to reach the server."""
+    return boto3.client(
+        "s3", endpoint_url=endpoint, region_name="us-east-1", aws_access_key_id="test", aws_secret_access_key="test"
+    )
 
 
 def main(program, lake, samples):
@@ -39,9 +49,7 @@ def main(program, lake, samples):
 def check(program, lake, samples, endpoint):
     credentials = {"AWS_ACCESS_KEY_ID": "test", "AWS_SECRET_ACCESS_KEY": "test", "AWS_REGION": "us-east-1"}
     environment = os.environ | credentials | {"AWS_ENDPOINT": endpoint, "AWS_ALLOW_HTTP": "true"}
-    client = boto3.client(
-        "s3", endpoint_url=endpoint, region_name="us-east-1", aws_access_key_id="test", aws_secret_access_key="test"
-    )
+    client = client_of(endpoint)
     client.create_bucket(Bucket=BUCKET)
     url = f"s3://{BUCKET}/north/lake"
 
@@ -114,4 +122,5 @@ def check(program, lake, samples, endpoint):
     print(f"{files} files handed over to S3, asked there, compacted to {left}")
 
 
-main(*sys.argv[1:])
+if __name__ == "__main__":
+    main(*sys.argv[1:])

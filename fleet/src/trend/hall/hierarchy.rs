@@ -12,8 +12,8 @@ use serde::Serialize;
 use super::{FEWEST, Found, Spread, TOGETHER, name, own_parts, random_effects, word};
 use crate::trend::calibrate::excess;
 use crate::trend::onset::refined;
-use crate::trend::series::{Quantity, Series};
-use crate::trend::{Change, Point, Watch, spread};
+use crate::trend::series::Series;
+use crate::trend::{Change, Point, Quantity, Watch, spread};
 
 /// Points of each machine against whose mean it is compared.
 const FIRST: usize = 30;
