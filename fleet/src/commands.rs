@@ -1,5 +1,7 @@
 //! The command line.
 
+mod diagnose;
+
 use std::io::{ErrorKind, IsTerminal, Write};
 use std::path::PathBuf;
 use std::time::{Duration, SystemTime};
@@ -56,13 +58,20 @@ enum Command {
         statement: String,
         #[command(flatten)]
         lake: Where,
-        /// Print CSV.
-        #[arg(long, conflicts_with = "json")]
-        csv: bool,
-        /// Print JSON: an array with an object for each row.
-        #[arg(long)]
-        json: bool,
+        #[command(flatten)]
+        printed: Printed,
     },
+    /// Diagnose the sessions of the lake anew, here or in a cluster, and ask the answers in SQL: how many verdicts differ from those of
+    /// the lake, by machine and month, unless something else is asked.
+    ///
+    /// Example: probecell-fleet diagnose --where "month = '2026-03'"
+    Diagnose(diagnose::Diagnose),
+    /// Run the scheduler of a cluster, until it is stopped.
+    #[cfg(feature = "cluster")]
+    Scheduler(diagnose::cluster::Scheduler),
+    /// Run an executor of a cluster, until it is stopped.
+    #[cfg(feature = "cluster")]
+    Executor(diagnose::cluster::Executor),
     /// Diagnose recordings for another engine: a stream of Arrow IPC with a column `uri` on standard input, the same rows with a
     /// column `diagnosis` on standard output.
     Worker,
@@ -70,6 +79,27 @@ enum Command {
     Tables,
     /// Print the statements that make the views, for other engines on the same tables.
     Views,
+}
+
+// How an answer is printed: columns for people unless something else is chosen.
+#[derive(Args)]
+struct Printed {
+    /// Print CSV.
+    #[arg(long, conflicts_with = "json")]
+    csv: bool,
+    /// Print JSON: an array with an object for each row.
+    #[arg(long)]
+    json: bool,
+}
+
+impl Printed {
+    fn form(&self) -> Form {
+        match (self.csv, self.json) {
+            (true, _) => Form::Csv,
+            (_, true) => Form::Json,
+            _ => Form::Table,
+        }
+    }
 }
 
 #[derive(Args)]
@@ -221,24 +251,23 @@ pub(crate) fn run(arguments: Arguments) -> anyhow::Result<u8> {
         Command::Sql {
             statement,
             lake,
-            csv,
-            json,
+            printed,
         } => {
             let statement = if statement == "-" {
                 std::io::read_to_string(std::io::stdin()).context("cannot read the statement")?
             } else {
                 statement
             };
-            let form = match (csv, json) {
-                (true, _) => Form::Csv,
-                (_, true) => Form::Json,
-                _ => Form::Table,
-            };
             let engine = Engine::open(&Lake::open(&lake.folder)?)?;
             let answer = engine.ask(&statement)?;
-            sql::write(answer, form, &mut Output::default())?;
+            sql::write(answer, printed.form(), &mut Output::default())?;
             Ok(0)
         }
+        Command::Diagnose(arguments) => diagnose::diagnose(arguments),
+        #[cfg(feature = "cluster")]
+        Command::Scheduler(arguments) => arguments.run(),
+        #[cfg(feature = "cluster")]
+        Command::Executor(arguments) => arguments.run(),
         Command::Worker => {
             probecell_fleet::worker::run(std::io::stdin().lock(), Output::default())?;
             Ok(0)
@@ -314,7 +343,10 @@ fn say(look: &Look) -> anyhow::Result<u8> {
     match &look.pushed {
         Some(Ok(pushed)) if pushed.put + pushed.removed > 0 => handed_over(pushed),
         Some(Err(error)) => {
-            remark(&format!("not handed over: {}", probecell_fleet::sentence(error)));
+            remark(&format!(
+                "not handed over: {}",
+                probecell_fleet::sentence(error)
+            ));
             Ok(LEFT_OUT)
         }
         _ => Ok(0),

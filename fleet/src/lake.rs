@@ -28,6 +28,8 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use serde::{Deserialize, Serialize};
 
+#[cfg(feature = "cluster")]
+pub(crate) use add::hash_files;
 pub use add::{Added, Rows, hash};
 pub use events::Event;
 pub use follow::{Follower, Look};

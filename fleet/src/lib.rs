@@ -5,6 +5,7 @@
 //!                                                                              |         |
 //!                                                                              |        sql: questions, with diagnosis and trends as functions
 //!                                       trend: since when an effect has changed, and when it leaves its limit
+//!   cluster: new diagnoses of the sessions of a lake on many computers
 //!   worker: names of recordings in, diagnoses out, as Arrow IPC
 //! ```
 //!
@@ -12,6 +13,8 @@
 
 mod answer;
 mod bag;
+#[cfg(feature = "cluster")]
+pub mod cluster;
 pub mod diagnose;
 pub mod lake;
 mod parallel;

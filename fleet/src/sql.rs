@@ -2,11 +2,14 @@
 //!
 //! Apache DataFusion in this process; a question reads and never writes.
 
+pub mod again;
 mod functions;
 mod print;
 mod views;
 
 pub use functions::FUNCTIONS;
+#[cfg(feature = "cluster")]
+pub(crate) use functions::register;
 pub use print::{Form, write};
 pub use views::{VIEWS, View};
 

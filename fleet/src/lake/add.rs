@@ -107,10 +107,18 @@ pub(super) fn hexadecimal(bytes: &[u8]) -> String {
 /// # Errors
 /// A file cannot be read.
 pub fn hash(bag: &Bag) -> anyhow::Result<(String, u64)> {
+    hash_files(bag.files())
+}
+
+/// SHA-256 of the content of files, one after the other, and their bytes.
+pub(crate) fn hash_files<P: AsRef<Path>>(
+    paths: impl IntoIterator<Item = P>,
+) -> anyhow::Result<(String, u64)> {
     let mut hash = Sha256::new();
     let mut bytes = 0;
     let mut buffer = vec![0; 1 << 18];
-    for path in bag.files() {
+    for path in paths {
+        let path = path.as_ref();
         let mut file =
             File::open(path).with_context(|| format!("cannot read {}", path.display()))?;
         loop {

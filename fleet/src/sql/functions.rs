@@ -27,9 +27,14 @@ pub const FUNCTIONS: &[(&str, &str)] = &[
     ),
 ];
 
-/// Makes the functions known.
-pub(super) fn register(context: &SessionContext) {
-    context.register_udf(ScalarUDF::from(diagnose::Diagnose::new()));
+/// The function `diagnose`.
+pub(super) fn diagnose() -> ScalarUDF {
+    ScalarUDF::from(diagnose::Diagnose::new())
+}
+
+/// Makes the functions known, beside the built-in ones.
+pub(crate) fn register(context: &SessionContext) {
+    context.register_udf(diagnose());
     context.register_udaf(AggregateUDF::from(joint_fit::JointFit::new()));
     context.register_udaf(AggregateUDF::from(trend::Trend::new()));
 }

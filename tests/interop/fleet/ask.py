@@ -102,6 +102,12 @@ def main(program, lake, probecell=None):
         assert diagnosis == by_sql[bag], bag
     assert len(by_sql) == names.num_rows
 
+    # New diagnoses of all sessions are those of the function.
+    anew = lambda statement: json.loads(ran(program, "diagnose", "--lake", lake, "--sql", statement, "--json"))
+    assert {row["bag"]: row["d"] for row in anew("SELECT bag, diagnosis AS d FROM diagnoses")} == by_sql
+    differ = anew("SELECT d.bag FROM diagnoses d JOIN sessions s ON d.bag = s.bag WHERE d.verdict IS DISTINCT FROM s.verdict OR d.uri <> s.uri")
+    assert differ == [], differ
+
     # The joint fit is that of the command, where that is built.
     joint = ask("SELECT array_agg(uri ORDER BY uri) AS uris, joint_fit(uri) AS j FROM sessions GROUP BY machine HAVING count(*) > 1")
     assert joint
@@ -126,6 +132,9 @@ def main(program, lake, probecell=None):
         told = subprocess.run([program, "sql", statement, "--lake", lake], capture_output=True, text=True)
         assert told.returncode == 2 and told.stdout == "", (statement, told)
         assert words in told.stderr and told.stderr.count("\n") == 1, told.stderr
+    for options, words in [(["--where", "verdikt = 1"], "verdikt"), (["--recordings", "hall"], "no URL")]:
+        told = subprocess.run([program, "diagnose", *options, "--lake", lake], capture_output=True, text=True)
+        assert told.returncode == 2 and words in told.stderr and told.stderr.count("\n") == 1, told
     told = subprocess.run([program, "worker"], input=b"no stream", capture_output=True)
     assert told.returncode == 2 and b"no stream of Arrow IPC" in told.stderr, told
     table = pa.table({"name": ["a.mcap"]})
