@@ -171,8 +171,8 @@ impl Conclusions {
 fn by_day(points: &[Point]) -> Vec<[f64; 3]> {
     let of_one_day = |a: &Point, b: &Point| a.time.floor() == b.time.floor();
     let mean = |points: &[Point]| {
-        // Readings whose noise is zero by the differences of few weigh alike.
-        let exact = points.iter().any(|one| one.uncertainty <= 0.0);
+        // Readings whose noise is zero, or not known, by the differences of few weigh alike.
+        let exact = points.iter().any(|one| !(one.uncertainty > 0.0));
         let weight = |one: &Point| if exact { 1.0 } else { one.uncertainty.powi(-2) };
         let whole: f64 = points.iter().map(weight).sum();
         let mean = |of: fn(&Point) -> f64| {

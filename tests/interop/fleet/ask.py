@@ -105,7 +105,7 @@ def main(program, lake, probecell=None):
     # New diagnoses of all sessions are those of the function.
     anew = lambda statement: json.loads(ran(program, "diagnose", "--lake", lake, "--sql", statement, "--json"))
     assert {row["bag"]: row["d"] for row in anew("SELECT bag, diagnosis AS d FROM diagnoses")} == by_sql
-    differ = anew("SELECT d.bag FROM diagnoses d JOIN sessions s ON d.bag = s.bag WHERE d.verdict IS DISTINCT FROM s.verdict OR d.uri <> s.uri")
+    differ = anew("SELECT d.bag FROM diagnoses d JOIN sessions s ON d.bag = s.bag WHERE (d.verdict IS DISTINCT FROM s.verdict) OR d.uri <> s.uri")
     assert differ == [], differ
 
     # The joint fit is that of the command, where that is built.
