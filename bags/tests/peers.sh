@@ -5,6 +5,7 @@ set -eu
 cd "$(dirname "$0")/../.."
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-cargo run --quiet --release -p bags --example sample_recording -- "$work/sample"
+cargo build --quiet --release --workspace --example sample_recording
+"${CARGO_TARGET_DIR:-target}/release/examples/sample_recording" "$work/sample"
 "$1" bags/tests/peers.py "$work/sample"
 "$1" -B bags/tests/convert.py "$2" bags/samples/*.mcap

@@ -267,7 +267,7 @@ class Cdr:
 def subject_of(request):
     """An OperatorRequest with nothing but subject and plan, as docs/approvals.md has it."""
     cdr = Cdr().put("i", 0).put("I", 0).text("").put("Q", 0).text(request.subject).text("").put("?", False).text(request.plan_id)
-    cdr.put("I", 0).put("i", 0).put("I", 0).put("i", 0).put("I", 0).text("").put("I", 0)
+    cdr.put("I", 0).put("I", 0).put("i", 0).put("I", 0).put("i", 0).put("I", 0).text("").put("I", 0)
     return b"\0\1\0\0" + cdr.bytes
 
 

@@ -2,7 +2,7 @@
 
 use std::{
     io::{Write as _, stdout},
-    path::Path,
+    path::{Path, PathBuf},
     process::{Command, ExitCode},
 };
 
@@ -97,19 +97,26 @@ fn print_licences(folders: &[&str]) -> Result<ExitCode> {
 
 /// Runs the example of the test crate that makes the samples: this crate imports none of ours.
 fn make_bags(names: &[String]) -> Result<ExitCode> {
+    let root = workspace_root()?;
     let cargo = std::env::var("CARGO").unwrap_or_else(|_| "cargo".to_owned());
+    // Of the whole workspace: a selection by -p has other features, and compiles Zenoh anew.
     let status = Command::new(cargo)
         .args([
-            "run",
+            "build",
             "--release",
-            "-p",
-            "cell_tests",
+            "--workspace",
             "--example",
             "sample_bags",
-            "--",
         ])
+        .current_dir(&root)
+        .status()?;
+    if !status.success() {
+        return Ok(ExitCode::FAILURE);
+    }
+    let target = std::env::var_os("CARGO_TARGET_DIR").map_or(root.join("target"), PathBuf::from);
+    let status = Command::new(target.join("release/examples/sample_bags"))
         .args(names)
-        .current_dir(workspace_root()?)
+        .current_dir(&root)
         .status()?;
     Ok(if status.success() {
         ExitCode::SUCCESS

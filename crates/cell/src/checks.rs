@@ -6,10 +6,7 @@ use analysis::feature::Criterion;
 use probecell_msgs::is_unprintable;
 
 use crate::{
-    Cell, access,
-    ros_arguments::{SHARED, is_absolute},
-    sections::LAST_DOMAIN,
-    signals, strangers,
+    Cell, SHARED, access, ros_arguments::is_absolute, sections::LAST_DOMAIN, signals, strangers,
 };
 
 /// s; shortest and longest time after which a recording is flushed.

@@ -73,6 +73,9 @@ pub use sections::{
 };
 pub use signals::SignalSection;
 
+/// Topics by which a cell is seen with others, by their names in every ROS 2 system.
+pub const SHARED: [&str; 3] = ["/diagnostics", "/tf", "/tf_static"];
+
 /// Text of a cell file and of the robot description that it names.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct CellText {
@@ -318,7 +321,7 @@ impl Cell {
         format!("/{}", self.cell.name)
     }
 
-    /// The name in this cell of a topic that is shared with others ([`ros_arguments::SHARED`]).
+    /// The name in this cell of a topic that is shared with others ([`SHARED`]).
     pub fn shared(&self, name: &'static str) -> &str {
         self.bus.names.get(name).map_or(name, String::as_str)
     }

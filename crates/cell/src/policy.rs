@@ -22,7 +22,7 @@ use std::collections::BTreeMap;
 use graph::{parameters, topics};
 use toml::{Table, Value};
 
-use crate::{Cell, CellError, ros_arguments::SHARED};
+use crate::{Cell, CellError, SHARED};
 
 /// Under whom an operator's commands join the bus.
 pub const CONSOLE: &str = "console";

@@ -15,10 +15,7 @@ use std::ffi::OsString;
 
 use toml_edit::{DocumentMut, Item, Table, TableLike, Value};
 
-use crate::policy::LAUNCHER;
-
-/// Topics by which a cell is seen with others, by their names in every ROS 2 system.
-pub const SHARED: [&str; 3] = ["/diagnostics", "/tf", "/tf_static"];
+use crate::{SHARED, policy::LAUNCHER};
 
 /// Default of the key `joint_states` of `[ros2]`.
 const JOINT_STATES: &str = "/joint_states";

@@ -3,6 +3,7 @@
 mod cell;
 mod compare;
 mod deeds;
+mod effects;
 mod gap;
 mod hall;
 mod ledger;

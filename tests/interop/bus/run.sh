@@ -46,7 +46,7 @@ for check in "${@:-zenoh dds recording outage}"; do
         zenoh) isolated "$venv/bin/python" "$here/zenoh_peers.py" --peer "$peer" --msgs "$root/msgs" ;;
         dds) isolated "$venv/bin/python" "$here/dds_peers.py" --peer "$peer" --msgs "$root/msgs" ;;
         recording)
-            (cd "$root" && cargo build --quiet --release -p probecell)
+            (cd "$root" && cargo build --quiet --release --workspace --bin probecell)
             isolated "$venv/bin/python" "$here/recording.py" --probecell "$target/release/probecell" \
                 --msgs "$root/msgs" --cell "$root/launch-scripts/turn_mill.toml"
             ;;

@@ -34,6 +34,6 @@ echo "== rosbags"
 venv=$scratch/venv
 [ -x "$venv/bin/python" ] || python3 -m venv "$venv"
 "$venv/bin/python" -m pip install --quiet --disable-pip-version-check 'rosbags==0.11.*' 'mcap==1.*' zstandard lz4
-(cd "$root" && cargo build --quiet --release -p probecell_msgs --example dump_types)
+(cd "$root" && cargo build --quiet --release --workspace --example dump_types)
 "$venv/bin/python" "$here/compare.py" --msgs "$root/msgs" --bags "$root/../shared/trials/dev" \
     --dump "${CARGO_TARGET_DIR:-$root/target}/release/examples/dump_types"

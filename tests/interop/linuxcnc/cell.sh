@@ -35,7 +35,7 @@ no_result() { # NAME: the last recording holds a fault of that session, and no v
 import json
 count = {}
 for topic in json.load(open("info.json"))["topics"]:
-    count[topic["topic"].split("/", 2)[2]] = topic["messages"]
+    count[topic["topic"].removeprefix("/").partition("/")[2]] = topic["messages"]
 faults = sum(number for name, number in count.items() if name.endswith("/faults"))
 print(f"  in the bag: {faults} faults, {count.get('verdicts', 0)} verdicts")
 assert faults > 0 and count.get("verdicts", 0) == 0 and count.get("corrections", 0) == 0

@@ -6,7 +6,7 @@ set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
 root=$(cd "$here/../../.." && pwd)
 "$here/install.sh"
-cargo build --release --manifest-path "$root/Cargo.toml" -p controllers --example linuxcnc_check
+cargo build --release --manifest-path "$root/Cargo.toml" --workspace --example linuxcnc_check
 target=${CARGO_TARGET_DIR:-$root/target}
 scratch=$(mktemp -d)
 cleanup() {

@@ -3,7 +3,7 @@
 use effects::vocabulary;
 use maud::{Markup, html};
 
-use super::machine::{Charted, effects_of, shop};
+use super::effects::{Charted, effects_of, shop};
 use super::numbers::date;
 use crate::trends::{Finding, Months};
 

@@ -1,6 +1,7 @@
 //! This end of the driver's topics: commands, plan, order and signs of life go out, and all that comes in is kept.
 
 use std::{
+    collections::BTreeMap,
     sync::{
         Arc, Mutex, PoisonError,
         mpsc::{Receiver, Sender, channel},
@@ -200,6 +201,17 @@ impl Gate {
                 _ => None,
             })
             .collect()
+    }
+
+    /// How many replies each command has got so far.
+    pub(super) fn counts_of_replies(&self) -> BTreeMap<u64, usize> {
+        let mut counts = BTreeMap::new();
+        for heard in &self.log {
+            if let What::Reply(reply) = &heard.what {
+                *counts.entry(reply.command_id).or_default() += 1;
+            }
+        }
+        counts
     }
 
     /// The last sample.

@@ -74,10 +74,21 @@ fn is_inside(chain: &Chain, positions: &[f64]) -> bool {
     })
 }
 
-/// Numbers that are missing at the end of all checks, and messages that could not be read.
+/// Numbers that are missing at the end of all checks, messages that could not be read, and commands that were answered more than
+/// once: a second reply may come after the check of its command.
 pub(super) fn nothing_lost(gate: &mut Gate, judge: &mut Judge) {
-    judge.begin("numbers");
     gate.hear_for(Duration::from_millis(100));
+    judge.begin("replies");
+    for (command_id, count) in gate.counts_of_replies() {
+        judge.demand(
+            count == 1,
+            "controller_replies",
+            "one reply to a command",
+            format!("{count} replies to command {command_id}"),
+        );
+    }
+    judge.end("no command was answered twice");
+    judge.begin("numbers");
     unreadable(gate, judge);
     for heard in gate.since(0) {
         if let What::Lost(lost) = &heard.what {
