@@ -92,11 +92,16 @@ def main():
                 out.flush()
         up.send_signal(2)
         up.wait(60)
-        (bag,) = (folder / "recordings").glob("*")
-        info = json.loads(subprocess.run([BINARY, "info", bag, "--json"], cwd=folder, capture_output=True, text=True).stdout)
-    most = max(info["topics"], key=lambda topic: topic["messages"])
+        topics, damages = {}, 0
+        bags = sorted((folder / "recordings").iterdir())  # the recorder goes on in a new file after an hour
+        for bag in bags:
+            info = json.loads(subprocess.run([BINARY, "info", bag, "--json"], cwd=folder, check=True, capture_output=True, text=True).stdout)
+            damages += len(info["damage"])
+            for topic in info["topics"]:
+                topics[topic["topic"]] = topics.get(topic["topic"], 0) + topic["messages"]
+    most = max(topics, key=topics.get)
     print(f"{seconds:.0f} s, {parts} parts ({', '.join(f'{verdicts.count(one)} {one}' for one in sorted(set(verdicts)))}), status {up.returncode}")
-    print(f"{info['messages']} messages recorded, most on {most['topic']}: {most['messages']}; {len(info['damage'])} damages")
+    print(f"{sum(topics.values())} messages recorded in {len(bags)} files, most on {most}: {topics[most]}; {damages} damages")
     for name, own in samples.items():
         values = [value for _, value in own]
         half = own[len(own) // 2:]

@@ -2,7 +2,8 @@
 
 use effects::{Observations, Variant};
 use inference::least_squares::NormalEquations;
-use inference::linear::{add_scaled, dot};
+use inference::linear::dot;
+use inference::robust::residuals;
 use metrology::statistics::{coverage_factor, rms};
 
 use super::scatter::Scatter;
@@ -46,14 +47,8 @@ pub(super) fn cause(
             let Ok(solution) = normal.solve(1e-9) else {
                 continue;
             };
-            let less = |values: &[f64], columns: &[Vec<f64>]| {
-                let mut left = values.to_vec();
-                for (column, coefficient) in columns.iter().zip(&solution.coefficients) {
-                    add_scaled(&mut left, -coefficient, column);
-                }
-                left
-            };
-            let (left, unlikely) = (less(change, &columns), less(&seen, &white));
+            let left = residuals(&columns, &solution.coefficients, change);
+            let unlikely = residuals(&white, &solution.coefficients, &seen);
             let members = columns.len() as f64;
             let unlikely = dot(&unlikely, &unlikely);
             let score = -0.5 * unlikely - 0.5 * members * (points.len() as f64).ln() - price;

@@ -58,11 +58,8 @@ impl Track {
         (after, end): (&ProbeEvent, &[f64]),
     ) -> Option<Vec<Vec<f64>>> {
         let stamps = [before, after].map(|event| seconds(&event.header.stamp));
-        let first = self.samples.partition_point(|(at, _)| *at <= stamps[0]);
-        let last = self.samples.partition_point(|(at, _)| *at < stamps[1]);
         let between = self
-            .samples
-            .get(first..last)
+            .between(stamps)
             .filter(|between| between.len() >= FEWEST)?;
         let first = (stamps[0], start.to_vec());
         let last = (stamps[1], end.to_vec());
@@ -108,9 +105,14 @@ impl Track {
         places.remove(0);
         (!places.is_empty()).then_some(places)
     }
-}
 
-impl Track {
+    /// Samples between two stamps, s, neither included; `None` where the second is not after the first.
+    fn between(&self, [from, until]: [f64; 2]) -> Option<&[(f64, Vec<f64>)]> {
+        let first = self.samples.partition_point(|(at, _)| *at <= from);
+        let last = self.samples.partition_point(|(at, _)| *at < until);
+        self.samples.get(first..last)
+    }
+
     /// Speed of the ball in the probing move that ends with a touch at `end`, over the part of its path that is at feed, m/s. `None`
     /// where the samples since the stamp `from`, s, do not show it.
     pub(super) fn probing_speed(
@@ -120,10 +122,8 @@ impl Track {
         (touch, end): (&ProbeEvent, &[f64]),
         distance: f64,
     ) -> Option<f64> {
-        let until = seconds(&touch.header.stamp);
-        let first = self.samples.partition_point(|(at, _)| *at <= from);
-        let last = self.samples.partition_point(|(at, _)| *at < until);
-        let remaining = (self.samples.get(first..last)?.iter().rev())
+        let between = self.between([from, seconds(&touch.header.stamp)])?;
+        let remaining = (between.iter().rev())
             .map(|(at, positions)| (*at, probing.ball_path(positions, end)))
             .skip_while(|(_, path)| *path < AT_FEED[0] * distance);
         let seen: Vec<(f64, f64)> = remaining
