@@ -29,7 +29,8 @@ def fastest(work):
     return min(times)
 
 
-def main(program, lake):
+def ask(program, lake):
+    """Prints the times of all questions."""
     views = subprocess.run([program, "views"], capture_output=True, check=True, text=True).stdout
 
     def by_duckdb(question):
@@ -52,4 +53,5 @@ def main(program, lake):
     print(f"trend of every axis effect: {fastest(lambda: by_us(TREND)):.2f} s")
 
 
-main(*sys.argv[1:])
+if __name__ == "__main__":
+    ask(*sys.argv[1:])
