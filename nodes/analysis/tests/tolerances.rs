@@ -271,6 +271,11 @@ fn the_stated_uncertainty_holds_the_truth_whatever_the_size_of_the_error() {
         (Characteristic::Perpendicularity, "B", &["A"], 0.0),
         (Characteristic::Perpendicularity, "bore", &["A"], 3e-6),
         (Characteristic::TotalRunOut, "A", &["bore"], 3e-6),
+        (Characteristic::Cylindricity, "bore", &[], 3e-6),
+        (Characteristic::Position, "bore", &["A", "B", "C"], 0.0),
+        (Characteristic::Position, "bore", &["A", "B", "C"], 3e-6),
+        (Characteristic::Profile, "C", &["A", "B", "C"], 0.0),
+        (Characteristic::Profile, "C", &["A", "B", "C"], 3e-6),
     ] {
         let (held, ratio) = coverage(kind, feature, datums, form, 40);
         println!("{kind:?} {form:e}: {held:.2} of sessions, U over the error at 95 %: {ratio:.2}");

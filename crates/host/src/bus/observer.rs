@@ -8,6 +8,7 @@
 use std::sync::Arc;
 
 use zenoh::Wait;
+use zenoh::key_expr::KeyExpr;
 use zenoh::pubsub::Subscriber;
 use zenoh::sample::Sample;
 use zenoh_ext::{
@@ -45,6 +46,9 @@ pub type OnMissed = Arc<dyn Fn(&str, &str, u64) + Send + Sync>;
 /// A reader of every cell of a domain; dropping it ends it.
 pub struct Observer {
     session: zenoh::Session,
+    /// Of subscriptions to single keys ([`Observer::watch`]). Among hundreds of these, each sample of a subscription with wildcards would be
+    /// compared with all of them.
+    by_key: zenoh::Session,
     domain_id: u32,
     graph: LiveGraph,
     _tokens: Option<Subscriber<()>>,
@@ -80,12 +84,20 @@ impl Observer {
         let subscriptions = observed
             .iter()
             .map(|one| {
-                subscribe(&session, config.domain_id, "**", one, on_sample, on_missed)
+                let everywhere = format!("**/{}", one.name);
+                KeyExpr::try_from(data_key(config.domain_id, &everywhere, &one.ty))
+                    .and_then(|key| subscribe(&session, key, one, on_sample, on_missed))
                     .map_err(|reason| BusError::transport("declare a subscription", &reason))
             })
             .collect::<Result<_, _>>()?;
+        let by_key = if observed.is_empty() {
+            session.clone()
+        } else {
+            open_session(&config, None)?.0
+        };
         Ok(Self {
             session,
+            by_key,
             domain_id: config.domain_id,
             graph,
             _tokens: tokens,
@@ -94,6 +106,9 @@ impl Observer {
     }
 
     /// Reads a topic of one namespace (without its first slash) as well, until the answer is dropped.
+    ///
+    /// Its key is declared, so that each sample comes with the number of the key and finds its subscription by it. The declaration
+    /// stays for the life of the session; reading the topic again takes the same number.
     ///
     /// # Errors
     /// [`BusError::Transport`].
@@ -104,8 +119,11 @@ impl Observer {
         on_sample: &OnObserved,
         on_missed: &OnMissed,
     ) -> Result<Watched, BusError> {
-        let (session, domain) = (&self.session, self.domain_id);
-        subscribe(session, domain, namespace, observed, on_sample, on_missed)
+        let topic = format!("{namespace}/{}", observed.name);
+        self.by_key
+            .declare_keyexpr(data_key(self.domain_id, &topic, &observed.ty))
+            .wait()
+            .and_then(|key| subscribe(&self.by_key, key, observed, on_sample, on_missed))
             .map(Watched)
             .map_err(|reason| BusError::transport("declare a subscription", &reason))
     }
@@ -123,14 +141,11 @@ impl Observer {
 
 fn subscribe(
     session: &zenoh::Session,
-    domain_id: u32,
-    namespace: &str,
+    key: KeyExpr<'static>,
     observed: &Observed,
     on_sample: &OnObserved,
     on_missed: &OnMissed,
 ) -> zenoh::Result<Declared> {
-    let topic = format!("{namespace}/{}", observed.name);
-    let key = data_key(domain_id, &topic, &observed.ty);
     let on_sample = Arc::clone(on_sample);
     let builder = session
         .declare_subscriber(key)
