@@ -21,6 +21,7 @@ import sys
 import tempfile
 import threading
 import time
+import urllib.request
 
 import zenoh
 from mcap.reader import make_reader
@@ -671,6 +672,82 @@ def a_secured_cell_works_and_nobody_else_speaks(folder):
     assert code == 1 and "was changed between byte" in output, (code, output, errors)
 
 
+def a_cell_that_has_gone_is_kept_for_late_dashboards(folder):
+    """By `router --keep`: asked by eclipse-zenoh, as any storage of Zenoh is, and by the program; then a storage of others."""
+    cell = own_cell(folder, lambda text: text.replace("duration_s = 8.0", "duration_s = 2.0"))
+    wanted = {"machine_state", "part_status", "part_reports", "verdicts", "pass_decisions", "gap_report", "recording_status"}
+    states = "0/**/probecell_msgs::msg::dds_::$*/*"
+
+    @contextlib.contextmanager
+    def keeper(*words):
+        with started("router", *words, folder=folder) as process:
+            assert "listens on" in process.stdout.readline()
+            yield
+
+    def shown():
+        """The line of the only cell for whoever comes late."""
+        output = asked("watch", "--once", folder=folder)[1]
+        (line,) = [line for line in output.splitlines() if " turn_mill " in line] or [output]
+        return line
+
+    def shown_as_kept():
+        line = shown()
+        return "not live" in line and "punch, qualified" in line and "ago, kept" in line, line
+
+    def answers(session, what=states):
+        return {str(reply.ok.key_expr): reply.ok for reply in session.get(what) if reply.ok}
+
+    with keeper("--keep", folder / "kept"):
+        with cell_that_is_ready(cell, folder) as up, visitor() as stranger:
+            code, output, errors = asked("run", "punch", "--cell", cell, folder=folder)
+            assert code == 0, (output, errors)
+            until("the end of the part", lambda: "part punch: qualified" in up.stdout.readline())
+            until("what is kept", lambda: {key.split("/")[2] for key in answers(stranger)} == wanted)
+            line = shown()
+            assert "idle" in line and "kept" not in line, line
+            up.kill()
+            up.wait(PATIENCE)
+            publishers = "@ros2_lv/0/*/*/*/MP/**"
+            until("the end of the cell", lambda: not any(reply.ok for reply in stranger.liveliness().get(publishers)))
+            assert shown_as_kept()[0], shown_as_kept()
+            code, output, errors = asked("status", "--cell", cell, folder=folder)
+            assert code == 1 and "not live" in output and "punch, qualified" in output, (code, output, errors)
+            with started("dashboard", "--listen", "127.0.0.1:0", folder=folder) as dashboard:
+                address = dashboard.stdout.readline().split()[-1]
+
+                def page(path):
+                    with urllib.request.urlopen(address + path) as answer:
+                        return answer.read().decode()
+
+                until("the tile", lambda: "not live" in page("") and "qualified" in page(""))
+                assert "ago, kept" in page("cell/turn_mill") and 'probecell_cell_stale{cell="turn_mill"} 1' in page("metrics")
+            kept = answers(stranger)
+            # Nothing that asks, approves or commands, at whatever key; and nothing that a subscription of a node would take.
+            assert {key.split("/")[2] for key in kept} == wanted and not wanted & (ASKING | {"corrections"}), kept.keys()
+            assert all(one.timestamp and one.attachment is None for one in kept.values())
+            assert not any(answers(stranger, f"{key}/@adv/**") for key in kept)
+    files = [path for path in (folder / "kept").rglob("*") if path.is_file()]
+    assert {str(path.relative_to(folder / "kept")): path.read_bytes() for path in files} == {
+        key: bytes(one.payload) for key, one in kept.items()
+    }
+    with keeper("--keep", folder / "kept"):
+        assert shown_as_kept()[0], shown_as_kept()
+        with cell_that_is_ready(cell, folder):
+            until("a live cell in its place", lambda: "idle" in shown())
+            line = shown()
+            assert "qualified" not in line and "kept" not in line, line
+    # zenohd with a storage manager, or whatever else serves samples at their keys.
+    with keeper("--strangers", "write"), visitor() as storage:
+
+        def answer(query):
+            for key, one in kept.items():
+                if query.key_expr.intersects(zenoh.KeyExpr(key)):
+                    query.reply(key, one.payload, timestamp=one.timestamp)
+
+        storage.declare_queryable("0/**", answer)
+        assert shown_as_kept()[0], shown_as_kept()
+
+
 def main():
     with tempfile.TemporaryDirectory(prefix="probecell_live_") as scratch:
         global KEYS  # keys of these tests, not of whoever runs them
@@ -689,7 +766,7 @@ def main():
             a_killed_launcher_leaves_nothing_that_holds_commands_up,
             corrections_are_approved_by_signature_and_a_withdrawn_key_is_refused,
             a_secured_cell_works_and_nobody_else_speaks, a_stranger_reads_and_commands_nothing,
-            another_user_reads_and_commands_nothing,
+            another_user_reads_and_commands_nothing, a_cell_that_has_gone_is_kept_for_late_dashboards,
         ):
             if WANTED and check.__name__ not in WANTED:
                 continue

@@ -82,6 +82,10 @@ pub(crate) const ALL: [&str; 9] = [
     "declare_liveliness_subscriber",
 ];
 
+/// Keys at which a reader asks: what a link has dropped, and what a storage keeps of a topic. A query elsewhere is the call of a service,
+/// whose key has a type of `srv`.
+pub(crate) const ASKED: [&str; 2] = ["**/@adv/**", "**/probecell_msgs::msg::dds_::$*/*"];
+
 /// Keys of data and services, of what is fetched late, and of discovery.
 pub(crate) const EVERYTHING: [&str; 3] = ["**", "**/@adv/**", "@ros2_lv/**"];
 
@@ -158,13 +162,8 @@ pub fn access_control(cell: &Cell) -> Result<Table, CellError> {
     let everything = EVERYTHING.map(str::to_owned).to_vec();
     let mut policy = Policy::default();
     policy.rule("listen", &["ingress"], &LISTEN, &everything);
-    // A query elsewhere is the call of a service.
-    policy.rule(
-        "fetch_late",
-        &["ingress"],
-        &["query"],
-        &["**/@adv/**".to_owned()],
-    );
+    let asked = ASKED.map(str::to_owned);
+    policy.rule("fetch_late", &["ingress"], &["query"], &asked);
     policy.rule("be_told", &["egress"], &TOLD, &everything);
     policy.rule("be_asked", &["egress"], &ALL, &everything);
     // Who calls looks first whether anybody serves.

@@ -19,8 +19,8 @@ use toml::Table;
 use crate::{
     Cell, CellError, Strangers,
     policy::{
-        self, ALL, DRIVER, EVERYTHING, LAUNCHER, LISTEN, Policy, RECORDER, SERVE, SERVICES, SPEAK,
-        TOLD,
+        self, ALL, ASKED, DRIVER, EVERYTHING, LAUNCHER, LISTEN, Policy, RECORDER, SERVE, SERVICES,
+        SPEAK, TOLD,
     },
 };
 
@@ -169,12 +169,8 @@ fn section<'a>(
     let mut policy = Policy::default();
     policy.rule("everything", &["ingress", "egress"], &ALL, &everything);
     policy.rule("listen", &["ingress"], &LISTEN, &everything);
-    policy.rule(
-        "fetch_late",
-        &["ingress"],
-        &["query"],
-        &["**/@adv/**".to_owned()],
-    );
+    let asked = ASKED.map(str::to_owned);
+    policy.rule("fetch_late", &["ingress"], &["query"], &asked);
     policy.rule("be_told", &["egress"], &TOLD, &everything);
     // Who calls looks first whether anybody serves.
     policy.rule(

@@ -29,6 +29,7 @@
 mod acts;
 mod download;
 mod history;
+mod keep;
 mod live;
 mod metrics;
 mod recordings;
@@ -50,6 +51,8 @@ use host::bus::BusConfig;
 use tokio::sync::Semaphore;
 
 pub use acts::{Desk, Way};
+pub use keep::{keep, kept_text};
+pub use live::kept;
 pub use server::{MakePage, Pages};
 
 /// Ports that are tried from the chosen one on.

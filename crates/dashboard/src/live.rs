@@ -6,18 +6,22 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use graph::topics;
-use host::bus::{BusConfig, EntityKind, Observed, Observer, OnMissed, OnObserved, Qos, Watched};
+use graph::{Stamp, topics};
+use host::bus::{
+    BusConfig, EntityKind, Observed, Observer, OnKept, OnMissed, OnObserved, Qos, Watched,
+};
 use host::bus_qos;
 use tokio::sync::watch;
 
 use crate::acts::Acts;
-use crate::state::{Hall, machine_state, read_topics, split};
+use crate::state::{Hall, kept_topics, machine_state, read_topics, split};
 
 /// How often presence is looked at. It is well below the 3 s in which a cell that was killed must be seen as stale.
-const PRESENCE: Duration = Duration::from_millis(500);
+pub(crate) const PRESENCE: Duration = Duration::from_millis(500);
 /// How long the axes of a cell are read after a page of it has asked for them.
 const WANTED: Duration = Duration::from_secs(30);
+/// How often storages are asked for what they have kept, beside once when a router is reached.
+const ASKED: Duration = Duration::from_secs(30);
 /// Wait between two attempts to reach a router.
 const AGAIN: Duration = Duration::from_secs(1);
 
@@ -119,17 +123,26 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// What is read of every cell by one subscription for all: all but what comes at the rate of the controller.
-fn observed() -> Vec<Observed> {
-    let read = read_topics().into_iter().chain([topics::OPERATOR_KEYS]);
-    let of_controller = [topics::JOINT_STATES.name, topics::MACHINE_STATE.name];
-    let read = read.filter(|topic| !of_controller.contains(&topic.name));
-    read.map(|topic| Observed {
+/// How a topic is read from the bus.
+pub(crate) fn observed(topic: graph::Topic) -> Observed {
+    Observed {
         name: topic.name.to_owned(),
         ty: topic.message.into(),
         qos: bus_qos(topic.qos),
-    })
-    .collect()
+    }
+}
+
+/// What a [`host::bus::Storage`] keeps of each cell for dashboards that come later, and what they ask it for.
+pub fn kept() -> Vec<Observed> {
+    kept_topics().map(observed).into()
+}
+
+/// What is read of every cell by one subscription for all: all but what comes at the rate of the controller.
+fn read_of_all() -> Vec<Observed> {
+    let read = read_topics().into_iter().chain([topics::OPERATOR_KEYS]);
+    let of_controller = [topics::JOINT_STATES.name, topics::MACHINE_STATE.name];
+    let read = read.filter(|topic| !of_controller.contains(&topic.name));
+    read.map(observed).collect()
 }
 
 /// A topic that comes at the rate of the controller: it is read of each cell by a subscription of its own, for whose key Zenoh
@@ -144,13 +157,13 @@ fn fast(topic: graph::Topic) -> Observed {
 }
 
 /// The cells of which one such topic is read.
-struct OfCells {
+pub(crate) struct OfCells {
     topic: Observed,
     read: BTreeMap<String, Watched>,
 }
 
 impl OfCells {
-    fn new(topic: graph::Topic) -> Self {
+    pub(crate) fn new(topic: graph::Topic) -> Self {
         Self {
             topic: fast(topic),
             read: BTreeMap::new(),
@@ -158,7 +171,7 @@ impl OfCells {
     }
 
     /// Reads it of these cells, and of no others.
-    fn follow(&mut self, observer: &Observer, cells: &BTreeSet<String>, on: &Callbacks) {
+    pub(crate) fn follow(&mut self, observer: &Observer, cells: &BTreeSet<String>, on: &Callbacks) {
         self.read.retain(|cell, _| cells.contains(cell));
         for cell in cells {
             if let Entry::Vacant(place) = self.read.entry(cell.clone()) {
@@ -174,7 +187,7 @@ impl OfCells {
 }
 
 /// What takes samples, and what takes how many are missed.
-type Callbacks = (OnObserved, OnMissed);
+pub(crate) type Callbacks = (OnObserved, OnMissed);
 
 /// Reads one router for as long as the process runs, on a thread of its own.
 pub(crate) fn read(live: Arc<Live>, config: BusConfig) -> std::io::Result<()> {
@@ -184,23 +197,51 @@ pub(crate) fn read(live: Arc<Live>, config: BusConfig) -> std::io::Result<()> {
         .map(drop)
 }
 
-fn run(live: &Arc<Live>, config: &BusConfig) {
-    let endpoint = config.endpoints.join(", ");
-    let on = callbacks(live);
-    let observer = loop {
-        match Observer::open(config, &observed(), &on.0, &on.1) {
-            Ok(observer) => break observer,
+/// A reader of a router, as soon as that answers; `silent` is called whenever it does not.
+pub(crate) fn join(
+    config: &BusConfig,
+    observed: &[Observed],
+    on: &Callbacks,
+    silent: impl Fn(),
+) -> Observer {
+    loop {
+        match Observer::open(config, observed, &on.0, &on.1) {
+            Ok(observer) => return observer,
             Err(error) => {
                 tracing::debug!(%error, "no router yet");
-                live.set_router(&endpoint, false);
+                silent();
                 std::thread::sleep(AGAIN);
             }
         }
-    };
+    }
+}
+
+fn run(live: &Arc<Live>, config: &BusConfig) {
+    let endpoint = config.endpoints.join(", ");
+    let on = callbacks(live);
+    let observer = join(config, &read_of_all(), &on, || {
+        live.set_router(&endpoint, false);
+    });
+    let on_kept: OnKept = Arc::new({
+        let live = Arc::clone(live);
+        move |topic, payload, at_ns| {
+            (live.hall()).apply_kept(topic, payload, Stamp(at_ns), host::now());
+        }
+    });
+    let mut asked: Option<Instant> = None;
     let mut states = OfCells::new(topics::MACHINE_STATE);
     let mut axes = OfCells::new(topics::JOINT_STATES);
     loop {
-        live.set_router(&endpoint, observer.is_connected());
+        let connected = observer.is_connected();
+        live.set_router(&endpoint, connected);
+        if !connected {
+            asked = None;
+        } else if asked.is_none_or(|last| last.elapsed() >= ASKED) {
+            asked = Some(Instant::now());
+            if let Err(error) = observer.ask_kept(&kept(), &on_kept) {
+                tracing::warn!(%error, "storages are not asked");
+            }
+        }
         let present = present(&observer);
         states.follow(&observer, &present, &on);
         axes.follow(&observer, &live.wanted(), &on);
@@ -235,7 +276,7 @@ fn callbacks(live: &Arc<Live>) -> Callbacks {
 }
 
 /// Names of the cells whose machine somebody publishes the state of.
-fn present(observer: &Observer) -> BTreeSet<String> {
+pub(crate) fn present(observer: &Observer) -> BTreeSet<String> {
     let ty = machine_state();
     let graph = observer.graph();
     let publishers = graph

@@ -14,6 +14,6 @@ pub(crate) mod wording;
 pub use capability::{Capability, capability};
 pub use cell::{Attention, CellState, Characteristic, Made, Section, Touch};
 pub use events::{Event, EventKind};
-pub use hall::{Hall, read_topics};
+pub use hall::{Hall, kept_topics, read_topics};
 pub(crate) use hall::{is_read, machine_state, split};
 pub use ledger::Entry;

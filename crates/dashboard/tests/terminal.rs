@@ -1,12 +1,13 @@
 //! The hall as text, on a sample recording.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use bags::Bag;
 use dashboard::state::{Hall, read_topics};
 use dashboard::view::hall_text;
 use graph::Stamp;
-use probecell_msgs::{Correction, to_cdr};
+use probecell_msgs::{Correction, MachineState, to_cdr};
 
 fn hall(until_s: f64) -> (Hall, Stamp, String) {
     let samples = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../bags/samples");
@@ -51,6 +52,49 @@ fn a_part_that_is_made_and_one_that_was_qualified_are_shown() {
         line[..at].chars().count()
     };
     assert_eq!(column(header, "part"), column(row, "punch"), "{text}");
+}
+
+#[test]
+fn a_kept_cell_is_never_shown_as_live_and_gives_way_to_a_live_one() {
+    let samples = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../bags/samples");
+    let bag = Bag::open(samples.join("punch.mcap")).expect("a sample");
+    let end = Stamp(bag.bounds().expect("messages").1 as i64);
+    let now = end.after_s(600.0);
+    let (mut hall, mut name) = (Hall::default(), String::new());
+    // A storage that keeps all that it hears, and answers in any order.
+    let mut messages: Vec<_> = bag.messages().map(|one| one.expect("a message")).collect();
+    messages.reverse();
+    for one in &messages {
+        let topic = &one.channel.topic;
+        hall.apply_kept(topic, &one.payload, Stamp(one.log_time as i64), now);
+        let namespace = topic[1..].split('/').next();
+        namespace.expect("a namespace").clone_into(&mut name);
+    }
+    let text = hall_text(&hall, now, "");
+    let row = text.lines().nth(1).expect("a row");
+    for words in ["not live", "punch, qualified", "10 min ago, kept"] {
+        assert!(row.contains(words), "{words}: {text}");
+    }
+    let just = hall_text(&hall, end, "");
+    assert!(just.contains("less than a minute ago, kept"), "{just}");
+    let cell = hall.cell(&name).expect("a cell");
+    assert!(cell.is_stale(end) && cell.gap.is_some());
+    // Of what an operator or a node acts on nothing was taken.
+    assert!(cell.corrections().next().is_none() && cell.plan.is_none() && cell.order.is_none());
+    assert_eq!(hall.last_event(), 0);
+
+    let state = to_cdr(&MachineState::default());
+    hall.apply(&format!("/{name}/machine_state"), &state, now);
+    let cell = hall.cell(&name).expect("a cell");
+    assert!(!cell.kept && cell.gap.is_none() && cell.ended.is_empty());
+    assert_eq!(hall.cells().count(), 1);
+    // It leaves, is forgotten, and what was kept shows as long as a storage answers with it.
+    let none = BTreeSet::new();
+    hall.set_present(&none, now.after_s(3.0));
+    hall.set_present(&none, now.after_s(64.0));
+    assert!(hall.cell(&name).is_some_and(|cell| cell.kept));
+    hall.set_present(&none, now.after_s(101.0));
+    assert_eq!(hall.cells().count(), 0);
 }
 
 #[test]

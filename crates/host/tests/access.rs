@@ -16,7 +16,7 @@ use cell::{
     policy,
 };
 use common::{PATIENCE, reach};
-use host::bus::{Router, RouterConfig};
+use host::bus::{Observed, Qos, Router, RouterConfig, Storage, TypeId};
 use serde_json::{Value, json};
 use zenoh::{Session, Wait, query::Query, sample::Sample};
 
@@ -27,7 +27,7 @@ struct Secured {
     cell: Cell,
     users: BusUsers,
     endpoint: String,
-    _router: Router,
+    router: Router,
     _keys: tempfile::TempDir,
 }
 
@@ -65,7 +65,7 @@ impl Secured {
             cell,
             users,
             endpoint,
-            _router: router,
+            router,
             _keys: keys,
         }
     }
@@ -168,6 +168,35 @@ fn each_user_puts_on_its_own_topics_and_on_no_other() {
             .collect();
         assert_eq!(of_user, own.iter().map(String::as_str).collect(), "{user}");
         session.close().wait().expect("closed");
+    }
+}
+
+#[test]
+fn every_user_asks_for_what_the_router_keeps() {
+    let secured = Secured::start();
+    let kept = Observed {
+        name: "machine_state".to_owned(),
+        ty: TypeId::new("probecell_msgs::msg::dds_::T_", "H"),
+        qos: Qos::latched(1),
+    };
+    let storage = Storage::open(0, vec![kept], None).expect("memory");
+    storage.keep("/turn_mill/machine_state", b"kept", 1_500_000_000);
+    let storage = Arc::new(storage);
+    secured.router.serve(&storage).expect("served");
+    for user in secured.names() {
+        let session = secured.session(&user);
+        let asked = session.get("0/**/machine_state/probecell_msgs::msg::dds_::T_/H");
+        let replies = asked.timeout(PATIENCE).wait().expect("asked");
+        let mut samples = replies.iter().filter_map(|reply| reply.into_result().ok());
+        let sample = samples.next().expect("an answer");
+        assert_eq!(&*sample.payload().to_bytes(), b"kept", "{user}");
+        let stamp = sample
+            .timestamp()
+            .expect("a stamp")
+            .get_time()
+            .to_duration();
+        assert!((stamp.as_secs_f64() - 1.5).abs() < 1e-6, "{stamp:?}");
+        assert!(samples.next().is_none() && sample.attachment().is_none());
     }
 }
 

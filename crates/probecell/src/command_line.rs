@@ -10,6 +10,9 @@ use crate::{DEFAULT_CELL, commands};
 const ROS_ARGUMENTS: &str = "Commands of a running cell take ROS arguments behind their own, each cell file being changed by them:\n  \
     --ros-args -r __ns:=/NAME -p NODE:KEY:=VALUE -r /tf:=/NAME";
 
+/// In the place of a folder: nothing on disk.
+pub(crate) const IN_MEMORY: &str = "-";
+
 #[derive(Parser)]
 #[command(version, about, arg_required_else_help = true, after_help = ROS_ARGUMENTS)]
 pub(crate) struct Arguments {
@@ -65,6 +68,19 @@ pub(crate) enum Command {
         /// What every program may do that is not of this user on this host.
         #[arg(long, value_enum, default_value = "read")]
         strangers: commands::router::Strangers,
+        /// Keep the last state of every cell for dashboards that start later: in this folder, beyond the end of the router; without
+        /// one, or with `-`, in memory.
+        #[arg(long, value_name = "DIR", num_args = 0..=1, default_missing_value = IN_MEMORY)]
+        keep: Option<PathBuf>,
+        /// With --keep: another router whose cells are kept as well; may be repeated.
+        #[arg(long, value_name = "ENDPOINT", requires = "keep")]
+        follow: Vec<String>,
+        /// With --keep: cell file by whose router, user and TLS settings a cell is followed; may be repeated.
+        #[arg(long, requires = "keep")]
+        cell: Vec<PathBuf>,
+        /// With --keep: ROS domain.
+        #[arg(long, default_value_t = 0, requires = "keep")]
+        domain: u32,
     },
     /// Record a cell.
     Record {

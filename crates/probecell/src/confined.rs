@@ -84,9 +84,13 @@ pub(crate) fn server(
     Ok(confine(&rights)?)
 }
 
-/// A router: the folders of its Unix sockets.
-pub(crate) fn router(listen: &[String]) -> anyhow::Result<Confined> {
-    let rights = Rights::default().reads(["/"]).writes(sockets(listen));
+/// A router: the folders of its Unix sockets, and of what it keeps.
+pub(crate) fn router(listen: &[String], kept: Option<&Path>) -> anyhow::Result<Confined> {
+    make(kept)?;
+    let rights = Rights::default()
+        .reads(["/"])
+        .writes(sockets(listen))
+        .writes(kept);
     Ok(confine(&rights.with_sockets(Sockets::any()))?)
 }
 

@@ -42,7 +42,7 @@ use std::{io::IsTerminal, process::ExitCode};
 use clap::{CommandFactory, FromArgMatches};
 use tracing_subscriber::{EnvFilter, layer::SubscriberExt, util::SubscriberInitExt};
 
-use command_line::{Arguments, Command};
+use command_line::{Arguments, Command, IN_MEMORY};
 
 /// Success.
 const GOOD: u8 = 0;
@@ -138,7 +138,19 @@ fn run(command: Command) -> anyhow::Result<u8> {
             listen,
             join,
             strangers,
-        } => commands::router::run(&listen, &join, strangers),
+            keep,
+            follow,
+            cell,
+            domain,
+        } => {
+            let keep = keep.map(|folder| commands::router::Keep {
+                folder: Some(folder).filter(|folder| folder.as_os_str() != IN_MEMORY),
+                follow,
+                cells: cell,
+                domain,
+            });
+            commands::router::run(&listen, &join, strangers, keep.as_ref())
+        }
         Command::Record {
             cell,
             folder,

@@ -112,6 +112,8 @@ pub type Characteristic = (String, String, i64);
 pub struct CellState {
     /// Namespace without its first slash.
     pub name: String,
+    /// All that is known of it is what a storage has kept: it is not live.
+    pub kept: bool,
     /// First and last reception.
     pub heard: Option<(Stamp, Stamp)>,
     /// Instant from which on none of its processes was on the bus.
@@ -177,6 +179,15 @@ impl CellState {
         }
     }
 
+    /// A cell of which only kept state is known. Its sections differ from those of a live one that takes its place.
+    pub(super) fn of_kept(name: &str) -> Self {
+        Self {
+            kept: true,
+            revisions: Section::ALL.map(|one| (one, 1 << 32)).into(),
+            ..Self::new(name)
+        }
+    }
+
     pub(super) fn changed(&mut self, sections: &[Section]) {
         for section in sections {
             *self.revisions.entry(*section).or_default() += 1;
@@ -199,9 +210,9 @@ impl CellState {
             .map_or(f64::INFINITY, |(_, last)| now.since_s(last).max(0.0))
     }
 
-    /// It has said nothing for two seconds, or none of its processes is on the bus.
+    /// It has said nothing for two seconds, none of its processes is on the bus, or only kept state of it is known.
     pub fn is_stale(&self, now: Stamp) -> bool {
-        self.left.is_some() || self.age_s(now) > STALE_S
+        self.kept || self.left.is_some() || self.age_s(now) > STALE_S
     }
 
     /// A part is being made.
@@ -235,6 +246,11 @@ impl CellState {
                 (
                     Attention::Act,
                     format!("silent while making {}", self.part.part_id),
+                )
+            } else if self.kept {
+                (
+                    Attention::Look,
+                    "not live: the state that was kept".to_owned(),
                 )
             } else if self.left.is_some() {
                 (Attention::Look, "left the bus".to_owned())

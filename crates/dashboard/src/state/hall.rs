@@ -17,10 +17,15 @@ const FORGOTTEN_S: f64 = 60.0;
 /// One that has left in the middle of a part is kept for a day, unless it comes back: somebody must see it.
 const FORGOTTEN_MAKING_S: f64 = 86_400.0;
 
-/// Every cell from which a message was received.
+/// What a storage is asked for is forgotten when none has answered with it for so many seconds.
+const CONFIRMED_S: f64 = 100.0;
+
+/// Every cell from which a message was received, and those of which a storage has kept the last state.
 #[derive(Clone, Debug, Default)]
 pub struct Hall {
     cells: BTreeMap<String, CellState>,
+    /// Shown for cells that are not in `cells`, and never mixed with those.
+    kept: BTreeMap<String, Kept>,
     events: VecDeque<Event>,
     /// Number of the newest event.
     last_event: u64,
@@ -30,6 +35,30 @@ pub struct Hall {
     missed: BTreeMap<String, u64>,
     /// Cells that take acts from pages.
     desks: BTreeSet<String>,
+}
+
+/// What storages have kept of a cell.
+#[derive(Clone, Debug)]
+struct Kept {
+    state: CellState,
+    /// Of the newest sample of each topic.
+    stamps: BTreeMap<&'static str, Stamp>,
+    /// When a storage answered with any of it last.
+    confirmed: Stamp,
+}
+
+/// What a storage keeps for dashboards that come later: what the tile of a cell shows. None of it asks, approves, plans, corrects
+/// or commands.
+pub fn kept_topics() -> [graph::Topic; 7] {
+    [
+        topics::MACHINE_STATE,
+        topics::PART_STATUS,
+        topics::PART_REPORTS,
+        topics::VERDICTS,
+        topics::PASS_DECISIONS,
+        topics::GAP_REPORT,
+        topics::RECORDING_STATUS,
+    ]
 }
 
 /// Names of topics that the dashboard reads, with their types. Faults are read on any `NODE/faults`.
@@ -109,6 +138,34 @@ impl Hall {
         }
     }
 
+    /// Takes a message that a storage kept, with the stamp of its arrival there, received at `now`. It shows only while nothing
+    /// is known of the cell from itself, and makes no event: it is past.
+    pub fn apply_kept(&mut self, topic: &str, bytes: &[u8], at: Stamp, now: Stamp) {
+        let known = split(topic).and_then(|(cell, name)| {
+            let topic = kept_topics().into_iter().find(|one| one.name == name)?;
+            Some((cell, topic.name))
+        });
+        let Some((cell, name)) = known else {
+            return;
+        };
+        if !self.kept.contains_key(cell) && self.kept.len() >= CELLS {
+            return;
+        }
+        let kept = self.kept.entry(cell.to_owned()).or_insert_with(|| Kept {
+            state: CellState::of_kept(cell),
+            stamps: BTreeMap::new(),
+            confirmed: now,
+        });
+        kept.confirmed = now;
+        if kept.stamps.get(name).is_none_or(|newest| *newest < at) {
+            kept.stamps.insert(name, at);
+            let before = kept.state.heard;
+            kept.state.take(name, bytes, at);
+            let (first, last) = before.unwrap_or((at, at));
+            kept.state.heard = Some((first.min(at), last.max(at)));
+        }
+    }
+
     /// Takes which cells have a process on the bus that publishes the state of a machine, at the instant `now`; forgets
     /// cells that left long ago.
     pub fn set_present(&mut self, present: &BTreeSet<String>, now: Stamp) {
@@ -131,6 +188,7 @@ impl Hall {
             };
             cell.left.is_none_or(|left| now.since_s(left) < kept)
         });
+        (self.kept).retain(|_, one| now.since_s(one.confirmed) < CONFIRMED_S);
     }
 
     /// Counts messages that the bus could not deliver to the dashboard. `cell` is empty where it is not known.
@@ -157,14 +215,17 @@ impl Hall {
         });
     }
 
-    /// The cell of that name.
+    /// The cell of that name: as it is known from itself, else as it was kept.
     pub fn cell(&self, name: &str) -> Option<&CellState> {
-        self.cells.get(name)
+        let kept = || self.kept.get(name).map(|one| &one.state);
+        self.cells.get(name).or_else(kept)
     }
 
-    /// Cells by name.
+    /// Cells by name, then those that were kept.
     pub fn cells(&self) -> impl Iterator<Item = &CellState> {
-        self.cells.values()
+        let kept = self.kept.iter();
+        let kept = kept.filter(|(name, _)| !self.cells.contains_key(*name));
+        self.cells.values().chain(kept.map(|(_, one)| &one.state))
     }
 
     /// Cells, those that need a person first, then by name.

@@ -5,7 +5,7 @@ use maud::{Markup, html};
 use probecell_msgs::{MachineState, PartReport, PartStatus, Verdict};
 
 use super::gap::unexplained;
-use super::numbers::{cell_title, silence};
+use super::numbers::{cell_title, last_word};
 use super::page::{Frame, Place, frame};
 use crate::state::{Attention, CellState, Hall, wording};
 
@@ -36,6 +36,9 @@ pub(super) fn attention_of(attention: Attention) -> (&'static str, &'static str,
 
 /// What the cell is doing, in a word.
 pub(super) fn doing(cell: &CellState, now: Stamp) -> String {
+    if cell.kept {
+        return "not live".to_owned();
+    }
     if cell.is_stale(now) {
         return "silent".to_owned();
     }
@@ -71,7 +74,6 @@ pub fn tile(cell: &CellState, now: Stamp) -> Markup {
     let (title, place) = cell_title(&cell.name);
     let machine = cell.machine();
     let waiting = cell.waiting(now).count();
-    let age = cell.age_s(now);
     html! {
         li.tile.(class) id=(tile_id(&cell.name)) data-attention=(class) {
             div.head {
@@ -94,7 +96,7 @@ pub fn tile(cell: &CellState, now: Stamp) -> Markup {
                         } " °C"
                     } }
                 }
-                div.last { dt { "Last word" } dd.age { (silence(age)) } }
+                div.last { dt { "Last word" } dd.age { (last_word(cell, now)) } }
             }
         }
     }

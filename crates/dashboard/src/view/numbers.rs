@@ -2,6 +2,8 @@
 
 use graph::Stamp;
 
+use crate::state::CellState;
+
 /// mm to a tenth of a micrometre.
 pub(super) fn mm(metres: f64) -> String {
     if metres.is_finite() {
@@ -55,6 +57,18 @@ pub(super) fn silence(seconds: f64) -> String {
             (s / 5.0).floor() * 5.0 + if s < 5.0 { 2.0 } else { 0.0 }
         ),
         s => format!("silent for {}", span((s / 60.0).floor() * 60.0 + 0.5)),
+    }
+}
+
+/// When a cell said its last word.
+pub(super) fn last_word(cell: &CellState, now: Stamp) -> String {
+    let age = cell.age_s(now);
+    if cell.kept && age < 60.0 {
+        "less than a minute ago, kept".to_owned()
+    } else if cell.kept {
+        format!("{} ago, kept", span((age / 60.0).floor() * 60.0 + 0.5))
+    } else {
+        silence(age)
     }
 }
 

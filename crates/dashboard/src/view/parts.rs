@@ -9,7 +9,7 @@ use probecell_msgs::{
 
 use super::deeds::{deed, deed_asking};
 use super::hall::{attention_of, doing};
-use super::numbers::{clock, silence, span};
+use super::numbers::{clock, last_word, span};
 use super::sizes::class_of;
 use crate::state::{CellState, EventKind, Hall, wording};
 
@@ -36,10 +36,10 @@ pub(super) fn state(cell: &CellState, takes_acts: bool, now: Stamp) -> Markup {
                 @if let Some(one) = cell.decision.as_ref().filter(|one| part.stage != PartStatus::NONE || cell.ended.back().is_none_or(|last| last.text != one.text)) { div { dt { "Decision" } dd { (wording::decision(one.decision)) small { (one.text) } } } }
                 div { dt { "Parts" } dd { @if cell.parts.is_empty() { "none ended" } @for (index, (code, count)) in cell.parts.iter().enumerate() { @if index > 0 { ", " } (count) " " (PartReport::word(*code)) } } }
                 @if let Some(one) = &cell.recording { div { dt { "Recording" } dd { (match one.state { RecordingStatus::RECORDING => "recording", RecordingStatus::WAIVED => "waived", _ => "stopped" }) } } }
-                div { dt { "Last word" } dd.age { (silence(cell.age_s(now))) } }
+                div { dt { "Last word" } dd.age { (last_word(cell, now)) } }
             }
             @if let Some(one) = &cell.progress { (planning(one)) }
-            @if takes_acts {
+            @if takes_acts && !cell.kept {
                 p.deeds {
                     (deed(cell, "stop", "", "Stop"))
                     (deed_asking(cell, "make", "Name of the part", "Make a part"))

@@ -4,7 +4,7 @@ use graph::Stamp;
 use probecell_msgs::{PartReport, Verdict};
 
 use super::hall::{attention_of, doing, group};
-use super::numbers::silence;
+use super::numbers::last_word;
 use crate::state::{CellState, Hall, wording};
 
 /// Columns of the table, and the least width of each.
@@ -78,7 +78,7 @@ fn row(cell: &CellState, now: Stamp) -> [String; 6] {
         verdict.unwrap_or_default(),
         cell.gap_ratio()
             .map_or_else(String::new, |ratio| format!("{ratio:.1}")),
-        silence(cell.age_s(now)),
+        last_word(cell, now),
     ]
 }
 

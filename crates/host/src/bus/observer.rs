@@ -10,7 +10,8 @@ use std::sync::Arc;
 use zenoh::Wait;
 use zenoh::key_expr::KeyExpr;
 use zenoh::pubsub::Subscriber;
-use zenoh::sample::Sample;
+use zenoh::query::{ConsolidationMode, QueryTarget};
+use zenoh::sample::{Sample, SampleKind};
 use zenoh_ext::{
     AdvancedSubscriber, AdvancedSubscriberBuilderExt, HistoryConfig, RecoveryConfig,
     SampleMissListener,
@@ -42,6 +43,9 @@ pub type OnObserved = Arc<dyn Fn(&str, Received<'_>) + Send + Sync>;
 /// Called with the name of a topic as in [`Observed`], the session (hexadecimal) of the publisher, and how many samples
 /// will never come.
 pub type OnMissed = Arc<dyn Fn(&str, &str, u64) + Send + Sync>;
+
+/// Called with the absolute name of a topic, a payload (CDR) that some storage keeps of it, and the stamp of that (ns since 1970).
+pub type OnKept = Arc<dyn Fn(&str, &[u8], i64) + Send + Sync>;
 
 /// A reader of every cell of a domain; dropping it ends it.
 pub struct Observer {
@@ -128,6 +132,39 @@ impl Observer {
             .map_err(|reason| BusError::transport("declare a subscription", &reason))
     }
 
+    /// Asks every storage of Zenoh that is reached for its latest sample of these topics, of any namespace: [`super::Storage`], or
+    /// the storage manager of `zenohd`. No publisher answers. All copies of `on_kept` are dropped when all have answered, or
+    /// after Zenoh's timeout for questions.
+    ///
+    /// # Errors
+    /// [`BusError::Transport`].
+    pub fn ask_kept(&self, topics: &[Observed], on_kept: &OnKept) -> Result<(), BusError> {
+        for one in topics {
+            let key = data_key(self.domain_id, &format!("**/{}", one.name), &one.ty);
+            let on_kept = Arc::clone(on_kept);
+            let asked = self
+                .session
+                .get(key)
+                .target(QueryTarget::All)
+                .consolidation(ConsolidationMode::None)
+                .callback(move |reply| {
+                    if let Ok(sample) = reply.result()
+                        && sample.kind() == SampleKind::Put
+                        && let Some(stamp) = sample.timestamp()
+                        && let Some(topic) = topic_of(sample.key_expr().as_str())
+                    {
+                        let since_1970 = stamp.get_time().to_duration();
+                        let at_ns = since_1970.as_nanos() as i64;
+                        on_kept(&topic, &sample.payload().to_bytes(), at_ns);
+                    }
+                });
+            asked
+                .wait()
+                .map_err(|reason| BusError::transport("ask for what is kept", &reason))?;
+        }
+        Ok(())
+    }
+
     /// Publishers and subscriptions that the nodes of the domain announce.
     pub fn graph(&self) -> Graph {
         self.graph.snapshot()
@@ -192,7 +229,7 @@ fn deliver(sample: &Sample, on_sample: &OnObserved) {
 }
 
 /// The topic in a data key `<domain>/<name>/<type>/<hash>`.
-fn topic_of(key: &str) -> Option<String> {
+pub(super) fn topic_of(key: &str) -> Option<String> {
     let (_, rest) = key.split_once('/')?;
     let (rest, _) = rest.rsplit_once('/')?;
     let (name, _) = rest.rsplit_once('/')?;

@@ -1,8 +1,8 @@
 //! The Zenoh router of a cell, inside this process.
 //!
 //! It is started by the launcher, on loopback, so that a cell needs no other program installed or started; the
-//! same router with wider listening addresses makes a cell span machines. It routes and does nothing else: no
-//! plugins, no administration space, no multicast.
+//! same router with wider listening addresses makes a cell span machines. It routes and, given a [`Storage`](super::Storage),
+//! answers with what that keeps: no plugins, no administration space, no multicast.
 
 use std::net::{TcpListener, ToSocketAddrs};
 
@@ -14,7 +14,7 @@ use super::config::{BusConfig, RouterConfig};
 
 /// A running router; dropping it stops it.
 pub struct Router {
-    session: zenoh::Session,
+    pub(super) session: zenoh::Session,
 }
 
 impl Router {

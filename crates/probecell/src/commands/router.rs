@@ -1,12 +1,33 @@
 //! `probecell router`: a Zenoh router, so that a cell can span machines.
 
-use std::{collections::BTreeSet, sync::mpsc::channel, time::Duration};
+use std::{
+    collections::BTreeSet,
+    path::PathBuf,
+    sync::{Arc, mpsc::channel},
+    time::Duration,
+};
 
 use anyhow::Context;
-use cell::strangers;
-use host::bus::{Router, RouterConfig};
+use cell::{Cell, strangers};
+use host::bus::{Router, RouterConfig, Storage};
 
-use crate::{GOOD, confined, output, own_socket::OwnSocket, signals};
+use super::dashboard::buses;
+use crate::{GOOD, confined, output, own_socket::OwnSocket, ros_arguments::read_cell, signals};
+
+/// How often what is kept is written to disk.
+const WRITTEN: Duration = Duration::from_secs(10);
+
+/// What the router keeps for dashboards that start later.
+pub(crate) struct Keep {
+    /// On disk, in this folder.
+    pub(crate) folder: Option<PathBuf>,
+    /// Other routers that are followed.
+    pub(crate) follow: Vec<String>,
+    /// Cell files by whose settings cells are followed.
+    pub(crate) cells: Vec<PathBuf>,
+    /// ROS domain.
+    pub(crate) domain: u32,
+}
 
 /// What strangers may do at the router.
 #[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -18,7 +39,12 @@ pub(crate) enum Strangers {
 }
 
 /// Routes until SIGINT or SIGTERM.
-pub(crate) fn run(listen: &[String], connect: &[String], to: Strangers) -> anyhow::Result<u8> {
+pub(crate) fn run(
+    listen: &[String],
+    connect: &[String],
+    to: Strangers,
+    keep: Option<&Keep>,
+) -> anyhow::Result<u8> {
     let mut config = RouterConfig {
         listen: listen.to_vec(),
         connect: connect.to_vec(),
@@ -35,8 +61,33 @@ pub(crate) fn run(listen: &[String], connect: &[String], to: Strangers) -> anyho
             config.listen.insert(0, socket.locator());
         }
     }
-    confined::router(&config.listen)?;
+    let followed = match keep {
+        Some(keep) => {
+            let mut endpoints = vec![config.listen[0].clone()];
+            endpoints.extend(keep.follow.iter().cloned());
+            let mut followed = buses(&[], endpoints, keep.domain)?;
+            let cells = keep.cells.iter().map(|file| read_cell(file));
+            let cells: Vec<Cell> = cells.collect::<Result<_, _>>()?;
+            if !cells.is_empty() {
+                followed.extend(buses(&cells, Vec::new(), keep.domain)?);
+            }
+            followed
+        }
+        None => Vec::new(),
+    };
+    let folder = keep.and_then(|keep| keep.folder.as_deref());
+    confined::router(&config.listen, folder)?;
     let router = Router::start(&config)?;
+    let storage = match keep {
+        Some(keep) => {
+            let storage = Storage::open(keep.domain, ::dashboard::kept(), keep.folder.clone());
+            let storage = Arc::new(storage.context("cannot read the folder of what is kept")?);
+            router.serve(&storage)?;
+            ::dashboard::keep(followed, &storage)?;
+            Some(storage)
+        }
+        None => None,
+    };
     if to == Strangers::Read {
         for endpoint in listen {
             if let Some(socket) = OwnSocket::of(endpoint) {
@@ -53,9 +104,19 @@ pub(crate) fn run(listen: &[String], connect: &[String], to: Strangers) -> anyho
         router.id(),
         listen.join(", ")
     ));
-    while receiver.recv_timeout(Duration::from_secs(3600))
-        == Err(std::sync::mpsc::RecvTimeoutError::Timeout)
-    {}
+    let mut fails = false;
+    while receiver.recv_timeout(WRITTEN) == Err(std::sync::mpsc::RecvTimeoutError::Timeout) {
+        let written = storage.as_deref().map_or(Ok(()), Storage::write);
+        if let Err(error) = &written
+            && !fails
+        {
+            output::warning(&format!("what is kept is not on disk: {error}"));
+        }
+        fails = written.is_err();
+    }
+    if let Some(storage) = &storage {
+        storage.write().context("what is kept is not on disk")?;
+    }
     router.close()?;
     Ok(GOOD)
 }

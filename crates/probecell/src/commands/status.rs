@@ -2,15 +2,35 @@
 
 use std::path::Path;
 
+use cell::TransportName;
 use graph::Stamp;
+use host::bus::{BusConfig, BusError};
 use probecell_msgs::{MachineState, PartStatus, RecordingStatus, srv};
 use serde_json::json;
 
-use crate::{FAILED, GOOD, cell_client::call_once, output};
+use super::dashboard::buses;
+use crate::{
+    FAILED, GOOD, cell_client::call_once, output, own_socket::COMMAND_PATIENCE,
+    ros_arguments::read_cell,
+};
 
-/// Calls the service `status`. Fails when a process does not run, or the machine says nothing or shows an alarm.
+/// Calls the service `status`. Where nobody answers, what a router has kept of the cell is printed as such. Fails when a
+/// process does not run, or the machine says nothing or shows an alarm.
 pub(crate) fn run(file: &Path, as_json: bool) -> anyhow::Result<u8> {
-    let status = call_once::<srv::Status>(file, "status", &srv::StatusRequest::default())?;
+    let called = call_once::<srv::Status>(file, "status", &srv::StatusRequest::default());
+    let status = match called {
+        Ok(status) => status,
+        Err(error) => {
+            let no_router = matches!(error.downcast_ref(), Some(BusError::NoRouter { .. }));
+            if !as_json
+                && !no_router
+                && let Ok(Some(text)) = kept(file)
+            {
+                output::line(text.trim_end());
+            }
+            return Err(error);
+        }
+    };
     let sound = status.machine_known
         && status.alarms.is_empty()
         && status.running.iter().all(|&running| running);
@@ -20,6 +40,25 @@ pub(crate) fn run(file: &Path, as_json: bool) -> anyhow::Result<u8> {
         print(&status);
     }
     Ok(if sound { GOOD } else { FAILED })
+}
+
+/// What some storage has kept of the cell.
+fn kept(file: &Path) -> anyhow::Result<Option<String>> {
+    let cell = read_cell(file)?;
+    if cell.bus.transport == TransportName::Dds {
+        return Ok(None);
+    }
+    for bus in buses(std::slice::from_ref(&cell), Vec::new(), 0)? {
+        let bus = BusConfig {
+            connect_timeout: COMMAND_PATIENCE,
+            ..bus
+        };
+        let text = ::dashboard::kept_text(&bus, &cell.cell.name, host::now())?;
+        if text.is_some() {
+            return Ok(text);
+        }
+    }
+    Ok(None)
 }
 
 fn machine(status: &srv::StatusResponse) -> &'static str {
