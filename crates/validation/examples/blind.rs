@@ -78,6 +78,9 @@ fn tell(judged: &Judged) {
             others.chars().take(160).collect::<String>(),
         );
     }
+    if let Some(ahead) = judged.truth_ahead {
+        println!("      truth ahead by {ahead:.1} on held-out touches");
+    }
     for place in judged.report.unexplained.place.iter().take(2) {
         println!(
             "      where {} {} {:.2}",

@@ -3,6 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use diagnosis::{DiagnoseError, Options, Report, Session, Verdict, diagnose};
+use validation::blind::card::{Trial, judge};
 use validation::blind::{Content, Outsider, Stage, Truth, session, session_on};
 
 #[path = "../../diagnosis/examples/common/mod.rs"]
@@ -238,4 +239,22 @@ fn a_plan_alone_is_enough_to_hide_something_on_it() {
     );
     let report = diagnose(&sealed, &Options::default()).unwrap();
     assert_eq!(report.verdict, Verdict::Explained, "{truth:?} {report}");
+}
+
+/// Without the effect that acts the gap is unknown: growth along the spindle over time, however the part is turned, and short
+/// waves of an axis, which are no noise of one direction.
+#[test]
+fn what_no_effect_of_the_library_does_is_unknown_and_neither_noise_nor_innocents() {
+    for (effect, seed, sessions) in [
+        ("thermal.spindle_growth", 2024, vec![6, 29, 40, 44, 46]),
+        ("axis.Z.cyclic", 2024, vec![24]),
+        ("axis.Z.cyclic", 299_792_458, vec![41]),
+    ] {
+        for number in sessions {
+            let trial = Trial::Deleted;
+            let judged = judge(&Stage::made_up(), trial.seed(seed, number), trial).unwrap();
+            assert_eq!(judged.truth.effects, [effect]);
+            assert!(judged.flagged, "{effect} {number}: {}", judged.report);
+        }
+    }
 }

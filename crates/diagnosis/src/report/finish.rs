@@ -1,6 +1,6 @@
 //! What holds of every report, whatever made it: groups are complete, and its numbers agree with one another.
 
-use crate::report::{Report, Verdict};
+use crate::report::{Effect, Report, Verdict};
 
 /// Effects less probable than this are not worth a line.
 const IMPROBABLE: f64 = 0.005;
@@ -8,6 +8,15 @@ const IMPROBABLE: f64 = 0.005;
 const PROBABLE: f64 = 0.5;
 
 impl Report {
+    /// True where several effects together explain all touches: of sessions whose one cause is in no library, those that are
+    /// explained all the same look like this, since effects can add up to it (docs/blind-card.md).
+    pub fn is_explained_together(&self) -> bool {
+        let physical = |effect: &&Effect| !effect.effect.starts_with("data.");
+        self.channel == "touch"
+            && self.verdict == Verdict::Explained
+            && self.effects.iter().filter(physical).count() > 1
+    }
+
     /// The report with the groups of its effects, and with numbers that agree: no effect begins with more than the gap, no
     /// noise is larger than what the best explanation leaves.
     pub(crate) fn finished(mut self) -> Self {

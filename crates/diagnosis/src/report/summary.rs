@@ -19,6 +19,12 @@ impl fmt::Display for Report {
             let by = if number == 0 { "by" } else { "and" };
             writeln!(to, "  {by} {}", group_text(effect))?;
         }
+        if self.is_explained_together() {
+            writeln!(
+                to,
+                "  or by one cause outside the library that acts on these touches as they do together"
+            )?;
+        }
         let micro = |value: f64| match self.gap.unit.as_str() {
             "m" => format!("{:.2} µm", value * 1e6),
             "rad" => format!("{:.2} µrad", value * 1e6),

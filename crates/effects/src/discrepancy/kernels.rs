@@ -13,12 +13,16 @@ use crate::observation::{Observations, Pose, Row};
 
 /// Correlation length of an angular displacement along an axis, as a share of its travel.
 const TURNING: f64 = 0.25;
+/// Correlation length of a displacement of an axis along itself that has its own value at every place, as a share of its travel.
+const AT_A_PLACE: f64 = 0.005;
 /// Levers of an angular displacement below this are rounding, m.
 const SHORT: f64 = 1e-5;
 /// Rows farther apart than this many correlation lengths are uncorrelated: a part in 10¹³.
 const DISTANT: f64 = 8.0;
 /// Normals with a larger product are those of one flat surface.
 const PARALLEL: f64 = 0.999;
+/// Directions whose squared cosine over the rows is larger are one.
+const SAME_DIRECTION: f64 = 0.999;
 /// An axis that moves less than this (m or rad) causes no discrepancy.
 const STILL: f64 = 1e-3;
 
@@ -120,6 +124,7 @@ pub(super) fn time(observations: &Observations) -> Vec<Kernel<'_>> {
             along.dot(across) * squared_exponential(one - other, share * span)
         }));
     }
+    kernels.extend(time_along_machine(rows, begin, span));
     // Steps and random walk: Brownian motion of the reading, and of the part against the probe.
     let wandering = Rc::clone(&touches);
     kernels.push(pairwise(move |i, j| {
@@ -130,6 +135,50 @@ pub(super) fn time(observations: &Observations) -> Vec<Kernel<'_>> {
         let ((one, _, along), (other, _, across)) = (&touches[i], &touches[j]);
         along.dot(across) * one.min(*other) / span
     }));
+    kernels
+}
+
+/// Displacements of the ball over time along one direction of the probe's mount or of the foundation, each direction once: what
+/// warms grows along the machine, however the part is turned under it. Smooth, and Brownian from the begin.
+fn time_along_machine(rows: &[Row], begin: f64, span: f64) -> Vec<Kernel<'static>> {
+    let mut directions: Vec<Vec<f64>> = Vec::new();
+    for frame in [
+        |pose: &Pose| pose.sensitivity.mount,
+        |pose: &Pose| pose.sensitivity.foundation,
+    ] {
+        for axis in 0..3 {
+            let seen = |row: &Row| pose(row).map_or(0.0, |pose| frame(pose)[axis].dot(&row.normal));
+            let seen: Vec<f64> = rows.iter().map(seen).collect();
+            let power: f64 = seen.iter().map(|value| value * value).sum();
+            let alike = |known: &Vec<f64>| {
+                let product: f64 = known
+                    .iter()
+                    .zip(&seen)
+                    .map(|(one, other)| one * other)
+                    .sum();
+                let other: f64 = known.iter().map(|value| value * value).sum();
+                product * product > SAME_DIRECTION * power * other
+            };
+            if power > 0.0 && !directions.iter().any(alike) {
+                directions.push(seen);
+            }
+        }
+    }
+    let mut kernels: Vec<Kernel<'static>> = Vec::new();
+    for seen in directions {
+        let touches: Rc<[(f64, f64)]> = (rows.iter().zip(seen))
+            .map(|(row, seen)| (row.time - begin, seen))
+            .collect();
+        let smooth = Rc::clone(&touches);
+        kernels.push(pairwise(move |i, j| {
+            let ((one, along), (other, across)) = (smooth[i], smooth[j]);
+            along * across * squared_exponential(one - other, 0.2 * span)
+        }));
+        kernels.push(pairwise(move |i, j| {
+            let ((one, along), (other, across)) = (touches[i], touches[j]);
+            along * across * one.min(other) / span
+        }));
+    }
     kernels
 }
 
@@ -234,6 +283,17 @@ pub(super) fn displacement_along_axis(observations: &Observations, axis: usize) 
                 shared_displacement(&one[i], &one[j], share * range, |one, other| one * other)
             }));
         }
+    }
+    // Along its own direction anything from place to place: short waves, which readings at the same place share, and noise does not.
+    let along = Rc::new(displacements(rows, axis, |row, pose| {
+        row.normal.dot(&pose.sensitivity.axes[axis])
+    }));
+    if !turns {
+        kernels.push(pairwise(move |i, j| {
+            shared_displacement(&along[i], &along[j], AT_A_PLACE * range, |one, other| {
+                one * other
+            })
+        }));
     }
     // Turns that depend on the axis, at the size of the displacement that they make.
     for component in 3..6 {

@@ -19,9 +19,14 @@ pub(crate) fn verdict(report: &Report, samples: &str) -> String {
              square) at a noise floor of {floor}."
         ),
         Verdict::Explained => format!(
-            "The gap between cell and model is explained by {}. It is {rms} (root mean square of {count} {samples}) \
+            "The gap between cell and model is explained by {}{}. It is {rms} (root mean square of {count} {samples}) \
              against a noise floor of {floor}.",
-            causes(report)
+            causes(report),
+            if report.is_explained_together() {
+                ", or by one cause outside the library that acts on these touches as they do together"
+            } else {
+                ""
+            }
         ),
         Verdict::PartlyExplained => format!(
             "The gap between cell and model is partly explained by {}; {} remain unexplained. The gap is \

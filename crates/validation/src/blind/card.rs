@@ -2,8 +2,11 @@
 //!
 //! A cause is right when every hidden effect is named, or stands under `indistinguishable_from` of one that is, and
 //! nothing more is named than is hidden. An innocent is blamed by a name that stands for nothing hidden. Where an effect
-//! was deleted from the library (with its equals), nothing may be named without a flag that something stays unexplained.
+//! was deleted from the library (with its equals), nothing may be named without a flag that something stays unexplained;
+//! what is named all the same is compared with the truth on held-out touches (`deleted.rs`).
 //! Intervals are Wilson's at 95 %. Metres.
+
+mod deleted;
 
 use std::collections::BTreeMap;
 use std::time::Instant;
@@ -11,8 +14,9 @@ use std::time::Instant;
 use serde::Serialize;
 
 use super::{Content, Outsider, Stage, Truth, session_on};
+pub use deleted::Deleted;
 use diagnosis::report::{Effect, Report, Verdict};
-use diagnosis::{Options, diagnose};
+use diagnosis::{Options, diagnose_with_residuals};
 use effects::session::DiagnoseError;
 
 /// Effects that are set aside rather than blamed when they stand beside others.
@@ -120,6 +124,11 @@ pub struct Judged {
     pub parameters: Vec<(String, f64, bool)>,
     /// Held-out rms over the noise, where all was named right.
     pub held_out: Option<f64>,
+    /// Something is said to stay unexplained.
+    pub flagged: bool,
+    /// Of a deleted effect: by how much (natural log of the likelihood ratio) it predicts held-out touches better than what is
+    /// answered without it.
+    pub truth_ahead: Option<f64>,
     /// Time of the diagnosis, ms.
     pub took_ms: f64,
 }
@@ -131,8 +140,9 @@ pub struct Judged {
 pub fn judge(stage: &Stage, seed: u64, trial: Trial) -> Result<Judged, DiagnoseError> {
     let (sealed, truth) = session_on(stage, seed, trial.content());
     let begun = Instant::now();
-    let mut report = diagnose(&sealed, &Options::default())?;
+    let (mut report, by_truth) = diagnose_with_residuals(&sealed, &Options::default())?;
     let took_ms = begun.elapsed().as_secs_f64() * 1e3;
+    let mut truth_ahead = None;
     if trial == Trial::Deleted {
         let mut without = truth.effects.clone();
         for effect in &report.effects {
@@ -141,15 +151,18 @@ pub fn judge(stage: &Stage, seed: u64, trial: Trial) -> Result<Judged, DiagnoseE
                 without.extend(effect.indistinguishable_from.iter().cloned());
             }
         }
-        report = diagnose(
-            &sealed,
-            &Options {
-                without,
-                ..Options::default()
-            },
-        )?;
+        let options = Options {
+            without,
+            ..Options::default()
+        };
+        let without_it;
+        (report, without_it) = diagnose_with_residuals(&sealed, &options)?;
+        truth_ahead = deleted::log_likelihood_ratio(&by_truth, &without_it, truth.noise);
     }
-    Ok(open(trial, sealed.name, truth, report, took_ms))
+    Ok(Judged {
+        truth_ahead,
+        ..open(trial, sealed.name, truth, report, took_ms)
+    })
 }
 
 fn stands_for(effect: &Effect, id: &String) -> bool {
@@ -218,6 +231,8 @@ fn open(trial: Trial, name: String, truth: Truth, report: Report, took_ms: f64) 
         names,
         parameters,
         held_out,
+        flagged,
+        truth_ahead: None,
         took_ms,
     }
 }
@@ -288,6 +303,8 @@ pub struct Card {
     pub seed: u64,
     /// By what was hidden.
     pub rows: Vec<Row>,
+    /// Effects that were deleted from the library; `None` without such trials.
+    pub deleted: Option<Deleted>,
     /// Hidden effects of the vocabulary that were named or stand among a name's equals, by effect.
     pub found: BTreeMap<String, Share>,
     /// The same by the size of the effect's own signature over the noise.
@@ -360,6 +377,7 @@ impl Card {
         Self {
             seed,
             rows: kinds.iter().map(row).collect(),
+            deleted: Deleted::of(judged),
             found: by_effect
                 .iter()
                 .map(|(id, all)| (id.clone(), share(all)))
@@ -415,6 +433,9 @@ impl std::fmt::Display for Card {
                 "| {} | {} | {} | {} |",
                 row.hidden, row.cause, row.verdict, row.innocent_blamed
             )?;
+        }
+        if let Some(deleted) = &self.deleted {
+            writeln!(f, "\n{deleted}")?;
         }
         writeln!(
             f,
