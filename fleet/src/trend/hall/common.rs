@@ -9,23 +9,27 @@ pub(super) fn in_common(found: &mut [Found<'_>], machines: usize) -> Vec<Common>
     let fewest = FEWEST.max(machines.div_ceil(2));
     let mut groups: Vec<Common> = Vec::new();
     for up in [true, false] {
-        let mut places: Vec<usize> = (0..found.len())
+        let alike: Vec<usize> = (0..found.len())
             .filter(|place| (found[*place].change.size[0] > 0.0) == up)
             .collect();
-        places.sort_by(|a, b| found[*a].onset().total_cmp(&found[*b].onset()));
-        let gap = |pair: [usize; 2]| found[pair[1]].onset() - found[pair[0]].onset() > TOGETHER;
-        let together: Vec<Vec<usize>> = places
-            .chunk_by(|a, b| !gap([*a, *b]))
-            .map(<[usize]>::to_vec)
+        let changes: Vec<(&str, [f64; 2])> = alike
+            .iter()
+            .map(|place| {
+                (
+                    found[*place].series.machine.as_str(),
+                    found[*place].window(),
+                )
+            })
+            .collect();
+        let together: Vec<Vec<usize>> = at_one_time(&changes, fewest)
+            .into_iter()
+            .map(|group| group.into_iter().map(|index| alike[index]).collect())
             .collect();
         for group in together {
             let names: BTreeSet<String> = group
                 .iter()
                 .map(|place| found[*place].series.machine.clone())
                 .collect();
-            if names.len() < fewest {
-                continue;
-            }
             let steps = group
                 .iter()
                 .filter(|place| found[**place].change.kind == Kind::Step)
@@ -68,6 +72,38 @@ pub(super) fn in_common(found: &mut [Found<'_>], machines: usize) -> Vec<Common>
         }
     }
     groups
+}
+
+/// Groups of changes that may have begun at one time: of all instants the one which lies within the onset intervals of the most machines,
+/// those intervals widened at either end by half of [`TOGETHER`]; then the same of the rest, as long as there are `fewest` machines.
+/// Changes are given by machine and interval, days.
+fn at_one_time(changes: &[(&str, [f64; 2])], fewest: usize) -> Vec<Vec<usize>> {
+    let mut left: Vec<usize> = (0..changes.len()).collect();
+    let mut groups = Vec::new();
+    loop {
+        let holding = |instant: f64| -> Vec<usize> {
+            let holds = |[low, high]: [f64; 2]| {
+                low - TOGETHER / 2.0 <= instant && instant <= high + TOGETHER / 2.0
+            };
+            (left.iter().copied())
+                .filter(|index| holds(changes[*index].1))
+                .collect()
+        };
+        let machines = |group: &[usize]| {
+            let names: BTreeSet<&str> = group.iter().map(|index| changes[*index].0).collect();
+            names.len()
+        };
+        // The most intervals overlap where one of them begins.
+        let begins = (left.iter()).map(|index| changes[*index].1[0] - TOGETHER / 2.0);
+        let Some(group) = begins.map(holding).max_by_key(|group| machines(group)) else {
+            return groups;
+        };
+        if machines(&group) < fewest {
+            return groups;
+        }
+        left.retain(|index| !group.contains(index));
+        groups.push(group);
+    }
 }
 
 /// Mean of sizes with their standard uncertainty, and the standard deviation between them: DerSimonian and Laird 1986, the
@@ -128,7 +164,23 @@ pub(super) fn own_parts<'m>(
 
 #[cfg(test)]
 mod tests {
-    use super::{own_parts, random_effects};
+    use super::{at_one_time, own_parts, random_effects};
+
+    /// Three drifts whose begin is known to months only have begun at one time, when the first step did; the other step is alone.
+    #[test]
+    fn changes_are_together_where_their_intervals_are() {
+        let changes = [
+            ("a", [0.0, 90.0]),
+            ("b", [60.0, 200.0]),
+            ("c", [30.0, 75.0]),
+            ("d", [70.0, 71.0]),
+            ("e", [210.0, 211.0]),
+        ];
+        assert_eq!(at_one_time(&changes, 3), [vec![0, 1, 2, 3]]);
+        assert_eq!(at_one_time(&changes, 5), Vec::<Vec<usize>>::new());
+        // Twice the same machine is one.
+        assert!(at_one_time(&[("a", [0.0, 1.0]), ("a", [0.0, 1.0])], 2).is_empty());
+    }
 
     /// Of a machine that is known exactly all is its own; of one that is as uncertain as machines differ, half.
     #[test]
