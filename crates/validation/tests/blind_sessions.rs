@@ -254,7 +254,7 @@ fn what_no_effect_of_the_library_does_is_unknown_and_neither_noise_nor_innocents
             let trial = Trial::Deleted;
             let judged = judge(&Stage::made_up(), trial.seed(seed, number), trial).unwrap();
             assert_eq!(judged.truth.effects, [effect]);
-            assert!(judged.flagged, "{effect} {number}: {}", judged.report);
+            assert!(judged.flagged(), "{effect} {number}: {}", judged.report);
         }
     }
 }

@@ -124,13 +124,26 @@ pub struct Judged {
     pub parameters: Vec<(String, f64, bool)>,
     /// Held-out rms over the noise, where all was named right.
     pub held_out: Option<f64>,
-    /// Something is said to stay unexplained.
-    pub flagged: bool,
     /// Of a deleted effect: by how much (natural log of the likelihood ratio) it predicts held-out touches better than what is
     /// answered without it.
     pub truth_ahead: Option<f64>,
     /// Time of the diagnosis, ms.
     pub took_ms: f64,
+}
+
+impl Judged {
+    /// Whether something is said to stay unexplained.
+    #[must_use]
+    pub fn flagged(&self) -> bool {
+        is_flagged(&self.report)
+    }
+}
+
+fn is_flagged(report: &Report) -> bool {
+    matches!(
+        report.verdict,
+        Verdict::PartlyExplained | Verdict::Unexplained
+    )
 }
 
 /// Makes a session, diagnoses it and opens its seal.
@@ -181,10 +194,7 @@ fn open(trial: Trial, name: String, truth: Truth, report: Report, took_ms: f64) 
     let right = |effect: &Effect| known.iter().any(|id| stands_for(effect, id));
     let every = |id: &&String| named.iter().any(|effect| stands_for(effect, id));
     let cause = named.len() <= known.len() && known.iter().all(every);
-    let flagged = matches!(
-        report.verdict,
-        Verdict::PartlyExplained | Verdict::Unexplained
-    );
+    let flagged = is_flagged(&report);
     let verdict = match (strange, known.is_empty()) {
         (false, true) => report.verdict == Verdict::NoGap,
         (false, false) => report.verdict == Verdict::Explained,
@@ -231,7 +241,6 @@ fn open(trial: Trial, name: String, truth: Truth, report: Report, took_ms: f64) 
         names,
         parameters,
         held_out,
-        flagged,
         truth_ahead: None,
         took_ms,
     }

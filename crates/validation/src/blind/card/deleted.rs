@@ -37,7 +37,7 @@ impl Deleted {
         Some(Self {
             told: Share::of(own().map(|(_, judged)| judged.innocent_blamed && told(judged))),
             alike: Share::of(own().map(|(_, judged)| alike(judged))),
-            flagged: Share::of(others.map(|(_, judged)| judged.flagged)),
+            flagged: Share::of(others.map(|(_, judged)| judged.flagged())),
         })
     }
 }
