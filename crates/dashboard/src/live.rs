@@ -74,7 +74,8 @@ impl Live {
             String::new()
         } else {
             format!(
-                "No router answers at {}: cells behind it are not seen.",
+                "No router answers at {}, or its cell is secured and admits no stranger (--cell CELL.toml joins with its passwords): \
+                 cells behind it are not seen.",
                 silent.join(", ")
             )
         }

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use bags::{Bag, Position};
+use bags::{Bag, Damage, DamageKind, Position};
 use graph::Stamp;
 
 use crate::history::Summary;
@@ -24,6 +24,8 @@ const OPEN: usize = 4;
 const STATES: usize = 24;
 /// How long recordings are read for one page of a machine.
 const READING: Duration = Duration::from_secs(20);
+/// A recording is written at least so often.
+const WRITTEN: Duration = Duration::from_secs(10);
 /// Marks on the timeline.
 const MARKS: usize = 400;
 
@@ -311,7 +313,7 @@ fn listed(name: String, path: &Path) -> (Listed, Result<Bag, bags::Error>) {
     let bag = Bag::open(path);
     let (bounds, trouble) = match &bag {
         Ok(bag) => {
-            let damage: Vec<String> = bag.damage().iter().map(ToString::to_string).collect();
+            let damage: Vec<String> = bag.damage().iter().map(said_of).collect();
             (
                 bag.bounds()
                     .map(|(a, b)| (Stamp(a as i64), Stamp(b as i64))),
@@ -330,6 +332,17 @@ fn listed(name: String, path: &Path) -> (Listed, Result<Bag, bags::Error>) {
         },
         bag,
     )
+}
+
+/// A file without an end that was written to just now is no damaged one.
+fn said_of(damage: &Damage) -> String {
+    let modified = fs::metadata(&damage.file).and_then(|one| one.modified());
+    let age = modified.ok().and_then(|at| at.elapsed().ok());
+    if damage.kind == DamageKind::Truncated && age.is_some_and(|age| age < WRITTEN) {
+        "is being recorded: shown as far as it is written".to_owned()
+    } else {
+        damage.to_string()
+    }
 }
 
 /// Letters that stand in an address as they are.

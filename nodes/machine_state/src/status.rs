@@ -69,6 +69,8 @@ pub(crate) fn sample(
             recording: state.recording.take(),
             keys: state.keys.take(),
             order: state.order.take(),
+            // The new session is told to stop as well: its answer is one to those who wait.
+            stops: std::mem::take(&mut state.stops),
             standing: std::mem::take(&mut state.standing),
             signals: std::mem::take(&mut state.signals),
             ..State::default()

@@ -65,7 +65,8 @@ pub(crate) fn stop(
     }
 }
 
-/// Takes the reply to a command to stop; false when the reply is to another command.
+/// Takes the reply to a command to stop; false when the reply is to another command. A machine that stands has done what earlier
+/// commands asked for, too, those included that were sent to a driver that has ended since.
 pub(crate) fn confirm(
     state: &mut State,
     now: Stamp,
@@ -76,10 +77,16 @@ pub(crate) fn confirm(
         return false;
     };
     let stands = reply.outcome == ControllerReply::DONE;
+    let mut answered = vec![stop.asked_by];
     if stands {
         operation::fail(state, now, "stopped", out);
+        let later = state.stops.split_off(&reply.command_id);
+        let earlier = std::mem::replace(&mut state.stops, later);
+        answered.extend(earlier.into_values().map(|one| one.asked_by));
     }
-    answer(state, now, stop.asked_by, stands, &reply.text, out);
+    for asked_by in answered {
+        answer(state, now, asked_by, stands, &reply.text, out);
+    }
     true
 }
 

@@ -404,6 +404,37 @@ fn nothing_is_begun_while_a_stop_is_not_confirmed() {
     );
 }
 
+/// A driver that ended before it answered, and began again: what it says of the stop that each session begins with is the answer.
+#[test]
+fn a_stop_that_a_driver_took_with_it_is_confirmed_by_the_next_one() {
+    let of = |session: &str| ControllerStatus {
+        session: session.to_owned(),
+        ..sample()
+    };
+    let confirmed = |session: &str, command_id: u64| {
+        Input::Reply(ControllerReply {
+            session: session.to_owned(),
+            command_id,
+            outcome: ControllerReply::DONE,
+            ..ControllerReply::default()
+        })
+    };
+    // Numbers count from the instant at which the gate began, ns.
+    let restarted = || {
+        vec![
+            status(),
+            Input::Timer(START),
+            request(OperationRequest::STOP, 3),
+            Input::Status(of("run 2")),
+        ]
+    };
+    let answer = confirmed("run 2", 100_000_001);
+    check(with(restarted(), vec![answer]), &["request 3 done: "]);
+    // What is said in the name of the session that has ended counts for nothing.
+    let late = confirmed("run 1", 100_000_000);
+    check(with(restarted(), vec![late]), &[]);
+}
+
 /// Steps are 0.1 s apart and the limit is 10 s: the order comes 16 s after the request.
 #[test]
 fn a_measurement_waits_on_while_progress_of_its_plan_is_heard() {

@@ -99,8 +99,8 @@ def driver_of_the_guide(folder):
 
 
 def with_keys(folder):
-    """Keys of operators and of the cell go into the folder of the check."""
-    return os.environ | {"XDG_CONFIG_HOME": str(folder / "config")}
+    """Keys of operators and of the cell go into the folder of the check, as does the private socket of its router: an account of its own."""
+    return os.environ | {"XDG_CONFIG_HOME": str(folder / "config"), "XDG_STATE_HOME": str(folder / "state")}
 
 
 def asked(*words, folder):

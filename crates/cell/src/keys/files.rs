@@ -65,11 +65,16 @@ pub enum KeyError {
     },
     /// The operator has a private key already.
     #[error(
-        "{path} exists: withdraw the key (probecell key revoke), and remove the file, to make another"
+        "{path} exists: `probecell key add {name} {key}` registers it for a further cell; to make another key, withdraw this one \
+         (probecell key revoke) and remove the file"
     )]
     Exists {
         /// The file.
         path: PathBuf,
+        /// Of the operator.
+        name: String,
+        /// Its public half, as [`PublicKey`] is written.
+        key: String,
     },
     /// A name that is no file name.
     #[error(
@@ -219,7 +224,9 @@ pub fn new_operator_key(name: &str) -> Result<(SecretKey, PathBuf), KeyError> {
     if keep_first(&path, &key.to_text())? {
         Ok((key, path))
     } else {
-        Err(KeyError::Exists { path })
+        let key = read_private(&path)?.public().to_string();
+        let name = name.to_owned();
+        Err(KeyError::Exists { path, name, key })
     }
 }
 

@@ -122,6 +122,8 @@ pub struct CellState {
     pub(super) joints_bytes: Vec<u8>,
     /// The part that is being made.
     pub part: PartStatus,
+    /// The part that was being made when the cell fell silent.
+    pub(super) interrupted: Option<PartStatus>,
     /// The last parts that ended, newest last.
     pub ended: VecDeque<PartReport>,
     /// Parts that ended, by verdict of the report.
@@ -142,10 +144,8 @@ pub struct CellState {
     pub results: BTreeMap<String, FeatureResult>,
     /// Verdicts of the plan measured last, by feature.
     pub verdicts: BTreeMap<String, Verdict>,
-    /// The newest verdict of all.
-    pub last_verdict: Option<Verdict>,
     /// The newest decision on a pass.
-    pub decision: Option<PassDecision>,
+    pub(super) decision: Option<PassDecision>,
     /// Values over parts.
     pub runs: BTreeMap<Characteristic, VecDeque<Made>>,
     pub(super) ledger: Ledger,
@@ -161,8 +161,8 @@ pub struct CellState {
     pub lost: u64,
     /// Whether it is recorded.
     pub recording: Option<RecordingStatus>,
-    /// Progress of planning.
-    pub progress: Option<PlanProgress>,
+    /// The newest progress of planning; that of a plan that is made stays.
+    pub(super) progress: Option<PlanProgress>,
     /// How often each section has changed.
     pub revisions: BTreeMap<Section, u64>,
     /// Number of its newest event in the hall.
@@ -220,6 +220,47 @@ impl CellState {
         self.part.stage != PartStatus::NONE
     }
 
+    /// A part that the cell was making when it fell silent, and of which it knows nothing any more.
+    pub fn interrupted(&self) -> Option<&PartStatus> {
+        (self.interrupted.as_ref()).filter(|_| !self.is_making())
+    }
+
+    /// Of the verdicts on the plan measured last the one that is worst, of equals that of the largest error.
+    pub fn worst_verdict(&self) -> Option<&Verdict> {
+        let rank = |one: &Verdict| match one.verdict {
+            Verdict::QUALIFIED => 0,
+            Verdict::COMPENSABLE => 1,
+            Verdict::INDETERMINATE => 2,
+            _ => 3,
+        };
+        let worse = |a: &&Verdict, b: &&Verdict| {
+            let by_error = || a.error.abs().total_cmp(&b.error.abs());
+            rank(a).cmp(&rank(b)).then_with(by_error)
+        };
+        self.verdicts.values().max_by(worse)
+    }
+
+    /// What was decided on the part that is shown: that which is being made, else that which ended last.
+    pub fn decision(&self) -> Option<&PassDecision> {
+        let ended = || self.ended.back().map(|last| &last.run_id);
+        let run = match self.interrupted() {
+            Some(part) => Some(&part.run_id),
+            None if self.is_making() => Some(&self.part.run_id),
+            None => ended(),
+        };
+        let of_run = |one: &&PassDecision| {
+            run.is_none_or(|run| {
+                (one.plan_id.strip_prefix(run)).is_some_and(|rest| rest.starts_with('/'))
+            })
+        };
+        self.decision.as_ref().filter(of_run)
+    }
+
+    /// Planning that is under way.
+    pub fn planning(&self) -> Option<&PlanProgress> {
+        (self.progress.as_ref()).filter(|one| one.phase < PlanProgress::DONE)
+    }
+
     /// Corrections, newest last.
     pub fn corrections(&self) -> impl DoubleEndedIterator<Item = &Entry> {
         self.ledger.entries.iter()
@@ -243,10 +284,12 @@ impl CellState {
         let execution = machine.as_ref().map(|one| one.execution);
         if self.is_stale(now) {
             let what = if self.is_making() {
-                (
-                    Attention::Act,
-                    format!("silent while making {}", self.part.part_id),
-                )
+                let how = match self.left {
+                    Some(_) => "left the bus",
+                    None => "silent",
+                };
+                let text = format!("{how} while making {}", self.part.part_id);
+                (Attention::Act, text)
             } else if self.kept {
                 (
                     Attention::Look,
@@ -275,6 +318,10 @@ impl CellState {
                 Attention::Decide,
                 format!("correction of {features} waits for approval"),
             );
+        }
+        if let Some(part) = self.interrupted() {
+            let text = format!("{} was interrupted: the cell ended", part.part_id);
+            return (Attention::Act, text);
         }
         if !self.is_making()
             && let Some(last) = self.ended.back()

@@ -32,6 +32,10 @@ impl CellState {
     /// Takes a message on the topic `name` below the cell's namespace. Bytes that are not of the topic's type change nothing.
     pub(super) fn take(&mut self, name: &str, bytes: &[u8], at: Stamp) -> Happened {
         let first = self.heard.map_or(at, |(first, _)| first);
+        // Whether it still makes the part, it says itself.
+        if self.heard.is_some() && self.is_stale(at) && self.is_making() {
+            self.interrupted = Some(self.part.clone());
+        }
         self.heard = Some((first, at));
         self.left = None;
         match name {
@@ -46,10 +50,7 @@ impl CellState {
             n if n == topics::INSPECTION_PLAN.name => self.planned(read(bytes)?),
             n if n == topics::MEASUREMENT_ORDER.name => self.ordered(read(bytes)?),
             n if n == topics::PLAN_PROGRESS.name => {
-                let progress: PlanProgress = read(bytes)?;
-                let over = progress.phase >= PlanProgress::DONE;
-                self.progress = (!over).then_some(progress);
-                self.changed(&[Section::State, Section::Order]);
+                self.progressed(read(bytes)?);
                 None
             }
             n if n == topics::TOUCH_DEVIATIONS.name => Some(self.touched(&read(bytes)?, at)),
@@ -72,6 +73,18 @@ impl CellState {
             n if n == topics::LOSS_REPORTS.name => Some(self.lost(read(bytes)?, at)),
             n if n.ends_with("/faults") => Some(self.failed(read(bytes)?, at)),
             _ => None,
+        }
+    }
+
+    /// What a link has dropped comes late, when the plan is made.
+    fn progressed(&mut self, progress: PlanProgress) {
+        let is_older = |known: &PlanProgress| {
+            known.plan_id == progress.plan_id
+                && known.header.stamp.nanos() > progress.header.stamp.nanos()
+        };
+        if !self.progress.as_ref().is_some_and(is_older) {
+            self.progress = Some(progress);
+            self.changed(&[Section::State, Section::Order]);
         }
     }
 
@@ -110,6 +123,9 @@ impl CellState {
         let key = |one: &PartStatus| (one.stage, one.run_id.clone(), one.plan_id.clone());
         let changed = key(&status) != key(&self.part);
         self.part = status;
+        if self.is_making() {
+            self.interrupted = None;
+        }
         if !changed {
             return None;
         }
@@ -124,6 +140,8 @@ impl CellState {
             return None;
         }
         *self.parts.entry(report.verdict).or_default() += 1;
+        self.interrupted
+            .take_if(|part| part.run_id == report.run_id);
         let text = format!(
             "{} {}: {}",
             report.part_id,
@@ -251,7 +269,6 @@ impl CellState {
             Verdict::word(verdict.verdict),
             wording::micrometres(verdict.error)
         );
-        self.last_verdict = Some(verdict.clone());
         self.verdicts.insert(verdict.feature_id.clone(), verdict);
         self.changed(&[Section::State, Section::Sizes, Section::Part]);
         Some((EventKind::Verdict, text))

@@ -107,7 +107,9 @@ fn part(cell: &CellState) -> Markup {
     let ended = cell.ended.back();
     html! {
         div { dt { "Part" } dd {
-            @if part.stage == PartStatus::NONE {
+            @if let Some(part) = cell.interrupted() {
+                (part.part_id) ", interrupted"
+            } @else if part.stage == PartStatus::NONE {
                 @if let Some(last) = ended { (last.part_id) ", " (PartReport::word(last.verdict)) }
                 @else { "none yet" }
             } @else {
@@ -118,15 +120,16 @@ fn part(cell: &CellState) -> Markup {
     }
 }
 
-fn verdict(cell: &CellState) -> Markup {
-    let Some(last) = &cell.last_verdict else {
+/// The worst verdict on the plan measured last, which need not be of the part that is being made.
+pub(super) fn verdict(cell: &CellState) -> Markup {
+    let Some(last) = cell.worst_verdict() else {
         return html! {};
     };
     let reasons = last.reasons();
     html! {
-        div { dt { "Last verdict" } dd {
+        div { dt { "Worst verdict" } dd {
             span.verdict.(super::sizes::class_of(last.verdict)) { (last.feature_id) " " (Verdict::word(last.verdict)) ", " (wording::micrometres(last.error)) }
-            small { (reasons.rule) @if let Some(risk) = reasons.risk { "; risk " (risk) } }
+            small { (last.plan_id) "; " (reasons.rule) @if let Some(risk) = reasons.risk { "; risk " (risk) } }
         } }
     }
 }

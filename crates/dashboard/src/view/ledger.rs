@@ -56,7 +56,7 @@ fn item(cell: &CellState, entry: &Entry, deeds: &Markup, now: Stamp) -> Markup {
                 li.done { b { "Proposed" } " " (clock(entry.proposed)) " from " code { (one.plan_id) } ", " (one.sequences.len()) " touches: error " (value(one.measured_error)) ", standard uncertainty " (um(one.standard_uncertainty)) " µm" }
                 li.(if waiting || one.approval == Correction::APPROVAL_NONE { "open" } else { "done" }) {
                     b { "Approval" } " "
-                    @if waiting { "waits: " code { "probecell approve " (one.correction_id) " --operator NAME" } }
+                    @if waiting { "waits: " code { "probecell approve " (one.correction_id) " --operator NAME --cell CELL.toml" } }
                     @else if one.approval == Correction::APPROVAL_NONE && entry.acknowledgement.is_none() { "expired without one" }
                     @else { (wording::approval(one)) }
                 }

@@ -4,13 +4,11 @@ use graph::Stamp;
 use maud::{Markup, html};
 use probecell_msgs::{
     Fault, MeasurementOrder, PartReport, PartStatus, PlanProgress, ProbingMove, RecordingStatus,
-    Verdict,
 };
 
 use super::deeds::{deed, deed_asking};
 use super::hall::{attention_of, doing};
 use super::numbers::{clock, last_word, span};
-use super::sizes::class_of;
 use crate::state::{CellState, EventKind, Hall, wording};
 
 /// Events shown.
@@ -27,18 +25,15 @@ pub(super) fn state(cell: &CellState, takes_acts: bool, now: Stamp) -> Markup {
             p.badge { span.sign aria-hidden="true" { (sign) } " " span.sr { (name) ": " } (doing(cell, now)) }
             p.why { (why) }
             dl {
-                div { dt { "Part" } dd { @if part.stage == PartStatus::NONE { @if let Some(last) = cell.ended.back() { (last.part_id) ", " (PartReport::word(last.verdict)) small { (last.text) } } @else { "none yet" } } @else { (part.part_id) ", pass " (part.pass_number + 1) ", " (PartStatus::word(part.stage)) small { (part.operation.replace('_', " ")) code { (part.plan_id) } } } } }
+                div { dt { "Part" } dd { @if let Some(part) = cell.interrupted() { (part.part_id) ", interrupted" small { "in pass " (part.pass_number + 1) ", " (PartStatus::word(part.stage)) "; nothing was decided on it since" } } @else if part.stage == PartStatus::NONE { @if let Some(last) = cell.ended.back() { (last.part_id) ", " (PartReport::word(last.verdict)) small { (last.text) } } @else { "none yet" } } @else { (part.part_id) ", pass " (part.pass_number + 1) ", " (PartStatus::word(part.stage)) small { (part.operation.replace('_', " ")) code { (part.plan_id) } } } } }
                 @if let Some(machine) = machine.as_ref().filter(|one| !one.program.is_empty()) { div { dt { "Program" } dd { (machine.program) " line " (machine.line) } } }
-                @if let Some(last) = &cell.last_verdict {
-                    @let reasons = last.reasons();
-                    div { dt { "Last verdict" } dd { span.verdict.(class_of(last.verdict)) { (last.feature_id) " " (Verdict::word(last.verdict)) ", " (wording::micrometres(last.error)) } small { (reasons.rule) @if let Some(risk) = reasons.risk { "; risk " (risk) } } } }
-                }
-                @if let Some(one) = cell.decision.as_ref().filter(|one| part.stage != PartStatus::NONE || cell.ended.back().is_none_or(|last| last.text != one.text)) { div { dt { "Decision" } dd { (wording::decision(one.decision)) small { (one.text) } } } }
+                (super::hall::verdict(cell))
+                @if let Some(one) = cell.decision().filter(|one| part.stage != PartStatus::NONE || cell.ended.back().is_none_or(|last| last.text != one.text)) { div { dt { "Decision" } dd { (wording::decision(one.decision)) small { (one.text) } } } }
                 div { dt { "Parts" } dd { @if cell.parts.is_empty() { "none ended" } @for (index, (code, count)) in cell.parts.iter().enumerate() { @if index > 0 { ", " } (count) " " (PartReport::word(*code)) } } }
                 @if let Some(one) = &cell.recording { div { dt { "Recording" } dd { (match one.state { RecordingStatus::RECORDING => "recording", RecordingStatus::WAIVED => "waived", _ => "stopped" }) } } }
                 div { dt { "Last word" } dd.age { (last_word(cell, now)) } }
             }
-            @if let Some(one) = &cell.progress { (planning(one)) }
+            @if let Some(one) = cell.planning() { (planning(one)) }
             @if takes_acts && !cell.kept {
                 p.deeds {
                     (deed(cell, "stop", "", "Stop"))
@@ -170,7 +165,7 @@ pub(super) fn axes(cell: &CellState) -> Markup {
                     tr { th scope="row" { (name) } td.number { @if turns { (format!("{:.3}°", position.to_degrees()).replace('-', "−")) } @else { (super::numbers::mm(*position)) " mm" } } }
                 } }
             }
-        } @else { p.none { "No position of an axis has been received." } }
+        } @else { p.none { "No position of an axis has been received. Axes are read while a page of the cell is open, from its first view on." } }
         @if let Some(machine) = &machine {
             table.axes {
                 thead { tr { th scope="col" { "Temperature" } th.number scope="col" { "°C" } } }

@@ -12,7 +12,7 @@ const COLUMNS: [(&str, usize); 6] = [
     ("cell", 8),
     ("state", 8),
     ("part", 8),
-    ("last verdict", 12),
+    ("worst verdict", 13),
     ("gap/noise", 9),
     ("last word", 9),
 ];
@@ -57,7 +57,9 @@ pub fn hall_text(hall: &Hall, now: Stamp, trouble: &str) -> String {
 }
 
 fn row(cell: &CellState, now: Stamp) -> [String; 6] {
-    let part = if cell.is_making() {
+    let part = if let Some(part) = cell.interrupted() {
+        format!("{}, interrupted", part.part_id)
+    } else if cell.is_making() {
         format!("{}, pass {}", cell.part.part_id, cell.part.pass_number + 1)
     } else {
         let last = cell.ended.back();
@@ -65,7 +67,7 @@ fn row(cell: &CellState, now: Stamp) -> [String; 6] {
             format!("{}, {}", part.part_id, PartReport::word(part.verdict))
         })
     };
-    let verdict = cell.last_verdict.as_ref().map(|verdict| {
+    let verdict = cell.worst_verdict().map(|verdict| {
         let word = Verdict::word(verdict.verdict);
         let error = wording::micrometres(verdict.error);
         format!("{} {word}, {error}", verdict.feature_id)
@@ -94,7 +96,7 @@ fn below(cell: &CellState, now: Stamp) -> String {
             [correction.previous_value, correction.new_value].map(wording::micrometres);
         let id = &correction.correction_id;
         lines.push(format!(
-            "{from} → {to}: probecell approve {id} --operator NAME"
+            "{from} → {to}: probecell approve {id} --operator NAME --cell CELL.toml"
         ));
     }
     let group = group(cell);

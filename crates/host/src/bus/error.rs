@@ -13,8 +13,8 @@ pub enum BusError {
     },
     /// Nothing to connect to.
     #[error(
-        "no router answers at {endpoints} within {seconds:.1} s; `probecell router` or a running cell provides one \
-         ({reason})"
+        "no router answers at {endpoints} within {seconds:.1} s (`probecell router` or a running cell provides one), or its cell is \
+         secured and the user of another account ({reason})"
     )]
     NoRouter {
         /// Locators tried.
@@ -52,7 +52,7 @@ pub enum BusError {
     #[error("the payload does not begin with the header of little-endian CDR (00 01)")]
     Payload,
     /// No server offers this service.
-    #[error("no server offers {name}")]
+    #[error("no server offers {name}: its cell does not run, or on another bus")]
     NoServer {
         /// Service.
         name: String,

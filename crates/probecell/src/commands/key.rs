@@ -62,9 +62,22 @@ pub(crate) fn run(command: &Command) -> anyhow::Result<u8> {
                 file.display()
             ));
         }
-        Command::Add { name, key, cell } => folder(cell)?.register(name, *key)?,
+        Command::Add { name, key, cell } => {
+            let cell = read_cell(cell)?;
+            KeyFolder::of(&cell)?.register(name, *key)?;
+            output::line(&format!(
+                "{name}: may sign for {}; a running cell knows it within a second",
+                cell.cell.name
+            ));
+        }
         Command::List { cell, json } => list(&folder(cell)?, *json)?,
-        Command::Revoke { name, cell } => folder(cell)?.withdraw(name)?,
+        Command::Revoke { name, cell } => {
+            let cell = read_cell(cell)?;
+            KeyFolder::of(&cell)?.withdraw(name)?;
+            output::line(&format!(
+                "{name}: withdrawn; a running cell refuses the key within a second"
+            ));
+        }
     }
     Ok(GOOD)
 }

@@ -133,8 +133,12 @@ fn print(status: &srv::StatusResponse) {
     let processes = status.processes.iter().zip(&status.running);
     for ((name, running), starts) in processes.zip(&status.starts) {
         if !running || *starts > 1 {
-            let state = if *running { "runs" } else { "has ended" };
-            output::line(&format!("process {name}: {state}, started {starts} times"));
+            let state = match (*running, *starts) {
+                (true, _) => format!("runs, started {starts} times"),
+                (false, 0) => "is not there yet".to_owned(),
+                (false, _) => format!("has ended, started {starts} times"),
+            };
+            output::line(&format!("process {name}: {state}"));
         }
     }
     for fault in &status.faults {

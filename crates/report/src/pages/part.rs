@@ -136,7 +136,7 @@ fn latest(session: &PartSession) -> PartSession {
     keep_last(&mut session.references, feature);
     // A part that was found wrong later is reported as it was found last.
     keep_last(&mut session.parts, |one| {
-        (one.part_id.clone(), one.plan_id.clone())
+        (one.part_id.clone(), one.run_id.clone(), one.plan_id.clone())
     });
     session
 }
@@ -169,7 +169,15 @@ fn conclusion_of(session: &PartSession) -> String {
                 let text = text.map_or(String::new(), |text| format!(": {text}"));
                 return format!("Part {} was only measured{text}.", part.part_id);
             }
-            let prefix = format!("{}/", part.part_id);
+            // Parts of one name are told apart by their runs.
+            let run = Some(&part.run_id).filter(|run| !run.is_empty());
+            let run = run.unwrap_or(&part.part_id);
+            let name = if *run == part.part_id {
+                run.clone()
+            } else {
+                format!("{} (run {run})", part.part_id)
+            };
+            let prefix = format!("{run}/");
             let refuted = references::contradicted(session, |plan| plan.starts_with(&prefix));
             let end = match part.verdict {
                 _ if !refuted.is_empty() => "is not qualified",
@@ -187,8 +195,8 @@ fn conclusion_of(session: &PartSession) -> String {
                 format!(": {}", part.text)
             };
             format!(
-                "Part {} {end} after {} machining {passes}{why}.",
-                part.part_id, part.passes
+                "Part {name} {end} after {} machining {passes}{why}.",
+                part.passes
             )
         })
         .collect();
@@ -232,7 +240,15 @@ fn provenance(session: &PartSession) -> Table {
         } else {
             &run.operator_name
         };
-        format!("{}, by {by}{}", run.subject, asked_at(run.header.stamp))
+        // A measurement alone is asked for by its plan.
+        let what = [run.subject.as_str(), &run.plan_id].into_iter();
+        let what = what.filter(|one| !one.is_empty()).collect::<Vec<_>>();
+        let what = if what.is_empty() {
+            "the last plan".to_owned()
+        } else {
+            what.join(", ")
+        };
+        format!("{what}, by {by}{}", asked_at(run.header.stamp))
     });
     row("requested", asked.collect::<Vec<_>>().join("; "));
     let ended = session.parts.iter().map(|part| time(part.header.stamp));
@@ -262,7 +278,12 @@ fn measurement(
     if let Some(placed) = placed.find(|one| one.plan_id == plan.plan_id) {
         page.paragraph(&tables::alignment(placed));
     }
-    page.table(&tables::sizes(session, &plan.plan_id));
+    let sizes = tables::sizes(session, &plan.plan_id);
+    if sizes.rows.is_empty() {
+        page.paragraph("No feature was evaluated.");
+    } else {
+        page.table(&sizes);
+    }
     for rule in tables::rules(session, &plan.plan_id) {
         page.paragraph(&rule);
     }
@@ -270,7 +291,10 @@ fn measurement(
     if !by_reference.rows.is_empty() {
         page.table(&by_reference);
     }
-    page.table(&tables::geometry(session, plan));
+    let geometry = tables::geometry(session, plan);
+    if !geometry.rows.is_empty() {
+        page.table(&geometry);
+    }
     page.list(&tables::machine(session, &plan.plan_id));
     let corrections = tables::corrections(session, &plan.plan_id);
     if !corrections.rows.is_empty() {

@@ -30,7 +30,7 @@ use host::bus::{Bus, Followed};
 use self::{gate::Gate, judge::Judge};
 use crate::{
     DEFAULT_CELL, FAILED, GOOD,
-    cell_bus::{bus_config, users},
+    cell_bus::{bus_config, own_socket, users},
     output,
     ros_arguments::read_cell,
     routing::Routing,
@@ -87,6 +87,9 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
             "{}: the cell is secured, and this command speaks for two of its processes: probecell secure --off takes that back",
             arguments.cell.display()
         );
+    }
+    if let Some(socket) = own_socket(&cell)? {
+        socket.prepare()?;
     }
     let routing = Routing::start(&cell)?;
     let mut config = bus_config(&cell, "machine_state")?;

@@ -6,7 +6,7 @@ use cell::{Cell, CellText};
 use graph::{Executor, Published, Stamp, Topic, topics};
 use probecell_msgs::{
     Correction, CorrectionAcknowledgement, Fault, FeatureResult, InspectionPlan, LossReport,
-    Message, OperatorReply, OperatorRequest, Verdict, from_cdr, to_cdr,
+    Message, OperatorReply, OperatorRequest, PartReport, Verdict, from_cdr, to_cdr,
 };
 use recorded::record::gather;
 use roxmltree::{Document, Node, ParsingOptions};
@@ -417,6 +417,60 @@ fn who_approved_what_and_when_is_told_with_faults_and_losses() {
             assert!(plain.contains(cell.as_str()), "{cell} is not in the text");
         }
     }
+}
+
+/// Three parts of one name: a record that kept the last of them alone would say that all was well.
+#[test]
+fn parts_of_one_name_are_told_apart_by_their_runs() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut log = made();
+    let report = |after_s: f64, run_id: &str, verdict: u8, text: &str| PartReport {
+        header: stamped(after_s),
+        part_id: "punch".to_owned(),
+        run_id: run_id.to_owned(),
+        verdict,
+        passes: 1,
+        text: text.to_owned(),
+        ..PartReport::default()
+    };
+    let scrap = report(700.0, "punch#2", PartReport::SCRAP, "D1 cut below size");
+    let stopped = report(800.0, "punch#3", PartReport::STOPPED, "stopped by Ada");
+    // It was stopped, and its measurement was resumed: one end of one run.
+    let resumed = report(
+        900.0,
+        "punch#3",
+        PartReport::QUALIFIED,
+        "all sizes qualified",
+    );
+    let again = OperatorRequest {
+        header: stamped(850.0),
+        plan_id: "punch#3/finish/1".to_owned(),
+        ..OperatorRequest::default()
+    };
+    log.extend([
+        published(topics::PART_REPORTS, 700.0, 11, &scrap),
+        published(topics::PART_REPORTS, 800.0, 12, &stopped),
+        published(topics::RUN_REQUESTS, 850.0, 12, &again),
+        published(topics::PART_REPORTS, 900.0, 13, &resumed),
+    ]);
+    let bag = folder.path().join("session");
+    write(&log, &bag);
+    let session = gather(&Bag::open(&bag).expect("a bag"), &bag).expect("a session");
+    let page = part_page(&session, ShortDiagnosis::None("not asked for")).expect("a page");
+    let text = page.text();
+    let conclusion = text.lines().find(|line| line.starts_with("Part punch"));
+    let conclusion = conclusion.expect("a conclusion");
+    assert!(
+        conclusion.starts_with("Part punch is qualified after 3 machining passes"),
+        "{conclusion}"
+    );
+    let others = "Part punch (run punch#2) is scrap after 1 machining pass: D1 cut below size. Part punch (run punch#3) is \
+                  qualified after 1 machining pass: all sizes qualified.";
+    assert!(conclusion.ends_with(others), "{conclusion}");
+    assert!(
+        text.contains("; punch#3/finish/1, by an unnamed operator, 2026-01-01 00:14:10"),
+        "{text}"
+    );
 }
 
 #[test]
