@@ -748,6 +748,37 @@ def a_cell_that_has_gone_is_kept_for_late_dashboards(folder):
         assert shown_as_kept()[0], shown_as_kept()
 
 
+def the_dashboard_of_a_cell_reads_the_others_once_it_is_looked_at(folder):
+    """From its own cell it then takes nothing a second time, though publishers hold what they said for whoever begins to read."""
+    first, second = folder / "first", folder / "second"
+    for one in (first, second):
+        one.mkdir()
+    quick = lambda text: text.replace("duration_s = 8.0", "duration_s = 2.0")
+    cell = own_cell(first, quick)
+    other = own_cell(second, lambda text: quick(text).replace('name = "turn_mill"', 'name = "other"', 1))
+
+    def page(path):
+        with urllib.request.urlopen(address + path, timeout=PATIENCE) as answer:
+            return answer.read().decode()
+
+    def parts(name):
+        """How many parts of a cell have ended, one of which the metrics tell."""
+        counts = [line for line in page("metrics").splitlines() if line.startswith(f'probecell_cell_parts_total{{cell="{name}"')]
+        return sum(int(line.split()[-1]) for line in counts)
+
+    with cell_that_is_ready(cell, first) as up, open(second / "errors", "w") as errors, cell_that_is_ready(other, second, errors) as beside:
+        for one, where, process in ((cell, first, up), (other, second, beside)):
+            code, output, told = asked("run", "punch", "--cell", one, folder=where)
+            assert code == 0, (output, told)
+        for process in (up, beside):
+            until("the end of the part", lambda: "part punch: " in process.stdout.readline())
+        (address,) = re.findall(r"dashboard: (http://\S+)", (second / "errors").read_text())
+        hall = page("")  # the first that anybody asks for
+        assert "/cell/other" in hall and "/cell/turn_mill" in hall, hall
+        until("the part of the other cell", lambda: parts("turn_mill") == 1)
+        assert parts("other") == 1, page("metrics")
+
+
 def main():
     with tempfile.TemporaryDirectory(prefix="probecell_live_") as scratch:
         global KEYS  # keys of these tests, not of whoever runs them
@@ -767,6 +798,7 @@ def main():
             corrections_are_approved_by_signature_and_a_withdrawn_key_is_refused,
             a_secured_cell_works_and_nobody_else_speaks, a_stranger_reads_and_commands_nothing,
             another_user_reads_and_commands_nothing, a_cell_that_has_gone_is_kept_for_late_dashboards,
+            the_dashboard_of_a_cell_reads_the_others_once_it_is_looked_at,
         ):
             if WANTED and check.__name__ not in WANTED:
                 continue

@@ -28,6 +28,7 @@
 
 mod acts;
 mod download;
+mod heard;
 mod history;
 mod keep;
 mod live;
@@ -40,6 +41,7 @@ mod trends;
 pub mod view;
 mod viewer;
 
+use std::collections::BTreeSet;
 use std::future::Future;
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -66,6 +68,8 @@ pub struct Settings {
     pub any_port: bool,
     /// How to reach each router.
     pub buses: Vec<BusConfig>,
+    /// Cells that are read from the start, the others as soon as a page is asked for; empty: all from the start.
+    pub first: BTreeSet<String>,
     /// Folders of recordings.
     pub recordings: Vec<PathBuf>,
     /// Folder of a lake whose trends the pages of machines show.
@@ -109,9 +113,8 @@ pub fn watch(
     period: Duration,
     mut on_period: impl FnMut(&state::Hall, Stamp, &str) -> bool,
 ) -> Result<(), DashboardError> {
-    let live = live::Live::new(Arc::new(
-        acts::Acts::new(Vec::new()).map_err(DashboardError::Random)?,
-    ));
+    let acts = acts::Acts::new(Vec::new()).map_err(DashboardError::Random)?;
+    let live = live::Live::new(Arc::new(acts), BTreeSet::new());
     for bus in buses {
         live::read(Arc::clone(&live), bus)?;
     }
@@ -140,7 +143,7 @@ pub fn run(
     runtime.block_on(async {
         let listener = listen(settings.listen, settings.any_port).await?;
         let acts = Arc::new(acts::Acts::new(settings.desks).map_err(DashboardError::Random)?);
-        let live = live::Live::new(Arc::clone(&acts));
+        let live = live::Live::new(Arc::clone(&acts), settings.first);
         let buses: Arc<[BusConfig]> = settings.buses.into();
         for bus in buses.iter() {
             live::read(Arc::clone(&live), bus.clone())?;

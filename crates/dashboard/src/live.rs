@@ -2,7 +2,7 @@
 
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -14,6 +14,7 @@ use host::bus_qos;
 use tokio::sync::watch;
 
 use crate::acts::Acts;
+use crate::heard::Heard;
 use crate::state::{Hall, kept_topics, machine_state, read_topics, split};
 
 /// How often presence is looked at. It is well below the 3 s in which a cell that was killed must be seen as stale.
@@ -22,6 +23,8 @@ pub(crate) const PRESENCE: Duration = Duration::from_millis(500);
 const WANTED: Duration = Duration::from_secs(30);
 /// How often storages are asked for what they have kept, beside once when a router is reached.
 const ASKED: Duration = Duration::from_secs(30);
+/// How long the first request waits until the cells of others are read as well.
+const JOINING: Duration = Duration::from_secs(2);
 /// Wait between two attempts to reach a router.
 const AGAIN: Duration = Duration::from_secs(1);
 
@@ -33,6 +36,12 @@ pub(crate) struct Live {
     routers: Mutex<BTreeMap<String, bool>>,
     /// Cells whose axes a page shows, and when it said so last.
     wanted: Mutex<BTreeMap<String, Instant>>,
+    /// Cells that are read from the start, the others when somebody looks; empty: all from the start.
+    first: BTreeSet<String>,
+    /// Somebody has looked.
+    looked: AtomicBool,
+    /// Every cell is read.
+    everything: watch::Sender<bool>,
     /// Takes the operators' keys.
     acts: Arc<Acts>,
     /// Messages that arrived.
@@ -40,11 +49,14 @@ pub(crate) struct Live {
 }
 
 impl Live {
-    pub(crate) fn new(acts: Arc<Acts>) -> Arc<Self> {
+    pub(crate) fn new(acts: Arc<Acts>, first: BTreeSet<String>) -> Arc<Self> {
         let mut hall = Hall::default();
         hall.set_desks(acts.cells());
         Arc::new(Self {
             wanted: Mutex::default(),
+            looked: AtomicBool::new(first.is_empty()),
+            everything: watch::Sender::new(first.is_empty()),
+            first,
             acts,
             hall: Mutex::new(hall),
             changed: watch::Sender::new(0),
@@ -81,6 +93,16 @@ impl Live {
         }
     }
 
+    /// Somebody looks: from now on every cell is read. The first who does waits until that has begun.
+    pub(crate) async fn look(&self) {
+        if self.looked.swap(true, Ordering::Relaxed) {
+            return;
+        }
+        let mut everything = self.everything.subscribe();
+        // Where no router answers the page says so.
+        drop(tokio::time::timeout(JOINING, everything.wait_for(|all| *all)).await);
+    }
+
     /// A page shows the axes of this cell: they are read for a while.
     pub(crate) fn want_axes(&self, cell: &str) {
         lock(&self.wanted).insert(cell.to_owned(), Instant::now());
@@ -97,6 +119,17 @@ impl Live {
         let changed = lock(&self.routers).insert(endpoint.to_owned(), up) != Some(up);
         if changed {
             self.changed.send_modify(|number| *number += 1);
+        }
+    }
+
+    fn set_present(&self, present: &BTreeSet<String>) {
+        let mut hall = self.hall();
+        let before = hall.last_event();
+        hall.set_present(present, host::now());
+        let after = hall.last_event();
+        drop(hall);
+        if before != after {
+            self.changed.send_replace(after);
         }
     }
 
@@ -165,8 +198,12 @@ pub(crate) struct OfCells {
 
 impl OfCells {
     pub(crate) fn new(topic: graph::Topic) -> Self {
+        Self::of(fast(topic))
+    }
+
+    fn of(topic: Observed) -> Self {
         Self {
-            topic: fast(topic),
+            topic,
             read: BTreeMap::new(),
         }
     }
@@ -217,12 +254,44 @@ pub(crate) fn join(
     }
 }
 
+/// Reads those cells that are read from the start, until somebody looks; dropping the answer ends it.
+///
+/// Where cells of one host have a dashboard each and nobody looks at most of them, what these cost would otherwise grow with the
+/// square of the cells.
+fn read_first(live: &Live, config: &BusConfig, on: &Callbacks) -> (Vec<OfCells>, Observer) {
+    let endpoint = config.endpoints.join(", ");
+    let observer = join(config, &[], on, || live.set_router(&endpoint, false));
+    let states = OfCells::new(topics::MACHINE_STATE);
+    let mut read: Vec<OfCells> = read_of_all().into_iter().map(OfCells::of).collect();
+    read.push(states);
+    for topic in &mut read {
+        topic.follow(&observer, &live.first, on);
+    }
+    while !live.looked.load(Ordering::Relaxed) {
+        live.set_router(&endpoint, observer.is_connected());
+        let mut present = present(&observer);
+        present.retain(|cell| live.first.contains(cell));
+        live.set_present(&present);
+        std::thread::sleep(PRESENCE);
+    }
+    (read, observer)
+}
+
 fn run(live: &Arc<Live>, config: &BusConfig) {
     let endpoint = config.endpoints.join(", ");
-    let on = callbacks(live);
+    let heard = Arc::new(Mutex::new(Heard::default()));
+    let on = callbacks(live, &heard);
+    let first = if live.first.is_empty() {
+        lock(&heard).freeze();
+        None
+    } else {
+        Some(read_first(live, config, &on))
+    };
     let observer = join(config, &read_of_all(), &on, || {
         live.set_router(&endpoint, false);
     });
+    drop(first);
+    lock(&heard).freeze();
     let on_kept: OnKept = Arc::new({
         let live = Arc::clone(live);
         move |topic, payload, at_ns| {
@@ -246,22 +315,20 @@ fn run(live: &Arc<Live>, config: &BusConfig) {
         let present = present(&observer);
         states.follow(&observer, &present, &on);
         axes.follow(&observer, &live.wanted(), &on);
-        let mut hall = live.hall();
-        let before = hall.last_event();
-        hall.set_present(&present, host::now());
-        let after = hall.last_event();
-        drop(hall);
-        if before != after {
-            live.changed.send_replace(after);
-        }
+        live.set_present(&present);
+        live.everything.send_replace(true);
         std::thread::sleep(PRESENCE);
     }
 }
 
-fn callbacks(live: &Arc<Live>) -> Callbacks {
+fn callbacks(live: &Arc<Live>, heard: &Arc<Mutex<Heard>>) -> Callbacks {
     let on_sample: OnObserved = Arc::new({
-        let live = Arc::clone(live);
-        move |topic, received| live.take(topic, &received.payload)
+        let (live, heard) = (Arc::clone(live), Arc::clone(heard));
+        move |topic, received| {
+            if lock(&heard).is_new(received.publisher, received.sequence) {
+                live.take(topic, &received.payload);
+            }
+        }
     });
     let on_missed: OnMissed = Arc::new({
         let live = Arc::clone(live);

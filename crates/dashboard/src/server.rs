@@ -97,9 +97,16 @@ fn router(shared: Shared) -> Router {
             get(|| asset("image/svg+xml", include_str!("../assets/icon.svg"))),
         )
         .fallback(|| async { missing("There is no such page.") })
+        .layer(from_fn_with_state(shared.clone(), looked))
         .layer(from_fn_with_state(shared.clone(), own::own_host))
         .layer(from_fn(guarded))
         .with_state(shared)
+}
+
+/// Whoever asks for anything looks at every cell.
+async fn looked(State(shared): State<Shared>, request: Request, next: Next) -> Response {
+    shared.live.look().await;
+    next.run(request).await
 }
 
 /// Headers of every answer.

@@ -1,5 +1,6 @@
 //! `probecell dashboard`: every cell of the bus and every recording as web pages.
 
+use std::collections::BTreeSet;
 use std::ffi::OsString;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
@@ -213,7 +214,17 @@ pub(crate) fn run(arguments: Arguments) -> anyhow::Result<u8> {
     let lake = arguments.lake.or_else(by_default);
     let folders: Vec<PathBuf> = recordings.iter().chain(&lake).cloned().collect();
     confined::server(&cells, &buses, &folders)?;
+    // Of the dashboards of several cells on one host most are not looked at: each begins with its own cell.
+    let names = cells.iter().map(|cell| cell.namespace());
+    let first = if arguments.supervised {
+        names
+            .map(|name| name.trim_matches('/').to_owned())
+            .collect()
+    } else {
+        BTreeSet::new()
+    };
     let settings = Settings {
+        first,
         listen: arguments.listen,
         any_port: arguments.any_port,
         buses,
