@@ -32,6 +32,7 @@ ROUTER, ADDRESS = "tcp/127.0.0.1:7447", "127.0.0.1:7480"
 CELLS_OF_A_PROCESS = 50
 SETTLED, WATCHED, TOUCHED = 5, float(os.environ.get("WATCHED_S", "20")), float(os.environ.get("TOUCHED_S", "60"))  # s
 PATIENCE = 300  # s
+EVERY = os.environ.get("EVERY", "1")  # of the messages at 100 Hz
 TICKS = os.sysconf("SC_CLK_TCK")
 
 DELAYS = """() => { window.delays = []; window.last = 0; new MutationObserver(() => {
@@ -122,7 +123,7 @@ def cells(start, load, count):
     """Processes that play so many cells; they have joined the bus."""
     loads = []
     for first in range(0, count, CELLS_OF_A_PROCESS):
-        words = (load, ROUTER, RECORDING, first, min(CELLS_OF_A_PROCESS, count - first))
+        words = (load, ROUTER, RECORDING, first, min(CELLS_OF_A_PROCESS, count - first), EVERY)
         loads.append(start(*words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True))
     for one in loads:
         assert one.stdout.readline() == "ready\n", "the load did not start"

@@ -1,13 +1,14 @@
-//! Cells that are none, for measuring what reads many of them: `load ENDPOINT RECORDING FIRST COUNT`.
+//! Cells that are none, for measuring what reads many of them: `load ENDPOINT RECORDING FIRST COUNT [EVERY]`.
 //!
 //! Joins the router at ENDPOINT as COUNT cells, `cell_FIRST` and following, each with publishers of its own, and plays on each what
 //! the recording of one cell holds of topics that the dashboard reads, at its pace, over and over, every cell at another place of
-//! it: state and axes at 100 Hz, touches, sizes, verdicts, corrections, gap reports, in the bytes that the cell has published, with
+//! it: state and axes at 100 Hz (or only every EVERYth of these), touches, sizes, verdicts, corrections, gap reports, in the bytes that the cell has published, with
 //! the instant of the publication as stamp. It ends when its input does, and then prints how many messages it published and how late
 //! they were. `tests/benches/hall.py` measures with it.
 
 use std::collections::BTreeMap;
 use std::io::{Read, Write};
+use std::num::NonZeroUsize;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -23,6 +24,8 @@ use host::bus_qos;
 const ROUND: Duration = Duration::from_millis(2);
 /// Cells that one session publishes: each session follows what all others announce, which grows with the square.
 const CELLS_OF_A_SESSION: usize = 10;
+/// Topics at the rate of the controller.
+const FAST: [&str; 2] = [topics::MACHINE_STATE.name, topics::JOINT_STATES.name];
 /// Where the stamp of a header stands in a message: after the encapsulation; seconds and nanoseconds, four bytes each.
 const STAMP: usize = 4;
 
@@ -43,11 +46,12 @@ struct Piece {
 }
 
 impl Piece {
-    fn read(path: &str) -> anyhow::Result<Self> {
+    fn read(path: &str, every: usize) -> anyhow::Result<Self> {
         let bag = Bag::open(path)?;
         let (begin, end) = bag.bounds().context("the recording is empty")?;
         let mut numbers = BTreeMap::new();
         let (mut topics, mut messages) = (Vec::new(), Vec::new());
+        let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
         for one in bag.messages() {
             let one = one?;
             let Some((_, name)) = one.channel.topic[1..].split_once('/') else {
@@ -56,6 +60,13 @@ impl Piece {
             let Some(topic) = topics::by_name(name).filter(is_read) else {
                 continue;
             };
+            if FAST.contains(&topic.name) {
+                let count = counts.entry(topic.name).or_default();
+                *count += 1;
+                if *count % every != 0 {
+                    continue;
+                }
+            }
             let number = *numbers.entry(topic.name).or_insert_with(|| {
                 topics.push(topic);
                 topics.len() - 1
@@ -168,11 +179,12 @@ impl<'a> Cell<'a> {
 
 fn main() -> anyhow::Result<()> {
     let words: Vec<String> = std::env::args().skip(1).collect();
-    let [endpoint, recording, first, count] = words.as_slice() else {
-        anyhow::bail!("load ENDPOINT RECORDING FIRST COUNT");
+    let [endpoint, recording, first, count, every @ ..] = words.as_slice() else {
+        anyhow::bail!("load ENDPOINT RECORDING FIRST COUNT [EVERY]");
     };
     let (first, count): (usize, u32) = (first.parse()?, count.parse()?);
-    let piece = Piece::read(recording)?;
+    let every: NonZeroUsize = every.first().map_or("1", String::as_str).parse()?;
+    let piece = Piece::read(recording, every.get())?;
     let config = BusConfig {
         endpoints: vec![endpoint.clone()],
         ..BusConfig::default()
