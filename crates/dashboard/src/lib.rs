@@ -41,7 +41,6 @@ mod trends;
 pub mod view;
 mod viewer;
 
-use std::collections::BTreeSet;
 use std::future::Future;
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -68,8 +67,8 @@ pub struct Settings {
     pub any_port: bool,
     /// How to reach each router.
     pub buses: Vec<BusConfig>,
-    /// Cells that are read from the start, the others as soon as a page is asked for; empty: all from the start.
-    pub first: BTreeSet<String>,
+    /// The cell that is read from the start, the others as soon as a page is asked for; without one all are from the start.
+    pub first: Option<String>,
     /// Folders of recordings.
     pub recordings: Vec<PathBuf>,
     /// Folder of a lake whose trends the pages of machines show.
@@ -114,7 +113,7 @@ pub fn watch(
     mut on_period: impl FnMut(&state::Hall, Stamp, &str) -> bool,
 ) -> Result<(), DashboardError> {
     let acts = acts::Acts::new(Vec::new()).map_err(DashboardError::Random)?;
-    let live = live::Live::new(Arc::new(acts), BTreeSet::new());
+    let live = live::Live::new(Arc::new(acts), None);
     for bus in buses {
         live::read(Arc::clone(&live), bus)?;
     }

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use graph::{Stamp, topics};
 use host::bus::{
-    BusConfig, EntityKind, Observed, Observer, OnKept, OnMissed, OnObserved, Qos, Watched,
+    BusConfig, BusError, EntityKind, Observed, Observer, OnKept, OnMissed, OnObserved, Qos, Watched,
 };
 use host::bus_qos;
 use tokio::sync::watch;
@@ -36,8 +36,8 @@ pub(crate) struct Live {
     routers: Mutex<BTreeMap<String, bool>>,
     /// Cells whose axes a page shows, and when it said so last.
     wanted: Mutex<BTreeMap<String, Instant>>,
-    /// Cells that are read from the start, the others when somebody looks; empty: all from the start.
-    first: BTreeSet<String>,
+    /// The cell that is read from the start, the others when somebody looks; without one all are from the start.
+    first: Option<String>,
     /// Somebody has looked.
     looked: AtomicBool,
     /// Every cell is read.
@@ -49,13 +49,13 @@ pub(crate) struct Live {
 }
 
 impl Live {
-    pub(crate) fn new(acts: Arc<Acts>, first: BTreeSet<String>) -> Arc<Self> {
+    pub(crate) fn new(acts: Arc<Acts>, first: Option<String>) -> Arc<Self> {
         let mut hall = Hall::default();
         hall.set_desks(acts.cells());
         Arc::new(Self {
             wanted: Mutex::default(),
-            looked: AtomicBool::new(first.is_empty()),
-            everything: watch::Sender::new(first.is_empty()),
+            looked: AtomicBool::new(first.is_none()),
+            everything: watch::Sender::new(first.is_none()),
             first,
             acts,
             hall: Mutex::new(hall),
@@ -242,8 +242,12 @@ pub(crate) fn join(
     on: &Callbacks,
     silent: impl Fn(),
 ) -> Observer {
+    joined(|| Observer::open(config, observed, &on.0, &on.1), silent)
+}
+
+fn joined(open: impl Fn() -> Result<Observer, BusError>, silent: impl Fn()) -> Observer {
     loop {
-        match Observer::open(config, observed, &on.0, &on.1) {
+        match open() {
             Ok(observer) => return observer,
             Err(error) => {
                 tracing::debug!(%error, "no router yet");
@@ -254,24 +258,28 @@ pub(crate) fn join(
     }
 }
 
-/// Reads those cells that are read from the start, until somebody looks; dropping the answer ends it.
+/// Reads the cell that is read from the start, until somebody looks; dropping the answer ends it.
 ///
 /// Where cells of one host have a dashboard each and nobody looks at most of them, what these cost would otherwise grow with the
 /// square of the cells.
-fn read_first(live: &Live, config: &BusConfig, on: &Callbacks) -> (Vec<OfCells>, Observer) {
+fn read_first(
+    live: &Live,
+    config: &BusConfig,
+    cell: &str,
+    on: &Callbacks,
+) -> (Vec<OfCells>, Observer) {
     let endpoint = config.endpoints.join(", ");
-    let observer = join(config, &[], on, || live.set_router(&endpoint, false));
-    let states = OfCells::new(topics::MACHINE_STATE);
+    let silent = || live.set_router(&endpoint, false);
+    let observer = joined(|| Observer::open_in(config, cell), silent);
     let mut read: Vec<OfCells> = read_of_all().into_iter().map(OfCells::of).collect();
-    read.push(states);
+    read.push(OfCells::new(topics::MACHINE_STATE));
+    let this = BTreeSet::from([cell.to_owned()]);
     for topic in &mut read {
-        topic.follow(&observer, &live.first, on);
+        topic.follow(&observer, &this, on);
     }
     while !live.looked.load(Ordering::Relaxed) {
         live.set_router(&endpoint, observer.is_connected());
-        let mut present = present(&observer);
-        present.retain(|cell| live.first.contains(cell));
-        live.set_present(&present);
+        live.set_present(&present(&observer));
         std::thread::sleep(PRESENCE);
     }
     (read, observer)
@@ -281,12 +289,10 @@ fn run(live: &Arc<Live>, config: &BusConfig) {
     let endpoint = config.endpoints.join(", ");
     let heard = Arc::new(Mutex::new(Heard::default()));
     let on = callbacks(live, &heard);
-    let first = if live.first.is_empty() {
+    if live.first.is_none() {
         lock(&heard).freeze();
-        None
-    } else {
-        Some(read_first(live, config, &on))
-    };
+    }
+    let first = (live.first.as_deref()).map(|cell| read_first(live, config, cell, &on));
     let observer = join(config, &read_of_all(), &on, || {
         live.set_router(&endpoint, false);
     });

@@ -175,8 +175,7 @@ fn a_part_that_its_cell_did_not_live_to_end_is_not_forgotten() {
     mill.hears(0.3, "part_status", &making("b", PartStatus::MEASURING));
     assert!(mill.shows(0.4).contains("b, pass 1"), "{}", mill.shows(0.4));
     assert!(mill.shows(5.0).contains("silent while making b"));
-    mill.0
-        .set_present(&Default::default(), Stamp(0).after_s(6.0));
+    mill.0.set_present(&BTreeSet::new(), Stamp(0).after_s(6.0));
     assert!(mill.shows(6.0).contains("left the bus while making b"));
     // It was only the dashboard that did not hear.
     let mut heard = Told(mill.0.clone());

@@ -22,7 +22,7 @@ use super::graph::{Graph, LiveGraph};
 use super::qos::Qos;
 use super::session::open_session;
 use super::types::TypeId;
-use super::wire::{Attachment, data_key, topic_tokens};
+use super::wire::{Attachment, data_key, topic_tokens, topic_tokens_in};
 use super::{BusError, Received, wall_ns};
 
 /// What to read: a topic name below any namespace, its type, and how.
@@ -79,11 +79,7 @@ impl Observer {
         on_sample: &OnObserved,
         on_missed: &OnMissed,
     ) -> Result<Self, BusError> {
-        let mut config = config.clone();
-        overlay(
-            &mut config.zenoh,
-            &serde_json::json!({ "mode": "client", "listen": { "endpoints": [] } }),
-        );
+        let config = client(config);
         let (session, graph, tokens) = open_session(&config, Some(topic_tokens(config.domain_id)))?;
         let subscriptions = observed
             .iter()
@@ -106,6 +102,25 @@ impl Observer {
             graph,
             _tokens: tokens,
             _subscriptions: subscriptions,
+        })
+    }
+
+    /// Connects as [`Observer::open`] does, reads nothing yet, and follows what is announced in one namespace (without its first
+    /// slash) only.
+    ///
+    /// # Errors
+    /// As of [`Observer::open`].
+    pub fn open_in(config: &BusConfig, namespace: &str) -> Result<Self, BusError> {
+        let config = client(config);
+        let tokens = topic_tokens_in(config.domain_id, &format!("/{namespace}"));
+        let (session, graph, tokens) = open_session(&config, Some(tokens))?;
+        Ok(Self {
+            by_key: session.clone(),
+            session,
+            domain_id: config.domain_id,
+            graph,
+            _tokens: tokens,
+            _subscriptions: Vec::new(),
         })
     }
 
@@ -174,6 +189,16 @@ impl Observer {
     pub fn is_connected(&self) -> bool {
         self.session.info().routers_zid().wait().next().is_some()
     }
+}
+
+/// A client of the router, which listens nowhere.
+fn client(config: &BusConfig) -> BusConfig {
+    let mut config = config.clone();
+    overlay(
+        &mut config.zenoh,
+        &serde_json::json!({ "mode": "client", "listen": { "endpoints": [] } }),
+    );
+    config
 }
 
 fn subscribe(

@@ -84,12 +84,7 @@ impl NodeName {
         match followed {
             Followed::Domain => Some(format!("{TOKEN_SPACE}/{domain_id}/**")),
             Followed::Topics => Some(topic_tokens(domain_id)),
-            Followed::OwnTopics => {
-                let namespace = mangle(&self.namespace);
-                Some(format!(
-                    "{TOKEN_SPACE}/{domain_id}/*/*/*/M$*/*/{namespace}/**"
-                ))
-            }
+            Followed::OwnTopics => Some(topic_tokens_in(domain_id, &self.namespace)),
             Followed::Nothing => None,
         }
     }
@@ -198,6 +193,12 @@ impl Entity {
 /// Key expression of the tokens of all publishers and subscriptions of a domain.
 pub(crate) fn topic_tokens(domain_id: u32) -> String {
     format!("{TOKEN_SPACE}/{domain_id}/*/*/*/M$*/**")
+}
+
+/// The same of the nodes in one namespace, with its first slash.
+pub(crate) fn topic_tokens_in(domain_id: u32, namespace: &str) -> String {
+    let namespace = mangle(namespace);
+    format!("{TOKEN_SPACE}/{domain_id}/*/*/*/M$*/*/{namespace}/**")
 }
 
 /// Global identifier of a publisher or client.

@@ -1,6 +1,5 @@
 //! `probecell dashboard`: every cell of the bus and every recording as web pages.
 
-use std::collections::BTreeSet;
 use std::ffi::OsString;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
@@ -215,14 +214,8 @@ pub(crate) fn run(arguments: Arguments) -> anyhow::Result<u8> {
     let folders: Vec<PathBuf> = recordings.iter().chain(&lake).cloned().collect();
     confined::server(&cells, &buses, &folders)?;
     // Of the dashboards of several cells on one host most are not looked at: each begins with its own cell.
-    let names = cells.iter().map(|cell| cell.namespace());
-    let first = if arguments.supervised {
-        names
-            .map(|name| name.trim_matches('/').to_owned())
-            .collect()
-    } else {
-        BTreeSet::new()
-    };
+    let own = cells.first().filter(|_| arguments.supervised);
+    let first = own.map(|cell| cell.cell.name.clone());
     let settings = Settings {
         first,
         listen: arguments.listen,
