@@ -63,7 +63,7 @@ impl Piece {
             if FAST.contains(&topic.name) {
                 let count = counts.entry(topic.name).or_default();
                 *count += 1;
-                if *count % every != 0 {
+                if !count.is_multiple_of(every) {
                     continue;
                 }
             }
