@@ -40,7 +40,7 @@ pub(crate) struct Live {
     first: Option<String>,
     /// Somebody has looked.
     looked: AtomicBool,
-    /// Every cell is read.
+    /// Every cell is read, and something is known of each.
     everything: watch::Sender<bool>,
     /// Takes the operators' keys.
     acts: Arc<Acts>,
@@ -93,7 +93,7 @@ impl Live {
         }
     }
 
-    /// Somebody looks: from now on every cell is read. The first who does waits until that has begun.
+    /// Somebody looks: from now on every cell is read. The first who does waits until something is known of each.
     pub(crate) async fn look(&self) {
         if self.looked.swap(true, Ordering::Relaxed) {
             return;
@@ -131,6 +131,18 @@ impl Live {
         if before != after {
             self.changed.send_replace(after);
         }
+    }
+
+    /// Whoever waits in [`Live::look`] goes on when something is known of each of these cells.
+    fn tell_whether_all_are_read(&self, present: &BTreeSet<String>) {
+        let hall = self.hall();
+        let all = present.iter().all(|cell| hall.cell(cell).is_some());
+        drop(hall);
+        self.everything.send_if_modified(|told| {
+            let changed = all && !*told;
+            *told |= all;
+            changed
+        });
     }
 
     fn take(&self, topic: &str, payload: &[u8]) {
@@ -298,6 +310,9 @@ fn run(live: &Arc<Live>, config: &BusConfig) {
     });
     drop(first);
     lock(&heard).freeze();
+    if let Err(error) = observer.await_graph() {
+        tracing::warn!(%error, "cells may be found late");
+    }
     let on_kept: OnKept = Arc::new({
         let live = Arc::clone(live);
         move |topic, payload, at_ns| {
@@ -322,7 +337,7 @@ fn run(live: &Arc<Live>, config: &BusConfig) {
         states.follow(&observer, &present, &on);
         axes.follow(&observer, &live.wanted(), &on);
         live.set_present(&present);
-        live.everything.send_replace(true);
+        live.tell_whether_all_are_read(&present);
         std::thread::sleep(PRESENCE);
     }
 }

@@ -5,7 +5,7 @@
 //! appears needs no subscription of its own. It is a client of the router: what it reads leaves each node once, and a reader
 //! that is slow holds up the router's queue to it, not a node. The session reconnects by itself when the router comes back.
 
-use std::sync::Arc;
+use std::sync::{Arc, mpsc};
 
 use zenoh::Wait;
 use zenoh::key_expr::KeyExpr;
@@ -177,6 +177,26 @@ impl Observer {
                 .wait()
                 .map_err(|reason| BusError::transport("ask for what is kept", &reason))?;
         }
+        Ok(())
+    }
+
+    /// Waits until [`Observer::graph`] holds what was announced before this call: the router answers in order.
+    ///
+    /// # Errors
+    /// [`BusError::Transport`].
+    pub fn await_graph(&self) -> Result<(), BusError> {
+        let (held, ended) = mpsc::channel::<()>();
+        // A callback: what is known already answers within the call, which a bounded channel would block.
+        self.session
+            .liveliness()
+            .get(topic_tokens(self.domain_id))
+            .callback(move |_| {
+                let _ = &held;
+            })
+            .wait()
+            .map_err(|reason| BusError::transport("ask for the graph", &reason))?;
+        // It ends when the callback is dropped, after the last answer.
+        ended.into_iter().for_each(drop);
         Ok(())
     }
 
