@@ -13,8 +13,8 @@ pub enum BusError {
     },
     /// Nothing to connect to.
     #[error(
-        "no router answers at {endpoints} within {seconds:.1} s (`probecell router` or a running cell provides one), or its cell is \
-         secured and the user of another account ({reason})"
+        "no router answers at {endpoints} within {seconds:.1} s: `probecell router` or a running cell provides one, and that of a secured \
+         cell of another account admits none but its users ({reason})"
     )]
     NoRouter {
         /// Locators tried.
