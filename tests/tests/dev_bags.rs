@@ -65,22 +65,7 @@ fn analysed(session: &Session) -> (Vec<TouchDeviation>, BTreeMap<String, Feature
 
 /// Deviations by NumPy for each bag, by event number; `None` where no Python with what it needs is there.
 fn by_numpy(bags: &[PathBuf]) -> Option<Vec<BTreeMap<String, f64>>> {
-    let own = PathBuf::from(concat!(
-        env!("CARGO_MANIFEST_DIR"),
-        "/../target/venv/bin/python"
-    ));
-    let python = if own.exists() {
-        own
-    } else {
-        PathBuf::from("python3")
-    };
-    let imports = Command::new(&python)
-        .args(["-c", "import numpy, mcap_ros2"])
-        .output();
-    if !imports.is_ok_and(|output| output.status.success()) {
-        shared_data::note_missing("python3 with numpy and mcap-ros2-support is not installed");
-        return None;
-    }
+    let python = shared_data::python("numpy, mcap_ros2")?;
     let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/numpy_deviations.py");
     let output = Command::new(&python)
         .arg(script)

@@ -11,14 +11,10 @@ fn deviations_agree_with_numpy_to_a_nanometre() {
         return;
     }
     let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/nominal_deviation.py");
-    let imports = Command::new("python3")
-        .args(["-c", "import numpy, mcap_ros2"])
-        .output();
-    if !imports.is_ok_and(|run| run.status.success()) {
-        shared_data::note_missing("python3 with numpy and mcap-ros2-support is not installed");
+    let Some(python) = shared_data::python("numpy, mcap_ros2") else {
         return;
-    }
-    let run = Command::new("python3")
+    };
+    let run = Command::new(python)
         .arg(script)
         .args(&bags)
         .output()

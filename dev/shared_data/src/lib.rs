@@ -17,6 +17,7 @@ use std::{
     io::Write as _,
     panic::Location,
     path::{Path, PathBuf},
+    process::Command,
 };
 
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
@@ -58,6 +59,26 @@ pub fn note_missing(what: &str) {
     let line = note(thread.name().unwrap_or("main"), Location::caller(), what);
     append(&Path::new(ROOT).join("target"), &line)
         .unwrap_or_else(|error| panic!("target/skipped.txt cannot be written: {error}"));
+}
+
+/// A Python that imports these modules (`numpy, mcap`): that of `target/venv`, where `.ci/run` installs what tests need, else
+/// `python3`; none, noted in `target/skipped.txt`, where they are not installed.
+#[track_caller]
+pub fn python(modules: &str) -> Option<PathBuf> {
+    let own = Path::new(ROOT).join("target/venv/bin/python");
+    let python = if own.exists() {
+        own
+    } else {
+        PathBuf::from("python3")
+    };
+    let imports = Command::new(&python)
+        .args(["-c", &format!("import {modules}")])
+        .output();
+    if imports.is_ok_and(|output| output.status.success()) {
+        return Some(python);
+    }
+    note_missing(&format!("python3 with {modules} is not installed"));
+    None
 }
 
 /// One line: file, test, and what is missing.
