@@ -51,7 +51,7 @@ def token():
 def press(page, act, answer, subject=None, confirmed=True):
     """Presses a button and signs; gives what the dialogue has shown, and what it says in the end."""
     wait(page, "(act) => [...document.querySelectorAll(`[data-act=${act}]`)].some((one) => one.checkVisibility())", act)
-    page.evaluate("(act) => document.querySelector(`[data-act=${act}]`).click()", act)
+    pressed = page.evaluate("(act) => { const one = document.querySelector(`[data-act=${act}]`); one.click(); return one.dataset.subject ?? ''; }", act)
     if subject:
         page.fill("#deed-subject", subject)
         page.click("dialog button[value=go]")
@@ -66,6 +66,8 @@ def press(page, act, answer, subject=None, confirmed=True):
     assert answer in told, (act, told)
     page.click("dialog button")
     page.wait_for_selector("dialog", state="detached")
+    if act == "approve":  # until the page knows: what is decided is offered to nobody
+        wait(page, "(subject) => ![...document.querySelectorAll('[data-act=approve]')].some((one) => one.dataset.subject === subject)", pressed)
     return shown, told
 
 
