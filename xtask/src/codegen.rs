@@ -11,6 +11,7 @@ use anyhow::{Context, Result};
 pub mod codes;
 pub mod hash;
 pub mod interface;
+mod item;
 pub mod package;
 pub mod rust;
 

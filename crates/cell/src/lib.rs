@@ -4,7 +4,7 @@
 //! cell.toml ----> [cell] [bus] [recorder]            sections of no node, checked here
 //!                 [machine_state] ... [gap]          one section for each node, checked by the node
 //!                 [[signals]]                        of controllers beside the machine, by plc
-//!                 [driver] source = NAME  [NAME]     settings of the driver, by controllers::driver::DRIVERS
+//!                 [driver] source = NAME  [NAME]     settings of the driver, by controllers::registry::DRIVERS
 //!                 [[model.effects]]                  effects declared besides the robot description
 //! robot.urdf ---> kinematic chain
 //!                       v
@@ -53,7 +53,7 @@ pub mod strangers;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use controllers::driver::{DRIVERS, Driver};
+use controllers::{driver::Driver, registry::DRIVERS};
 use graph::{Instance, Topic};
 use machine::Chain;
 use serde::Deserialize;

@@ -1,6 +1,6 @@
 //! What a control dialect is: the language in which a controller is programmed and reports.
 //!
-//! A dialect is one file or folder of this crate that implements [`Dialect`], and one line in [`DIALECTS`]. The commands
+//! A dialect is one file or folder of this crate that implements [`Dialect`], and one line in [`crate::registry`]. The commands
 //! `probecell program` and `probecell results` take their choices, their help texts and the recognition of result files from
 //! the registry.
 
@@ -10,16 +10,9 @@ use probecell_msgs::{InspectionPlan, MeasurementOrder};
 
 use crate::{
     axes::Axis,
-    fanuc::Fanuc,
-    inspection::Inspection,
-    linuxcnc::LinuxCnc,
     measuring::ProgramError,
     results::{ResultsError, ResultsFormat},
-    sinumerik::Sinumerik,
 };
-
-/// Every dialect of this crate. A result file is read by the first format that recognises it, in this order.
-pub const DIALECTS: &[&dyn Dialect] = &[&Fanuc, &Inspection, &LinuxCnc, &Sinumerik];
 
 /// A control dialect.
 pub trait Dialect: Sync {

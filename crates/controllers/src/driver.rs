@@ -1,6 +1,7 @@
 //! What a driver is: that which stands behind a cell's driver topics.
 //!
-//! A driver is one file or folder of this crate that implements [`Driver`], and one line in [`DRIVERS`]. Everything else of
+//! A driver is one file or folder of this crate that implements [`Driver`], and one line in
+//! [`crate::registry`]. Everything else of
 //! the project asks the registry: the values of `driver.source` and the section of settings in a cell file, their checks, the
 //! processes that the launcher starts, the checks of `probecell doctor`.
 //!
@@ -33,12 +34,7 @@ use probecell_msgs::{
 };
 use serde::de::DeserializeOwned;
 
-use crate::{
-    axes::Axis, bag::Bag, external::External, linuxcnc::LinuxCnc, ros2::Ros2, simulator::Simulator,
-};
-
-/// Every driver of this crate.
-pub const DRIVERS: &[&dyn Driver] = &[&Simulator, &LinuxCnc, &Ros2, &External, &Bag];
+use crate::axes::Axis;
 
 /// A section of a cell file as it is written, with the positions of its values.
 pub type Section<'a> = toml::de::ValueDeserializer<'a>;

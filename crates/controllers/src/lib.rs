@@ -1,7 +1,7 @@
 //! What stands behind a cell's driver topics, and how are other controllers programmed and read?
 //!
 //! ```text
-//!             driver::DRIVERS                                dialect::DIALECTS
+//!             registry::DRIVERS                              registry::DIALECTS
 //!    simulator   linuxcnc, ros2 external bag    linuxcnc   fanuc   sinumerik   inspection
 //!        |          |         |        |        programs: plan + order -> text
 //!      node      process   foreign  playback   results:  text -> touches, sizes
@@ -11,13 +11,13 @@
 //!   controller_replies, controller_commands
 //! ```
 //!
-//! A driver and a dialect is each one file or folder, and one line in its registry; commands, checks and help texts follow
-//! from the registries.
+//! A driver and a dialect is each one file or folder, and one line in the registry, from which commands, checks and help
+//! texts follow.
 //!
 //! | module | content |
 //! |---|---|
-//! | [`driver`] | trait [`driver::Driver`] and its registry |
-//! | [`dialect`] | trait [`dialect::Dialect`] and its registry |
+//! | [`driver`], [`dialect`] | traits [`driver::Driver`] and [`dialect::Dialect`] |
+//! | [`registry`] | the drivers and dialects there are |
 //! | [`linuxcnc`] | LinuxCNC: driver over its remote shell, and G-code |
 //! | [`ros2`] | driver of a robot behind `joint_states`, `FollowJointTrajectory` and a contact signal |
 //! | [`simulator`], [`external`], [`bag`] | drivers: the simulated machine; a process of others; a recording that is played |
@@ -29,7 +29,7 @@
 //! | [`text`] | lines and words, and errors with line and column |
 //!
 //! ```
-//! use controllers::dialect::{DIALECTS, recognise};
+//! use controllers::{dialect::recognise, registry::DIALECTS};
 //!
 //! // Printed by a FANUC: one touch, and one probing move without contact.
 //! let text = "AXES X Y Z\nTOUCH 1 4 10. 0. -5.\nMISS 2 7 12. 0. -5.\n";
@@ -54,6 +54,7 @@ pub mod fanuc;
 pub mod inspection;
 pub mod linuxcnc;
 pub mod measuring;
+pub mod registry;
 pub mod results;
 pub mod ros2;
 pub mod secret;

@@ -1,10 +1,9 @@
 //! A dialect that the project does not know, registered from outside: one value of a registry, and nothing else.
 
 use controllers::{
-    dialect::{
-        Characteristic, DIALECTS, Dialect, Job, Limits, ProgramWriter, by_name, formats, recognise,
-    },
+    dialect::{Characteristic, Dialect, Job, Limits, ProgramWriter, by_name, formats, recognise},
     measuring::ProgramError,
+    registry::DIALECTS,
     results::{Outcome, Results, ResultsFormat, Touch},
     text::{ParseError, Words},
 };

@@ -12,6 +12,7 @@ mod dwell;
 mod jerk;
 mod latency;
 mod moves;
+mod probing;
 mod speed_override;
 mod track;
 mod velocity;

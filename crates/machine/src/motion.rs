@@ -30,11 +30,7 @@
 //! assert!((axis.profile(0.2).duration() - (0.5 + 0.2 + 0.05)).abs() < 1e-12);
 //! ```
 
-mod declared;
-
 use serde::{Deserialize, Serialize};
-
-pub use declared::{MotionError, RawAxis, RawMotion};
 
 /// Speed assumed for an axis whose description gives none, m/s or rad/s: slow, so that it is avoided.
 const UNKNOWN_SPEED: f64 = 0.05;

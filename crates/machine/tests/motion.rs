@@ -3,8 +3,8 @@
 
 use std::f64::consts::PI;
 
-use machine::motion::{AxisLimits, Motion, RawMotion};
-use machine::{Chain, MotionError};
+use machine::motion::{AxisLimits, Motion};
+use machine::{Chain, MotionError, RawMotion};
 
 /// Seconds that an axis needs at least, by bang-bang control of the jerk integrated in steps of `step` s: the speed is
 /// raised while what would still be covered on braking from it stays within half of the way, symmetrically taken back.

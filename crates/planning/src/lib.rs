@@ -42,11 +42,13 @@
 
 mod costs;
 mod exact;
+mod options;
 mod problem;
 mod search;
 mod solve;
 
 pub use costs::{CostError, CostMatrix};
 pub use exact::EXACT_LIMIT;
+pub use options::{Options, Progress};
 pub use problem::{Problem, ProblemError};
-pub use solve::{Options, Progress, Search, Solution, solve};
+pub use solve::{Search, Solution, solve};

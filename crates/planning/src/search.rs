@@ -25,8 +25,8 @@ use rand_pcg::rand_core::{RngCore, SeedableRng};
 
 use serde::{Deserialize, Serialize};
 
+use crate::options::{Options, Progress};
 use crate::problem::Checked;
-use crate::solve::{Options, Progress};
 use choice::{Chosen, Plain};
 use directed::Directed;
 use grid::{Grid, Lists};

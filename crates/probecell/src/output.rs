@@ -7,7 +7,9 @@ use std::{
     io::{ErrorKind, IsTerminal, Write},
 };
 
+use diagnosis::Session;
 use probecell_msgs::{PlanProgress, is_unprintable};
+use recorded::Measured;
 use serde::Serialize;
 use tracing::Level;
 
@@ -50,6 +52,14 @@ pub(crate) fn bytes(text: &[u8]) {
 pub(crate) fn remark(text: &str) {
     eprintln!("{}", printable(text));
     host::rosout::log(Level::INFO, text);
+}
+
+/// The session of a measurement, whose remarks are printed.
+pub(crate) fn with_remarks(measured: Measured) -> Session {
+    for text in &measured.remarks {
+        remark(text);
+    }
+    measured.session
 }
 
 /// A warning on standard error, and in the log of a process of a cell.

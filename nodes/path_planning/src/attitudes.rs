@@ -18,9 +18,9 @@ use nalgebra::{Unit, UnitQuaternion, Vector3};
 use probecell_msgs::InspectionPlan;
 
 use crate::{
-    candidates::{Candidate, Poses, Seed, Solver, touch_pose},
     error::PlanningError,
-    rules::MotionRules,
+    rules::{Attitudes, Held, MotionRules},
+    solver::{Candidate, Poses, Seed, Solver, touch_pose},
 };
 
 /// Nearer than this to a singularity no touch is planned: least speed of the probe at unit speed of the joints
@@ -29,25 +29,7 @@ const LEAST_DEXTERITY: f64 = 0.01;
 /// Postures that are tried as hubs.
 const HUBS_TRIED: usize = 96;
 
-/// How an arm may hold the probe, by feature of the plan.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Attitudes {
-    /// Of each feature.
-    pub features: Vec<Held>,
-    /// Candidates that each point keeps.
-    pub kept: usize,
-}
-
-/// How it may be held for a feature.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Held {
-    /// Directions from the ball along the stem, part frame.
-    pub stems: Vec<Unit<Vector3<f64>>>,
-    /// Turns about the stem from an attitude that is the same in the foundation for the same direction there, rad.
-    pub turns: Vec<f64>,
-}
-
-/// The candidates of all points of a plan that an arm touches, by point; `poses` as in [`crate::candidates::all`].
+/// The candidates of all points of a plan that an arm touches, by point; `poses` as in `candidates::all`.
 pub(crate) fn candidates(
     rules: &MotionRules<'_>,
     attitudes: &Attitudes,

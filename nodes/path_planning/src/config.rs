@@ -4,9 +4,8 @@ use machine::Chain;
 use serde::Deserialize;
 
 use crate::{
-    attitudes::Attitudes,
     part::{Part, PartError, RawPart},
-    rules::MotionRules,
+    rules::{Attitudes, MotionRules},
 };
 
 /// Most postures that each touch may be made at.

@@ -12,9 +12,10 @@ use nalgebra::{Point3, Unit, Vector3};
 use probecell_msgs::{InspectionPlan, InspectionPoint};
 
 use crate::{
-    candidates::{self, Poses},
+    candidates,
     error::PlanningError,
     rules::MotionRules,
+    solver::Poses,
     task::{OrderRequest, Task},
 };
 

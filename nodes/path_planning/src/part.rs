@@ -24,7 +24,7 @@ pub use features::kind_code;
 use numbers::{direction, finite, metres, ros_point, ros_vector};
 pub use raw::{RawFeature, RawOperation, RawPart, RawStylus};
 
-use crate::{candidates::Poses, error::MOST_TOUCHES};
+use crate::{error::MOST_TOUCHES, solver::Poses};
 
 /// As checked: a plan without id and stamp, and what a pass may leave on it.
 #[derive(Clone, Debug)]

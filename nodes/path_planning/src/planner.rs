@@ -3,9 +3,9 @@
 use probecell_msgs::{InspectionPlan, MeasurementOrder};
 
 use crate::{
-    candidates::Seed,
     error::PlanningError,
     rules::MotionRules,
+    solver::Seed,
     task::{OrderRequest, Planned, Task},
 };
 

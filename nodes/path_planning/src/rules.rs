@@ -1,8 +1,7 @@
 //! How the machine may move between touches.
 
 use machine::{Chain, Motion};
-
-use crate::attitudes::Attitudes;
+use nalgebra::{Unit, Vector3};
 
 /// The machine, and what its measuring programs keep to.
 #[derive(Clone, Debug)]
@@ -25,4 +24,22 @@ impl MotionRules<'_> {
     pub(crate) fn motion(&self) -> &Motion {
         self.chain.motion()
     }
+}
+
+/// How an arm may hold the probe, by feature of the plan.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Attitudes {
+    /// Of each feature.
+    pub features: Vec<Held>,
+    /// Candidates that each point keeps.
+    pub kept: usize,
+}
+
+/// How it may be held for a feature.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Held {
+    /// Directions from the ball along the stem, part frame.
+    pub stems: Vec<Unit<Vector3<f64>>>,
+    /// Turns about the stem from an attitude that is the same in the foundation for the same direction there, rad.
+    pub turns: Vec<f64>,
 }

@@ -4,10 +4,10 @@ use planning::{CostMatrix, Problem};
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    candidates::Candidate,
     error::PlanningError,
     moves::first_transit,
     rules::MotionRules,
+    solver::Candidate,
     transit::{NO_TRANSIT, Transits},
 };
 

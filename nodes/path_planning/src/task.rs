@@ -11,10 +11,11 @@ use probecell_msgs::{InspectionPlan, MeasurementOrder, PlanProgress};
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    candidates::{self, Candidate, Poses, Seed},
+    candidates,
     error::{MOST_TOUCHES, MOST_TURNS, PlanningError},
     moves,
     rules::MotionRules,
+    solver::{Candidate, Poses, Seed},
     table::TimeTable,
     transit::{Ends, NO_TRANSIT, Transits},
 };

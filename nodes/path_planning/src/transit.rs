@@ -14,8 +14,8 @@ use probecell_msgs::{InspectionFeature, InspectionPlan};
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    candidates::{Candidate, Targets},
     rules::MotionRules,
+    solver::{Candidate, Targets},
 };
 
 /// Heights to which the probe may withdraw: this many from the middle of the part to where everything is clear, and half

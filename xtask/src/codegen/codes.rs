@@ -22,7 +22,7 @@ use anyhow::{Context, Result, bail, ensure};
 
 use super::{
     interface::{Constant, Element, Field, Message, Primitive, Shape},
-    rust::{doc, rust_name},
+    item::{doc, rust_name},
 };
 
 /// The enumeration that a field takes its values from.

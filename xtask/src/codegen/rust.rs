@@ -14,6 +14,7 @@ use anyhow::{Context, Result, ensure};
 use super::{
     OWN_PACKAGE, codes, hash,
     interface::{Element, Field, Message, Primitive, Service, Shape},
+    item::{doc, rust_name},
     package::Interfaces,
 };
 
@@ -369,10 +370,6 @@ fn rust_primitive(primitive: Primitive) -> &'static str {
     }
 }
 
-pub(super) fn rust_name(message: &Message) -> String {
-    message.name.replace('_', "")
-}
-
 fn rust_field(name: &str) -> String {
     const KEYWORDS: [&str; 12] = [
         "type", "ref", "move", "match", "loop", "in", "use", "where", "as", "mod", "box", "yield",
@@ -382,12 +379,6 @@ fn rust_field(name: &str) -> String {
     } else {
         name.to_owned()
     }
-}
-
-pub(super) fn doc(lines: &[String]) -> String {
-    lines
-        .iter()
-        .fold(String::new(), |code, line| code + "/// " + line + "\n")
 }
 
 fn format_code(code: &str) -> Result<String> {

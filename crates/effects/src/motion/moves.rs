@@ -7,15 +7,9 @@ use machine::{Chain, JointKind, Motion, Nominal, touch_positions};
 use metrology::statistics::{median, robust_deviation};
 use probecell_msgs::{InspectionPlan, MachineState, MeasurementOrder, ProbeEvent, ProbingMove};
 
+use super::probing::Probing;
 use super::track::Track;
 use crate::session::{DiagnoseError, Session, seconds};
-
-/// The machine, the plan and the ball of a session.
-pub(super) struct Probing<'a> {
-    pub(super) chain: &'a Chain,
-    pub(super) plan: &'a InspectionPlan,
-    pub(super) nominal: Nominal,
-}
 
 /// The way from one touch to the next.
 #[derive(Debug, Clone, PartialEq)]
@@ -260,17 +254,6 @@ fn seen(shares: &[f64]) -> Option<[f64; 2]> {
     let spread = OF_MEDIAN * robust_deviation(shares, middle) / (shares.len() as f64).sqrt();
     let half = (FEED_DEVIATIONS * spread).max(FINEST_FEED * middle);
     (shares.len() >= FEWEST).then_some([middle - half, middle + half])
-}
-
-impl Probing<'_> {
-    /// Straight distance of the ball between two sets of positions, in the part frame, m.
-    pub(super) fn ball_path(&self, from: &[f64], to: &[f64]) -> f64 {
-        let place = |at: &[f64]| {
-            self.chain
-                .ball_in_part(at, &self.nominal.part_pose, &self.nominal.ball)
-        };
-        (place(to) - place(from)).norm()
-    }
 }
 
 fn point_feed(plan: &InspectionPlan, event: &ProbeEvent) -> f64 {

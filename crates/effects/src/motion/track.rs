@@ -6,7 +6,7 @@
 use machine::Chain;
 use probecell_msgs::{ProbeEvent, sensor_msgs::JointState};
 
-use super::moves::Probing;
+use super::probing::Probing;
 use crate::session::seconds;
 
 /// Fewest samples of the axes between two touches.

@@ -5,7 +5,8 @@ use std::{fs::File, io::Read, path::Path};
 use anyhow::{Context, bail, ensure};
 use controllers::{
     axes::{Axis, Letter},
-    dialect::{DIALECTS, recognise},
+    dialect::recognise,
+    registry::DIALECTS,
     results::{Outcome, Results, ResultsFormat},
     text::{Lines, ParseError},
 };

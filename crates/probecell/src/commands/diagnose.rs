@@ -9,7 +9,6 @@ use cell::Cell;
 use diagnosis::{
     Options, Report, Residuals, Session, diagnose_together_with_residuals, diagnose_with_residuals,
 };
-use recorded::Measured;
 
 use super::diagnose_refine;
 use super::diagnose_time::Timed;
@@ -181,17 +180,9 @@ pub(super) fn read(path: &Path, arguments: &Arguments) -> anyhow::Result<Session
         Some(path) => Some(Cell::read(path)?.model.effects),
         None => None,
     };
-    Ok(with_remarks(recorded::measured(
+    Ok(output::with_remarks(recorded::measured(
         path,
         &measurement,
         model.as_deref(),
     )?))
-}
-
-/// The session, after its remarks.
-pub(super) fn with_remarks(measured: Measured) -> Session {
-    for remark in &measured.remarks {
-        output::remark(remark);
-    }
-    measured.session
 }

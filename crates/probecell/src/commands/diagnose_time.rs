@@ -10,7 +10,7 @@ use machine::{Chain, Motion, RawMotion};
 use probecell_msgs::MeasurementOrder;
 use recorded::{embedded, plain};
 
-use super::diagnose::with_remarks;
+use crate::output;
 
 /// A measurement and what was promised of it.
 pub(super) struct Timed {
@@ -39,7 +39,7 @@ impl Timed {
             None => recorded(&bag)?.check(&chain)?,
         };
         Ok(Self {
-            session: with_remarks(plain(&bag, session, Vec::new())),
+            session: output::with_remarks(plain(&bag, session, Vec::new())),
             orders,
             motion,
         })

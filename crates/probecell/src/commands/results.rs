@@ -12,7 +12,8 @@ use cell::{Cell, CellText};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use controllers::{
     axes::Axis,
-    dialect::{DIALECTS, formats},
+    dialect::formats,
+    registry::DIALECTS,
     results::{Frame, Outcome, Results, ResultsFormat, Touch},
 };
 use exchange::import::{Counts, Imported};

@@ -8,7 +8,7 @@ use super::{
     numbers::{direction, finite, turns},
     raw::RawPart,
 };
-use crate::attitudes::Held;
+use crate::rules::Held;
 
 /// Axes that can place and turn a probe.
 const ARM: usize = 6;

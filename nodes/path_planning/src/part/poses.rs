@@ -8,7 +8,7 @@ use super::{
     numbers::{finite, turns},
     raw::{MOST_POSES, RawFeature, RawPart},
 };
-use crate::candidates::Poses;
+use crate::solver::Poses;
 
 impl RawPart {
     /// Where the rotary axes may stand (rad) for a touch: as the feature says first, never empty.

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use serde::Deserialize;
 
-use super::{AxisLimits, Motion, Program};
 use crate::chain::{Chain, JointKind};
+use crate::motion::{AxisLimits, Motion, Program};
 
 /// Section `[motion]` of the cell file, as written.
 #[derive(Clone, Debug, Deserialize)]
@@ -97,14 +97,14 @@ impl RawMotion {
     /// # Errors
     /// [`MotionError`] names the first setting that cannot be used.
     pub fn check(&self, chain: &Chain) -> Result<Motion, MotionError> {
-        let mut motion = chain.motion().clone();
-        motion.dwell = not_negative("dwell_s", self.dwell_s)?;
+        let speeds = chain.motion().axes().to_vec();
+        let mut motion = Motion::new(speeds, not_negative("dwell_s", self.dwell_s)?);
         motion.program = self.program()?;
         for (name, raw) in &self.axes {
             let index = chain.axis_index(name);
             let index = index.ok_or_else(|| MotionError::Axis(name.clone()))?;
             let rotary = chain.axis(index).kind == JointKind::Revolute;
-            let limits = &mut motion.axes[index];
+            let limits = &mut motion.axes_mut()[index];
             *limits = raw.check(name, rotary, *limits)?;
         }
         Ok(motion)
