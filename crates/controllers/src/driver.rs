@@ -1,4 +1,4 @@
-//! What a driver is: that which stands behind a cell's driver topics.
+//! The interface of a driver: what serves the driver topics of a cell.
 //!
 //! A driver is one file or folder of this crate that implements [`Driver`], and one line in [`DRIVERS`]. Everything else of
 //! the project asks the registry: the values of `driver.source` and the section of settings in a cell file, their checks, the
