@@ -4,8 +4,6 @@ use crate::schema::{MessageType, ServiceType};
 
 use serde::{Deserialize, Serialize};
 
-use crate::schema::{Member, Message};
-
 /// A command to the driver. Only machine_state publishes it, after all its checks.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ControllerCommand {
@@ -78,39 +76,32 @@ crate::code::codes! {
     }
 }
 
-impl Message for ControllerCommand {
-    const TYPE: &'static MessageType = &MessageType {
-        name: "probecell_msgs/msg/ControllerCommand",
-        dds_name: "probecell_msgs::msg::dds_::ControllerCommand_",
-        type_hash: "RIHS01_727999f5d5171d9f26aad1f5299b5273b112505b4a8ea94806afe79e8228e0ee",
-        definition: concat!(
-            include_str!("../msg/ControllerCommand.msg"),
-            "================================================================================\nMSG: std_msgs/Header\n",
-            include_str!("../standard/std_msgs/msg/Header.msg"),
-            "================================================================================\nMSG: builtin_interfaces/Time\n",
-            include_str!("../standard/builtin_interfaces/msg/Time.msg")
-        ),
-        fields: &[
-            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
-            Member("session", 17, 0, 0, "", ""),
-            Member("command_id", 9, 0, 0, "", ""),
-            Member("kind", 3, 0, 0, "", ""),
-            Member("operation", 17, 0, 0, "", ""),
-            Member("plan_id", 17, 0, 0, "", ""),
-            Member("order", 151, 0, 0, "", ""),
-            Member("tool_number", 7, 0, 0, "", ""),
-            Member("axis", 17, 0, 0, "", ""),
-            Member("value", 11, 0, 0, "", ""),
-            Member("feature", 17, 0, 0, "", ""),
-            Member("path", 155, 0, 0, "", ""),
-            Member("correction_id", 17, 0, 0, "", ""),
-            Member("entries", 161, 0, 0, "", ""),
-            Member("values", 155, 0, 0, "", ""),
-            Member("run_id", 17, 0, 0, "", ""),
-        ],
-        describe: crate::describe::of::<ControllerCommand>,
-        canonical: crate::cdr::canonical::<ControllerCommand>,
-    };
+crate::schema::message! {
+    ControllerCommand: "probecell_msgs", "msg", "ControllerCommand",
+    "RIHS01_727999f5d5171d9f26aad1f5299b5273b112505b4a8ea94806afe79e8228e0ee",
+    concat!(
+        include_str!("../msg/ControllerCommand.msg"),
+        "================================================================================\nMSG: std_msgs/Header\n",
+        include_str!("../standard/std_msgs/msg/Header.msg"),
+        "================================================================================\nMSG: builtin_interfaces/Time\n",
+        include_str!("../standard/builtin_interfaces/msg/Time.msg")
+    ),
+    ["header", 1, 0, 0, "std_msgs/msg/Header", ""]
+    ["session", 17, 0, 0, "", ""]
+    ["command_id", 9, 0, 0, "", ""]
+    ["kind", 3, 0, 0, "", ""]
+    ["operation", 17, 0, 0, "", ""]
+    ["plan_id", 17, 0, 0, "", ""]
+    ["order", 151, 0, 0, "", ""]
+    ["tool_number", 7, 0, 0, "", ""]
+    ["axis", 17, 0, 0, "", ""]
+    ["value", 11, 0, 0, "", ""]
+    ["feature", 17, 0, 0, "", ""]
+    ["path", 155, 0, 0, "", ""]
+    ["correction_id", 17, 0, 0, "", ""]
+    ["entries", 161, 0, 0, "", ""]
+    ["values", 155, 0, 0, "", ""]
+    ["run_id", 17, 0, 0, "", ""]
 }
 
 /// The outcome of a ControllerCommand.
@@ -151,32 +142,25 @@ crate::code::codes! {
     }
 }
 
-impl Message for ControllerReply {
-    const TYPE: &'static MessageType = &MessageType {
-        name: "probecell_msgs/msg/ControllerReply",
-        dds_name: "probecell_msgs::msg::dds_::ControllerReply_",
-        type_hash: "RIHS01_8865f5da80564a406cdfb04605c7c9d0336cd0ecd68deec9c1fcd90aca4d85d6",
-        definition: concat!(
-            include_str!("../msg/ControllerReply.msg"),
-            "================================================================================\nMSG: std_msgs/Header\n",
-            include_str!("../standard/std_msgs/msg/Header.msg"),
-            "================================================================================\nMSG: builtin_interfaces/Time\n",
-            include_str!("../standard/builtin_interfaces/msg/Time.msg")
-        ),
-        fields: &[
-            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
-            Member("session", 17, 0, 0, "", ""),
-            Member("command_id", 9, 0, 0, "", ""),
-            Member("outcome", 3, 0, 0, "", ""),
-            Member("value_before", 11, 0, 0, "", ""),
-            Member("value", 11, 0, 0, "", ""),
-            Member("text", 17, 0, 0, "", ""),
-            Member("values_before", 155, 0, 0, "", ""),
-            Member("values", 155, 0, 0, "", ""),
-        ],
-        describe: crate::describe::of::<ControllerReply>,
-        canonical: crate::cdr::canonical::<ControllerReply>,
-    };
+crate::schema::message! {
+    ControllerReply: "probecell_msgs", "msg", "ControllerReply",
+    "RIHS01_8865f5da80564a406cdfb04605c7c9d0336cd0ecd68deec9c1fcd90aca4d85d6",
+    concat!(
+        include_str!("../msg/ControllerReply.msg"),
+        "================================================================================\nMSG: std_msgs/Header\n",
+        include_str!("../standard/std_msgs/msg/Header.msg"),
+        "================================================================================\nMSG: builtin_interfaces/Time\n",
+        include_str!("../standard/builtin_interfaces/msg/Time.msg")
+    ),
+    ["header", 1, 0, 0, "std_msgs/msg/Header", ""]
+    ["session", 17, 0, 0, "", ""]
+    ["command_id", 9, 0, 0, "", ""]
+    ["outcome", 3, 0, 0, "", ""]
+    ["value_before", 11, 0, 0, "", ""]
+    ["value", 11, 0, 0, "", ""]
+    ["text", 17, 0, 0, "", ""]
+    ["values_before", 155, 0, 0, "", ""]
+    ["values", 155, 0, 0, "", ""]
 }
 
 /// One raw sample of a controller, as its driver read it. Only machine_state subscribes to it; all others subscribe to
@@ -232,47 +216,40 @@ pub struct ControllerStatus {
     pub work_offsets: Vec<f64>,
 }
 
-impl Message for ControllerStatus {
-    const TYPE: &'static MessageType = &MessageType {
-        name: "probecell_msgs/msg/ControllerStatus",
-        dds_name: "probecell_msgs::msg::dds_::ControllerStatus_",
-        type_hash: "RIHS01_7c0f83e31178ef7d861bc897dc232e1c4426bd9ee0f6723fe662cbf5fa617109",
-        definition: concat!(
-            include_str!("../msg/ControllerStatus.msg"),
-            "================================================================================\nMSG: std_msgs/Header\n",
-            include_str!("../standard/std_msgs/msg/Header.msg"),
-            "================================================================================\nMSG: builtin_interfaces/Time\n",
-            include_str!("../standard/builtin_interfaces/msg/Time.msg")
-        ),
-        fields: &[
-            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
-            Member("session", 17, 0, 0, "", ""),
-            Member("mode", 3, 0, 0, "", ""),
-            Member("execution", 3, 0, 0, "", ""),
-            Member("program", 17, 0, 0, "", ""),
-            Member("line", 7, 0, 0, "", ""),
-            Member("tool_number", 7, 0, 0, "", ""),
-            Member("feed_override", 11, 0, 0, "", ""),
-            Member("spindle_speed", 11, 0, 0, "", ""),
-            Member("axis_names", 161, 0, 0, "", ""),
-            Member("axis_positions", 155, 0, 0, "", ""),
-            Member("axis_commands", 155, 0, 0, "", ""),
-            Member("axis_velocities", 155, 0, 0, "", ""),
-            Member("axis_efforts", 155, 0, 0, "", ""),
-            Member("probe_tripped", 15, 0, 0, "", ""),
-            Member("temperature_names", 161, 0, 0, "", ""),
-            Member("temperatures", 155, 0, 0, "", ""),
-            Member("alarms", 161, 0, 0, "", ""),
-            Member("tool_numbers", 151, 0, 0, "", ""),
-            Member("tool_wear", 155, 0, 0, "", ""),
-            Member("volumetric_entries", 161, 0, 0, "", ""),
-            Member("volumetric_values", 155, 0, 0, "", ""),
-            Member("work_offset_axes", 161, 0, 0, "", ""),
-            Member("work_offsets", 155, 0, 0, "", ""),
-        ],
-        describe: crate::describe::of::<ControllerStatus>,
-        canonical: crate::cdr::canonical::<ControllerStatus>,
-    };
+crate::schema::message! {
+    ControllerStatus: "probecell_msgs", "msg", "ControllerStatus",
+    "RIHS01_7c0f83e31178ef7d861bc897dc232e1c4426bd9ee0f6723fe662cbf5fa617109",
+    concat!(
+        include_str!("../msg/ControllerStatus.msg"),
+        "================================================================================\nMSG: std_msgs/Header\n",
+        include_str!("../standard/std_msgs/msg/Header.msg"),
+        "================================================================================\nMSG: builtin_interfaces/Time\n",
+        include_str!("../standard/builtin_interfaces/msg/Time.msg")
+    ),
+    ["header", 1, 0, 0, "std_msgs/msg/Header", ""]
+    ["session", 17, 0, 0, "", ""]
+    ["mode", 3, 0, 0, "", ""]
+    ["execution", 3, 0, 0, "", ""]
+    ["program", 17, 0, 0, "", ""]
+    ["line", 7, 0, 0, "", ""]
+    ["tool_number", 7, 0, 0, "", ""]
+    ["feed_override", 11, 0, 0, "", ""]
+    ["spindle_speed", 11, 0, 0, "", ""]
+    ["axis_names", 161, 0, 0, "", ""]
+    ["axis_positions", 155, 0, 0, "", ""]
+    ["axis_commands", 155, 0, 0, "", ""]
+    ["axis_velocities", 155, 0, 0, "", ""]
+    ["axis_efforts", 155, 0, 0, "", ""]
+    ["probe_tripped", 15, 0, 0, "", ""]
+    ["temperature_names", 161, 0, 0, "", ""]
+    ["temperatures", 155, 0, 0, "", ""]
+    ["alarms", 161, 0, 0, "", ""]
+    ["tool_numbers", 151, 0, 0, "", ""]
+    ["tool_wear", 155, 0, 0, "", ""]
+    ["volumetric_entries", 161, 0, 0, "", ""]
+    ["volumetric_values", 155, 0, 0, "", ""]
+    ["work_offset_axes", 161, 0, 0, "", ""]
+    ["work_offsets", 155, 0, 0, "", ""]
 }
 
 /// A correction of an offset, with everything that the gate of machine_state checks before it reaches the machine.
@@ -375,51 +352,44 @@ crate::code::codes! {
     }
 }
 
-impl Message for Correction {
-    const TYPE: &'static MessageType = &MessageType {
-        name: "probecell_msgs/msg/Correction",
-        dds_name: "probecell_msgs::msg::dds_::Correction_",
-        type_hash: "RIHS01_f37a9f4aa6f210055581c6aced2694d05e41b1b9239092d7ec7d17bd8a10a646",
-        definition: concat!(
-            include_str!("../msg/Correction.msg"),
-            "================================================================================\nMSG: std_msgs/Header\n",
-            include_str!("../standard/std_msgs/msg/Header.msg"),
-            "================================================================================\nMSG: builtin_interfaces/Time\n",
-            include_str!("../standard/builtin_interfaces/msg/Time.msg")
-        ),
-        fields: &[
-            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
-            Member("correction_id", 17, 0, 0, "", ""),
-            Member("session", 17, 0, 0, "", ""),
-            Member("replayed", 15, 0, 0, "", ""),
-            Member("kind", 3, 0, 0, "", ""),
-            Member("tool_number", 7, 0, 0, "", ""),
-            Member("axis", 17, 0, 0, "", ""),
-            Member("previous_value", 11, 0, 0, "", ""),
-            Member("new_value", 11, 0, 0, "", ""),
-            Member("path", 155, 0, 0, "", ""),
-            Member("lower_bound", 11, 0, 0, "", ""),
-            Member("upper_bound", 11, 0, 0, "", ""),
-            Member("plan_id", 17, 0, 0, "", ""),
-            Member("feature_ids", 161, 0, 0, "", ""),
-            Member("sequences", 153, 0, 0, "", ""),
-            Member("measured_error", 11, 0, 0, "", ""),
-            Member("standard_uncertainty", 11, 0, 0, "", ""),
-            Member("approval", 3, 0, 0, "", ""),
-            Member("approved_by", 17, 0, 0, "", ""),
-            Member("expires", 1, 0, 0, "builtin_interfaces/msg/Time", ""),
-            Member("entries", 161, 0, 0, "", ""),
-            Member("previous_values", 155, 0, 0, "", ""),
-            Member("new_values", 155, 0, 0, "", ""),
-            Member("value_limits", 155, 0, 0, "", ""),
-            Member("value_uncertainties", 155, 0, 0, "", ""),
-            Member("approved_at", 1, 0, 0, "builtin_interfaces/msg/Time", ""),
-            Member("shown", 17, 0, 0, "", ""),
-            Member("signature", 147, 0, 0, "", ""),
-        ],
-        describe: crate::describe::of::<Correction>,
-        canonical: crate::cdr::canonical::<Correction>,
-    };
+crate::schema::message! {
+    Correction: "probecell_msgs", "msg", "Correction",
+    "RIHS01_f37a9f4aa6f210055581c6aced2694d05e41b1b9239092d7ec7d17bd8a10a646",
+    concat!(
+        include_str!("../msg/Correction.msg"),
+        "================================================================================\nMSG: std_msgs/Header\n",
+        include_str!("../standard/std_msgs/msg/Header.msg"),
+        "================================================================================\nMSG: builtin_interfaces/Time\n",
+        include_str!("../standard/builtin_interfaces/msg/Time.msg")
+    ),
+    ["header", 1, 0, 0, "std_msgs/msg/Header", ""]
+    ["correction_id", 17, 0, 0, "", ""]
+    ["session", 17, 0, 0, "", ""]
+    ["replayed", 15, 0, 0, "", ""]
+    ["kind", 3, 0, 0, "", ""]
+    ["tool_number", 7, 0, 0, "", ""]
+    ["axis", 17, 0, 0, "", ""]
+    ["previous_value", 11, 0, 0, "", ""]
+    ["new_value", 11, 0, 0, "", ""]
+    ["path", 155, 0, 0, "", ""]
+    ["lower_bound", 11, 0, 0, "", ""]
+    ["upper_bound", 11, 0, 0, "", ""]
+    ["plan_id", 17, 0, 0, "", ""]
+    ["feature_ids", 161, 0, 0, "", ""]
+    ["sequences", 153, 0, 0, "", ""]
+    ["measured_error", 11, 0, 0, "", ""]
+    ["standard_uncertainty", 11, 0, 0, "", ""]
+    ["approval", 3, 0, 0, "", ""]
+    ["approved_by", 17, 0, 0, "", ""]
+    ["expires", 1, 0, 0, "builtin_interfaces/msg/Time", ""]
+    ["entries", 161, 0, 0, "", ""]
+    ["previous_values", 155, 0, 0, "", ""]
+    ["new_values", 155, 0, 0, "", ""]
+    ["value_limits", 155, 0, 0, "", ""]
+    ["value_uncertainties", 155, 0, 0, "", ""]
+    ["approved_at", 1, 0, 0, "builtin_interfaces/msg/Time", ""]
+    ["shown", 17, 0, 0, "", ""]
+    ["signature", 147, 0, 0, "", ""]
 }
 
 /// The outcome of a Correction at the machine.
@@ -474,31 +444,24 @@ crate::code::codes! {
     }
 }
 
-impl Message for CorrectionAcknowledgement {
-    const TYPE: &'static MessageType = &MessageType {
-        name: "probecell_msgs/msg/CorrectionAcknowledgement",
-        dds_name: "probecell_msgs::msg::dds_::CorrectionAcknowledgement_",
-        type_hash: "RIHS01_f4a80a304d09c08facc63a5a3d88717422a441022db64b5248a7334893d7d1fa",
-        definition: concat!(
-            include_str!("../msg/CorrectionAcknowledgement.msg"),
-            "================================================================================\nMSG: std_msgs/Header\n",
-            include_str!("../standard/std_msgs/msg/Header.msg"),
-            "================================================================================\nMSG: builtin_interfaces/Time\n",
-            include_str!("../standard/builtin_interfaces/msg/Time.msg")
-        ),
-        fields: &[
-            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
-            Member("correction_id", 17, 0, 0, "", ""),
-            Member("outcome", 3, 0, 0, "", ""),
-            Member("value_before", 11, 0, 0, "", ""),
-            Member("value_after", 11, 0, 0, "", ""),
-            Member("text", 17, 0, 0, "", ""),
-            Member("values_before", 155, 0, 0, "", ""),
-            Member("values_after", 155, 0, 0, "", ""),
-        ],
-        describe: crate::describe::of::<CorrectionAcknowledgement>,
-        canonical: crate::cdr::canonical::<CorrectionAcknowledgement>,
-    };
+crate::schema::message! {
+    CorrectionAcknowledgement: "probecell_msgs", "msg", "CorrectionAcknowledgement",
+    "RIHS01_f4a80a304d09c08facc63a5a3d88717422a441022db64b5248a7334893d7d1fa",
+    concat!(
+        include_str!("../msg/CorrectionAcknowledgement.msg"),
+        "================================================================================\nMSG: std_msgs/Header\n",
+        include_str!("../standard/std_msgs/msg/Header.msg"),
+        "================================================================================\nMSG: builtin_interfaces/Time\n",
+        include_str!("../standard/builtin_interfaces/msg/Time.msg")
+    ),
+    ["header", 1, 0, 0, "std_msgs/msg/Header", ""]
+    ["correction_id", 17, 0, 0, "", ""]
+    ["outcome", 3, 0, 0, "", ""]
+    ["value_before", 11, 0, 0, "", ""]
+    ["value_after", 11, 0, 0, "", ""]
+    ["text", 17, 0, 0, "", ""]
+    ["values_before", 155, 0, 0, "", ""]
+    ["values_after", 155, 0, 0, "", ""]
 }
 
 /// A fault of a node, named by a code. Each node publishes its faults on NODE/faults.
@@ -532,28 +495,21 @@ crate::code::codes! {
     }
 }
 
-impl Message for Fault {
-    const TYPE: &'static MessageType = &MessageType {
-        name: "probecell_msgs/msg/Fault",
-        dds_name: "probecell_msgs::msg::dds_::Fault_",
-        type_hash: "RIHS01_2cee159971e5e34eede5eab835eb9be85993e58f86acb91233c5045c232008bd",
-        definition: concat!(
-            include_str!("../msg/Fault.msg"),
-            "================================================================================\nMSG: std_msgs/Header\n",
-            include_str!("../standard/std_msgs/msg/Header.msg"),
-            "================================================================================\nMSG: builtin_interfaces/Time\n",
-            include_str!("../standard/builtin_interfaces/msg/Time.msg")
-        ),
-        fields: &[
-            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
-            Member("node", 17, 0, 0, "", ""),
-            Member("severity", 3, 0, 0, "", ""),
-            Member("code", 17, 0, 0, "", ""),
-            Member("text", 17, 0, 0, "", ""),
-        ],
-        describe: crate::describe::of::<Fault>,
-        canonical: crate::cdr::canonical::<Fault>,
-    };
+crate::schema::message! {
+    Fault: "probecell_msgs", "msg", "Fault",
+    "RIHS01_2cee159971e5e34eede5eab835eb9be85993e58f86acb91233c5045c232008bd",
+    concat!(
+        include_str!("../msg/Fault.msg"),
+        "================================================================================\nMSG: std_msgs/Header\n",
+        include_str!("../standard/std_msgs/msg/Header.msg"),
+        "================================================================================\nMSG: builtin_interfaces/Time\n",
+        include_str!("../standard/builtin_interfaces/msg/Time.msg")
+    ),
+    ["header", 1, 0, 0, "std_msgs/msg/Header", ""]
+    ["node", 17, 0, 0, "", ""]
+    ["severity", 3, 0, 0, "", ""]
+    ["code", 17, 0, 0, "", ""]
+    ["text", 17, 0, 0, "", ""]
 }
 
 /// A fitted feature. Published on feature_results: reliable, transient local, depth 64.
@@ -664,54 +620,47 @@ crate::code::codes! {
     }
 }
 
-impl Message for FeatureResult {
-    const TYPE: &'static MessageType = &MessageType {
-        name: "probecell_msgs/msg/FeatureResult",
-        dds_name: "probecell_msgs::msg::dds_::FeatureResult_",
-        type_hash: "RIHS01_7c546fc5441e0af8631203f2611bd9e4ca3b772ef9777ddc6ca0db78528ca56d",
-        definition: concat!(
-            include_str!("../msg/FeatureResult.msg"),
-            "================================================================================\nMSG: std_msgs/Header\n",
-            include_str!("../standard/std_msgs/msg/Header.msg"),
-            "================================================================================\nMSG: builtin_interfaces/Time\n",
-            include_str!("../standard/builtin_interfaces/msg/Time.msg"),
-            "================================================================================\nMSG: geometry_msgs/Point\n",
-            include_str!("../standard/geometry_msgs/msg/Point.msg"),
-            "================================================================================\nMSG: geometry_msgs/Vector3\n",
-            include_str!("../standard/geometry_msgs/msg/Vector3.msg")
-        ),
-        fields: &[
-            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
-            Member("plan_id", 17, 0, 0, "", ""),
-            Member("part_id", 17, 0, 0, "", ""),
-            Member("feature_id", 17, 0, 0, "", ""),
-            Member("kind", 3, 0, 0, "", ""),
-            Member("decision", 3, 0, 0, "", ""),
-            Member("criterion", 3, 0, 0, "", ""),
-            Member("aligned_to", 161, 0, 0, "", ""),
-            Member("touches", 7, 0, 0, "", ""),
-            Member("sequences", 153, 0, 0, "", ""),
-            Member("left_out", 153, 0, 0, "", ""),
-            Member("origin", 1, 0, 0, "geometry_msgs/msg/Point", ""),
-            Member("axis", 1, 0, 0, "geometry_msgs/msg/Vector3", ""),
-            Member("size", 11, 0, 0, "", ""),
-            Member("nominal_size", 11, 0, 0, "", ""),
-            Member("size_deviation", 11, 0, 0, "", ""),
-            Member("form", 11, 0, 0, "", ""),
-            Member("form_uncertainty", 11, 0, 0, "", ""),
-            Member("position", 11, 0, 0, "", ""),
-            Member("position_uncertainty", 11, 0, 0, "", ""),
-            Member("orientation", 11, 0, 0, "", ""),
-            Member("orientation_uncertainty", 11, 0, 0, "", ""),
-            Member("deviations", 155, 0, 0, "", ""),
-            Member("standard_uncertainty", 11, 0, 0, "", ""),
-            Member("coverage_factor", 11, 0, 0, "", ""),
-            Member("repeat_spread", 11, 0, 0, "", ""),
-            Member("text", 17, 0, 0, "", ""),
-        ],
-        describe: crate::describe::of::<FeatureResult>,
-        canonical: crate::cdr::canonical::<FeatureResult>,
-    };
+crate::schema::message! {
+    FeatureResult: "probecell_msgs", "msg", "FeatureResult",
+    "RIHS01_7c546fc5441e0af8631203f2611bd9e4ca3b772ef9777ddc6ca0db78528ca56d",
+    concat!(
+        include_str!("../msg/FeatureResult.msg"),
+        "================================================================================\nMSG: std_msgs/Header\n",
+        include_str!("../standard/std_msgs/msg/Header.msg"),
+        "================================================================================\nMSG: builtin_interfaces/Time\n",
+        include_str!("../standard/builtin_interfaces/msg/Time.msg"),
+        "================================================================================\nMSG: geometry_msgs/Point\n",
+        include_str!("../standard/geometry_msgs/msg/Point.msg"),
+        "================================================================================\nMSG: geometry_msgs/Vector3\n",
+        include_str!("../standard/geometry_msgs/msg/Vector3.msg")
+    ),
+    ["header", 1, 0, 0, "std_msgs/msg/Header", ""]
+    ["plan_id", 17, 0, 0, "", ""]
+    ["part_id", 17, 0, 0, "", ""]
+    ["feature_id", 17, 0, 0, "", ""]
+    ["kind", 3, 0, 0, "", ""]
+    ["decision", 3, 0, 0, "", ""]
+    ["criterion", 3, 0, 0, "", ""]
+    ["aligned_to", 161, 0, 0, "", ""]
+    ["touches", 7, 0, 0, "", ""]
+    ["sequences", 153, 0, 0, "", ""]
+    ["left_out", 153, 0, 0, "", ""]
+    ["origin", 1, 0, 0, "geometry_msgs/msg/Point", ""]
+    ["axis", 1, 0, 0, "geometry_msgs/msg/Vector3", ""]
+    ["size", 11, 0, 0, "", ""]
+    ["nominal_size", 11, 0, 0, "", ""]
+    ["size_deviation", 11, 0, 0, "", ""]
+    ["form", 11, 0, 0, "", ""]
+    ["form_uncertainty", 11, 0, 0, "", ""]
+    ["position", 11, 0, 0, "", ""]
+    ["position_uncertainty", 11, 0, 0, "", ""]
+    ["orientation", 11, 0, 0, "", ""]
+    ["orientation_uncertainty", 11, 0, 0, "", ""]
+    ["deviations", 155, 0, 0, "", ""]
+    ["standard_uncertainty", 11, 0, 0, "", ""]
+    ["coverage_factor", 11, 0, 0, "", ""]
+    ["repeat_spread", 11, 0, 0, "", ""]
+    ["text", 17, 0, 0, "", ""]
 }
 
 /// An effect that explains part of the difference between a session and its declared model.
@@ -740,29 +689,22 @@ pub struct GapEffect {
     pub indistinguishable_from: Vec<String>,
 }
 
-impl Message for GapEffect {
-    const TYPE: &'static MessageType = &MessageType {
-        name: "probecell_msgs/msg/GapEffect",
-        dds_name: "probecell_msgs::msg::dds_::GapEffect_",
-        type_hash: "RIHS01_c32e78420153ba91222c4d1a1c40316dbdb27beef5ab96cfac43f8747cd23c50",
-        definition: include_str!("../msg/GapEffect.msg"),
-        fields: &[
-            Member("effect", 17, 0, 0, "", ""),
-            Member("probability", 11, 0, 0, "", ""),
-            Member("parameter_names", 161, 0, 0, "", ""),
-            Member("parameter_values", 155, 0, 0, "", ""),
-            Member("parameter_units", 161, 0, 0, "", ""),
-            Member("parameter_ci95_lower", 155, 0, 0, "", ""),
-            Member("parameter_ci95_upper", 155, 0, 0, "", ""),
-            Member("rms_before", 11, 0, 0, "", ""),
-            Member("rms_after", 11, 0, 0, "", ""),
-            Member("rms_after_ci95_lower", 11, 0, 0, "", ""),
-            Member("rms_after_ci95_upper", 11, 0, 0, "", ""),
-            Member("indistinguishable_from", 161, 0, 0, "", ""),
-        ],
-        describe: crate::describe::of::<GapEffect>,
-        canonical: crate::cdr::canonical::<GapEffect>,
-    };
+crate::schema::message! {
+    GapEffect: "probecell_msgs", "msg", "GapEffect",
+    "RIHS01_c32e78420153ba91222c4d1a1c40316dbdb27beef5ab96cfac43f8747cd23c50",
+    include_str!("../msg/GapEffect.msg"),
+    ["effect", 17, 0, 0, "", ""]
+    ["probability", 11, 0, 0, "", ""]
+    ["parameter_names", 161, 0, 0, "", ""]
+    ["parameter_values", 155, 0, 0, "", ""]
+    ["parameter_units", 161, 0, 0, "", ""]
+    ["parameter_ci95_lower", 155, 0, 0, "", ""]
+    ["parameter_ci95_upper", 155, 0, 0, "", ""]
+    ["rms_before", 11, 0, 0, "", ""]
+    ["rms_after", 11, 0, 0, "", ""]
+    ["rms_after_ci95_lower", 11, 0, 0, "", ""]
+    ["rms_after_ci95_upper", 11, 0, 0, "", ""]
+    ["indistinguishable_from", 161, 0, 0, "", ""]
 }
 
 /// The difference from the declared model has changed while parts are made. Published on gap_findings: reliable, transient local,
@@ -805,54 +747,40 @@ pub struct GapFinding {
     pub further: Vec<InspectionPoint>,
 }
 
-impl Message for GapFinding {
-    const TYPE: &'static MessageType = &MessageType {
-        name: "probecell_msgs/msg/GapFinding",
-        dds_name: "probecell_msgs::msg::dds_::GapFinding_",
-        type_hash: "RIHS01_b22ce3877676723a4d74924c684fb76a7ef748a16330fefb680ca201d50fb4a1",
-        definition: concat!(
-            include_str!("../msg/GapFinding.msg"),
-            "================================================================================\nMSG: std_msgs/Header\n",
-            include_str!("../standard/std_msgs/msg/Header.msg"),
-            "================================================================================\nMSG: builtin_interfaces/Time\n",
-            include_str!("../standard/builtin_interfaces/msg/Time.msg"),
-            "================================================================================\nMSG: probecell_msgs/InspectionPoint\n",
-            include_str!("../msg/InspectionPoint.msg"),
-            "================================================================================\nMSG: geometry_msgs/Point\n",
-            include_str!("../standard/geometry_msgs/msg/Point.msg"),
-            "================================================================================\nMSG: geometry_msgs/Vector3\n",
-            include_str!("../standard/geometry_msgs/msg/Vector3.msg")
-        ),
-        fields: &[
-            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
-            Member("plan_id", 17, 0, 0, "", ""),
-            Member("part", 7, 0, 0, "", ""),
-            Member("onset_plan_id", 17, 0, 0, "", ""),
-            Member("onset_part", 7, 0, 0, "", ""),
-            Member("onset", 1, 0, 0, "builtin_interfaces/msg/Time", ""),
-            Member("false_alarms", 11, 0, 0, "", ""),
-            Member("effects", 161, 0, 0, "", ""),
-            Member("probability", 11, 0, 0, "", ""),
-            Member("parameter_names", 161, 0, 0, "", ""),
-            Member("parameter_values", 155, 0, 0, "", ""),
-            Member("parameter_units", 161, 0, 0, "", ""),
-            Member("parameter_ci95_lower", 155, 0, 0, "", ""),
-            Member("parameter_ci95_upper", 155, 0, 0, "", ""),
-            Member("rms_before", 11, 0, 0, "", ""),
-            Member("rms_after", 11, 0, 0, "", ""),
-            Member("remedy", 17, 0, 0, "", ""),
-            Member(
-                "further",
-                145,
-                0,
-                0,
-                "probecell_msgs/msg/InspectionPoint",
-                "",
-            ),
-        ],
-        describe: crate::describe::of::<GapFinding>,
-        canonical: crate::cdr::canonical::<GapFinding>,
-    };
+crate::schema::message! {
+    GapFinding: "probecell_msgs", "msg", "GapFinding",
+    "RIHS01_b22ce3877676723a4d74924c684fb76a7ef748a16330fefb680ca201d50fb4a1",
+    concat!(
+        include_str!("../msg/GapFinding.msg"),
+        "================================================================================\nMSG: std_msgs/Header\n",
+        include_str!("../standard/std_msgs/msg/Header.msg"),
+        "================================================================================\nMSG: builtin_interfaces/Time\n",
+        include_str!("../standard/builtin_interfaces/msg/Time.msg"),
+        "================================================================================\nMSG: probecell_msgs/InspectionPoint\n",
+        include_str!("../msg/InspectionPoint.msg"),
+        "================================================================================\nMSG: geometry_msgs/Point\n",
+        include_str!("../standard/geometry_msgs/msg/Point.msg"),
+        "================================================================================\nMSG: geometry_msgs/Vector3\n",
+        include_str!("../standard/geometry_msgs/msg/Vector3.msg")
+    ),
+    ["header", 1, 0, 0, "std_msgs/msg/Header", ""]
+    ["plan_id", 17, 0, 0, "", ""]
+    ["part", 7, 0, 0, "", ""]
+    ["onset_plan_id", 17, 0, 0, "", ""]
+    ["onset_part", 7, 0, 0, "", ""]
+    ["onset", 1, 0, 0, "builtin_interfaces/msg/Time", ""]
+    ["false_alarms", 11, 0, 0, "", ""]
+    ["effects", 161, 0, 0, "", ""]
+    ["probability", 11, 0, 0, "", ""]
+    ["parameter_names", 161, 0, 0, "", ""]
+    ["parameter_values", 155, 0, 0, "", ""]
+    ["parameter_units", 161, 0, 0, "", ""]
+    ["parameter_ci95_lower", 155, 0, 0, "", ""]
+    ["parameter_ci95_upper", 155, 0, 0, "", ""]
+    ["rms_before", 11, 0, 0, "", ""]
+    ["rms_after", 11, 0, 0, "", ""]
+    ["remedy", 17, 0, 0, "", ""]
+    ["further", 145, 0, 0, "probecell_msgs/msg/InspectionPoint", ""]
 }
 
 /// Why a session differs from the declared model. Published on gap_report: reliable, transient local, depth 1.
@@ -894,33 +822,26 @@ crate::code::codes! {
     }
 }
 
-impl Message for GapReport {
-    const TYPE: &'static MessageType = &MessageType {
-        name: "probecell_msgs/msg/GapReport",
-        dds_name: "probecell_msgs::msg::dds_::GapReport_",
-        type_hash: "RIHS01_f1b534141c4e3358b8547a9e409ce5e83acdb0abc3d4de5a6c15091e9077684f",
-        definition: concat!(
-            include_str!("../msg/GapReport.msg"),
-            "================================================================================\nMSG: std_msgs/Header\n",
-            include_str!("../standard/std_msgs/msg/Header.msg"),
-            "================================================================================\nMSG: builtin_interfaces/Time\n",
-            include_str!("../standard/builtin_interfaces/msg/Time.msg"),
-            "================================================================================\nMSG: probecell_msgs/GapEffect\n",
-            include_str!("../msg/GapEffect.msg")
-        ),
-        fields: &[
-            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
-            Member("plan_id", 17, 0, 0, "", ""),
-            Member("samples", 7, 0, 0, "", ""),
-            Member("verdict", 3, 0, 0, "", ""),
-            Member("rms", 11, 0, 0, "", ""),
-            Member("noise_floor", 11, 0, 0, "", ""),
-            Member("effects", 145, 0, 0, "probecell_msgs/msg/GapEffect", ""),
-            Member("json", 17, 0, 0, "", ""),
-        ],
-        describe: crate::describe::of::<GapReport>,
-        canonical: crate::cdr::canonical::<GapReport>,
-    };
+crate::schema::message! {
+    GapReport: "probecell_msgs", "msg", "GapReport",
+    "RIHS01_f1b534141c4e3358b8547a9e409ce5e83acdb0abc3d4de5a6c15091e9077684f",
+    concat!(
+        include_str!("../msg/GapReport.msg"),
+        "================================================================================\nMSG: std_msgs/Header\n",
+        include_str!("../standard/std_msgs/msg/Header.msg"),
+        "================================================================================\nMSG: builtin_interfaces/Time\n",
+        include_str!("../standard/builtin_interfaces/msg/Time.msg"),
+        "================================================================================\nMSG: probecell_msgs/GapEffect\n",
+        include_str!("../msg/GapEffect.msg")
+    ),
+    ["header", 1, 0, 0, "std_msgs/msg/Header", ""]
+    ["plan_id", 17, 0, 0, "", ""]
+    ["samples", 7, 0, 0, "", ""]
+    ["verdict", 3, 0, 0, "", ""]
+    ["rms", 11, 0, 0, "", ""]
+    ["noise_floor", 11, 0, 0, "", ""]
+    ["effects", 145, 0, 0, "probecell_msgs/msg/GapEffect", ""]
+    ["json", 17, 0, 0, "", ""]
 }
 
 /// A sign of life of machine_state, the gate, ten times a second. A driver whose machine moves stops it when it falls silent.
@@ -935,27 +856,20 @@ pub struct GateHeartbeat {
     pub count: u64,
 }
 
-impl Message for GateHeartbeat {
-    const TYPE: &'static MessageType = &MessageType {
-        name: "probecell_msgs/msg/GateHeartbeat",
-        dds_name: "probecell_msgs::msg::dds_::GateHeartbeat_",
-        type_hash: "RIHS01_878df513d1882e854527c51a71c25ae1247060f4277e40a2eb6f59eb760ae359",
-        definition: concat!(
-            include_str!("../msg/GateHeartbeat.msg"),
-            "================================================================================\nMSG: std_msgs/Header\n",
-            include_str!("../standard/std_msgs/msg/Header.msg"),
-            "================================================================================\nMSG: builtin_interfaces/Time\n",
-            include_str!("../standard/builtin_interfaces/msg/Time.msg")
-        ),
-        fields: &[
-            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
-            Member("session", 17, 0, 0, "", ""),
-            Member("started", 9, 0, 0, "", ""),
-            Member("count", 9, 0, 0, "", ""),
-        ],
-        describe: crate::describe::of::<GateHeartbeat>,
-        canonical: crate::cdr::canonical::<GateHeartbeat>,
-    };
+crate::schema::message! {
+    GateHeartbeat: "probecell_msgs", "msg", "GateHeartbeat",
+    "RIHS01_878df513d1882e854527c51a71c25ae1247060f4277e40a2eb6f59eb760ae359",
+    concat!(
+        include_str!("../msg/GateHeartbeat.msg"),
+        "================================================================================\nMSG: std_msgs/Header\n",
+        include_str!("../standard/std_msgs/msg/Header.msg"),
+        "================================================================================\nMSG: builtin_interfaces/Time\n",
+        include_str!("../standard/builtin_interfaces/msg/Time.msg")
+    ),
+    ["header", 1, 0, 0, "std_msgs/msg/Header", ""]
+    ["session", 17, 0, 0, "", ""]
+    ["started", 9, 0, 0, "", ""]
+    ["count", 9, 0, 0, "", ""]
 }
 
 /// A nominal feature of the part, in the part frame.
@@ -1008,31 +922,24 @@ crate::code::codes! {
     }
 }
 
-impl Message for InspectionFeature {
-    const TYPE: &'static MessageType = &MessageType {
-        name: "probecell_msgs/msg/InspectionFeature",
-        dds_name: "probecell_msgs::msg::dds_::InspectionFeature_",
-        type_hash: "RIHS01_affa7af2f22deb4124f87f898afa3c9adb138e345f21196adee51bac094d4534",
-        definition: concat!(
-            include_str!("../msg/InspectionFeature.msg"),
-            "================================================================================\nMSG: geometry_msgs/Point\n",
-            include_str!("../standard/geometry_msgs/msg/Point.msg"),
-            "================================================================================\nMSG: geometry_msgs/Vector3\n",
-            include_str!("../standard/geometry_msgs/msg/Vector3.msg")
-        ),
-        fields: &[
-            Member("id", 17, 0, 0, "", ""),
-            Member("kind", 3, 0, 0, "", ""),
-            Member("origin", 1, 0, 0, "geometry_msgs/msg/Point", ""),
-            Member("axis", 1, 0, 0, "geometry_msgs/msg/Vector3", ""),
-            Member("radius", 11, 0, 0, "", ""),
-            Member("half_angle", 11, 0, 0, "", ""),
-            Member("lower_tolerance", 11, 0, 0, "", ""),
-            Member("upper_tolerance", 11, 0, 0, "", ""),
-        ],
-        describe: crate::describe::of::<InspectionFeature>,
-        canonical: crate::cdr::canonical::<InspectionFeature>,
-    };
+crate::schema::message! {
+    InspectionFeature: "probecell_msgs", "msg", "InspectionFeature",
+    "RIHS01_affa7af2f22deb4124f87f898afa3c9adb138e345f21196adee51bac094d4534",
+    concat!(
+        include_str!("../msg/InspectionFeature.msg"),
+        "================================================================================\nMSG: geometry_msgs/Point\n",
+        include_str!("../standard/geometry_msgs/msg/Point.msg"),
+        "================================================================================\nMSG: geometry_msgs/Vector3\n",
+        include_str!("../standard/geometry_msgs/msg/Vector3.msg")
+    ),
+    ["id", 17, 0, 0, "", ""]
+    ["kind", 3, 0, 0, "", ""]
+    ["origin", 1, 0, 0, "geometry_msgs/msg/Point", ""]
+    ["axis", 1, 0, 0, "geometry_msgs/msg/Vector3", ""]
+    ["radius", 11, 0, 0, "", ""]
+    ["half_angle", 11, 0, 0, "", ""]
+    ["lower_tolerance", 11, 0, 0, "", ""]
+    ["upper_tolerance", 11, 0, 0, "", ""]
 }
 
 /// What to measure. Published on inspection_plan: reliable, transient local, depth 1.
@@ -1054,70 +961,42 @@ pub struct InspectionPlan {
     pub points: Vec<InspectionPoint>,
 }
 
-impl Message for InspectionPlan {
-    const TYPE: &'static MessageType = &MessageType {
-        name: "probecell_msgs/msg/InspectionPlan",
-        dds_name: "probecell_msgs::msg::dds_::InspectionPlan_",
-        type_hash: "RIHS01_37a9ba598c98f0c1a22dd62ac34c05e6479b20ad787c92203faf062d830bdce4",
-        definition: concat!(
-            include_str!("../msg/InspectionPlan.msg"),
-            "================================================================================\nMSG: std_msgs/Header\n",
-            include_str!("../standard/std_msgs/msg/Header.msg"),
-            "================================================================================\nMSG: builtin_interfaces/Time\n",
-            include_str!("../standard/builtin_interfaces/msg/Time.msg"),
-            "================================================================================\nMSG: geometry_msgs/Pose\n",
-            include_str!("../standard/geometry_msgs/msg/Pose.msg"),
-            "================================================================================\nMSG: geometry_msgs/Point\n",
-            include_str!("../standard/geometry_msgs/msg/Point.msg"),
-            "================================================================================\nMSG: geometry_msgs/Quaternion\n",
-            include_str!("../standard/geometry_msgs/msg/Quaternion.msg"),
-            "================================================================================\nMSG: probecell_msgs/Stylus\n",
-            include_str!("../msg/Stylus.msg"),
-            "================================================================================\nMSG: probecell_msgs/InspectionFeature\n",
-            include_str!("../msg/InspectionFeature.msg"),
-            "================================================================================\nMSG: geometry_msgs/Vector3\n",
-            include_str!("../standard/geometry_msgs/msg/Vector3.msg"),
-            "================================================================================\nMSG: probecell_msgs/MachiningOperation\n",
-            include_str!("../msg/MachiningOperation.msg"),
-            "================================================================================\nMSG: probecell_msgs/InspectionPoint\n",
-            include_str!("../msg/InspectionPoint.msg")
-        ),
-        fields: &[
-            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
-            Member("plan_id", 17, 0, 0, "", ""),
-            Member("part_id", 17, 0, 0, "", ""),
-            Member("machined_on_this_machine", 15, 0, 0, "", ""),
-            Member("part_pose", 1, 0, 0, "geometry_msgs/msg/Pose", ""),
-            Member("stylus", 1, 0, 0, "probecell_msgs/msg/Stylus", ""),
-            Member("rotary_names", 161, 0, 0, "", ""),
-            Member(
-                "features",
-                145,
-                0,
-                0,
-                "probecell_msgs/msg/InspectionFeature",
-                "",
-            ),
-            Member(
-                "operations",
-                145,
-                0,
-                0,
-                "probecell_msgs/msg/MachiningOperation",
-                "",
-            ),
-            Member(
-                "points",
-                145,
-                0,
-                0,
-                "probecell_msgs/msg/InspectionPoint",
-                "",
-            ),
-        ],
-        describe: crate::describe::of::<InspectionPlan>,
-        canonical: crate::cdr::canonical::<InspectionPlan>,
-    };
+crate::schema::message! {
+    InspectionPlan: "probecell_msgs", "msg", "InspectionPlan",
+    "RIHS01_37a9ba598c98f0c1a22dd62ac34c05e6479b20ad787c92203faf062d830bdce4",
+    concat!(
+        include_str!("../msg/InspectionPlan.msg"),
+        "================================================================================\nMSG: std_msgs/Header\n",
+        include_str!("../standard/std_msgs/msg/Header.msg"),
+        "================================================================================\nMSG: builtin_interfaces/Time\n",
+        include_str!("../standard/builtin_interfaces/msg/Time.msg"),
+        "================================================================================\nMSG: geometry_msgs/Pose\n",
+        include_str!("../standard/geometry_msgs/msg/Pose.msg"),
+        "================================================================================\nMSG: geometry_msgs/Point\n",
+        include_str!("../standard/geometry_msgs/msg/Point.msg"),
+        "================================================================================\nMSG: geometry_msgs/Quaternion\n",
+        include_str!("../standard/geometry_msgs/msg/Quaternion.msg"),
+        "================================================================================\nMSG: probecell_msgs/Stylus\n",
+        include_str!("../msg/Stylus.msg"),
+        "================================================================================\nMSG: probecell_msgs/InspectionFeature\n",
+        include_str!("../msg/InspectionFeature.msg"),
+        "================================================================================\nMSG: geometry_msgs/Vector3\n",
+        include_str!("../standard/geometry_msgs/msg/Vector3.msg"),
+        "================================================================================\nMSG: probecell_msgs/MachiningOperation\n",
+        include_str!("../msg/MachiningOperation.msg"),
+        "================================================================================\nMSG: probecell_msgs/InspectionPoint\n",
+        include_str!("../msg/InspectionPoint.msg")
+    ),
+    ["header", 1, 0, 0, "std_msgs/msg/Header", ""]
+    ["plan_id", 17, 0, 0, "", ""]
+    ["part_id", 17, 0, 0, "", ""]
+    ["machined_on_this_machine", 15, 0, 0, "", ""]
+    ["part_pose", 1, 0, 0, "geometry_msgs/msg/Pose", ""]
+    ["stylus", 1, 0, 0, "probecell_msgs/msg/Stylus", ""]
+    ["rotary_names", 161, 0, 0, "", ""]
+    ["features", 145, 0, 0, "probecell_msgs/msg/InspectionFeature", ""]
+    ["operations", 145, 0, 0, "probecell_msgs/msg/MachiningOperation", ""]
+    ["points", 145, 0, 0, "probecell_msgs/msg/InspectionPoint", ""]
 }
 
 /// A nominal point to touch, in the part frame.
@@ -1147,34 +1026,27 @@ pub struct InspectionPoint {
     pub overhang: f64,
 }
 
-impl Message for InspectionPoint {
-    const TYPE: &'static MessageType = &MessageType {
-        name: "probecell_msgs/msg/InspectionPoint",
-        dds_name: "probecell_msgs::msg::dds_::InspectionPoint_",
-        type_hash: "RIHS01_95319b5604fc7623402512766cd059fb8e4f20d672d892b6a4e0ad52c925d95d",
-        definition: concat!(
-            include_str!("../msg/InspectionPoint.msg"),
-            "================================================================================\nMSG: geometry_msgs/Point\n",
-            include_str!("../standard/geometry_msgs/msg/Point.msg"),
-            "================================================================================\nMSG: geometry_msgs/Vector3\n",
-            include_str!("../standard/geometry_msgs/msg/Vector3.msg")
-        ),
-        fields: &[
-            Member("feature", 7, 0, 0, "", ""),
-            Member("position", 1, 0, 0, "geometry_msgs/msg/Point", ""),
-            Member("normal", 1, 0, 0, "geometry_msgs/msg/Vector3", ""),
-            Member("rotary_positions", 155, 0, 0, "", ""),
-            Member("approach_distance", 11, 0, 0, "", ""),
-            Member("retract_distance", 11, 0, 0, "", ""),
-            Member("feed", 11, 0, 0, "", ""),
-            Member("operation", 6, 0, 0, "", ""),
-            Member("cut_length", 11, 0, 0, "", ""),
-            Member("tool_height", 11, 0, 0, "", ""),
-            Member("overhang", 11, 0, 0, "", ""),
-        ],
-        describe: crate::describe::of::<InspectionPoint>,
-        canonical: crate::cdr::canonical::<InspectionPoint>,
-    };
+crate::schema::message! {
+    InspectionPoint: "probecell_msgs", "msg", "InspectionPoint",
+    "RIHS01_95319b5604fc7623402512766cd059fb8e4f20d672d892b6a4e0ad52c925d95d",
+    concat!(
+        include_str!("../msg/InspectionPoint.msg"),
+        "================================================================================\nMSG: geometry_msgs/Point\n",
+        include_str!("../standard/geometry_msgs/msg/Point.msg"),
+        "================================================================================\nMSG: geometry_msgs/Vector3\n",
+        include_str!("../standard/geometry_msgs/msg/Vector3.msg")
+    ),
+    ["feature", 7, 0, 0, "", ""]
+    ["position", 1, 0, 0, "geometry_msgs/msg/Point", ""]
+    ["normal", 1, 0, 0, "geometry_msgs/msg/Vector3", ""]
+    ["rotary_positions", 155, 0, 0, "", ""]
+    ["approach_distance", 11, 0, 0, "", ""]
+    ["retract_distance", 11, 0, 0, "", ""]
+    ["feed", 11, 0, 0, "", ""]
+    ["operation", 6, 0, 0, "", ""]
+    ["cut_length", 11, 0, 0, "", ""]
+    ["tool_height", 11, 0, 0, "", ""]
+    ["overhang", 11, 0, 0, "", ""]
 }
 
 /// Messages that a subscriber did not receive.
@@ -1192,29 +1064,22 @@ pub struct LossReport {
     pub recovered: bool,
 }
 
-impl Message for LossReport {
-    const TYPE: &'static MessageType = &MessageType {
-        name: "probecell_msgs/msg/LossReport",
-        dds_name: "probecell_msgs::msg::dds_::LossReport_",
-        type_hash: "RIHS01_8e100597c1f567a1e4d1e4c1307ca2224adfd9ede19b6b102f7764707632c5f5",
-        definition: concat!(
-            include_str!("../msg/LossReport.msg"),
-            "================================================================================\nMSG: std_msgs/Header\n",
-            include_str!("../standard/std_msgs/msg/Header.msg"),
-            "================================================================================\nMSG: builtin_interfaces/Time\n",
-            include_str!("../standard/builtin_interfaces/msg/Time.msg")
-        ),
-        fields: &[
-            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
-            Member("observer", 17, 0, 0, "", ""),
-            Member("topic", 17, 0, 0, "", ""),
-            Member("first_sequence", 9, 0, 0, "", ""),
-            Member("count", 9, 0, 0, "", ""),
-            Member("recovered", 15, 0, 0, "", ""),
-        ],
-        describe: crate::describe::of::<LossReport>,
-        canonical: crate::cdr::canonical::<LossReport>,
-    };
+crate::schema::message! {
+    LossReport: "probecell_msgs", "msg", "LossReport",
+    "RIHS01_8e100597c1f567a1e4d1e4c1307ca2224adfd9ede19b6b102f7764707632c5f5",
+    concat!(
+        include_str!("../msg/LossReport.msg"),
+        "================================================================================\nMSG: std_msgs/Header\n",
+        include_str!("../standard/std_msgs/msg/Header.msg"),
+        "================================================================================\nMSG: builtin_interfaces/Time\n",
+        include_str!("../standard/builtin_interfaces/msg/Time.msg")
+    ),
+    ["header", 1, 0, 0, "std_msgs/msg/Header", ""]
+    ["observer", 17, 0, 0, "", ""]
+    ["topic", 17, 0, 0, "", ""]
+    ["first_sequence", 9, 0, 0, "", ""]
+    ["count", 9, 0, 0, "", ""]
+    ["recovered", 15, 0, 0, "", ""]
 }
 
 /// What the machine is doing. Published on machine_state: reliable, volatile, depth 10.
@@ -1282,35 +1147,28 @@ crate::code::codes! {
     }
 }
 
-impl Message for MachineState {
-    const TYPE: &'static MessageType = &MessageType {
-        name: "probecell_msgs/msg/MachineState",
-        dds_name: "probecell_msgs::msg::dds_::MachineState_",
-        type_hash: "RIHS01_377a7d9d9a7d802b1dbadf1e307511d543530faf194b0dc6db186715cec8815c",
-        definition: concat!(
-            include_str!("../msg/MachineState.msg"),
-            "================================================================================\nMSG: std_msgs/Header\n",
-            include_str!("../standard/std_msgs/msg/Header.msg"),
-            "================================================================================\nMSG: builtin_interfaces/Time\n",
-            include_str!("../standard/builtin_interfaces/msg/Time.msg")
-        ),
-        fields: &[
-            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
-            Member("machine_id", 17, 0, 0, "", ""),
-            Member("mode", 3, 0, 0, "", ""),
-            Member("execution", 3, 0, 0, "", ""),
-            Member("program", 17, 0, 0, "", ""),
-            Member("line", 7, 0, 0, "", ""),
-            Member("tool_number", 7, 0, 0, "", ""),
-            Member("feed_override", 11, 0, 0, "", ""),
-            Member("spindle_speed", 11, 0, 0, "", ""),
-            Member("temperature_names", 161, 0, 0, "", ""),
-            Member("temperatures", 155, 0, 0, "", ""),
-            Member("alarms", 161, 0, 0, "", ""),
-        ],
-        describe: crate::describe::of::<MachineState>,
-        canonical: crate::cdr::canonical::<MachineState>,
-    };
+crate::schema::message! {
+    MachineState: "probecell_msgs", "msg", "MachineState",
+    "RIHS01_377a7d9d9a7d802b1dbadf1e307511d543530faf194b0dc6db186715cec8815c",
+    concat!(
+        include_str!("../msg/MachineState.msg"),
+        "================================================================================\nMSG: std_msgs/Header\n",
+        include_str!("../standard/std_msgs/msg/Header.msg"),
+        "================================================================================\nMSG: builtin_interfaces/Time\n",
+        include_str!("../standard/builtin_interfaces/msg/Time.msg")
+    ),
+    ["header", 1, 0, 0, "std_msgs/msg/Header", ""]
+    ["machine_id", 17, 0, 0, "", ""]
+    ["mode", 3, 0, 0, "", ""]
+    ["execution", 3, 0, 0, "", ""]
+    ["program", 17, 0, 0, "", ""]
+    ["line", 7, 0, 0, "", ""]
+    ["tool_number", 7, 0, 0, "", ""]
+    ["feed_override", 11, 0, 0, "", ""]
+    ["spindle_speed", 11, 0, 0, "", ""]
+    ["temperature_names", 161, 0, 0, "", ""]
+    ["temperatures", 155, 0, 0, "", ""]
+    ["alarms", 161, 0, 0, "", ""]
 }
 
 /// A machining operation, which cut some of the points.
@@ -1328,23 +1186,16 @@ pub struct MachiningOperation {
     pub rotary_positions: Vec<f64>,
 }
 
-impl Message for MachiningOperation {
-    const TYPE: &'static MessageType = &MessageType {
-        name: "probecell_msgs/msg/MachiningOperation",
-        dds_name: "probecell_msgs::msg::dds_::MachiningOperation_",
-        type_hash: "RIHS01_6dee5609a815f7b1dc7c8358725e3a292206055cb95b8bb1332c9c492950db73",
-        definition: include_str!("../msg/MachiningOperation.msg"),
-        fields: &[
-            Member("id", 17, 0, 0, "", ""),
-            Member("tool_number", 7, 0, 0, "", ""),
-            Member("tool_radius", 11, 0, 0, "", ""),
-            Member("feed", 11, 0, 0, "", ""),
-            Member("finish", 15, 0, 0, "", ""),
-            Member("rotary_positions", 155, 0, 0, "", ""),
-        ],
-        describe: crate::describe::of::<MachiningOperation>,
-        canonical: crate::cdr::canonical::<MachiningOperation>,
-    };
+crate::schema::message! {
+    MachiningOperation: "probecell_msgs", "msg", "MachiningOperation",
+    "RIHS01_6dee5609a815f7b1dc7c8358725e3a292206055cb95b8bb1332c9c492950db73",
+    include_str!("../msg/MachiningOperation.msg"),
+    ["id", 17, 0, 0, "", ""]
+    ["tool_number", 7, 0, 0, "", ""]
+    ["tool_radius", 11, 0, 0, "", ""]
+    ["feed", 11, 0, 0, "", ""]
+    ["finish", 15, 0, 0, "", ""]
+    ["rotary_positions", 155, 0, 0, "", ""]
 }
 
 /// The order in which a plan's points are touched, and the moves that lead there.
@@ -1370,35 +1221,28 @@ pub struct MeasurementOrder {
     pub moves: Vec<ProbingMove>,
 }
 
-impl Message for MeasurementOrder {
-    const TYPE: &'static MessageType = &MessageType {
-        name: "probecell_msgs/msg/MeasurementOrder",
-        dds_name: "probecell_msgs::msg::dds_::MeasurementOrder_",
-        type_hash: "RIHS01_13f406c5fa9c038cf90ae9c93289fb18f601d30511840aa99bc93ae8ba0006dd",
-        definition: concat!(
-            include_str!("../msg/MeasurementOrder.msg"),
-            "================================================================================\nMSG: std_msgs/Header\n",
-            include_str!("../standard/std_msgs/msg/Header.msg"),
-            "================================================================================\nMSG: builtin_interfaces/Time\n",
-            include_str!("../standard/builtin_interfaces/msg/Time.msg"),
-            "================================================================================\nMSG: probecell_msgs/ProbingMove\n",
-            include_str!("../msg/ProbingMove.msg")
-        ),
-        fields: &[
-            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
-            Member("plan_id", 17, 0, 0, "", ""),
-            Member("order", 151, 0, 0, "", ""),
-            Member("air_time", 11, 0, 0, "", ""),
-            Member("given_air_time", 11, 0, 0, "", ""),
-            Member("air_length", 11, 0, 0, "", ""),
-            Member("given_air_length", 11, 0, 0, "", ""),
-            Member("optimal", 15, 0, 0, "", ""),
-            Member("axis_names", 161, 0, 0, "", ""),
-            Member("moves", 145, 0, 0, "probecell_msgs/msg/ProbingMove", ""),
-        ],
-        describe: crate::describe::of::<MeasurementOrder>,
-        canonical: crate::cdr::canonical::<MeasurementOrder>,
-    };
+crate::schema::message! {
+    MeasurementOrder: "probecell_msgs", "msg", "MeasurementOrder",
+    "RIHS01_13f406c5fa9c038cf90ae9c93289fb18f601d30511840aa99bc93ae8ba0006dd",
+    concat!(
+        include_str!("../msg/MeasurementOrder.msg"),
+        "================================================================================\nMSG: std_msgs/Header\n",
+        include_str!("../standard/std_msgs/msg/Header.msg"),
+        "================================================================================\nMSG: builtin_interfaces/Time\n",
+        include_str!("../standard/builtin_interfaces/msg/Time.msg"),
+        "================================================================================\nMSG: probecell_msgs/ProbingMove\n",
+        include_str!("../msg/ProbingMove.msg")
+    ),
+    ["header", 1, 0, 0, "std_msgs/msg/Header", ""]
+    ["plan_id", 17, 0, 0, "", ""]
+    ["order", 151, 0, 0, "", ""]
+    ["air_time", 11, 0, 0, "", ""]
+    ["given_air_time", 11, 0, 0, "", ""]
+    ["air_length", 11, 0, 0, "", ""]
+    ["given_air_length", 11, 0, 0, "", ""]
+    ["optimal", 15, 0, 0, "", ""]
+    ["axis_names", 161, 0, 0, "", ""]
+    ["moves", 145, 0, 0, "probecell_msgs/msg/ProbingMove", ""]
 }
 
 /// The outcome of an OperationRequest, or that it is under way.
@@ -1434,27 +1278,20 @@ crate::code::codes! {
     }
 }
 
-impl Message for OperationReport {
-    const TYPE: &'static MessageType = &MessageType {
-        name: "probecell_msgs/msg/OperationReport",
-        dds_name: "probecell_msgs::msg::dds_::OperationReport_",
-        type_hash: "RIHS01_5d7ed28f331ba84a33c1fba730d278e8983856fdea380e613e1a032b81258597",
-        definition: concat!(
-            include_str!("../msg/OperationReport.msg"),
-            "================================================================================\nMSG: std_msgs/Header\n",
-            include_str!("../standard/std_msgs/msg/Header.msg"),
-            "================================================================================\nMSG: builtin_interfaces/Time\n",
-            include_str!("../standard/builtin_interfaces/msg/Time.msg")
-        ),
-        fields: &[
-            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
-            Member("request_id", 9, 0, 0, "", ""),
-            Member("outcome", 3, 0, 0, "", ""),
-            Member("text", 17, 0, 0, "", ""),
-        ],
-        describe: crate::describe::of::<OperationReport>,
-        canonical: crate::cdr::canonical::<OperationReport>,
-    };
+crate::schema::message! {
+    OperationReport: "probecell_msgs", "msg", "OperationReport",
+    "RIHS01_5d7ed28f331ba84a33c1fba730d278e8983856fdea380e613e1a032b81258597",
+    concat!(
+        include_str!("../msg/OperationReport.msg"),
+        "================================================================================\nMSG: std_msgs/Header\n",
+        include_str!("../standard/std_msgs/msg/Header.msg"),
+        "================================================================================\nMSG: builtin_interfaces/Time\n",
+        include_str!("../standard/builtin_interfaces/msg/Time.msg")
+    ),
+    ["header", 1, 0, 0, "std_msgs/msg/Header", ""]
+    ["request_id", 9, 0, 0, "", ""]
+    ["outcome", 3, 0, 0, "", ""]
+    ["text", 17, 0, 0, "", ""]
 }
 
 /// What the machine is to do next. It is repeated under the same request_id until it is answered, and taken once.
@@ -1494,31 +1331,24 @@ crate::code::codes! {
     }
 }
 
-impl Message for OperationRequest {
-    const TYPE: &'static MessageType = &MessageType {
-        name: "probecell_msgs/msg/OperationRequest",
-        dds_name: "probecell_msgs::msg::dds_::OperationRequest_",
-        type_hash: "RIHS01_551c5b8a314a5b93c7afd4e8abc77b0318fd0101a7bf0a0f5cfbdb96bc1e4a8f",
-        definition: concat!(
-            include_str!("../msg/OperationRequest.msg"),
-            "================================================================================\nMSG: std_msgs/Header\n",
-            include_str!("../standard/std_msgs/msg/Header.msg"),
-            "================================================================================\nMSG: builtin_interfaces/Time\n",
-            include_str!("../standard/builtin_interfaces/msg/Time.msg")
-        ),
-        fields: &[
-            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
-            Member("request_id", 9, 0, 0, "", ""),
-            Member("kind", 3, 0, 0, "", ""),
-            Member("operation", 17, 0, 0, "", ""),
-            Member("plan_id", 17, 0, 0, "", ""),
-            Member("pass_number", 7, 0, 0, "", ""),
-            Member("only_measure", 15, 0, 0, "", ""),
-            Member("run_id", 17, 0, 0, "", ""),
-        ],
-        describe: crate::describe::of::<OperationRequest>,
-        canonical: crate::cdr::canonical::<OperationRequest>,
-    };
+crate::schema::message! {
+    OperationRequest: "probecell_msgs", "msg", "OperationRequest",
+    "RIHS01_551c5b8a314a5b93c7afd4e8abc77b0318fd0101a7bf0a0f5cfbdb96bc1e4a8f",
+    concat!(
+        include_str!("../msg/OperationRequest.msg"),
+        "================================================================================\nMSG: std_msgs/Header\n",
+        include_str!("../standard/std_msgs/msg/Header.msg"),
+        "================================================================================\nMSG: builtin_interfaces/Time\n",
+        include_str!("../standard/builtin_interfaces/msg/Time.msg")
+    ),
+    ["header", 1, 0, 0, "std_msgs/msg/Header", ""]
+    ["request_id", 9, 0, 0, "", ""]
+    ["kind", 3, 0, 0, "", ""]
+    ["operation", 17, 0, 0, "", ""]
+    ["plan_id", 17, 0, 0, "", ""]
+    ["pass_number", 7, 0, 0, "", ""]
+    ["only_measure", 15, 0, 0, "", ""]
+    ["run_id", 17, 0, 0, "", ""]
 }
 
 /// The keys of the operators whose approvals count, signed by the key of the cell.
@@ -1537,29 +1367,22 @@ pub struct OperatorKeys {
     pub signature: Vec<u8>,
 }
 
-impl Message for OperatorKeys {
-    const TYPE: &'static MessageType = &MessageType {
-        name: "probecell_msgs/msg/OperatorKeys",
-        dds_name: "probecell_msgs::msg::dds_::OperatorKeys_",
-        type_hash: "RIHS01_1d31cbf8f67b8092e2bf10ec95e566c799bf949c6caee014d15175654e90cf9b",
-        definition: concat!(
-            include_str!("../msg/OperatorKeys.msg"),
-            "================================================================================\nMSG: std_msgs/Header\n",
-            include_str!("../standard/std_msgs/msg/Header.msg"),
-            "================================================================================\nMSG: builtin_interfaces/Time\n",
-            include_str!("../standard/builtin_interfaces/msg/Time.msg")
-        ),
-        fields: &[
-            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
-            Member("number", 9, 0, 0, "", ""),
-            Member("names", 161, 0, 0, "", ""),
-            Member("keys", 161, 0, 0, "", ""),
-            Member("withdrawn", 159, 0, 0, "", ""),
-            Member("signature", 147, 0, 0, "", ""),
-        ],
-        describe: crate::describe::of::<OperatorKeys>,
-        canonical: crate::cdr::canonical::<OperatorKeys>,
-    };
+crate::schema::message! {
+    OperatorKeys: "probecell_msgs", "msg", "OperatorKeys",
+    "RIHS01_1d31cbf8f67b8092e2bf10ec95e566c799bf949c6caee014d15175654e90cf9b",
+    concat!(
+        include_str!("../msg/OperatorKeys.msg"),
+        "================================================================================\nMSG: std_msgs/Header\n",
+        include_str!("../standard/std_msgs/msg/Header.msg"),
+        "================================================================================\nMSG: builtin_interfaces/Time\n",
+        include_str!("../standard/builtin_interfaces/msg/Time.msg")
+    ),
+    ["header", 1, 0, 0, "std_msgs/msg/Header", ""]
+    ["number", 9, 0, 0, "", ""]
+    ["names", 161, 0, 0, "", ""]
+    ["keys", 161, 0, 0, "", ""]
+    ["withdrawn", 159, 0, 0, "", ""]
+    ["signature", 147, 0, 0, "", ""]
 }
 
 /// The answer of the node that serves an OperatorRequest.
@@ -1572,27 +1395,20 @@ pub struct OperatorReply {
     pub text: String,
 }
 
-impl Message for OperatorReply {
-    const TYPE: &'static MessageType = &MessageType {
-        name: "probecell_msgs/msg/OperatorReply",
-        dds_name: "probecell_msgs::msg::dds_::OperatorReply_",
-        type_hash: "RIHS01_730edf6f9907bbc8d1c3d7e323247769dcbf8d7b0298e2acf640fedd51de0bcd",
-        definition: concat!(
-            include_str!("../msg/OperatorReply.msg"),
-            "================================================================================\nMSG: std_msgs/Header\n",
-            include_str!("../standard/std_msgs/msg/Header.msg"),
-            "================================================================================\nMSG: builtin_interfaces/Time\n",
-            include_str!("../standard/builtin_interfaces/msg/Time.msg")
-        ),
-        fields: &[
-            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
-            Member("request_id", 9, 0, 0, "", ""),
-            Member("accepted", 15, 0, 0, "", ""),
-            Member("text", 17, 0, 0, "", ""),
-        ],
-        describe: crate::describe::of::<OperatorReply>,
-        canonical: crate::cdr::canonical::<OperatorReply>,
-    };
+crate::schema::message! {
+    OperatorReply: "probecell_msgs", "msg", "OperatorReply",
+    "RIHS01_730edf6f9907bbc8d1c3d7e323247769dcbf8d7b0298e2acf640fedd51de0bcd",
+    concat!(
+        include_str!("../msg/OperatorReply.msg"),
+        "================================================================================\nMSG: std_msgs/Header\n",
+        include_str!("../standard/std_msgs/msg/Header.msg"),
+        "================================================================================\nMSG: builtin_interfaces/Time\n",
+        include_str!("../standard/builtin_interfaces/msg/Time.msg")
+    ),
+    ["header", 1, 0, 0, "std_msgs/msg/Header", ""]
+    ["request_id", 9, 0, 0, "", ""]
+    ["accepted", 15, 0, 0, "", ""]
+    ["text", 17, 0, 0, "", ""]
 }
 
 /// A service call as it entered the graph, so that a replay can repeat it.
@@ -1623,48 +1439,34 @@ pub struct OperatorRequest {
     pub signature: Vec<u8>,
 }
 
-impl Message for OperatorRequest {
-    const TYPE: &'static MessageType = &MessageType {
-        name: "probecell_msgs/msg/OperatorRequest",
-        dds_name: "probecell_msgs::msg::dds_::OperatorRequest_",
-        type_hash: "RIHS01_84125452c393b594aa9565f72f41e65f28799d13cb993b3ed1ba4ebc1863cf26",
-        definition: concat!(
-            include_str!("../msg/OperatorRequest.msg"),
-            "================================================================================\nMSG: std_msgs/Header\n",
-            include_str!("../standard/std_msgs/msg/Header.msg"),
-            "================================================================================\nMSG: builtin_interfaces/Time\n",
-            include_str!("../standard/builtin_interfaces/msg/Time.msg"),
-            "================================================================================\nMSG: probecell_msgs/InspectionPoint\n",
-            include_str!("../msg/InspectionPoint.msg"),
-            "================================================================================\nMSG: geometry_msgs/Point\n",
-            include_str!("../standard/geometry_msgs/msg/Point.msg"),
-            "================================================================================\nMSG: geometry_msgs/Vector3\n",
-            include_str!("../standard/geometry_msgs/msg/Vector3.msg")
-        ),
-        fields: &[
-            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
-            Member("request_id", 9, 0, 0, "", ""),
-            Member("subject", 17, 0, 0, "", ""),
-            Member("operator_name", 17, 0, 0, "", ""),
-            Member("approve", 15, 0, 0, "", ""),
-            Member("plan_id", 17, 0, 0, "", ""),
-            Member("cancels", 153, 0, 0, "", ""),
-            Member(
-                "points",
-                145,
-                0,
-                0,
-                "probecell_msgs/msg/InspectionPoint",
-                "",
-            ),
-            Member("expires", 1, 0, 0, "builtin_interfaces/msg/Time", ""),
-            Member("signed_at", 1, 0, 0, "builtin_interfaces/msg/Time", ""),
-            Member("shown", 17, 0, 0, "", ""),
-            Member("signature", 147, 0, 0, "", ""),
-        ],
-        describe: crate::describe::of::<OperatorRequest>,
-        canonical: crate::cdr::canonical::<OperatorRequest>,
-    };
+crate::schema::message! {
+    OperatorRequest: "probecell_msgs", "msg", "OperatorRequest",
+    "RIHS01_84125452c393b594aa9565f72f41e65f28799d13cb993b3ed1ba4ebc1863cf26",
+    concat!(
+        include_str!("../msg/OperatorRequest.msg"),
+        "================================================================================\nMSG: std_msgs/Header\n",
+        include_str!("../standard/std_msgs/msg/Header.msg"),
+        "================================================================================\nMSG: builtin_interfaces/Time\n",
+        include_str!("../standard/builtin_interfaces/msg/Time.msg"),
+        "================================================================================\nMSG: probecell_msgs/InspectionPoint\n",
+        include_str!("../msg/InspectionPoint.msg"),
+        "================================================================================\nMSG: geometry_msgs/Point\n",
+        include_str!("../standard/geometry_msgs/msg/Point.msg"),
+        "================================================================================\nMSG: geometry_msgs/Vector3\n",
+        include_str!("../standard/geometry_msgs/msg/Vector3.msg")
+    ),
+    ["header", 1, 0, 0, "std_msgs/msg/Header", ""]
+    ["request_id", 9, 0, 0, "", ""]
+    ["subject", 17, 0, 0, "", ""]
+    ["operator_name", 17, 0, 0, "", ""]
+    ["approve", 15, 0, 0, "", ""]
+    ["plan_id", 17, 0, 0, "", ""]
+    ["cancels", 153, 0, 0, "", ""]
+    ["points", 145, 0, 0, "probecell_msgs/msg/InspectionPoint", ""]
+    ["expires", 1, 0, 0, "builtin_interfaces/msg/Time", ""]
+    ["signed_at", 1, 0, 0, "builtin_interfaces/msg/Time", ""]
+    ["shown", 17, 0, 0, "", ""]
+    ["signature", 147, 0, 0, "", ""]
 }
 
 /// Displacement of the part from its planned position, by its datums or by a best fit. Published on part_alignment:
@@ -1711,37 +1513,30 @@ crate::code::codes! {
     }
 }
 
-impl Message for PartAlignment {
-    const TYPE: &'static MessageType = &MessageType {
-        name: "probecell_msgs/msg/PartAlignment",
-        dds_name: "probecell_msgs::msg::dds_::PartAlignment_",
-        type_hash: "RIHS01_499b7931a5015291b89cc4549755c244280c38af7d7d9563a8d17c96e66879e2",
-        definition: concat!(
-            include_str!("../msg/PartAlignment.msg"),
-            "================================================================================\nMSG: std_msgs/Header\n",
-            include_str!("../standard/std_msgs/msg/Header.msg"),
-            "================================================================================\nMSG: builtin_interfaces/Time\n",
-            include_str!("../standard/builtin_interfaces/msg/Time.msg"),
-            "================================================================================\nMSG: geometry_msgs/Vector3\n",
-            include_str!("../standard/geometry_msgs/msg/Vector3.msg")
-        ),
-        fields: &[
-            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
-            Member("plan_id", 17, 0, 0, "", ""),
-            Member("part_id", 17, 0, 0, "", ""),
-            Member("method", 3, 0, 0, "", ""),
-            Member("feature_ids", 161, 0, 0, "", ""),
-            Member("sequences", 153, 0, 0, "", ""),
-            Member("valid", 15, 0, 0, "", ""),
-            Member("shift", 1, 0, 0, "geometry_msgs/msg/Vector3", ""),
-            Member("rotation", 1, 0, 0, "geometry_msgs/msg/Vector3", ""),
-            Member("covariance", 155, 0, 0, "", ""),
-            Member("rms", 11, 0, 0, "", ""),
-            Member("text", 17, 0, 0, "", ""),
-        ],
-        describe: crate::describe::of::<PartAlignment>,
-        canonical: crate::cdr::canonical::<PartAlignment>,
-    };
+crate::schema::message! {
+    PartAlignment: "probecell_msgs", "msg", "PartAlignment",
+    "RIHS01_499b7931a5015291b89cc4549755c244280c38af7d7d9563a8d17c96e66879e2",
+    concat!(
+        include_str!("../msg/PartAlignment.msg"),
+        "================================================================================\nMSG: std_msgs/Header\n",
+        include_str!("../standard/std_msgs/msg/Header.msg"),
+        "================================================================================\nMSG: builtin_interfaces/Time\n",
+        include_str!("../standard/builtin_interfaces/msg/Time.msg"),
+        "================================================================================\nMSG: geometry_msgs/Vector3\n",
+        include_str!("../standard/geometry_msgs/msg/Vector3.msg")
+    ),
+    ["header", 1, 0, 0, "std_msgs/msg/Header", ""]
+    ["plan_id", 17, 0, 0, "", ""]
+    ["part_id", 17, 0, 0, "", ""]
+    ["method", 3, 0, 0, "", ""]
+    ["feature_ids", 161, 0, 0, "", ""]
+    ["sequences", 153, 0, 0, "", ""]
+    ["valid", 15, 0, 0, "", ""]
+    ["shift", 1, 0, 0, "geometry_msgs/msg/Vector3", ""]
+    ["rotation", 1, 0, 0, "geometry_msgs/msg/Vector3", ""]
+    ["covariance", 155, 0, 0, "", ""]
+    ["rms", 11, 0, 0, "", ""]
+    ["text", 17, 0, 0, "", ""]
 }
 
 /// The end of one part.
@@ -1782,30 +1577,23 @@ crate::code::codes! {
     }
 }
 
-impl Message for PartReport {
-    const TYPE: &'static MessageType = &MessageType {
-        name: "probecell_msgs/msg/PartReport",
-        dds_name: "probecell_msgs::msg::dds_::PartReport_",
-        type_hash: "RIHS01_e0ecbe9d9c0a294226f87977d9f1d2e5d178628ffa0dcac15e8e80b0417fb499",
-        definition: concat!(
-            include_str!("../msg/PartReport.msg"),
-            "================================================================================\nMSG: std_msgs/Header\n",
-            include_str!("../standard/std_msgs/msg/Header.msg"),
-            "================================================================================\nMSG: builtin_interfaces/Time\n",
-            include_str!("../standard/builtin_interfaces/msg/Time.msg")
-        ),
-        fields: &[
-            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
-            Member("part_id", 17, 0, 0, "", ""),
-            Member("verdict", 3, 0, 0, "", ""),
-            Member("passes", 7, 0, 0, "", ""),
-            Member("text", 17, 0, 0, "", ""),
-            Member("plan_id", 17, 0, 0, "", ""),
-            Member("run_id", 17, 0, 0, "", ""),
-        ],
-        describe: crate::describe::of::<PartReport>,
-        canonical: crate::cdr::canonical::<PartReport>,
-    };
+crate::schema::message! {
+    PartReport: "probecell_msgs", "msg", "PartReport",
+    "RIHS01_e0ecbe9d9c0a294226f87977d9f1d2e5d178628ffa0dcac15e8e80b0417fb499",
+    concat!(
+        include_str!("../msg/PartReport.msg"),
+        "================================================================================\nMSG: std_msgs/Header\n",
+        include_str!("../standard/std_msgs/msg/Header.msg"),
+        "================================================================================\nMSG: builtin_interfaces/Time\n",
+        include_str!("../standard/builtin_interfaces/msg/Time.msg")
+    ),
+    ["header", 1, 0, 0, "std_msgs/msg/Header", ""]
+    ["part_id", 17, 0, 0, "", ""]
+    ["verdict", 3, 0, 0, "", ""]
+    ["passes", 7, 0, 0, "", ""]
+    ["text", 17, 0, 0, "", ""]
+    ["plan_id", 17, 0, 0, "", ""]
+    ["run_id", 17, 0, 0, "", ""]
 }
 
 /// The part that is being made, as cycle has it, at every change and once a second while it is made. On supervised_part the
@@ -1864,33 +1652,26 @@ crate::code::codes! {
     }
 }
 
-impl Message for PartStatus {
-    const TYPE: &'static MessageType = &MessageType {
-        name: "probecell_msgs/msg/PartStatus",
-        dds_name: "probecell_msgs::msg::dds_::PartStatus_",
-        type_hash: "RIHS01_482c33732ce626ba60f1925c37cc6e5923aec4a260ea0d98e08010e787210e29",
-        definition: concat!(
-            include_str!("../msg/PartStatus.msg"),
-            "================================================================================\nMSG: std_msgs/Header\n",
-            include_str!("../standard/std_msgs/msg/Header.msg"),
-            "================================================================================\nMSG: builtin_interfaces/Time\n",
-            include_str!("../standard/builtin_interfaces/msg/Time.msg")
-        ),
-        fields: &[
-            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
-            Member("stage", 3, 0, 0, "", ""),
-            Member("run_number", 9, 0, 0, "", ""),
-            Member("run_id", 17, 0, 0, "", ""),
-            Member("part_id", 17, 0, 0, "", ""),
-            Member("pass_number", 7, 0, 0, "", ""),
-            Member("operation", 17, 0, 0, "", ""),
-            Member("plan_id", 17, 0, 0, "", ""),
-            Member("since", 1, 0, 0, "builtin_interfaces/msg/Time", ""),
-            Member("deadline", 1, 0, 0, "builtin_interfaces/msg/Time", ""),
-        ],
-        describe: crate::describe::of::<PartStatus>,
-        canonical: crate::cdr::canonical::<PartStatus>,
-    };
+crate::schema::message! {
+    PartStatus: "probecell_msgs", "msg", "PartStatus",
+    "RIHS01_482c33732ce626ba60f1925c37cc6e5923aec4a260ea0d98e08010e787210e29",
+    concat!(
+        include_str!("../msg/PartStatus.msg"),
+        "================================================================================\nMSG: std_msgs/Header\n",
+        include_str!("../standard/std_msgs/msg/Header.msg"),
+        "================================================================================\nMSG: builtin_interfaces/Time\n",
+        include_str!("../standard/builtin_interfaces/msg/Time.msg")
+    ),
+    ["header", 1, 0, 0, "std_msgs/msg/Header", ""]
+    ["stage", 3, 0, 0, "", ""]
+    ["run_number", 9, 0, 0, "", ""]
+    ["run_id", 17, 0, 0, "", ""]
+    ["part_id", 17, 0, 0, "", ""]
+    ["pass_number", 7, 0, 0, "", ""]
+    ["operation", 17, 0, 0, "", ""]
+    ["plan_id", 17, 0, 0, "", ""]
+    ["since", 1, 0, 0, "builtin_interfaces/msg/Time", ""]
+    ["deadline", 1, 0, 0, "builtin_interfaces/msg/Time", ""]
 }
 
 /// What follows from the verdicts of one measurement together.
@@ -1938,30 +1719,23 @@ crate::code::codes! {
     }
 }
 
-impl Message for PassDecision {
-    const TYPE: &'static MessageType = &MessageType {
-        name: "probecell_msgs/msg/PassDecision",
-        dds_name: "probecell_msgs::msg::dds_::PassDecision_",
-        type_hash: "RIHS01_27d89d4378b692f2bf1e7db115a1a7f5f2fb4f86fb5bcd97bcc9f75c6d36df1d",
-        definition: concat!(
-            include_str!("../msg/PassDecision.msg"),
-            "================================================================================\nMSG: std_msgs/Header\n",
-            include_str!("../standard/std_msgs/msg/Header.msg"),
-            "================================================================================\nMSG: builtin_interfaces/Time\n",
-            include_str!("../standard/builtin_interfaces/msg/Time.msg")
-        ),
-        fields: &[
-            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
-            Member("plan_id", 17, 0, 0, "", ""),
-            Member("part_id", 17, 0, 0, "", ""),
-            Member("pass_number", 7, 0, 0, "", ""),
-            Member("decision", 3, 0, 0, "", ""),
-            Member("correction_ids", 161, 0, 0, "", ""),
-            Member("text", 17, 0, 0, "", ""),
-        ],
-        describe: crate::describe::of::<PassDecision>,
-        canonical: crate::cdr::canonical::<PassDecision>,
-    };
+crate::schema::message! {
+    PassDecision: "probecell_msgs", "msg", "PassDecision",
+    "RIHS01_27d89d4378b692f2bf1e7db115a1a7f5f2fb4f86fb5bcd97bcc9f75c6d36df1d",
+    concat!(
+        include_str!("../msg/PassDecision.msg"),
+        "================================================================================\nMSG: std_msgs/Header\n",
+        include_str!("../standard/std_msgs/msg/Header.msg"),
+        "================================================================================\nMSG: builtin_interfaces/Time\n",
+        include_str!("../standard/builtin_interfaces/msg/Time.msg")
+    ),
+    ["header", 1, 0, 0, "std_msgs/msg/Header", ""]
+    ["plan_id", 17, 0, 0, "", ""]
+    ["part_id", 17, 0, 0, "", ""]
+    ["pass_number", 7, 0, 0, "", ""]
+    ["decision", 3, 0, 0, "", ""]
+    ["correction_ids", 161, 0, 0, "", ""]
+    ["text", 17, 0, 0, "", ""]
 }
 
 /// Progress of path planning with the order under way. Published on plan_progress after every step of the computation:
@@ -2011,32 +1785,25 @@ crate::code::codes! {
     }
 }
 
-impl Message for PlanProgress {
-    const TYPE: &'static MessageType = &MessageType {
-        name: "probecell_msgs/msg/PlanProgress",
-        dds_name: "probecell_msgs::msg::dds_::PlanProgress_",
-        type_hash: "RIHS01_552f037057c5cb1ad422fa7f361448fe145ba9d92caa543c9e8409d984132549",
-        definition: concat!(
-            include_str!("../msg/PlanProgress.msg"),
-            "================================================================================\nMSG: std_msgs/Header\n",
-            include_str!("../standard/std_msgs/msg/Header.msg"),
-            "================================================================================\nMSG: builtin_interfaces/Time\n",
-            include_str!("../standard/builtin_interfaces/msg/Time.msg")
-        ),
-        fields: &[
-            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
-            Member("plan_id", 17, 0, 0, "", ""),
-            Member("touches", 7, 0, 0, "", ""),
-            Member("phase", 3, 0, 0, "", ""),
-            Member("share", 11, 0, 0, "", ""),
-            Member("air_time", 11, 0, 0, "", ""),
-            Member("given_air_time", 11, 0, 0, "", ""),
-            Member("air_length", 11, 0, 0, "", ""),
-            Member("given_air_length", 11, 0, 0, "", ""),
-        ],
-        describe: crate::describe::of::<PlanProgress>,
-        canonical: crate::cdr::canonical::<PlanProgress>,
-    };
+crate::schema::message! {
+    PlanProgress: "probecell_msgs", "msg", "PlanProgress",
+    "RIHS01_552f037057c5cb1ad422fa7f361448fe145ba9d92caa543c9e8409d984132549",
+    concat!(
+        include_str!("../msg/PlanProgress.msg"),
+        "================================================================================\nMSG: std_msgs/Header\n",
+        include_str!("../standard/std_msgs/msg/Header.msg"),
+        "================================================================================\nMSG: builtin_interfaces/Time\n",
+        include_str!("../standard/builtin_interfaces/msg/Time.msg")
+    ),
+    ["header", 1, 0, 0, "std_msgs/msg/Header", ""]
+    ["plan_id", 17, 0, 0, "", ""]
+    ["touches", 7, 0, 0, "", ""]
+    ["phase", 3, 0, 0, "", ""]
+    ["share", 11, 0, 0, "", ""]
+    ["air_time", 11, 0, 0, "", ""]
+    ["given_air_time", 11, 0, 0, "", ""]
+    ["air_length", 11, 0, 0, "", ""]
+    ["given_air_length", 11, 0, 0, "", ""]
 }
 
 /// A probing move and its outcome. Published on probe_events: reliable, volatile, keep all.
@@ -2085,37 +1852,30 @@ crate::code::codes! {
     }
 }
 
-impl Message for ProbeEvent {
-    const TYPE: &'static MessageType = &MessageType {
-        name: "probecell_msgs/msg/ProbeEvent",
-        dds_name: "probecell_msgs::msg::dds_::ProbeEvent_",
-        type_hash: "RIHS01_1a28af8cda78a10943741962b654ce9018e1e7760c70e3e53ba61ed97423f032",
-        definition: concat!(
-            include_str!("../msg/ProbeEvent.msg"),
-            "================================================================================\nMSG: std_msgs/Header\n",
-            include_str!("../standard/std_msgs/msg/Header.msg"),
-            "================================================================================\nMSG: builtin_interfaces/Time\n",
-            include_str!("../standard/builtin_interfaces/msg/Time.msg"),
-            "================================================================================\nMSG: geometry_msgs/Point\n",
-            include_str!("../standard/geometry_msgs/msg/Point.msg"),
-            "================================================================================\nMSG: geometry_msgs/Vector3\n",
-            include_str!("../standard/geometry_msgs/msg/Vector3.msg")
-        ),
-        fields: &[
-            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
-            Member("sequence", 9, 0, 0, "", ""),
-            Member("plan_id", 17, 0, 0, "", ""),
-            Member("point_index", 7, 0, 0, "", ""),
-            Member("outcome", 3, 0, 0, "", ""),
-            Member("axis_names", 161, 0, 0, "", ""),
-            Member("axis_positions", 155, 0, 0, "", ""),
-            Member("tip", 1, 0, 0, "geometry_msgs/msg/Point", ""),
-            Member("approach", 1, 0, 0, "geometry_msgs/msg/Vector3", ""),
-            Member("feed", 11, 0, 0, "", ""),
-        ],
-        describe: crate::describe::of::<ProbeEvent>,
-        canonical: crate::cdr::canonical::<ProbeEvent>,
-    };
+crate::schema::message! {
+    ProbeEvent: "probecell_msgs", "msg", "ProbeEvent",
+    "RIHS01_1a28af8cda78a10943741962b654ce9018e1e7760c70e3e53ba61ed97423f032",
+    concat!(
+        include_str!("../msg/ProbeEvent.msg"),
+        "================================================================================\nMSG: std_msgs/Header\n",
+        include_str!("../standard/std_msgs/msg/Header.msg"),
+        "================================================================================\nMSG: builtin_interfaces/Time\n",
+        include_str!("../standard/builtin_interfaces/msg/Time.msg"),
+        "================================================================================\nMSG: geometry_msgs/Point\n",
+        include_str!("../standard/geometry_msgs/msg/Point.msg"),
+        "================================================================================\nMSG: geometry_msgs/Vector3\n",
+        include_str!("../standard/geometry_msgs/msg/Vector3.msg")
+    ),
+    ["header", 1, 0, 0, "std_msgs/msg/Header", ""]
+    ["sequence", 9, 0, 0, "", ""]
+    ["plan_id", 17, 0, 0, "", ""]
+    ["point_index", 7, 0, 0, "", ""]
+    ["outcome", 3, 0, 0, "", ""]
+    ["axis_names", 161, 0, 0, "", ""]
+    ["axis_positions", 155, 0, 0, "", ""]
+    ["tip", 1, 0, 0, "geometry_msgs/msg/Point", ""]
+    ["approach", 1, 0, 0, "geometry_msgs/msg/Vector3", ""]
+    ["feed", 11, 0, 0, "", ""]
 }
 
 /// The raw end of a probing move, as the driver read it. Only probe_events subscribes to it.
@@ -2142,33 +1902,26 @@ pub struct ProbeTrigger {
     pub sequence: u64,
 }
 
-impl Message for ProbeTrigger {
-    const TYPE: &'static MessageType = &MessageType {
-        name: "probecell_msgs/msg/ProbeTrigger",
-        dds_name: "probecell_msgs::msg::dds_::ProbeTrigger_",
-        type_hash: "RIHS01_0b967c8507dabe54841772d908a64e985f24bc28589a0eadf62fb66bbd380bca",
-        definition: concat!(
-            include_str!("../msg/ProbeTrigger.msg"),
-            "================================================================================\nMSG: std_msgs/Header\n",
-            include_str!("../standard/std_msgs/msg/Header.msg"),
-            "================================================================================\nMSG: builtin_interfaces/Time\n",
-            include_str!("../standard/builtin_interfaces/msg/Time.msg")
-        ),
-        fields: &[
-            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
-            Member("session", 17, 0, 0, "", ""),
-            Member("plan_id", 17, 0, 0, "", ""),
-            Member("point_index", 7, 0, 0, "", ""),
-            Member("tripped", 15, 0, 0, "", ""),
-            Member("tripped_before", 15, 0, 0, "", ""),
-            Member("axis_names", 161, 0, 0, "", ""),
-            Member("axis_positions", 155, 0, 0, "", ""),
-            Member("feed", 11, 0, 0, "", ""),
-            Member("sequence", 9, 0, 0, "", ""),
-        ],
-        describe: crate::describe::of::<ProbeTrigger>,
-        canonical: crate::cdr::canonical::<ProbeTrigger>,
-    };
+crate::schema::message! {
+    ProbeTrigger: "probecell_msgs", "msg", "ProbeTrigger",
+    "RIHS01_0b967c8507dabe54841772d908a64e985f24bc28589a0eadf62fb66bbd380bca",
+    concat!(
+        include_str!("../msg/ProbeTrigger.msg"),
+        "================================================================================\nMSG: std_msgs/Header\n",
+        include_str!("../standard/std_msgs/msg/Header.msg"),
+        "================================================================================\nMSG: builtin_interfaces/Time\n",
+        include_str!("../standard/builtin_interfaces/msg/Time.msg")
+    ),
+    ["header", 1, 0, 0, "std_msgs/msg/Header", ""]
+    ["session", 17, 0, 0, "", ""]
+    ["plan_id", 17, 0, 0, "", ""]
+    ["point_index", 7, 0, 0, "", ""]
+    ["tripped", 15, 0, 0, "", ""]
+    ["tripped_before", 15, 0, 0, "", ""]
+    ["axis_names", 161, 0, 0, "", ""]
+    ["axis_positions", 155, 0, 0, "", ""]
+    ["feed", 11, 0, 0, "", ""]
+    ["sequence", 9, 0, 0, "", ""]
 }
 
 /// One move of a measuring program, as joint targets.
@@ -2209,21 +1962,14 @@ crate::code::codes! {
     }
 }
 
-impl Message for ProbingMove {
-    const TYPE: &'static MessageType = &MessageType {
-        name: "probecell_msgs/msg/ProbingMove",
-        dds_name: "probecell_msgs::msg::dds_::ProbingMove_",
-        type_hash: "RIHS01_6ebd6abfec91d8948556adc7e72fdc8e2507a208b9b2f8f82ea4498b309e9771",
-        definition: include_str!("../msg/ProbingMove.msg"),
-        fields: &[
-            Member("kind", 3, 0, 0, "", ""),
-            Member("point_index", 7, 0, 0, "", ""),
-            Member("axis_positions", 155, 0, 0, "", ""),
-            Member("feed", 11, 0, 0, "", ""),
-        ],
-        describe: crate::describe::of::<ProbingMove>,
-        canonical: crate::cdr::canonical::<ProbingMove>,
-    };
+crate::schema::message! {
+    ProbingMove: "probecell_msgs", "msg", "ProbingMove",
+    "RIHS01_6ebd6abfec91d8948556adc7e72fdc8e2507a208b9b2f8f82ea4498b309e9771",
+    include_str!("../msg/ProbingMove.msg"),
+    ["kind", 3, 0, 0, "", ""]
+    ["point_index", 7, 0, 0, "", ""]
+    ["axis_positions", 155, 0, 0, "", ""]
+    ["feed", 11, 0, 0, "", ""]
 }
 
 /// Whether the cell is recorded, at every change and once a second. Without a recording no operation starts.
@@ -2257,27 +2003,20 @@ crate::code::codes! {
     }
 }
 
-impl Message for RecordingStatus {
-    const TYPE: &'static MessageType = &MessageType {
-        name: "probecell_msgs/msg/RecordingStatus",
-        dds_name: "probecell_msgs::msg::dds_::RecordingStatus_",
-        type_hash: "RIHS01_f450c3ee2011c913a745501c99f9fbfc780adfb5db8d4ceabf1f06f66e7cce70",
-        definition: concat!(
-            include_str!("../msg/RecordingStatus.msg"),
-            "================================================================================\nMSG: std_msgs/Header\n",
-            include_str!("../standard/std_msgs/msg/Header.msg"),
-            "================================================================================\nMSG: builtin_interfaces/Time\n",
-            include_str!("../standard/builtin_interfaces/msg/Time.msg")
-        ),
-        fields: &[
-            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
-            Member("state", 3, 0, 0, "", ""),
-            Member("uri", 17, 0, 0, "", ""),
-            Member("validity", 11, 0, 0, "", ""),
-        ],
-        describe: crate::describe::of::<RecordingStatus>,
-        canonical: crate::cdr::canonical::<RecordingStatus>,
-    };
+crate::schema::message! {
+    RecordingStatus: "probecell_msgs", "msg", "RecordingStatus",
+    "RIHS01_f450c3ee2011c913a745501c99f9fbfc780adfb5db8d4ceabf1f06f66e7cce70",
+    concat!(
+        include_str!("../msg/RecordingStatus.msg"),
+        "================================================================================\nMSG: std_msgs/Header\n",
+        include_str!("../standard/std_msgs/msg/Header.msg"),
+        "================================================================================\nMSG: builtin_interfaces/Time\n",
+        include_str!("../standard/builtin_interfaces/msg/Time.msg")
+    ),
+    ["header", 1, 0, 0, "std_msgs/msg/Header", ""]
+    ["state", 3, 0, 0, "", ""]
+    ["uri", 17, 0, 0, "", ""]
+    ["validity", 11, 0, 0, "", ""]
 }
 
 /// The points of a plan as measured by an independent instrument. Published on reference: reliable, transient local, depth 1.
@@ -2295,29 +2034,22 @@ pub struct ReferenceMeasurement {
     pub standard_uncertainty: f64,
 }
 
-impl Message for ReferenceMeasurement {
-    const TYPE: &'static MessageType = &MessageType {
-        name: "probecell_msgs/msg/ReferenceMeasurement",
-        dds_name: "probecell_msgs::msg::dds_::ReferenceMeasurement_",
-        type_hash: "RIHS01_359bf1baf149895b70588f9d32c1a05a95c0d5e3334ab2eaf179f5a63de46f33",
-        definition: concat!(
-            include_str!("../msg/ReferenceMeasurement.msg"),
-            "================================================================================\nMSG: std_msgs/Header\n",
-            include_str!("../standard/std_msgs/msg/Header.msg"),
-            "================================================================================\nMSG: builtin_interfaces/Time\n",
-            include_str!("../standard/builtin_interfaces/msg/Time.msg")
-        ),
-        fields: &[
-            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
-            Member("plan_id", 17, 0, 0, "", ""),
-            Member("instrument", 17, 0, 0, "", ""),
-            Member("point_index", 151, 0, 0, "", ""),
-            Member("deviation", 155, 0, 0, "", ""),
-            Member("standard_uncertainty", 11, 0, 0, "", ""),
-        ],
-        describe: crate::describe::of::<ReferenceMeasurement>,
-        canonical: crate::cdr::canonical::<ReferenceMeasurement>,
-    };
+crate::schema::message! {
+    ReferenceMeasurement: "probecell_msgs", "msg", "ReferenceMeasurement",
+    "RIHS01_359bf1baf149895b70588f9d32c1a05a95c0d5e3334ab2eaf179f5a63de46f33",
+    concat!(
+        include_str!("../msg/ReferenceMeasurement.msg"),
+        "================================================================================\nMSG: std_msgs/Header\n",
+        include_str!("../standard/std_msgs/msg/Header.msg"),
+        "================================================================================\nMSG: builtin_interfaces/Time\n",
+        include_str!("../standard/builtin_interfaces/msg/Time.msg")
+    ),
+    ["header", 1, 0, 0, "std_msgs/msg/Header", ""]
+    ["plan_id", 17, 0, 0, "", ""]
+    ["instrument", 17, 0, 0, "", ""]
+    ["point_index", 151, 0, 0, "", ""]
+    ["deviation", 155, 0, 0, "", ""]
+    ["standard_uncertainty", 11, 0, 0, "", ""]
 }
 
 /// The inputs that a node processed, in which order and when: what a replay needs besides the inputs themselves.
@@ -2337,30 +2069,23 @@ pub struct StepJournal {
     pub sequence: Vec<u64>,
 }
 
-impl Message for StepJournal {
-    const TYPE: &'static MessageType = &MessageType {
-        name: "probecell_msgs/msg/StepJournal",
-        dds_name: "probecell_msgs::msg::dds_::StepJournal_",
-        type_hash: "RIHS01_be6944072d8389999707e44615fdb528fa6b5f1c22cb0e5795ff41b1cf7259b8",
-        definition: concat!(
-            include_str!("../msg/StepJournal.msg"),
-            "================================================================================\nMSG: std_msgs/Header\n",
-            include_str!("../standard/std_msgs/msg/Header.msg"),
-            "================================================================================\nMSG: builtin_interfaces/Time\n",
-            include_str!("../standard/builtin_interfaces/msg/Time.msg")
-        ),
-        fields: &[
-            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
-            Member("node", 17, 0, 0, "", ""),
-            Member("incarnation", 7, 0, 0, "", ""),
-            Member("first_step", 9, 0, 0, "", ""),
-            Member("now", 152, 0, 0, "", ""),
-            Member("port", 149, 0, 0, "", ""),
-            Member("sequence", 153, 0, 0, "", ""),
-        ],
-        describe: crate::describe::of::<StepJournal>,
-        canonical: crate::cdr::canonical::<StepJournal>,
-    };
+crate::schema::message! {
+    StepJournal: "probecell_msgs", "msg", "StepJournal",
+    "RIHS01_be6944072d8389999707e44615fdb528fa6b5f1c22cb0e5795ff41b1cf7259b8",
+    concat!(
+        include_str!("../msg/StepJournal.msg"),
+        "================================================================================\nMSG: std_msgs/Header\n",
+        include_str!("../standard/std_msgs/msg/Header.msg"),
+        "================================================================================\nMSG: builtin_interfaces/Time\n",
+        include_str!("../standard/builtin_interfaces/msg/Time.msg")
+    ),
+    ["header", 1, 0, 0, "std_msgs/msg/Header", ""]
+    ["node", 17, 0, 0, "", ""]
+    ["incarnation", 7, 0, 0, "", ""]
+    ["first_step", 9, 0, 0, "", ""]
+    ["now", 152, 0, 0, "", ""]
+    ["port", 149, 0, 0, "", ""]
+    ["sequence", 153, 0, 0, "", ""]
 }
 
 /// A stylus with its declared (nominal) geometry.
@@ -2373,24 +2098,17 @@ pub struct Stylus {
     pub ball_radius: f64,
 }
 
-impl Message for Stylus {
-    const TYPE: &'static MessageType = &MessageType {
-        name: "probecell_msgs/msg/Stylus",
-        dds_name: "probecell_msgs::msg::dds_::Stylus_",
-        type_hash: "RIHS01_681bbcb277598a20f6ac02fbfb1f346d47ed03ef3fb97123d5c6283f39ae8c31",
-        definition: concat!(
-            include_str!("../msg/Stylus.msg"),
-            "================================================================================\nMSG: geometry_msgs/Point\n",
-            include_str!("../standard/geometry_msgs/msg/Point.msg")
-        ),
-        fields: &[
-            Member("id", 17, 0, 0, "", ""),
-            Member("ball_center", 1, 0, 0, "geometry_msgs/msg/Point", ""),
-            Member("ball_radius", 11, 0, 0, "", ""),
-        ],
-        describe: crate::describe::of::<Stylus>,
-        canonical: crate::cdr::canonical::<Stylus>,
-    };
+crate::schema::message! {
+    Stylus: "probecell_msgs", "msg", "Stylus",
+    "RIHS01_681bbcb277598a20f6ac02fbfb1f346d47ed03ef3fb97123d5c6283f39ae8c31",
+    concat!(
+        include_str!("../msg/Stylus.msg"),
+        "================================================================================\nMSG: geometry_msgs/Point\n",
+        include_str!("../standard/geometry_msgs/msg/Point.msg")
+    ),
+    ["id", 17, 0, 0, "", ""]
+    ["ball_center", 1, 0, 0, "geometry_msgs/msg/Point", ""]
+    ["ball_radius", 11, 0, 0, "", ""]
 }
 
 /// Offsets that the controller holds: tool wear, volumetric table, work offsets. Published on tool_offsets: reliable,
@@ -2414,31 +2132,24 @@ pub struct ToolOffsets {
     pub work_offsets: Vec<f64>,
 }
 
-impl Message for ToolOffsets {
-    const TYPE: &'static MessageType = &MessageType {
-        name: "probecell_msgs/msg/ToolOffsets",
-        dds_name: "probecell_msgs::msg::dds_::ToolOffsets_",
-        type_hash: "RIHS01_63508265b665f42e115425936f9fe5c76a15e1d6a64d482009e3e549f4b8674a",
-        definition: concat!(
-            include_str!("../msg/ToolOffsets.msg"),
-            "================================================================================\nMSG: std_msgs/Header\n",
-            include_str!("../standard/std_msgs/msg/Header.msg"),
-            "================================================================================\nMSG: builtin_interfaces/Time\n",
-            include_str!("../standard/builtin_interfaces/msg/Time.msg")
-        ),
-        fields: &[
-            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
-            Member("session", 17, 0, 0, "", ""),
-            Member("tool_numbers", 151, 0, 0, "", ""),
-            Member("wear", 155, 0, 0, "", ""),
-            Member("volumetric_entries", 161, 0, 0, "", ""),
-            Member("volumetric_values", 155, 0, 0, "", ""),
-            Member("work_offset_axes", 161, 0, 0, "", ""),
-            Member("work_offsets", 155, 0, 0, "", ""),
-        ],
-        describe: crate::describe::of::<ToolOffsets>,
-        canonical: crate::cdr::canonical::<ToolOffsets>,
-    };
+crate::schema::message! {
+    ToolOffsets: "probecell_msgs", "msg", "ToolOffsets",
+    "RIHS01_63508265b665f42e115425936f9fe5c76a15e1d6a64d482009e3e549f4b8674a",
+    concat!(
+        include_str!("../msg/ToolOffsets.msg"),
+        "================================================================================\nMSG: std_msgs/Header\n",
+        include_str!("../standard/std_msgs/msg/Header.msg"),
+        "================================================================================\nMSG: builtin_interfaces/Time\n",
+        include_str!("../standard/builtin_interfaces/msg/Time.msg")
+    ),
+    ["header", 1, 0, 0, "std_msgs/msg/Header", ""]
+    ["session", 17, 0, 0, "", ""]
+    ["tool_numbers", 151, 0, 0, "", ""]
+    ["wear", 155, 0, 0, "", ""]
+    ["volumetric_entries", 161, 0, 0, "", ""]
+    ["volumetric_values", 155, 0, 0, "", ""]
+    ["work_offset_axes", 161, 0, 0, "", ""]
+    ["work_offsets", 155, 0, 0, "", ""]
 }
 
 /// The deviation of one touch: d = n.(c - p) - r by the nominal chain.
@@ -2456,29 +2167,22 @@ pub struct TouchDeviation {
     pub standard_uncertainty: f64,
 }
 
-impl Message for TouchDeviation {
-    const TYPE: &'static MessageType = &MessageType {
-        name: "probecell_msgs/msg/TouchDeviation",
-        dds_name: "probecell_msgs::msg::dds_::TouchDeviation_",
-        type_hash: "RIHS01_e66251adbe9e71aeb7b06016ac7efa80efd1da22768a7285299c7a3db1c336aa",
-        definition: concat!(
-            include_str!("../msg/TouchDeviation.msg"),
-            "================================================================================\nMSG: std_msgs/Header\n",
-            include_str!("../standard/std_msgs/msg/Header.msg"),
-            "================================================================================\nMSG: builtin_interfaces/Time\n",
-            include_str!("../standard/builtin_interfaces/msg/Time.msg")
-        ),
-        fields: &[
-            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
-            Member("plan_id", 17, 0, 0, "", ""),
-            Member("sequence", 9, 0, 0, "", ""),
-            Member("point_index", 7, 0, 0, "", ""),
-            Member("deviation", 11, 0, 0, "", ""),
-            Member("standard_uncertainty", 11, 0, 0, "", ""),
-        ],
-        describe: crate::describe::of::<TouchDeviation>,
-        canonical: crate::cdr::canonical::<TouchDeviation>,
-    };
+crate::schema::message! {
+    TouchDeviation: "probecell_msgs", "msg", "TouchDeviation",
+    "RIHS01_e66251adbe9e71aeb7b06016ac7efa80efd1da22768a7285299c7a3db1c336aa",
+    concat!(
+        include_str!("../msg/TouchDeviation.msg"),
+        "================================================================================\nMSG: std_msgs/Header\n",
+        include_str!("../standard/std_msgs/msg/Header.msg"),
+        "================================================================================\nMSG: builtin_interfaces/Time\n",
+        include_str!("../standard/builtin_interfaces/msg/Time.msg")
+    ),
+    ["header", 1, 0, 0, "std_msgs/msg/Header", ""]
+    ["plan_id", 17, 0, 0, "", ""]
+    ["sequence", 9, 0, 0, "", ""]
+    ["point_index", 7, 0, 0, "", ""]
+    ["deviation", 11, 0, 0, "", ""]
+    ["standard_uncertainty", 11, 0, 0, "", ""]
 }
 
 /// The decision on one measured size, on the position of the part, or on the errors of the machine. The first matching row
@@ -2542,56 +2246,40 @@ crate::code::codes! {
     }
 }
 
-impl Message for Verdict {
-    const TYPE: &'static MessageType = &MessageType {
-        name: "probecell_msgs/msg/Verdict",
-        dds_name: "probecell_msgs::msg::dds_::Verdict_",
-        type_hash: "RIHS01_044904f64d874d0bb3aeee0cf8bf8d322c32c39884d9948812334a9468365ead",
-        definition: concat!(
-            include_str!("../msg/Verdict.msg"),
-            "================================================================================\nMSG: std_msgs/Header\n",
-            include_str!("../standard/std_msgs/msg/Header.msg"),
-            "================================================================================\nMSG: builtin_interfaces/Time\n",
-            include_str!("../standard/builtin_interfaces/msg/Time.msg")
-        ),
-        fields: &[
-            Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
-            Member("plan_id", 17, 0, 0, "", ""),
-            Member("part_id", 17, 0, 0, "", ""),
-            Member("feature_id", 17, 0, 0, "", ""),
-            Member("pass_number", 7, 0, 0, "", ""),
-            Member("verdict", 3, 0, 0, "", ""),
-            Member("size", 11, 0, 0, "", ""),
-            Member("error", 11, 0, 0, "", ""),
-            Member("tolerance", 11, 0, 0, "", ""),
-            Member("tool_wear", 11, 0, 0, "", ""),
-            Member("text", 17, 0, 0, "", ""),
-        ],
-        describe: crate::describe::of::<Verdict>,
-        canonical: crate::cdr::canonical::<Verdict>,
-    };
+crate::schema::message! {
+    Verdict: "probecell_msgs", "msg", "Verdict",
+    "RIHS01_044904f64d874d0bb3aeee0cf8bf8d322c32c39884d9948812334a9468365ead",
+    concat!(
+        include_str!("../msg/Verdict.msg"),
+        "================================================================================\nMSG: std_msgs/Header\n",
+        include_str!("../standard/std_msgs/msg/Header.msg"),
+        "================================================================================\nMSG: builtin_interfaces/Time\n",
+        include_str!("../standard/builtin_interfaces/msg/Time.msg")
+    ),
+    ["header", 1, 0, 0, "std_msgs/msg/Header", ""]
+    ["plan_id", 17, 0, 0, "", ""]
+    ["part_id", 17, 0, 0, "", ""]
+    ["feature_id", 17, 0, 0, "", ""]
+    ["pass_number", 7, 0, 0, "", ""]
+    ["verdict", 3, 0, 0, "", ""]
+    ["size", 11, 0, 0, "", ""]
+    ["error", 11, 0, 0, "", ""]
+    ["tolerance", 11, 0, 0, "", ""]
+    ["tool_wear", 11, 0, 0, "", ""]
+    ["text", 17, 0, 0, "", ""]
 }
 
 /// Services, and the messages that they are made of.
 pub mod srv {
     use serde::{Deserialize, Serialize};
 
-    use crate::schema::{Member, Message, MessageType, Service, ServiceType};
-
     /// Approve or reject a proposed correction. Without a signature it is refused, unless the cell file allows that.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub struct ApproveCorrection;
 
-    impl Service for ApproveCorrection {
-        type Request = ApproveCorrectionRequest;
-        type Response = ApproveCorrectionResponse;
-        const TYPE: &'static ServiceType = &ServiceType {
-            name: "probecell_msgs/srv/ApproveCorrection",
-            dds_name: "probecell_msgs::srv::dds_::ApproveCorrection_",
-            type_hash: "RIHS01_0a7f077683d94d64d3939e9838f0fa7866f8d1f21fe0b86f93dfb72b3e438c09",
-            request: ApproveCorrectionRequest::TYPE,
-            response: ApproveCorrectionResponse::TYPE,
-        };
+    crate::schema::service! {
+        ApproveCorrection(ApproveCorrectionRequest) -> ApproveCorrectionResponse: "probecell_msgs", "srv", "ApproveCorrection",
+        "RIHS01_0a7f077683d94d64d3939e9838f0fa7866f8d1f21fe0b86f93dfb72b3e438c09"
     }
 
     /// Asks [`ApproveCorrection`].
@@ -2608,27 +2296,20 @@ pub mod srv {
         pub signature: Vec<u8>,
     }
 
-    impl Message for ApproveCorrectionRequest {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "probecell_msgs/srv/ApproveCorrection_Request",
-            dds_name: "probecell_msgs::srv::dds_::ApproveCorrection_Request_",
-            type_hash: "RIHS01_278412bcb2741c62878faef7c9f58ad1301d12754eab7a4bfd41d8c8a429e502",
-            definition: concat!(
-                "# Approve or reject a proposed correction. Without a signature it is refused, unless the cell file allows that.\nstring correction_id\nstring operator_name\nbool approve\nbuiltin_interfaces/Time signed_at   # instant of the act, by the clock of the cell (service status)\nstring shown                 # what the operator was shown: text, or `sha256:` and its digest\nuint8[] signature            # ed25519, 64 bytes: see docs/approvals.md. Empty: not signed\n",
-                "================================================================================\nMSG: builtin_interfaces/Time\n",
-                include_str!("../standard/builtin_interfaces/msg/Time.msg")
-            ),
-            fields: &[
-                Member("correction_id", 17, 0, 0, "", ""),
-                Member("operator_name", 17, 0, 0, "", ""),
-                Member("approve", 15, 0, 0, "", ""),
-                Member("signed_at", 1, 0, 0, "builtin_interfaces/msg/Time", ""),
-                Member("shown", 17, 0, 0, "", ""),
-                Member("signature", 147, 0, 0, "", ""),
-            ],
-            describe: crate::describe::of::<ApproveCorrectionRequest>,
-            canonical: crate::cdr::canonical::<ApproveCorrectionRequest>,
-        };
+    crate::schema::message! {
+        ApproveCorrectionRequest: "probecell_msgs", "srv", "ApproveCorrection_Request",
+        "RIHS01_278412bcb2741c62878faef7c9f58ad1301d12754eab7a4bfd41d8c8a429e502",
+        concat!(
+            "# Approve or reject a proposed correction. Without a signature it is refused, unless the cell file allows that.\nstring correction_id\nstring operator_name\nbool approve\nbuiltin_interfaces/Time signed_at   # instant of the act, by the clock of the cell (service status)\nstring shown                 # what the operator was shown: text, or `sha256:` and its digest\nuint8[] signature            # ed25519, 64 bytes: see docs/approvals.md. Empty: not signed\n",
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg")
+        ),
+        ["correction_id", 17, 0, 0, "", ""]
+        ["operator_name", 17, 0, 0, "", ""]
+        ["approve", 15, 0, 0, "", ""]
+        ["signed_at", 1, 0, 0, "builtin_interfaces/msg/Time", ""]
+        ["shown", 17, 0, 0, "", ""]
+        ["signature", 147, 0, 0, "", ""]
     }
 
     /// Answers [`ApproveCorrection`].
@@ -2638,35 +2319,21 @@ pub mod srv {
         pub text: String,
     }
 
-    impl Message for ApproveCorrectionResponse {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "probecell_msgs/srv/ApproveCorrection_Response",
-            dds_name: "probecell_msgs::srv::dds_::ApproveCorrection_Response_",
-            type_hash: "RIHS01_6138cb83093d090df8962e2f3c7c29859b097273aca5aeab28f9044fd34e2c73",
-            definition: "bool accepted\nstring text\n",
-            fields: &[
-                Member("accepted", 15, 0, 0, "", ""),
-                Member("text", 17, 0, 0, "", ""),
-            ],
-            describe: crate::describe::of::<ApproveCorrectionResponse>,
-            canonical: crate::cdr::canonical::<ApproveCorrectionResponse>,
-        };
+    crate::schema::message! {
+        ApproveCorrectionResponse: "probecell_msgs", "srv", "ApproveCorrection_Response",
+        "RIHS01_6138cb83093d090df8962e2f3c7c29859b097273aca5aeab28f9044fd34e2c73",
+        "bool accepted\nstring text\n",
+        ["accepted", 15, 0, 0, "", ""]
+        ["text", 17, 0, 0, "", ""]
     }
 
     /// Plan the measuring order of the cell's part, of additional touches of the part in the machine, or of the rest of a plan.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub struct Plan;
 
-    impl Service for Plan {
-        type Request = PlanRequest;
-        type Response = PlanResponse;
-        const TYPE: &'static ServiceType = &ServiceType {
-            name: "probecell_msgs/srv/Plan",
-            dds_name: "probecell_msgs::srv::dds_::Plan_",
-            type_hash: "RIHS01_f562c32f65f73b981f1cd7a0c1e882f53a29c2b69f7b72da7c7423e31db7500a",
-            request: PlanRequest::TYPE,
-            response: PlanResponse::TYPE,
-        };
+    crate::schema::service! {
+        Plan(PlanRequest) -> PlanResponse: "probecell_msgs", "srv", "Plan",
+        "RIHS01_f562c32f65f73b981f1cd7a0c1e882f53a29c2b69f7b72da7c7423e31db7500a"
     }
 
     /// Asks [`Plan`].
@@ -2678,34 +2345,20 @@ pub mod srv {
         pub points: Vec<crate::InspectionPoint>,
     }
 
-    impl Message for PlanRequest {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "probecell_msgs/srv/Plan_Request",
-            dds_name: "probecell_msgs::srv::dds_::Plan_Request_",
-            type_hash: "RIHS01_dc3b3ca076163b1f46cd0b9aa648275f6d3a9031a677bea24e1ba75d49bc5312",
-            definition: concat!(
-                "# Plan the measuring order of the cell's part, of additional touches of the part in the machine, or of the rest of a plan.\nstring plan_id               # empty: the cell's own plan; the plan measured last: its remaining points, until something is cut\nprobecell_msgs/InspectionPoint[] points   # empty: all. Else these, on features of the cell's plan; of the plan measured last: touched again\n",
-                "================================================================================\nMSG: probecell_msgs/InspectionPoint\n",
-                include_str!("../msg/InspectionPoint.msg"),
-                "================================================================================\nMSG: geometry_msgs/Point\n",
-                include_str!("../standard/geometry_msgs/msg/Point.msg"),
-                "================================================================================\nMSG: geometry_msgs/Vector3\n",
-                include_str!("../standard/geometry_msgs/msg/Vector3.msg")
-            ),
-            fields: &[
-                Member("plan_id", 17, 0, 0, "", ""),
-                Member(
-                    "points",
-                    145,
-                    0,
-                    0,
-                    "probecell_msgs/msg/InspectionPoint",
-                    "",
-                ),
-            ],
-            describe: crate::describe::of::<PlanRequest>,
-            canonical: crate::cdr::canonical::<PlanRequest>,
-        };
+    crate::schema::message! {
+        PlanRequest: "probecell_msgs", "srv", "Plan_Request",
+        "RIHS01_dc3b3ca076163b1f46cd0b9aa648275f6d3a9031a677bea24e1ba75d49bc5312",
+        concat!(
+            "# Plan the measuring order of the cell's part, of additional touches of the part in the machine, or of the rest of a plan.\nstring plan_id               # empty: the cell's own plan; the plan measured last: its remaining points, until something is cut\nprobecell_msgs/InspectionPoint[] points   # empty: all. Else these, on features of the cell's plan; of the plan measured last: touched again\n",
+            "================================================================================\nMSG: probecell_msgs/InspectionPoint\n",
+            include_str!("../msg/InspectionPoint.msg"),
+            "================================================================================\nMSG: geometry_msgs/Point\n",
+            include_str!("../standard/geometry_msgs/msg/Point.msg"),
+            "================================================================================\nMSG: geometry_msgs/Vector3\n",
+            include_str!("../standard/geometry_msgs/msg/Vector3.msg")
+        ),
+        ["plan_id", 17, 0, 0, "", ""]
+        ["points", 145, 0, 0, "probecell_msgs/msg/InspectionPoint", ""]
     }
 
     /// Answers [`Plan`].
@@ -2716,35 +2369,21 @@ pub mod srv {
         pub text: String,
     }
 
-    impl Message for PlanResponse {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "probecell_msgs/srv/Plan_Response",
-            dds_name: "probecell_msgs::srv::dds_::Plan_Response_",
-            type_hash: "RIHS01_345e374ce098525a196ea7d4ab2fa69045f1a5f8c5f64dc50874a795e5a27fa5",
-            definition: "bool accepted\nstring text                  # reason for a refusal, or what was planned\n",
-            fields: &[
-                Member("accepted", 15, 0, 0, "", ""),
-                Member("text", 17, 0, 0, "", ""),
-            ],
-            describe: crate::describe::of::<PlanResponse>,
-            canonical: crate::cdr::canonical::<PlanResponse>,
-        };
+    crate::schema::message! {
+        PlanResponse: "probecell_msgs", "srv", "Plan_Response",
+        "RIHS01_345e374ce098525a196ea7d4ab2fa69045f1a5f8c5f64dc50874a795e5a27fa5",
+        "bool accepted\nstring text                  # reason for a refusal, or what was planned\n",
+        ["accepted", 15, 0, 0, "", ""]
+        ["text", 17, 0, 0, "", ""]
     }
 
     /// Make one part; or, with a plan_id, only measure, or resume the measurement with which the last part ended.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub struct Run;
 
-    impl Service for Run {
-        type Request = RunRequest;
-        type Response = RunResponse;
-        const TYPE: &'static ServiceType = &ServiceType {
-            name: "probecell_msgs/srv/Run",
-            dds_name: "probecell_msgs::srv::dds_::Run_",
-            type_hash: "RIHS01_439b45b8dd5d8abc3d880db1fab806bf4b60318201ca2d74f3d79487e0cd68a2",
-            request: RunRequest::TYPE,
-            response: RunResponse::TYPE,
-        };
+    crate::schema::service! {
+        Run(RunRequest) -> RunResponse: "probecell_msgs", "srv", "Run",
+        "RIHS01_439b45b8dd5d8abc3d880db1fab806bf4b60318201ca2d74f3d79487e0cd68a2"
     }
 
     /// Asks [`Run`].
@@ -2766,28 +2405,21 @@ pub mod srv {
         pub signature: Vec<u8>,
     }
 
-    impl Message for RunRequest {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "probecell_msgs/srv/Run_Request",
-            dds_name: "probecell_msgs::srv::dds_::Run_Request_",
-            type_hash: "RIHS01_54db4fbd6bc02f7eb194d2770019e37da998895ace01f030e37ac7dc7884429a",
-            definition: concat!(
-                "# Make one part; or, with a plan_id, only measure, or resume the measurement with which the last part ended.\nstring part_id               # may be empty when resuming\nstring plan_id               # empty: make a part. A plan accepted by the service plan: measure it. The plan measured last: resume the part\nbuiltin_interfaces/Time expires   # nothing is started after this instant by the clock of the cell (service status); 0: 8 s after its arrival\nstring operator_name         # who has it made; may be empty\nbuiltin_interfaces/Time signed_at   # instant of the act, by the clock of the cell (service status)\nstring shown                 # what the operator was shown: text, or `sha256:` and its digest\nuint8[] signature            # ed25519, 64 bytes: see docs/approvals.md. Empty: not signed\n",
-                "================================================================================\nMSG: builtin_interfaces/Time\n",
-                include_str!("../standard/builtin_interfaces/msg/Time.msg")
-            ),
-            fields: &[
-                Member("part_id", 17, 0, 0, "", ""),
-                Member("plan_id", 17, 0, 0, "", ""),
-                Member("expires", 1, 0, 0, "builtin_interfaces/msg/Time", ""),
-                Member("operator_name", 17, 0, 0, "", ""),
-                Member("signed_at", 1, 0, 0, "builtin_interfaces/msg/Time", ""),
-                Member("shown", 17, 0, 0, "", ""),
-                Member("signature", 147, 0, 0, "", ""),
-            ],
-            describe: crate::describe::of::<RunRequest>,
-            canonical: crate::cdr::canonical::<RunRequest>,
-        };
+    crate::schema::message! {
+        RunRequest: "probecell_msgs", "srv", "Run_Request",
+        "RIHS01_54db4fbd6bc02f7eb194d2770019e37da998895ace01f030e37ac7dc7884429a",
+        concat!(
+            "# Make one part; or, with a plan_id, only measure, or resume the measurement with which the last part ended.\nstring part_id               # may be empty when resuming\nstring plan_id               # empty: make a part. A plan accepted by the service plan: measure it. The plan measured last: resume the part\nbuiltin_interfaces/Time expires   # nothing is started after this instant by the clock of the cell (service status); 0: 8 s after its arrival\nstring operator_name         # who has it made; may be empty\nbuiltin_interfaces/Time signed_at   # instant of the act, by the clock of the cell (service status)\nstring shown                 # what the operator was shown: text, or `sha256:` and its digest\nuint8[] signature            # ed25519, 64 bytes: see docs/approvals.md. Empty: not signed\n",
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg")
+        ),
+        ["part_id", 17, 0, 0, "", ""]
+        ["plan_id", 17, 0, 0, "", ""]
+        ["expires", 1, 0, 0, "builtin_interfaces/msg/Time", ""]
+        ["operator_name", 17, 0, 0, "", ""]
+        ["signed_at", 1, 0, 0, "builtin_interfaces/msg/Time", ""]
+        ["shown", 17, 0, 0, "", ""]
+        ["signature", 147, 0, 0, "", ""]
     }
 
     /// Answers [`Run`].
@@ -2798,35 +2430,21 @@ pub mod srv {
         pub text: String,
     }
 
-    impl Message for RunResponse {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "probecell_msgs/srv/Run_Response",
-            dds_name: "probecell_msgs::srv::dds_::Run_Response_",
-            type_hash: "RIHS01_2520c2b2b1143ea7401ccc27775cd90b33c20b9ae2f516e493c564c23ff7c071",
-            definition: "bool accepted\nstring text                  # reason for a refusal\n",
-            fields: &[
-                Member("accepted", 15, 0, 0, "", ""),
-                Member("text", 17, 0, 0, "", ""),
-            ],
-            describe: crate::describe::of::<RunResponse>,
-            canonical: crate::cdr::canonical::<RunResponse>,
-        };
+    crate::schema::message! {
+        RunResponse: "probecell_msgs", "srv", "Run_Response",
+        "RIHS01_2520c2b2b1143ea7401ccc27775cd90b33c20b9ae2f516e493c564c23ff7c071",
+        "bool accepted\nstring text                  # reason for a refusal\n",
+        ["accepted", 15, 0, 0, "", ""]
+        ["text", 17, 0, 0, "", ""]
     }
 
     /// Start a recording.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub struct StartRecording;
 
-    impl Service for StartRecording {
-        type Request = StartRecordingRequest;
-        type Response = StartRecordingResponse;
-        const TYPE: &'static ServiceType = &ServiceType {
-            name: "probecell_msgs/srv/StartRecording",
-            dds_name: "probecell_msgs::srv::dds_::StartRecording_",
-            type_hash: "RIHS01_81cb079bbca085fc0055a205086dfcd76a0f7e7fa999991b9dea1f60e9d904a2",
-            request: StartRecordingRequest::TYPE,
-            response: StartRecordingResponse::TYPE,
-        };
+    crate::schema::service! {
+        StartRecording(StartRecordingRequest) -> StartRecordingResponse: "probecell_msgs", "srv", "StartRecording",
+        "RIHS01_81cb079bbca085fc0055a205086dfcd76a0f7e7fa999991b9dea1f60e9d904a2"
     }
 
     /// Asks [`StartRecording`].
@@ -2836,16 +2454,11 @@ pub mod srv {
         pub uri: String,
     }
 
-    impl Message for StartRecordingRequest {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "probecell_msgs/srv/StartRecording_Request",
-            dds_name: "probecell_msgs::srv::dds_::StartRecording_Request_",
-            type_hash: "RIHS01_1c42275d11d33906a00a123b5067093f1c97c33c32fb70ad3533971f1e364a9d",
-            definition: "# Start a recording.\nstring uri                   # name of a folder inside the cell's folder of recordings; empty: the recorder chooses\n",
-            fields: &[Member("uri", 17, 0, 0, "", "")],
-            describe: crate::describe::of::<StartRecordingRequest>,
-            canonical: crate::cdr::canonical::<StartRecordingRequest>,
-        };
+    crate::schema::message! {
+        StartRecordingRequest: "probecell_msgs", "srv", "StartRecording_Request",
+        "RIHS01_1c42275d11d33906a00a123b5067093f1c97c33c32fb70ad3533971f1e364a9d",
+        "# Start a recording.\nstring uri                   # name of a folder inside the cell's folder of recordings; empty: the recorder chooses\n",
+        ["uri", 17, 0, 0, "", ""]
     }
 
     /// Answers [`StartRecording`].
@@ -2857,36 +2470,22 @@ pub mod srv {
         pub text: String,
     }
 
-    impl Message for StartRecordingResponse {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "probecell_msgs/srv/StartRecording_Response",
-            dds_name: "probecell_msgs::srv::dds_::StartRecording_Response_",
-            type_hash: "RIHS01_2af2cbfae8e43d0576321c4a090d258bf65a8c5c6fac9b4a1656849d4ae21ab9",
-            definition: "bool accepted\nstring uri                   # folder that is written\nstring text\n",
-            fields: &[
-                Member("accepted", 15, 0, 0, "", ""),
-                Member("uri", 17, 0, 0, "", ""),
-                Member("text", 17, 0, 0, "", ""),
-            ],
-            describe: crate::describe::of::<StartRecordingResponse>,
-            canonical: crate::cdr::canonical::<StartRecordingResponse>,
-        };
+    crate::schema::message! {
+        StartRecordingResponse: "probecell_msgs", "srv", "StartRecording_Response",
+        "RIHS01_2af2cbfae8e43d0576321c4a090d258bf65a8c5c6fac9b4a1656849d4ae21ab9",
+        "bool accepted\nstring uri                   # folder that is written\nstring text\n",
+        ["accepted", 15, 0, 0, "", ""]
+        ["uri", 17, 0, 0, "", ""]
+        ["text", 17, 0, 0, "", ""]
     }
 
     /// What the cell is doing.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub struct Status;
 
-    impl Service for Status {
-        type Request = StatusRequest;
-        type Response = StatusResponse;
-        const TYPE: &'static ServiceType = &ServiceType {
-            name: "probecell_msgs/srv/Status",
-            dds_name: "probecell_msgs::srv::dds_::Status_",
-            type_hash: "RIHS01_8aab5e1cf825917647ee2a2947e89e5f805dbf68d1a0de57cd022279ccdb399d",
-            request: StatusRequest::TYPE,
-            response: StatusResponse::TYPE,
-        };
+    crate::schema::service! {
+        Status(StatusRequest) -> StatusResponse: "probecell_msgs", "srv", "Status",
+        "RIHS01_8aab5e1cf825917647ee2a2947e89e5f805dbf68d1a0de57cd022279ccdb399d"
     }
 
     /// Asks [`Status`].
@@ -2896,23 +2495,11 @@ pub mod srv {
         pub structure_needs_at_least_one_member: u8,
     }
 
-    impl Message for StatusRequest {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "probecell_msgs/srv/Status_Request",
-            dds_name: "probecell_msgs::srv::dds_::Status_Request_",
-            type_hash: "RIHS01_3a8c79be9bf61361ab23b7d8da6940919a59560f3f8c39ddc7c4efb1a6d35a88",
-            definition: "# What the cell is doing.\n",
-            fields: &[Member(
-                "structure_needs_at_least_one_member",
-                3,
-                0,
-                0,
-                "",
-                "",
-            )],
-            describe: crate::describe::of::<StatusRequest>,
-            canonical: crate::cdr::canonical::<StatusRequest>,
-        };
+    crate::schema::message! {
+        StatusRequest: "probecell_msgs", "srv", "Status_Request",
+        "RIHS01_3a8c79be9bf61361ab23b7d8da6940919a59560f3f8c39ddc7c4efb1a6d35a88",
+        "# What the cell is doing.\n",
+        ["structure_needs_at_least_one_member", 3, 0, 0, "", ""]
     }
 
     /// Answers [`Status`].
@@ -2939,60 +2526,39 @@ pub mod srv {
         pub faults: Vec<String>,
     }
 
-    impl Message for StatusResponse {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "probecell_msgs/srv/Status_Response",
-            dds_name: "probecell_msgs::srv::dds_::Status_Response_",
-            type_hash: "RIHS01_e43e7740bdc6bd6dd02f121e0c8a2db7e02d3da5017da0c8f285fa08f1b5c636",
-            definition: concat!(
-                "std_msgs/Header header       # stamp: instant of the answer, by the clock of the cell\nuint8 execution              # MachineState.EXECUTION_*\nstring[] alarms              # texts of the active alarms\nbool machine_known           # the machine has reported its state within the last seconds\nprobecell_msgs/PartStatus part   # the part that is being made\nprobecell_msgs/RecordingStatus recording\nstring[] processes           # processes of the cell\nbool[] running               # each of them runs\nuint32[] starts              # times that each was started\nstring[] faults              # the last faults, newest last, `node: code: text`\n",
-                "================================================================================\nMSG: std_msgs/Header\n",
-                include_str!("../standard/std_msgs/msg/Header.msg"),
-                "================================================================================\nMSG: builtin_interfaces/Time\n",
-                include_str!("../standard/builtin_interfaces/msg/Time.msg"),
-                "================================================================================\nMSG: probecell_msgs/PartStatus\n",
-                include_str!("../msg/PartStatus.msg"),
-                "================================================================================\nMSG: probecell_msgs/RecordingStatus\n",
-                include_str!("../msg/RecordingStatus.msg")
-            ),
-            fields: &[
-                Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
-                Member("execution", 3, 0, 0, "", ""),
-                Member("alarms", 161, 0, 0, "", ""),
-                Member("machine_known", 15, 0, 0, "", ""),
-                Member("part", 1, 0, 0, "probecell_msgs/msg/PartStatus", ""),
-                Member(
-                    "recording",
-                    1,
-                    0,
-                    0,
-                    "probecell_msgs/msg/RecordingStatus",
-                    "",
-                ),
-                Member("processes", 161, 0, 0, "", ""),
-                Member("running", 159, 0, 0, "", ""),
-                Member("starts", 151, 0, 0, "", ""),
-                Member("faults", 161, 0, 0, "", ""),
-            ],
-            describe: crate::describe::of::<StatusResponse>,
-            canonical: crate::cdr::canonical::<StatusResponse>,
-        };
+    crate::schema::message! {
+        StatusResponse: "probecell_msgs", "srv", "Status_Response",
+        "RIHS01_e43e7740bdc6bd6dd02f121e0c8a2db7e02d3da5017da0c8f285fa08f1b5c636",
+        concat!(
+            "std_msgs/Header header       # stamp: instant of the answer, by the clock of the cell\nuint8 execution              # MachineState.EXECUTION_*\nstring[] alarms              # texts of the active alarms\nbool machine_known           # the machine has reported its state within the last seconds\nprobecell_msgs/PartStatus part   # the part that is being made\nprobecell_msgs/RecordingStatus recording\nstring[] processes           # processes of the cell\nbool[] running               # each of them runs\nuint32[] starts              # times that each was started\nstring[] faults              # the last faults, newest last, `node: code: text`\n",
+            "================================================================================\nMSG: std_msgs/Header\n",
+            include_str!("../standard/std_msgs/msg/Header.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg"),
+            "================================================================================\nMSG: probecell_msgs/PartStatus\n",
+            include_str!("../msg/PartStatus.msg"),
+            "================================================================================\nMSG: probecell_msgs/RecordingStatus\n",
+            include_str!("../msg/RecordingStatus.msg")
+        ),
+        ["header", 1, 0, 0, "std_msgs/msg/Header", ""]
+        ["execution", 3, 0, 0, "", ""]
+        ["alarms", 161, 0, 0, "", ""]
+        ["machine_known", 15, 0, 0, "", ""]
+        ["part", 1, 0, 0, "probecell_msgs/msg/PartStatus", ""]
+        ["recording", 1, 0, 0, "probecell_msgs/msg/RecordingStatus", ""]
+        ["processes", 161, 0, 0, "", ""]
+        ["running", 159, 0, 0, "", ""]
+        ["starts", 151, 0, 0, "", ""]
+        ["faults", 161, 0, 0, "", ""]
     }
 
     /// Stop the machine and the part that is being made.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub struct Stop;
 
-    impl Service for Stop {
-        type Request = StopRequest;
-        type Response = StopResponse;
-        const TYPE: &'static ServiceType = &ServiceType {
-            name: "probecell_msgs/srv/Stop",
-            dds_name: "probecell_msgs::srv::dds_::Stop_",
-            type_hash: "RIHS01_a1864f646148aa9470b235edc1d067f81bcbc2010f357369bfac13d601c120c3",
-            request: StopRequest::TYPE,
-            response: StopResponse::TYPE,
-        };
+    crate::schema::service! {
+        Stop(StopRequest) -> StopResponse: "probecell_msgs", "srv", "Stop",
+        "RIHS01_a1864f646148aa9470b235edc1d067f81bcbc2010f357369bfac13d601c120c3"
     }
 
     /// Asks [`Stop`].
@@ -3008,25 +2574,18 @@ pub mod srv {
         pub signature: Vec<u8>,
     }
 
-    impl Message for StopRequest {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "probecell_msgs/srv/Stop_Request",
-            dds_name: "probecell_msgs::srv::dds_::Stop_Request_",
-            type_hash: "RIHS01_b9a02d0090af3f5614a55674d98428394b45230f2b7a21fed51294878c5c6fdd",
-            definition: concat!(
-                "# Stop the machine and the part that is being made.\nstring operator_name         # who stops it\nbuiltin_interfaces/Time signed_at   # instant of the act, by the clock of the cell (service status)\nstring shown                 # what the operator was shown: text, or `sha256:` and its digest\nuint8[] signature            # ed25519, 64 bytes: see docs/approvals.md. Empty: not signed\n",
-                "================================================================================\nMSG: builtin_interfaces/Time\n",
-                include_str!("../standard/builtin_interfaces/msg/Time.msg")
-            ),
-            fields: &[
-                Member("operator_name", 17, 0, 0, "", ""),
-                Member("signed_at", 1, 0, 0, "builtin_interfaces/msg/Time", ""),
-                Member("shown", 17, 0, 0, "", ""),
-                Member("signature", 147, 0, 0, "", ""),
-            ],
-            describe: crate::describe::of::<StopRequest>,
-            canonical: crate::cdr::canonical::<StopRequest>,
-        };
+    crate::schema::message! {
+        StopRequest: "probecell_msgs", "srv", "Stop_Request",
+        "RIHS01_b9a02d0090af3f5614a55674d98428394b45230f2b7a21fed51294878c5c6fdd",
+        concat!(
+            "# Stop the machine and the part that is being made.\nstring operator_name         # who stops it\nbuiltin_interfaces/Time signed_at   # instant of the act, by the clock of the cell (service status)\nstring shown                 # what the operator was shown: text, or `sha256:` and its digest\nuint8[] signature            # ed25519, 64 bytes: see docs/approvals.md. Empty: not signed\n",
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg")
+        ),
+        ["operator_name", 17, 0, 0, "", ""]
+        ["signed_at", 1, 0, 0, "builtin_interfaces/msg/Time", ""]
+        ["shown", 17, 0, 0, "", ""]
+        ["signature", 147, 0, 0, "", ""]
     }
 
     /// Answers [`Stop`].
@@ -3038,35 +2597,21 @@ pub mod srv {
         pub text: String,
     }
 
-    impl Message for StopResponse {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "probecell_msgs/srv/Stop_Response",
-            dds_name: "probecell_msgs::srv::dds_::Stop_Response_",
-            type_hash: "RIHS01_d0aebe4c9566cf7c36c6ae8b6d00e714f59bb3bd97c94e65eb3cb8f64a2cf229",
-            definition: "bool accepted                # the machine has confirmed that it stands\nstring text                  # why it has not\n",
-            fields: &[
-                Member("accepted", 15, 0, 0, "", ""),
-                Member("text", 17, 0, 0, "", ""),
-            ],
-            describe: crate::describe::of::<StopResponse>,
-            canonical: crate::cdr::canonical::<StopResponse>,
-        };
+    crate::schema::message! {
+        StopResponse: "probecell_msgs", "srv", "Stop_Response",
+        "RIHS01_d0aebe4c9566cf7c36c6ae8b6d00e714f59bb3bd97c94e65eb3cb8f64a2cf229",
+        "bool accepted                # the machine has confirmed that it stands\nstring text                  # why it has not\n",
+        ["accepted", 15, 0, 0, "", ""]
+        ["text", 17, 0, 0, "", ""]
     }
 
     /// Stop the recording and close its files.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub struct StopRecording;
 
-    impl Service for StopRecording {
-        type Request = StopRecordingRequest;
-        type Response = StopRecordingResponse;
-        const TYPE: &'static ServiceType = &ServiceType {
-            name: "probecell_msgs/srv/StopRecording",
-            dds_name: "probecell_msgs::srv::dds_::StopRecording_",
-            type_hash: "RIHS01_06aa999f8d68973947068a8427e25a93ee9cd2ebea03c2a03a2103411064b310",
-            request: StopRecordingRequest::TYPE,
-            response: StopRecordingResponse::TYPE,
-        };
+    crate::schema::service! {
+        StopRecording(StopRecordingRequest) -> StopRecordingResponse: "probecell_msgs", "srv", "StopRecording",
+        "RIHS01_06aa999f8d68973947068a8427e25a93ee9cd2ebea03c2a03a2103411064b310"
     }
 
     /// Asks [`StopRecording`].
@@ -3076,23 +2621,11 @@ pub mod srv {
         pub structure_needs_at_least_one_member: u8,
     }
 
-    impl Message for StopRecordingRequest {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "probecell_msgs/srv/StopRecording_Request",
-            dds_name: "probecell_msgs::srv::dds_::StopRecording_Request_",
-            type_hash: "RIHS01_bee8862c0e2985b3fb433a9e7927fae66397b2489c65bbd4f56bea526972b840",
-            definition: "# Stop the recording and close its files.\n",
-            fields: &[Member(
-                "structure_needs_at_least_one_member",
-                3,
-                0,
-                0,
-                "",
-                "",
-            )],
-            describe: crate::describe::of::<StopRecordingRequest>,
-            canonical: crate::cdr::canonical::<StopRecordingRequest>,
-        };
+    crate::schema::message! {
+        StopRecordingRequest: "probecell_msgs", "srv", "StopRecording_Request",
+        "RIHS01_bee8862c0e2985b3fb433a9e7927fae66397b2489c65bbd4f56bea526972b840",
+        "# Stop the recording and close its files.\n",
+        ["structure_needs_at_least_one_member", 3, 0, 0, "", ""]
     }
 
     /// Answers [`StopRecording`].
@@ -3106,21 +2639,14 @@ pub mod srv {
         pub text: String,
     }
 
-    impl Message for StopRecordingResponse {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "probecell_msgs/srv/StopRecording_Response",
-            dds_name: "probecell_msgs::srv::dds_::StopRecording_Response_",
-            type_hash: "RIHS01_18a1892d47d4997aeef751edff646829866675137b34b2ac994879365ea9caff",
-            definition: "bool accepted\nstring uri                   # folder that was written\nuint64 messages              # messages written\nstring text\n",
-            fields: &[
-                Member("accepted", 15, 0, 0, "", ""),
-                Member("uri", 17, 0, 0, "", ""),
-                Member("messages", 9, 0, 0, "", ""),
-                Member("text", 17, 0, 0, "", ""),
-            ],
-            describe: crate::describe::of::<StopRecordingResponse>,
-            canonical: crate::cdr::canonical::<StopRecordingResponse>,
-        };
+    crate::schema::message! {
+        StopRecordingResponse: "probecell_msgs", "srv", "StopRecording_Response",
+        "RIHS01_18a1892d47d4997aeef751edff646829866675137b34b2ac994879365ea9caff",
+        "bool accepted\nstring uri                   # folder that was written\nuint64 messages              # messages written\nstring text\n",
+        ["accepted", 15, 0, 0, "", ""]
+        ["uri", 17, 0, 0, "", ""]
+        ["messages", 9, 0, 0, "", ""]
+        ["text", 17, 0, 0, "", ""]
     }
 }
 
@@ -3128,7 +2654,7 @@ pub mod srv {
 pub mod action {
     use serde::{Deserialize, Serialize};
 
-    use crate::schema::{Member, Message, MessageType, Service, ServiceType};
+    use crate::schema::Action;
 
     #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
     pub struct PlanMeasurementFeedback {
@@ -3136,31 +2662,19 @@ pub mod action {
         pub progress: crate::PlanProgress,
     }
 
-    impl Message for PlanMeasurementFeedback {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "probecell_msgs/action/PlanMeasurement_Feedback",
-            dds_name: "probecell_msgs::action::dds_::PlanMeasurement_Feedback_",
-            type_hash: "RIHS01_a646547c34de433b40cb5a2f60dff1528141dedaf6dc67d49671a42d1942d84d",
-            definition: concat!(
-                "probecell_msgs/PlanProgress progress        # after every step of the computation\n",
-                "================================================================================\nMSG: probecell_msgs/PlanProgress\n",
-                include_str!("../msg/PlanProgress.msg"),
-                "================================================================================\nMSG: std_msgs/Header\n",
-                include_str!("../standard/std_msgs/msg/Header.msg"),
-                "================================================================================\nMSG: builtin_interfaces/Time\n",
-                include_str!("../standard/builtin_interfaces/msg/Time.msg")
-            ),
-            fields: &[Member(
-                "progress",
-                1,
-                0,
-                0,
-                "probecell_msgs/msg/PlanProgress",
-                "",
-            )],
-            describe: crate::describe::of::<PlanMeasurementFeedback>,
-            canonical: crate::cdr::canonical::<PlanMeasurementFeedback>,
-        };
+    crate::schema::message! {
+        PlanMeasurementFeedback: "probecell_msgs", "action", "PlanMeasurement_Feedback",
+        "RIHS01_a646547c34de433b40cb5a2f60dff1528141dedaf6dc67d49671a42d1942d84d",
+        concat!(
+            "probecell_msgs/PlanProgress progress        # after every step of the computation\n",
+            "================================================================================\nMSG: probecell_msgs/PlanProgress\n",
+            include_str!("../msg/PlanProgress.msg"),
+            "================================================================================\nMSG: std_msgs/Header\n",
+            include_str!("../standard/std_msgs/msg/Header.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg")
+        ),
+        ["progress", 1, 0, 0, "probecell_msgs/msg/PlanProgress", ""]
     }
 
     #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -3169,38 +2683,24 @@ pub mod action {
         pub feedback: PlanMeasurementFeedback,
     }
 
-    impl Message for PlanMeasurementFeedbackMessage {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "probecell_msgs/action/PlanMeasurement_FeedbackMessage",
-            dds_name: "probecell_msgs::action::dds_::PlanMeasurement_FeedbackMessage_",
-            type_hash: "RIHS01_f6e4727f2c2490d71666873f6fa797ca164ea7011183ab5e615b0f1c5a219139",
-            definition: concat!(
-                "unique_identifier_msgs/UUID goal_id\nprobecell_msgs/action/PlanMeasurement_Feedback feedback\n",
-                "================================================================================\nMSG: unique_identifier_msgs/UUID\n",
-                include_str!("../standard/unique_identifier_msgs/msg/UUID.msg"),
-                "================================================================================\nMSG: probecell_msgs/action/PlanMeasurement_Feedback\n",
-                "probecell_msgs/PlanProgress progress        # after every step of the computation\n",
-                "================================================================================\nMSG: probecell_msgs/PlanProgress\n",
-                include_str!("../msg/PlanProgress.msg"),
-                "================================================================================\nMSG: std_msgs/Header\n",
-                include_str!("../standard/std_msgs/msg/Header.msg"),
-                "================================================================================\nMSG: builtin_interfaces/Time\n",
-                include_str!("../standard/builtin_interfaces/msg/Time.msg")
-            ),
-            fields: &[
-                Member("goal_id", 1, 0, 0, "unique_identifier_msgs/msg/UUID", ""),
-                Member(
-                    "feedback",
-                    1,
-                    0,
-                    0,
-                    "probecell_msgs/action/PlanMeasurement_Feedback",
-                    "",
-                ),
-            ],
-            describe: crate::describe::of::<PlanMeasurementFeedbackMessage>,
-            canonical: crate::cdr::canonical::<PlanMeasurementFeedbackMessage>,
-        };
+    crate::schema::message! {
+        PlanMeasurementFeedbackMessage: "probecell_msgs", "action", "PlanMeasurement_FeedbackMessage",
+        "RIHS01_f6e4727f2c2490d71666873f6fa797ca164ea7011183ab5e615b0f1c5a219139",
+        concat!(
+            "unique_identifier_msgs/UUID goal_id\nprobecell_msgs/action/PlanMeasurement_Feedback feedback\n",
+            "================================================================================\nMSG: unique_identifier_msgs/UUID\n",
+            include_str!("../standard/unique_identifier_msgs/msg/UUID.msg"),
+            "================================================================================\nMSG: probecell_msgs/action/PlanMeasurement_Feedback\n",
+            "probecell_msgs/PlanProgress progress        # after every step of the computation\n",
+            "================================================================================\nMSG: probecell_msgs/PlanProgress\n",
+            include_str!("../msg/PlanProgress.msg"),
+            "================================================================================\nMSG: std_msgs/Header\n",
+            include_str!("../standard/std_msgs/msg/Header.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg")
+        ),
+        ["goal_id", 1, 0, 0, "unique_identifier_msgs/msg/UUID", ""]
+        ["feedback", 1, 0, 0, "probecell_msgs/action/PlanMeasurement_Feedback", ""]
     }
 
     #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -3211,34 +2711,20 @@ pub mod action {
         pub points: Vec<crate::InspectionPoint>,
     }
 
-    impl Message for PlanMeasurementGoal {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "probecell_msgs/action/PlanMeasurement_Goal",
-            dds_name: "probecell_msgs::action::dds_::PlanMeasurement_Goal_",
-            type_hash: "RIHS01_67a465b80a8b63f48aa4e89ddc3c12a592bd687086c596a01002e5191df10804",
-            definition: concat!(
-                "# The service plan as an action: plan the measuring order of the cell's part, of additional touches of the part in the machine,\n# or of the rest of a plan. A goal is accepted while no other of this action is pursued, and reached when the order is made.\n# To cancel it is to end the search; nothing is planned then.\nstring plan_id               # empty: the cell's own plan; the plan measured last: its remaining points, until something is cut\nprobecell_msgs/InspectionPoint[] points   # empty: all. Else these, on features of the cell's plan; of the plan measured last: touched again\n",
-                "================================================================================\nMSG: probecell_msgs/InspectionPoint\n",
-                include_str!("../msg/InspectionPoint.msg"),
-                "================================================================================\nMSG: geometry_msgs/Point\n",
-                include_str!("../standard/geometry_msgs/msg/Point.msg"),
-                "================================================================================\nMSG: geometry_msgs/Vector3\n",
-                include_str!("../standard/geometry_msgs/msg/Vector3.msg")
-            ),
-            fields: &[
-                Member("plan_id", 17, 0, 0, "", ""),
-                Member(
-                    "points",
-                    145,
-                    0,
-                    0,
-                    "probecell_msgs/msg/InspectionPoint",
-                    "",
-                ),
-            ],
-            describe: crate::describe::of::<PlanMeasurementGoal>,
-            canonical: crate::cdr::canonical::<PlanMeasurementGoal>,
-        };
+    crate::schema::message! {
+        PlanMeasurementGoal: "probecell_msgs", "action", "PlanMeasurement_Goal",
+        "RIHS01_67a465b80a8b63f48aa4e89ddc3c12a592bd687086c596a01002e5191df10804",
+        concat!(
+            "# The service plan as an action: plan the measuring order of the cell's part, of additional touches of the part in the machine,\n# or of the rest of a plan. A goal is accepted while no other of this action is pursued, and reached when the order is made.\n# To cancel it is to end the search; nothing is planned then.\nstring plan_id               # empty: the cell's own plan; the plan measured last: its remaining points, until something is cut\nprobecell_msgs/InspectionPoint[] points   # empty: all. Else these, on features of the cell's plan; of the plan measured last: touched again\n",
+            "================================================================================\nMSG: probecell_msgs/InspectionPoint\n",
+            include_str!("../msg/InspectionPoint.msg"),
+            "================================================================================\nMSG: geometry_msgs/Point\n",
+            include_str!("../standard/geometry_msgs/msg/Point.msg"),
+            "================================================================================\nMSG: geometry_msgs/Vector3\n",
+            include_str!("../standard/geometry_msgs/msg/Vector3.msg")
+        ),
+        ["plan_id", 17, 0, 0, "", ""]
+        ["points", 145, 0, 0, "probecell_msgs/msg/InspectionPoint", ""]
     }
 
     #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -3259,24 +2745,17 @@ pub mod action {
         pub text: String,
     }
 
-    impl Message for PlanMeasurementResult {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "probecell_msgs/action/PlanMeasurement_Result",
-            dds_name: "probecell_msgs::action::dds_::PlanMeasurement_Result_",
-            type_hash: "RIHS01_1e1d3db1e4c602eb9d2c87d4a27872e10af22db1762826b9bf021ec7331b4b40",
-            definition: "string plan_id               # the plan whose order was made; empty: none was\nuint32 touches               # number of touches of the order\nfloat64 air_time             # s, promised for the moves between touches in this order\nfloat64 given_air_time       # s, the same in the order in which the plan lists them\nfloat64 air_length           # m, path of the ball centre in the part frame between touches in this order\nfloat64 given_air_length     # m, the same in the order in which the plan lists them\nstring text                  # what was planned, or why not\n",
-            fields: &[
-                Member("plan_id", 17, 0, 0, "", ""),
-                Member("touches", 7, 0, 0, "", ""),
-                Member("air_time", 11, 0, 0, "", ""),
-                Member("given_air_time", 11, 0, 0, "", ""),
-                Member("air_length", 11, 0, 0, "", ""),
-                Member("given_air_length", 11, 0, 0, "", ""),
-                Member("text", 17, 0, 0, "", ""),
-            ],
-            describe: crate::describe::of::<PlanMeasurementResult>,
-            canonical: crate::cdr::canonical::<PlanMeasurementResult>,
-        };
+    crate::schema::message! {
+        PlanMeasurementResult: "probecell_msgs", "action", "PlanMeasurement_Result",
+        "RIHS01_1e1d3db1e4c602eb9d2c87d4a27872e10af22db1762826b9bf021ec7331b4b40",
+        "string plan_id               # the plan whose order was made; empty: none was\nuint32 touches               # number of touches of the order\nfloat64 air_time             # s, promised for the moves between touches in this order\nfloat64 given_air_time       # s, the same in the order in which the plan lists them\nfloat64 air_length           # m, path of the ball centre in the part frame between touches in this order\nfloat64 given_air_length     # m, the same in the order in which the plan lists them\nstring text                  # what was planned, or why not\n",
+        ["plan_id", 17, 0, 0, "", ""]
+        ["touches", 7, 0, 0, "", ""]
+        ["air_time", 11, 0, 0, "", ""]
+        ["given_air_time", 11, 0, 0, "", ""]
+        ["air_length", 11, 0, 0, "", ""]
+        ["given_air_length", 11, 0, 0, "", ""]
+        ["text", 17, 0, 0, "", ""]
     }
 
     #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -3285,31 +2764,19 @@ pub mod action {
         pub status: crate::PartStatus,
     }
 
-    impl Message for RunPartFeedback {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "probecell_msgs/action/RunPart_Feedback",
-            dds_name: "probecell_msgs::action::dds_::RunPart_Feedback_",
-            type_hash: "RIHS01_8a354af9291c05444cc0892a8f62eb077dafeb481aec7f7563465510f0fe9217",
-            definition: concat!(
-                "probecell_msgs/PartStatus status            # the part that is being made, at every change and once a second\n",
-                "================================================================================\nMSG: probecell_msgs/PartStatus\n",
-                include_str!("../msg/PartStatus.msg"),
-                "================================================================================\nMSG: std_msgs/Header\n",
-                include_str!("../standard/std_msgs/msg/Header.msg"),
-                "================================================================================\nMSG: builtin_interfaces/Time\n",
-                include_str!("../standard/builtin_interfaces/msg/Time.msg")
-            ),
-            fields: &[Member(
-                "status",
-                1,
-                0,
-                0,
-                "probecell_msgs/msg/PartStatus",
-                "",
-            )],
-            describe: crate::describe::of::<RunPartFeedback>,
-            canonical: crate::cdr::canonical::<RunPartFeedback>,
-        };
+    crate::schema::message! {
+        RunPartFeedback: "probecell_msgs", "action", "RunPart_Feedback",
+        "RIHS01_8a354af9291c05444cc0892a8f62eb077dafeb481aec7f7563465510f0fe9217",
+        concat!(
+            "probecell_msgs/PartStatus status            # the part that is being made, at every change and once a second\n",
+            "================================================================================\nMSG: probecell_msgs/PartStatus\n",
+            include_str!("../msg/PartStatus.msg"),
+            "================================================================================\nMSG: std_msgs/Header\n",
+            include_str!("../standard/std_msgs/msg/Header.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg")
+        ),
+        ["status", 1, 0, 0, "probecell_msgs/msg/PartStatus", ""]
     }
 
     #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -3318,38 +2785,24 @@ pub mod action {
         pub feedback: RunPartFeedback,
     }
 
-    impl Message for RunPartFeedbackMessage {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "probecell_msgs/action/RunPart_FeedbackMessage",
-            dds_name: "probecell_msgs::action::dds_::RunPart_FeedbackMessage_",
-            type_hash: "RIHS01_d60d6342a42198d42ccbc12fd780548bcc208c19002502b1e787781e9d5981a0",
-            definition: concat!(
-                "unique_identifier_msgs/UUID goal_id\nprobecell_msgs/action/RunPart_Feedback feedback\n",
-                "================================================================================\nMSG: unique_identifier_msgs/UUID\n",
-                include_str!("../standard/unique_identifier_msgs/msg/UUID.msg"),
-                "================================================================================\nMSG: probecell_msgs/action/RunPart_Feedback\n",
-                "probecell_msgs/PartStatus status            # the part that is being made, at every change and once a second\n",
-                "================================================================================\nMSG: probecell_msgs/PartStatus\n",
-                include_str!("../msg/PartStatus.msg"),
-                "================================================================================\nMSG: std_msgs/Header\n",
-                include_str!("../standard/std_msgs/msg/Header.msg"),
-                "================================================================================\nMSG: builtin_interfaces/Time\n",
-                include_str!("../standard/builtin_interfaces/msg/Time.msg")
-            ),
-            fields: &[
-                Member("goal_id", 1, 0, 0, "unique_identifier_msgs/msg/UUID", ""),
-                Member(
-                    "feedback",
-                    1,
-                    0,
-                    0,
-                    "probecell_msgs/action/RunPart_Feedback",
-                    "",
-                ),
-            ],
-            describe: crate::describe::of::<RunPartFeedbackMessage>,
-            canonical: crate::cdr::canonical::<RunPartFeedbackMessage>,
-        };
+    crate::schema::message! {
+        RunPartFeedbackMessage: "probecell_msgs", "action", "RunPart_FeedbackMessage",
+        "RIHS01_d60d6342a42198d42ccbc12fd780548bcc208c19002502b1e787781e9d5981a0",
+        concat!(
+            "unique_identifier_msgs/UUID goal_id\nprobecell_msgs/action/RunPart_Feedback feedback\n",
+            "================================================================================\nMSG: unique_identifier_msgs/UUID\n",
+            include_str!("../standard/unique_identifier_msgs/msg/UUID.msg"),
+            "================================================================================\nMSG: probecell_msgs/action/RunPart_Feedback\n",
+            "probecell_msgs/PartStatus status            # the part that is being made, at every change and once a second\n",
+            "================================================================================\nMSG: probecell_msgs/PartStatus\n",
+            include_str!("../msg/PartStatus.msg"),
+            "================================================================================\nMSG: std_msgs/Header\n",
+            include_str!("../standard/std_msgs/msg/Header.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg")
+        ),
+        ["goal_id", 1, 0, 0, "unique_identifier_msgs/msg/UUID", ""]
+        ["feedback", 1, 0, 0, "probecell_msgs/action/RunPart_Feedback", ""]
     }
 
     #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -3370,28 +2823,21 @@ pub mod action {
         pub signature: Vec<u8>,
     }
 
-    impl Message for RunPartGoal {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "probecell_msgs/action/RunPart_Goal",
-            dds_name: "probecell_msgs::action::dds_::RunPart_Goal_",
-            type_hash: "RIHS01_ac9c8c2e2d3c6bcd2199a6a3938fa7b0225c6ae231702465dfa5a84611472461",
-            definition: concat!(
-                "# The service run as an action: make one part; or, with a plan_id, only measure, or resume the measurement with which the\n# last part ended. The goal is accepted where the service would accept it, and reached when the part is reported. To cancel\n# it is to stop the machine and the part, as the service stop does.\nstring part_id               # may be empty when resuming\nstring plan_id               # empty: make a part. A plan accepted by the service plan: measure it. The plan measured last: resume the part\nbuiltin_interfaces/Time expires   # nothing is started after this instant by the clock of the cell (service status); 0: 8 s after its arrival\nstring operator_name         # who has it made; may be empty\nbuiltin_interfaces/Time signed_at   # instant of the act, by the clock of the cell (service status)\nstring shown                 # what the operator was shown: text, or `sha256:` and its digest\nuint8[] signature            # ed25519, 64 bytes: see docs/approvals.md. Empty: not signed\n",
-                "================================================================================\nMSG: builtin_interfaces/Time\n",
-                include_str!("../standard/builtin_interfaces/msg/Time.msg")
-            ),
-            fields: &[
-                Member("part_id", 17, 0, 0, "", ""),
-                Member("plan_id", 17, 0, 0, "", ""),
-                Member("expires", 1, 0, 0, "builtin_interfaces/msg/Time", ""),
-                Member("operator_name", 17, 0, 0, "", ""),
-                Member("signed_at", 1, 0, 0, "builtin_interfaces/msg/Time", ""),
-                Member("shown", 17, 0, 0, "", ""),
-                Member("signature", 147, 0, 0, "", ""),
-            ],
-            describe: crate::describe::of::<RunPartGoal>,
-            canonical: crate::cdr::canonical::<RunPartGoal>,
-        };
+    crate::schema::message! {
+        RunPartGoal: "probecell_msgs", "action", "RunPart_Goal",
+        "RIHS01_ac9c8c2e2d3c6bcd2199a6a3938fa7b0225c6ae231702465dfa5a84611472461",
+        concat!(
+            "# The service run as an action: make one part; or, with a plan_id, only measure, or resume the measurement with which the\n# last part ended. The goal is accepted where the service would accept it, and reached when the part is reported. To cancel\n# it is to stop the machine and the part, as the service stop does.\nstring part_id               # may be empty when resuming\nstring plan_id               # empty: make a part. A plan accepted by the service plan: measure it. The plan measured last: resume the part\nbuiltin_interfaces/Time expires   # nothing is started after this instant by the clock of the cell (service status); 0: 8 s after its arrival\nstring operator_name         # who has it made; may be empty\nbuiltin_interfaces/Time signed_at   # instant of the act, by the clock of the cell (service status)\nstring shown                 # what the operator was shown: text, or `sha256:` and its digest\nuint8[] signature            # ed25519, 64 bytes: see docs/approvals.md. Empty: not signed\n",
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg")
+        ),
+        ["part_id", 17, 0, 0, "", ""]
+        ["plan_id", 17, 0, 0, "", ""]
+        ["expires", 1, 0, 0, "builtin_interfaces/msg/Time", ""]
+        ["operator_name", 17, 0, 0, "", ""]
+        ["signed_at", 1, 0, 0, "builtin_interfaces/msg/Time", ""]
+        ["shown", 17, 0, 0, "", ""]
+        ["signature", 147, 0, 0, "", ""]
     }
 
     #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -3402,42 +2848,28 @@ pub mod action {
         pub text: String,
     }
 
-    impl Message for RunPartResult {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "probecell_msgs/action/RunPart_Result",
-            dds_name: "probecell_msgs::action::dds_::RunPart_Result_",
-            type_hash: "RIHS01_5c30123a640cbe55a794245860e4c0b1bef871350a3bbc35a808ef7419b93490",
-            definition: concat!(
-                "probecell_msgs/PartReport report            # how the part ended; SUCCEEDED for QUALIFIED, SCRAP and MEASURED, CANCELED or ABORTED for STOPPED\nstring text                  # how it ended, in words\n",
-                "================================================================================\nMSG: probecell_msgs/PartReport\n",
-                include_str!("../msg/PartReport.msg"),
-                "================================================================================\nMSG: std_msgs/Header\n",
-                include_str!("../standard/std_msgs/msg/Header.msg"),
-                "================================================================================\nMSG: builtin_interfaces/Time\n",
-                include_str!("../standard/builtin_interfaces/msg/Time.msg")
-            ),
-            fields: &[
-                Member("report", 1, 0, 0, "probecell_msgs/msg/PartReport", ""),
-                Member("text", 17, 0, 0, "", ""),
-            ],
-            describe: crate::describe::of::<RunPartResult>,
-            canonical: crate::cdr::canonical::<RunPartResult>,
-        };
+    crate::schema::message! {
+        RunPartResult: "probecell_msgs", "action", "RunPart_Result",
+        "RIHS01_5c30123a640cbe55a794245860e4c0b1bef871350a3bbc35a808ef7419b93490",
+        concat!(
+            "probecell_msgs/PartReport report            # how the part ended; SUCCEEDED for QUALIFIED, SCRAP and MEASURED, CANCELED or ABORTED for STOPPED\nstring text                  # how it ended, in words\n",
+            "================================================================================\nMSG: probecell_msgs/PartReport\n",
+            include_str!("../msg/PartReport.msg"),
+            "================================================================================\nMSG: std_msgs/Header\n",
+            include_str!("../standard/std_msgs/msg/Header.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg")
+        ),
+        ["report", 1, 0, 0, "probecell_msgs/msg/PartReport", ""]
+        ["text", 17, 0, 0, "", ""]
     }
 
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub struct PlanMeasurementGetResult;
 
-    impl Service for PlanMeasurementGetResult {
-        type Request = PlanMeasurementGetResultRequest;
-        type Response = PlanMeasurementGetResultResponse;
-        const TYPE: &'static ServiceType = &ServiceType {
-            name: "probecell_msgs/action/PlanMeasurement_GetResult",
-            dds_name: "probecell_msgs::action::dds_::PlanMeasurement_GetResult_",
-            type_hash: "RIHS01_4090bc726d9e3698961e08133c2ffc7c0d517cbc8ae9f60869488190265803bb",
-            request: PlanMeasurementGetResultRequest::TYPE,
-            response: PlanMeasurementGetResultResponse::TYPE,
-        };
+    crate::schema::service! {
+        PlanMeasurementGetResult(PlanMeasurementGetResultRequest) -> PlanMeasurementGetResultResponse: "probecell_msgs", "action", "PlanMeasurement_GetResult",
+        "RIHS01_4090bc726d9e3698961e08133c2ffc7c0d517cbc8ae9f60869488190265803bb"
     }
 
     /// Asks [`PlanMeasurementGetResult`].
@@ -3446,27 +2878,15 @@ pub mod action {
         pub goal_id: crate::unique_identifier_msgs::UUID,
     }
 
-    impl Message for PlanMeasurementGetResultRequest {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "probecell_msgs/action/PlanMeasurement_GetResult_Request",
-            dds_name: "probecell_msgs::action::dds_::PlanMeasurement_GetResult_Request_",
-            type_hash: "RIHS01_3dbbe325ab0a4d37d639c9d1d9f09af4f6fac1f27412b8ee06fc582dac5bff4a",
-            definition: concat!(
-                "unique_identifier_msgs/UUID goal_id\n",
-                "================================================================================\nMSG: unique_identifier_msgs/UUID\n",
-                include_str!("../standard/unique_identifier_msgs/msg/UUID.msg")
-            ),
-            fields: &[Member(
-                "goal_id",
-                1,
-                0,
-                0,
-                "unique_identifier_msgs/msg/UUID",
-                "",
-            )],
-            describe: crate::describe::of::<PlanMeasurementGetResultRequest>,
-            canonical: crate::cdr::canonical::<PlanMeasurementGetResultRequest>,
-        };
+    crate::schema::message! {
+        PlanMeasurementGetResultRequest: "probecell_msgs", "action", "PlanMeasurement_GetResult_Request",
+        "RIHS01_3dbbe325ab0a4d37d639c9d1d9f09af4f6fac1f27412b8ee06fc582dac5bff4a",
+        concat!(
+            "unique_identifier_msgs/UUID goal_id\n",
+            "================================================================================\nMSG: unique_identifier_msgs/UUID\n",
+            include_str!("../standard/unique_identifier_msgs/msg/UUID.msg")
+        ),
+        ["goal_id", 1, 0, 0, "unique_identifier_msgs/msg/UUID", ""]
     }
 
     /// Answers [`PlanMeasurementGetResult`].
@@ -3477,45 +2897,24 @@ pub mod action {
         pub result: PlanMeasurementResult,
     }
 
-    impl Message for PlanMeasurementGetResultResponse {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "probecell_msgs/action/PlanMeasurement_GetResult_Response",
-            dds_name: "probecell_msgs::action::dds_::PlanMeasurement_GetResult_Response_",
-            type_hash: "RIHS01_cd9470d0cb7efa1f6dd0b07f86a91e31e9a07f3cef007a1d12d8d1b781e11e3a",
-            definition: concat!(
-                "int8 status  # `GoalStatus::STATUS_*`\nprobecell_msgs/action/PlanMeasurement_Result result\n",
-                "================================================================================\nMSG: probecell_msgs/action/PlanMeasurement_Result\n",
-                "string plan_id               # the plan whose order was made; empty: none was\nuint32 touches               # number of touches of the order\nfloat64 air_time             # s, promised for the moves between touches in this order\nfloat64 given_air_time       # s, the same in the order in which the plan lists them\nfloat64 air_length           # m, path of the ball centre in the part frame between touches in this order\nfloat64 given_air_length     # m, the same in the order in which the plan lists them\nstring text                  # what was planned, or why not\n"
-            ),
-            fields: &[
-                Member("status", 2, 0, 0, "", ""),
-                Member(
-                    "result",
-                    1,
-                    0,
-                    0,
-                    "probecell_msgs/action/PlanMeasurement_Result",
-                    "",
-                ),
-            ],
-            describe: crate::describe::of::<PlanMeasurementGetResultResponse>,
-            canonical: crate::cdr::canonical::<PlanMeasurementGetResultResponse>,
-        };
+    crate::schema::message! {
+        PlanMeasurementGetResultResponse: "probecell_msgs", "action", "PlanMeasurement_GetResult_Response",
+        "RIHS01_cd9470d0cb7efa1f6dd0b07f86a91e31e9a07f3cef007a1d12d8d1b781e11e3a",
+        concat!(
+            "int8 status  # `GoalStatus::STATUS_*`\nprobecell_msgs/action/PlanMeasurement_Result result\n",
+            "================================================================================\nMSG: probecell_msgs/action/PlanMeasurement_Result\n",
+            "string plan_id               # the plan whose order was made; empty: none was\nuint32 touches               # number of touches of the order\nfloat64 air_time             # s, promised for the moves between touches in this order\nfloat64 given_air_time       # s, the same in the order in which the plan lists them\nfloat64 air_length           # m, path of the ball centre in the part frame between touches in this order\nfloat64 given_air_length     # m, the same in the order in which the plan lists them\nstring text                  # what was planned, or why not\n"
+        ),
+        ["status", 2, 0, 0, "", ""]
+        ["result", 1, 0, 0, "probecell_msgs/action/PlanMeasurement_Result", ""]
     }
 
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub struct PlanMeasurementSendGoal;
 
-    impl Service for PlanMeasurementSendGoal {
-        type Request = PlanMeasurementSendGoalRequest;
-        type Response = PlanMeasurementSendGoalResponse;
-        const TYPE: &'static ServiceType = &ServiceType {
-            name: "probecell_msgs/action/PlanMeasurement_SendGoal",
-            dds_name: "probecell_msgs::action::dds_::PlanMeasurement_SendGoal_",
-            type_hash: "RIHS01_a04a6a74087f900b4eaab8cec0b8510245608bf05589d0eadd52adf29b0b9177",
-            request: PlanMeasurementSendGoalRequest::TYPE,
-            response: PlanMeasurementSendGoalResponse::TYPE,
-        };
+    crate::schema::service! {
+        PlanMeasurementSendGoal(PlanMeasurementSendGoalRequest) -> PlanMeasurementSendGoalResponse: "probecell_msgs", "action", "PlanMeasurement_SendGoal",
+        "RIHS01_a04a6a74087f900b4eaab8cec0b8510245608bf05589d0eadd52adf29b0b9177"
     }
 
     /// Asks [`PlanMeasurementSendGoal`].
@@ -3525,38 +2924,24 @@ pub mod action {
         pub goal: PlanMeasurementGoal,
     }
 
-    impl Message for PlanMeasurementSendGoalRequest {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "probecell_msgs/action/PlanMeasurement_SendGoal_Request",
-            dds_name: "probecell_msgs::action::dds_::PlanMeasurement_SendGoal_Request_",
-            type_hash: "RIHS01_ab7ab0f0251b309f98ea70747c7f06fb9bfdbed61b03a56a2980557763472236",
-            definition: concat!(
-                "unique_identifier_msgs/UUID goal_id\nprobecell_msgs/action/PlanMeasurement_Goal goal\n",
-                "================================================================================\nMSG: unique_identifier_msgs/UUID\n",
-                include_str!("../standard/unique_identifier_msgs/msg/UUID.msg"),
-                "================================================================================\nMSG: probecell_msgs/action/PlanMeasurement_Goal\n",
-                "# The service plan as an action: plan the measuring order of the cell's part, of additional touches of the part in the machine,\n# or of the rest of a plan. A goal is accepted while no other of this action is pursued, and reached when the order is made.\n# To cancel it is to end the search; nothing is planned then.\nstring plan_id               # empty: the cell's own plan; the plan measured last: its remaining points, until something is cut\nprobecell_msgs/InspectionPoint[] points   # empty: all. Else these, on features of the cell's plan; of the plan measured last: touched again\n",
-                "================================================================================\nMSG: probecell_msgs/InspectionPoint\n",
-                include_str!("../msg/InspectionPoint.msg"),
-                "================================================================================\nMSG: geometry_msgs/Point\n",
-                include_str!("../standard/geometry_msgs/msg/Point.msg"),
-                "================================================================================\nMSG: geometry_msgs/Vector3\n",
-                include_str!("../standard/geometry_msgs/msg/Vector3.msg")
-            ),
-            fields: &[
-                Member("goal_id", 1, 0, 0, "unique_identifier_msgs/msg/UUID", ""),
-                Member(
-                    "goal",
-                    1,
-                    0,
-                    0,
-                    "probecell_msgs/action/PlanMeasurement_Goal",
-                    "",
-                ),
-            ],
-            describe: crate::describe::of::<PlanMeasurementSendGoalRequest>,
-            canonical: crate::cdr::canonical::<PlanMeasurementSendGoalRequest>,
-        };
+    crate::schema::message! {
+        PlanMeasurementSendGoalRequest: "probecell_msgs", "action", "PlanMeasurement_SendGoal_Request",
+        "RIHS01_ab7ab0f0251b309f98ea70747c7f06fb9bfdbed61b03a56a2980557763472236",
+        concat!(
+            "unique_identifier_msgs/UUID goal_id\nprobecell_msgs/action/PlanMeasurement_Goal goal\n",
+            "================================================================================\nMSG: unique_identifier_msgs/UUID\n",
+            include_str!("../standard/unique_identifier_msgs/msg/UUID.msg"),
+            "================================================================================\nMSG: probecell_msgs/action/PlanMeasurement_Goal\n",
+            "# The service plan as an action: plan the measuring order of the cell's part, of additional touches of the part in the machine,\n# or of the rest of a plan. A goal is accepted while no other of this action is pursued, and reached when the order is made.\n# To cancel it is to end the search; nothing is planned then.\nstring plan_id               # empty: the cell's own plan; the plan measured last: its remaining points, until something is cut\nprobecell_msgs/InspectionPoint[] points   # empty: all. Else these, on features of the cell's plan; of the plan measured last: touched again\n",
+            "================================================================================\nMSG: probecell_msgs/InspectionPoint\n",
+            include_str!("../msg/InspectionPoint.msg"),
+            "================================================================================\nMSG: geometry_msgs/Point\n",
+            include_str!("../standard/geometry_msgs/msg/Point.msg"),
+            "================================================================================\nMSG: geometry_msgs/Vector3\n",
+            include_str!("../standard/geometry_msgs/msg/Vector3.msg")
+        ),
+        ["goal_id", 1, 0, 0, "unique_identifier_msgs/msg/UUID", ""]
+        ["goal", 1, 0, 0, "probecell_msgs/action/PlanMeasurement_Goal", ""]
     }
 
     /// Answers [`PlanMeasurementSendGoal`].
@@ -3566,38 +2951,24 @@ pub mod action {
         pub stamp: crate::builtin_interfaces::Time,
     }
 
-    impl Message for PlanMeasurementSendGoalResponse {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "probecell_msgs/action/PlanMeasurement_SendGoal_Response",
-            dds_name: "probecell_msgs::action::dds_::PlanMeasurement_SendGoal_Response_",
-            type_hash: "RIHS01_4453307ffef21571955178a305b67451a2195ea4d1b927cee7b43de3841672fe",
-            definition: concat!(
-                "bool accepted\nbuiltin_interfaces/Time stamp\n",
-                "================================================================================\nMSG: builtin_interfaces/Time\n",
-                include_str!("../standard/builtin_interfaces/msg/Time.msg")
-            ),
-            fields: &[
-                Member("accepted", 15, 0, 0, "", ""),
-                Member("stamp", 1, 0, 0, "builtin_interfaces/msg/Time", ""),
-            ],
-            describe: crate::describe::of::<PlanMeasurementSendGoalResponse>,
-            canonical: crate::cdr::canonical::<PlanMeasurementSendGoalResponse>,
-        };
+    crate::schema::message! {
+        PlanMeasurementSendGoalResponse: "probecell_msgs", "action", "PlanMeasurement_SendGoal_Response",
+        "RIHS01_4453307ffef21571955178a305b67451a2195ea4d1b927cee7b43de3841672fe",
+        concat!(
+            "bool accepted\nbuiltin_interfaces/Time stamp\n",
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg")
+        ),
+        ["accepted", 15, 0, 0, "", ""]
+        ["stamp", 1, 0, 0, "builtin_interfaces/msg/Time", ""]
     }
 
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub struct RunPartGetResult;
 
-    impl Service for RunPartGetResult {
-        type Request = RunPartGetResultRequest;
-        type Response = RunPartGetResultResponse;
-        const TYPE: &'static ServiceType = &ServiceType {
-            name: "probecell_msgs/action/RunPart_GetResult",
-            dds_name: "probecell_msgs::action::dds_::RunPart_GetResult_",
-            type_hash: "RIHS01_c61612de1dcdeea2d564f19d7f7f74ca3411b0e90255bba23fcd4276199db2ad",
-            request: RunPartGetResultRequest::TYPE,
-            response: RunPartGetResultResponse::TYPE,
-        };
+    crate::schema::service! {
+        RunPartGetResult(RunPartGetResultRequest) -> RunPartGetResultResponse: "probecell_msgs", "action", "RunPart_GetResult",
+        "RIHS01_c61612de1dcdeea2d564f19d7f7f74ca3411b0e90255bba23fcd4276199db2ad"
     }
 
     /// Asks [`RunPartGetResult`].
@@ -3606,27 +2977,15 @@ pub mod action {
         pub goal_id: crate::unique_identifier_msgs::UUID,
     }
 
-    impl Message for RunPartGetResultRequest {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "probecell_msgs/action/RunPart_GetResult_Request",
-            dds_name: "probecell_msgs::action::dds_::RunPart_GetResult_Request_",
-            type_hash: "RIHS01_ad6bf550c95c841265491a8f81227216490d68bf0659eb8ea813bf9118490ed5",
-            definition: concat!(
-                "unique_identifier_msgs/UUID goal_id\n",
-                "================================================================================\nMSG: unique_identifier_msgs/UUID\n",
-                include_str!("../standard/unique_identifier_msgs/msg/UUID.msg")
-            ),
-            fields: &[Member(
-                "goal_id",
-                1,
-                0,
-                0,
-                "unique_identifier_msgs/msg/UUID",
-                "",
-            )],
-            describe: crate::describe::of::<RunPartGetResultRequest>,
-            canonical: crate::cdr::canonical::<RunPartGetResultRequest>,
-        };
+    crate::schema::message! {
+        RunPartGetResultRequest: "probecell_msgs", "action", "RunPart_GetResult_Request",
+        "RIHS01_ad6bf550c95c841265491a8f81227216490d68bf0659eb8ea813bf9118490ed5",
+        concat!(
+            "unique_identifier_msgs/UUID goal_id\n",
+            "================================================================================\nMSG: unique_identifier_msgs/UUID\n",
+            include_str!("../standard/unique_identifier_msgs/msg/UUID.msg")
+        ),
+        ["goal_id", 1, 0, 0, "unique_identifier_msgs/msg/UUID", ""]
     }
 
     /// Answers [`RunPartGetResult`].
@@ -3637,51 +2996,30 @@ pub mod action {
         pub result: RunPartResult,
     }
 
-    impl Message for RunPartGetResultResponse {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "probecell_msgs/action/RunPart_GetResult_Response",
-            dds_name: "probecell_msgs::action::dds_::RunPart_GetResult_Response_",
-            type_hash: "RIHS01_9a26a26abe945fdd094529078b0c36a976462dbf1e474dd1bc1e595fb055c8f9",
-            definition: concat!(
-                "int8 status  # `GoalStatus::STATUS_*`\nprobecell_msgs/action/RunPart_Result result\n",
-                "================================================================================\nMSG: probecell_msgs/action/RunPart_Result\n",
-                "probecell_msgs/PartReport report            # how the part ended; SUCCEEDED for QUALIFIED, SCRAP and MEASURED, CANCELED or ABORTED for STOPPED\nstring text                  # how it ended, in words\n",
-                "================================================================================\nMSG: probecell_msgs/PartReport\n",
-                include_str!("../msg/PartReport.msg"),
-                "================================================================================\nMSG: std_msgs/Header\n",
-                include_str!("../standard/std_msgs/msg/Header.msg"),
-                "================================================================================\nMSG: builtin_interfaces/Time\n",
-                include_str!("../standard/builtin_interfaces/msg/Time.msg")
-            ),
-            fields: &[
-                Member("status", 2, 0, 0, "", ""),
-                Member(
-                    "result",
-                    1,
-                    0,
-                    0,
-                    "probecell_msgs/action/RunPart_Result",
-                    "",
-                ),
-            ],
-            describe: crate::describe::of::<RunPartGetResultResponse>,
-            canonical: crate::cdr::canonical::<RunPartGetResultResponse>,
-        };
+    crate::schema::message! {
+        RunPartGetResultResponse: "probecell_msgs", "action", "RunPart_GetResult_Response",
+        "RIHS01_9a26a26abe945fdd094529078b0c36a976462dbf1e474dd1bc1e595fb055c8f9",
+        concat!(
+            "int8 status  # `GoalStatus::STATUS_*`\nprobecell_msgs/action/RunPart_Result result\n",
+            "================================================================================\nMSG: probecell_msgs/action/RunPart_Result\n",
+            "probecell_msgs/PartReport report            # how the part ended; SUCCEEDED for QUALIFIED, SCRAP and MEASURED, CANCELED or ABORTED for STOPPED\nstring text                  # how it ended, in words\n",
+            "================================================================================\nMSG: probecell_msgs/PartReport\n",
+            include_str!("../msg/PartReport.msg"),
+            "================================================================================\nMSG: std_msgs/Header\n",
+            include_str!("../standard/std_msgs/msg/Header.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg")
+        ),
+        ["status", 2, 0, 0, "", ""]
+        ["result", 1, 0, 0, "probecell_msgs/action/RunPart_Result", ""]
     }
 
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub struct RunPartSendGoal;
 
-    impl Service for RunPartSendGoal {
-        type Request = RunPartSendGoalRequest;
-        type Response = RunPartSendGoalResponse;
-        const TYPE: &'static ServiceType = &ServiceType {
-            name: "probecell_msgs/action/RunPart_SendGoal",
-            dds_name: "probecell_msgs::action::dds_::RunPart_SendGoal_",
-            type_hash: "RIHS01_1fa6d88dc718adcc294bba86ca6bc1d0cac731cedcce965f2002760b19c74431",
-            request: RunPartSendGoalRequest::TYPE,
-            response: RunPartSendGoalResponse::TYPE,
-        };
+    crate::schema::service! {
+        RunPartSendGoal(RunPartSendGoalRequest) -> RunPartSendGoalResponse: "probecell_msgs", "action", "RunPart_SendGoal",
+        "RIHS01_1fa6d88dc718adcc294bba86ca6bc1d0cac731cedcce965f2002760b19c74431"
     }
 
     /// Asks [`RunPartSendGoal`].
@@ -3691,27 +3029,20 @@ pub mod action {
         pub goal: RunPartGoal,
     }
 
-    impl Message for RunPartSendGoalRequest {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "probecell_msgs/action/RunPart_SendGoal_Request",
-            dds_name: "probecell_msgs::action::dds_::RunPart_SendGoal_Request_",
-            type_hash: "RIHS01_261011b393c672233c34bc2fc119dce258331e35fde6fff39ef59696cda990dc",
-            definition: concat!(
-                "unique_identifier_msgs/UUID goal_id\nprobecell_msgs/action/RunPart_Goal goal\n",
-                "================================================================================\nMSG: unique_identifier_msgs/UUID\n",
-                include_str!("../standard/unique_identifier_msgs/msg/UUID.msg"),
-                "================================================================================\nMSG: probecell_msgs/action/RunPart_Goal\n",
-                "# The service run as an action: make one part; or, with a plan_id, only measure, or resume the measurement with which the\n# last part ended. The goal is accepted where the service would accept it, and reached when the part is reported. To cancel\n# it is to stop the machine and the part, as the service stop does.\nstring part_id               # may be empty when resuming\nstring plan_id               # empty: make a part. A plan accepted by the service plan: measure it. The plan measured last: resume the part\nbuiltin_interfaces/Time expires   # nothing is started after this instant by the clock of the cell (service status); 0: 8 s after its arrival\nstring operator_name         # who has it made; may be empty\nbuiltin_interfaces/Time signed_at   # instant of the act, by the clock of the cell (service status)\nstring shown                 # what the operator was shown: text, or `sha256:` and its digest\nuint8[] signature            # ed25519, 64 bytes: see docs/approvals.md. Empty: not signed\n",
-                "================================================================================\nMSG: builtin_interfaces/Time\n",
-                include_str!("../standard/builtin_interfaces/msg/Time.msg")
-            ),
-            fields: &[
-                Member("goal_id", 1, 0, 0, "unique_identifier_msgs/msg/UUID", ""),
-                Member("goal", 1, 0, 0, "probecell_msgs/action/RunPart_Goal", ""),
-            ],
-            describe: crate::describe::of::<RunPartSendGoalRequest>,
-            canonical: crate::cdr::canonical::<RunPartSendGoalRequest>,
-        };
+    crate::schema::message! {
+        RunPartSendGoalRequest: "probecell_msgs", "action", "RunPart_SendGoal_Request",
+        "RIHS01_261011b393c672233c34bc2fc119dce258331e35fde6fff39ef59696cda990dc",
+        concat!(
+            "unique_identifier_msgs/UUID goal_id\nprobecell_msgs/action/RunPart_Goal goal\n",
+            "================================================================================\nMSG: unique_identifier_msgs/UUID\n",
+            include_str!("../standard/unique_identifier_msgs/msg/UUID.msg"),
+            "================================================================================\nMSG: probecell_msgs/action/RunPart_Goal\n",
+            "# The service run as an action: make one part; or, with a plan_id, only measure, or resume the measurement with which the\n# last part ended. The goal is accepted where the service would accept it, and reached when the part is reported. To cancel\n# it is to stop the machine and the part, as the service stop does.\nstring part_id               # may be empty when resuming\nstring plan_id               # empty: make a part. A plan accepted by the service plan: measure it. The plan measured last: resume the part\nbuiltin_interfaces/Time expires   # nothing is started after this instant by the clock of the cell (service status); 0: 8 s after its arrival\nstring operator_name         # who has it made; may be empty\nbuiltin_interfaces/Time signed_at   # instant of the act, by the clock of the cell (service status)\nstring shown                 # what the operator was shown: text, or `sha256:` and its digest\nuint8[] signature            # ed25519, 64 bytes: see docs/approvals.md. Empty: not signed\n",
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg")
+        ),
+        ["goal_id", 1, 0, 0, "unique_identifier_msgs/msg/UUID", ""]
+        ["goal", 1, 0, 0, "probecell_msgs/action/RunPart_Goal", ""]
     }
 
     /// Answers [`RunPartSendGoal`].
@@ -3721,31 +3052,110 @@ pub mod action {
         pub stamp: crate::builtin_interfaces::Time,
     }
 
-    impl Message for RunPartSendGoalResponse {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "probecell_msgs/action/RunPart_SendGoal_Response",
-            dds_name: "probecell_msgs::action::dds_::RunPart_SendGoal_Response_",
-            type_hash: "RIHS01_b155c5c84a0fe25b58c7bbca0d469830e28bf2cadd06af0cc7cfab13160e3f14",
-            definition: concat!(
-                "bool accepted\nbuiltin_interfaces/Time stamp\n",
-                "================================================================================\nMSG: builtin_interfaces/Time\n",
-                include_str!("../standard/builtin_interfaces/msg/Time.msg")
-            ),
-            fields: &[
-                Member("accepted", 15, 0, 0, "", ""),
-                Member("stamp", 1, 0, 0, "builtin_interfaces/msg/Time", ""),
-            ],
-            describe: crate::describe::of::<RunPartSendGoalResponse>,
-            canonical: crate::cdr::canonical::<RunPartSendGoalResponse>,
-        };
+    crate::schema::message! {
+        RunPartSendGoalResponse: "probecell_msgs", "action", "RunPart_SendGoal_Response",
+        "RIHS01_b155c5c84a0fe25b58c7bbca0d469830e28bf2cadd06af0cc7cfab13160e3f14",
+        concat!(
+            "bool accepted\nbuiltin_interfaces/Time stamp\n",
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg")
+        ),
+        ["accepted", 15, 0, 0, "", ""]
+        ["stamp", 1, 0, 0, "builtin_interfaces/msg/Time", ""]
+    }
+
+    /// The service plan as an action: plan the measuring order of the cell's part, of additional touches of the part in the machine,
+    /// or of the rest of a plan. A goal is accepted while no other of this action is pursued, and reached when the order is made.
+    /// To cancel it is to end the search; nothing is planned then.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub struct PlanMeasurement;
+
+    impl Action for PlanMeasurement {
+        type Goal = PlanMeasurementGoal;
+        type Result = PlanMeasurementResult;
+        type Feedback = PlanMeasurementFeedback;
+        type SendGoal = PlanMeasurementSendGoal;
+        type GetResult = PlanMeasurementGetResult;
+        type FeedbackMessage = PlanMeasurementFeedbackMessage;
+
+        fn goal(
+            request: PlanMeasurementSendGoalRequest,
+        ) -> (crate::unique_identifier_msgs::UUID, PlanMeasurementGoal) {
+            (request.goal_id, request.goal)
+        }
+
+        fn acceptance(
+            accepted: bool,
+            stamp: crate::builtin_interfaces::Time,
+        ) -> PlanMeasurementSendGoalResponse {
+            PlanMeasurementSendGoalResponse { accepted, stamp }
+        }
+
+        fn goal_id(
+            request: &PlanMeasurementGetResultRequest,
+        ) -> crate::unique_identifier_msgs::UUID {
+            request.goal_id
+        }
+
+        fn ending(status: i8, result: PlanMeasurementResult) -> PlanMeasurementGetResultResponse {
+            PlanMeasurementGetResultResponse { status, result }
+        }
+
+        fn feedback(
+            goal_id: crate::unique_identifier_msgs::UUID,
+            feedback: PlanMeasurementFeedback,
+        ) -> PlanMeasurementFeedbackMessage {
+            PlanMeasurementFeedbackMessage { goal_id, feedback }
+        }
+    }
+
+    /// The service run as an action: make one part; or, with a plan_id, only measure, or resume the measurement with which the
+    /// last part ended. The goal is accepted where the service would accept it, and reached when the part is reported. To cancel
+    /// it is to stop the machine and the part, as the service stop does.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub struct RunPart;
+
+    impl Action for RunPart {
+        type Goal = RunPartGoal;
+        type Result = RunPartResult;
+        type Feedback = RunPartFeedback;
+        type SendGoal = RunPartSendGoal;
+        type GetResult = RunPartGetResult;
+        type FeedbackMessage = RunPartFeedbackMessage;
+
+        fn goal(
+            request: RunPartSendGoalRequest,
+        ) -> (crate::unique_identifier_msgs::UUID, RunPartGoal) {
+            (request.goal_id, request.goal)
+        }
+
+        fn acceptance(
+            accepted: bool,
+            stamp: crate::builtin_interfaces::Time,
+        ) -> RunPartSendGoalResponse {
+            RunPartSendGoalResponse { accepted, stamp }
+        }
+
+        fn goal_id(request: &RunPartGetResultRequest) -> crate::unique_identifier_msgs::UUID {
+            request.goal_id
+        }
+
+        fn ending(status: i8, result: RunPartResult) -> RunPartGetResultResponse {
+            RunPartGetResultResponse { status, result }
+        }
+
+        fn feedback(
+            goal_id: crate::unique_identifier_msgs::UUID,
+            feedback: RunPartFeedback,
+        ) -> RunPartFeedbackMessage {
+            RunPartFeedbackMessage { goal_id, feedback }
+        }
     }
 }
 
 /// Standard types of the ROS package `action_msgs`.
 pub mod action_msgs {
     use serde::{Deserialize, Serialize};
-
-    use crate::schema::{Member, Message, MessageType};
 
     /// A goal of an action, and when it was accepted.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -3754,25 +3164,18 @@ pub mod action_msgs {
         pub stamp: crate::builtin_interfaces::Time,
     }
 
-    impl Message for GoalInfo {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "action_msgs/msg/GoalInfo",
-            dds_name: "action_msgs::msg::dds_::GoalInfo_",
-            type_hash: "RIHS01_6398fe763154554353930716b225947f93b672f0fb2e49fdd01bb7a7e37933e9",
-            definition: concat!(
-                include_str!("../standard/action_msgs/msg/GoalInfo.msg"),
-                "================================================================================\nMSG: unique_identifier_msgs/UUID\n",
-                include_str!("../standard/unique_identifier_msgs/msg/UUID.msg"),
-                "================================================================================\nMSG: builtin_interfaces/Time\n",
-                include_str!("../standard/builtin_interfaces/msg/Time.msg")
-            ),
-            fields: &[
-                Member("goal_id", 1, 0, 0, "unique_identifier_msgs/msg/UUID", ""),
-                Member("stamp", 1, 0, 0, "builtin_interfaces/msg/Time", ""),
-            ],
-            describe: crate::describe::of::<GoalInfo>,
-            canonical: crate::cdr::canonical::<GoalInfo>,
-        };
+    crate::schema::message! {
+        GoalInfo: "action_msgs", "msg", "GoalInfo",
+        "RIHS01_6398fe763154554353930716b225947f93b672f0fb2e49fdd01bb7a7e37933e9",
+        concat!(
+            include_str!("../standard/action_msgs/msg/GoalInfo.msg"),
+            "================================================================================\nMSG: unique_identifier_msgs/UUID\n",
+            include_str!("../standard/unique_identifier_msgs/msg/UUID.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg")
+        ),
+        ["goal_id", 1, 0, 0, "unique_identifier_msgs/msg/UUID", ""]
+        ["stamp", 1, 0, 0, "builtin_interfaces/msg/Time", ""]
     }
 
     /// How far a goal is.
@@ -3792,27 +3195,20 @@ pub mod action_msgs {
         pub const STATUS_ABORTED: i8 = 6;
     }
 
-    impl Message for GoalStatus {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "action_msgs/msg/GoalStatus",
-            dds_name: "action_msgs::msg::dds_::GoalStatus_",
-            type_hash: "RIHS01_32f4cfd717735d17657e1178f24431c1ce996c878c515230f6c5b3476819dbb9",
-            definition: concat!(
-                include_str!("../standard/action_msgs/msg/GoalStatus.msg"),
-                "================================================================================\nMSG: action_msgs/GoalInfo\n",
-                include_str!("../standard/action_msgs/msg/GoalInfo.msg"),
-                "================================================================================\nMSG: unique_identifier_msgs/UUID\n",
-                include_str!("../standard/unique_identifier_msgs/msg/UUID.msg"),
-                "================================================================================\nMSG: builtin_interfaces/Time\n",
-                include_str!("../standard/builtin_interfaces/msg/Time.msg")
-            ),
-            fields: &[
-                Member("goal_info", 1, 0, 0, "action_msgs/msg/GoalInfo", ""),
-                Member("status", 2, 0, 0, "", ""),
-            ],
-            describe: crate::describe::of::<GoalStatus>,
-            canonical: crate::cdr::canonical::<GoalStatus>,
-        };
+    crate::schema::message! {
+        GoalStatus: "action_msgs", "msg", "GoalStatus",
+        "RIHS01_32f4cfd717735d17657e1178f24431c1ce996c878c515230f6c5b3476819dbb9",
+        concat!(
+            include_str!("../standard/action_msgs/msg/GoalStatus.msg"),
+            "================================================================================\nMSG: action_msgs/GoalInfo\n",
+            include_str!("../standard/action_msgs/msg/GoalInfo.msg"),
+            "================================================================================\nMSG: unique_identifier_msgs/UUID\n",
+            include_str!("../standard/unique_identifier_msgs/msg/UUID.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg")
+        ),
+        ["goal_info", 1, 0, 0, "action_msgs/msg/GoalInfo", ""]
+        ["status", 2, 0, 0, "", ""]
     }
 
     /// The goals that an action server keeps, oldest first.
@@ -3821,55 +3217,34 @@ pub mod action_msgs {
         pub status_list: Vec<GoalStatus>,
     }
 
-    impl Message for GoalStatusArray {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "action_msgs/msg/GoalStatusArray",
-            dds_name: "action_msgs::msg::dds_::GoalStatusArray_",
-            type_hash: "RIHS01_6c1684b00f177d37438febe6e709fc4e2b0d4248dca4854946f9ed8b30cda83e",
-            definition: concat!(
-                include_str!("../standard/action_msgs/msg/GoalStatusArray.msg"),
-                "================================================================================\nMSG: action_msgs/GoalStatus\n",
-                include_str!("../standard/action_msgs/msg/GoalStatus.msg"),
-                "================================================================================\nMSG: action_msgs/GoalInfo\n",
-                include_str!("../standard/action_msgs/msg/GoalInfo.msg"),
-                "================================================================================\nMSG: unique_identifier_msgs/UUID\n",
-                include_str!("../standard/unique_identifier_msgs/msg/UUID.msg"),
-                "================================================================================\nMSG: builtin_interfaces/Time\n",
-                include_str!("../standard/builtin_interfaces/msg/Time.msg")
-            ),
-            fields: &[Member(
-                "status_list",
-                145,
-                0,
-                0,
-                "action_msgs/msg/GoalStatus",
-                "",
-            )],
-            describe: crate::describe::of::<GoalStatusArray>,
-            canonical: crate::cdr::canonical::<GoalStatusArray>,
-        };
+    crate::schema::message! {
+        GoalStatusArray: "action_msgs", "msg", "GoalStatusArray",
+        "RIHS01_6c1684b00f177d37438febe6e709fc4e2b0d4248dca4854946f9ed8b30cda83e",
+        concat!(
+            include_str!("../standard/action_msgs/msg/GoalStatusArray.msg"),
+            "================================================================================\nMSG: action_msgs/GoalStatus\n",
+            include_str!("../standard/action_msgs/msg/GoalStatus.msg"),
+            "================================================================================\nMSG: action_msgs/GoalInfo\n",
+            include_str!("../standard/action_msgs/msg/GoalInfo.msg"),
+            "================================================================================\nMSG: unique_identifier_msgs/UUID\n",
+            include_str!("../standard/unique_identifier_msgs/msg/UUID.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg")
+        ),
+        ["status_list", 145, 0, 0, "action_msgs/msg/GoalStatus", ""]
     }
 
     /// Services, and the messages that they are made of.
     pub mod srv {
         use serde::{Deserialize, Serialize};
 
-        use crate::schema::{Member, Message, MessageType, Service, ServiceType};
-
         /// Cancel goals of an action: one by its identifier; those accepted up to a stamp; all, where both are zero.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub struct CancelGoal;
 
-        impl Service for CancelGoal {
-            type Request = CancelGoalRequest;
-            type Response = CancelGoalResponse;
-            const TYPE: &'static ServiceType = &ServiceType {
-                name: "action_msgs/srv/CancelGoal",
-                dds_name: "action_msgs::srv::dds_::CancelGoal_",
-                type_hash: "RIHS01_573d8b0a534451d7bc2ac8c5ffde8ac14b8593b7001175d0cd6516dcbeb8689a",
-                request: CancelGoalRequest::TYPE,
-                response: CancelGoalResponse::TYPE,
-            };
+        crate::schema::service! {
+            CancelGoal(CancelGoalRequest) -> CancelGoalResponse: "action_msgs", "srv", "CancelGoal",
+            "RIHS01_573d8b0a534451d7bc2ac8c5ffde8ac14b8593b7001175d0cd6516dcbeb8689a"
         }
 
         /// Asks [`CancelGoal`].
@@ -3878,24 +3253,19 @@ pub mod action_msgs {
             pub goal_info: crate::action_msgs::GoalInfo,
         }
 
-        impl Message for CancelGoalRequest {
-            const TYPE: &'static MessageType = &MessageType {
-                name: "action_msgs/srv/CancelGoal_Request",
-                dds_name: "action_msgs::srv::dds_::CancelGoal_Request_",
-                type_hash: "RIHS01_3d3c84653c1f96918086887e1dcb236faec88b81a5b14fd4cf4840065bcdf8af",
-                definition: concat!(
-                    "# Cancel goals of an action: one by its identifier; those accepted up to a stamp; all, where both are zero.\n\naction_msgs/GoalInfo goal_info\n",
-                    "================================================================================\nMSG: action_msgs/GoalInfo\n",
-                    include_str!("../standard/action_msgs/msg/GoalInfo.msg"),
-                    "================================================================================\nMSG: unique_identifier_msgs/UUID\n",
-                    include_str!("../standard/unique_identifier_msgs/msg/UUID.msg"),
-                    "================================================================================\nMSG: builtin_interfaces/Time\n",
-                    include_str!("../standard/builtin_interfaces/msg/Time.msg")
-                ),
-                fields: &[Member("goal_info", 1, 0, 0, "action_msgs/msg/GoalInfo", "")],
-                describe: crate::describe::of::<CancelGoalRequest>,
-                canonical: crate::cdr::canonical::<CancelGoalRequest>,
-            };
+        crate::schema::message! {
+            CancelGoalRequest: "action_msgs", "srv", "CancelGoal_Request",
+            "RIHS01_3d3c84653c1f96918086887e1dcb236faec88b81a5b14fd4cf4840065bcdf8af",
+            concat!(
+                "# Cancel goals of an action: one by its identifier; those accepted up to a stamp; all, where both are zero.\n\naction_msgs/GoalInfo goal_info\n",
+                "================================================================================\nMSG: action_msgs/GoalInfo\n",
+                include_str!("../standard/action_msgs/msg/GoalInfo.msg"),
+                "================================================================================\nMSG: unique_identifier_msgs/UUID\n",
+                include_str!("../standard/unique_identifier_msgs/msg/UUID.msg"),
+                "================================================================================\nMSG: builtin_interfaces/Time\n",
+                include_str!("../standard/builtin_interfaces/msg/Time.msg")
+            ),
+            ["goal_info", 1, 0, 0, "action_msgs/msg/GoalInfo", ""]
         }
 
         /// Answers [`CancelGoal`].
@@ -3912,27 +3282,20 @@ pub mod action_msgs {
             pub const ERROR_GOAL_TERMINATED: i8 = 3;
         }
 
-        impl Message for CancelGoalResponse {
-            const TYPE: &'static MessageType = &MessageType {
-                name: "action_msgs/srv/CancelGoal_Response",
-                dds_name: "action_msgs::srv::dds_::CancelGoal_Response_",
-                type_hash: "RIHS01_35e682cf3f510e83c70a82a4aac888496dedee56773bf9d8e5e0aa81f9e1c960",
-                definition: concat!(
-                    "int8 ERROR_NONE=0\nint8 ERROR_REJECTED=1\nint8 ERROR_UNKNOWN_GOAL_ID=2\nint8 ERROR_GOAL_TERMINATED=3\nint8 return_code\naction_msgs/GoalInfo[] goals_canceling\n",
-                    "================================================================================\nMSG: action_msgs/GoalInfo\n",
-                    include_str!("../standard/action_msgs/msg/GoalInfo.msg"),
-                    "================================================================================\nMSG: unique_identifier_msgs/UUID\n",
-                    include_str!("../standard/unique_identifier_msgs/msg/UUID.msg"),
-                    "================================================================================\nMSG: builtin_interfaces/Time\n",
-                    include_str!("../standard/builtin_interfaces/msg/Time.msg")
-                ),
-                fields: &[
-                    Member("return_code", 2, 0, 0, "", ""),
-                    Member("goals_canceling", 145, 0, 0, "action_msgs/msg/GoalInfo", ""),
-                ],
-                describe: crate::describe::of::<CancelGoalResponse>,
-                canonical: crate::cdr::canonical::<CancelGoalResponse>,
-            };
+        crate::schema::message! {
+            CancelGoalResponse: "action_msgs", "srv", "CancelGoal_Response",
+            "RIHS01_35e682cf3f510e83c70a82a4aac888496dedee56773bf9d8e5e0aa81f9e1c960",
+            concat!(
+                "int8 ERROR_NONE=0\nint8 ERROR_REJECTED=1\nint8 ERROR_UNKNOWN_GOAL_ID=2\nint8 ERROR_GOAL_TERMINATED=3\nint8 return_code\naction_msgs/GoalInfo[] goals_canceling\n",
+                "================================================================================\nMSG: action_msgs/GoalInfo\n",
+                include_str!("../standard/action_msgs/msg/GoalInfo.msg"),
+                "================================================================================\nMSG: unique_identifier_msgs/UUID\n",
+                include_str!("../standard/unique_identifier_msgs/msg/UUID.msg"),
+                "================================================================================\nMSG: builtin_interfaces/Time\n",
+                include_str!("../standard/builtin_interfaces/msg/Time.msg")
+            ),
+            ["return_code", 2, 0, 0, "", ""]
+            ["goals_canceling", 145, 0, 0, "action_msgs/msg/GoalInfo", ""]
         }
     }
 }
@@ -3940,8 +3303,6 @@ pub mod action_msgs {
 /// Standard types of the ROS package `builtin_interfaces`.
 pub mod builtin_interfaces {
     use serde::{Deserialize, Serialize};
-
-    use crate::schema::{Member, Message, MessageType};
 
     /// A span of time.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -3952,19 +3313,12 @@ pub mod builtin_interfaces {
         pub nanosec: u32,
     }
 
-    impl Message for Duration {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "builtin_interfaces/msg/Duration",
-            dds_name: "builtin_interfaces::msg::dds_::Duration_",
-            type_hash: "RIHS01_e8d009f659816f758b75334ee1a9ca5b5c0b859843261f14c7f937349599d93b",
-            definition: include_str!("../standard/builtin_interfaces/msg/Duration.msg"),
-            fields: &[
-                Member("sec", 6, 0, 0, "", ""),
-                Member("nanosec", 7, 0, 0, "", ""),
-            ],
-            describe: crate::describe::of::<Duration>,
-            canonical: crate::cdr::canonical::<Duration>,
-        };
+    crate::schema::message! {
+        Duration: "builtin_interfaces", "msg", "Duration",
+        "RIHS01_e8d009f659816f758b75334ee1a9ca5b5c0b859843261f14c7f937349599d93b",
+        include_str!("../standard/builtin_interfaces/msg/Duration.msg"),
+        ["sec", 6, 0, 0, "", ""]
+        ["nanosec", 7, 0, 0, "", ""]
     }
 
     /// An instant, counted from the epoch of its clock.
@@ -3976,27 +3330,18 @@ pub mod builtin_interfaces {
         pub nanosec: u32,
     }
 
-    impl Message for Time {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "builtin_interfaces/msg/Time",
-            dds_name: "builtin_interfaces::msg::dds_::Time_",
-            type_hash: "RIHS01_b106235e25a4c5ed35098aa0a61a3ee9c9b18d197f398b0e4206cea9acf9c197",
-            definition: include_str!("../standard/builtin_interfaces/msg/Time.msg"),
-            fields: &[
-                Member("sec", 6, 0, 0, "", ""),
-                Member("nanosec", 7, 0, 0, "", ""),
-            ],
-            describe: crate::describe::of::<Time>,
-            canonical: crate::cdr::canonical::<Time>,
-        };
+    crate::schema::message! {
+        Time: "builtin_interfaces", "msg", "Time",
+        "RIHS01_b106235e25a4c5ed35098aa0a61a3ee9c9b18d197f398b0e4206cea9acf9c197",
+        include_str!("../standard/builtin_interfaces/msg/Time.msg"),
+        ["sec", 6, 0, 0, "", ""]
+        ["nanosec", 7, 0, 0, "", ""]
     }
 }
 
 /// Standard types of the ROS package `diagnostic_msgs`.
 pub mod diagnostic_msgs {
     use serde::{Deserialize, Serialize};
-
-    use crate::schema::{Member, Message, MessageType};
 
     /// States of components at one instant.
     #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -4005,36 +3350,22 @@ pub mod diagnostic_msgs {
         pub status: Vec<DiagnosticStatus>,
     }
 
-    impl Message for DiagnosticArray {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "diagnostic_msgs/msg/DiagnosticArray",
-            dds_name: "diagnostic_msgs::msg::dds_::DiagnosticArray_",
-            type_hash: "RIHS01_5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e",
-            definition: concat!(
-                include_str!("../standard/diagnostic_msgs/msg/DiagnosticArray.msg"),
-                "================================================================================\nMSG: std_msgs/Header\n",
-                include_str!("../standard/std_msgs/msg/Header.msg"),
-                "================================================================================\nMSG: builtin_interfaces/Time\n",
-                include_str!("../standard/builtin_interfaces/msg/Time.msg"),
-                "================================================================================\nMSG: diagnostic_msgs/DiagnosticStatus\n",
-                include_str!("../standard/diagnostic_msgs/msg/DiagnosticStatus.msg"),
-                "================================================================================\nMSG: diagnostic_msgs/KeyValue\n",
-                include_str!("../standard/diagnostic_msgs/msg/KeyValue.msg")
-            ),
-            fields: &[
-                Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
-                Member(
-                    "status",
-                    145,
-                    0,
-                    0,
-                    "diagnostic_msgs/msg/DiagnosticStatus",
-                    "",
-                ),
-            ],
-            describe: crate::describe::of::<DiagnosticArray>,
-            canonical: crate::cdr::canonical::<DiagnosticArray>,
-        };
+    crate::schema::message! {
+        DiagnosticArray: "diagnostic_msgs", "msg", "DiagnosticArray",
+        "RIHS01_5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e",
+        concat!(
+            include_str!("../standard/diagnostic_msgs/msg/DiagnosticArray.msg"),
+            "================================================================================\nMSG: std_msgs/Header\n",
+            include_str!("../standard/std_msgs/msg/Header.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg"),
+            "================================================================================\nMSG: diagnostic_msgs/DiagnosticStatus\n",
+            include_str!("../standard/diagnostic_msgs/msg/DiagnosticStatus.msg"),
+            "================================================================================\nMSG: diagnostic_msgs/KeyValue\n",
+            include_str!("../standard/diagnostic_msgs/msg/KeyValue.msg")
+        ),
+        ["header", 1, 0, 0, "std_msgs/msg/Header", ""]
+        ["status", 145, 0, 0, "diagnostic_msgs/msg/DiagnosticStatus", ""]
     }
 
     /// State of one component.
@@ -4055,26 +3386,19 @@ pub mod diagnostic_msgs {
         pub const STALE: u8 = 3;
     }
 
-    impl Message for DiagnosticStatus {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "diagnostic_msgs/msg/DiagnosticStatus",
-            dds_name: "diagnostic_msgs::msg::dds_::DiagnosticStatus_",
-            type_hash: "RIHS01_b0e3e692ea2d54a8af2f4ef1930e81556a2db55216b771f8a7d2724ed47bf0e4",
-            definition: concat!(
-                include_str!("../standard/diagnostic_msgs/msg/DiagnosticStatus.msg"),
-                "================================================================================\nMSG: diagnostic_msgs/KeyValue\n",
-                include_str!("../standard/diagnostic_msgs/msg/KeyValue.msg")
-            ),
-            fields: &[
-                Member("level", 16, 0, 0, "", ""),
-                Member("name", 17, 0, 0, "", ""),
-                Member("message", 17, 0, 0, "", ""),
-                Member("hardware_id", 17, 0, 0, "", ""),
-                Member("values", 145, 0, 0, "diagnostic_msgs/msg/KeyValue", ""),
-            ],
-            describe: crate::describe::of::<DiagnosticStatus>,
-            canonical: crate::cdr::canonical::<DiagnosticStatus>,
-        };
+    crate::schema::message! {
+        DiagnosticStatus: "diagnostic_msgs", "msg", "DiagnosticStatus",
+        "RIHS01_b0e3e692ea2d54a8af2f4ef1930e81556a2db55216b771f8a7d2724ed47bf0e4",
+        concat!(
+            include_str!("../standard/diagnostic_msgs/msg/DiagnosticStatus.msg"),
+            "================================================================================\nMSG: diagnostic_msgs/KeyValue\n",
+            include_str!("../standard/diagnostic_msgs/msg/KeyValue.msg")
+        ),
+        ["level", 16, 0, 0, "", ""]
+        ["name", 17, 0, 0, "", ""]
+        ["message", 17, 0, 0, "", ""]
+        ["hardware_id", 17, 0, 0, "", ""]
+        ["values", 145, 0, 0, "diagnostic_msgs/msg/KeyValue", ""]
     }
 
     /// A named value, as text.
@@ -4084,27 +3408,18 @@ pub mod diagnostic_msgs {
         pub value: String,
     }
 
-    impl Message for KeyValue {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "diagnostic_msgs/msg/KeyValue",
-            dds_name: "diagnostic_msgs::msg::dds_::KeyValue_",
-            type_hash: "RIHS01_d68081eaa540288c5440753baecef0c4e16e81a5f78ad68902ded5100413bb42",
-            definition: include_str!("../standard/diagnostic_msgs/msg/KeyValue.msg"),
-            fields: &[
-                Member("key", 17, 0, 0, "", ""),
-                Member("value", 17, 0, 0, "", ""),
-            ],
-            describe: crate::describe::of::<KeyValue>,
-            canonical: crate::cdr::canonical::<KeyValue>,
-        };
+    crate::schema::message! {
+        KeyValue: "diagnostic_msgs", "msg", "KeyValue",
+        "RIHS01_d68081eaa540288c5440753baecef0c4e16e81a5f78ad68902ded5100413bb42",
+        include_str!("../standard/diagnostic_msgs/msg/KeyValue.msg"),
+        ["key", 17, 0, 0, "", ""]
+        ["value", 17, 0, 0, "", ""]
     }
 }
 
 /// Standard types of the ROS package `geometry_msgs`.
 pub mod geometry_msgs {
     use serde::{Deserialize, Serialize};
-
-    use crate::schema::{Member, Message, MessageType};
 
     /// A position.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -4117,20 +3432,13 @@ pub mod geometry_msgs {
         pub z: f64,
     }
 
-    impl Message for Point {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "geometry_msgs/msg/Point",
-            dds_name: "geometry_msgs::msg::dds_::Point_",
-            type_hash: "RIHS01_6963084842a9b04494d6b2941d11444708d892da2f4b09843b9c43f42a7f6881",
-            definition: include_str!("../standard/geometry_msgs/msg/Point.msg"),
-            fields: &[
-                Member("x", 11, 0, 0, "", ""),
-                Member("y", 11, 0, 0, "", ""),
-                Member("z", 11, 0, 0, "", ""),
-            ],
-            describe: crate::describe::of::<Point>,
-            canonical: crate::cdr::canonical::<Point>,
-        };
+    crate::schema::message! {
+        Point: "geometry_msgs", "msg", "Point",
+        "RIHS01_6963084842a9b04494d6b2941d11444708d892da2f4b09843b9c43f42a7f6881",
+        include_str!("../standard/geometry_msgs/msg/Point.msg"),
+        ["x", 11, 0, 0, "", ""]
+        ["y", 11, 0, 0, "", ""]
+        ["z", 11, 0, 0, "", ""]
     }
 
     /// A position and an orientation.
@@ -4142,25 +3450,18 @@ pub mod geometry_msgs {
         pub orientation: Quaternion,
     }
 
-    impl Message for Pose {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "geometry_msgs/msg/Pose",
-            dds_name: "geometry_msgs::msg::dds_::Pose_",
-            type_hash: "RIHS01_d501954e9476cea2996984e812054b68026ae0bfae789d9a10b23daf35cc90fa",
-            definition: concat!(
-                include_str!("../standard/geometry_msgs/msg/Pose.msg"),
-                "================================================================================\nMSG: geometry_msgs/Point\n",
-                include_str!("../standard/geometry_msgs/msg/Point.msg"),
-                "================================================================================\nMSG: geometry_msgs/Quaternion\n",
-                include_str!("../standard/geometry_msgs/msg/Quaternion.msg")
-            ),
-            fields: &[
-                Member("position", 1, 0, 0, "geometry_msgs/msg/Point", ""),
-                Member("orientation", 1, 0, 0, "geometry_msgs/msg/Quaternion", ""),
-            ],
-            describe: crate::describe::of::<Pose>,
-            canonical: crate::cdr::canonical::<Pose>,
-        };
+    crate::schema::message! {
+        Pose: "geometry_msgs", "msg", "Pose",
+        "RIHS01_d501954e9476cea2996984e812054b68026ae0bfae789d9a10b23daf35cc90fa",
+        concat!(
+            include_str!("../standard/geometry_msgs/msg/Pose.msg"),
+            "================================================================================\nMSG: geometry_msgs/Point\n",
+            include_str!("../standard/geometry_msgs/msg/Point.msg"),
+            "================================================================================\nMSG: geometry_msgs/Quaternion\n",
+            include_str!("../standard/geometry_msgs/msg/Quaternion.msg")
+        ),
+        ["position", 1, 0, 0, "geometry_msgs/msg/Point", ""]
+        ["orientation", 1, 0, 0, "geometry_msgs/msg/Quaternion", ""]
     }
 
     /// A rotation as a unit quaternion.
@@ -4183,21 +3484,14 @@ pub mod geometry_msgs {
         }
     }
 
-    impl Message for Quaternion {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "geometry_msgs/msg/Quaternion",
-            dds_name: "geometry_msgs::msg::dds_::Quaternion_",
-            type_hash: "RIHS01_8a765f66778c8ff7c8ab94afcc590a2ed5325a1d9a076ffff38fbce36f458684",
-            definition: include_str!("../standard/geometry_msgs/msg/Quaternion.msg"),
-            fields: &[
-                Member("x", 11, 0, 0, "", "0.0"),
-                Member("y", 11, 0, 0, "", "0.0"),
-                Member("z", 11, 0, 0, "", "0.0"),
-                Member("w", 11, 0, 0, "", "1.0"),
-            ],
-            describe: crate::describe::of::<Quaternion>,
-            canonical: crate::cdr::canonical::<Quaternion>,
-        };
+    crate::schema::message! {
+        Quaternion: "geometry_msgs", "msg", "Quaternion",
+        "RIHS01_8a765f66778c8ff7c8ab94afcc590a2ed5325a1d9a076ffff38fbce36f458684",
+        include_str!("../standard/geometry_msgs/msg/Quaternion.msg"),
+        ["x", 11, 0, 0, "", "0.0"]
+        ["y", 11, 0, 0, "", "0.0"]
+        ["z", 11, 0, 0, "", "0.0"]
+        ["w", 11, 0, 0, "", "1.0"]
     }
 
     /// A translation and a rotation.
@@ -4209,25 +3503,18 @@ pub mod geometry_msgs {
         pub rotation: Quaternion,
     }
 
-    impl Message for Transform {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "geometry_msgs/msg/Transform",
-            dds_name: "geometry_msgs::msg::dds_::Transform_",
-            type_hash: "RIHS01_beb83fbe698636351461f6f35d1abb20010c43d55374d81bd041f1ba2581fddc",
-            definition: concat!(
-                include_str!("../standard/geometry_msgs/msg/Transform.msg"),
-                "================================================================================\nMSG: geometry_msgs/Vector3\n",
-                include_str!("../standard/geometry_msgs/msg/Vector3.msg"),
-                "================================================================================\nMSG: geometry_msgs/Quaternion\n",
-                include_str!("../standard/geometry_msgs/msg/Quaternion.msg")
-            ),
-            fields: &[
-                Member("translation", 1, 0, 0, "geometry_msgs/msg/Vector3", ""),
-                Member("rotation", 1, 0, 0, "geometry_msgs/msg/Quaternion", ""),
-            ],
-            describe: crate::describe::of::<Transform>,
-            canonical: crate::cdr::canonical::<Transform>,
-        };
+    crate::schema::message! {
+        Transform: "geometry_msgs", "msg", "Transform",
+        "RIHS01_beb83fbe698636351461f6f35d1abb20010c43d55374d81bd041f1ba2581fddc",
+        concat!(
+            include_str!("../standard/geometry_msgs/msg/Transform.msg"),
+            "================================================================================\nMSG: geometry_msgs/Vector3\n",
+            include_str!("../standard/geometry_msgs/msg/Vector3.msg"),
+            "================================================================================\nMSG: geometry_msgs/Quaternion\n",
+            include_str!("../standard/geometry_msgs/msg/Quaternion.msg")
+        ),
+        ["translation", 1, 0, 0, "geometry_msgs/msg/Vector3", ""]
+        ["rotation", 1, 0, 0, "geometry_msgs/msg/Quaternion", ""]
     }
 
     /// The pose of child_frame_id in the frame of the header.
@@ -4239,32 +3526,25 @@ pub mod geometry_msgs {
         pub transform: Transform,
     }
 
-    impl Message for TransformStamped {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "geometry_msgs/msg/TransformStamped",
-            dds_name: "geometry_msgs::msg::dds_::TransformStamped_",
-            type_hash: "RIHS01_0a241f87d04668d94099cbb5ba11691d5ad32c2f29682e4eb5653424bd275206",
-            definition: concat!(
-                include_str!("../standard/geometry_msgs/msg/TransformStamped.msg"),
-                "================================================================================\nMSG: std_msgs/Header\n",
-                include_str!("../standard/std_msgs/msg/Header.msg"),
-                "================================================================================\nMSG: builtin_interfaces/Time\n",
-                include_str!("../standard/builtin_interfaces/msg/Time.msg"),
-                "================================================================================\nMSG: geometry_msgs/Transform\n",
-                include_str!("../standard/geometry_msgs/msg/Transform.msg"),
-                "================================================================================\nMSG: geometry_msgs/Vector3\n",
-                include_str!("../standard/geometry_msgs/msg/Vector3.msg"),
-                "================================================================================\nMSG: geometry_msgs/Quaternion\n",
-                include_str!("../standard/geometry_msgs/msg/Quaternion.msg")
-            ),
-            fields: &[
-                Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
-                Member("child_frame_id", 17, 0, 0, "", ""),
-                Member("transform", 1, 0, 0, "geometry_msgs/msg/Transform", ""),
-            ],
-            describe: crate::describe::of::<TransformStamped>,
-            canonical: crate::cdr::canonical::<TransformStamped>,
-        };
+    crate::schema::message! {
+        TransformStamped: "geometry_msgs", "msg", "TransformStamped",
+        "RIHS01_0a241f87d04668d94099cbb5ba11691d5ad32c2f29682e4eb5653424bd275206",
+        concat!(
+            include_str!("../standard/geometry_msgs/msg/TransformStamped.msg"),
+            "================================================================================\nMSG: std_msgs/Header\n",
+            include_str!("../standard/std_msgs/msg/Header.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg"),
+            "================================================================================\nMSG: geometry_msgs/Transform\n",
+            include_str!("../standard/geometry_msgs/msg/Transform.msg"),
+            "================================================================================\nMSG: geometry_msgs/Vector3\n",
+            include_str!("../standard/geometry_msgs/msg/Vector3.msg"),
+            "================================================================================\nMSG: geometry_msgs/Quaternion\n",
+            include_str!("../standard/geometry_msgs/msg/Quaternion.msg")
+        ),
+        ["header", 1, 0, 0, "std_msgs/msg/Header", ""]
+        ["child_frame_id", 17, 0, 0, "", ""]
+        ["transform", 1, 0, 0, "geometry_msgs/msg/Transform", ""]
     }
 
     /// A free vector, in the unit of the field that holds it.
@@ -4275,28 +3555,19 @@ pub mod geometry_msgs {
         pub z: f64,
     }
 
-    impl Message for Vector3 {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "geometry_msgs/msg/Vector3",
-            dds_name: "geometry_msgs::msg::dds_::Vector3_",
-            type_hash: "RIHS01_cc12fe83e4c02719f1ce8070bfd14aecd40f75a96696a67a2a1f37f7dbb0765d",
-            definition: include_str!("../standard/geometry_msgs/msg/Vector3.msg"),
-            fields: &[
-                Member("x", 11, 0, 0, "", ""),
-                Member("y", 11, 0, 0, "", ""),
-                Member("z", 11, 0, 0, "", ""),
-            ],
-            describe: crate::describe::of::<Vector3>,
-            canonical: crate::cdr::canonical::<Vector3>,
-        };
+    crate::schema::message! {
+        Vector3: "geometry_msgs", "msg", "Vector3",
+        "RIHS01_cc12fe83e4c02719f1ce8070bfd14aecd40f75a96696a67a2a1f37f7dbb0765d",
+        include_str!("../standard/geometry_msgs/msg/Vector3.msg"),
+        ["x", 11, 0, 0, "", ""]
+        ["y", 11, 0, 0, "", ""]
+        ["z", 11, 0, 0, "", ""]
     }
 }
 
 /// Standard types of the ROS package `rcl_interfaces`.
 pub mod rcl_interfaces {
     use serde::{Deserialize, Serialize};
-
-    use crate::schema::{Member, Message, MessageType};
 
     /// Values that a parameter of type double may have.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -4306,20 +3577,13 @@ pub mod rcl_interfaces {
         pub step: f64,
     }
 
-    impl Message for FloatingPointRange {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "rcl_interfaces/msg/FloatingPointRange",
-            dds_name: "rcl_interfaces::msg::dds_::FloatingPointRange_",
-            type_hash: "RIHS01_e6af23a23c177fee5f3075c8b1e435162a9b63c863d78c06017460b49684262d",
-            definition: include_str!("../standard/rcl_interfaces/msg/FloatingPointRange.msg"),
-            fields: &[
-                Member("from_value", 11, 0, 0, "", ""),
-                Member("to_value", 11, 0, 0, "", ""),
-                Member("step", 11, 0, 0, "", ""),
-            ],
-            describe: crate::describe::of::<FloatingPointRange>,
-            canonical: crate::cdr::canonical::<FloatingPointRange>,
-        };
+    crate::schema::message! {
+        FloatingPointRange: "rcl_interfaces", "msg", "FloatingPointRange",
+        "RIHS01_e6af23a23c177fee5f3075c8b1e435162a9b63c863d78c06017460b49684262d",
+        include_str!("../standard/rcl_interfaces/msg/FloatingPointRange.msg"),
+        ["from_value", 11, 0, 0, "", ""]
+        ["to_value", 11, 0, 0, "", ""]
+        ["step", 11, 0, 0, "", ""]
     }
 
     /// Values that a parameter of type integer may have.
@@ -4330,20 +3594,13 @@ pub mod rcl_interfaces {
         pub step: u64,
     }
 
-    impl Message for IntegerRange {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "rcl_interfaces/msg/IntegerRange",
-            dds_name: "rcl_interfaces::msg::dds_::IntegerRange_",
-            type_hash: "RIHS01_f7b7fdc0f65f07702e099218e13288c3963bcb9345bde78b560e6cd19800fc5a",
-            definition: include_str!("../standard/rcl_interfaces/msg/IntegerRange.msg"),
-            fields: &[
-                Member("from_value", 8, 0, 0, "", ""),
-                Member("to_value", 8, 0, 0, "", ""),
-                Member("step", 9, 0, 0, "", ""),
-            ],
-            describe: crate::describe::of::<IntegerRange>,
-            canonical: crate::cdr::canonical::<IntegerRange>,
-        };
+    crate::schema::message! {
+        IntegerRange: "rcl_interfaces", "msg", "IntegerRange",
+        "RIHS01_f7b7fdc0f65f07702e099218e13288c3963bcb9345bde78b560e6cd19800fc5a",
+        include_str!("../standard/rcl_interfaces/msg/IntegerRange.msg"),
+        ["from_value", 8, 0, 0, "", ""]
+        ["to_value", 8, 0, 0, "", ""]
+        ["step", 9, 0, 0, "", ""]
     }
 
     /// Names of parameters, and the prefixes that they have in common.
@@ -4353,19 +3610,12 @@ pub mod rcl_interfaces {
         pub prefixes: Vec<String>,
     }
 
-    impl Message for ListParametersResult {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "rcl_interfaces/msg/ListParametersResult",
-            dds_name: "rcl_interfaces::msg::dds_::ListParametersResult_",
-            type_hash: "RIHS01_237ae3428413dcbcfb452b510c42355f3a2b021dc091afa3e18526d57022f1cd",
-            definition: include_str!("../standard/rcl_interfaces/msg/ListParametersResult.msg"),
-            fields: &[
-                Member("names", 161, 0, 0, "", ""),
-                Member("prefixes", 161, 0, 0, "", ""),
-            ],
-            describe: crate::describe::of::<ListParametersResult>,
-            canonical: crate::cdr::canonical::<ListParametersResult>,
-        };
+    crate::schema::message! {
+        ListParametersResult: "rcl_interfaces", "msg", "ListParametersResult",
+        "RIHS01_237ae3428413dcbcfb452b510c42355f3a2b021dc091afa3e18526d57022f1cd",
+        include_str!("../standard/rcl_interfaces/msg/ListParametersResult.msg"),
+        ["names", 161, 0, 0, "", ""]
+        ["prefixes", 161, 0, 0, "", ""]
     }
 
     /// One log message of a node, as every ROS 2 node publishes it on /rosout.
@@ -4392,28 +3642,21 @@ pub mod rcl_interfaces {
         pub const FATAL: u8 = 50;
     }
 
-    impl Message for Log {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "rcl_interfaces/msg/Log",
-            dds_name: "rcl_interfaces::msg::dds_::Log_",
-            type_hash: "RIHS01_e28ce254ca8abc06abf92773b74602cdbf116ed34fbaf294fb9f81da9f318eac",
-            definition: concat!(
-                include_str!("../standard/rcl_interfaces/msg/Log.msg"),
-                "================================================================================\nMSG: builtin_interfaces/Time\n",
-                include_str!("../standard/builtin_interfaces/msg/Time.msg")
-            ),
-            fields: &[
-                Member("stamp", 1, 0, 0, "builtin_interfaces/msg/Time", ""),
-                Member("level", 3, 0, 0, "", ""),
-                Member("name", 17, 0, 0, "", ""),
-                Member("msg", 17, 0, 0, "", ""),
-                Member("file", 17, 0, 0, "", ""),
-                Member("function", 17, 0, 0, "", ""),
-                Member("line", 7, 0, 0, "", ""),
-            ],
-            describe: crate::describe::of::<Log>,
-            canonical: crate::cdr::canonical::<Log>,
-        };
+    crate::schema::message! {
+        Log: "rcl_interfaces", "msg", "Log",
+        "RIHS01_e28ce254ca8abc06abf92773b74602cdbf116ed34fbaf294fb9f81da9f318eac",
+        concat!(
+            include_str!("../standard/rcl_interfaces/msg/Log.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg")
+        ),
+        ["stamp", 1, 0, 0, "builtin_interfaces/msg/Time", ""]
+        ["level", 3, 0, 0, "", ""]
+        ["name", 17, 0, 0, "", ""]
+        ["msg", 17, 0, 0, "", ""]
+        ["file", 17, 0, 0, "", ""]
+        ["function", 17, 0, 0, "", ""]
+        ["line", 7, 0, 0, "", ""]
     }
 
     /// A parameter: a name, in which dots separate levels, and a value.
@@ -4423,23 +3666,16 @@ pub mod rcl_interfaces {
         pub value: ParameterValue,
     }
 
-    impl Message for Parameter {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "rcl_interfaces/msg/Parameter",
-            dds_name: "rcl_interfaces::msg::dds_::Parameter_",
-            type_hash: "RIHS01_ddfe6442cffc462317adb5c92536a7b6dd55858c5c3e1e328165a6b73c2831af",
-            definition: concat!(
-                include_str!("../standard/rcl_interfaces/msg/Parameter.msg"),
-                "================================================================================\nMSG: rcl_interfaces/ParameterValue\n",
-                include_str!("../standard/rcl_interfaces/msg/ParameterValue.msg")
-            ),
-            fields: &[
-                Member("name", 17, 0, 0, "", ""),
-                Member("value", 1, 0, 0, "rcl_interfaces/msg/ParameterValue", ""),
-            ],
-            describe: crate::describe::of::<Parameter>,
-            canonical: crate::cdr::canonical::<Parameter>,
-        };
+    crate::schema::message! {
+        Parameter: "rcl_interfaces", "msg", "Parameter",
+        "RIHS01_ddfe6442cffc462317adb5c92536a7b6dd55858c5c3e1e328165a6b73c2831af",
+        concat!(
+            include_str!("../standard/rcl_interfaces/msg/Parameter.msg"),
+            "================================================================================\nMSG: rcl_interfaces/ParameterValue\n",
+            include_str!("../standard/rcl_interfaces/msg/ParameterValue.msg")
+        ),
+        ["name", 17, 0, 0, "", ""]
+        ["value", 1, 0, 0, "rcl_interfaces/msg/ParameterValue", ""]
     }
 
     /// What may be said of a parameter beside its value.
@@ -4457,45 +3693,24 @@ pub mod rcl_interfaces {
         pub integer_range: Vec<IntegerRange>,
     }
 
-    impl Message for ParameterDescriptor {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "rcl_interfaces/msg/ParameterDescriptor",
-            dds_name: "rcl_interfaces::msg::dds_::ParameterDescriptor_",
-            type_hash: "RIHS01_52175dbfda6c51153101d33d2a9da05743f66f02d5ab2ca9ec4709b46b73d704",
-            definition: concat!(
-                include_str!("../standard/rcl_interfaces/msg/ParameterDescriptor.msg"),
-                "================================================================================\nMSG: rcl_interfaces/FloatingPointRange\n",
-                include_str!("../standard/rcl_interfaces/msg/FloatingPointRange.msg"),
-                "================================================================================\nMSG: rcl_interfaces/IntegerRange\n",
-                include_str!("../standard/rcl_interfaces/msg/IntegerRange.msg")
-            ),
-            fields: &[
-                Member("name", 17, 0, 0, "", ""),
-                Member("type", 3, 0, 0, "", ""),
-                Member("description", 17, 0, 0, "", ""),
-                Member("additional_constraints", 17, 0, 0, "", ""),
-                Member("read_only", 15, 0, 0, "", "False"),
-                Member("dynamic_typing", 15, 0, 0, "", "False"),
-                Member(
-                    "floating_point_range",
-                    97,
-                    1,
-                    0,
-                    "rcl_interfaces/msg/FloatingPointRange",
-                    "",
-                ),
-                Member(
-                    "integer_range",
-                    97,
-                    1,
-                    0,
-                    "rcl_interfaces/msg/IntegerRange",
-                    "",
-                ),
-            ],
-            describe: crate::describe::of::<ParameterDescriptor>,
-            canonical: crate::cdr::canonical::<ParameterDescriptor>,
-        };
+    crate::schema::message! {
+        ParameterDescriptor: "rcl_interfaces", "msg", "ParameterDescriptor",
+        "RIHS01_52175dbfda6c51153101d33d2a9da05743f66f02d5ab2ca9ec4709b46b73d704",
+        concat!(
+            include_str!("../standard/rcl_interfaces/msg/ParameterDescriptor.msg"),
+            "================================================================================\nMSG: rcl_interfaces/FloatingPointRange\n",
+            include_str!("../standard/rcl_interfaces/msg/FloatingPointRange.msg"),
+            "================================================================================\nMSG: rcl_interfaces/IntegerRange\n",
+            include_str!("../standard/rcl_interfaces/msg/IntegerRange.msg")
+        ),
+        ["name", 17, 0, 0, "", ""]
+        ["type", 3, 0, 0, "", ""]
+        ["description", 17, 0, 0, "", ""]
+        ["additional_constraints", 17, 0, 0, "", ""]
+        ["read_only", 15, 0, 0, "", "False"]
+        ["dynamic_typing", 15, 0, 0, "", "False"]
+        ["floating_point_range", 97, 1, 0, "rcl_interfaces/msg/FloatingPointRange", ""]
+        ["integer_range", 97, 1, 0, "rcl_interfaces/msg/IntegerRange", ""]
     }
 
     /// Parameters of one node that were declared, set or removed.
@@ -4508,51 +3723,23 @@ pub mod rcl_interfaces {
         pub deleted_parameters: Vec<Parameter>,
     }
 
-    impl Message for ParameterEvent {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "rcl_interfaces/msg/ParameterEvent",
-            dds_name: "rcl_interfaces::msg::dds_::ParameterEvent_",
-            type_hash: "RIHS01_043e627780fcad87a22d225bc2a037361dba713fca6a6b9f4b869a5aa0393204",
-            definition: concat!(
-                include_str!("../standard/rcl_interfaces/msg/ParameterEvent.msg"),
-                "================================================================================\nMSG: builtin_interfaces/Time\n",
-                include_str!("../standard/builtin_interfaces/msg/Time.msg"),
-                "================================================================================\nMSG: rcl_interfaces/Parameter\n",
-                include_str!("../standard/rcl_interfaces/msg/Parameter.msg"),
-                "================================================================================\nMSG: rcl_interfaces/ParameterValue\n",
-                include_str!("../standard/rcl_interfaces/msg/ParameterValue.msg")
-            ),
-            fields: &[
-                Member("stamp", 1, 0, 0, "builtin_interfaces/msg/Time", ""),
-                Member("node", 17, 0, 0, "", ""),
-                Member(
-                    "new_parameters",
-                    145,
-                    0,
-                    0,
-                    "rcl_interfaces/msg/Parameter",
-                    "",
-                ),
-                Member(
-                    "changed_parameters",
-                    145,
-                    0,
-                    0,
-                    "rcl_interfaces/msg/Parameter",
-                    "",
-                ),
-                Member(
-                    "deleted_parameters",
-                    145,
-                    0,
-                    0,
-                    "rcl_interfaces/msg/Parameter",
-                    "",
-                ),
-            ],
-            describe: crate::describe::of::<ParameterEvent>,
-            canonical: crate::cdr::canonical::<ParameterEvent>,
-        };
+    crate::schema::message! {
+        ParameterEvent: "rcl_interfaces", "msg", "ParameterEvent",
+        "RIHS01_043e627780fcad87a22d225bc2a037361dba713fca6a6b9f4b869a5aa0393204",
+        concat!(
+            include_str!("../standard/rcl_interfaces/msg/ParameterEvent.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg"),
+            "================================================================================\nMSG: rcl_interfaces/Parameter\n",
+            include_str!("../standard/rcl_interfaces/msg/Parameter.msg"),
+            "================================================================================\nMSG: rcl_interfaces/ParameterValue\n",
+            include_str!("../standard/rcl_interfaces/msg/ParameterValue.msg")
+        ),
+        ["stamp", 1, 0, 0, "builtin_interfaces/msg/Time", ""]
+        ["node", 17, 0, 0, "", ""]
+        ["new_parameters", 145, 0, 0, "rcl_interfaces/msg/Parameter", ""]
+        ["changed_parameters", 145, 0, 0, "rcl_interfaces/msg/Parameter", ""]
+        ["deleted_parameters", 145, 0, 0, "rcl_interfaces/msg/Parameter", ""]
     }
 
     /// Numbers of the types of parameters.
@@ -4575,23 +3762,11 @@ pub mod rcl_interfaces {
         pub const PARAMETER_STRING_ARRAY: u8 = 9;
     }
 
-    impl Message for ParameterType {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "rcl_interfaces/msg/ParameterType",
-            dds_name: "rcl_interfaces::msg::dds_::ParameterType_",
-            type_hash: "RIHS01_df29ed057a834862187be24dd187d981790ff3ea6502f4cd27b432cbc42c6d46",
-            definition: include_str!("../standard/rcl_interfaces/msg/ParameterType.msg"),
-            fields: &[Member(
-                "structure_needs_at_least_one_member",
-                3,
-                0,
-                0,
-                "",
-                "",
-            )],
-            describe: crate::describe::of::<ParameterType>,
-            canonical: crate::cdr::canonical::<ParameterType>,
-        };
+    crate::schema::message! {
+        ParameterType: "rcl_interfaces", "msg", "ParameterType",
+        "RIHS01_df29ed057a834862187be24dd187d981790ff3ea6502f4cd27b432cbc42c6d46",
+        include_str!("../standard/rcl_interfaces/msg/ParameterType.msg"),
+        ["structure_needs_at_least_one_member", 3, 0, 0, "", ""]
     }
 
     /// A value of a parameter: the field that its type names.
@@ -4609,27 +3784,20 @@ pub mod rcl_interfaces {
         pub string_array_value: Vec<String>,
     }
 
-    impl Message for ParameterValue {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "rcl_interfaces/msg/ParameterValue",
-            dds_name: "rcl_interfaces::msg::dds_::ParameterValue_",
-            type_hash: "RIHS01_115fc089a387e23c7ecd3525c9189c379109119d6ab82e8dfbde0fdf6a7f9b68",
-            definition: include_str!("../standard/rcl_interfaces/msg/ParameterValue.msg"),
-            fields: &[
-                Member("type", 3, 0, 0, "", ""),
-                Member("bool_value", 15, 0, 0, "", ""),
-                Member("integer_value", 8, 0, 0, "", ""),
-                Member("double_value", 11, 0, 0, "", ""),
-                Member("string_value", 17, 0, 0, "", ""),
-                Member("byte_array_value", 160, 0, 0, "", ""),
-                Member("bool_array_value", 159, 0, 0, "", ""),
-                Member("integer_array_value", 152, 0, 0, "", ""),
-                Member("double_array_value", 155, 0, 0, "", ""),
-                Member("string_array_value", 161, 0, 0, "", ""),
-            ],
-            describe: crate::describe::of::<ParameterValue>,
-            canonical: crate::cdr::canonical::<ParameterValue>,
-        };
+    crate::schema::message! {
+        ParameterValue: "rcl_interfaces", "msg", "ParameterValue",
+        "RIHS01_115fc089a387e23c7ecd3525c9189c379109119d6ab82e8dfbde0fdf6a7f9b68",
+        include_str!("../standard/rcl_interfaces/msg/ParameterValue.msg"),
+        ["type", 3, 0, 0, "", ""]
+        ["bool_value", 15, 0, 0, "", ""]
+        ["integer_value", 8, 0, 0, "", ""]
+        ["double_value", 11, 0, 0, "", ""]
+        ["string_value", 17, 0, 0, "", ""]
+        ["byte_array_value", 160, 0, 0, "", ""]
+        ["bool_array_value", 159, 0, 0, "", ""]
+        ["integer_array_value", 152, 0, 0, "", ""]
+        ["double_array_value", 155, 0, 0, "", ""]
+        ["string_array_value", 161, 0, 0, "", ""]
     }
 
     /// Whether a parameter was set, or why not.
@@ -4639,41 +3807,25 @@ pub mod rcl_interfaces {
         pub reason: String,
     }
 
-    impl Message for SetParametersResult {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "rcl_interfaces/msg/SetParametersResult",
-            dds_name: "rcl_interfaces::msg::dds_::SetParametersResult_",
-            type_hash: "RIHS01_cfcc0fb0371ee5159b403960ef4300f8f9d2f1fd6117c8666b7f9654d528a9b1",
-            definition: include_str!("../standard/rcl_interfaces/msg/SetParametersResult.msg"),
-            fields: &[
-                Member("successful", 15, 0, 0, "", ""),
-                Member("reason", 17, 0, 0, "", ""),
-            ],
-            describe: crate::describe::of::<SetParametersResult>,
-            canonical: crate::cdr::canonical::<SetParametersResult>,
-        };
+    crate::schema::message! {
+        SetParametersResult: "rcl_interfaces", "msg", "SetParametersResult",
+        "RIHS01_cfcc0fb0371ee5159b403960ef4300f8f9d2f1fd6117c8666b7f9654d528a9b1",
+        include_str!("../standard/rcl_interfaces/msg/SetParametersResult.msg"),
+        ["successful", 15, 0, 0, "", ""]
+        ["reason", 17, 0, 0, "", ""]
     }
 
     /// Services, and the messages that they are made of.
     pub mod srv {
         use serde::{Deserialize, Serialize};
 
-        use crate::schema::{Member, Message, MessageType, Service, ServiceType};
-
         /// Describe parameters of a node.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub struct DescribeParameters;
 
-        impl Service for DescribeParameters {
-            type Request = DescribeParametersRequest;
-            type Response = DescribeParametersResponse;
-            const TYPE: &'static ServiceType = &ServiceType {
-                name: "rcl_interfaces/srv/DescribeParameters",
-                dds_name: "rcl_interfaces::srv::dds_::DescribeParameters_",
-                type_hash: "RIHS01_845b484d71eb0673dae682f2e3ba3c4851a65a3dcfb97bddd82c5b57e91e4cff",
-                request: DescribeParametersRequest::TYPE,
-                response: DescribeParametersResponse::TYPE,
-            };
+        crate::schema::service! {
+            DescribeParameters(DescribeParametersRequest) -> DescribeParametersResponse: "rcl_interfaces", "srv", "DescribeParameters",
+            "RIHS01_845b484d71eb0673dae682f2e3ba3c4851a65a3dcfb97bddd82c5b57e91e4cff"
         }
 
         /// Asks [`DescribeParameters`].
@@ -4682,16 +3834,11 @@ pub mod rcl_interfaces {
             pub names: Vec<String>,
         }
 
-        impl Message for DescribeParametersRequest {
-            const TYPE: &'static MessageType = &MessageType {
-                name: "rcl_interfaces/srv/DescribeParameters_Request",
-                dds_name: "rcl_interfaces::srv::dds_::DescribeParameters_Request_",
-                type_hash: "RIHS01_05dd1c2bc87dec2627105c8070d6f9725c781a4f2ab852975bf105462b82b644",
-                definition: "# Describe parameters of a node.\n\nstring[] names\n",
-                fields: &[Member("names", 161, 0, 0, "", "")],
-                describe: crate::describe::of::<DescribeParametersRequest>,
-                canonical: crate::cdr::canonical::<DescribeParametersRequest>,
-            };
+        crate::schema::message! {
+            DescribeParametersRequest: "rcl_interfaces", "srv", "DescribeParameters_Request",
+            "RIHS01_05dd1c2bc87dec2627105c8070d6f9725c781a4f2ab852975bf105462b82b644",
+            "# Describe parameters of a node.\n\nstring[] names\n",
+            ["names", 161, 0, 0, "", ""]
         }
 
         /// Answers [`DescribeParameters`].
@@ -4700,47 +3847,28 @@ pub mod rcl_interfaces {
             pub descriptors: Vec<crate::rcl_interfaces::ParameterDescriptor>,
         }
 
-        impl Message for DescribeParametersResponse {
-            const TYPE: &'static MessageType = &MessageType {
-                name: "rcl_interfaces/srv/DescribeParameters_Response",
-                dds_name: "rcl_interfaces::srv::dds_::DescribeParameters_Response_",
-                type_hash: "RIHS01_ad6747319613c6131589e062e095b469a46cc764f7d0f12a001a49e6cd893995",
-                definition: concat!(
-                    "rcl_interfaces/ParameterDescriptor[] descriptors\n",
-                    "================================================================================\nMSG: rcl_interfaces/ParameterDescriptor\n",
-                    include_str!("../standard/rcl_interfaces/msg/ParameterDescriptor.msg"),
-                    "================================================================================\nMSG: rcl_interfaces/FloatingPointRange\n",
-                    include_str!("../standard/rcl_interfaces/msg/FloatingPointRange.msg"),
-                    "================================================================================\nMSG: rcl_interfaces/IntegerRange\n",
-                    include_str!("../standard/rcl_interfaces/msg/IntegerRange.msg")
-                ),
-                fields: &[Member(
-                    "descriptors",
-                    145,
-                    0,
-                    0,
-                    "rcl_interfaces/msg/ParameterDescriptor",
-                    "",
-                )],
-                describe: crate::describe::of::<DescribeParametersResponse>,
-                canonical: crate::cdr::canonical::<DescribeParametersResponse>,
-            };
+        crate::schema::message! {
+            DescribeParametersResponse: "rcl_interfaces", "srv", "DescribeParameters_Response",
+            "RIHS01_ad6747319613c6131589e062e095b469a46cc764f7d0f12a001a49e6cd893995",
+            concat!(
+                "rcl_interfaces/ParameterDescriptor[] descriptors\n",
+                "================================================================================\nMSG: rcl_interfaces/ParameterDescriptor\n",
+                include_str!("../standard/rcl_interfaces/msg/ParameterDescriptor.msg"),
+                "================================================================================\nMSG: rcl_interfaces/FloatingPointRange\n",
+                include_str!("../standard/rcl_interfaces/msg/FloatingPointRange.msg"),
+                "================================================================================\nMSG: rcl_interfaces/IntegerRange\n",
+                include_str!("../standard/rcl_interfaces/msg/IntegerRange.msg")
+            ),
+            ["descriptors", 145, 0, 0, "rcl_interfaces/msg/ParameterDescriptor", ""]
         }
 
         /// Tell the types of parameters of a node.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub struct GetParameterTypes;
 
-        impl Service for GetParameterTypes {
-            type Request = GetParameterTypesRequest;
-            type Response = GetParameterTypesResponse;
-            const TYPE: &'static ServiceType = &ServiceType {
-                name: "rcl_interfaces/srv/GetParameterTypes",
-                dds_name: "rcl_interfaces::srv::dds_::GetParameterTypes_",
-                type_hash: "RIHS01_da199c878688b3e530bdfe3ca8f74cb9fa0c303101e980a9e8f260e25e1c80ca",
-                request: GetParameterTypesRequest::TYPE,
-                response: GetParameterTypesResponse::TYPE,
-            };
+        crate::schema::service! {
+            GetParameterTypes(GetParameterTypesRequest) -> GetParameterTypesResponse: "rcl_interfaces", "srv", "GetParameterTypes",
+            "RIHS01_da199c878688b3e530bdfe3ca8f74cb9fa0c303101e980a9e8f260e25e1c80ca"
         }
 
         /// Asks [`GetParameterTypes`].
@@ -4749,16 +3877,11 @@ pub mod rcl_interfaces {
             pub names: Vec<String>,
         }
 
-        impl Message for GetParameterTypesRequest {
-            const TYPE: &'static MessageType = &MessageType {
-                name: "rcl_interfaces/srv/GetParameterTypes_Request",
-                dds_name: "rcl_interfaces::srv::dds_::GetParameterTypes_Request_",
-                type_hash: "RIHS01_87d7ec5ef545d4daa289d500025d31fb2437bc8b8365ca367161c4dac4be33fd",
-                definition: "# Tell the types of parameters of a node.\n\nstring[] names\n",
-                fields: &[Member("names", 161, 0, 0, "", "")],
-                describe: crate::describe::of::<GetParameterTypesRequest>,
-                canonical: crate::cdr::canonical::<GetParameterTypesRequest>,
-            };
+        crate::schema::message! {
+            GetParameterTypesRequest: "rcl_interfaces", "srv", "GetParameterTypes_Request",
+            "RIHS01_87d7ec5ef545d4daa289d500025d31fb2437bc8b8365ca367161c4dac4be33fd",
+            "# Tell the types of parameters of a node.\n\nstring[] names\n",
+            ["names", 161, 0, 0, "", ""]
         }
 
         /// Answers [`GetParameterTypes`].
@@ -4767,32 +3890,20 @@ pub mod rcl_interfaces {
             pub types: Vec<u8>,
         }
 
-        impl Message for GetParameterTypesResponse {
-            const TYPE: &'static MessageType = &MessageType {
-                name: "rcl_interfaces/srv/GetParameterTypes_Response",
-                dds_name: "rcl_interfaces::srv::dds_::GetParameterTypes_Response_",
-                type_hash: "RIHS01_ac1335dce67c478e669434f6ac2fbff34fcd529580f272d3006785ba8b54e47f",
-                definition: "uint8[] types\n",
-                fields: &[Member("types", 147, 0, 0, "", "")],
-                describe: crate::describe::of::<GetParameterTypesResponse>,
-                canonical: crate::cdr::canonical::<GetParameterTypesResponse>,
-            };
+        crate::schema::message! {
+            GetParameterTypesResponse: "rcl_interfaces", "srv", "GetParameterTypes_Response",
+            "RIHS01_ac1335dce67c478e669434f6ac2fbff34fcd529580f272d3006785ba8b54e47f",
+            "uint8[] types\n",
+            ["types", 147, 0, 0, "", ""]
         }
 
         /// Read parameters of a node.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub struct GetParameters;
 
-        impl Service for GetParameters {
-            type Request = GetParametersRequest;
-            type Response = GetParametersResponse;
-            const TYPE: &'static ServiceType = &ServiceType {
-                name: "rcl_interfaces/srv/GetParameters",
-                dds_name: "rcl_interfaces::srv::dds_::GetParameters_",
-                type_hash: "RIHS01_bf9803d5c74cf989a5de3e0c2e99444599a627c7ff75f97b8c05b01003675cbc",
-                request: GetParametersRequest::TYPE,
-                response: GetParametersResponse::TYPE,
-            };
+        crate::schema::service! {
+            GetParameters(GetParametersRequest) -> GetParametersResponse: "rcl_interfaces", "srv", "GetParameters",
+            "RIHS01_bf9803d5c74cf989a5de3e0c2e99444599a627c7ff75f97b8c05b01003675cbc"
         }
 
         /// Asks [`GetParameters`].
@@ -4801,16 +3912,11 @@ pub mod rcl_interfaces {
             pub names: Vec<String>,
         }
 
-        impl Message for GetParametersRequest {
-            const TYPE: &'static MessageType = &MessageType {
-                name: "rcl_interfaces/srv/GetParameters_Request",
-                dds_name: "rcl_interfaces::srv::dds_::GetParameters_Request_",
-                type_hash: "RIHS01_135a9e1c3d7cebef792f6687d7ddf99949b21a0bd9a320d863a9110a3f5cf4d6",
-                definition: "# Read parameters of a node.\n\nstring[] names\n",
-                fields: &[Member("names", 161, 0, 0, "", "")],
-                describe: crate::describe::of::<GetParametersRequest>,
-                canonical: crate::cdr::canonical::<GetParametersRequest>,
-            };
+        crate::schema::message! {
+            GetParametersRequest: "rcl_interfaces", "srv", "GetParameters_Request",
+            "RIHS01_135a9e1c3d7cebef792f6687d7ddf99949b21a0bd9a320d863a9110a3f5cf4d6",
+            "# Read parameters of a node.\n\nstring[] names\n",
+            ["names", 161, 0, 0, "", ""]
         }
 
         /// Answers [`GetParameters`].
@@ -4819,43 +3925,24 @@ pub mod rcl_interfaces {
             pub values: Vec<crate::rcl_interfaces::ParameterValue>,
         }
 
-        impl Message for GetParametersResponse {
-            const TYPE: &'static MessageType = &MessageType {
-                name: "rcl_interfaces/srv/GetParameters_Response",
-                dds_name: "rcl_interfaces::srv::dds_::GetParameters_Response_",
-                type_hash: "RIHS01_9fa773b46e39cc5d02db6224d8fd520bb9caeeffc2b27c96c1e59431baba9f2a",
-                definition: concat!(
-                    "rcl_interfaces/ParameterValue[] values\n",
-                    "================================================================================\nMSG: rcl_interfaces/ParameterValue\n",
-                    include_str!("../standard/rcl_interfaces/msg/ParameterValue.msg")
-                ),
-                fields: &[Member(
-                    "values",
-                    145,
-                    0,
-                    0,
-                    "rcl_interfaces/msg/ParameterValue",
-                    "",
-                )],
-                describe: crate::describe::of::<GetParametersResponse>,
-                canonical: crate::cdr::canonical::<GetParametersResponse>,
-            };
+        crate::schema::message! {
+            GetParametersResponse: "rcl_interfaces", "srv", "GetParameters_Response",
+            "RIHS01_9fa773b46e39cc5d02db6224d8fd520bb9caeeffc2b27c96c1e59431baba9f2a",
+            concat!(
+                "rcl_interfaces/ParameterValue[] values\n",
+                "================================================================================\nMSG: rcl_interfaces/ParameterValue\n",
+                include_str!("../standard/rcl_interfaces/msg/ParameterValue.msg")
+            ),
+            ["values", 145, 0, 0, "rcl_interfaces/msg/ParameterValue", ""]
         }
 
         /// List the parameters of a node below some prefixes, and to some depth.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub struct ListParameters;
 
-        impl Service for ListParameters {
-            type Request = ListParametersRequest;
-            type Response = ListParametersResponse;
-            const TYPE: &'static ServiceType = &ServiceType {
-                name: "rcl_interfaces/srv/ListParameters",
-                dds_name: "rcl_interfaces::srv::dds_::ListParameters_",
-                type_hash: "RIHS01_3e6062bfbb27bfb8730d4cef2558221f51a11646d78e7bb30a1e83afac3aad9d",
-                request: ListParametersRequest::TYPE,
-                response: ListParametersResponse::TYPE,
-            };
+        crate::schema::service! {
+            ListParameters(ListParametersRequest) -> ListParametersResponse: "rcl_interfaces", "srv", "ListParameters",
+            "RIHS01_3e6062bfbb27bfb8730d4cef2558221f51a11646d78e7bb30a1e83afac3aad9d"
         }
 
         /// Asks [`ListParameters`].
@@ -4869,19 +3956,12 @@ pub mod rcl_interfaces {
             pub const DEPTH_RECURSIVE: u64 = 0;
         }
 
-        impl Message for ListParametersRequest {
-            const TYPE: &'static MessageType = &MessageType {
-                name: "rcl_interfaces/srv/ListParameters_Request",
-                dds_name: "rcl_interfaces::srv::dds_::ListParameters_Request_",
-                type_hash: "RIHS01_a1b0b5d6b967a5b8ac5bc8563c3ea678f349e312a6a4967227c5a96bc5ce38df",
-                definition: "# List the parameters of a node below some prefixes, and to some depth.\n\nuint64 DEPTH_RECURSIVE=0\nstring[] prefixes\nuint64 depth\n",
-                fields: &[
-                    Member("prefixes", 161, 0, 0, "", ""),
-                    Member("depth", 9, 0, 0, "", ""),
-                ],
-                describe: crate::describe::of::<ListParametersRequest>,
-                canonical: crate::cdr::canonical::<ListParametersRequest>,
-            };
+        crate::schema::message! {
+            ListParametersRequest: "rcl_interfaces", "srv", "ListParameters_Request",
+            "RIHS01_a1b0b5d6b967a5b8ac5bc8563c3ea678f349e312a6a4967227c5a96bc5ce38df",
+            "# List the parameters of a node below some prefixes, and to some depth.\n\nuint64 DEPTH_RECURSIVE=0\nstring[] prefixes\nuint64 depth\n",
+            ["prefixes", 161, 0, 0, "", ""]
+            ["depth", 9, 0, 0, "", ""]
         }
 
         /// Answers [`ListParameters`].
@@ -4890,43 +3970,24 @@ pub mod rcl_interfaces {
             pub result: crate::rcl_interfaces::ListParametersResult,
         }
 
-        impl Message for ListParametersResponse {
-            const TYPE: &'static MessageType = &MessageType {
-                name: "rcl_interfaces/srv/ListParameters_Response",
-                dds_name: "rcl_interfaces::srv::dds_::ListParameters_Response_",
-                type_hash: "RIHS01_31b937b82de3612426be79f231e386259f97e8dc843e3f2845288b4bfa296bdd",
-                definition: concat!(
-                    "rcl_interfaces/ListParametersResult result\n",
-                    "================================================================================\nMSG: rcl_interfaces/ListParametersResult\n",
-                    include_str!("../standard/rcl_interfaces/msg/ListParametersResult.msg")
-                ),
-                fields: &[Member(
-                    "result",
-                    1,
-                    0,
-                    0,
-                    "rcl_interfaces/msg/ListParametersResult",
-                    "",
-                )],
-                describe: crate::describe::of::<ListParametersResponse>,
-                canonical: crate::cdr::canonical::<ListParametersResponse>,
-            };
+        crate::schema::message! {
+            ListParametersResponse: "rcl_interfaces", "srv", "ListParameters_Response",
+            "RIHS01_31b937b82de3612426be79f231e386259f97e8dc843e3f2845288b4bfa296bdd",
+            concat!(
+                "rcl_interfaces/ListParametersResult result\n",
+                "================================================================================\nMSG: rcl_interfaces/ListParametersResult\n",
+                include_str!("../standard/rcl_interfaces/msg/ListParametersResult.msg")
+            ),
+            ["result", 1, 0, 0, "rcl_interfaces/msg/ListParametersResult", ""]
         }
 
         /// Set parameters of a node, one by one.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub struct SetParameters;
 
-        impl Service for SetParameters {
-            type Request = SetParametersRequest;
-            type Response = SetParametersResponse;
-            const TYPE: &'static ServiceType = &ServiceType {
-                name: "rcl_interfaces/srv/SetParameters",
-                dds_name: "rcl_interfaces::srv::dds_::SetParameters_",
-                type_hash: "RIHS01_56eed9a67e169f9cb6c1f987bc88f868c14a8fc9f743a263bc734c154015d7e0",
-                request: SetParametersRequest::TYPE,
-                response: SetParametersResponse::TYPE,
-            };
+        crate::schema::service! {
+            SetParameters(SetParametersRequest) -> SetParametersResponse: "rcl_interfaces", "srv", "SetParameters",
+            "RIHS01_56eed9a67e169f9cb6c1f987bc88f868c14a8fc9f743a263bc734c154015d7e0"
         }
 
         /// Asks [`SetParameters`].
@@ -4935,29 +3996,17 @@ pub mod rcl_interfaces {
             pub parameters: Vec<crate::rcl_interfaces::Parameter>,
         }
 
-        impl Message for SetParametersRequest {
-            const TYPE: &'static MessageType = &MessageType {
-                name: "rcl_interfaces/srv/SetParameters_Request",
-                dds_name: "rcl_interfaces::srv::dds_::SetParameters_Request_",
-                type_hash: "RIHS01_130d46386b7e84ea9ecf60608a4d83cbe5e5cb7c6cc5b712b7a4e3a6c254e932",
-                definition: concat!(
-                    "# Set parameters of a node, one by one.\n\nrcl_interfaces/Parameter[] parameters\n",
-                    "================================================================================\nMSG: rcl_interfaces/Parameter\n",
-                    include_str!("../standard/rcl_interfaces/msg/Parameter.msg"),
-                    "================================================================================\nMSG: rcl_interfaces/ParameterValue\n",
-                    include_str!("../standard/rcl_interfaces/msg/ParameterValue.msg")
-                ),
-                fields: &[Member(
-                    "parameters",
-                    145,
-                    0,
-                    0,
-                    "rcl_interfaces/msg/Parameter",
-                    "",
-                )],
-                describe: crate::describe::of::<SetParametersRequest>,
-                canonical: crate::cdr::canonical::<SetParametersRequest>,
-            };
+        crate::schema::message! {
+            SetParametersRequest: "rcl_interfaces", "srv", "SetParameters_Request",
+            "RIHS01_130d46386b7e84ea9ecf60608a4d83cbe5e5cb7c6cc5b712b7a4e3a6c254e932",
+            concat!(
+                "# Set parameters of a node, one by one.\n\nrcl_interfaces/Parameter[] parameters\n",
+                "================================================================================\nMSG: rcl_interfaces/Parameter\n",
+                include_str!("../standard/rcl_interfaces/msg/Parameter.msg"),
+                "================================================================================\nMSG: rcl_interfaces/ParameterValue\n",
+                include_str!("../standard/rcl_interfaces/msg/ParameterValue.msg")
+            ),
+            ["parameters", 145, 0, 0, "rcl_interfaces/msg/Parameter", ""]
         }
 
         /// Answers [`SetParameters`].
@@ -4966,43 +4015,24 @@ pub mod rcl_interfaces {
             pub results: Vec<crate::rcl_interfaces::SetParametersResult>,
         }
 
-        impl Message for SetParametersResponse {
-            const TYPE: &'static MessageType = &MessageType {
-                name: "rcl_interfaces/srv/SetParameters_Response",
-                dds_name: "rcl_interfaces::srv::dds_::SetParameters_Response_",
-                type_hash: "RIHS01_7a0e8140a0b8d98308fa81a5403a766e610af29a239caf54b7553227906fc266",
-                definition: concat!(
-                    "rcl_interfaces/SetParametersResult[] results\n",
-                    "================================================================================\nMSG: rcl_interfaces/SetParametersResult\n",
-                    include_str!("../standard/rcl_interfaces/msg/SetParametersResult.msg")
-                ),
-                fields: &[Member(
-                    "results",
-                    145,
-                    0,
-                    0,
-                    "rcl_interfaces/msg/SetParametersResult",
-                    "",
-                )],
-                describe: crate::describe::of::<SetParametersResponse>,
-                canonical: crate::cdr::canonical::<SetParametersResponse>,
-            };
+        crate::schema::message! {
+            SetParametersResponse: "rcl_interfaces", "srv", "SetParameters_Response",
+            "RIHS01_7a0e8140a0b8d98308fa81a5403a766e610af29a239caf54b7553227906fc266",
+            concat!(
+                "rcl_interfaces/SetParametersResult[] results\n",
+                "================================================================================\nMSG: rcl_interfaces/SetParametersResult\n",
+                include_str!("../standard/rcl_interfaces/msg/SetParametersResult.msg")
+            ),
+            ["results", 145, 0, 0, "rcl_interfaces/msg/SetParametersResult", ""]
         }
 
         /// Set parameters of a node, all or none.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub struct SetParametersAtomically;
 
-        impl Service for SetParametersAtomically {
-            type Request = SetParametersAtomicallyRequest;
-            type Response = SetParametersAtomicallyResponse;
-            const TYPE: &'static ServiceType = &ServiceType {
-                name: "rcl_interfaces/srv/SetParametersAtomically",
-                dds_name: "rcl_interfaces::srv::dds_::SetParametersAtomically_",
-                type_hash: "RIHS01_0e192ef259c07fc3c07a13191d27002222e65e00ccec653ca05e856f79285fcd",
-                request: SetParametersAtomicallyRequest::TYPE,
-                response: SetParametersAtomicallyResponse::TYPE,
-            };
+        crate::schema::service! {
+            SetParametersAtomically(SetParametersAtomicallyRequest) -> SetParametersAtomicallyResponse: "rcl_interfaces", "srv", "SetParametersAtomically",
+            "RIHS01_0e192ef259c07fc3c07a13191d27002222e65e00ccec653ca05e856f79285fcd"
         }
 
         /// Asks [`SetParametersAtomically`].
@@ -5011,29 +4041,17 @@ pub mod rcl_interfaces {
             pub parameters: Vec<crate::rcl_interfaces::Parameter>,
         }
 
-        impl Message for SetParametersAtomicallyRequest {
-            const TYPE: &'static MessageType = &MessageType {
-                name: "rcl_interfaces/srv/SetParametersAtomically_Request",
-                dds_name: "rcl_interfaces::srv::dds_::SetParametersAtomically_Request_",
-                type_hash: "RIHS01_db0bd950ed5ed867a0e90b225e44dea382d762c0762ff3e0ee842190042a59e5",
-                definition: concat!(
-                    "# Set parameters of a node, all or none.\n\nrcl_interfaces/Parameter[] parameters\n",
-                    "================================================================================\nMSG: rcl_interfaces/Parameter\n",
-                    include_str!("../standard/rcl_interfaces/msg/Parameter.msg"),
-                    "================================================================================\nMSG: rcl_interfaces/ParameterValue\n",
-                    include_str!("../standard/rcl_interfaces/msg/ParameterValue.msg")
-                ),
-                fields: &[Member(
-                    "parameters",
-                    145,
-                    0,
-                    0,
-                    "rcl_interfaces/msg/Parameter",
-                    "",
-                )],
-                describe: crate::describe::of::<SetParametersAtomicallyRequest>,
-                canonical: crate::cdr::canonical::<SetParametersAtomicallyRequest>,
-            };
+        crate::schema::message! {
+            SetParametersAtomicallyRequest: "rcl_interfaces", "srv", "SetParametersAtomically_Request",
+            "RIHS01_db0bd950ed5ed867a0e90b225e44dea382d762c0762ff3e0ee842190042a59e5",
+            concat!(
+                "# Set parameters of a node, all or none.\n\nrcl_interfaces/Parameter[] parameters\n",
+                "================================================================================\nMSG: rcl_interfaces/Parameter\n",
+                include_str!("../standard/rcl_interfaces/msg/Parameter.msg"),
+                "================================================================================\nMSG: rcl_interfaces/ParameterValue\n",
+                include_str!("../standard/rcl_interfaces/msg/ParameterValue.msg")
+            ),
+            ["parameters", 145, 0, 0, "rcl_interfaces/msg/Parameter", ""]
         }
 
         /// Answers [`SetParametersAtomically`].
@@ -5042,27 +4060,15 @@ pub mod rcl_interfaces {
             pub result: crate::rcl_interfaces::SetParametersResult,
         }
 
-        impl Message for SetParametersAtomicallyResponse {
-            const TYPE: &'static MessageType = &MessageType {
-                name: "rcl_interfaces/srv/SetParametersAtomically_Response",
-                dds_name: "rcl_interfaces::srv::dds_::SetParametersAtomically_Response_",
-                type_hash: "RIHS01_31b1a38c5b0b9d893ee24da45f69638f4561c78461d82d52750f429b534502b8",
-                definition: concat!(
-                    "rcl_interfaces/SetParametersResult result\n",
-                    "================================================================================\nMSG: rcl_interfaces/SetParametersResult\n",
-                    include_str!("../standard/rcl_interfaces/msg/SetParametersResult.msg")
-                ),
-                fields: &[Member(
-                    "result",
-                    1,
-                    0,
-                    0,
-                    "rcl_interfaces/msg/SetParametersResult",
-                    "",
-                )],
-                describe: crate::describe::of::<SetParametersAtomicallyResponse>,
-                canonical: crate::cdr::canonical::<SetParametersAtomicallyResponse>,
-            };
+        crate::schema::message! {
+            SetParametersAtomicallyResponse: "rcl_interfaces", "srv", "SetParametersAtomically_Response",
+            "RIHS01_31b1a38c5b0b9d893ee24da45f69638f4561c78461d82d52750f429b534502b8",
+            concat!(
+                "rcl_interfaces/SetParametersResult result\n",
+                "================================================================================\nMSG: rcl_interfaces/SetParametersResult\n",
+                include_str!("../standard/rcl_interfaces/msg/SetParametersResult.msg")
+            ),
+            ["result", 1, 0, 0, "rcl_interfaces/msg/SetParametersResult", ""]
         }
     }
 }
@@ -5071,36 +4077,27 @@ pub mod rcl_interfaces {
 pub mod rosgraph_msgs {
     use serde::{Deserialize, Serialize};
 
-    use crate::schema::{Member, Message, MessageType};
-
     /// Simulated or replayed time.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
     pub struct Clock {
         pub clock: crate::builtin_interfaces::Time,
     }
 
-    impl Message for Clock {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "rosgraph_msgs/msg/Clock",
-            dds_name: "rosgraph_msgs::msg::dds_::Clock_",
-            type_hash: "RIHS01_692f7a66e93a3c83e71765d033b60349ba68023a8c689a79e48078bcb5c58564",
-            definition: concat!(
-                include_str!("../standard/rosgraph_msgs/msg/Clock.msg"),
-                "================================================================================\nMSG: builtin_interfaces/Time\n",
-                include_str!("../standard/builtin_interfaces/msg/Time.msg")
-            ),
-            fields: &[Member("clock", 1, 0, 0, "builtin_interfaces/msg/Time", "")],
-            describe: crate::describe::of::<Clock>,
-            canonical: crate::cdr::canonical::<Clock>,
-        };
+    crate::schema::message! {
+        Clock: "rosgraph_msgs", "msg", "Clock",
+        "RIHS01_692f7a66e93a3c83e71765d033b60349ba68023a8c689a79e48078bcb5c58564",
+        concat!(
+            include_str!("../standard/rosgraph_msgs/msg/Clock.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg")
+        ),
+        ["clock", 1, 0, 0, "builtin_interfaces/msg/Time", ""]
     }
 }
 
 /// Standard types of the ROS package `sensor_msgs`.
 pub mod sensor_msgs {
     use serde::{Deserialize, Serialize};
-
-    use crate::schema::{Member, Message, MessageType};
 
     /// An encoded picture.
     #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -5110,26 +4107,19 @@ pub mod sensor_msgs {
         pub data: Vec<u8>,
     }
 
-    impl Message for CompressedImage {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "sensor_msgs/msg/CompressedImage",
-            dds_name: "sensor_msgs::msg::dds_::CompressedImage_",
-            type_hash: "RIHS01_15640771531571185e2efc8a100baf923961a4d15d5569652e6cb6691e8e371a",
-            definition: concat!(
-                include_str!("../standard/sensor_msgs/msg/CompressedImage.msg"),
-                "================================================================================\nMSG: std_msgs/Header\n",
-                include_str!("../standard/std_msgs/msg/Header.msg"),
-                "================================================================================\nMSG: builtin_interfaces/Time\n",
-                include_str!("../standard/builtin_interfaces/msg/Time.msg")
-            ),
-            fields: &[
-                Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
-                Member("format", 17, 0, 0, "", ""),
-                Member("data", 147, 0, 0, "", ""),
-            ],
-            describe: crate::describe::of::<CompressedImage>,
-            canonical: crate::cdr::canonical::<CompressedImage>,
-        };
+    crate::schema::message! {
+        CompressedImage: "sensor_msgs", "msg", "CompressedImage",
+        "RIHS01_15640771531571185e2efc8a100baf923961a4d15d5569652e6cb6691e8e371a",
+        concat!(
+            include_str!("../standard/sensor_msgs/msg/CompressedImage.msg"),
+            "================================================================================\nMSG: std_msgs/Header\n",
+            include_str!("../standard/std_msgs/msg/Header.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg")
+        ),
+        ["header", 1, 0, 0, "std_msgs/msg/Header", ""]
+        ["format", 17, 0, 0, "", ""]
+        ["data", 147, 0, 0, "", ""]
     }
 
     /// State of a set of joints. Each of the last three arrays is empty or as long as name.
@@ -5145,36 +4135,27 @@ pub mod sensor_msgs {
         pub effort: Vec<f64>,
     }
 
-    impl Message for JointState {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "sensor_msgs/msg/JointState",
-            dds_name: "sensor_msgs::msg::dds_::JointState_",
-            type_hash: "RIHS01_a13ee3a330e346c9d87b5aa18d24e11690752bd33a0350f11c5882bc9179260e",
-            definition: concat!(
-                include_str!("../standard/sensor_msgs/msg/JointState.msg"),
-                "================================================================================\nMSG: std_msgs/Header\n",
-                include_str!("../standard/std_msgs/msg/Header.msg"),
-                "================================================================================\nMSG: builtin_interfaces/Time\n",
-                include_str!("../standard/builtin_interfaces/msg/Time.msg")
-            ),
-            fields: &[
-                Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
-                Member("name", 161, 0, 0, "", ""),
-                Member("position", 155, 0, 0, "", ""),
-                Member("velocity", 155, 0, 0, "", ""),
-                Member("effort", 155, 0, 0, "", ""),
-            ],
-            describe: crate::describe::of::<JointState>,
-            canonical: crate::cdr::canonical::<JointState>,
-        };
+    crate::schema::message! {
+        JointState: "sensor_msgs", "msg", "JointState",
+        "RIHS01_a13ee3a330e346c9d87b5aa18d24e11690752bd33a0350f11c5882bc9179260e",
+        concat!(
+            include_str!("../standard/sensor_msgs/msg/JointState.msg"),
+            "================================================================================\nMSG: std_msgs/Header\n",
+            include_str!("../standard/std_msgs/msg/Header.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg")
+        ),
+        ["header", 1, 0, 0, "std_msgs/msg/Header", ""]
+        ["name", 161, 0, 0, "", ""]
+        ["position", 155, 0, 0, "", ""]
+        ["velocity", 155, 0, 0, "", ""]
+        ["effort", 155, 0, 0, "", ""]
     }
 }
 
 /// Standard types of the ROS package `service_msgs`.
 pub mod service_msgs {
     use serde::{Deserialize, Serialize};
-
-    use crate::schema::{Member, Message, MessageType};
 
     /// One step of a service call.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -5192,33 +4173,24 @@ pub mod service_msgs {
         pub const RESPONSE_RECEIVED: u8 = 3;
     }
 
-    impl Message for ServiceEventInfo {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "service_msgs/msg/ServiceEventInfo",
-            dds_name: "service_msgs::msg::dds_::ServiceEventInfo_",
-            type_hash: "RIHS01_41bcbbe07a75c9b52bc96bfd5c24d7f0fc0a08c0cb7921b3373c5732345a6f45",
-            definition: concat!(
-                include_str!("../standard/service_msgs/msg/ServiceEventInfo.msg"),
-                "================================================================================\nMSG: builtin_interfaces/Time\n",
-                include_str!("../standard/builtin_interfaces/msg/Time.msg")
-            ),
-            fields: &[
-                Member("event_type", 3, 0, 0, "", ""),
-                Member("stamp", 1, 0, 0, "builtin_interfaces/msg/Time", ""),
-                Member("client_gid", 51, 16, 0, "", ""),
-                Member("sequence_number", 8, 0, 0, "", ""),
-            ],
-            describe: crate::describe::of::<ServiceEventInfo>,
-            canonical: crate::cdr::canonical::<ServiceEventInfo>,
-        };
+    crate::schema::message! {
+        ServiceEventInfo: "service_msgs", "msg", "ServiceEventInfo",
+        "RIHS01_41bcbbe07a75c9b52bc96bfd5c24d7f0fc0a08c0cb7921b3373c5732345a6f45",
+        concat!(
+            include_str!("../standard/service_msgs/msg/ServiceEventInfo.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg")
+        ),
+        ["event_type", 3, 0, 0, "", ""]
+        ["stamp", 1, 0, 0, "builtin_interfaces/msg/Time", ""]
+        ["client_gid", 51, 16, 0, "", ""]
+        ["sequence_number", 8, 0, 0, "", ""]
     }
 }
 
 /// Standard types of the ROS package `std_msgs`.
 pub mod std_msgs {
     use serde::{Deserialize, Serialize};
-
-    use crate::schema::{Member, Message, MessageType};
 
     /// A colour.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -5233,21 +4205,14 @@ pub mod std_msgs {
         pub a: f32,
     }
 
-    impl Message for ColorRGBA {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "std_msgs/msg/ColorRGBA",
-            dds_name: "std_msgs::msg::dds_::ColorRGBA_",
-            type_hash: "RIHS01_77a7a5b9ae477306097665106e0413ba74440245b1f3d0c6d6405fe5c7813fe8",
-            definition: include_str!("../standard/std_msgs/msg/ColorRGBA.msg"),
-            fields: &[
-                Member("r", 10, 0, 0, "", ""),
-                Member("g", 10, 0, 0, "", ""),
-                Member("b", 10, 0, 0, "", ""),
-                Member("a", 10, 0, 0, "", ""),
-            ],
-            describe: crate::describe::of::<ColorRGBA>,
-            canonical: crate::cdr::canonical::<ColorRGBA>,
-        };
+    crate::schema::message! {
+        ColorRGBA: "std_msgs", "msg", "ColorRGBA",
+        "RIHS01_77a7a5b9ae477306097665106e0413ba74440245b1f3d0c6d6405fe5c7813fe8",
+        include_str!("../standard/std_msgs/msg/ColorRGBA.msg"),
+        ["r", 10, 0, 0, "", ""]
+        ["g", 10, 0, 0, "", ""]
+        ["b", 10, 0, 0, "", ""]
+        ["a", 10, 0, 0, "", ""]
     }
 
     /// When and in which frame.
@@ -5257,23 +4222,16 @@ pub mod std_msgs {
         pub frame_id: std::string::String,
     }
 
-    impl Message for Header {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "std_msgs/msg/Header",
-            dds_name: "std_msgs::msg::dds_::Header_",
-            type_hash: "RIHS01_f49fb3ae2cf070f793645ff749683ac6b06203e41c891e17701b1cb597ce6a01",
-            definition: concat!(
-                include_str!("../standard/std_msgs/msg/Header.msg"),
-                "================================================================================\nMSG: builtin_interfaces/Time\n",
-                include_str!("../standard/builtin_interfaces/msg/Time.msg")
-            ),
-            fields: &[
-                Member("stamp", 1, 0, 0, "builtin_interfaces/msg/Time", ""),
-                Member("frame_id", 17, 0, 0, "", ""),
-            ],
-            describe: crate::describe::of::<Header>,
-            canonical: crate::cdr::canonical::<Header>,
-        };
+    crate::schema::message! {
+        Header: "std_msgs", "msg", "Header",
+        "RIHS01_f49fb3ae2cf070f793645ff749683ac6b06203e41c891e17701b1cb597ce6a01",
+        concat!(
+            include_str!("../standard/std_msgs/msg/Header.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg")
+        ),
+        ["stamp", 1, 0, 0, "builtin_interfaces/msg/Time", ""]
+        ["frame_id", 17, 0, 0, "", ""]
     }
 
     /// A text.
@@ -5282,16 +4240,11 @@ pub mod std_msgs {
         pub data: std::string::String,
     }
 
-    impl Message for String {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "std_msgs/msg/String",
-            dds_name: "std_msgs::msg::dds_::String_",
-            type_hash: "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18",
-            definition: include_str!("../standard/std_msgs/msg/String.msg"),
-            fields: &[Member("data", 17, 0, 0, "", "")],
-            describe: crate::describe::of::<String>,
-            canonical: crate::cdr::canonical::<String>,
-        };
+    crate::schema::message! {
+        String: "std_msgs", "msg", "String",
+        "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18",
+        include_str!("../standard/std_msgs/msg/String.msg"),
+        ["data", 17, 0, 0, "", ""]
     }
 }
 
@@ -5299,53 +4252,37 @@ pub mod std_msgs {
 pub mod tf2_msgs {
     use serde::{Deserialize, Serialize};
 
-    use crate::schema::{Member, Message, MessageType};
-
     /// Transforms between frames.
     #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
     pub struct TFMessage {
         pub transforms: Vec<crate::geometry_msgs::TransformStamped>,
     }
 
-    impl Message for TFMessage {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "tf2_msgs/msg/TFMessage",
-            dds_name: "tf2_msgs::msg::dds_::TFMessage_",
-            type_hash: "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087",
-            definition: concat!(
-                include_str!("../standard/tf2_msgs/msg/TFMessage.msg"),
-                "================================================================================\nMSG: geometry_msgs/TransformStamped\n",
-                include_str!("../standard/geometry_msgs/msg/TransformStamped.msg"),
-                "================================================================================\nMSG: std_msgs/Header\n",
-                include_str!("../standard/std_msgs/msg/Header.msg"),
-                "================================================================================\nMSG: builtin_interfaces/Time\n",
-                include_str!("../standard/builtin_interfaces/msg/Time.msg"),
-                "================================================================================\nMSG: geometry_msgs/Transform\n",
-                include_str!("../standard/geometry_msgs/msg/Transform.msg"),
-                "================================================================================\nMSG: geometry_msgs/Vector3\n",
-                include_str!("../standard/geometry_msgs/msg/Vector3.msg"),
-                "================================================================================\nMSG: geometry_msgs/Quaternion\n",
-                include_str!("../standard/geometry_msgs/msg/Quaternion.msg")
-            ),
-            fields: &[Member(
-                "transforms",
-                145,
-                0,
-                0,
-                "geometry_msgs/msg/TransformStamped",
-                "",
-            )],
-            describe: crate::describe::of::<TFMessage>,
-            canonical: crate::cdr::canonical::<TFMessage>,
-        };
+    crate::schema::message! {
+        TFMessage: "tf2_msgs", "msg", "TFMessage",
+        "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087",
+        concat!(
+            include_str!("../standard/tf2_msgs/msg/TFMessage.msg"),
+            "================================================================================\nMSG: geometry_msgs/TransformStamped\n",
+            include_str!("../standard/geometry_msgs/msg/TransformStamped.msg"),
+            "================================================================================\nMSG: std_msgs/Header\n",
+            include_str!("../standard/std_msgs/msg/Header.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg"),
+            "================================================================================\nMSG: geometry_msgs/Transform\n",
+            include_str!("../standard/geometry_msgs/msg/Transform.msg"),
+            "================================================================================\nMSG: geometry_msgs/Vector3\n",
+            include_str!("../standard/geometry_msgs/msg/Vector3.msg"),
+            "================================================================================\nMSG: geometry_msgs/Quaternion\n",
+            include_str!("../standard/geometry_msgs/msg/Quaternion.msg")
+        ),
+        ["transforms", 145, 0, 0, "geometry_msgs/msg/TransformStamped", ""]
     }
 }
 
 /// Standard types of the ROS package `type_description_interfaces`.
 pub mod type_description_interfaces {
     use serde::{Deserialize, Serialize};
-
-    use crate::schema::{Member, Message, MessageType};
 
     /// A field of a type.
     #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -5355,31 +4292,17 @@ pub mod type_description_interfaces {
         pub default_value: String,
     }
 
-    impl Message for Field {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "type_description_interfaces/msg/Field",
-            dds_name: "type_description_interfaces::msg::dds_::Field_",
-            type_hash: "RIHS01_c0b01379cd4226281285ccaf6be46653968f855f7c5e41614ff5d7a854efef7c",
-            definition: concat!(
-                include_str!("../standard/type_description_interfaces/msg/Field.msg"),
-                "================================================================================\nMSG: type_description_interfaces/FieldType\n",
-                include_str!("../standard/type_description_interfaces/msg/FieldType.msg")
-            ),
-            fields: &[
-                Member("name", 17, 0, 0, "", ""),
-                Member(
-                    "type",
-                    1,
-                    0,
-                    0,
-                    "type_description_interfaces/msg/FieldType",
-                    "",
-                ),
-                Member("default_value", 17, 0, 0, "", ""),
-            ],
-            describe: crate::describe::of::<Field>,
-            canonical: crate::cdr::canonical::<Field>,
-        };
+    crate::schema::message! {
+        Field: "type_description_interfaces", "msg", "Field",
+        "RIHS01_c0b01379cd4226281285ccaf6be46653968f855f7c5e41614ff5d7a854efef7c",
+        concat!(
+            include_str!("../standard/type_description_interfaces/msg/Field.msg"),
+            "================================================================================\nMSG: type_description_interfaces/FieldType\n",
+            include_str!("../standard/type_description_interfaces/msg/FieldType.msg")
+        ),
+        ["name", 17, 0, 0, "", ""]
+        ["type", 1, 0, 0, "type_description_interfaces/msg/FieldType", ""]
+        ["default_value", 17, 0, 0, "", ""]
     }
 
     /// Type of a field (REP 2016).
@@ -5484,21 +4407,14 @@ pub mod type_description_interfaces {
         pub const FIELD_TYPE_BOUNDED_WSTRING_UNBOUNDED_SEQUENCE: u8 = 166;
     }
 
-    impl Message for FieldType {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "type_description_interfaces/msg/FieldType",
-            dds_name: "type_description_interfaces::msg::dds_::FieldType_",
-            type_hash: "RIHS01_a70b6dd919645a03a3586f7f821defbc886ea3e531a1d95cc0f380a3973ccaa6",
-            definition: include_str!("../standard/type_description_interfaces/msg/FieldType.msg"),
-            fields: &[
-                Member("type_id", 3, 0, 0, "", "0"),
-                Member("capacity", 9, 0, 0, "", ""),
-                Member("string_capacity", 9, 0, 0, "", ""),
-                Member("nested_type_name", 21, 0, 255, "", ""),
-            ],
-            describe: crate::describe::of::<FieldType>,
-            canonical: crate::cdr::canonical::<FieldType>,
-        };
+    crate::schema::message! {
+        FieldType: "type_description_interfaces", "msg", "FieldType",
+        "RIHS01_a70b6dd919645a03a3586f7f821defbc886ea3e531a1d95cc0f380a3973ccaa6",
+        include_str!("../standard/type_description_interfaces/msg/FieldType.msg"),
+        ["type_id", 3, 0, 0, "", "0"]
+        ["capacity", 9, 0, 0, "", ""]
+        ["string_capacity", 9, 0, 0, "", ""]
+        ["nested_type_name", 21, 0, 255, "", ""]
     }
 
     /// A type without those that it refers to.
@@ -5509,34 +4425,18 @@ pub mod type_description_interfaces {
         pub fields: Vec<Field>,
     }
 
-    impl Message for IndividualTypeDescription {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "type_description_interfaces/msg/IndividualTypeDescription",
-            dds_name: "type_description_interfaces::msg::dds_::IndividualTypeDescription_",
-            type_hash: "RIHS01_55c827d86c3c141bdd318fe6c22e11190e4d3b37c8f4f9751a084aa05ce96560",
-            definition: concat!(
-                include_str!(
-                    "../standard/type_description_interfaces/msg/IndividualTypeDescription.msg"
-                ),
-                "================================================================================\nMSG: type_description_interfaces/Field\n",
-                include_str!("../standard/type_description_interfaces/msg/Field.msg"),
-                "================================================================================\nMSG: type_description_interfaces/FieldType\n",
-                include_str!("../standard/type_description_interfaces/msg/FieldType.msg")
-            ),
-            fields: &[
-                Member("type_name", 21, 0, 255, "", ""),
-                Member(
-                    "fields",
-                    145,
-                    0,
-                    0,
-                    "type_description_interfaces/msg/Field",
-                    "",
-                ),
-            ],
-            describe: crate::describe::of::<IndividualTypeDescription>,
-            canonical: crate::cdr::canonical::<IndividualTypeDescription>,
-        };
+    crate::schema::message! {
+        IndividualTypeDescription: "type_description_interfaces", "msg", "IndividualTypeDescription",
+        "RIHS01_55c827d86c3c141bdd318fe6c22e11190e4d3b37c8f4f9751a084aa05ce96560",
+        concat!(
+            include_str!("../standard/type_description_interfaces/msg/IndividualTypeDescription.msg"),
+            "================================================================================\nMSG: type_description_interfaces/Field\n",
+            include_str!("../standard/type_description_interfaces/msg/Field.msg"),
+            "================================================================================\nMSG: type_description_interfaces/FieldType\n",
+            include_str!("../standard/type_description_interfaces/msg/FieldType.msg")
+        ),
+        ["type_name", 21, 0, 255, "", ""]
+        ["fields", 145, 0, 0, "type_description_interfaces/msg/Field", ""]
     }
 
     /// Anything else that is worth saying.
@@ -5546,19 +4446,12 @@ pub mod type_description_interfaces {
         pub value: String,
     }
 
-    impl Message for KeyValue {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "type_description_interfaces/msg/KeyValue",
-            dds_name: "type_description_interfaces::msg::dds_::KeyValue_",
-            type_hash: "RIHS01_274fe56bf14f33c7512e34c646a37579ee36779f745f049a9760763e817f0c42",
-            definition: include_str!("../standard/type_description_interfaces/msg/KeyValue.msg"),
-            fields: &[
-                Member("key", 17, 0, 0, "", ""),
-                Member("value", 17, 0, 0, "", ""),
-            ],
-            describe: crate::describe::of::<KeyValue>,
-            canonical: crate::cdr::canonical::<KeyValue>,
-        };
+    crate::schema::message! {
+        KeyValue: "type_description_interfaces", "msg", "KeyValue",
+        "RIHS01_274fe56bf14f33c7512e34c646a37579ee36779f745f049a9760763e817f0c42",
+        include_str!("../standard/type_description_interfaces/msg/KeyValue.msg"),
+        ["key", 17, 0, 0, "", ""]
+        ["value", 17, 0, 0, "", ""]
     }
 
     /// A type and all those that it refers to, sorted by name: what its hash is made of.
@@ -5568,43 +4461,20 @@ pub mod type_description_interfaces {
         pub referenced_type_descriptions: Vec<IndividualTypeDescription>,
     }
 
-    impl Message for TypeDescription {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "type_description_interfaces/msg/TypeDescription",
-            dds_name: "type_description_interfaces::msg::dds_::TypeDescription_",
-            type_hash: "RIHS01_739f2508c9fa3a6f330913ff5b9d25fb74159a077da71e1087f51a60c12a080b",
-            definition: concat!(
-                include_str!("../standard/type_description_interfaces/msg/TypeDescription.msg"),
-                "================================================================================\nMSG: type_description_interfaces/IndividualTypeDescription\n",
-                include_str!(
-                    "../standard/type_description_interfaces/msg/IndividualTypeDescription.msg"
-                ),
-                "================================================================================\nMSG: type_description_interfaces/Field\n",
-                include_str!("../standard/type_description_interfaces/msg/Field.msg"),
-                "================================================================================\nMSG: type_description_interfaces/FieldType\n",
-                include_str!("../standard/type_description_interfaces/msg/FieldType.msg")
-            ),
-            fields: &[
-                Member(
-                    "type_description",
-                    1,
-                    0,
-                    0,
-                    "type_description_interfaces/msg/IndividualTypeDescription",
-                    "",
-                ),
-                Member(
-                    "referenced_type_descriptions",
-                    145,
-                    0,
-                    0,
-                    "type_description_interfaces/msg/IndividualTypeDescription",
-                    "",
-                ),
-            ],
-            describe: crate::describe::of::<TypeDescription>,
-            canonical: crate::cdr::canonical::<TypeDescription>,
-        };
+    crate::schema::message! {
+        TypeDescription: "type_description_interfaces", "msg", "TypeDescription",
+        "RIHS01_739f2508c9fa3a6f330913ff5b9d25fb74159a077da71e1087f51a60c12a080b",
+        concat!(
+            include_str!("../standard/type_description_interfaces/msg/TypeDescription.msg"),
+            "================================================================================\nMSG: type_description_interfaces/IndividualTypeDescription\n",
+            include_str!("../standard/type_description_interfaces/msg/IndividualTypeDescription.msg"),
+            "================================================================================\nMSG: type_description_interfaces/Field\n",
+            include_str!("../standard/type_description_interfaces/msg/Field.msg"),
+            "================================================================================\nMSG: type_description_interfaces/FieldType\n",
+            include_str!("../standard/type_description_interfaces/msg/FieldType.msg")
+        ),
+        ["type_description", 1, 0, 0, "type_description_interfaces/msg/IndividualTypeDescription", ""]
+        ["referenced_type_descriptions", 145, 0, 0, "type_description_interfaces/msg/IndividualTypeDescription", ""]
     }
 
     /// The text from which a type was made.
@@ -5615,42 +4485,26 @@ pub mod type_description_interfaces {
         pub raw_file_contents: String,
     }
 
-    impl Message for TypeSource {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "type_description_interfaces/msg/TypeSource",
-            dds_name: "type_description_interfaces::msg::dds_::TypeSource_",
-            type_hash: "RIHS01_faeaec7596c04ecf5b6e99ad225e4c7cbb997ad5435f793526fb3984d011aae5",
-            definition: include_str!("../standard/type_description_interfaces/msg/TypeSource.msg"),
-            fields: &[
-                Member("type_name", 17, 0, 0, "", ""),
-                Member("encoding", 17, 0, 0, "", ""),
-                Member("raw_file_contents", 17, 0, 0, "", ""),
-            ],
-            describe: crate::describe::of::<TypeSource>,
-            canonical: crate::cdr::canonical::<TypeSource>,
-        };
+    crate::schema::message! {
+        TypeSource: "type_description_interfaces", "msg", "TypeSource",
+        "RIHS01_faeaec7596c04ecf5b6e99ad225e4c7cbb997ad5435f793526fb3984d011aae5",
+        include_str!("../standard/type_description_interfaces/msg/TypeSource.msg"),
+        ["type_name", 17, 0, 0, "", ""]
+        ["encoding", 17, 0, 0, "", ""]
+        ["raw_file_contents", 17, 0, 0, "", ""]
     }
 
     /// Services, and the messages that they are made of.
     pub mod srv {
         use serde::{Deserialize, Serialize};
 
-        use crate::schema::{Member, Message, MessageType, Service, ServiceType};
-
         /// Describe a type that the node uses.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub struct GetTypeDescription;
 
-        impl Service for GetTypeDescription {
-            type Request = GetTypeDescriptionRequest;
-            type Response = GetTypeDescriptionResponse;
-            const TYPE: &'static ServiceType = &ServiceType {
-                name: "type_description_interfaces/srv/GetTypeDescription",
-                dds_name: "type_description_interfaces::srv::dds_::GetTypeDescription_",
-                type_hash: "RIHS01_69b9c19c1021405984cc60dbbb1edceb147a6538b411d812ba6afabeed962cd5",
-                request: GetTypeDescriptionRequest::TYPE,
-                response: GetTypeDescriptionResponse::TYPE,
-            };
+        crate::schema::service! {
+            GetTypeDescription(GetTypeDescriptionRequest) -> GetTypeDescriptionResponse: "type_description_interfaces", "srv", "GetTypeDescription",
+            "RIHS01_69b9c19c1021405984cc60dbbb1edceb147a6538b411d812ba6afabeed962cd5"
         }
 
         /// Asks [`GetTypeDescription`].
@@ -5671,20 +4525,13 @@ pub mod type_description_interfaces {
             }
         }
 
-        impl Message for GetTypeDescriptionRequest {
-            const TYPE: &'static MessageType = &MessageType {
-                name: "type_description_interfaces/srv/GetTypeDescription_Request",
-                dds_name: "type_description_interfaces::srv::dds_::GetTypeDescription_Request_",
-                type_hash: "RIHS01_470f56ccbcf13d55c78c8b735fb12da03e639e5acded994426c89d94778d9e28",
-                definition: "# Describe a type that the node uses.\n\nstring type_name\nstring type_hash\nbool include_type_sources true\n",
-                fields: &[
-                    Member("type_name", 17, 0, 0, "", ""),
-                    Member("type_hash", 17, 0, 0, "", ""),
-                    Member("include_type_sources", 15, 0, 0, "", "True"),
-                ],
-                describe: crate::describe::of::<GetTypeDescriptionRequest>,
-                canonical: crate::cdr::canonical::<GetTypeDescriptionRequest>,
-            };
+        crate::schema::message! {
+            GetTypeDescriptionRequest: "type_description_interfaces", "srv", "GetTypeDescription_Request",
+            "RIHS01_470f56ccbcf13d55c78c8b735fb12da03e639e5acded994426c89d94778d9e28",
+            "# Describe a type that the node uses.\n\nstring type_name\nstring type_hash\nbool include_type_sources true\n",
+            ["type_name", 17, 0, 0, "", ""]
+            ["type_hash", 17, 0, 0, "", ""]
+            ["include_type_sources", 15, 0, 0, "", "True"]
         }
 
         /// Answers [`GetTypeDescription`].
@@ -5697,59 +4544,29 @@ pub mod type_description_interfaces {
             pub extra_information: Vec<crate::type_description_interfaces::KeyValue>,
         }
 
-        impl Message for GetTypeDescriptionResponse {
-            const TYPE: &'static MessageType = &MessageType {
-                name: "type_description_interfaces/srv/GetTypeDescription_Response",
-                dds_name: "type_description_interfaces::srv::dds_::GetTypeDescription_Response_",
-                type_hash: "RIHS01_648c49d976240861a482f961c5621ddd0d2135d8cce6f297a76d4f6376d93b75",
-                definition: concat!(
-                    "bool successful\nstring failure_reason\ntype_description_interfaces/TypeDescription type_description\ntype_description_interfaces/TypeSource[] type_sources\ntype_description_interfaces/KeyValue[] extra_information\n",
-                    "================================================================================\nMSG: type_description_interfaces/TypeDescription\n",
-                    include_str!("../standard/type_description_interfaces/msg/TypeDescription.msg"),
-                    "================================================================================\nMSG: type_description_interfaces/IndividualTypeDescription\n",
-                    include_str!(
-                        "../standard/type_description_interfaces/msg/IndividualTypeDescription.msg"
-                    ),
-                    "================================================================================\nMSG: type_description_interfaces/Field\n",
-                    include_str!("../standard/type_description_interfaces/msg/Field.msg"),
-                    "================================================================================\nMSG: type_description_interfaces/FieldType\n",
-                    include_str!("../standard/type_description_interfaces/msg/FieldType.msg"),
-                    "================================================================================\nMSG: type_description_interfaces/TypeSource\n",
-                    include_str!("../standard/type_description_interfaces/msg/TypeSource.msg"),
-                    "================================================================================\nMSG: type_description_interfaces/KeyValue\n",
-                    include_str!("../standard/type_description_interfaces/msg/KeyValue.msg")
-                ),
-                fields: &[
-                    Member("successful", 15, 0, 0, "", ""),
-                    Member("failure_reason", 17, 0, 0, "", ""),
-                    Member(
-                        "type_description",
-                        1,
-                        0,
-                        0,
-                        "type_description_interfaces/msg/TypeDescription",
-                        "",
-                    ),
-                    Member(
-                        "type_sources",
-                        145,
-                        0,
-                        0,
-                        "type_description_interfaces/msg/TypeSource",
-                        "",
-                    ),
-                    Member(
-                        "extra_information",
-                        145,
-                        0,
-                        0,
-                        "type_description_interfaces/msg/KeyValue",
-                        "",
-                    ),
-                ],
-                describe: crate::describe::of::<GetTypeDescriptionResponse>,
-                canonical: crate::cdr::canonical::<GetTypeDescriptionResponse>,
-            };
+        crate::schema::message! {
+            GetTypeDescriptionResponse: "type_description_interfaces", "srv", "GetTypeDescription_Response",
+            "RIHS01_648c49d976240861a482f961c5621ddd0d2135d8cce6f297a76d4f6376d93b75",
+            concat!(
+                "bool successful\nstring failure_reason\ntype_description_interfaces/TypeDescription type_description\ntype_description_interfaces/TypeSource[] type_sources\ntype_description_interfaces/KeyValue[] extra_information\n",
+                "================================================================================\nMSG: type_description_interfaces/TypeDescription\n",
+                include_str!("../standard/type_description_interfaces/msg/TypeDescription.msg"),
+                "================================================================================\nMSG: type_description_interfaces/IndividualTypeDescription\n",
+                include_str!("../standard/type_description_interfaces/msg/IndividualTypeDescription.msg"),
+                "================================================================================\nMSG: type_description_interfaces/Field\n",
+                include_str!("../standard/type_description_interfaces/msg/Field.msg"),
+                "================================================================================\nMSG: type_description_interfaces/FieldType\n",
+                include_str!("../standard/type_description_interfaces/msg/FieldType.msg"),
+                "================================================================================\nMSG: type_description_interfaces/TypeSource\n",
+                include_str!("../standard/type_description_interfaces/msg/TypeSource.msg"),
+                "================================================================================\nMSG: type_description_interfaces/KeyValue\n",
+                include_str!("../standard/type_description_interfaces/msg/KeyValue.msg")
+            ),
+            ["successful", 15, 0, 0, "", ""]
+            ["failure_reason", 17, 0, 0, "", ""]
+            ["type_description", 1, 0, 0, "type_description_interfaces/msg/TypeDescription", ""]
+            ["type_sources", 145, 0, 0, "type_description_interfaces/msg/TypeSource", ""]
+            ["extra_information", 145, 0, 0, "type_description_interfaces/msg/KeyValue", ""]
         }
     }
 }
@@ -5758,32 +4575,23 @@ pub mod type_description_interfaces {
 pub mod unique_identifier_msgs {
     use serde::{Deserialize, Serialize};
 
-    use crate::schema::{Member, Message, MessageType};
-
     /// A universally unique identifier (RFC 9562).
     #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
     pub struct UUID {
         pub uuid: [u8; 16],
     }
 
-    impl Message for UUID {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "unique_identifier_msgs/msg/UUID",
-            dds_name: "unique_identifier_msgs::msg::dds_::UUID_",
-            type_hash: "RIHS01_1b8e8aca958cbea28fe6ef60bf6c19b683c97a9ef60bb34752067d0f2f7ab437",
-            definition: include_str!("../standard/unique_identifier_msgs/msg/UUID.msg"),
-            fields: &[Member("uuid", 51, 16, 0, "", "")],
-            describe: crate::describe::of::<UUID>,
-            canonical: crate::cdr::canonical::<UUID>,
-        };
+    crate::schema::message! {
+        UUID: "unique_identifier_msgs", "msg", "UUID",
+        "RIHS01_1b8e8aca958cbea28fe6ef60bf6c19b683c97a9ef60bb34752067d0f2f7ab437",
+        include_str!("../standard/unique_identifier_msgs/msg/UUID.msg"),
+        ["uuid", 51, 16, 0, "", ""]
     }
 }
 
 /// Standard types of the ROS package `visualization_msgs`.
 pub mod visualization_msgs {
     use serde::{Deserialize, Serialize};
-
-    use crate::schema::{Member, Message, MessageType};
 
     /// A mark to draw.
     #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -5835,67 +4643,53 @@ pub mod visualization_msgs {
         pub const DELETEALL: i32 = 3;
     }
 
-    impl Message for Marker {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "visualization_msgs/msg/Marker",
-            dds_name: "visualization_msgs::msg::dds_::Marker_",
-            type_hash: "RIHS01_45b13ccf791f225962bf74e746f9644518855d783a6f42ba0cc14fde2b4f3ce0",
-            definition: concat!(
-                include_str!("../standard/visualization_msgs/msg/Marker.msg"),
-                "================================================================================\nMSG: std_msgs/Header\n",
-                include_str!("../standard/std_msgs/msg/Header.msg"),
-                "================================================================================\nMSG: builtin_interfaces/Time\n",
-                include_str!("../standard/builtin_interfaces/msg/Time.msg"),
-                "================================================================================\nMSG: geometry_msgs/Pose\n",
-                include_str!("../standard/geometry_msgs/msg/Pose.msg"),
-                "================================================================================\nMSG: geometry_msgs/Point\n",
-                include_str!("../standard/geometry_msgs/msg/Point.msg"),
-                "================================================================================\nMSG: geometry_msgs/Quaternion\n",
-                include_str!("../standard/geometry_msgs/msg/Quaternion.msg"),
-                "================================================================================\nMSG: geometry_msgs/Vector3\n",
-                include_str!("../standard/geometry_msgs/msg/Vector3.msg"),
-                "================================================================================\nMSG: std_msgs/ColorRGBA\n",
-                include_str!("../standard/std_msgs/msg/ColorRGBA.msg"),
-                "================================================================================\nMSG: builtin_interfaces/Duration\n",
-                include_str!("../standard/builtin_interfaces/msg/Duration.msg"),
-                "================================================================================\nMSG: sensor_msgs/CompressedImage\n",
-                include_str!("../standard/sensor_msgs/msg/CompressedImage.msg"),
-                "================================================================================\nMSG: visualization_msgs/UVCoordinate\n",
-                include_str!("../standard/visualization_msgs/msg/UVCoordinate.msg"),
-                "================================================================================\nMSG: visualization_msgs/MeshFile\n",
-                include_str!("../standard/visualization_msgs/msg/MeshFile.msg")
-            ),
-            fields: &[
-                Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
-                Member("ns", 17, 0, 0, "", ""),
-                Member("id", 6, 0, 0, "", ""),
-                Member("type", 6, 0, 0, "", ""),
-                Member("action", 6, 0, 0, "", ""),
-                Member("pose", 1, 0, 0, "geometry_msgs/msg/Pose", ""),
-                Member("scale", 1, 0, 0, "geometry_msgs/msg/Vector3", ""),
-                Member("color", 1, 0, 0, "std_msgs/msg/ColorRGBA", ""),
-                Member("lifetime", 1, 0, 0, "builtin_interfaces/msg/Duration", ""),
-                Member("frame_locked", 15, 0, 0, "", ""),
-                Member("points", 145, 0, 0, "geometry_msgs/msg/Point", ""),
-                Member("colors", 145, 0, 0, "std_msgs/msg/ColorRGBA", ""),
-                Member("texture_resource", 17, 0, 0, "", ""),
-                Member("texture", 1, 0, 0, "sensor_msgs/msg/CompressedImage", ""),
-                Member(
-                    "uv_coordinates",
-                    145,
-                    0,
-                    0,
-                    "visualization_msgs/msg/UVCoordinate",
-                    "",
-                ),
-                Member("text", 17, 0, 0, "", ""),
-                Member("mesh_resource", 17, 0, 0, "", ""),
-                Member("mesh_file", 1, 0, 0, "visualization_msgs/msg/MeshFile", ""),
-                Member("mesh_use_embedded_materials", 15, 0, 0, "", ""),
-            ],
-            describe: crate::describe::of::<Marker>,
-            canonical: crate::cdr::canonical::<Marker>,
-        };
+    crate::schema::message! {
+        Marker: "visualization_msgs", "msg", "Marker",
+        "RIHS01_45b13ccf791f225962bf74e746f9644518855d783a6f42ba0cc14fde2b4f3ce0",
+        concat!(
+            include_str!("../standard/visualization_msgs/msg/Marker.msg"),
+            "================================================================================\nMSG: std_msgs/Header\n",
+            include_str!("../standard/std_msgs/msg/Header.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg"),
+            "================================================================================\nMSG: geometry_msgs/Pose\n",
+            include_str!("../standard/geometry_msgs/msg/Pose.msg"),
+            "================================================================================\nMSG: geometry_msgs/Point\n",
+            include_str!("../standard/geometry_msgs/msg/Point.msg"),
+            "================================================================================\nMSG: geometry_msgs/Quaternion\n",
+            include_str!("../standard/geometry_msgs/msg/Quaternion.msg"),
+            "================================================================================\nMSG: geometry_msgs/Vector3\n",
+            include_str!("../standard/geometry_msgs/msg/Vector3.msg"),
+            "================================================================================\nMSG: std_msgs/ColorRGBA\n",
+            include_str!("../standard/std_msgs/msg/ColorRGBA.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Duration\n",
+            include_str!("../standard/builtin_interfaces/msg/Duration.msg"),
+            "================================================================================\nMSG: sensor_msgs/CompressedImage\n",
+            include_str!("../standard/sensor_msgs/msg/CompressedImage.msg"),
+            "================================================================================\nMSG: visualization_msgs/UVCoordinate\n",
+            include_str!("../standard/visualization_msgs/msg/UVCoordinate.msg"),
+            "================================================================================\nMSG: visualization_msgs/MeshFile\n",
+            include_str!("../standard/visualization_msgs/msg/MeshFile.msg")
+        ),
+        ["header", 1, 0, 0, "std_msgs/msg/Header", ""]
+        ["ns", 17, 0, 0, "", ""]
+        ["id", 6, 0, 0, "", ""]
+        ["type", 6, 0, 0, "", ""]
+        ["action", 6, 0, 0, "", ""]
+        ["pose", 1, 0, 0, "geometry_msgs/msg/Pose", ""]
+        ["scale", 1, 0, 0, "geometry_msgs/msg/Vector3", ""]
+        ["color", 1, 0, 0, "std_msgs/msg/ColorRGBA", ""]
+        ["lifetime", 1, 0, 0, "builtin_interfaces/msg/Duration", ""]
+        ["frame_locked", 15, 0, 0, "", ""]
+        ["points", 145, 0, 0, "geometry_msgs/msg/Point", ""]
+        ["colors", 145, 0, 0, "std_msgs/msg/ColorRGBA", ""]
+        ["texture_resource", 17, 0, 0, "", ""]
+        ["texture", 1, 0, 0, "sensor_msgs/msg/CompressedImage", ""]
+        ["uv_coordinates", 145, 0, 0, "visualization_msgs/msg/UVCoordinate", ""]
+        ["text", 17, 0, 0, "", ""]
+        ["mesh_resource", 17, 0, 0, "", ""]
+        ["mesh_file", 1, 0, 0, "visualization_msgs/msg/MeshFile", ""]
+        ["mesh_use_embedded_materials", 15, 0, 0, "", ""]
     }
 
     /// Marks to draw.
@@ -5904,49 +4698,37 @@ pub mod visualization_msgs {
         pub markers: Vec<Marker>,
     }
 
-    impl Message for MarkerArray {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "visualization_msgs/msg/MarkerArray",
-            dds_name: "visualization_msgs::msg::dds_::MarkerArray_",
-            type_hash: "RIHS01_86cb8800b6fb05b5eff1abd7a56f62a5641d3ae9a1c29e78e67e704f1d067dcf",
-            definition: concat!(
-                include_str!("../standard/visualization_msgs/msg/MarkerArray.msg"),
-                "================================================================================\nMSG: visualization_msgs/Marker\n",
-                include_str!("../standard/visualization_msgs/msg/Marker.msg"),
-                "================================================================================\nMSG: std_msgs/Header\n",
-                include_str!("../standard/std_msgs/msg/Header.msg"),
-                "================================================================================\nMSG: builtin_interfaces/Time\n",
-                include_str!("../standard/builtin_interfaces/msg/Time.msg"),
-                "================================================================================\nMSG: geometry_msgs/Pose\n",
-                include_str!("../standard/geometry_msgs/msg/Pose.msg"),
-                "================================================================================\nMSG: geometry_msgs/Point\n",
-                include_str!("../standard/geometry_msgs/msg/Point.msg"),
-                "================================================================================\nMSG: geometry_msgs/Quaternion\n",
-                include_str!("../standard/geometry_msgs/msg/Quaternion.msg"),
-                "================================================================================\nMSG: geometry_msgs/Vector3\n",
-                include_str!("../standard/geometry_msgs/msg/Vector3.msg"),
-                "================================================================================\nMSG: std_msgs/ColorRGBA\n",
-                include_str!("../standard/std_msgs/msg/ColorRGBA.msg"),
-                "================================================================================\nMSG: builtin_interfaces/Duration\n",
-                include_str!("../standard/builtin_interfaces/msg/Duration.msg"),
-                "================================================================================\nMSG: sensor_msgs/CompressedImage\n",
-                include_str!("../standard/sensor_msgs/msg/CompressedImage.msg"),
-                "================================================================================\nMSG: visualization_msgs/UVCoordinate\n",
-                include_str!("../standard/visualization_msgs/msg/UVCoordinate.msg"),
-                "================================================================================\nMSG: visualization_msgs/MeshFile\n",
-                include_str!("../standard/visualization_msgs/msg/MeshFile.msg")
-            ),
-            fields: &[Member(
-                "markers",
-                145,
-                0,
-                0,
-                "visualization_msgs/msg/Marker",
-                "",
-            )],
-            describe: crate::describe::of::<MarkerArray>,
-            canonical: crate::cdr::canonical::<MarkerArray>,
-        };
+    crate::schema::message! {
+        MarkerArray: "visualization_msgs", "msg", "MarkerArray",
+        "RIHS01_86cb8800b6fb05b5eff1abd7a56f62a5641d3ae9a1c29e78e67e704f1d067dcf",
+        concat!(
+            include_str!("../standard/visualization_msgs/msg/MarkerArray.msg"),
+            "================================================================================\nMSG: visualization_msgs/Marker\n",
+            include_str!("../standard/visualization_msgs/msg/Marker.msg"),
+            "================================================================================\nMSG: std_msgs/Header\n",
+            include_str!("../standard/std_msgs/msg/Header.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg"),
+            "================================================================================\nMSG: geometry_msgs/Pose\n",
+            include_str!("../standard/geometry_msgs/msg/Pose.msg"),
+            "================================================================================\nMSG: geometry_msgs/Point\n",
+            include_str!("../standard/geometry_msgs/msg/Point.msg"),
+            "================================================================================\nMSG: geometry_msgs/Quaternion\n",
+            include_str!("../standard/geometry_msgs/msg/Quaternion.msg"),
+            "================================================================================\nMSG: geometry_msgs/Vector3\n",
+            include_str!("../standard/geometry_msgs/msg/Vector3.msg"),
+            "================================================================================\nMSG: std_msgs/ColorRGBA\n",
+            include_str!("../standard/std_msgs/msg/ColorRGBA.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Duration\n",
+            include_str!("../standard/builtin_interfaces/msg/Duration.msg"),
+            "================================================================================\nMSG: sensor_msgs/CompressedImage\n",
+            include_str!("../standard/sensor_msgs/msg/CompressedImage.msg"),
+            "================================================================================\nMSG: visualization_msgs/UVCoordinate\n",
+            include_str!("../standard/visualization_msgs/msg/UVCoordinate.msg"),
+            "================================================================================\nMSG: visualization_msgs/MeshFile\n",
+            include_str!("../standard/visualization_msgs/msg/MeshFile.msg")
+        ),
+        ["markers", 145, 0, 0, "visualization_msgs/msg/Marker", ""]
     }
 
     /// A mesh, as the content of a file.
@@ -5956,19 +4738,12 @@ pub mod visualization_msgs {
         pub data: Vec<u8>,
     }
 
-    impl Message for MeshFile {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "visualization_msgs/msg/MeshFile",
-            dds_name: "visualization_msgs::msg::dds_::MeshFile_",
-            type_hash: "RIHS01_7710ece15a148fb7c9b546364cfb215bb06098087bd6394fe5b73a493508f8c4",
-            definition: include_str!("../standard/visualization_msgs/msg/MeshFile.msg"),
-            fields: &[
-                Member("filename", 17, 0, 0, "", ""),
-                Member("data", 147, 0, 0, "", ""),
-            ],
-            describe: crate::describe::of::<MeshFile>,
-            canonical: crate::cdr::canonical::<MeshFile>,
-        };
+    crate::schema::message! {
+        MeshFile: "visualization_msgs", "msg", "MeshFile",
+        "RIHS01_7710ece15a148fb7c9b546364cfb215bb06098087bd6394fe5b73a493508f8c4",
+        include_str!("../standard/visualization_msgs/msg/MeshFile.msg"),
+        ["filename", 17, 0, 0, "", ""]
+        ["data", 147, 0, 0, "", ""]
     }
 
     /// A point of a texture.
@@ -5980,16 +4755,12 @@ pub mod visualization_msgs {
         pub v: f32,
     }
 
-    impl Message for UVCoordinate {
-        const TYPE: &'static MessageType = &MessageType {
-            name: "visualization_msgs/msg/UVCoordinate",
-            dds_name: "visualization_msgs::msg::dds_::UVCoordinate_",
-            type_hash: "RIHS01_f27f7ed21fe360c6066944f856b801a0c0d1e94e815b6886444b42d90b196a26",
-            definition: include_str!("../standard/visualization_msgs/msg/UVCoordinate.msg"),
-            fields: &[Member("u", 10, 0, 0, "", ""), Member("v", 10, 0, 0, "", "")],
-            describe: crate::describe::of::<UVCoordinate>,
-            canonical: crate::cdr::canonical::<UVCoordinate>,
-        };
+    crate::schema::message! {
+        UVCoordinate: "visualization_msgs", "msg", "UVCoordinate",
+        "RIHS01_f27f7ed21fe360c6066944f856b801a0c0d1e94e815b6886444b42d90b196a26",
+        include_str!("../standard/visualization_msgs/msg/UVCoordinate.msg"),
+        ["u", 10, 0, 0, "", ""]
+        ["v", 10, 0, 0, "", ""]
     }
 }
 

@@ -38,6 +38,7 @@ mod cdr;
 mod code;
 mod convert;
 mod describe;
+mod feature_result;
 #[allow(
     missing_docs,
     reason = "a field with a self-explanatory name has no comment in its .msg file"
@@ -55,6 +56,6 @@ pub use code::UnknownCode;
 pub use describe::Value;
 pub use generated::*;
 pub use plan_id::{PlanId, RunId, is_unprintable};
-pub use schema::{Message, MessageType, Service, ServiceType, all, by_name, services};
+pub use schema::{Action, Message, MessageType, Service, ServiceType, all, by_name, services};
 pub use type_description::type_description;
 pub use words::Reasons;

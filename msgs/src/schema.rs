@@ -4,7 +4,7 @@ use std::fmt::Debug;
 
 use serde::{Serialize, de::DeserializeOwned};
 
-use crate::{CdrError, Value, generated};
+use crate::{CdrError, Value, builtin_interfaces::Time, generated, unique_identifier_msgs::UUID};
 
 /// A struct that is the Rust side of a ROS message.
 pub trait Message:
@@ -22,6 +22,35 @@ pub trait Service: Send + 'static {
     type Response: Message;
     /// Its names and hash.
     const TYPE: &'static ServiceType;
+}
+
+/// A ROS action: the messages and services of which it consists, and what their parts are. The type itself has no values.
+///
+/// Source: the ROS 2 design of actions.
+pub trait Action: Send + 'static {
+    /// What is to be reached.
+    type Goal: Message;
+    /// How a goal has ended.
+    type Result: Message;
+    /// What is reported while a goal is pursued.
+    type Feedback: Message;
+    /// The service `send_goal`.
+    type SendGoal: Service;
+    /// The service `get_result`.
+    type GetResult: Service;
+    /// The message of the topic `feedback`.
+    type FeedbackMessage: Message;
+
+    /// Identifier and goal of a request of `send_goal`.
+    fn goal(request: <Self::SendGoal as Service>::Request) -> (UUID, Self::Goal);
+    /// The response to it.
+    fn acceptance(accepted: bool, stamp: Time) -> <Self::SendGoal as Service>::Response;
+    /// The goal whose result is requested.
+    fn goal_id(request: &<Self::GetResult as Service>::Request) -> UUID;
+    /// The response to that.
+    fn ending(status: i8, result: Self::Result) -> <Self::GetResult as Service>::Response;
+    /// Feedback on a goal.
+    fn feedback(goal_id: UUID, feedback: Self::Feedback) -> Self::FeedbackMessage;
 }
 
 /// Names, hash and schema of a message type.
@@ -87,6 +116,43 @@ pub struct ServiceType {
     /// Type of the response.
     pub response: &'static MessageType,
 }
+
+/// Implements [`Message`]: struct, package, folder and ROS name, hash, schema, and the fields as [`Member`] has them.
+macro_rules! message {
+    ($ty:ident: $package:literal, $kind:literal, $name:literal, $hash:literal, $definition:expr,
+     $([$($member:expr),*])*) => {
+        impl $crate::schema::Message for $ty {
+            const TYPE: &'static $crate::schema::MessageType = &$crate::schema::MessageType {
+                name: concat!($package, "/", $kind, "/", $name),
+                dds_name: concat!($package, "::", $kind, "::dds_::", $name, "_"),
+                type_hash: $hash,
+                definition: $definition,
+                fields: &[$($crate::schema::Member($($member),*)),*],
+                describe: $crate::describe::of::<$ty>,
+                canonical: $crate::cdr::canonical::<$ty>,
+            };
+        }
+    };
+}
+pub(crate) use message;
+
+/// Implements [`Service`]: its type, request and response, package, folder and ROS name, and hash.
+macro_rules! service {
+    ($ty:ident($request:ident) -> $response:ident: $package:literal, $kind:literal, $name:literal, $hash:literal) => {
+        impl $crate::schema::Service for $ty {
+            type Request = $request;
+            type Response = $response;
+            const TYPE: &'static $crate::schema::ServiceType = &$crate::schema::ServiceType {
+                name: concat!($package, "/", $kind, "/", $name),
+                dds_name: concat!($package, "::", $kind, "::dds_::", $name, "_"),
+                type_hash: $hash,
+                request: <$request as $crate::schema::Message>::TYPE,
+                response: <$response as $crate::schema::Message>::TYPE,
+            };
+        }
+    };
+}
+pub(crate) use service;
 
 /// Every message type known here, those of services included, sorted by name.
 pub fn all() -> &'static [&'static MessageType] {

@@ -297,9 +297,13 @@ impl Builder<'_> {
         events: EventNotifier,
     ) {
         let node = Object::new(id, name.clone(), shown(&name), events);
-        let of = of.into();
+        self.instance(node, id, &of.into(), place);
+    }
+
+    /// Puts an instance of the type `of` at its place.
+    fn instance(&mut self, node: impl Into<NodeType>, id: &NodeId, of: &NodeId, place: &Place) {
         let typed = (
-            &of,
+            of,
             &ReferenceTypeId::HasTypeDefinition,
             ReferenceDirection::Forward,
         );
@@ -333,14 +337,7 @@ impl Builder<'_> {
         node.set_data_value(content.value);
         node.set_access_level(AccessLevel::CURRENT_READ);
         node.set_user_access_level(AccessLevel::CURRENT_READ);
-        let of = of.into();
-        let typed = (
-            &of,
-            &ReferenceTypeId::HasTypeDefinition,
-            ReferenceDirection::Forward,
-        );
-        self.insert(node, &[typed]);
-        self.placed(id, place);
+        self.instance(node, id, &of.into(), place);
     }
 
     pub(crate) fn property(

@@ -3,7 +3,8 @@
 use cell::Cell;
 use graph::{Executor, Published, Stamp, Topic, topics};
 use probecell_msgs::{
-    Correction, Fault, Message, OperatorKeys, OperatorRequest, PartReport, to_cdr,
+    Correction, CorrectionAcknowledgement as Ack, Fault, Message, OperatorKeys, OperatorRequest,
+    PartReport, to_cdr,
 };
 use trust::{SecretKey, approval, operators};
 
@@ -270,4 +271,40 @@ pub fn alone(
 /// A cell file with a fault after `after_touches` touches.
 pub fn with_fault(text: &str, kind: &str, after_touches: u32) -> String {
     format!("{text}\n[simulator.fault]\nkind = \"{kind}\"\nafter_touches = {after_touches}\n")
+}
+
+/// What is wrong with a correction, the outcome that it must have, and how it is made wrong.
+pub type Spoilt = (&'static str, u8, Box<dyn Fn(&mut Correction)>);
+
+/// Asserts that corrections spoilt in one respect each are refused with their outcomes, though an operator has signed even
+/// them, and that the sound one is then written. `unchanged` asserts that nothing was written so far.
+pub fn refuses_all_but_the_sound(
+    session: &mut Session,
+    sound: &Correction,
+    spoilt: Vec<Spoilt>,
+    unchanged: impl Fn(&Session, &str),
+) {
+    for (what, outcome, spoil) in spoilt {
+        let mut bad = Correction {
+            correction_id: what.to_owned(),
+            ..sound.clone()
+        };
+        spoil(&mut bad);
+        sign(&mut bad, &operator_key("Ada"));
+        session.send(topics::CORRECTIONS, &bad);
+        session.run_s(0.1);
+        let answer: Ack = session.last(topics::CORRECTION_ACKNOWLEDGEMENTS);
+        assert_eq!(
+            (answer.correction_id.as_str(), answer.outcome),
+            (what, outcome),
+            "{}",
+            answer.text
+        );
+        assert!(!answer.text.is_empty(), "{what}");
+        unchanged(session, what);
+    }
+    session.send(topics::CORRECTIONS, sound);
+    session.run_s(0.1);
+    let answer: Ack = session.last(topics::CORRECTION_ACKNOWLEDGEMENTS);
+    assert_eq!(answer.outcome, Ack::APPLIED, "{}", answer.text);
 }

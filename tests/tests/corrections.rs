@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use cell::Cell;
 use cell_tests::{
     cell,
-    session::{Session, approved, operator_key, sign},
+    session::{Session, Spoilt, approved, refuses_all_but_the_sound},
 };
 use graph::topics;
 use probecell_msgs::{
@@ -192,15 +192,12 @@ fn what_else_was_proposed_for_a_part_that_was_stopped_cannot_be_approved() {
     assert_eq!(wear(&session), (0, vec![0.0, 0.0]));
 }
 
-/// Takes from a sound correction what entitles it.
-type Spoil = Box<dyn Fn(&mut Correction)>;
-
 #[test]
 fn each_thing_that_a_correction_may_lack_has_its_own_refusal() {
     let (mut session, corrections) = proposed();
     let good = approved(corrections[0].clone(), "Ada", session.now());
     let past = session.now().after_s(-0.001);
-    let variants: Vec<(&str, u8, Spoil)> = vec![
+    let variants: Vec<Spoilt> = vec![
         (
             "another session",
             Ack::REFUSED_STALE,
@@ -297,35 +294,9 @@ fn each_thing_that_a_correction_may_lack_has_its_own_refusal() {
             Box::new(|c| c.kind = Correction::WORK_OFFSET),
         ),
     ];
-    for (what, outcome, spoil) in variants {
-        let mut bad = Correction {
-            correction_id: what.to_owned(),
-            ..good.clone()
-        };
-        spoil(&mut bad);
-        // Somebody who may approve has approved even this.
-        sign(&mut bad, &operator_key("Ada"));
-        session.send(topics::CORRECTIONS, &bad);
-        session.run_s(0.1);
-        let answer: Ack = session.last(topics::CORRECTION_ACKNOWLEDGEMENTS);
-        assert_eq!(
-            (answer.correction_id.as_str(), answer.outcome),
-            (what, outcome),
-            "{}",
-            answer.text
-        );
-        assert!(!answer.text.is_empty(), "{what}");
-        assert_eq!(wear(&session), (0, vec![0.0, 0.0]), "{what}");
-    }
-    // What was spoilt was sound.
-    session.send(topics::CORRECTIONS, &good);
-    session.run_s(0.1);
-    assert_eq!(
-        session
-            .last::<Ack>(topics::CORRECTION_ACKNOWLEDGEMENTS)
-            .outcome,
-        Ack::APPLIED
-    );
+    refuses_all_but_the_sound(&mut session, &good, variants, |session, what| {
+        assert_eq!(wear(session), (0, vec![0.0, 0.0]), "{what}");
+    });
     assert_eq!(wear(&session), (1, vec![good.new_value, 0.0]));
 }
 

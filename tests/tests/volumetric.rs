@@ -7,7 +7,9 @@
 use cell::Cell;
 use cell_tests::{
     cell, factories, make_part, messages, recording,
-    session::{Session, approved, operator_key, sign, with_fault},
+    session::{
+        Session, Spoilt, approved, operator_key, refuses_all_but_the_sound, sign, with_fault,
+    },
 };
 use graph::{
     replay::{Verdict as Replayed, replay},
@@ -392,9 +394,6 @@ fn a_table_waits_for_an_operator_who_may_approve_reject_or_stay_away() {
     assert!(written(&session).is_empty());
 }
 
-/// Takes from a sound table what entitles it.
-type Spoil = Box<dyn Fn(&mut Correction)>;
-
 #[test]
 fn each_thing_that_a_table_may_lack_has_its_own_refusal() {
     let (mut session, correction) = proposed();
@@ -402,7 +401,7 @@ fn each_thing_that_a_table_may_lack_has_its_own_refusal() {
     let good = approved(correction, "Ada", session.now());
     let past = session.now().after_s(-0.001);
     let bounds = Ack::REFUSED_OUT_OF_BOUNDS;
-    let variants: Vec<(&str, u8, Spoil)> = vec![
+    let variants: Vec<Spoilt> = vec![
         (
             "another run",
             Ack::REFUSED_STALE,
@@ -518,32 +517,10 @@ fn each_thing_that_a_table_may_lack_has_its_own_refusal() {
             Box::new(|c| c.replayed = true),
         ),
     ];
-    for (what, outcome, spoil) in variants {
-        let mut bad = Correction {
-            correction_id: what.to_owned(),
-            ..good.clone()
-        };
-        spoil(&mut bad);
-        // Somebody who may approve has approved even this.
-        sign(&mut bad, &operator_key("Ada"));
-        session.send(topics::CORRECTIONS, &bad);
-        session.run_s(0.1);
-        let answer: Ack = session.last(topics::CORRECTION_ACKNOWLEDGEMENTS);
-        assert_eq!(
-            (answer.correction_id.as_str(), answer.outcome),
-            (what, outcome),
-            "{}",
-            answer.text
-        );
-        assert!(!answer.text.is_empty(), "{what}");
-        assert!(written(&session).is_empty(), "{what}");
-    }
-    assert_eq!(held(&session), before);
-    // What was spoilt was sound.
-    session.send(topics::CORRECTIONS, &good);
-    session.run_s(0.1);
-    let answer: Ack = session.last(topics::CORRECTION_ACKNOWLEDGEMENTS);
-    assert_eq!(answer.outcome, Ack::APPLIED, "{}", answer.text);
+    refuses_all_but_the_sound(&mut session, &good, variants, |session, what| {
+        assert!(written(session).is_empty(), "{what}");
+        assert_eq!(held(session), before, "{what}");
+    });
 }
 
 #[test]

@@ -130,8 +130,8 @@ fn check_point(
         });
     }
     // -1: not cut on this machine; 0 is what a plan without operations leaves unsaid.
-    let unsaid = plan.operations.is_empty() && point.operation == 0;
-    if !unsaid && !(-1..plan.operations.len() as i32).contains(&point.operation) {
+    let unspecified = plan.operations.is_empty() && point.operation == 0;
+    if !unspecified && !(-1..plan.operations.len() as i32).contains(&point.operation) {
         let (operation, operations) = (point.operation, plan.operations.len());
         return Err(SessionError::NoSuchOperation {
             point: number,

@@ -37,7 +37,7 @@ pub(crate) fn sections(cell: &Cell) -> Result<(), String> {
         let own = format!("{}/", cell.namespace());
         if !is_absolute(named) || named.starts_with(&own) {
             return Err(format!(
-                "bus.names: {named:?}, in place of {known}, must be an absolute ROS name outside of the cell's namespace"
+                "bus.names: {named:?}, which replaces {known}, must be an absolute ROS name outside of the cell's namespace"
             ));
         }
     }
@@ -133,7 +133,7 @@ fn printable(cell: &Cell) -> Result<(), String> {
     for (key, name) in named.chain(composed).chain(passes) {
         if name.chars().any(is_unprintable) {
             return Err(format!(
-                "{key} = {name:?} holds a character that cannot be printed"
+                "{key} = {name:?} contains an unprintable character"
             ));
         }
     }
@@ -220,7 +220,7 @@ fn tolerances<'a>(cell: &'a Cell, sizes: &mut BTreeSet<&'a str>) -> Result<(), S
     for tolerance in &cell.analysis.tolerances {
         if tolerance.id.chars().any(is_unprintable) {
             return Err(format!(
-                "analysis.tolerances.id = {:?} holds a character that cannot be printed",
+                "analysis.tolerances.id = {:?} contains an unprintable character",
                 tolerance.id
             ));
         }

@@ -230,8 +230,8 @@ impl Cell {
             return Err(CellError::Setting {
                 file: line.map_or_else(|| name.clone(), |line| format!("{name} line {}", line + 1)),
                 message: format!(
-                    "{key} holds a password, and the cell file goes into every recording: write {{ env = \"NAME\" }} or \
-                     {{ file = \"PATH\" }} in its place"
+                    "{key} contains a password, but the cell file is embedded in every recording: write {{ env = \"NAME\" }} or \
+                     {{ file = \"PATH\" }} instead"
                 ),
             });
         }

@@ -1,4 +1,4 @@
-//! Where a mistake stands in a cell file, and what was probably meant.
+//! Locates a mistake in a cell file, and suggests what was probably meant.
 
 /// The line of the setting that a sentence begins with (`section.key ...`), or of the name that it quotes first, where
 /// that stands inside.

@@ -61,7 +61,7 @@ fn the_key_of_a_cell_is_made_once_and_for_its_owner_only() {
     fs::write(&file, "no key").expect("its owner");
     let refused = folder.private().expect_err("no key").to_string();
     assert!(
-        refused.ends_with("does not hold a key: a key has 64 hexadecimal digits"),
+        refused.ends_with("does not contain a key: a key has 64 hexadecimal digits"),
         "{refused}"
     );
 }

@@ -1,4 +1,5 @@
-//! What may a process of a cell do? Files, sockets and other processes, taken away by the kernel before it has read a message.
+//! The sandbox of a cell's processes: access to files, sockets and other processes, restricted by the kernel before a process reads
+//! its first message.
 //!
 //! ```
 //! use confinement::{Rights, Sockets};

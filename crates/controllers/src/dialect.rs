@@ -43,7 +43,16 @@ pub trait ProgramWriter {
     ///
     /// # Errors
     /// See [`ProgramError`].
-    fn measuring_program(&self, job: &Job<'_>) -> Result<String, ProgramError>;
+    fn measuring_program(&self, job: &Job<'_>) -> Result<String, ProgramError> {
+        self.limits().check(job)?;
+        self.write(job)
+    }
+
+    /// Writes the measuring program of a job within the limits.
+    ///
+    /// # Errors
+    /// See [`ProgramError`].
+    fn write(&self, job: &Job<'_>) -> Result<String, ProgramError>;
 
     /// The program that, on the controller alone, cuts, measures and decides: correct the wear offset and cut again, finish,
     /// or stop (`docs/source_systems.md, A.4`). Dialects of machines that only the cell corrects refuse it.

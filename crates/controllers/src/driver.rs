@@ -1,4 +1,4 @@
-//! What a driver is: that which stands behind a cell's driver topics.
+//! The interface of a driver: what serves the driver topics of a cell.
 //!
 //! A driver is one file or folder of this crate that implements [`Driver`], and one line in
 //! [`crate::registry`]. Everything else of

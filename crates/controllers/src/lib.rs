@@ -1,4 +1,4 @@
-//! What stands behind a cell's driver topics, and how are other controllers programmed and read?
+//! Drivers of machines, and the dialects in which controllers are programmed and report results.
 //!
 //! ```text
 //!             registry::DRIVERS                              registry::DIALECTS
@@ -20,12 +20,12 @@
 //! | [`registry`] | the drivers and dialects there are |
 //! | [`linuxcnc`] | LinuxCNC: driver over its remote shell, and G-code |
 //! | [`ros2`] | driver of a robot behind `joint_states`, `FollowJointTrajectory` and a contact signal |
-//! | [`simulator`], [`external`], [`bag`] | drivers: the simulated machine; a process of others; a recording that is played |
+//! | [`simulator`], [`external`], [`bag`] | drivers: the simulated machine; an external process; a recording that is played back |
 //! | [`fanuc`], [`sinumerik`] | dialects: measuring and decision programs, results |
 //! | [`inspection`] | dialect without programs: results of measuring cycles and inspection software |
 //! | [`results`] | content of a result file, whatever its format |
 //! | [`contour`] | milling programs of profiles |
-//! | [`axes`], [`measuring`] | axis letters and units; a plan taken apart into checked moves |
+//! | [`axes`], [`measuring`] | axis letters and units; a plan decomposed into checked moves |
 //! | [`text`] | lines and words, and errors with line and column |
 //!
 //! ```

@@ -36,7 +36,7 @@ pub enum ProgramError {
         reason: String,
     },
     /// The moves do not touch the points in the order that the order itself gives.
-    #[error("the moves touch points {moves:?}, the order says {order:?}")]
+    #[error("the moves touch points {moves:?}, the order lists {order:?}")]
     OrderOfMoves {
         /// Points of the moves.
         moves: Vec<u32>,

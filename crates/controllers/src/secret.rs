@@ -32,7 +32,7 @@ pub enum SecretError {
     )]
     Environment(String),
     /// The file cannot be read.
-    #[error("the file {file}, which should hold a password, cannot be read: {source}")]
+    #[error("the password file {file} cannot be read: {source}")]
     File {
         /// The file.
         file: String,

@@ -589,7 +589,7 @@ fn what_cannot_be_measured_is_refused_before_the_first_move() {
         "move 4 to point 1: axis X at NaN mm is outside its limits",
         "move 1 to point 0: it is 0.100 mm long, LinuxCNC needs 0.254 mm",
         "the order of points of the command differs from that of the moves received",
-        "the moves touch points [1, 0, 2], the order says [0, 1, 2]",
+        "the moves touch points [1, 0, 2], the order lists [0, 1, 2]",
         "move 7 to point 2: the plan has no such point",
         "the order moves axis \"U\", which the controller does not have",
         "move 1 to point 0: its feed is 0 m/s",

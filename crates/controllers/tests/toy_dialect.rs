@@ -38,8 +38,7 @@ impl ProgramWriter for Toy {
         }
     }
 
-    fn measuring_program(&self, job: &Job<'_>) -> Result<String, ProgramError> {
-        self.limits().check(job)?;
+    fn write(&self, job: &Job<'_>) -> Result<String, ProgramError> {
         let lines = job
             .order
             .order

@@ -1,5 +1,5 @@
-//! Which machine needs me, is this part good and how sure, why not, what do I do, did it help? Every cell of the bus and every
-//! recording of the host as web pages; acts of operators are handed on with their signature.
+//! Every cell on the bus and every recording of the host as web pages: which machine needs attention, whether a part conforms and with
+//! what certainty, why not, what to do, and whether it helped. Acts of operators are forwarded with their signature.
 //!
 //! ```text
 //!  bus ── viewer (WebSocket: Foxglove, Lichtblick)

@@ -293,7 +293,7 @@ impl Session {
         let on_missed: OnMissed = Arc::new({
             let (outbox, name) = (Arc::clone(&self.outbox), name.clone());
             move |_, _, count| {
-                let text = format!("{count} messages of {name} were lost on the way");
+                let text = format!("{count} messages of {name} were lost in transit");
                 outbox.status(WARNING, &text);
             }
         });

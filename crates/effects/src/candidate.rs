@@ -15,13 +15,7 @@ pub fn candidate(
     shape: f64,
 ) -> Option<Candidate> {
     let columns = variants[index].columns(observations, shape);
-    from_columns(
-        observations,
-        &variants[index],
-        (index, shape),
-        &columns,
-        false,
-    )
+    from_columns(observations, variants, (index, shape), &columns, false)
 }
 
 /// The candidate of a variant without a nonlinear constant, and the same with the second order of what cannot be seen to
@@ -32,15 +26,7 @@ pub fn candidates(
     index: usize,
 ) -> (Option<Candidate>, Option<Candidate>) {
     let columns = variants[index].columns(observations, 0.0);
-    let of = |second_order| {
-        from_columns(
-            observations,
-            &variants[index],
-            (index, 0.0),
-            &columns,
-            second_order,
-        )
-    };
+    let of = |second| from_columns(observations, variants, (index, 0.0), &columns, second);
     let second_order = columns.iter().all(|column| !column.shifts.is_empty());
     (of(false), if second_order { of(true) } else { None })
 }
@@ -54,22 +40,17 @@ pub fn second_order_candidate(
     shape: f64,
 ) -> Option<Candidate> {
     let columns = variants[index].columns(observations, shape);
-    from_columns(
-        observations,
-        &variants[index],
-        (index, shape),
-        &columns,
-        true,
-    )
+    from_columns(observations, variants, (index, shape), &columns, true)
 }
 
 fn from_columns(
     observations: &Observations,
-    variant: &Variant,
+    variants: &[Variant],
     (index, shape): (usize, f64),
     columns: &[Column],
     second_order: bool,
 ) -> Option<Candidate> {
+    let variant = &variants[index];
     let rows = observations.rows.len();
     let sizes: Vec<f64> = variant
         .parameters

@@ -26,9 +26,6 @@ use columns::term;
 pub use columns::{Channel, Drive, DriveEffect, Term, difference, nominal_inertia};
 pub use signals::{Signals, signals};
 
-/// Why none of them can be declared: the model of a cell predicts touches.
-const UNDECLARABLE: &str = "it acts on efforts, and the model of a cell is one of touches";
-
 /// All of them, in the order in which they are tried.
 pub const ALL: &[&dyn Effect] = &[
     &coulomb_friction::CoulombFriction,

@@ -19,42 +19,92 @@ const COMPONENT: &str = "<c>";
 
 /// One cause of the effect vocabulary.
 pub trait Effect: Sync {
-    /// Its identifier as the interface contract writes it: `<A>` stands for an axis, `<c>` for one of X Y Z A B C.
-    fn id(&self) -> &'static str;
+    /// Its entry in the vocabulary.
+    fn definition(&self) -> Definition;
 
-    /// What it is, as a noun phrase for people.
-    fn describe(&self, of: &Instance<'_>) -> String;
-
-    /// What a person does about it.
-    fn remedy(&self) -> &'static str;
-
-    /// Its linear parameters on a machine, with SI units and the largest size usually met.
-    fn parameters(&self, chain: &Chain, of: &Instance<'_>) -> Vec<Parameter>;
-
-    /// What it belongs to, and on what it depends.
-    fn acts_on(&self) -> ActsOn;
-
-    /// The ways in which it may act on the rows of a session; none where the session cannot show it.
-    fn offer(&self, _: &Observations) -> Vec<Variant> {
-        Vec::new()
+    /// Its identifier, as of [`Definition::id`].
+    fn id(&self) -> &'static str {
+        self.definition().id
     }
 
-    /// The ways in which it may act on a machine whose cell declares these constants; none where the machine cannot show it.
+    /// What an instance of it is, as a noun phrase for people.
+    fn describe(&self, of: &Instance<'_>) -> String {
+        self.definition().name.replace(AXIS, of.axis)
+    }
+
+    /// What a person does about it.
+    fn remedy(&self) -> &'static str {
+        self.definition().remedy
+    }
+
+    /// Its only variant, where it acts in the same way on every machine and in every session; `None` where it has several.
+    fn variant(&self) -> Option<Variant> {
+        None
+    }
+
+    /// Whether a session shows its only variant.
+    fn is_shown(&self, _: &Observations) -> bool {
+        true
+    }
+
+    /// Its linear parameters on a machine, with SI units and the largest size usually met.
+    fn parameters(&self, _: &Chain, _: &Instance<'_>) -> Vec<Parameter> {
+        self.definition().parameters()
+    }
+
+    /// What it belongs to, and on what it depends.
+    fn acts_on(&self) -> ActsOn {
+        self.definition().acts_on
+    }
+
+    /// Its variants that can act on the rows of a session; none where the session cannot show it.
+    fn offer(&self, rows: &Observations) -> Vec<Variant> {
+        let shown = self.is_shown(rows).then(|| self.variant());
+        shown.flatten().into_iter().collect()
+    }
+
+    /// Its variants on a machine whose cell declares these constants; none where the machine cannot show it.
     ///
     /// These are the variants of [`Effect::offer`] with constants of the declaration instead of those of a session, so
     /// that they predict on any session what was fitted on one.
     fn declared(&self, _: &Chain, _: &Instance<'_>, _: &Constants<'_>) -> Vec<Variant> {
-        Vec::new()
+        self.variant().into_iter().collect()
     }
 
     /// Why a cell file cannot declare it; `None` for an effect of touches that lasts.
     fn undeclarable(&self) -> Option<&'static str> {
-        None
+        self.acts_on().subject.undeclarable()
     }
 
     /// Its columns over the samples of one axis; `before` are the effects of the same axis that come before it.
     fn drive(&self, _: &Drive<'_>, _before: &[DriveEffect]) -> Option<DriveEffect> {
         None
+    }
+}
+
+/// The entry of an effect in the vocabulary.
+#[derive(Debug, Clone, Copy)]
+pub struct Definition {
+    /// Its identifier as the interface contract writes it: `<A>` stands for an axis, `<c>` for one of X Y Z A B C.
+    pub id: &'static str,
+    /// What it is, as a noun phrase for people, with `<A>` for the name of the axis.
+    pub name: &'static str,
+    /// What a person does about it.
+    pub remedy: &'static str,
+    /// Name, SI unit and largest size usually met of its linear parameters; empty where they depend on the machine or on the
+    /// variant ([`Effect::parameters`]).
+    pub parameters: &'static [(&'static str, &'static str, f64)],
+    /// What it belongs to, and on what it depends.
+    pub acts_on: ActsOn,
+}
+
+impl Definition {
+    /// Its linear parameters.
+    pub fn parameters(&self) -> Vec<Parameter> {
+        let of = |&(name, unit, plausible): &(&str, &'static str, f64)| {
+            Parameter::new(name, unit, plausible)
+        };
+        self.parameters.iter().map(of).collect()
     }
 }
 
@@ -77,6 +127,20 @@ pub enum Subject {
     Drive,
     /// The time of moves.
     Motion,
+}
+
+impl Subject {
+    /// Why none of its effects can be declared; `None` where they act on touches.
+    const fn undeclarable(self) -> Option<&'static str> {
+        match self {
+            Self::Drive => Some("it acts on efforts, and the model of a cell is one of touches"),
+            Self::Motion => Some(
+                "it acts on the time of moves, which the section [motion] of the cell file declares",
+            ),
+            Self::Record => Some("it describes the records of one session, not the machine"),
+            Self::Probe | Self::Machine | Self::Cutting | Self::Part | Self::Session => None,
+        }
+    }
 }
 
 /// What is registered together in every clamping, so that a joint diagnosis fits it anew for each session.
@@ -126,6 +190,35 @@ impl ActsOn {
             smooth_in: &[],
             covariates: &[],
         }
+    }
+
+    /// The same, of which this is registered in every clamping.
+    pub const fn registered(self, registration: Registration) -> Self {
+        Self {
+            registration,
+            ..self
+        }
+    }
+
+    /// The same, which only a probe that is triggered on the move shows.
+    pub const fn triggered(self) -> Self {
+        Self {
+            triggered: true,
+            ..self
+        }
+    }
+
+    /// The same, a smooth function of these coordinates.
+    pub const fn smooth_in(self, coordinates: &'static [Coordinate]) -> Self {
+        Self {
+            smooth_in: coordinates,
+            ..self
+        }
+    }
+
+    /// The same, which depends on these covariates alone.
+    pub const fn covariates(self, covariates: &'static [Covariate]) -> Self {
+        Self { covariates, ..self }
     }
 }
 

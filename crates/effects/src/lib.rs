@@ -1,4 +1,4 @@
-//! Effects: what can drive a touch, or an axis, away from the model of its cell.
+//! Effects: the physical causes by which a touch, or an axis, deviates from the model of its cell.
 //!
 //! ```text
 //!   messages of a session         session      plan, events, states, references, the declared model
@@ -23,7 +23,7 @@
 //! assert_eq!(effect.id(), "axis.<A>.backlash");
 //! assert_eq!(effect.describe(&of), "backlash of axis X: lost motion on reversal");
 //! assert!(registry::find("axis.X.wobble").is_none());
-//! assert_eq!(vocabulary::describe("link.EX0C"), "axis C sits off its nominal place along X");
+//! assert_eq!(vocabulary::describe("link.EX0C"), "axis C is displaced from its nominal position along X");
 //! ```
 //!
 //! To add an effect: one file in `touch`, `drive` or `record` that implements [`Effect`], its test included, and one line

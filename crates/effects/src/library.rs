@@ -79,23 +79,10 @@ pub struct Shape {
     pub distinct: f64,
 }
 
-impl Shape {
-    /// The number of a harmonic, from the first to `highest`.
-    pub(crate) fn harmonics(highest: f64) -> Self {
-        Self {
-            name: "k",
-            unit: "1",
-            distinct: highest,
-            trials: (1..=highest as usize).map(|k| k as f64).collect(),
-            continuous: false,
-        }
-    }
-}
-
 type Build = Box<dyn Fn(&Observations, f64) -> Vec<Column> + Send + Sync>;
 type Sweep = Box<dyn Fn(&Observations, &[f64]) -> Vec<Vec<Vec<f64>>> + Send + Sync>;
 
-/// One way an effect can act.
+/// A variant of an effect: one parametrisation of how it acts.
 pub struct Variant {
     /// Identifier in the effect vocabulary.
     pub effect: String,
@@ -111,7 +98,7 @@ pub struct Variant {
     pub prior_weight: f64,
     /// L of the prior covariance L·Lᵀ of the parameters, each over its largest plausible size; `None` where they are independent.
     pub prior: Option<DMatrix<f64>>,
-    /// True where this session cannot part it from other effects, which lend their names.
+    /// True where this session cannot distinguish it from other effects, by whose names the group is then called.
     pub confounded: bool,
     /// The errors of the chain that its parameters are, in their order; empty where they are none.
     pub errors: Vec<ChainError>,
@@ -165,6 +152,23 @@ impl Variant {
             build: Box::new(build),
             sweep: None,
         }
+    }
+
+    /// A harmonic, of which `build` gives the columns of sine and cosine at its number: from the first to `highest`.
+    pub(crate) fn harmonic(
+        effect: impl Into<String>,
+        parameters: Vec<Parameter>,
+        highest: f64,
+        build: impl Fn(&Observations, f64) -> Vec<Column> + Send + Sync + 'static,
+    ) -> Self {
+        let shape = Shape {
+            name: "k",
+            unit: "1",
+            distinct: highest,
+            trials: (1..=highest as usize).map(|k| k as f64).collect(),
+            continuous: false,
+        };
+        Self::shaped(effect, parameters, shape, build).with_form(Form::Sine)
     }
 
     /// Reports the coefficients in another form.

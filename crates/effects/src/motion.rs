@@ -1,6 +1,6 @@
 //! Effects on the time of moves: limits that the machine keeps in place of the declared ones, one file each.
 //!
-//! A row is the way from one touch to the next: back, across and to the next approach at the limits of the axes, then the
+//! A row is the sequence of moves from one touch to the next: back, across and to the next approach at the limits of the axes, then the
 //! probing move at its feed. Measured is the time between the stamps of both touches, promised is what the motion model
 //! ([`machine::motion`]) gives for the same moves. An effect replaces one number of that model, so it is not linear: its
 //! [`Limit`] says which numbers are tried, and what the model makes of one. Seconds, m or rad.
@@ -23,9 +23,6 @@ use crate::effect::{ActsOn, Effect, Instance, Subject};
 
 pub use moves::{FEED_DEVIATIONS, Interval, Moves, MovesError, moves};
 
-/// Why none of them is an effect of `[[model.effects]]`.
-const UNDECLARABLE: &str =
-    "it acts on the time of moves, which the section [motion] of the cell file declares";
 /// Numbers that are tried of a limit.
 const TRIED: usize = 24;
 /// Largest factor between a limit and the declared one.

@@ -6,9 +6,6 @@ pub mod quantisation;
 
 use crate::effect::Effect;
 
-/// Why none of them can be declared.
-const UNDECLARABLE: &str = "it describes the records of one session, not the machine";
-
 /// All of them.
 pub const ALL: &[&dyn Effect] = &[
     &outliers::Outliers,

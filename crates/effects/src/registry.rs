@@ -33,7 +33,7 @@ pub fn library(observations: &Observations) -> Vec<Variant> {
     let axes_known = !machine::is_part_frame(&observations.chain);
     let sought = all().filter(|effect| axes_known || !effect.id().contains("<A>"));
     let offered = sought.flat_map(|effect| effect.offer(observations));
-    // What only a longer session could part from others comes last, so that the others lend their names.
+    // Variants that only a longer session could distinguish come last, so that a group is named after the others.
     let (confounded, mut variants): (Vec<Variant>, Vec<Variant>) =
         offered.partition(|variant| variant.confounded);
     variants.extend(confounded);

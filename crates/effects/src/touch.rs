@@ -1,4 +1,4 @@
-//! Effects of touches: everything of the vocabulary that can drive a touch away from its model, one file each.
+//! Effects of touches: everything of the vocabulary by which a touch deviates from its model, one file each.
 
 mod angular;
 mod backlash;

@@ -77,10 +77,10 @@ mod tests {
             for id in crate::effect::identifiers(effect.id(), &chain) {
                 let of = crate::effect::Instance::parse(effect.id(), &id).expect("its own");
                 let parameters = effect.parameters(&chain, &of);
-                let told = |one: &crate::Parameter| {
+                let is_specified = |one: &crate::Parameter| {
                     !one.name.is_empty() && !one.unit.is_empty() && one.plausible > 0.0
                 };
-                assert!(parameters.iter().all(told), "{id}");
+                assert!(parameters.iter().all(is_specified), "{id}");
                 assert!(!parameters.is_empty() || id == "drive.compliance", "{id}");
             }
         }
@@ -90,7 +90,7 @@ mod tests {
     fn location_errors_are_read_as_iso_230_1_writes_them() {
         assert_eq!(
             describe("link.EX0C"),
-            "axis C sits off its nominal place along X"
+            "axis C is displaced from its nominal position along X"
         );
         assert_eq!(
             describe("link.EB0A3"),

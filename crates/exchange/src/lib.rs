@@ -1,5 +1,4 @@
-//! What does probecell take from other systems, and give to them? Formats only: text in, messages of the contract out, and
-//! the reverse.
+//! Import from and export to other systems. Formats only: text in, messages of the contract out, and the reverse.
 //!
 //! ```text
 //! CSV of touches ------------------------+

@@ -268,7 +268,7 @@ impl Scanner<'_> {
                     return Err(ImportError::at(
                         end.0,
                         end.1,
-                        format!("{letter:?} stands behind a closing quote"),
+                        format!("{letter:?} follows a closing quote"),
                     ));
                 }
                 Some(letter) if !quoted => text.push(letter),

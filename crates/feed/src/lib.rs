@@ -1,4 +1,4 @@
-//! What a cell measures, as lines of JSON for a server in a process of its own. The process that follows the bus writes them, the
+//! Measurements of a cell as lines of JSON, for a server in a separate process. The process that follows the bus writes them, the
 //! server reads them; it needs neither the bus nor a key of the cell.
 //!
 //! ```

@@ -88,7 +88,7 @@ pub struct Executor {
     ended: BTreeSet<usize>,
     /// Of those, the nodes that have never been started.
     unstarted: BTreeSet<usize>,
-    /// Nodes whose process stands still, and what it will find when it goes on.
+    /// Nodes whose process is paused, with the inputs that it finds when it resumes.
     paused: BTreeMap<usize, Vec<Event>>,
     /// ns by which the clock of a node is ahead.
     clocks: Vec<i64>,

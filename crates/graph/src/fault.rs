@@ -1,4 +1,4 @@
-//! What a node can find wrong: a closed list for each node, and the message that reports it.
+//! Faults of a node: a closed list for each node, and the message that reports one.
 
 use probecell_msgs::Fault;
 

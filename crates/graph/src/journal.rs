@@ -8,7 +8,7 @@ use probecell_msgs::{StepJournal, std_msgs::Header};
 
 use crate::Stamp;
 
-/// Port number that stands for a timer.
+/// Port number of timers.
 pub const TIMER_PORT: u16 = u16::MAX;
 
 /// One step of a node.

@@ -98,6 +98,7 @@
 //! assert_eq!(report.verdict, Verdict::Equal);
 //! ```
 
+mod early;
 mod executor;
 mod fault;
 mod instance;
@@ -110,6 +111,7 @@ pub mod supervision;
 pub mod topics;
 mod wiring;
 
+pub use early::Early;
 pub use executor::{Executor, Link, Published};
 pub use fault::{FaultCode, NoFaults};
 pub use instance::{DeliverError, Emitted, Instance, RestoreError, Running};

@@ -1,4 +1,4 @@
-//! The shape of a node, and the macros that declare its ports.
+//! What a node is, and the macros that declare one: its ports, and the function that is its rule.
 
 use std::fmt::Debug;
 
@@ -24,7 +24,7 @@ pub trait Node: 'static {
     type Input: Inputs;
     /// A closed list of what it publishes.
     type Output: Outputs;
-    /// A closed list of what it can find wrong.
+    /// Its faults, a closed list.
     type Fault: FaultCode;
 
     /// The state before the first input.
@@ -46,7 +46,7 @@ pub trait Inputs: Sized {
     fn topics() -> &'static [Topic];
     /// Reads a message of the topic `port`.
     fn read(port: usize, cdr: &[u8]) -> Result<Self, CdrError>;
-    /// The input that stands for timer `id`.
+    /// The input for timer `id`.
     fn timer(id: u32) -> Self;
 }
 
@@ -173,5 +173,144 @@ macro_rules! outputs {
         }
 
         $($crate::outputs!(@from $name $variant);)*
+    };
+}
+
+/// Declares the interface of a node, by its name: what it subscribes to, publishes, and reports as faults.
+///
+/// Makes `Input` ([`inputs!`]), `Output` ([`outputs!`]) with a variant `Fault`, the enum of faults ([`faults!`]), and what
+/// [`node!`] needs besides: `NAME`, `Faults`, and `Out`, the [`Outbox`] of the node. A node without faults leaves out that block.
+///
+/// ```
+/// use graph::{Node, Outbox, Stamp};
+/// use probecell_msgs::ProbeTrigger;
+///
+/// mod ports {
+///     use graph::topics;
+///     use probecell_msgs::ProbeTrigger;
+///
+///     graph::ports! {
+///         "contact_check"
+///         inputs {
+///             /// The raw end of a probing move.
+///             Trigger(ProbeTrigger) = topics::PROBE_TRIGGERS,
+///         }
+///         outputs {}
+///         faults ContactFault on topics::PROBE_EVENTS_FAULTS {
+///             /// A probing move ended without contact.
+///             NoContact = WARNING "no_contact",
+///         }
+///     }
+/// }
+/// use ports::{ContactFault, Input, Out};
+///
+/// graph::node! {
+///     /// Reports moves without contact; its state is their number.
+///     struct ContactCheck { ports: ports, config: (), state: u32, step: step }
+/// }
+///
+/// fn step((): &(), misses: &mut u32, now: Stamp, input: Input, out: &mut Out) {
+///     if let Input::Trigger(trigger) = input && !trigger.tripped {
+///         *misses += 1;
+///         out.fault(now, ContactFault::NoContact, "no contact");
+///     }
+/// }
+///
+/// let (mut misses, mut out) = (ContactCheck::start(&()), Outbox::default());
+/// let trigger = Input::Trigger(ProbeTrigger::default());
+/// ContactCheck::step(&(), &mut misses, Stamp(0), trigger, &mut out);
+/// assert_eq!((ContactCheck::NAME, misses, out.messages().len()), ("contact_check", 1, 1));
+/// ```
+///
+/// [`inputs!`]: crate::inputs
+/// [`outputs!`]: crate::outputs
+/// [`faults!`]: crate::faults
+/// [`node!`]: crate::node!
+#[macro_export]
+macro_rules! ports {
+    (
+        $name:literal
+        inputs { $($inputs:tt)* }
+        outputs { $($outputs:tt)* }
+        $(faults $fault:ident on $topic:path { $($faults:tt)* })?
+    ) => {
+        /// Name of the node.
+        pub(crate) const NAME: &str = $name;
+
+        /// What a step publishes, and the timers that it requests.
+        pub(crate) type Out = $crate::Outbox<Output>;
+
+        $crate::inputs! {
+            #[doc = concat!("What `", $name, "` subscribes to.")]
+            pub enum Input { $($inputs)* }
+        }
+
+        $crate::outputs! {
+            #[doc = concat!("What `", $name, "` publishes.")]
+            pub enum Output {
+                $($outputs)*
+                $(
+                    /// A fault.
+                    Fault(probecell_msgs::Fault) = $topic,
+                )?
+            }
+        }
+
+        $crate::ports! { @faults $name $($fault { $($faults)* })? }
+    };
+    (@faults $name:literal) => {
+        /// It reports no faults.
+        pub(crate) type Faults = $crate::NoFaults;
+    };
+    (@faults $name:literal $fault:ident { $($faults:tt)* }) => {
+        /// The faults that it reports.
+        pub(crate) type Faults = $fault;
+
+        $crate::faults! {
+            #[doc = concat!("Faults that `", $name, "` reports.")]
+            pub enum $fault of $name { $($faults)* }
+        }
+    };
+}
+
+/// Declares a node from its [`ports!`](crate::ports), its settings, its state, and the function `step` that is its rule. Its first state
+/// is the default one, unless `start` names a function that makes it from the settings.
+#[macro_export]
+macro_rules! node {
+    ($(#[$meta:meta])* $vis:vis struct $node:ident {
+        ports: $ports:ident, config: $config:ty, state: $state:ty, step: $step:path $(, start: $start:path)? $(,)?
+    }) => {
+        $(#[$meta])*
+        $vis struct $node;
+
+        impl $crate::Node for $node {
+            const NAME: &'static str = $ports::NAME;
+            type Config = $config;
+            type State = $state;
+            type Input = $ports::Input;
+            type Output = $ports::Output;
+            type Fault = $ports::Faults;
+
+            fn start(config: &$config) -> $state {
+                $crate::node! { @start $state, config $($start)? }
+            }
+
+            fn step(
+                config: &$config,
+                state: &mut $state,
+                now: $crate::Stamp,
+                input: $ports::Input,
+                out: &mut $ports::Out,
+            ) {
+                $step(config, state, now, input, out);
+            }
+        }
+    };
+    (@start $state:ty, $config:ident) => {{
+        let _ = $config;
+        <$state>::default()
+    }};
+    (@start $state:ty, $config:ident $start:path) => {
+        $start($config)
     };
 }

@@ -1,4 +1,4 @@
-//! Names of the services by which every process tells its parameters and the types that it knows, below its own name: those
+//! Names of the services through which every process exposes its parameters and message types, below its own name: those
 //! of every ROS 2 node.
 
 /// What is said of parameters.

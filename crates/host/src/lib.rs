@@ -1,4 +1,4 @@
-//! How does a node run live? The only crate that knows a transport, the clock and processes of a running cell.
+//! Runs nodes live. The only crate that knows the transport, the clock and the processes of a running cell.
 //!
 //! ```text
 //!        topics, services, graph of nodes (rmw_zenoh's wire format, or DDS)
@@ -16,7 +16,7 @@
 //! | [`driver`] | polls the connection to a controller |
 //! | [`recording`] | the recorder |
 //! | [`parameters`] | the settings of the process as ROS 2 parameters, and descriptions of types |
-//! | [`signals`] | reads controllers beside the machine |
+//! | [`signals`] | reads auxiliary controllers (PLCs) |
 //! | [`rosout`] | the log of the process on `/rosout` |
 //! | [`clock`] | stamps on the monotonic clock |
 //!

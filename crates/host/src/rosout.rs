@@ -52,7 +52,7 @@ pub fn publish(bus: &Bus, namespace: &str, node: &str) -> Result<(), BusError> {
     Ok(())
 }
 
-/// Says one thing on `/rosout` that is no event of `tracing`; nothing happens in a process that does not publish its log.
+/// Publishes a line on `/rosout` that is not an event of `tracing`; nothing happens in a process that does not publish its log.
 pub fn log(level: Level, text: &str) {
     enqueue(Log {
         level: code(level),

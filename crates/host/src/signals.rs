@@ -1,4 +1,4 @@
-//! Reads signals of controllers beside the machine and publishes them. As a driver it does I/O, makes no decision and keeps no
+//! Reads signals of auxiliary controllers and publishes them. As a driver it does I/O, makes no decision and keeps no
 //! journal; a replay takes what it published as external input.
 
 use std::{
@@ -76,7 +76,7 @@ pub fn run_signals(
     bus.close(CLOSE_TIMEOUT)
 }
 
-/// A reading as ROS 2 tells of devices: the name is that of the signal, the hardware its controller.
+/// A reading as a ROS 2 diagnostic status: the name is that of the signal, the hardware its controller.
 fn status(source: &str, signal: &Signal, value: Result<f64, String>) -> DiagnosticStatus {
     let pair = |key: &str, value: String| KeyValue {
         key: key.to_owned(),

@@ -1,4 +1,4 @@
-//! Where is the ball, what does a touch say about the part, how long does a move take, and what would it hit? The twin of
+//! Where is the ball, which deviation does a touch measure, how long does a move take, and what would it hit? The model of
 //! a cell's machine.
 //!
 //! ```text

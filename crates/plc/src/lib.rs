@@ -1,5 +1,5 @@
 //! How are signals of a programmable controller read? Clamping, presence of the part, temperatures: values at addresses of a
-//! controller beside the machine, over its own protocol.
+//! auxiliary controller, over its own protocol.
 //!
 //! ```text
 //! "s7://10.0.0.5/0/1" --controller()--> Controller --connect()--> Connection --read("DB1.DBD4", F32)--> number
@@ -41,7 +41,7 @@ const ANSWER: Duration = Duration::from_secs(1);
 
 /// A way to speak to controllers.
 trait Protocol: Sync {
-    /// What stands before `://` in a source.
+    /// URL scheme of a source.
     fn scheme(&self) -> &'static str;
 
     /// A source of it, for error messages.
@@ -78,7 +78,7 @@ pub trait Connection {
 /// Why a value cannot be read.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ReadError {
-    /// The controller answers that it has no such value; the connection stands.
+    /// The controller answers that it has no such value; the connection remains usable.
     Refused(String),
     /// The connection is of no use any more.
     Lost(String),
@@ -93,7 +93,7 @@ impl ReadError {
     }
 }
 
-/// How a value stands in the memory of a controller.
+/// Representation of a value in the memory of a controller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum DataType {

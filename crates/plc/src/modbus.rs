@@ -26,7 +26,7 @@ enum Table {
     Holding,
 }
 
-/// Where a value stands.
+/// Address of a value.
 struct Place {
     table: Table,
     /// From 0, as on the wire; the 40001 of handbooks is `holding:0`.

@@ -1,4 +1,4 @@
-//! Reads the signals of one controller, each at its period, for as long as somebody listens.
+//! Reads the signals of one controller, each at its period, for as long as there is a receiver.
 
 use std::{
     thread,

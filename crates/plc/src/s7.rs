@@ -18,7 +18,7 @@ struct Processor {
     slot: u16,
 }
 
-/// Where a value stands.
+/// Address of a value.
 struct Place {
     area: u8,
     block: u16,

@@ -159,7 +159,7 @@ pub(crate) fn own_socket(cell: &Cell) -> anyhow::Result<Option<OwnSocket>> {
     let socket = OwnSocket::of(&cell.bus.router_endpoint);
     socket.map(Some).ok_or_else(|| {
         anyhow::anyhow!(
-            "the private socket of the cell has no place: neither HOME nor XDG_STATE_HOME is set"
+            "the private socket of the cell cannot be created: neither HOME nor XDG_STATE_HOME is set"
         )
     })
 }

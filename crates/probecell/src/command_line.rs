@@ -7,7 +7,7 @@ use clap::{Parser, Subcommand};
 use crate::{DEFAULT_CELL, commands};
 
 /// What the help says of ROS arguments, which are no options of any command.
-const ROS_ARGUMENTS: &str = "Commands of a running cell take ROS arguments behind their own, each cell file being changed by them:\n  \
+const ROS_ARGUMENTS: &str = "Commands for a running cell accept ROS arguments after their own; these override the cell file:\n  \
     --ros-args -r __ns:=/NAME -p NODE:KEY:=VALUE -r /tf:=/NAME";
 
 /// In the place of a folder: nothing on disk.
@@ -65,11 +65,11 @@ pub(crate) enum Command {
         /// Endpoint of another machine's router to connect to; may be repeated.
         #[arg(long)]
         join: Vec<String>,
-        /// What every program may do that is not of this user on this host.
+        /// Rights of every program that does not belong to this user on this host.
         #[arg(long, value_enum, default_value = "read")]
         strangers: commands::router::Strangers,
-        /// Keep the last state of every cell for dashboards that start later: in this folder, beyond the end of the router; without
-        /// one, or with `-`, in memory.
+        /// Retain the last state of every cell for dashboards that start later: in this folder, so that it survives the router;
+        /// without a folder, or with `-`, in memory.
         #[arg(long, value_name = "DIR", num_args = 0..=1, default_missing_value = IN_MEMORY)]
         keep: Option<PathBuf>,
         /// With --keep: another router whose cells are kept as well; may be repeated.
@@ -134,7 +134,7 @@ pub(crate) enum Command {
     Opcua(commands::opcua::Arguments),
     /// Publish a running cell to an MQTT broker as an edge node of Sparkplug B.
     Sparkplug(commands::sparkplug::Arguments),
-    /// Show every cell of the bus on one screen, those that need a person first.
+    /// Show every cell on the bus on one screen, those that need attention first.
     Watch(commands::watch::Arguments),
     /// Resume an interrupted measurement of a running cell, or repeat points of it; the part then continues.
     #[command(group(clap::ArgGroup::new("what").required(true)))]
@@ -195,7 +195,7 @@ pub(crate) enum Command {
         /// Read the whole recording to find all damage.
         #[arg(long)]
         verify: bool,
-        /// Recording of the same session begun after it, which tells what was lost at its end.
+        /// A later recording of the same session, which shows what was lost at the end of this one.
         #[arg(long, value_name = "BAG")]
         later: Option<PathBuf>,
         /// Print JSON.
@@ -213,7 +213,7 @@ pub(crate) enum Command {
         bag: PathBuf,
         /// Output folder; must not exist.
         to: PathBuf,
-        /// Recording of the same session begun after it, which shows what was lost at its end.
+        /// A later recording of the same session, which shows what was lost at the end of this one.
         #[arg(long, value_name = "BAG")]
         later: Option<PathBuf>,
     },
@@ -268,11 +268,11 @@ pub(crate) enum Command {
     /// Run the register of known gaps between a cell and its model, and judge each against its source.
     #[command(subcommand)]
     Scenario(commands::scenario::Command),
-    /// Keep sessions in a lake of Parquet tables: hands over to `probecell-fleet lake`.
+    /// Store sessions in a lake of Parquet tables (runs `probecell-fleet lake`).
     Lake(commands::fleet::Arguments),
-    /// Ask the sessions of many machines in SQL, and watch them for trends: hands over to `probecell-fleet`.
+    /// Query the sessions of many machines in SQL and monitor them for trends (runs `probecell-fleet`).
     Fleet(commands::fleet::Arguments),
-    /// Check a driver on the bus against the driver guide, acting as its cell: its machine moves.
+    /// Check a driver on the bus against the driver guide by acting as its cell. The machine moves.
     Conformance(commands::conformance::Arguments),
     /// Check the installation and the cell file.
     Doctor {

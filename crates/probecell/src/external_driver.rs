@@ -112,7 +112,7 @@ impl ExternalDriver {
     pub(crate) fn waiting(&self) -> String {
         let names = PUBLISHED.map(|topic| format!("{}/{}", self.namespace, topic.name));
         format!(
-            "the cell waits for its external driver: nobody publishes {}",
+            "the cell waits for its external driver to publish {}",
             names.join(", ")
         )
     }

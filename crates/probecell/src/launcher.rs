@@ -150,7 +150,7 @@ fn end_part(processes: &mut Processes, operator: &Operator) {
     }
     if let Err(failure) = operator.stop("up, which ends") {
         output::remark(&format!(
-            "the machine has not confirmed that it stands: {failure}"
+            "the machine has not confirmed its standstill: {failure}"
         ));
     }
     let deadline = Instant::now() + END_TIMEOUT;

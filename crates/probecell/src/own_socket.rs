@@ -90,7 +90,7 @@ impl OwnSocket {
             .with_context(|| format!("cannot read {}", folder.display()))?;
         if !found.is_dir() || found.uid() != geteuid().as_raw() || found.mode() & 0o077 != 0 {
             bail!(
-                "{} holds the private sockets of cells, and is not a folder of this user that others cannot open: chmod 700 it",
+                "{} is the folder of the private sockets of cells, and must belong to this user and be closed to others: chmod 700 it",
                 folder.display()
             );
         }

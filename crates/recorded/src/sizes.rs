@@ -53,7 +53,6 @@ pub fn conformity(result: &FeatureResult) -> &'static str {
 
 /// Parts and sizes of a session, schema `part-record`; lengths in m.
 pub fn json(session: &PartSession) -> Value {
-    let expanded = |one: &FeatureResult| one.coverage_factor * one.standard_uncertainty;
     let sizes: Vec<Value> = size_records(session)
         .iter()
         .map(|one| {
@@ -64,7 +63,7 @@ pub fn json(session: &PartSession) -> Value {
                 "nominal": result.nominal_size,
                 "size": result.size,
                 "deviation": result.size_deviation,
-                "expanded_uncertainty": expanded(result),
+                "expanded_uncertainty": result.expanded_uncertainty(),
                 "coverage_factor": result.coverage_factor,
                 "conformity": conformity(result),
                 "limits": session.limits(result).map(|limits| limits.map(|one| one.is_finite().then_some(one))),
@@ -75,7 +74,7 @@ pub fn json(session: &PartSession) -> Value {
                 "reference": one.reference.map(|found| json!({
                     "instrument": found.text,
                     "deviation": found.size_deviation,
-                    "expanded_uncertainty": expanded(found),
+                    "expanded_uncertainty": found.expanded_uncertainty(),
                     "normalised_error": one.score(),
                 })),
             })

@@ -9,7 +9,7 @@ use probecell_msgs::{OperatorRequest, builtin_interfaces::Time, to_cdr};
 
 use crate::key::{PublicKey, SecretKey};
 
-/// What somebody does.
+/// The kind of an act.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// An operator approves a correction.
@@ -29,7 +29,7 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// The word that stands for it in a statement.
+    /// Its keyword in a statement.
     pub const fn word(self) -> &'static str {
         match self {
             Self::Approve => "approve",

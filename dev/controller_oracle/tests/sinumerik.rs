@@ -7,7 +7,6 @@ use controller_oracle::{
     sinumerik::Interpreter,
 };
 use controllers::{
-    dialect::Characteristic,
     results::Frame,
     sinumerik::{
         decision::{STOPPED, main_program},
@@ -15,8 +14,10 @@ use controllers::{
         results::sinumerik_log,
     },
 };
-use metrology::decision::{Case, DecisionLimits, Policy, Side, decide};
-use parts::{Air, Bore, ORDER, axes, bore, prints, row};
+use parts::{
+    Air, Bore, NOMINAL, ORDER, axes, bore, decides_as_the_cell, feature, gives_the_published_rows,
+    prints,
+};
 
 fn loaded(body: &str) -> Interpreter {
     let mut controller = Interpreter::new(&['X', 'Y', 'Z']);
@@ -208,19 +209,6 @@ fn what_goes_wrong_is_a_miss_or_an_alarm_and_never_a_measurement() {
     assert_eq!(end, alarm(NOT_WRITTEN, "LOG NOT WRITTEN"));
 }
 
-const NOMINAL: f64 = 19.8e-3;
-
-fn feature(bore: bool) -> Characteristic {
-    Characteristic {
-        nominal: NOMINAL,
-        tolerance: 10e-6,
-        wear_limit: -110e-6,
-        max_corrections: 5,
-        inner: bore,
-        tool_number: 2,
-    }
-}
-
 /// Runs the deciding program alone: the row, and the wear afterwards in mm, as the table counts it.
 fn decided(size: Option<f64>, wear: f64, count: u32, bore: bool) -> (f64, f64) {
     let mut controller = Interpreter::new(&['X', 'Z']);
@@ -250,59 +238,12 @@ fn decided(size: Option<f64>, wear: f64, count: u32, bore: bool) -> (f64, f64) {
 
 #[test]
 fn the_program_gives_the_published_rows() {
-    let cases = [
-        (Some(19.810), 0.0, 0, 1.0, 0.0),
-        (Some(19.811), 0.0, 0, 5.0, -0.011),
-        (Some(19.790), 0.0, 0, 1.0, 0.0),
-        (Some(19.789), 0.0, 0, 2.0, 0.0),
-        (Some(19.835), -0.070, 0, 5.0, -0.105),
-        (Some(19.835), -0.080, 0, 3.0, -0.080),
-        (Some(19.840), -0.070, 0, 5.0, -0.110),
-        (Some(19.835), 0.0, 5, 4.0, 0.0),
-        (None, -0.02, 0, 0.0, -0.02),
-    ];
-    for (size, wear, count, row, after) in cases {
-        let found = decided(size, wear, count, false);
-        assert!(
-            found.0 == row && (found.1 - after).abs() < 1e-9,
-            "{size:?} with wear {wear}: {found:?}"
-        );
-    }
+    gives_the_published_rows(decided);
 }
 
 #[test]
 fn the_program_and_the_cell_decide_alike() {
-    let mut seen = [0; 6];
-    for bore in [false, true] {
-        let side = if bore { Side::Bore } else { Side::Outer };
-        for step in -60..=60 {
-            for wear in [-0.110, -0.0855, -0.03, 0.0, 0.05] {
-                for count in [0, 4, 5] {
-                    let size = 19.8 + f64::from(step) * 0.0005;
-                    let wear = if bore { -wear } else { wear };
-                    let case = Case {
-                        size: Some(size * 1e-3),
-                        nominal: NOMINAL,
-                        side,
-                        wear: wear * 1e-3,
-                        corrections: count,
-                    };
-                    let cell = decide(&case, &DecisionLimits::default(), Policy::Compensate)
-                        .expect("good limits");
-                    let (found, after) = decided(Some(size), wear, count, bore);
-                    assert!(
-                        found == row(cell.verdict) && (after - cell.new_wear * 1e3).abs() < 1e-9,
-                        "{size} with wear {wear}: row {found}, {after}; cell {cell:?}"
-                    );
-                    seen[found as usize] += 1;
-                }
-            }
-        }
-    }
-    assert!(
-        seen[1..].iter().all(|&count| count > 0),
-        "never reached: {seen:?}"
-    );
+    decides_as_the_cell(decided);
 }
 
 /// A part that each cut makes as large as the tool's wear says, and 25 µm more.

@@ -36,11 +36,11 @@ pub struct Fault {
 #[derive(Clone, Debug, PartialEq)]
 pub enum Kind {
     /// For a while one message in so many on the way to a subscriber is lost.
-    Lose(Way, f64, u32),
+    Lose(Route, f64, u32),
     /// For a while messages on the way to a subscriber are late by up to so many s; their order on the topic stays.
-    Delay(Way, f64, f64),
+    Delay(Route, f64, f64),
     /// For a while each message on the way to a subscriber comes once more, so many s later.
-    Repeat(Way, f64, f64),
+    Repeat(Route, f64, f64),
     /// A process is killed and started again so many s later, with empty memory. `true`: the launcher reports it.
     Kill(&'static str, f64, bool),
     /// A process is started at first so many s after the others.
@@ -66,7 +66,7 @@ pub enum Kind {
 
 /// From a topic to a subscriber.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Way {
+pub struct Route {
     /// The topic.
     pub topic: &'static str,
     /// The subscriber.
@@ -121,27 +121,27 @@ impl fmt::Display for Fault {
     }
 }
 
-/// All ways of messages in a cell, but those to observers.
-pub fn ways(cell: &Cell) -> Vec<Way> {
+/// All routes of messages in a cell, but those to observers.
+pub fn routes(cell: &Cell) -> Vec<Route> {
     let nodes = cell.nodes(false).unwrap_or_else(|error| panic!("{error}"));
     let wiring = Wiring::of(&nodes).unwrap_or_else(|error| panic!("{error}"));
-    let mut ways = Vec::new();
+    let mut routes = Vec::new();
     for topic in topics::ALL {
         for &(node, _) in wiring.subscribers(topic.name) {
             let to = nodes[node].name();
             if !OBSERVERS.contains(&to) {
-                ways.push(Way {
+                routes.push(Route {
                     topic: topic.name,
                     to,
                 });
             }
         }
     }
-    ways
+    routes
 }
 
 /// The faults of a seed, in order of time. Half of all seeds have few of them, which are easier to read.
-pub fn of_seed(seed: u64, ways: &[Way]) -> Vec<Fault> {
+pub fn of_seed(seed: u64, routes: &[Route]) -> Vec<Fault> {
     let mut random = Pcg64::seed_from_u64(seed);
     let count = if seed.is_multiple_of(2) {
         random.random_range(1..=6)
@@ -151,7 +151,7 @@ pub fn of_seed(seed: u64, ways: &[Way]) -> Vec<Fault> {
     let mut faults: Vec<Fault> = (0..count)
         .map(|_| Fault {
             at: rounded(random.random_range(0.2..FAULTS_END)),
-            kind: kind(&mut random, ways),
+            kind: kind(&mut random, routes),
         })
         .collect();
     // The driver or the gate is older than the other in most runs, and now and then another process comes late.
@@ -177,17 +177,19 @@ pub fn of_seed(seed: u64, ways: &[Way]) -> Vec<Fault> {
     faults
 }
 
-fn kind(random: &mut Pcg64, ways: &[Way]) -> Kind {
-    let way = *ways.choose(random).unwrap_or(&Way { topic: "", to: "" });
+fn kind(random: &mut Pcg64, routes: &[Route]) -> Kind {
+    let route = *routes
+        .choose(random)
+        .unwrap_or(&Route { topic: "", to: "" });
     let process = PROCESSES.choose(random).copied().unwrap_or_default();
     let mut seconds = |from: f64, to: f64| rounded((random.random_range(from.ln()..to.ln())).exp());
     let (short, long, step) = (seconds(0.05, 5.0), seconds(1.0, 30.0), seconds(1.0, 7200.0));
     let sign = if random.random() { 1.0 } else { -1.0 };
     let twice = random.random();
     match random.random_range(0..100) {
-        0..18 => Kind::Lose(way, long, random.random_range(1..=3)),
-        18..32 => Kind::Delay(way, long, short),
-        32..46 => Kind::Repeat(way, long, short),
+        0..18 => Kind::Lose(route, long, random.random_range(1..=3)),
+        18..32 => Kind::Delay(route, long, short),
+        32..46 => Kind::Repeat(route, long, short),
         46..62 => Kind::Kill(process, short, random.random_ratio(4, 5)),
         62..70 => Kind::Pause(process, short * 2.0),
         70..74 => Kind::RecorderStops(long),

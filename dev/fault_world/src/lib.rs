@@ -7,6 +7,7 @@
 //! must be made, and a replay of what was recorded must equal it or say truthfully that it is incomplete. A run is a
 //! function of its seed and its list. [`shortened`] drops faults from the list of a failure while it still fails.
 
+mod altered;
 mod check;
 mod fault;
 mod gate;
@@ -17,8 +18,9 @@ mod shrink;
 mod traffic;
 mod world;
 
+pub use altered::{Alteration, altered};
 pub use check::{Count, Invariant, Violation};
-pub use fault::{Fault, Forgery, Kind, Mood, Way, of_seed, ways};
+pub use fault::{Fault, Forgery, Kind, Mood, Route, of_seed, routes};
 pub use gate::{Bounds, DEEP, Found, SEARCHES, Search};
 pub use shrink::shortened;
 pub use world::{Outcome, StandIn, run};
@@ -26,11 +28,11 @@ pub use world::{Outcome, StandIn, run};
 use cell::Cell;
 use settings::{STOPS, default_cell};
 
-/// The cells of the runs, and the ways of their messages.
+/// The cells of the runs, and the routes of their messages.
 pub struct Cells {
     by_policy: Vec<Cell>,
     by_operators: Vec<Cell>,
-    ways: Vec<Way>,
+    routes: Vec<Route>,
 }
 
 impl Default for Cells {
@@ -38,7 +40,7 @@ impl Default for Cells {
         let cells = |automatic| STOPS.map(|stop| default_cell(automatic, stop)).to_vec();
         let by_policy = cells(true);
         Self {
-            ways: ways(&by_policy[0]),
+            routes: routes(&by_policy[0]),
             by_operators: cells(false),
             by_policy,
         }
@@ -59,7 +61,7 @@ impl Cells {
 
     /// The faults of a seed.
     pub fn faults(&self, seed: u64) -> Vec<Fault> {
-        of_seed(seed, &self.ways)
+        of_seed(seed, &self.routes)
     }
 
     /// The run of a seed.

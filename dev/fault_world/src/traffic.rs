@@ -1,11 +1,11 @@
-//! Messages on their ways: late, lost, or twice.
+//! Messages on their routes: late, lost, or twice.
 
 use std::{cell::RefCell, collections::BTreeMap, rc::Rc};
 
 use cell_tests::BEGIN;
 use graph::{Link, Published, Stamp};
 
-use crate::fault::{Fault, Kind, Way};
+use crate::fault::{Fault, Kind, Route};
 
 /// A message that has reached a subscriber.
 pub(crate) struct Taken {
@@ -15,10 +15,10 @@ pub(crate) struct Taken {
     pub(crate) by: &'static str,
 }
 
-/// The ways of messages under the faults of a run.
+/// The routes of messages under the faults of a run.
 pub(crate) struct Traffic {
     seed: u64,
-    windows: Vec<(Stamp, Stamp, Way, Kind)>,
+    windows: Vec<(Stamp, Stamp, Route, Kind)>,
     last: BTreeMap<(String, &'static str), Stamp>,
     pub(crate) taken: Vec<Taken>,
 }
@@ -26,14 +26,14 @@ pub(crate) struct Traffic {
 impl Traffic {
     pub(crate) fn new(seed: u64, faults: &[Fault]) -> Self {
         let window = |fault: &Fault| {
-            let (way, seconds) = match &fault.kind {
-                Kind::Lose(way, seconds, _)
-                | Kind::Delay(way, seconds, _)
-                | Kind::Repeat(way, seconds, _) => (*way, *seconds),
+            let (route, seconds) = match &fault.kind {
+                Kind::Lose(route, seconds, _)
+                | Kind::Delay(route, seconds, _)
+                | Kind::Repeat(route, seconds, _) => (*route, *seconds),
                 _ => return None,
             };
             let begin = BEGIN.after_s(fault.at);
-            Some((begin, begin.after_s(seconds), way, fault.kind.clone()))
+            Some((begin, begin.after_s(seconds), route, fault.kind.clone()))
         };
         Self {
             seed,
@@ -43,7 +43,7 @@ impl Traffic {
         }
     }
 
-    /// All ways are as they should be again.
+    /// All routes are as they should be again.
     pub(crate) fn heal(&mut self) {
         self.windows.clear();
     }
@@ -71,14 +71,15 @@ impl Traffic {
     fn arrivals(&mut self, now: Stamp, published: &Published, to: &'static str) -> Vec<Stamp> {
         let key = (published.topic.clone(), to);
         let (mut at, mut lost, mut again) = (now, false, Vec::new());
-        for (begin, end, way, kind) in &self.windows {
-            let acts = now >= *begin && now < *end && way.to == to && way.topic == published.topic;
+        for (begin, end, route, kind) in &self.windows {
+            let acts =
+                now >= *begin && now < *end && route.to == to && route.topic == published.topic;
             if !acts {
                 continue;
             }
             // Windows overlap, and each has a chance of its own.
             let numbers = [self.seed, published.sequence, begin.0 as u64];
-            let chance = chance(&[way.topic, way.to], &numbers);
+            let chance = chance(&[route.topic, route.to], &numbers);
             match kind {
                 Kind::Lose(_, _, one_in) => lost |= chance.is_multiple_of(u64::from(*one_in)),
                 Kind::Delay(_, _, by) => {

@@ -8,8 +8,10 @@
 
 use std::sync::LazyLock;
 
-use fault_world::{Cells, Fault, Forgery, Invariant, Kind, Mood, StandIn, Way, run};
-use graph::{DeliverError, Emitted, Instance, RestoreError, Stamp, Topic, topics};
+use fault_world::{
+    Alteration, Cells, Fault, Forgery, Invariant, Kind, Mood, Route, StandIn, altered, run,
+};
+use graph::{DeliverError, Emitted, Instance, Stamp, Topic, topics};
 use probecell_msgs::{
     ControllerCommand, ControllerStatus, Correction, CorrectionAcknowledgement as Ack,
     GateHeartbeat, Message, OperationRequest, RecordingStatus, from_cdr, to_cdr,
@@ -57,16 +59,21 @@ impl Said {
 }
 
 struct Wrong {
-    inner: Box<dyn Instance>,
     before: Before,
     after: After,
     memory: Memory,
 }
 
 impl Wrong {
-    fn settle(&mut self, now: Stamp, input: (&'static str, &[u8]), emitted: Emitted) -> Emitted {
+    fn settle(
+        &mut self,
+        node: &dyn Instance,
+        now: Stamp,
+        input: (&'static str, &[u8]),
+        emitted: Emitted,
+    ) -> Emitted {
         let mut said = Said {
-            outputs: self.inner.outputs(),
+            outputs: node.outputs(),
             messages: emitted.messages,
         };
         (self.after)(&mut self.memory, now, input, &mut said);
@@ -77,56 +84,39 @@ impl Wrong {
     }
 }
 
-impl Instance for Wrong {
-    fn name(&self) -> &'static str {
-        self.inner.name()
-    }
-
-    fn inputs(&self) -> &'static [Topic] {
-        self.inner.inputs()
-    }
-
-    fn outputs(&self) -> &'static [Topic] {
-        self.inner.outputs()
-    }
-
-    fn fault_codes(&self) -> Vec<&'static str> {
-        self.inner.fault_codes()
-    }
-
-    fn deliver(&mut self, now: Stamp, port: usize, cdr: &[u8]) -> Result<Emitted, DeliverError> {
-        let topic = self.inner.inputs()[port].name;
+impl Alteration for Wrong {
+    fn deliver(
+        &mut self,
+        node: &mut dyn Instance,
+        now: Stamp,
+        port: usize,
+        cdr: &[u8],
+    ) -> Result<Emitted, DeliverError> {
+        let topic = node.inputs()[port].name;
         let emitted = match (self.before)(now, topic, cdr) {
-            Some(changed) => self.inner.deliver(now, port, &changed)?,
+            Some(changed) => node.deliver(now, port, &changed)?,
             None => Emitted::default(),
         };
-        Ok(self.settle(now, (topic, cdr), emitted))
+        Ok(self.settle(node, now, (topic, cdr), emitted))
     }
 
-    fn timer(&mut self, now: Stamp, id: u32) -> Emitted {
-        let emitted = self.inner.timer(now, id);
-        self.settle(now, ("", &[]), emitted)
-    }
-
-    fn snapshot(&self) -> serde_json::Value {
-        self.inner.snapshot()
-    }
-
-    fn restore(&mut self, snapshot: serde_json::Value) -> Result<(), RestoreError> {
-        self.inner.restore(snapshot)
+    fn timer(&mut self, node: &mut dyn Instance, now: Stamp, id: u32) -> Emitted {
+        let emitted = node.timer(now, id);
+        self.settle(node, now, ("", &[]), emitted)
     }
 }
 
 fn wrong(node: Box<dyn Instance>, name: &str, before: Before, after: After) -> Box<dyn Instance> {
-    if node.name() != name {
-        return node;
-    }
-    Box::new(Wrong {
-        inner: node,
-        before,
-        after,
-        memory: Memory::default(),
-    })
+    let memory = Memory::default();
+    altered(
+        node,
+        name,
+        Wrong {
+            before,
+            after,
+            memory,
+        },
+    )
 }
 
 fn as_it_is(_: Stamp, _: &'static str, payload: &[u8]) -> Option<Vec<u8>> {
@@ -261,14 +251,14 @@ fn an_operation_after_a_stop_is_seen() {
     fn deaf(_: Stamp, topic: &'static str, payload: &[u8]) -> Option<Vec<u8>> {
         (topic != topics::STOP_REQUESTS.name).then(|| payload.to_vec())
     }
-    let way = Way {
+    let route = Route {
         topic: topics::STOP_REQUESTS.name,
         to: "cycle",
     };
     let faults = [
         Fault {
             at: 1.5,
-            kind: Kind::Lose(way, 10.0, 1),
+            kind: Kind::Lose(route, 10.0, 1),
         },
         Fault {
             at: 2.0,
@@ -282,7 +272,7 @@ fn an_operation_after_a_stop_is_seen() {
 
 #[test]
 fn a_write_after_a_rejection_is_seen() {
-    let way = Way {
+    let route = Route {
         topic: topics::PASS_DECISIONS.name,
         to: "cycle",
     };
@@ -294,7 +284,7 @@ fn a_write_after_a_rejection_is_seen() {
         },
         Fault {
             at: 1.0,
-            kind: Kind::Lose(way, 115.0, 1),
+            kind: Kind::Lose(route, 115.0, 1),
         },
     ];
     faults.extend(again_and_again(&Kind::Forge(Forgery::Sound)));
@@ -323,59 +313,39 @@ fn an_unrecorded_operation_is_seen() {
 
 #[test]
 fn a_machine_that_moves_without_a_gate_is_seen() {
+    /// It makes its own signs of life.
     struct Driver {
-        inner: Box<dyn Instance>,
         count: u64,
     }
-    impl Instance for Driver {
-        fn name(&self) -> &'static str {
-            self.inner.name()
-        }
-        fn inputs(&self) -> &'static [Topic] {
-            self.inner.inputs()
-        }
-        fn outputs(&self) -> &'static [Topic] {
-            self.inner.outputs()
-        }
-        fn fault_codes(&self) -> Vec<&'static str> {
-            self.inner.fault_codes()
-        }
+    impl Alteration for Driver {
         fn deliver(
             &mut self,
+            node: &mut dyn Instance,
             now: Stamp,
             port: usize,
             cdr: &[u8],
         ) -> Result<Emitted, DeliverError> {
-            let topic = self.inner.inputs()[port].name;
-            if topic == topics::GATE_HEARTBEAT.name {
+            if node.inputs()[port].name == topics::GATE_HEARTBEAT.name {
                 return Ok(Emitted::default());
             }
-            self.inner.deliver(now, port, cdr)
+            node.deliver(now, port, cdr)
         }
-        fn timer(&mut self, now: Stamp, id: u32) -> Emitted {
-            // It makes its own signs of life.
+        fn timer(&mut self, node: &mut dyn Instance, now: Stamp, id: u32) -> Emitted {
             self.count += 1;
             let beat = GateHeartbeat {
                 started: 1,
                 count: self.count,
                 ..GateHeartbeat::default()
             };
-            let mut inputs = self.inner.inputs().iter();
+            let mut inputs = node.inputs().iter();
             let port = inputs.position(|topic| topic.name == topics::GATE_HEARTBEAT.name);
-            let mut emitted = self
-                .inner
+            let mut emitted = node
                 .deliver(now, port.expect("an input"), &to_cdr(&beat))
                 .expect("a heartbeat");
-            let more = self.inner.timer(now, id);
+            let more = node.timer(now, id);
             emitted.messages.extend(more.messages);
             emitted.timers.extend(more.timers);
             emitted
-        }
-        fn snapshot(&self) -> serde_json::Value {
-            self.inner.snapshot()
-        }
-        fn restore(&mut self, snapshot: serde_json::Value) -> Result<(), RestoreError> {
-            self.inner.restore(snapshot)
         }
     }
     let faults = [Fault {
@@ -383,14 +353,7 @@ fn a_machine_that_moves_without_a_gate_is_seen() {
         kind: Kind::Kill("machine_state", 20.0, false),
     }];
     caught(Invariant::Unsupervised, 0, &faults, |node| {
-        if node.name() == "simulator" {
-            Box::new(Driver {
-                inner: node,
-                count: 0,
-            })
-        } else {
-            node
-        }
+        altered(node, "simulator", Driver { count: 0 })
     });
 }
 

@@ -2,8 +2,8 @@
 //! must not be; and gates that are wrong in one respect each are found out.
 
 use cell_tests::{cell, instance};
-use fault_world::{Bounds, Cells, SEARCHES, Search, StandIn};
-use graph::{DeliverError, Emitted, Instance, RestoreError, Stamp, Topic, topics};
+use fault_world::{Alteration, Bounds, Cells, SEARCHES, Search, StandIn, altered};
+use graph::{DeliverError, Emitted, Instance, Stamp, Topic, topics};
 use probecell_msgs::{ControllerStatus, Correction, OperatorKeys, PartStatus, from_cdr};
 use serde_json::{Value, json};
 
@@ -33,47 +33,28 @@ fn no_order_of_events_writes_a_correction_that_must_not_be_written() {
 
 /// A gate that is wrong: it is deaf to some messages, or its state is changed after each step.
 struct Wrong {
-    inner: Box<dyn Instance>,
     deaf: fn(Topic, &[u8]) -> bool,
     changed: fn(&mut Value),
 }
 
-impl Instance for Wrong {
-    fn name(&self) -> &'static str {
-        self.inner.name()
-    }
-
-    fn inputs(&self) -> &'static [Topic] {
-        self.inner.inputs()
-    }
-
-    fn outputs(&self) -> &'static [Topic] {
-        self.inner.outputs()
-    }
-
-    fn fault_codes(&self) -> Vec<&'static str> {
-        self.inner.fault_codes()
-    }
-
-    fn deliver(&mut self, now: Stamp, port: usize, cdr: &[u8]) -> Result<Emitted, DeliverError> {
-        if (self.deaf)(self.inner.inputs()[port], cdr) {
+impl Alteration for Wrong {
+    fn deliver(
+        &mut self,
+        node: &mut dyn Instance,
+        now: Stamp,
+        port: usize,
+        cdr: &[u8],
+    ) -> Result<Emitted, DeliverError> {
+        if (self.deaf)(node.inputs()[port], cdr) {
             return Ok(Emitted::default());
         }
-        self.inner.deliver(now, port, cdr)
+        node.deliver(now, port, cdr)
     }
 
-    fn timer(&mut self, now: Stamp, id: u32) -> Emitted {
-        self.inner.timer(now, id)
-    }
-
-    fn snapshot(&self) -> Value {
-        let mut snapshot = self.inner.snapshot();
+    fn snapshot(&self, node: &dyn Instance) -> Value {
+        let mut snapshot = node.snapshot();
         (self.changed)(&mut snapshot);
         snapshot
-    }
-
-    fn restore(&mut self, snapshot: Value) -> Result<(), RestoreError> {
-        self.inner.restore(snapshot)
     }
 }
 
@@ -90,14 +71,7 @@ fn wrong(
     deaf: fn(Topic, &[u8]) -> bool,
     changed: fn(&mut Value),
 ) -> Box<dyn Instance> {
-    if node.name() != "machine_state" {
-        return node;
-    }
-    Box::new(Wrong {
-        inner: node,
-        deaf,
-        changed,
-    })
+    altered(node, "machine_state", Wrong { deaf, changed })
 }
 
 /// The gate of a cell with another setting.

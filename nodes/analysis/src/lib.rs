@@ -47,6 +47,7 @@ mod alignment;
 mod composed;
 mod config;
 pub mod feature;
+mod ports;
 mod reference;
 mod result;
 mod state;
@@ -57,7 +58,12 @@ pub use config::{
     Alignment, Config, ConfigError, Distribution, Method, RawAlignment, RawConfig, RawContribution,
     RawFit, Width,
 };
+pub use ports::{AnalysisFault, Input, Output};
 pub use reference::ReferenceError;
 pub use state::{State, Touch};
-pub use step::{AnalysisFault, AnalysisNode, Input, Output};
 pub use tolerance::{Characteristic, Tolerance};
+
+graph::node! {
+    /// The node.
+    pub struct AnalysisNode { ports: ports, config: Config, state: State, step: step::step }
+}

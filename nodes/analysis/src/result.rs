@@ -271,7 +271,7 @@ fn outlier_text(outliers: &[usize], of_point: &[u32]) -> String {
 
 /// ISO 14253-1:2017: conforms only when the whole expanded uncertainty lies inside the limits.
 pub(crate) fn decide(result: &mut FeatureResult, lower: f64, upper: f64) {
-    let expanded = result.coverage_factor * result.standard_uncertainty;
+    let expanded = result.expanded_uncertainty();
     match conformance(result.size_deviation, expanded, &Tolerance { lower, upper }) {
         Ok(Conformance::Conforms) => result.decision = FeatureResult::CONFORMS,
         Ok(Conformance::DoesNotConform) => result.decision = FeatureResult::DOES_NOT_CONFORM,

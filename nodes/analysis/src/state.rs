@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
+use graph::Early;
 use nalgebra::{Point3, Vector3};
 use probecell_msgs::{FeatureResult, InspectionPlan, PartAlignment, ProbeEvent};
 use serde::{Deserialize, Serialize};
@@ -16,7 +17,7 @@ pub struct State {
     /// Those before it, the latest last.
     pub earlier: VecDeque<InspectionPlan>,
     /// Events whose plan has not arrived yet.
-    pub waiting: VecDeque<ProbeEvent>,
+    pub waiting: Early<ProbeEvent>,
     /// Touches of each point of the plan.
     pub touches: BTreeMap<u32, Vec<Touch>>,
     /// Results reported, by feature, width or step.

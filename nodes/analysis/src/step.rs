@@ -1,126 +1,60 @@
 //! The rules of `analysis`: what each input changes, and what is reported then.
 
-use graph::{Node, Outbox, Stamp, faults, inputs, outputs, topics};
+use graph::{Outbox, Stamp};
 use machine::Nominal;
 use nalgebra::Point3;
 use probecell_msgs::{
-    Fault, FeatureResult, InspectionPlan, MeasurementOrder, PartAlignment, ProbeEvent,
-    ReferenceMeasurement, TouchDeviation, std_msgs,
+    FeatureResult, InspectionPlan, MeasurementOrder, ProbeEvent, ReferenceMeasurement,
+    TouchDeviation, std_msgs,
 };
 
 use crate::{
     alignment,
     composed::{Composition, composed_result},
     config::{Alignment, Config},
+    ports::{AnalysisFault, Input, Out, Output},
     result,
     state::{State, Touch},
     tolerance::evaluation::tolerance_result,
 };
-
-inputs! {
-    /// What `analysis` subscribes to.
-    pub enum Input {
-        /// The plan of the measurement.
-        Plan(InspectionPlan) = topics::INSPECTION_PLAN,
-        /// The points of it that are touched next.
-        Order(MeasurementOrder) = topics::MEASUREMENT_ORDER,
-        /// A probing move and its outcome.
-        Event(ProbeEvent) = topics::PROBE_EVENTS,
-        /// The part as an outside instrument finds it.
-        Reference(ReferenceMeasurement) = topics::REFERENCE,
-    }
-}
-
-outputs! {
-    /// What `analysis` publishes.
-    pub enum Output {
-        /// The deviation of one touch.
-        Deviation(TouchDeviation) = topics::TOUCH_DEVIATIONS,
-        /// A fitted feature.
-        Feature(FeatureResult) = topics::FEATURE_RESULTS,
-        /// The alignment of the part.
-        Alignment(PartAlignment) = topics::PART_ALIGNMENT,
-        /// A feature as an outside instrument finds it.
-        ReferenceFeature(FeatureResult) = topics::REFERENCE_RESULTS,
-        /// A fault.
-        Fault(Fault) = topics::ANALYSIS_FAULTS,
-    }
-}
-
-faults! {
-    /// What `analysis` can find wrong.
-    pub enum AnalysisFault of "analysis" {
-        /// An event from which no deviation can be computed.
-        EventNotUsable = ERROR "event_not_usable",
-        /// A reference measurement that is of no plan known here.
-        ReferenceNotUsable = WARNING "reference_not_usable",
-    }
-}
 
 /// Events kept whose plan has not arrived yet.
 const WAITING_LIMIT: usize = 65_536;
 /// Plans kept for references, which come when the part has been carried to the instrument.
 const PLAN_LIMIT: usize = 8;
 
-/// The node.
-pub struct AnalysisNode;
-
-impl Node for AnalysisNode {
-    const NAME: &'static str = "analysis";
-    type Config = Config;
-    type State = State;
-    type Input = Input;
-    type Output = Output;
-    type Fault = AnalysisFault;
-
-    fn start(_config: &Config) -> State {
-        State::default()
-    }
-
-    fn step(
-        config: &Config,
-        state: &mut State,
-        now: Stamp,
-        input: Input,
-        out: &mut Outbox<Output>,
-    ) {
-        match input {
-            Input::Timer(_) => {}
-            Input::Plan(plan) => {
-                if let Some(before) = state.plan.replace(plan) {
-                    state.earlier.push_back(before);
-                    if state.earlier.len() > PLAN_LIMIT {
-                        state.earlier.pop_front();
-                    }
-                }
-                state.touches.clear();
-                state.reported.clear();
-                state.pending.clear();
-                state.alignment = None;
-            }
-            Input::Order(order) => remeasure(config, state, now, &order, out),
-            Input::Reference(reference) => evaluate(config, state, now, &reference, out),
-            Input::Event(event) => {
-                state.waiting.push_back(event);
-                if state.waiting.len() > WAITING_LIMIT {
-                    state.waiting.pop_front();
-                    let text = "an event was dropped because its plan did not arrive";
-                    out.fault(now, AnalysisFault::EventNotUsable, text);
+/// Processes one input at the instant `now`.
+pub(crate) fn step(config: &Config, state: &mut State, now: Stamp, input: Input, out: &mut Out) {
+    match input {
+        Input::Timer(_) => {}
+        Input::Plan(plan) => {
+            if let Some(before) = state.plan.replace(plan) {
+                state.earlier.push_back(before);
+                if state.earlier.len() > PLAN_LIMIT {
+                    state.earlier.pop_front();
                 }
             }
+            state.touches.clear();
+            state.reported.clear();
+            state.pending.clear();
+            state.alignment = None;
         }
-        let Some(plan) = state.plan.take() else {
-            return;
-        };
-        for event in std::mem::take(&mut state.waiting) {
-            if event.plan_id == plan.plan_id {
-                take(config, state, now, &plan, &event, out);
-            } else {
-                state.waiting.push_back(event);
+        Input::Order(order) => remeasure(config, state, now, &order, out),
+        Input::Reference(reference) => evaluate(config, state, now, &reference, out),
+        Input::Event(event) => {
+            if state.waiting.keep(event, WAITING_LIMIT).is_some() {
+                let text = "an event was dropped because its plan did not arrive";
+                out.fault(now, AnalysisFault::EventNotUsable, text);
             }
         }
-        state.plan = Some(plan);
     }
+    let Some(plan) = state.plan.take() else {
+        return;
+    };
+    for event in (state.waiting).release(|event| event.plan_id == plan.plan_id) {
+        take(config, state, now, &plan, &event, out);
+    }
+    state.plan = Some(plan);
 }
 
 /// Reports the features of a reference measurement.
@@ -129,7 +63,7 @@ fn evaluate(
     state: &State,
     now: Stamp,
     reference: &ReferenceMeasurement,
-    out: &mut Outbox<Output>,
+    out: &mut Out,
 ) {
     // The latest of a name: a plan published again replaces the one before.
     let plans = state.earlier.iter().chain(&state.plan);
@@ -168,7 +102,7 @@ fn remeasure(
     state: &mut State,
     now: Stamp,
     order: &MeasurementOrder,
-    out: &mut Outbox<Output>,
+    out: &mut Out,
 ) {
     let is_ordered = |plan: &InspectionPlan| plan.plan_id == order.plan_id;
     if state.touches.is_empty() || !state.plan.as_ref().is_some_and(is_ordered) {
@@ -191,7 +125,7 @@ fn report_all(
     state: &mut State,
     plan: &InspectionPlan,
     header: &std_msgs::Header,
-    out: &mut Outbox<Output>,
+    out: &mut Out,
 ) {
     if let Some(alignment) = &config.alignment {
         let Some(message) = alignment::part_alignment(config, alignment, state, plan, header)
@@ -213,7 +147,7 @@ fn take(
     now: Stamp,
     plan: &InspectionPlan,
     event: &ProbeEvent,
-    out: &mut Outbox<Output>,
+    out: &mut Out,
 ) {
     let Some(nominal) = plan.points.get(event.point_index as usize) else {
         let text = format!(
@@ -295,7 +229,7 @@ fn report_when_complete(
     plan: &InspectionPlan,
     index: u32,
     header: &std_msgs::Header,
-    out: &mut Outbox<Output>,
+    out: &mut Out,
 ) {
     let Some(feature) = plan.features.get(index as usize) else {
         return;
@@ -322,7 +256,7 @@ fn report_when_complete(
     }
 }
 
-fn publish(state: &mut State, result: FeatureResult, out: &mut Outbox<Output>) {
+fn publish(state: &mut State, result: FeatureResult, out: &mut Out) {
     state
         .reported
         .insert(result.feature_id.clone(), result.clone());

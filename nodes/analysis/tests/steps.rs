@@ -1,5 +1,7 @@
 //! Step by step: from touches to deviations and sizes.
 
+mod robot;
+
 use analysis::{
     AnalysisNode, Config, Distribution, Input, Output, RawConfig, RawContribution, Width,
 };
@@ -11,17 +13,7 @@ use probecell_msgs::{
     geometry_msgs::{Point, Pose, Quaternion, Vector3},
 };
 
-/// The probe moves freely; its ball of 2 mm has its centre in the mount's origin.
-const ROBOT: &str = r#"<robot name="xyz"><link name="foundation"/><link name="workpiece"/><link name="probe_mount"/>
-<link name="a"/><link name="b"/>
-<joint name="W" type="fixed"><parent link="foundation"/><child link="workpiece"/></joint>
-<joint name="X" type="prismatic"><parent link="foundation"/><child link="a"/><axis xyz="1 0 0"/>
-<limit lower="-1" upper="1" effort="0" velocity="1"/></joint>
-<joint name="Y" type="prismatic"><parent link="a"/><child link="b"/><axis xyz="0 1 0"/>
-<limit lower="-1" upper="1" effort="0" velocity="1"/></joint>
-<joint name="Z" type="prismatic"><parent link="b"/><child link="probe_mount"/><axis xyz="0 0 1"/>
-<limit lower="-1" upper="1" effort="0" velocity="1"/></joint></robot>"#;
-const BALL: f64 = 2e-3;
+use robot::{BALL, ROBOT};
 
 fn config() -> Config {
     let planes = ["right".to_owned(), "left".to_owned()];

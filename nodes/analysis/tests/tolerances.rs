@@ -1,5 +1,7 @@
 //! Geometrical tolerances: zones of shapes whose answer is known, and how often the stated uncertainty holds the truth.
 
+mod robot;
+
 use analysis::{
     AnalysisNode, Characteristic, Config, Input, Output, RawAlignment, RawConfig, Tolerance,
 };
@@ -13,17 +15,8 @@ use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 
-/// The probe moves freely; its ball of 2 mm has its centre in the mount's origin.
-const ROBOT: &str = r#"<robot name="xyz"><link name="foundation"/><link name="workpiece"/><link name="probe_mount"/>
-<link name="a"/><link name="b"/>
-<joint name="W" type="fixed"><parent link="foundation"/><child link="workpiece"/></joint>
-<joint name="X" type="prismatic"><parent link="foundation"/><child link="a"/><axis xyz="1 0 0"/>
-<limit lower="-1" upper="1" effort="0" velocity="1"/></joint>
-<joint name="Y" type="prismatic"><parent link="a"/><child link="b"/><axis xyz="0 1 0"/>
-<limit lower="-1" upper="1" effort="0" velocity="1"/></joint>
-<joint name="Z" type="prismatic"><parent link="b"/><child link="probe_mount"/><axis xyz="0 0 1"/>
-<limit lower="-1" upper="1" effort="0" velocity="1"/></joint></robot>"#;
-const BALL: f64 = 2e-3;
+use robot::{BALL, ROBOT};
+
 /// m; standard deviation of a touch.
 const NOISE: f64 = 1e-6;
 
@@ -252,7 +245,7 @@ fn coverage(
         let mut random = Pcg64::seed_from_u64(seed);
         let mut noise = || NOISE * Distribution::<f64>::sample(&StandardNormal, &mut random);
         let result = &measured(&config, &plan, |_, p, n| surface(p, n) + noise())["t"];
-        let u = result.coverage_factor * result.standard_uncertainty;
+        let u = result.expanded_uncertainty();
         let error = (result.size - truth).abs();
         expanded += u / sessions as f64;
         held += f64::from(u8::from(error <= u)) / sessions as f64;

@@ -3,14 +3,14 @@
 //! A correction that is not answered in time, one that is rejected, and the end of the part withdraw everything that was
 //! proposed for the part: none of it may reach the machine.
 
-use graph::{Outbox, Stamp};
+use graph::Stamp;
 use probecell_msgs::{Correction, OperatorReply, OperatorRequest, PassDecision};
 use trust::Approval;
 
 use crate::{
     config::Config,
+    ports::{CompensationFault, Out, Output},
     state::State,
-    step::{CompensationFault, Output},
 };
 
 /// Why what was proposed for a part is void.
@@ -33,7 +33,7 @@ pub(crate) fn withdraw(state: &mut State, until: Stamp, why: &str) {
 }
 
 /// Stops the part where a proposed correction was not answered in time, and withdraws everything proposed for it.
-pub(crate) fn overdue(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Output>) {
+pub(crate) fn overdue(config: &Config, state: &mut State, now: Stamp, out: &mut Out) {
     let overdue: Vec<&str> = (state.proposed.values())
         .filter(|(correction, _)| due(config, correction) <= now)
         .map(|(correction, _)| correction.correction_id.as_str())
@@ -67,7 +67,7 @@ pub(crate) fn approve(
     state: &mut State,
     now: Stamp,
     request: &OperatorRequest,
-    out: &mut Outbox<Output>,
+    out: &mut Out,
 ) {
     let taken = match answered(config, state, now, request) {
         Ok((answer, approval)) => {
@@ -135,12 +135,7 @@ fn answered(
 }
 
 /// Publishes an answer; a rejection, and an approval that comes too late, end the part.
-fn settle(
-    state: &mut State,
-    now: Stamp,
-    answer: Correction,
-    out: &mut Outbox<Output>,
-) -> Result<(), String> {
+fn settle(state: &mut State, now: Stamp, answer: Correction, out: &mut Out) -> Result<(), String> {
     let id = &answer.correction_id;
     let pass = state.proposed.remove(id).map_or(0, |(_, pass)| pass);
     let late =

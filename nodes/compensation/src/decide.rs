@@ -9,7 +9,7 @@
 
 use std::collections::BTreeMap;
 
-use graph::{Outbox, Stamp};
+use graph::Stamp;
 use metrology::decision::{self, Action, Policy};
 use probecell_msgs::{Correction, FeatureResult, PassDecision, PlanId, Verdict};
 
@@ -17,9 +17,11 @@ use crate::{
     approval,
     config::{Characteristic, Config},
     judgement::Judgement,
-    path, propose, reference, rule,
+    path,
+    ports::{Out, Output},
+    propose, reference, rule,
     state::State,
-    step::{APPROVAL, Output},
+    step::APPROVAL,
     volumetric, wear, work_offset,
 };
 
@@ -58,7 +60,7 @@ struct Conclusion {
 }
 
 /// Decides on the measurement that is complete: publishes its verdicts, its corrections and the decision.
-pub(crate) fn decide(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Output>) {
+pub(crate) fn decide(config: &Config, state: &mut State, now: Stamp, out: &mut Out) {
     let Some(measurement) = state.take_measurement() else {
         return;
     };
@@ -103,13 +105,7 @@ pub(crate) fn decide(config: &Config, state: &mut State, now: Stamp, out: &mut O
 }
 
 /// Publishes a correction; one that nobody has approved yet waits for an operator.
-fn publish(
-    config: &Config,
-    state: &mut State,
-    correction: Correction,
-    pass: u32,
-    out: &mut Outbox<Output>,
-) {
+fn publish(config: &Config, state: &mut State, correction: Correction, pass: u32, out: &mut Out) {
     if correction.approval == Correction::APPROVAL_NONE {
         let proposed = (correction.clone(), pass);
         state
@@ -126,7 +122,7 @@ fn judge_sizes<'a>(
     state: &State,
     now: Stamp,
     measurement: &Measurement,
-    out: &mut Outbox<Output>,
+    out: &mut Out,
 ) -> Vec<SizeJudgement<'a>> {
     let judge = |characteristic: &'a Characteristic| {
         let result = &measurement.results[&characteristic.id];

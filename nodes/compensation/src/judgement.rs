@@ -24,6 +24,65 @@ pub(crate) struct Judgement {
     pub(crate) proposals: Option<Vec<Proposal>>,
 }
 
+/// A displacement that was found, before it is judged.
+pub(crate) struct Found<'a> {
+    /// Its name in verdicts.
+    pub(crate) id: &'a str,
+    /// What is displaced, in words.
+    pub(crate) subject: &'static str,
+    /// m; the largest displacement that qualifies.
+    pub(crate) tolerance: f64,
+    /// m; the largest displacement by the errors found, and its standard uncertainty.
+    pub(crate) displacement: (f64, f64),
+    /// What was found, in a sentence.
+    pub(crate) summary: String,
+    /// Corrections made in this pass, and the most that may be made.
+    pub(crate) corrections: (u32, u32),
+}
+
+impl Found<'_> {
+    /// The verdict, with what corrects the displacement where `propose` can; its error says why not.
+    pub(crate) fn judge(
+        self,
+        propose: impl FnOnce() -> Result<Vec<Proposal>, String>,
+    ) -> Judgement {
+        let Self {
+            subject,
+            tolerance,
+            displacement: (error, uncertainty),
+            summary,
+            corrections: (corrections, most),
+            ..
+        } = self;
+        let expanded = COVERAGE * uncertainty;
+        let (verdict, text, proposals) = if !(expanded <= tolerance) {
+            let (expanded, tolerance) = (expanded * 1e6, tolerance * 1e6);
+            let text = format!(
+                "{subject} is known only to ±{expanded:.1} µm; its tolerance is {tolerance:.1} µm"
+            );
+            (Verdict::MeasurementInvalid, text, None)
+        } else if error <= tolerance {
+            (Verdict::Qualified, summary, None)
+        } else if corrections >= most {
+            let text = format!("{summary}; still out of tolerance after {corrections} corrections");
+            (Verdict::NotConverged, text, None)
+        } else {
+            match propose() {
+                Ok(proposals) => (Verdict::Compensable, summary, Some(proposals)),
+                Err(why) => (Verdict::NotConverged, format!("{summary}; {why}"), None),
+            }
+        };
+        Judgement {
+            id: self.id.to_owned(),
+            tolerance,
+            verdict,
+            error,
+            text,
+            proposals,
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use metrology::statistics::coverage_factor;

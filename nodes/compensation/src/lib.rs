@@ -70,6 +70,7 @@ mod decide;
 mod judgement;
 mod passes;
 mod path;
+mod ports;
 mod propose;
 mod reference;
 mod rule;
@@ -85,9 +86,14 @@ pub use config::{
 };
 pub use passes::{Passes, UnknownPass};
 pub use path::Paths;
+pub use ports::{CompensationFault, Input, Output};
 pub use rule::RawDecisionRule;
 pub use state::State;
-pub use step::{CompensationFault, CompensationNode, Input, Output};
 pub use touches::Touches;
 pub use volumetric::{ProbeEffect, RawVolumetric, Volumetric, VolumetricError};
 pub use work_offset::{RawWorkOffset, WorkOffset, WorkOffsetError};
+
+graph::node! {
+    /// The node.
+    pub struct CompensationNode { ports: ports, config: Config, state: State, step: step::step }
+}

@@ -6,7 +6,7 @@
 
 use std::collections::VecDeque;
 
-use graph::{Outbox, Stamp};
+use graph::Stamp;
 use metrology::{conformance::contradiction, decision};
 use probecell_msgs::{FeatureResult, PassDecision, Verdict};
 use serde::{Deserialize, Serialize};
@@ -14,8 +14,8 @@ use serde::{Deserialize, Serialize};
 use crate::{
     decide::{Measurement, SizeJudgement},
     path,
+    ports::{Out, Output},
     state::State,
-    step::Output,
 };
 
 /// Sizes kept, of either kind.
@@ -40,7 +40,7 @@ pub(crate) fn judged(
     now: Stamp,
     measurement: &Measurement,
     sizes: &[SizeJudgement<'_>],
-    out: &mut Outbox<Output>,
+    out: &mut Out,
 ) {
     for size in sizes {
         let result = measurement.results[&size.characteristic.id].clone();
@@ -65,12 +65,7 @@ pub(crate) fn judged(
 }
 
 /// Keeps a feature as an instrument finds it, and compares it with the verdict on it.
-pub(crate) fn refer(
-    state: &mut State,
-    now: Stamp,
-    reference: FeatureResult,
-    out: &mut Outbox<Output>,
-) {
+pub(crate) fn refer(state: &mut State, now: Stamp, reference: FeatureResult, out: &mut Out) {
     if reference.decision == FeatureResult::INVALID {
         return;
     }
@@ -95,25 +90,18 @@ fn keep<T>(all: &mut VecDeque<T>, one: T) {
     all.push_back(one);
 }
 
-/// What is compared of a result, m: of a profile the deviation of each point, else that of the size.
-fn compared(result: &FeatureResult) -> Vec<f64> {
-    if result.deviations.is_empty() {
-        vec![result.size_deviation]
-    } else {
-        result.deviations.clone()
-    }
-}
-
-fn expanded(result: &FeatureResult) -> f64 {
-    result.coverage_factor * result.standard_uncertainty
-}
-
-fn compare(judged: &Judged, reference: &FeatureResult, now: Stamp, out: &mut Outbox<Output>) {
+fn compare(judged: &Judged, reference: &FeatureResult, now: Stamp, out: &mut Out) {
     let result = &judged.result;
-    let (reading, found) = (compared(result), compared(reference));
-    let (u_reading, u_found) = (expanded(result), expanded(reference));
+    let (u_reading, u_found) = (
+        result.expanded_uncertainty(),
+        reference.expanded_uncertainty(),
+    );
     let accepted = judged.qualified.then_some(judged.tolerance);
-    let Some(score) = contradiction((&reading, u_reading), (&found, u_found), accepted) else {
+    let Some(score) = contradiction(
+        (result.compared_deviations(), u_reading),
+        (reference.compared_deviations(), u_found),
+        accepted,
+    ) else {
         return;
     };
     let text = format!(

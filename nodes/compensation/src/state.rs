@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
+use graph::Early;
 use probecell_msgs::{
     Correction, FeatureResult, OperationRequest, OperatorKeys, PartAlignment, RunId, ToolOffsets,
 };
@@ -19,7 +20,7 @@ pub struct State {
     /// Its results so far.
     pub results: BTreeMap<String, FeatureResult>,
     /// Results that arrived before the request for their measurement.
-    pub early: Vec<FeatureResult>,
+    pub early: Early<FeatureResult>,
     /// Wear offsets and the driver's session.
     pub offsets: Option<ToolOffsets>,
     /// Corrections made in the current pass.
@@ -42,7 +43,7 @@ pub struct State {
     pub alignment: Option<PartAlignment>,
     /// Sizes that were judged, the latest last.
     pub judged: VecDeque<Judged>,
-    /// Features as an outside instrument finds them, the latest last.
+    /// Features as measured by an independent instrument, the latest last.
     pub references: VecDeque<FeatureResult>,
 }
 

@@ -1,148 +1,65 @@
 //! The rules of `compensation`: what each input changes, and when a measurement is complete.
 
-use graph::{Node, Outbox, Stamp, faults, inputs, outputs, topics};
-use probecell_msgs::{
-    Correction, Fault, FeatureResult, InspectionPlan, OperationRequest, OperatorKeys,
-    OperatorReply, OperatorRequest, PartAlignment, PartReport, PassDecision, ProbeEvent,
-    ToolOffsets, TouchDeviation, Verdict,
-};
+use graph::Stamp;
+use probecell_msgs::{FeatureResult, OperationRequest, PartReport};
 
 use crate::{
     approval::{self, PART_ENDED},
     config::Config,
-    decide, reference,
+    decide,
+    ports::{Input, Out},
+    reference,
     state::State,
     volumetric, work_offset,
 };
-
-inputs! {
-    /// What `compensation` subscribes to.
-    pub enum Input {
-        /// A measured feature or width.
-        Feature(FeatureResult) = topics::FEATURE_RESULTS,
-        /// What the cycle does next, and which pass a plan belongs to.
-        Request(OperationRequest) = topics::OPERATION_REQUESTS,
-        /// Offsets in force in the controller.
-        Offsets(ToolOffsets) = topics::TOOL_OFFSETS,
-        /// An operator approves or rejects.
-        Approval(OperatorRequest) = topics::APPROVALS,
-        /// The end of a part: no correction proposed for it may reach the machine.
-        Part(PartReport) = topics::PART_REPORTS,
-        /// The plan of the measurement.
-        Plan(InspectionPlan) = topics::INSPECTION_PLAN,
-        /// A probing move, with the axis positions.
-        Event(ProbeEvent) = topics::PROBE_EVENTS,
-        /// The deviation of a touch, with its uncertainty.
-        Deviation(TouchDeviation) = topics::TOUCH_DEVIATIONS,
-        /// A feature as an outside instrument finds it.
-        Reference(FeatureResult) = topics::REFERENCE_RESULTS,
-        /// The alignment of the part.
-        Alignment(PartAlignment) = topics::PART_ALIGNMENT,
-        /// The operators' keys in force.
-        Keys(OperatorKeys) = topics::OPERATOR_KEYS,
-    }
-}
-
-outputs! {
-    /// What `compensation` publishes.
-    pub enum Output {
-        /// The verdict on one size, on the volumetric table or on the position of the part.
-        Verdict(Verdict) = topics::VERDICTS,
-        /// A correction, proposed or approved.
-        Correction(Correction) = topics::CORRECTIONS,
-        /// The decision that follows from the verdicts of a measurement.
-        Decision(PassDecision) = topics::PASS_DECISIONS,
-        /// The answer to an operator.
-        Reply(OperatorReply) = topics::APPROVAL_REPLIES,
-        /// A fault.
-        Fault(Fault) = topics::COMPENSATION_FAULTS,
-    }
-}
-
-faults! {
-    /// What `compensation` can find wrong.
-    pub enum CompensationFault of "compensation" {
-        /// Nobody approved or rejected a proposed correction in time.
-        ApprovalOverdue = ERROR "approval_overdue",
-        /// An approval that is not signed counts, for the cell file allows it.
-        ApprovalUnsigned = WARNING "approval_unsigned",
-    }
-}
 
 /// Timer at which unanswered proposals are looked for.
 pub(crate) const APPROVAL: u32 = 1;
 /// Results kept that arrived before the request for their measurement.
 const EARLY_LIMIT: usize = 1024;
 
-/// The node.
-pub struct CompensationNode;
-
-impl Node for CompensationNode {
-    const NAME: &'static str = "compensation";
-    type Config = Config;
-    type State = State;
-    type Input = Input;
-    type Output = Output;
-    type Fault = CompensationFault;
-
-    fn start(_config: &Config) -> State {
-        State::default()
-    }
-
-    fn step(
-        config: &Config,
-        state: &mut State,
-        now: Stamp,
-        input: Input,
-        out: &mut Outbox<Output>,
-    ) {
-        match input {
-            Input::Timer(APPROVAL) => approval::overdue(config, state, now, out),
-            Input::Timer(_) => {}
-            Input::Offsets(offsets) => state.offsets = Some(offsets),
-            Input::Request(request) => begin(config, state, now, request, out),
-            // Touch data serve the volumetric table and the work offsets only.
-            Input::Plan(_) | Input::Event(_) if !config.uses_touches() => {}
-            Input::Deviation(_) if config.volumetric.is_none() => {}
-            Input::Alignment(_) if config.work_offset.is_none() => {}
-            Input::Alignment(alignment) => {
-                state.alignment = Some(alignment);
-                decide_when_complete(config, state, now, out);
-            }
-            Input::Plan(plan) => {
-                state.touches.plan = Some(plan);
-                decide_when_complete(config, state, now, out);
-            }
-            Input::Event(event) => {
-                state.touches.events.insert(event.sequence, event);
-                decide_when_complete(config, state, now, out);
-            }
-            Input::Deviation(touch) => {
-                state.touches.add_deviation(&touch);
-                decide_when_complete(config, state, now, out);
-            }
-            Input::Keys(keys) => {
-                trust::operators::take(config.trust.cell.as_ref(), &mut state.keys, keys);
-            }
-            Input::Reference(found) => reference::refer(state, now, found, out),
-            Input::Feature(result) => take(config, state, now, result, out),
-            Input::Approval(request) => approval::approve(config, state, now, &request, out),
-            Input::Part(report) if report.verdict == PartReport::MEASURED => {}
-            Input::Part(report) => {
-                approval::withdraw(state, Stamp::from(&report.header.stamp), PART_ENDED);
-            }
+/// Processes one input at the instant `now`.
+pub(crate) fn step(config: &Config, state: &mut State, now: Stamp, input: Input, out: &mut Out) {
+    match input {
+        Input::Timer(APPROVAL) => approval::overdue(config, state, now, out),
+        Input::Timer(_) => {}
+        Input::Offsets(offsets) => state.offsets = Some(offsets),
+        Input::Request(request) => begin(config, state, now, request, out),
+        // Touch data serve the volumetric table and the work offsets only.
+        Input::Plan(_) | Input::Event(_) if !config.uses_touches() => {}
+        Input::Deviation(_) if config.volumetric.is_none() => {}
+        Input::Alignment(_) if config.work_offset.is_none() => {}
+        Input::Alignment(alignment) => {
+            state.alignment = Some(alignment);
+            decide_when_complete(config, state, now, out);
+        }
+        Input::Plan(plan) => {
+            state.touches.plan = Some(plan);
+            decide_when_complete(config, state, now, out);
+        }
+        Input::Event(event) => {
+            state.touches.events.insert(event.sequence, event);
+            decide_when_complete(config, state, now, out);
+        }
+        Input::Deviation(touch) => {
+            state.touches.add_deviation(&touch);
+            decide_when_complete(config, state, now, out);
+        }
+        Input::Keys(keys) => {
+            trust::operators::take(config.trust.cell.as_ref(), &mut state.keys, keys);
+        }
+        Input::Reference(found) => reference::refer(state, now, found, out),
+        Input::Feature(result) => take(config, state, now, result, out),
+        Input::Approval(request) => approval::approve(config, state, now, &request, out),
+        Input::Part(report) if report.verdict == PartReport::MEASURED => {}
+        Input::Part(report) => {
+            approval::withdraw(state, Stamp::from(&report.header.stamp), PART_ENDED);
         }
     }
 }
 
 /// Begins a measurement: what was proposed before it is void.
-fn begin(
-    config: &Config,
-    state: &mut State,
-    now: Stamp,
-    request: OperationRequest,
-    out: &mut Outbox<Output>,
-) {
+fn begin(config: &Config, state: &mut State, now: Stamp, request: OperationRequest, out: &mut Out) {
     if request.kind != OperationRequest::MEASURE || state.taken.as_ref() == Some(&request) {
         return;
     }
@@ -153,27 +70,18 @@ fn begin(
     state.touches.retain(&request.plan_id);
     // Nothing is decided on a plan that is only measured.
     state.measurement = (!request.only_measure).then_some((request.plan_id, request.pass_number));
-    for result in std::mem::take(&mut state.early) {
+    for result in state.early.release(|_| true) {
         take(config, state, now, result, out);
     }
 }
 
 /// Adds a result to its measurement, and decides where it was the last.
-fn take(
-    config: &Config,
-    state: &mut State,
-    now: Stamp,
-    result: FeatureResult,
-    out: &mut Outbox<Output>,
-) {
+fn take(config: &Config, state: &mut State, now: Stamp, result: FeatureResult, out: &mut Out) {
     let pass = match &state.measurement {
         Some((plan_id, pass)) if *plan_id == result.plan_id => *pass,
         _ => {
             // The cycle's request and the results arrive on different topics: a result may arrive first.
-            if state.early.len() == EARLY_LIMIT {
-                state.early.remove(0);
-            }
-            state.early.push(result);
+            state.early.keep(result, EARLY_LIMIT);
             return;
         }
     };
@@ -185,7 +93,7 @@ fn take(
 }
 
 /// Decides once everything has arrived that decides in the pass.
-fn decide_when_complete(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Output>) {
+fn decide_when_complete(config: &Config, state: &mut State, now: Stamp, out: &mut Out) {
     let Some((plan_id, pass)) = &state.measurement else {
         return;
     };

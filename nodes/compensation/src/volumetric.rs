@@ -30,7 +30,7 @@ use probecell_msgs::{
 use crate::{
     config::Config,
     correction::{Change, Evidence, Proposal},
-    judgement::{COVERAGE, Judgement},
+    judgement::{self, Judgement},
     touches::Touches,
 };
 
@@ -293,36 +293,15 @@ fn shown(link: &LinkError, value: f64) -> String {
 
 /// The verdict, with the table that corrects the errors where it can.
 fn decide(config: &Config, rules: &Volumetric, found: &Found<'_>, corrections: u32) -> Judgement {
-    let (error, uncertainty) = found.displacement;
-    let judgement = |verdict, text, proposals| Judgement {
-        id: rules.id.clone(),
+    let judged = judgement::Found {
+        id: &rules.id,
+        subject: "the displacement",
         tolerance: rules.tolerance,
-        verdict,
-        error,
-        text,
-        proposals,
+        displacement: found.displacement,
+        summary: summary(rules, found),
+        corrections: (corrections, config.max_corrections),
     };
-    let expanded = COVERAGE * uncertainty;
-    if !(expanded <= rules.tolerance) {
-        let text = format!(
-            "the displacement is known only to ±{:.1} µm; its tolerance is {:.1} µm",
-            expanded * 1e6,
-            rules.tolerance * 1e6
-        );
-        return judgement(Verdict::MeasurementInvalid, text, None);
-    }
-    let text = summary(rules, found);
-    if error <= rules.tolerance {
-        return judgement(Verdict::Qualified, text, None);
-    }
-    if corrections >= config.max_corrections {
-        let text = format!("{text}; still out of tolerance after {corrections} corrections");
-        return judgement(Verdict::NotConverged, text, None);
-    }
-    match proposal(rules, found) {
-        Ok(proposal) => judgement(Verdict::Compensable, text, Some(vec![proposal])),
-        Err(beyond) => judgement(Verdict::NotConverged, format!("{text}; {beyond}"), None),
-    }
+    judged.judge(|| Ok(vec![proposal(rules, found)?]))
 }
 
 /// What was found, in a sentence.

@@ -20,7 +20,7 @@ use serde::Deserialize;
 use crate::{
     config::Config,
     correction::{Change, Evidence, Proposal},
-    judgement::{COVERAGE, Judgement},
+    judgement::{self, Judgement},
     passes::Passes,
     touches::Touches,
 };
@@ -276,55 +276,36 @@ fn decide(
     corrections: u32,
 ) -> Judgement {
     let (error, uncertainty) = found.largest;
-    let judgement = |verdict, text, proposals| Judgement {
-        id: rules.id.clone(),
+    let judged = judgement::Found {
+        id: &rules.id,
+        subject: "the position of the part",
         tolerance: rules.tolerance,
-        verdict,
-        error,
-        text,
-        proposals,
+        displacement: found.largest,
+        summary: format!(
+            "aligned by {} the part is displaced by at most {:.1} µm (u {:.1})",
+            alignment.feature_ids.join(", "),
+            error * 1e6,
+            uncertainty * 1e6
+        ),
+        corrections: (corrections, config.max_corrections),
     };
-    let um = |metres: f64| metres * 1e6;
-    let expanded = COVERAGE * uncertainty;
-    if !(expanded <= rules.tolerance) {
-        let (expanded, tolerance) = (um(expanded), um(rules.tolerance));
-        let text = format!(
-            "the position of the part is known only to ±{expanded:.1} µm; its tolerance is {tolerance:.1} µm"
-        );
-        return judgement(Verdict::MeasurementInvalid, text, None);
-    }
-    let text = format!(
-        "aligned by {} the part is displaced by at most {:.1} µm (u {:.1})",
-        alignment.feature_ids.join(", "),
-        um(error),
-        um(uncertainty)
-    );
-    if error <= rules.tolerance {
-        return judgement(Verdict::Qualified, text, None);
-    }
-    if corrections >= config.max_corrections {
-        let text = format!("{text}; still out of tolerance after {corrections} corrections");
-        return judgement(Verdict::NotConverged, text, None);
-    }
-    if found.remaining > rules.tolerance {
-        let text = format!(
-            "{text}; {:.1} µm would remain with work offsets of {}, because it is rotated by {:.0} µrad: clamp it again",
-            um(found.remaining),
-            rules.axes.join(", "),
-            found.rotation * 1e6
-        );
-        return judgement(Verdict::NotConverged, text, None);
-    }
-    let evidence = Evidence {
-        feature_ids: alignment.feature_ids.clone(),
-        sequences: alignment.sequences.clone(),
-        error,
-        uncertainty,
-    };
-    match proposals(rules, held, &found.follow, &evidence) {
-        Ok(proposals) => judgement(Verdict::Compensable, text, Some(proposals)),
-        Err(beyond) => judgement(Verdict::NotConverged, format!("{text}; {beyond}"), None),
-    }
+    judged.judge(|| {
+        if found.remaining > rules.tolerance {
+            return Err(format!(
+                "{:.1} µm would remain with work offsets of {}, because it is rotated by {:.0} µrad: clamp it again",
+                found.remaining * 1e6,
+                rules.axes.join(", "),
+                found.rotation * 1e6
+            ));
+        }
+        let evidence = Evidence {
+            feature_ids: alignment.feature_ids.clone(),
+            sequences: alignment.sequences.clone(),
+            error,
+            uncertainty,
+        };
+        proposals(rules, held, &found.follow, &evidence)
+    })
 }
 
 /// One proposal for each axis whose offset changes; the error names the first that would break its bound.

@@ -1,21 +1,15 @@
 //! The end of a part.
 
-use graph::{Outbox, Stamp};
+use graph::Stamp;
 use probecell_msgs::PartReport;
 
 use crate::{
-    ports::Output,
+    ports::{Out, Output},
     state::{Stage, State},
 };
 
 /// Ends the part with a report.
-pub(crate) fn end(
-    state: &mut State,
-    now: Stamp,
-    verdict: u8,
-    text: &str,
-    out: &mut Outbox<Output>,
-) {
+pub(crate) fn end(state: &mut State, now: Stamp, verdict: u8, text: &str, out: &mut Out) {
     if let Some(run) = state.run.take() {
         let plan_id = match &run.stage {
             Stage::OnlyMeasuring { plan_id, .. } => plan_id.to_string(),

@@ -16,7 +16,7 @@
 //!
 //! It is the part program O0399 of the turn-mill system (`docs/source_systems.md`, A.4): rough, measure, decide; finish,
 //! measure, decide. It computes nothing about sizes. A fault of severity ERROR, a refused correction or an operation that
-//! fails ends the part as STOPPED, once the machine has confirmed that it stands. A request is repeated until it is taken, every
+//! fails ends the part as STOPPED, once the machine has confirmed its standstill. A request is repeated until it is taken, every
 //! stage has a deadline, and a part that an earlier process has left behind is reported as STOPPED. A run that names a plan only measures it: nothing is cut, no decision is awaited, and
 //! it ends as MEASURED. A run that names the plan with whose measurement the last part ended resumes that part: the rest
 //! of the plan is measured and decided on together with the earlier touches. Nothing can be resumed after a cut or a
@@ -66,4 +66,8 @@ mod step;
 pub use config::{Config, ConfigError, Pass, RawConfig};
 pub use ports::{Input, Output};
 pub use state::{Run, Stage, State};
-pub use step::CycleNode;
+
+graph::node! {
+    /// The node.
+    pub struct CycleNode { ports: ports, config: Config, state: State, step: step::step }
+}

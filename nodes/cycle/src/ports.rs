@@ -1,14 +1,14 @@
 //! What `cycle` subscribes to and publishes.
 
-use graph::{inputs, outputs, topics};
+use graph::topics;
 use probecell_msgs::{
     CorrectionAcknowledgement, Fault, OperationReport, OperationRequest, OperatorReply,
     OperatorRequest, PartReport, PartStatus, PassDecision,
 };
 
-inputs! {
-    /// What `cycle` subscribes to.
-    pub enum Input {
+graph::ports! {
+    "cycle"
+    inputs {
         /// An operator requests a part, or a measurement.
         Run(OperatorRequest) = topics::RUN_REQUESTS,
         /// The outcome of an operation.
@@ -32,11 +32,7 @@ inputs! {
         /// Faults of processes, reported by the launcher.
         LauncherFault(Fault) = topics::LAUNCHER_FAULTS,
     }
-}
-
-outputs! {
-    /// What `cycle` publishes.
-    pub enum Output {
+    outputs {
         /// What the machine is to do next.
         Request(OperationRequest) = topics::OPERATION_REQUESTS,
         /// The part that is being made.

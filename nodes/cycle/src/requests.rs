@@ -3,13 +3,13 @@
 //! A request is repeated under its number until it is taken, and no stage of a part lasts for ever: what the machine says
 //! nothing of, what is not decided, acknowledged or confirmed in time, stops the part.
 
-use graph::{Outbox, Stamp};
+use graph::Stamp;
 use probecell_msgs::{OperationReport, OperationRequest, PartReport, PartStatus, PlanId};
 
 use crate::{
     config::Config,
     ending::end,
-    ports::Output,
+    ports::{Out, Output},
     state::{PendingRequest, Run, Stage, State, Stopping},
 };
 
@@ -30,7 +30,7 @@ pub(crate) fn request(
     now: Stamp,
     run: &mut Run,
     asked: OperationRequest,
-    out: &mut Outbox<Output>,
+    out: &mut Out,
 ) -> u64 {
     let request_id = state.next_request;
     state.next_request += 1;
@@ -52,7 +52,7 @@ pub(crate) fn request(
 }
 
 /// Tells the machine to stop; the part ends when it has confirmed that, or has not in time.
-pub(crate) fn stop(state: &mut State, now: Stamp, text: &str, out: &mut Outbox<Output>) {
+pub(crate) fn stop(state: &mut State, now: Stamp, text: &str, out: &mut Out) {
     let Some(mut run) = state.run.take() else {
         return;
     };
@@ -89,7 +89,7 @@ pub(crate) fn take_report(run: &mut Run, now: Stamp, report: &OperationReport) -
 }
 
 /// Checks what is overdue, repeats a request that was not taken, and publishes the status once a second.
-pub(crate) fn tick(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Output>) {
+pub(crate) fn tick(config: &Config, state: &mut State, now: Stamp, out: &mut Out) {
     state.ticking = false;
     let Some(run) = &mut state.run else { return };
     if let Some(asked) = &mut run.asked
@@ -114,7 +114,7 @@ pub(crate) fn tick(config: &Config, state: &mut State, now: Stamp, out: &mut Out
 }
 
 /// Has the part under way checked again.
-pub(crate) fn wake(state: &mut State, now: Stamp, out: &mut Outbox<Output>) {
+pub(crate) fn wake(state: &mut State, now: Stamp, out: &mut Out) {
     if state.run.is_some() && !state.ticking {
         state.ticking = true;
         out.wake_at(now.after_s(TICK_PERIOD), TICK);
@@ -126,7 +126,7 @@ fn overdue(config: &Config, run: &Run, now: Stamp) -> Option<String> {
     let late = |since: Stamp, limit: f64| now.since_s(since) > limit;
     if run.stopping.is_some() {
         return late(run.since, STOP_LIMIT).then(|| {
-            format!("the machine has not confirmed within {STOP_LIMIT} s that it stands")
+            format!("the machine has not confirmed its standstill within {STOP_LIMIT} s")
         });
     }
     if let Some(asked) = &run.asked
@@ -167,7 +167,7 @@ fn limit(config: &Config, run: &Run) -> f64 {
 }
 
 /// Publishes the status of the part, or that there is none.
-pub(crate) fn publish(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Output>) {
+pub(crate) fn publish(config: &Config, state: &mut State, now: Stamp, out: &mut Out) {
     let Some(run) = &mut state.run else {
         out.send(Output::Status(PartStatus {
             header: now.header(""),

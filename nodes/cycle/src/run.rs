@@ -1,10 +1,10 @@
 //! The beginning of a run: whether it may begin, and its identity.
 
-use graph::{Outbox, Stamp};
+use graph::Stamp;
 use probecell_msgs::{OperationRequest, OperatorRequest, PlanId};
 
 use crate::{
-    ports::Output,
+    ports::Out,
     requests,
     state::{Run, Stage, State},
 };
@@ -40,7 +40,7 @@ pub(crate) fn refusal(
             Some("machine_state has not reported yet which parts were made before")
         }
         None if !is_name(&asked.subject) => {
-            Some("the name of the part holds a character that cannot be printed, or more than 200")
+            Some("the name of the part contains an unprintable character, or more than 200")
         }
         None if asked.plan_id.is_empty() && state.refuted.is_some() => Some(REFUTED),
         None if asked.subject.contains(MARK) => Some("the name of a part contains no #"),
@@ -84,7 +84,7 @@ pub(crate) fn begin(state: &mut State, now: Stamp, part_id: &str) -> Run {
 }
 
 /// Resumes the measurement with which a part ended.
-pub(crate) fn resume(state: &mut State, now: Stamp, mut run: Run, out: &mut Outbox<Output>) {
+pub(crate) fn resume(state: &mut State, now: Stamp, mut run: Run, out: &mut Out) {
     let only = matches!(run.stage, Stage::OnlyMeasuring { .. });
     let Some(plan_id) = run.stage.plan_id().cloned() else {
         return;
@@ -114,7 +114,7 @@ pub(crate) fn measure(
     run: &mut Run,
     plan_id: &PlanId,
     only_measure: bool,
-    out: &mut Outbox<Output>,
+    out: &mut Out,
 ) -> u64 {
     let asked = OperationRequest {
         kind: OperationRequest::MEASURE,

@@ -1,6 +1,6 @@
 //! The rules of `cycle`.
 
-use graph::{NoFaults, Node, Outbox, START, Stamp};
+use graph::{START, Stamp};
 use probecell_msgs::{
     CorrectionAcknowledgement, Fault, OperationReport, OperationRequest, OperatorReply,
     OperatorRequest, PartReport, PartStatus, PassDecision, PassDecisionCode, PlanId, RunId,
@@ -9,7 +9,7 @@ use probecell_msgs::{
 use crate::{
     config::Config,
     ending::end,
-    ports::{Input, Output},
+    ports::{Input, Out, Output},
     requests,
     run::{REFUTED, begin, measure, refusal, resume},
     state::{Run, Stage, State, Stopping},
@@ -18,66 +18,45 @@ use crate::{
 /// Parts kept that a reference may refute yet.
 const QUALIFIED_LIMIT: usize = 64;
 
-/// The node.
-pub struct CycleNode;
-
-impl Node for CycleNode {
-    const NAME: &'static str = "cycle";
-    type Config = Config;
-    type State = State;
-    type Input = Input;
-    type Output = Output;
-    type Fault = NoFaults;
-
-    fn start(_config: &Config) -> State {
-        State::default()
-    }
-
-    fn step(
-        config: &Config,
-        state: &mut State,
-        now: Stamp,
-        input: Input,
-        out: &mut Outbox<Output>,
-    ) {
-        let before = requests::stage(state);
-        match input {
-            // A restarted process must not take reports on the requests of its predecessor for its own.
-            Input::Timer(START) => state.next_request = now.0.unsigned_abs(),
-            Input::Timer(_) => requests::tick(config, state, now, out),
-            Input::Run(request) => handle_run_request(config, state, now, &request, out),
-            Input::Report(report) => handle_report(config, state, now, &report, out),
-            Input::Decision(decision) => handle_decision(config, state, now, &decision, out),
-            Input::Acknowledgement(answer) => {
-                handle_acknowledgement(config, state, now, answer, out);
-            }
-            Input::Supervised(status) => {
-                let first = !state.informed;
-                handle_supervised(state, now, &status, out);
-                if first {
-                    // Only now a part can be asked for.
-                    requests::publish(config, state, now, out);
-                }
-            }
-            Input::Stop(request) => {
-                let text = format!("stopped by {}", request.operator_name);
-                requests::stop(state, now, &text, out);
-            }
-            Input::MachineFault(fault)
-            | Input::ProbeFault(fault)
-            | Input::PlanningFault(fault)
-            | Input::AnalysisFault(fault)
-            | Input::LauncherFault(fault) => handle_fault(state, now, &fault, out),
+/// Processes one input at the instant `now`.
+pub(crate) fn step(config: &Config, state: &mut State, now: Stamp, input: Input, out: &mut Out) {
+    let before = requests::stage(state);
+    match input {
+        // A restarted process must not take reports on the requests of its predecessor for its own.
+        Input::Timer(START) => state.next_request = now.0.unsigned_abs(),
+        Input::Timer(_) => requests::tick(config, state, now, out),
+        Input::Run(request) => handle_run_request(config, state, now, &request, out),
+        Input::Report(report) => handle_report(config, state, now, &report, out),
+        Input::Decision(decision) => handle_decision(config, state, now, &decision, out),
+        Input::Acknowledgement(answer) => {
+            handle_acknowledgement(config, state, now, answer, out);
         }
-        if requests::stage(state) != before {
-            requests::publish(config, state, now, out);
+        Input::Supervised(status) => {
+            let first = !state.informed;
+            handle_supervised(state, now, &status, out);
+            if first {
+                // Only now a part can be asked for.
+                requests::publish(config, state, now, out);
+            }
         }
-        requests::wake(state, now, out);
+        Input::Stop(request) => {
+            let text = format!("stopped by {}", request.operator_name);
+            requests::stop(state, now, &text, out);
+        }
+        Input::MachineFault(fault)
+        | Input::ProbeFault(fault)
+        | Input::PlanningFault(fault)
+        | Input::AnalysisFault(fault)
+        | Input::LauncherFault(fault) => handle_fault(state, now, &fault, out),
     }
+    if requests::stage(state) != before {
+        requests::publish(config, state, now, out);
+    }
+    requests::wake(state, now, out);
 }
 
 /// A fault of severity ERROR stops machine and part.
-fn handle_fault(state: &mut State, now: Stamp, fault: &Fault, out: &mut Outbox<Output>) {
+fn handle_fault(state: &mut State, now: Stamp, fault: &Fault, out: &mut Out) {
     if fault.severity == Fault::ERROR {
         let text = format!("{}: {}: {}", fault.node, fault.code, fault.text);
         requests::stop(state, now, &text, out);
@@ -92,7 +71,7 @@ fn handle_fault(state: &mut State, now: Stamp, fault: &Fault, out: &mut Outbox<O
 
 /// What `machine_state` knows of the parts: an earlier process of this node may have left one behind, whose end is
 /// reported here.
-fn handle_supervised(state: &mut State, now: Stamp, known: &PartStatus, out: &mut Outbox<Output>) {
+fn handle_supervised(state: &mut State, now: Stamp, known: &PartStatus, out: &mut Out) {
     state.informed = true;
     state.runs = state.runs.max(known.run_number);
     if known.stage == PartStatus::NONE || state.used.contains(&known.run_id) {
@@ -121,7 +100,7 @@ fn handle_run_request(
     state: &mut State,
     now: Stamp,
     asked: &OperatorRequest,
-    out: &mut Outbox<Output>,
+    out: &mut Out,
 ) {
     // What is delivered again is no further request. Those that have expired are refused anyway.
     (state.recent).retain(|known| now <= Stamp::from(&known.expires));
@@ -166,7 +145,7 @@ fn handle_run_request(
 }
 
 /// Cuts operation `index` of the pass, or measures when all are cut.
-fn cut(config: &Config, state: &mut State, now: Stamp, index: usize, out: &mut Outbox<Output>) {
+fn cut(config: &Config, state: &mut State, now: Stamp, index: usize, out: &mut Out) {
     let Some(mut run) = state.run.take() else {
         return;
     };
@@ -201,7 +180,7 @@ fn handle_report(
     state: &mut State,
     now: Stamp,
     report: &OperationReport,
-    out: &mut Outbox<Output>,
+    out: &mut Out,
 ) {
     let Some(run) = &mut state.run else { return };
     if !requests::take_report(run, now, report) {
@@ -216,7 +195,7 @@ fn handle_report(
                 text.clone()
             } else {
                 format!(
-                    "{text}; the machine has not confirmed that it stands: {}",
+                    "{text}; the machine has not confirmed its standstill: {}",
                     report.text
                 )
             };
@@ -272,7 +251,7 @@ fn handle_decision(
     state: &mut State,
     now: Stamp,
     decision: &PassDecision,
-    out: &mut Outbox<Output>,
+    out: &mut Out,
 ) {
     if decision.decision == PassDecision::REVOKED {
         return revoke(state, now, decision, out);
@@ -329,7 +308,7 @@ fn handle_decision(
 
 /// A reference refutes what was decided on: the part of it is not qualified, the one that is being made is stopped, and
 /// none is begun any more.
-fn revoke(state: &mut State, now: Stamp, decision: &PassDecision, out: &mut Outbox<Output>) {
+fn revoke(state: &mut State, now: Stamp, decision: &PassDecision, out: &mut Out) {
     let run_id = PlanId::from(&decision.plan_id).run();
     requests::stop(state, now, &decision.text, out);
     if let Some(stopping) = state.run.as_mut().and_then(|run| run.stopping.as_mut()) {
@@ -355,7 +334,7 @@ fn revoke(state: &mut State, now: Stamp, decision: &PassDecision, out: &mut Outb
     state.refuted.get_or_insert_with(|| decision.text.clone());
 }
 
-fn next_pass(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Output>) {
+fn next_pass(config: &Config, state: &mut State, now: Stamp, out: &mut Out) {
     if let Some(run) = &mut state.run {
         run.pass += 1;
         run.attempt = 0;
@@ -368,7 +347,7 @@ fn handle_acknowledgement(
     state: &mut State,
     now: Stamp,
     answer: CorrectionAcknowledgement,
-    out: &mut Outbox<Output>,
+    out: &mut Out,
 ) {
     if state.run.is_some() {
         state
@@ -378,7 +357,7 @@ fn handle_acknowledgement(
     }
 }
 
-fn recut_when_corrected(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Output>) {
+fn recut_when_corrected(config: &Config, state: &mut State, now: Stamp, out: &mut Out) {
     let State {
         run:
             Some(Run {

@@ -276,7 +276,7 @@ fn a_fault_stops_machine_and_part_and_a_warning_does_not() {
     check(told(done(2)), &[]);
     check(told(fault(Fault::ERROR)), &[]);
     let unconfirmed = report(3, OperationReport::FAILED, "silence");
-    let text = format!("{stopped}; the machine has not confirmed that it stands: silence");
+    let text = format!("{stopped}; the machine has not confirmed its standstill: silence");
     check(told(unconfirmed), &[&text]);
     let text = format!("{stopped}; the machine has not confirmed within 10 s that it stands");
     check(

@@ -1,4 +1,4 @@
-//! Decides, while the cell runs, why a measurement differs from the declared model: the diagnosis of a bag, live.
+//! Explains, while the cell runs, why a measurement differs from the declared model: the diagnosis of a bag, live.
 //!
 //! ```text
 //!  robot_description  inspection_plan ──> what was to be measured ─┐
@@ -16,13 +16,22 @@
 //! the streams the samples next to them ([`Window`]). So its answer equals that of `probecell diagnose` on a recording of
 //! the same session. Parts of one plan are compared with one another as well (`diagnosis::onset`): where the gap changes, a
 //! finding names the part and the instant since when, the effects that explain it, and the touches that would discriminate them
-//! (`further`); nobody asks for these by itself: an operator hands them to the service `plan`. A correction begins that anew. A supplement of a plan is diagnosed together with that plan. It commands nothing.
+//! (`further`). They are not made automatically: an operator passes them to the service `plan`. A correction restarts the
+//! comparison. A supplement of a plan is diagnosed together with that plan. This node commands nothing.
 
 mod config;
 mod message;
+mod ports;
+mod state;
 mod step;
 mod window;
 
 pub use config::{Config, ConfigError, RawConfig};
-pub use step::{GapFault, GapNode, Input, Output, State};
+pub use ports::{GapFault, Input, Output};
+pub use state::State;
 pub use window::Window;
+
+graph::node! {
+    /// The node.
+    pub struct GapNode { ports: ports, config: Config, state: State, step: step::step }
+}

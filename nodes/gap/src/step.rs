@@ -1,165 +1,67 @@
 //! The rules of `gap`.
 
-use std::collections::{BTreeSet, VecDeque};
-
 use diagnosis::{DiagnoseError, Session, onset::Watch};
 use effects::{sensors::same_drivers, session::joined::join};
-use graph::{Node, Outbox, Stamp, faults, inputs, outputs, topics};
-use probecell_msgs::{
-    CorrectionAcknowledgement, Fault, GapFinding, GapReport, InspectionPlan, MachineState,
-    MeasurementOrder, PlanId, ProbeEvent, ReferenceMeasurement, builtin_interfaces::Time,
-    sensor_msgs::JointState, std_msgs,
-};
-use serde::{Deserialize, Serialize};
+use graph::Stamp;
+use probecell_msgs::{InspectionPlan, PlanId, builtin_interfaces::Time};
 
 use crate::{
     config::Config,
     message::{finding_message, report_message},
-    window::Window,
+    ports::{GapFault, Input, Out, Output},
+    state::State,
 };
-
-inputs! {
-    /// What `gap` subscribes to.
-    pub enum Input {
-        /// The robot description, URDF.
-        Machine(std_msgs::String) = topics::ROBOT_DESCRIPTION,
-        /// What is measured.
-        Plan(InspectionPlan) = topics::INSPECTION_PLAN,
-        /// The points of the plan that are touched now, for the first time or again.
-        Order(MeasurementOrder) = topics::MEASUREMENT_ORDER,
-        /// A probing move and its outcome.
-        Event(ProbeEvent) = topics::PROBE_EVENTS,
-        /// Where the axes are.
-        Joints(JointState) = topics::JOINT_STATES,
-        /// Temperatures.
-        State(MachineState) = topics::MACHINE_STATE,
-        /// The same points as measured by an independent instrument.
-        Reference(ReferenceMeasurement) = topics::REFERENCE,
-        /// What was corrected: parts before and after it are not alike.
-        Corrected(CorrectionAcknowledgement) = topics::CORRECTION_ACKNOWLEDGEMENTS,
-    }
-}
-
-outputs! {
-    /// What `gap` publishes.
-    pub enum Output {
-        /// Why the session differs from its model.
-        Report(GapReport) = topics::GAP_REPORT,
-        /// The gap has changed while parts are made.
-        Finding(GapFinding) = topics::GAP_FINDINGS,
-        /// A fault.
-        Fault(Fault) = topics::GAP_FAULTS,
-    }
-}
-
-faults! {
-    /// What `gap` can find wrong.
-    pub enum GapFault of "gap" {
-        /// A measurement that cannot be diagnosed.
-        SessionNotUsable = WARNING "session_not_usable",
-    }
-}
 
 /// Events kept while their plan has not arrived.
 const WAITING_LIMIT: usize = 65_536;
 /// Name of the session in reports.
 const LIVE: &str = "live";
 
-/// The state of `gap`.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct State {
-    /// URDF.
-    pub robot_description: String,
-    /// The last plan received.
-    pub plan: Option<InspectionPlan>,
-    /// The session that the plan supplements.
-    pub earlier: Option<Session>,
-    /// Touches of the plan, in the order of arrival.
-    pub events: Vec<ProbeEvent>,
-    /// Events whose plan has not arrived yet.
-    pub waiting: VecDeque<ProbeEvent>,
-    /// Points of the plan that have not been tried yet, or are to be touched again.
-    pub open: BTreeSet<u32>,
-    /// Reference measurements of the plan.
-    pub references: Vec<ReferenceMeasurement>,
-    /// Axis positions next to the touches.
-    pub joints: Window<JointState>,
-    /// Machine states next to the touches, and those at which temperatures or the spindle's speed change.
-    pub states: Window<MachineState>,
-    /// The parts so far.
-    pub watch: Watch,
-    /// A diagnosis is due when the streams have passed this instant, ns since 1970.
-    pub due: Option<i64>,
-}
-
-/// The node.
-pub struct GapNode;
-
-impl Node for GapNode {
-    const NAME: &'static str = "gap";
-    type Config = Config;
-    type State = State;
-    type Input = Input;
-    type Output = Output;
-    type Fault = GapFault;
-
-    fn start(_config: &Config) -> State {
-        State::default()
+/// Processes one input at the instant `now`.
+pub(crate) fn step(config: &Config, state: &mut State, now: Stamp, input: Input, out: &mut Out) {
+    match input {
+        Input::Timer(_) => {}
+        Input::Machine(machine) => state.robot_description = machine.data,
+        Input::Plan(plan) => begin(config, state, plan),
+        Input::Order(order) => {
+            let known = state.plan.as_ref();
+            if known.is_some_and(|plan| plan.plan_id == order.plan_id) {
+                state.open.extend(order.order);
+            }
+        }
+        Input::Event(event) => {
+            if state.waiting.keep(event, WAITING_LIMIT).is_some() {
+                let text = "an event was dropped because its plan did not arrive";
+                out.fault(now, GapFault::SessionNotUsable, text);
+            }
+        }
+        Input::Joints(joints) => {
+            state.joints.push(nanoseconds(joints.header.stamp), joints);
+        }
+        Input::State(machine) => {
+            let at = nanoseconds(machine.header.stamp);
+            state.states.push_turning(at, machine, same_drivers);
+        }
+        Input::Corrected(_) => state.watch = Watch::default(),
+        Input::Reference(reference) => {
+            let of_plan = state
+                .plan
+                .as_ref()
+                .is_some_and(|plan| plan.plan_id == reference.plan_id);
+            if of_plan && !state.references.contains(&reference) {
+                state.references.push(reference);
+                if config.at_end_of_plan && state.open.is_empty() {
+                    state.due = last_touch(state);
+                }
+            }
+        }
     }
-
-    fn step(
-        config: &Config,
-        state: &mut State,
-        now: Stamp,
-        input: Input,
-        out: &mut Outbox<Output>,
-    ) {
-        match input {
-            Input::Timer(_) => {}
-            Input::Machine(machine) => state.robot_description = machine.data,
-            Input::Plan(plan) => begin(config, state, plan),
-            Input::Order(order) => {
-                let known = state.plan.as_ref();
-                if known.is_some_and(|plan| plan.plan_id == order.plan_id) {
-                    state.open.extend(order.order);
-                }
-            }
-            Input::Event(event) => {
-                state.waiting.push_back(event);
-                if state.waiting.len() > WAITING_LIMIT {
-                    state.waiting.pop_front();
-                    let text = "an event was dropped because its plan did not arrive";
-                    out.fault(now, GapFault::SessionNotUsable, text);
-                }
-            }
-            Input::Joints(joints) => {
-                state.joints.push(nanoseconds(joints.header.stamp), joints);
-            }
-            Input::State(machine) => {
-                let at = nanoseconds(machine.header.stamp);
-                state.states.push_turning(at, machine, same_drivers);
-            }
-            Input::Corrected(_) => state.watch = Watch::default(),
-            Input::Reference(reference) => {
-                let of_plan = state
-                    .plan
-                    .as_ref()
-                    .is_some_and(|plan| plan.plan_id == reference.plan_id);
-                if of_plan && !state.references.contains(&reference) {
-                    state.references.push(reference);
-                    if config.at_end_of_plan && state.open.is_empty() {
-                        state.due = last_touch(state);
-                    }
-                }
-            }
-        }
-        take_waiting(config, state);
-        let passed = |at: i64| state.joints.is_past(at) && state.states.is_past(at);
-        if state.due.is_some_and(passed) {
-            state.due = None;
-            diagnose(config, state, now, out);
-            watch(config, state, now, out);
-        }
+    take_touches(config, state);
+    let passed = |at: i64| state.joints.is_past(at) && state.states.is_past(at);
+    if state.due.is_some_and(passed) {
+        state.due = None;
+        diagnose(config, state, now, out);
+        watch(config, state, now, out);
     }
 }
 
@@ -186,15 +88,12 @@ fn begin(config: &Config, state: &mut State, plan: InspectionPlan) {
     state.plan = Some(plan);
 }
 
-fn take_waiting(config: &Config, state: &mut State) {
-    let Some(plan_id) = state.plan.as_ref().map(|plan| plan.plan_id.clone()) else {
+/// Takes the touches of the plan, and sees when a diagnosis is due.
+fn take_touches(config: &Config, state: &mut State) {
+    let Some(plan) = &state.plan else {
         return;
     };
-    for event in std::mem::take(&mut state.waiting) {
-        if event.plan_id != plan_id {
-            state.waiting.push_back(event);
-            continue;
-        }
+    for event in (state.waiting).release(|event| event.plan_id == plan.plan_id) {
         let at = nanoseconds(event.header.stamp);
         state.joints.mark(at);
         state.states.mark(at);
@@ -235,7 +134,7 @@ fn session(config: &Config, state: &State) -> Option<Result<Session, DiagnoseErr
     Some(join(earlier, &session))
 }
 
-fn diagnose(config: &Config, state: &State, now: Stamp, out: &mut Outbox<Output>) {
+fn diagnose(config: &Config, state: &State, now: Stamp, out: &mut Out) {
     let (Some(plan), Some(session)) = (&state.plan, session(config, state)) else {
         return;
     };
@@ -255,7 +154,7 @@ fn diagnose(config: &Config, state: &State, now: Stamp, out: &mut Outbox<Output>
 }
 
 /// Compares a part that is measured completely with those before it, once.
-fn watch(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Output>) {
+fn watch(config: &Config, state: &mut State, now: Stamp, out: &mut Out) {
     let plan_id = state.plan.as_ref().map(|plan| plan.plan_id.clone());
     let (Some(rate), Some(plan_id)) = (config.false_alarms, plan_id) else {
         return;

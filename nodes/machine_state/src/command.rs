@@ -1,16 +1,19 @@
 //! The way to the driver: every command carries the session of the driver that runs now, and a number of its own.
 
-use graph::{Outbox, Stamp};
+use graph::Stamp;
 use probecell_msgs::{ControllerCommand, GateHeartbeat};
 
-use crate::{ports::Output, state::State};
+use crate::{
+    ports::{Out, Output},
+    state::State,
+};
 
 /// Sends a command to the driver and returns its number.
 pub(crate) fn send(
     state: &mut State,
     now: Stamp,
     command: ControllerCommand,
-    out: &mut Outbox<Output>,
+    out: &mut Out,
 ) -> u64 {
     let command_id = state.next_command;
     state.next_command += 1;
@@ -30,7 +33,7 @@ pub(crate) fn send(
 }
 
 /// Gives a sign of life.
-pub(crate) fn beat(state: &mut State, now: Stamp, out: &mut Outbox<Output>) {
+pub(crate) fn beat(state: &mut State, now: Stamp, out: &mut Out) {
     state.beats += 1;
     let session = state.controller.as_ref().map(|known| &known.status.session);
     out.send(Output::Heartbeat(GateHeartbeat {

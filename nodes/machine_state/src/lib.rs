@@ -71,4 +71,8 @@ pub use config::{Config, ConfigError, RawConfig, Role, Signal};
 pub use ports::{Input, MachineFault, Output};
 pub use signals::VALUE;
 pub use state::State;
-pub use step::MachineStateNode;
+
+graph::node! {
+    /// The node.
+    pub struct MachineStateNode { ports: ports, config: Config, state: State, step: step::step }
+}

@@ -1,6 +1,6 @@
 //! Operations: requests of the cycle become commands of the driver, and its replies become reports.
 
-use graph::{FaultCode, Outbox, Stamp};
+use graph::{FaultCode, Stamp};
 use probecell_msgs::{
     ControllerCommand, ControllerReply, MachineState, OperationReport, OperationRequest,
     OperationRequestKind, RecordingStatus,
@@ -10,7 +10,7 @@ use crate::{
     command,
     config::Config,
     part,
-    ports::{MachineFault, Output},
+    ports::{MachineFault, Out, Output},
     signals,
     standing::{clear, raise},
     state::{Asker, Awaited, Operation, State, Writing},
@@ -52,7 +52,7 @@ pub(crate) fn request(
     state: &mut State,
     now: Stamp,
     request: OperationRequest,
-    out: &mut Outbox<Output>,
+    out: &mut Out,
 ) {
     match &state.taken {
         Some((taken, _)) if *taken > request.request_id => return,
@@ -77,7 +77,7 @@ pub(crate) fn request(
 }
 
 /// Reports that the request taken last is under way.
-pub(crate) fn underway(state: &mut State, now: Stamp, out: &mut Outbox<Output>) {
+pub(crate) fn underway(state: &mut State, now: Stamp, out: &mut Out) {
     if let Some((request_id, None)) = state.taken {
         state.told = now;
         out.send(Output::Report(OperationReport {
@@ -95,7 +95,7 @@ pub(crate) fn carry_out(
     state: &mut State,
     now: Stamp,
     request: OperationRequest,
-    out: &mut Outbox<Output>,
+    out: &mut Out,
 ) {
     // A request that is not understood stops the machine.
     let kind = OperationRequestKind::try_from(request.kind);
@@ -158,12 +158,7 @@ pub(crate) fn carry_out(
 }
 
 /// Passes the driver's reply to a command on to the correction or the operation that it belongs to.
-pub(crate) fn answer(
-    state: &mut State,
-    now: Stamp,
-    reply: &ControllerReply,
-    out: &mut Outbox<Output>,
-) {
+pub(crate) fn answer(state: &mut State, now: Stamp, reply: &ControllerReply, out: &mut Out) {
     if state
         .controller
         .as_ref()
@@ -208,7 +203,7 @@ fn driver_fault(text: &str) -> Option<(MachineFault, &str)> {
     Some(known.unwrap_or((MachineFault::ControllerAlarm, text)))
 }
 
-pub(crate) fn fail(state: &mut State, now: Stamp, text: &str, out: &mut Outbox<Output>) {
+pub(crate) fn fail(state: &mut State, now: Stamp, text: &str, out: &mut Out) {
     if let Some(operation) = state.operation.take() {
         let id = operation.request_id;
         report(state, now, id, OperationReport::FAILED, text, out);
@@ -222,7 +217,7 @@ pub(crate) fn report(
     request_id: u64,
     outcome: u8,
     text: &str,
-    out: &mut Outbox<Output>,
+    out: &mut Out,
 ) {
     let report = OperationReport {
         header: now.header(""),

@@ -2,12 +2,12 @@
 //! another process of it knows nothing of the part, the machine is stopped, and the part is kept on `supervised_part`
 //! until its end is reported.
 
-use graph::{Outbox, Stamp};
+use graph::Stamp;
 use probecell_msgs::{Correction, CorrectionAcknowledgement as Ack, PartReport, PartStatus};
 
 use crate::{
     config::Config,
-    ports::{MachineFault, Output},
+    ports::{MachineFault, Out, Output},
     refusal::{Refusal, refuse},
     standing::{clear, raise},
     state::{Asker, State},
@@ -20,7 +20,7 @@ pub(crate) fn status(
     state: &mut State,
     now: Stamp,
     status: PartStatus,
-    out: &mut Outbox<Output>,
+    out: &mut Out,
 ) {
     let known = &state.part.status;
     if Stamp::from(&status.header.stamp) < Stamp::from(&known.header.stamp) {
@@ -58,7 +58,7 @@ pub(crate) fn status(
 }
 
 /// Takes the end of a part: nothing of it is alive any more.
-pub(crate) fn ended(state: &mut State, now: Stamp, report: &PartReport, out: &mut Outbox<Output>) {
+pub(crate) fn ended(state: &mut State, now: Stamp, report: &PartReport, out: &mut Out) {
     if [PartReport::STOPPED, PartReport::SCRAP].contains(&report.verdict) {
         state.ended = state.ended.max(Some(Stamp::from(&report.header.stamp)));
     }
@@ -87,7 +87,7 @@ pub(crate) fn is_stopped(state: &State, run_id: &str) -> bool {
 }
 
 /// Stops the machine when `cycle` has fallen silent.
-pub(crate) fn watch(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Output>) {
+pub(crate) fn watch(config: &Config, state: &mut State, now: Stamp, out: &mut Out) {
     let part = &state.part;
     if part.status.stage != PartStatus::NONE
         && !part.abandoned
@@ -98,7 +98,7 @@ pub(crate) fn watch(config: &Config, state: &mut State, now: Stamp, out: &mut Ou
     }
 }
 
-fn abandon(config: &Config, state: &mut State, now: Stamp, why: &str, out: &mut Outbox<Output>) {
+fn abandon(config: &Config, state: &mut State, now: Stamp, why: &str, out: &mut Out) {
     if state.part.abandoned {
         return;
     }
@@ -143,7 +143,7 @@ pub(crate) fn check(
 }
 
 /// Publishes the part as it is known here.
-pub(crate) fn publish(state: &State, now: Stamp, out: &mut Outbox<Output>) {
+pub(crate) fn publish(state: &State, now: Stamp, out: &mut Out) {
     out.send(Output::Supervised(PartStatus {
         header: now.header(""),
         ..state.part.status.clone()

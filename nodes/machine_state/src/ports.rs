@@ -1,6 +1,6 @@
 //! What `machine_state` subscribes to, publishes, and can find wrong.
 
-use graph::{faults, inputs, outputs, topics};
+use graph::topics;
 use probecell_msgs::{
     ControllerCommand, ControllerReply, ControllerStatus, Correction, CorrectionAcknowledgement,
     Fault, GateHeartbeat, MachineState, MeasurementOrder, OperationReport, OperationRequest,
@@ -9,9 +9,9 @@ use probecell_msgs::{
     std_msgs,
 };
 
-inputs! {
-    /// What `machine_state` subscribes to.
-    pub enum Input {
+graph::ports! {
+    "machine_state"
+    inputs {
         /// A raw sample of the controller.
         Status(ControllerStatus) = topics::CONTROLLER_STATUS,
         /// The outcome of a command.
@@ -37,11 +37,7 @@ inputs! {
         /// Signals of controllers beside the machine.
         Signals(DiagnosticArray) = topics::SIGNALS,
     }
-}
-
-outputs! {
-    /// What `machine_state` publishes.
-    pub enum Output {
+    outputs {
         /// The machine model.
         RobotDescription(std_msgs::String) = topics::ROBOT_DESCRIPTION,
         /// Readings of the axes.
@@ -64,14 +60,8 @@ outputs! {
         Supervised(PartStatus) = topics::SUPERVISED_PART,
         /// The answer to an operator who has stopped the machine.
         Stopped(OperatorReply) = topics::STOP_REPLIES,
-        /// A fault.
-        Fault(Fault) = topics::MACHINE_STATE_FAULTS,
     }
-}
-
-faults! {
-    /// What `machine_state` can find wrong, drivers' faults included.
-    pub enum MachineFault of "machine_state" {
+    faults MachineFault on topics::MACHINE_STATE_FAULTS {
         /// The controller has sent no sample for too long, or the driver has lost it.
         ControllerLost = ERROR "controller_lost",
         /// The driver runs in another session than before.

@@ -1,7 +1,7 @@
 //! Signals of controllers beside the machine: temperatures for `machine_state`, and whether the part is there and clamped, without
 //! which nothing begins.
 
-use graph::{FaultCode, Outbox, Stamp};
+use graph::{FaultCode, Stamp};
 use probecell_msgs::{
     PartStatus,
     diagnostic_msgs::{DiagnosticArray, DiagnosticStatus},
@@ -9,7 +9,7 @@ use probecell_msgs::{
 
 use crate::{
     config::{Config, Role, Signal},
-    ports::{MachineFault, Output},
+    ports::{MachineFault, Out},
     state::State,
 };
 
@@ -26,7 +26,7 @@ pub(crate) fn take(
     state: &mut State,
     now: Stamp,
     readings: DiagnosticArray,
-    out: &mut Outbox<Output>,
+    out: &mut Out,
 ) -> bool {
     let at = Stamp::from(&readings.header.stamp).min(now);
     for reading in readings.status {
@@ -58,12 +58,7 @@ fn value(reading: &DiagnosticStatus) -> Option<f64> {
 }
 
 /// Reports what has gone wrong with a signal since the last time. True where the machine has to stop: it works on what is not held.
-pub(crate) fn watch(
-    config: &Config,
-    state: &mut State,
-    now: Stamp,
-    out: &mut Outbox<Output>,
-) -> bool {
+pub(crate) fn watch(config: &Config, state: &mut State, now: Stamp, out: &mut Out) -> bool {
     let mut is_to_stop = false;
     let is_made = state.part.status.stage != PartStatus::NONE || state.operation.is_some();
     for signal in &config.signals {

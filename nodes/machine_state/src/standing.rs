@@ -1,20 +1,14 @@
 //! Faults that stand: each is reported once, until its condition has gone.
 
-use graph::{FaultCode, Outbox, Stamp};
+use graph::{FaultCode, Stamp};
 
 use crate::{
-    ports::{MachineFault, Output},
+    ports::{MachineFault, Out},
     state::State,
 };
 
 /// Reports a fault once, until it is cleared.
-pub(crate) fn raise(
-    state: &mut State,
-    now: Stamp,
-    fault: MachineFault,
-    text: &str,
-    out: &mut Outbox<Output>,
-) {
+pub(crate) fn raise(state: &mut State, now: Stamp, fault: MachineFault, text: &str, out: &mut Out) {
     if state.standing.insert(fault.code().to_owned()) {
         out.fault(now, fault, text);
     }

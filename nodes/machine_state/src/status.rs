@@ -1,6 +1,6 @@
 //! Controller samples: the contract's messages, faults that begin or end, and samples that fail to arrive.
 
-use graph::{Outbox, Stamp, supervision::GATE_SILENCE};
+use graph::{Stamp, supervision::GATE_SILENCE};
 use probecell_msgs::{
     ControllerStatus, MachineState, OperationReport, ToolOffsets, sensor_msgs::JointState, std_msgs,
 };
@@ -9,7 +9,7 @@ use crate::{
     command,
     config::Config,
     operation,
-    ports::{MachineFault, Output},
+    ports::{MachineFault, Out, Output},
     signals,
     standing::{clear, raise},
     state::{Asker, Controller, State},
@@ -28,7 +28,7 @@ pub(crate) fn sample(
     state: &mut State,
     now: Stamp,
     status: ControllerStatus,
-    out: &mut Outbox<Output>,
+    out: &mut Out,
 ) {
     let finite = |values: &[f64]| values.iter().all(|value| value.is_finite());
     let signals = [
@@ -106,7 +106,7 @@ pub(crate) fn sample(
 }
 
 /// The first word to a driver is to stop: what its machine does, nobody has supervised.
-fn take_over(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Output>) {
+fn take_over(config: &Config, state: &mut State, now: Stamp, out: &mut Out) {
     let known = state.controller.as_ref().map(|known| &known.status);
     let at_work = [
         MachineState::EXECUTION_RUNNING,
@@ -116,7 +116,7 @@ fn take_over(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Ou
         known.filter(|status| at_work.contains(&status.execution) && !status.program.is_empty())
     {
         let text = format!(
-            "the machine was executing {:?} and is commanded to stop: nobody has supervised it",
+            "the machine was executing {:?} and is commanded to stop: it was unsupervised",
             status.program
         );
         raise(state, now, MachineFault::UnsupervisedMotion, &text, out);
@@ -125,12 +125,7 @@ fn take_over(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Ou
     stop::stop(config, state, now, Asker::Gate, out);
 }
 
-fn report_faults(
-    state: &mut State,
-    now: Stamp,
-    status: &ControllerStatus,
-    out: &mut Outbox<Output>,
-) {
+fn report_faults(state: &mut State, now: Stamp, status: &ControllerStatus, out: &mut Out) {
     if status.execution == MachineState::EXECUTION_ESTOP {
         raise(
             state,
@@ -171,13 +166,7 @@ fn report_faults(
     }
 }
 
-fn publish(
-    config: &Config,
-    state: &State,
-    now: Stamp,
-    status: &ControllerStatus,
-    out: &mut Outbox<Output>,
-) {
+fn publish(config: &Config, state: &State, now: Stamp, status: &ControllerStatus, out: &mut Out) {
     let header = std_msgs::Header {
         stamp: status.header.stamp,
         frame_id: "foundation".to_owned(),
@@ -253,7 +242,7 @@ fn offsets(status: &ControllerStatus) -> (&[u32], [&[String]; 2], [&[f64]; 3]) {
 }
 
 /// Checks the timeouts: samples of the controller, outcome of the operation, and the measuring order.
-pub(crate) fn watch(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Output>) {
+pub(crate) fn watch(config: &Config, state: &mut State, now: Stamp, out: &mut Out) {
     let silent = state
         .controller
         .as_ref()

@@ -1,13 +1,13 @@
 //! The rules of `machine_state`.
 
-use graph::{Node, Outbox, START, Stamp};
+use graph::{START, Stamp};
 use probecell_msgs::{PlanProgress, RecordingStatus, std_msgs};
 
 use crate::{
     command,
     config::Config,
     operation, part,
-    ports::{Input, MachineFault, Output},
+    ports::{Input, Out, Output},
     signals,
     state::{Asker, Awaited, State},
     status, stop, writing,
@@ -20,97 +20,76 @@ const WATCH_PERIOD: f64 = graph::supervision::HEARTBEAT_PERIOD;
 /// s by which a link may deliver a message late.
 const LATE: f64 = 30.0;
 
-/// The node.
-pub struct MachineStateNode;
-
-impl Node for MachineStateNode {
-    const NAME: &'static str = "machine_state";
-    type Config = Config;
-    type State = State;
-    type Input = Input;
-    type Output = Output;
-    type Fault = MachineFault;
-
-    fn start(_config: &Config) -> State {
-        State::default()
-    }
-
-    fn step(
-        config: &Config,
-        state: &mut State,
-        now: Stamp,
-        input: Input,
-        out: &mut Outbox<Output>,
-    ) {
-        match input {
-            Input::Timer(id) => {
-                if id == START {
-                    // The driver may still answer commands of an earlier process.
-                    state.next_command = now.0.unsigned_abs();
-                    state.started = now.0.unsigned_abs();
-                    state.epoch = state.started;
-                    let description = std_msgs::String {
-                        data: config.robot_description.clone(),
-                    };
-                    out.send(Output::RobotDescription(description));
-                    part::publish(state, now, out);
-                }
-                command::beat(state, now, out);
-                status::watch(config, state, now, out);
-                part::watch(config, state, now, out);
-                if signals::watch(config, state, now, out) {
-                    stop::stop(config, state, now, Asker::Gate, out);
-                }
-                stop::expire(state, now, out);
-                writing::expire(config, state, now, out);
-                writing::write_deferred(config, state, now, out);
-                out.wake_at(now.after_s(WATCH_PERIOD), WATCH);
+/// Processes one input at the instant `now`.
+pub(crate) fn step(config: &Config, state: &mut State, now: Stamp, input: Input, out: &mut Out) {
+    match input {
+        Input::Timer(id) => {
+            if id == START {
+                // The driver may still answer commands of an earlier process.
+                state.next_command = now.0.unsigned_abs();
+                state.started = now.0.unsigned_abs();
+                state.epoch = state.started;
+                let description = std_msgs::String {
+                    data: config.robot_description.clone(),
+                };
+                out.send(Output::RobotDescription(description));
+                part::publish(state, now, out);
             }
-            Input::Status(sample) => {
-                status::sample(config, state, now, sample, out);
-                // An operation may have failed with this sample.
-                writing::write_deferred(config, state, now, out);
+            command::beat(state, now, out);
+            status::watch(config, state, now, out);
+            part::watch(config, state, now, out);
+            if signals::watch(config, state, now, out) {
+                stop::stop(config, state, now, Asker::Gate, out);
             }
-            Input::Reply(reply) => {
-                operation::answer(state, now, &reply, out);
-                writing::write_deferred(config, state, now, out);
+            stop::expire(state, now, out);
+            writing::expire(config, state, now, out);
+            writing::write_deferred(config, state, now, out);
+            out.wake_at(now.after_s(WATCH_PERIOD), WATCH);
+        }
+        Input::Status(sample) => {
+            status::sample(config, state, now, sample, out);
+            // An operation may have failed with this sample.
+            writing::write_deferred(config, state, now, out);
+        }
+        Input::Reply(reply) => {
+            operation::answer(state, now, &reply, out);
+            writing::write_deferred(config, state, now, out);
+        }
+        Input::Request(request) => operation::request(config, state, now, request, out),
+        Input::Order(order) => {
+            // The order of a request that is refused must not be taken for that of a later request.
+            if operation::refusal(config, state).is_none() {
+                state.order = Some((order.plan_id, order.order));
             }
-            Input::Request(request) => operation::request(config, state, now, request, out),
-            Input::Order(order) => {
-                // The order of a request that is refused must not be taken for that of a later request.
-                if operation::refusal(config, state).is_none() {
-                    state.order = Some((order.plan_id, order.order));
-                }
-                if let Some(awaited) = state.awaited.take() {
-                    operation::carry_out(config, state, now, awaited.request, out);
-                }
+            if let Some(awaited) = state.awaited.take() {
+                operation::carry_out(config, state, now, awaited.request, out);
             }
-            Input::Progress(progress) => {
-                // Planning that makes progress is not late.
-                let of_plan = |one: &&mut Awaited| one.request.plan_id == progress.plan_id;
-                if progress.phase != PlanProgress::GIVEN_UP
-                    && let Some(awaited) = state.awaited.as_mut().filter(of_plan)
-                {
-                    awaited.until = now.after_s(config.order_limit);
-                }
+        }
+        Input::Progress(progress) => {
+            // Planning that makes progress is not late.
+            let of_plan = |one: &&mut Awaited| one.request.plan_id == progress.plan_id;
+            if progress.phase != PlanProgress::GIVEN_UP
+                && let Some(awaited) = state.awaited.as_mut().filter(of_plan)
+            {
+                awaited.until = now.after_s(config.order_limit);
             }
-            Input::Correction(correction) => writing::correct(config, state, now, correction, out),
-            Input::Part(report) => part::ended(state, now, &report, out),
-            Input::PartStatus(status) => part::status(config, state, now, status, out),
-            Input::Stop(request) => {
-                let asked_by = Asker::Operator(request.request_id);
-                part::stopped(state);
-                stop::stop(config, state, now, asked_by, out);
+        }
+        Input::Correction(correction) => writing::correct(config, state, now, correction, out),
+        Input::Part(report) => part::ended(state, now, &report, out),
+        Input::PartStatus(status) => part::status(config, state, now, status, out),
+        Input::Stop(request) => {
+            let asked_by = Asker::Operator(request.request_id);
+            part::stopped(state);
+            stop::stop(config, state, now, asked_by, out);
+        }
+        Input::Recording(status) => hear_of_recording(state, now, status),
+        Input::Signals(readings) => {
+            if signals::take(config, state, now, readings, out) {
+                stop::stop(config, state, now, Asker::Gate, out);
             }
-            Input::Recording(status) => hear_of_recording(state, now, status),
-            Input::Signals(readings) => {
-                if signals::take(config, state, now, readings, out) {
-                    stop::stop(config, state, now, Asker::Gate, out);
-                }
-            }
-            Input::Keys(keys) => {
-                trust::operators::take(config.trust.cell.as_ref(), &mut state.keys, keys);
-            }
+        }
+        Input::Keys(keys) => {
+            trust::operators::take(config.trust.cell.as_ref(), &mut state.keys, keys);
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Stops the machine, and informs the requester whether the driver has confirmed it.
 
-use graph::{Outbox, Stamp};
+use graph::Stamp;
 use probecell_msgs::{
     ControllerCommand, ControllerReply, MachineState, OperationReport, OperatorReply,
 };
@@ -9,7 +9,7 @@ use crate::{
     command,
     config::Config,
     operation,
-    ports::Output,
+    ports::{Out, Output},
     state::{Asker, State, Stop},
 };
 
@@ -17,13 +17,7 @@ use crate::{
 const STOP_LIMIT: f64 = 5.0;
 
 /// Tells the driver to stop. A measurement that waits for its order is given up, so that it cannot begin afterwards.
-pub(crate) fn stop(
-    config: &Config,
-    state: &mut State,
-    now: Stamp,
-    asked_by: Asker,
-    out: &mut Outbox<Output>,
-) {
+pub(crate) fn stop(config: &Config, state: &mut State, now: Stamp, asked_by: Asker, out: &mut Out) {
     state.order = None;
     if let Some(awaited) = state.awaited.take() {
         let (id, text) = (
@@ -71,7 +65,7 @@ pub(crate) fn confirm(
     state: &mut State,
     now: Stamp,
     reply: &ControllerReply,
-    out: &mut Outbox<Output>,
+    out: &mut Out,
 ) -> bool {
     let Some(stop) = state.stops.remove(&reply.command_id) else {
         return false;
@@ -91,7 +85,7 @@ pub(crate) fn confirm(
 }
 
 /// Commands that the driver has not confirmed in time.
-pub(crate) fn expire(state: &mut State, now: Stamp, out: &mut Outbox<Output>) {
+pub(crate) fn expire(state: &mut State, now: Stamp, out: &mut Out) {
     let overdue = |(_, stop): &(&u64, &Stop)| now > stop.until;
     let overdue: Vec<u64> = (state.stops.iter().filter(overdue))
         .map(|(command_id, _)| *command_id)
@@ -104,14 +98,7 @@ pub(crate) fn expire(state: &mut State, now: Stamp, out: &mut Outbox<Output>) {
     }
 }
 
-fn answer(
-    state: &mut State,
-    now: Stamp,
-    asked_by: Asker,
-    stands: bool,
-    text: &str,
-    out: &mut Outbox<Output>,
-) {
+fn answer(state: &mut State, now: Stamp, asked_by: Asker, stands: bool, text: &str, out: &mut Out) {
     match asked_by {
         Asker::Gate => {}
         Asker::Cycle(request_id) => {

@@ -3,7 +3,7 @@
 //!
 //! Whether one may be written at all is decided by the gate (`crate::gate`), at the moment of writing.
 
-use graph::{Outbox, Stamp};
+use graph::Stamp;
 use probecell_msgs::{
     ControllerCommand, ControllerReply, Correction, CorrectionAcknowledgement, CorrectionKind,
     offset,
@@ -13,7 +13,7 @@ use crate::{
     command,
     config::Config,
     gate,
-    ports::Output,
+    ports::{Out, Output},
     state::{ReadBack, State, Writing},
     table,
 };
@@ -24,7 +24,7 @@ pub(crate) fn correct(
     state: &mut State,
     now: Stamp,
     correction: Correction,
-    out: &mut Outbox<Output>,
+    out: &mut Out,
 ) {
     // Made before this process began: whether its predecessor has written it is not known here, and the part has been
     // stopped. It is neither written nor answered a second time.
@@ -55,12 +55,7 @@ pub(crate) fn correct(
     write_deferred(config, state, now, out);
 }
 
-pub(crate) fn write_deferred(
-    config: &Config,
-    state: &mut State,
-    now: Stamp,
-    out: &mut Outbox<Output>,
-) {
+pub(crate) fn write_deferred(config: &Config, state: &mut State, now: Stamp, out: &mut Out) {
     while state.operation.is_none() && state.writing.is_empty() {
         let Some(correction) = state.deferred.pop_front() else {
             return;
@@ -69,13 +64,7 @@ pub(crate) fn write_deferred(
     }
 }
 
-fn write(
-    config: &Config,
-    state: &mut State,
-    now: Stamp,
-    correction: &Correction,
-    out: &mut Outbox<Output>,
-) {
+fn write(config: &Config, state: &mut State, now: Stamp, correction: &Correction, out: &mut Out) {
     if let Some(read) = state.applied.get(&correction.correction_id).cloned() {
         let outcome = CorrectionAcknowledgement::ALREADY_APPLIED;
         let text = "it has been applied already";
@@ -147,7 +136,7 @@ pub(crate) fn reply(
     now: Stamp,
     correction: &Correction,
     reply: &ControllerReply,
-    out: &mut Outbox<Output>,
+    out: &mut Out,
 ) {
     let (read, written) = read_back(correction, reply);
     let done = reply.outcome == ControllerReply::DONE && written;
@@ -194,7 +183,7 @@ fn read_back(correction: &Correction, reply: &ControllerReply) -> (ReadBack, boo
 }
 
 /// Fails corrections whose command the driver has not answered in time: the next ones and the part wait for them.
-pub(crate) fn expire(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Output>) {
+pub(crate) fn expire(config: &Config, state: &mut State, now: Stamp, out: &mut Out) {
     let overdue = state
         .writing
         .iter()
@@ -205,7 +194,7 @@ pub(crate) fn expire(config: &Config, state: &mut State, now: Stamp, out: &mut O
             continue;
         };
         let text = format!(
-            "the driver did not answer within {} s: what the controller holds is not known",
+            "the driver did not answer within {} s: the value in the controller is unknown",
             config.reply_limit
         );
         let values = ReadBack {
@@ -224,7 +213,7 @@ fn acknowledge(
     outcome: u8,
     read: ReadBack,
     text: &str,
-    out: &mut Outbox<Output>,
+    out: &mut Out,
 ) {
     out.send(Output::Acknowledgement(CorrectionAcknowledgement {
         header: now.header(""),

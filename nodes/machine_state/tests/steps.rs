@@ -616,7 +616,7 @@ fn a_driver_that_does_not_answer_a_correction_has_failed_it_and_the_next_one_is_
     check(
         with(waiting(299), vec![Input::Timer(1)]),
         &[
-            "c outcome 7: the driver did not answer within 30 s: what the controller holds is not known",
+            "c outcome 7: the driver did not answer within 30 s: the value in the controller is unknown",
             "run 1 2 wear of 2 -20.0 µm",
         ],
     );

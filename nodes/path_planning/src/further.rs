@@ -182,7 +182,7 @@ fn check_point(
     let outward = surface.normal(&position);
     if outward.is_none_or(|outward| outward.angle(&normal) > SAME_DIRECTION) {
         return Err(format!(
-            "has not the normal of {:?} at its place",
+            "does not have the normal of {:?} at this point",
             feature.id
         ));
     }

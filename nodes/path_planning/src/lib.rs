@@ -114,5 +114,9 @@ pub use requests::PREVIEW;
 pub use rules::{Attitudes, Held, MotionRules};
 pub use solver::{Poses, Seed};
 pub use state::State;
-pub use step::PathPlanningNode;
 pub use task::{OrderRequest, Planned, Task};
+
+graph::node! {
+    /// The node.
+    pub struct PathPlanningNode { ports: ports, config: Config, state: State, step: step::step }
+}

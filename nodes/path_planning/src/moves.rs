@@ -52,8 +52,8 @@ pub(crate) fn first_transit(
         out
     };
     let away = here.map(out);
-    let way = away.into_iter().chain([out(approach.exit())]);
-    way.chain(approach.exit.clone())
+    let path = away.into_iter().chain([out(approach.exit())]);
+    path.chain(approach.exit.clone())
         .chain([approach.positions.clone()])
         .collect()
 }
@@ -79,7 +79,7 @@ pub(crate) fn of_order(
                 feed,
             });
         };
-        let mut way = match at.checked_sub(1) {
+        let mut path = match at.checked_sub(1) {
             Some(before) => {
                 transits
                     .between(order[before], candidate)
@@ -90,8 +90,8 @@ pub(crate) fn of_order(
             }
             None => first_transit(rules, here, &transits.ends[candidate].approach),
         };
-        way.pop();
-        for target in way {
+        path.pop();
+        for target in path {
             push(ProbingMove::CLEARANCE, target, 0.0);
         }
         let chosen = &transits.candidates[candidate];
@@ -104,8 +104,8 @@ pub(crate) fn of_order(
         let retract = &transits.ends[last].retract;
         let mut out = retract.exit().to_vec();
         out[axis] = clear;
-        let way = retract.exit.clone().into_iter().chain([out]);
-        moves.extend(way.map(|axis_positions| ProbingMove {
+        let path = retract.exit.clone().into_iter().chain([out]);
+        moves.extend(path.map(|axis_positions| ProbingMove {
             kind: ProbingMove::CLEARANCE,
             point_index: point_of(last),
             axis_positions,

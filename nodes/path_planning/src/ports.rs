@@ -1,14 +1,14 @@
 //! What `path_planning` subscribes to and publishes.
 
-use graph::{Stamp, faults, inputs, outputs, topics};
+use graph::{Stamp, topics};
 use probecell_msgs::{
-    Fault, InspectionPlan, MeasurementOrder, OperationReport, OperationRequest, OperatorReply,
+    InspectionPlan, MeasurementOrder, OperationReport, OperationRequest, OperatorReply,
     OperatorRequest, PlanProgress, ProbeEvent, sensor_msgs::JointState,
 };
 
-inputs! {
-    /// What `path_planning` subscribes to.
-    pub enum Input {
+graph::ports! {
+    "path_planning"
+    inputs {
         /// An operator's request for a plan.
         Plan(OperatorRequest) = topics::PLAN_REQUESTS,
         /// The next operation of the cycle.
@@ -20,11 +20,7 @@ inputs! {
         /// Where the axes are.
         Joints(JointState) = topics::JOINT_STATES,
     }
-}
-
-outputs! {
-    /// What `path_planning` publishes.
-    pub enum Output {
+    outputs {
         /// What to measure.
         Plan(InspectionPlan) = topics::INSPECTION_PLAN,
         /// In which order, by which moves.
@@ -33,14 +29,8 @@ outputs! {
         Progress(PlanProgress) = topics::PLAN_PROGRESS,
         /// The answer to an operator.
         Reply(OperatorReply) = topics::PLAN_REPLIES,
-        /// What failed.
-        Fault(Fault) = topics::PATH_PLANNING_FAULTS,
     }
-}
-
-faults! {
-    /// What `path_planning` can find wrong.
-    pub enum PlanningFault of "path_planning" {
+    faults PlanningFault on topics::PATH_PLANNING_FAULTS {
         /// The part cannot be measured as planned: a point is out of reach, or no collision-free path leads to it.
         PlanImpossible = ERROR "plan_impossible",
         /// A measurement was requested of a plan that does not exist, or that cannot be resumed.

@@ -1,6 +1,6 @@
 //! What the cycle and operators request of `path_planning`.
 
-use graph::{Outbox, Stamp};
+use graph::Stamp;
 use probecell_msgs::{InspectionPlan, OperationRequest, OperatorRequest};
 
 use crate::{
@@ -8,7 +8,7 @@ use crate::{
     error::PlanningError,
     further::{self, FurtherError},
     job::{Job, Purpose},
-    ports::{Failure, Output, PlanningFault, reply},
+    ports::{Failure, Out, Output, PlanningFault, reply},
     resume::{Measurement, ResumeError},
     state::State,
     task::{OrderRequest, Task},
@@ -24,7 +24,7 @@ pub(crate) fn handle_cycle_request(
     state: &mut State,
     now: Stamp,
     request: &OperationRequest,
-    out: &mut Outbox<Output>,
+    out: &mut Out,
 ) -> Result<(), Failure> {
     let is_same = |measurement: &&Measurement| {
         measurement.plan.plan_id == request.plan_id
@@ -70,7 +70,7 @@ fn publish_further(
     state: &mut State,
     now: Stamp,
     plan_id: &str,
-    out: &mut Outbox<Output>,
+    out: &mut Out,
 ) -> Result<(), Failure> {
     let further = state.further.take();
     let Some((mut plan, mut order)) = further.filter(|(plan, _)| plan.plan_id == plan_id) else {
@@ -118,7 +118,7 @@ pub(crate) fn handle_operator_request(
     state: &mut State,
     now: Stamp,
     request: &OperatorRequest,
-    out: &mut Outbox<Output>,
+    out: &mut Out,
 ) -> Result<(), RequestError> {
     let subject = &request.subject;
     if let Some(job) = &state.job {
@@ -165,12 +165,7 @@ pub(crate) fn handle_operator_request(
 }
 
 /// Ends the planning that an operator has requested; whoever has requested it is informed first.
-pub(crate) fn cancel(
-    state: &mut State,
-    now: Stamp,
-    request: &OperatorRequest,
-    out: &mut Outbox<Output>,
-) {
+pub(crate) fn cancel(state: &mut State, now: Stamp, request: &OperatorRequest, out: &mut Out) {
     let is_meant = |job: &Job| {
         let number = job.purpose.of_operator();
         number.is_some_and(|number| request.cancels.contains(&number))

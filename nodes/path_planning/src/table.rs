@@ -106,8 +106,8 @@ impl TimeTable {
         {
             (Some(from), Some(to)) => self.time(from, to),
             (None, Some(to)) => here.map_or(0.0, |here| {
-                let way = first_transit(rules, Some(here), &transits.ends[to].approach);
-                rules.motion().time_along(here, &way)
+                let path = first_transit(rules, Some(here), &transits.ends[to].approach);
+                rules.motion().time_along(here, &path)
             }),
             _ => 0.0,
         };

@@ -126,9 +126,9 @@ impl<'a> Transits<'a> {
     /// Seconds from the retract of one candidate to the approach of another.
     pub(crate) fn time(&self, from: usize, to: usize) -> f64 {
         let transit = self.between(from, to);
-        transit.map_or(NO_TRANSIT, |way| {
+        transit.map_or(NO_TRANSIT, |path| {
             let motion = self.rules.motion();
-            motion.time_along(&self.ends[from].retract.positions, &way)
+            motion.time_along(&self.ends[from].retract.positions, &path)
         })
     }
 
@@ -148,8 +148,8 @@ impl<'a> Transits<'a> {
             out[axis] = clear;
             let mut over = end.exit().to_vec();
             over[axis] = clear;
-            let way = start.exit.clone().into_iter().chain([out, over]);
-            return Some(way.chain(end.exit.clone()).chain(straight).collect());
+            let path = start.exit.clone().into_iter().chain([out, over]);
+            return Some(path.chain(end.exit.clone()).chain(straight).collect());
         }
         let lifted = || {
             let both = start.lifts.iter().zip(&end.lifts);
@@ -166,15 +166,15 @@ impl<'a> Transits<'a> {
         };
         let across = crossings.iter().copied().find_map(|crossing| {
             lifted().find_map(|(out, over)| {
-                let way = self.across(out, over, crossing);
+                let path = self.across(out, over, crossing);
                 let ends = [out, over].map(|at| self.around.clearances(at));
-                let clear = self.around.is_clear(out, &way, [&ends[0], &ends[1]]);
-                clear.then(|| std::iter::once(out.clone()).chain(way).collect::<Vec<_>>())
+                let clear = self.around.is_clear(out, &path, [&ends[0], &ends[1]]);
+                clear.then(|| std::iter::once(out.clone()).chain(path).collect::<Vec<_>>())
             })
         });
-        across.map(|mut way| {
-            way.push(end.positions.clone());
-            way
+        across.map(|mut path| {
+            path.push(end.positions.clone());
+            path
         })
     }
 
@@ -219,10 +219,10 @@ fn exit(
         };
         let (pose, ball) = (&nominal.part_pose, &nominal.ball);
         let reached = chain.reach(&target, &targets.prescribed, positions, pose, ball);
-        let way = [reached.ok()?];
-        let end = around.clearances(&way[0]);
-        let found = around.is_clear(positions, &way, [clearances, &end]) && leaves(&way[0]);
-        let [reached] = way;
+        let path = [reached.ok()?];
+        let end = around.clearances(&path[0]);
+        let found = around.is_clear(positions, &path, [clearances, &end]) && leaves(&path[0]);
+        let [reached] = path;
         found.then_some(reached)
     })
 }

@@ -1,25 +1,19 @@
 //! How a job is started, advanced and cancelled, and what becomes of its result.
 
-use graph::{Outbox, START, Stamp};
+use graph::{START, Stamp};
 use probecell_msgs::{MeasurementOrder, PlanProgress};
 
 use crate::{
     config::Config,
     job::{Job, Purpose},
-    ports::{Output, PlanningFault, reply},
+    ports::{Out, Output, PlanningFault, reply},
     resume::Measurement,
     state::State,
     task::{Planned, Task},
 };
 
 /// Starts a job: each slice is a step of its own.
-pub(crate) fn start(
-    state: &mut State,
-    now: Stamp,
-    task: Task,
-    purpose: Purpose,
-    out: &mut Outbox<Output>,
-) {
+pub(crate) fn start(state: &mut State, now: Stamp, task: Task, purpose: Purpose, out: &mut Out) {
     state.jobs = state.jobs.wrapping_add(1).max(START + 1);
     out.wake_at(now, state.jobs);
     state.job = Some(Job {
@@ -30,13 +24,7 @@ pub(crate) fn start(
 }
 
 /// One slice of the work.
-pub(crate) fn advance(
-    config: &Config,
-    state: &mut State,
-    now: Stamp,
-    mut job: Job,
-    out: &mut Outbox<Output>,
-) {
+pub(crate) fn advance(config: &Config, state: &mut State, now: Stamp, mut job: Job, out: &mut Out) {
     let result = job.task.advance(&config.rules());
     let mut progress = job.task.progress();
     progress.header = now.header("");
@@ -63,13 +51,7 @@ pub(crate) fn advance(
     }
 }
 
-fn report_failure(
-    state: &mut State,
-    now: Stamp,
-    purpose: &Purpose,
-    text: String,
-    out: &mut Outbox<Output>,
-) {
+fn report_failure(state: &mut State, now: Stamp, purpose: &Purpose, text: String, out: &mut Out) {
     let fault = match purpose {
         Purpose::Measurement(_) => PlanningFault::PlanImpossible,
         Purpose::Resume(_) => PlanningFault::PlanUnknown,
@@ -90,7 +72,7 @@ pub(crate) fn cancel(
     now: Stamp,
     is_void: impl Fn(&Job) -> bool,
     reason: &str,
-    out: &mut Outbox<Output>,
+    out: &mut Out,
 ) {
     let Some(job) = state.job.take_if(|job| is_void(job)) else {
         return;
@@ -117,7 +99,7 @@ fn publish_result(
         mut plan,
         mut order,
     }: Planned,
-    out: &mut Outbox<Output>,
+    out: &mut Out,
 ) {
     plan.header.stamp = now.time();
     order.header = plan.header.clone();

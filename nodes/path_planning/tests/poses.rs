@@ -419,7 +419,7 @@ fn lists_that_cannot_be_used_are_told_with_their_place() {
         (
             "",
             format!("rotary_alternatives_deg = [{many}]"),
-            "feature \"B\" has 33 poses beside the first, more than 32",
+            "feature \"B\" has 33 poses besides the first, more than 32",
         ),
         (
             "indexing_offsets_deg = [15.0]",

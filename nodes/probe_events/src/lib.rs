@@ -1,4 +1,4 @@
-//! Decides which raw triggers are touches.
+//! Turns the raw end of each probing move into a numbered probe event, and reports probes that do not work.
 //!
 //! ```text
 //!  driver         probe_triggers ──┐  ┌─────────────────────────────┐
@@ -13,9 +13,9 @@
 //! | | `probe_events/faults`: `no_contact`, `probe_dead`, `probe_stuck`, `trigger_not_usable` |
 //!
 //! Every trigger of a known plan becomes exactly one event, with the number that the driver gave the trigger: from 0 in its
-//! session, without gaps, whatever becomes of this process. A number that is missing is a touch that was lost. A move that ended
-//! without a trigger, or that began with the probe already tripped, is an event too, but never one that a size can be
-//! made of. Triggers may arrive before their plan does: they wait for it.
+//! session, without gaps, even if this process is restarted. A number that is missing is a touch that was lost. A move that ended
+//! without a trigger, or that began with the probe already tripped, is an event too, but is never
+//! used for a size. Triggers that arrive before their plan wait for it.
 //!
 //! Positions are the controller's readings at the latch (m, rad); `tip` is the ball centre that they give in the part
 //! frame by the nominal kinematic chain, without any correction of pre-travel or ball radius.
@@ -69,7 +69,15 @@
 //! ```
 
 mod config;
+mod ports;
+mod state;
 mod step;
 
 pub use config::{Config, RawConfig};
-pub use step::{Input, Output, ProbeEventsFault, ProbeEventsNode, State};
+pub use ports::{Input, Output, ProbeEventsFault};
+pub use state::State;
+
+graph::node! {
+    /// The node.
+    pub struct ProbeEventsNode { ports: ports, config: Config, state: State, step: step::step }
+}

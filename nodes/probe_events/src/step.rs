@@ -1,128 +1,51 @@
 //! The rules of `probe_events`.
 
-use std::collections::VecDeque;
-
-use graph::{Node, Outbox, Stamp, faults, inputs, outputs, topics};
+use graph::Stamp;
 use machine::Nominal;
-use probecell_msgs::{
-    Fault, InspectionPlan, InspectionPoint, ProbeEvent, ProbeTrigger, geometry_msgs,
+use probecell_msgs::{InspectionPlan, InspectionPoint, ProbeEvent, ProbeTrigger, geometry_msgs};
+
+use crate::{
+    config::Config,
+    ports::{Input, Out, Output, ProbeEventsFault},
+    state::State,
 };
-use serde::{Deserialize, Serialize};
-
-use crate::config::Config;
-
-inputs! {
-    /// What `probe_events` subscribes to.
-    pub enum Input {
-        /// The raw end of a probing move.
-        Trigger(ProbeTrigger) = topics::PROBE_TRIGGERS,
-        /// What is measured.
-        Plan(InspectionPlan) = topics::INSPECTION_PLAN,
-    }
-}
-
-outputs! {
-    /// What `probe_events` publishes.
-    pub enum Output {
-        /// A probing move and its outcome.
-        Event(ProbeEvent) = topics::PROBE_EVENTS,
-        /// A fault.
-        Fault(Fault) = topics::PROBE_EVENTS_FAULTS,
-    }
-}
-
-faults! {
-    /// What `probe_events` can find wrong.
-    pub enum ProbeEventsFault of "probe_events" {
-        /// A probing move ended without contact.
-        NoContact = WARNING "no_contact",
-        /// Several consecutive moves ended without contact.
-        ProbeDead = ERROR "probe_dead",
-        /// The probe was tripped before the move began.
-        ProbeStuck = ERROR "probe_stuck",
-        /// A trigger from which no event can be made.
-        TriggerNotUsable = ERROR "trigger_not_usable",
-    }
-}
 
 /// Triggers kept while their plan has not arrived.
 const WAITING_LIMIT: usize = 4096;
 /// Consecutive moves without contact after which the probe is considered dead: a single one may be missing material.
 const DEAD_AFTER: u32 = 2;
 
-/// The state of `probe_events`.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct State {
-    /// The last plan received.
-    pub plan: Option<InspectionPlan>,
-    /// Triggers whose plan has not arrived yet.
-    pub waiting: VecDeque<ProbeTrigger>,
-    /// Consecutive moves that ended without contact.
-    pub misses: u32,
-    /// Session of the driver and number of the last trigger received: numbers rise in a session.
-    pub last: Option<(String, u64)>,
-}
-
-/// The node.
-pub struct ProbeEventsNode;
-
-impl Node for ProbeEventsNode {
-    const NAME: &'static str = "probe_events";
-    type Config = Config;
-    type State = State;
-    type Input = Input;
-    type Output = Output;
-    type Fault = ProbeEventsFault;
-
-    fn start(_config: &Config) -> State {
-        State::default()
-    }
-
-    fn step(
-        config: &Config,
-        state: &mut State,
-        now: Stamp,
-        input: Input,
-        out: &mut Outbox<Output>,
-    ) {
-        match input {
-            Input::Timer(_) => {}
-            Input::Trigger(trigger) => {
-                let again = (state.last.as_ref()).is_some_and(|(session, number)| {
-                    !session.is_empty()
-                        && *session == trigger.session
-                        && trigger.sequence <= *number
-                });
-                if again {
-                    return;
-                }
-                state.last = Some((trigger.session.clone(), trigger.sequence));
-                state.waiting.push_back(trigger);
-                if state.waiting.len() > WAITING_LIMIT {
-                    state.waiting.pop_front();
-                    let text = "a trigger was dropped because its plan did not arrive";
-                    out.fault(now, ProbeEventsFault::TriggerNotUsable, text);
-                }
-                take_waiting(config, state, now, out);
+/// Processes one input at the instant `now`.
+pub(crate) fn step(config: &Config, state: &mut State, now: Stamp, input: Input, out: &mut Out) {
+    match input {
+        Input::Timer(_) => {}
+        Input::Trigger(trigger) => {
+            let again = (state.last.as_ref()).is_some_and(|(session, number)| {
+                !session.is_empty() && *session == trigger.session && trigger.sequence <= *number
+            });
+            if again {
+                return;
             }
-            Input::Plan(plan) => {
-                state.plan = Some(plan);
-                take_waiting(config, state, now, out);
+            state.last = Some((trigger.session.clone(), trigger.sequence));
+            if state.waiting.keep(trigger, WAITING_LIMIT).is_some() {
+                let text = "a trigger was dropped because its plan did not arrive";
+                out.fault(now, ProbeEventsFault::TriggerNotUsable, text);
             }
+            take_waiting(config, state, now, out);
+        }
+        Input::Plan(plan) => {
+            state.plan = Some(plan);
+            take_waiting(config, state, now, out);
         }
     }
 }
 
-fn take_waiting(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Output>) {
+fn take_waiting(config: &Config, state: &mut State, now: Stamp, out: &mut Out) {
     let Some(plan) = state.plan.clone() else {
         return;
     };
-    for trigger in std::mem::take(&mut state.waiting) {
-        if trigger.plan_id == plan.plan_id {
-            take(config, state, now, &plan, &trigger, out);
-        } else {
-            state.waiting.push_back(trigger);
-        }
+    for trigger in (state.waiting).release(|trigger| trigger.plan_id == plan.plan_id) {
+        take(config, state, now, &plan, &trigger, out);
     }
 }
 
@@ -132,9 +55,9 @@ fn take(
     now: Stamp,
     plan: &InspectionPlan,
     trigger: &ProbeTrigger,
-    out: &mut Outbox<Output>,
+    out: &mut Out,
 ) {
-    let unusable = |text: String, out: &mut Outbox<Output>| {
+    let unusable = |text: String, out: &mut Out| {
         out.fault(now, ProbeEventsFault::TriggerNotUsable, text);
     };
     let Some(nominal) = plan.points.get(trigger.point_index as usize) else {
@@ -192,7 +115,7 @@ fn approach(nominal: &InspectionPoint) -> geometry_msgs::Vector3 {
     }
 }
 
-fn outcome(state: &mut State, now: Stamp, trigger: &ProbeTrigger, out: &mut Outbox<Output>) -> u8 {
+fn outcome(state: &mut State, now: Stamp, trigger: &ProbeTrigger, out: &mut Out) -> u8 {
     if trigger.tripped_before {
         let text = format!(
             "the probe was tripped before the move to point {} began",

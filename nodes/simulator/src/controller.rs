@@ -1,13 +1,13 @@
 //! The controller of the simulated machine: it obeys commands, holds offsets, and samples its state.
 
-use graph::{Outbox, Stamp};
+use graph::Stamp;
 use probecell_msgs::{ControllerCommand, ControllerReply, ControllerStatus, MachineState};
 
 use crate::{
     config::Config,
     motion::{self, Builder},
     plant,
-    ports::Output,
+    ports::{Out, Output},
     replies::{refused, reply},
     state::{Segment, State, Then},
     stopping::{stand, stop},
@@ -28,7 +28,7 @@ pub(crate) fn obey(
     state: &mut State,
     now: Stamp,
     command: ControllerCommand,
-    out: &mut Outbox<Output>,
+    out: &mut Out,
 ) {
     if state.silent {
         return;
@@ -84,7 +84,7 @@ fn start_cut(
     state: &mut State,
     now: Stamp,
     command: ControllerCommand,
-    out: &mut Outbox<Output>,
+    out: &mut Out,
 ) {
     let Some(operation) = config
         .raw
@@ -113,12 +113,7 @@ fn start_cut(
     state.program = Some(builder.program(&operation.id.clone(), command, spindle_speed));
 }
 
-pub(crate) fn measure_when_ready(
-    config: &Config,
-    state: &mut State,
-    now: Stamp,
-    out: &mut Outbox<Output>,
-) {
+pub(crate) fn measure_when_ready(config: &Config, state: &mut State, now: Stamp, out: &mut Out) {
     let (Some(command), Some(plan), Some(order)) = (&state.awaiting, &state.plan, &state.order)
     else {
         return;
@@ -143,7 +138,7 @@ pub(crate) fn measure_when_ready(
 /// m; a control takes no larger wear offset of either sign, whoever sends it (as parameter 5013 of a FANUC control).
 const WEAR_LIMIT: f64 = 1e-3;
 
-fn set_wear(state: &mut State, now: Stamp, command: &ControllerCommand, out: &mut Outbox<Output>) {
+fn set_wear(state: &mut State, now: Stamp, command: &ControllerCommand, out: &mut Out) {
     let answer = match state.wear.get_mut(&command.tool_number) {
         Some(_) if command.value.abs() > WEAR_LIMIT => ControllerReply {
             outcome: ControllerReply::REFUSED,
@@ -182,7 +177,7 @@ fn set_path(
     state: &mut State,
     now: Stamp,
     command: &ControllerCommand,
-    out: &mut Outbox<Output>,
+    out: &mut Out,
 ) {
     let mut cuts = config.cuts.iter();
     let cut = cuts.find(|((_, feature), _)| *feature == command.feature);
@@ -220,7 +215,7 @@ fn set_work_offset(
     state: &mut State,
     now: Stamp,
     command: &ControllerCommand,
-    out: &mut Outbox<Output>,
+    out: &mut Out,
 ) {
     let names = config.raw.machine.work_offset_axes.iter();
     let mut offsets = names.zip(&mut state.work_offsets);
@@ -257,7 +252,7 @@ fn set_table(
     state: &mut State,
     now: Stamp,
     command: &ControllerCommand,
-    out: &mut Outbox<Output>,
+    out: &mut Out,
 ) {
     let names: Vec<&str> = config.table.entries().map(|(name, _)| name).collect();
     let usable = !names.is_empty()
@@ -290,7 +285,7 @@ fn set_table(
 }
 
 /// A regular sample.
-pub(crate) fn sample(config: &Config, state: &State, now: Stamp, out: &mut Outbox<Output>) {
+pub(crate) fn sample(config: &Config, state: &State, now: Stamp, out: &mut Out) {
     let velocity = moving(state).map(|segment| segment.velocity_at(now));
     sample_at(config, state, now, velocity, out);
 }
@@ -306,7 +301,7 @@ pub(crate) fn sample_at(
     state: &State,
     now: Stamp,
     velocity: Option<Vec<f64>>,
-    out: &mut Outbox<Output>,
+    out: &mut Out,
 ) {
     if state.silent {
         return;

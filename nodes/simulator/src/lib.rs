@@ -85,6 +85,10 @@ pub use points::Cut;
 pub use ports::{Input, Output};
 pub use raw::{Injected, RawConfig};
 pub use state::State;
-pub use step::SimulatorNode;
 pub use tool::{RawRunout, Runout};
 pub use truth::{RawError, RawMachine, RawSlip, Truth, TruthError};
+
+graph::node! {
+    /// The node.
+    pub struct SimulatorNode { ports: ports, config: Config, state: State, step: step::step, start: State::new }
+}

@@ -1,28 +1,24 @@
 //! What the simulated machine subscribes to and publishes: the topics of a driver.
 
-use graph::{inputs, outputs, topics};
+use graph::topics;
 use probecell_msgs::{
     ControllerCommand, ControllerReply, ControllerStatus, GateHeartbeat, InspectionPlan,
     MeasurementOrder, ProbeTrigger, ReferenceMeasurement,
 };
 
-inputs! {
-    /// What the simulated machine subscribes to.
-    pub enum Input {
+graph::ports! {
+    "simulator"
+    inputs {
         /// A command.
         Command(ControllerCommand) = topics::CONTROLLER_COMMANDS,
         /// A sign of life of the gate.
         Heartbeat(GateHeartbeat) = topics::GATE_HEARTBEAT,
-        /// What is measured.
+        /// The inspection plan.
         Plan(InspectionPlan) = topics::INSPECTION_PLAN,
-        /// In which order, by which moves.
+        /// The measuring order, with its moves.
         Order(MeasurementOrder) = topics::MEASUREMENT_ORDER,
     }
-}
-
-outputs! {
-    /// What the simulated machine publishes.
-    pub enum Output {
+    outputs {
         /// A raw sample.
         Status(ControllerStatus) = topics::CONTROLLER_STATUS,
         /// The raw end of a probing move.

@@ -7,8 +7,11 @@ use machine::motion::Profile;
 use probecell_msgs::{
     ControllerCommand, ControllerReply, InspectionPlan, MeasurementOrder, ProbeTrigger,
 };
+use rand::SeedableRng;
 use rand_pcg::Pcg32;
 use serde::{Deserialize, Serialize};
+
+use crate::config::Config;
 
 /// The state of the simulator.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -65,6 +68,48 @@ pub struct State {
     /// The machine has been commanded to stop and does not stand yet.
     #[serde(default)]
     pub stopping: Option<Stopping>,
+}
+
+impl State {
+    /// The state before the first input.
+    pub(crate) fn new(config: &Config) -> Self {
+        let raw = &config.raw;
+        Self {
+            session: String::new(),
+            random: Pcg32::seed_from_u64(raw.seed),
+            wear: raw
+                .tools
+                .iter()
+                .map(|tool| (tool.number, tool.wear_um * 1e-6))
+                .collect(),
+            sizes: raw
+                .sizes
+                .iter()
+                .map(|size| (size.id.clone(), size.stock_mm * 1e-3))
+                .collect(),
+            turned: BTreeMap::new(),
+            surfaces: BTreeMap::new(),
+            path_offsets: BTreeMap::new(),
+            volumetric: raw.machine.volumetric,
+            table: config.table.entries().map(|(_, value)| value).collect(),
+            work_offsets: vec![0.0; config.work_offset_axes.len()],
+            position: config.home.clone(),
+            program: None,
+            awaiting: None,
+            plan: None,
+            order: None,
+            tool: 0,
+            alarms: Vec::new(),
+            estop: false,
+            silent: false,
+            touches: 0,
+            triggers: 0,
+            run_id: String::new(),
+            taken: VecDeque::new(),
+            gate: GateWatch::default(),
+            stopping: None,
+        }
+    }
 }
 
 /// A machine that is about to stand.

@@ -1,15 +1,13 @@
 //! The rules of the simulated machine.
 
-use graph::{NoFaults, Node, Outbox, START, Stamp};
+use graph::{Outbox, START, Stamp};
 use probecell_msgs::{ControllerCommand, ControllerReply, ProbeTrigger};
-use rand::SeedableRng;
-use rand_pcg::Pcg32;
 
 use crate::{
     config::Config,
     controller::{measure_when_ready, obey, sample, sample_at},
     plant,
-    ports::{Input, Output},
+    ports::{Input, Out, Output},
     raw::Injected,
     state::{Segment, State, Then},
     stopping::{abort, stand},
@@ -20,109 +18,53 @@ const SAMPLE: u32 = 1;
 /// s between two regular samples.
 const SAMPLE_PERIOD: f64 = 0.01;
 
-/// The node.
-pub struct SimulatorNode;
-
-impl Node for SimulatorNode {
-    const NAME: &'static str = "simulator";
-    type Config = Config;
-    type State = State;
-    type Input = Input;
-    type Output = Output;
-    type Fault = NoFaults;
-
-    fn start(config: &Config) -> State {
-        let raw = &config.raw;
-        State {
-            session: String::new(),
-            random: Pcg32::seed_from_u64(raw.seed),
-            wear: raw
-                .tools
-                .iter()
-                .map(|tool| (tool.number, tool.wear_um * 1e-6))
-                .collect(),
-            sizes: raw
-                .sizes
-                .iter()
-                .map(|size| (size.id.clone(), size.stock_mm * 1e-3))
-                .collect(),
-            turned: std::collections::BTreeMap::new(),
-            surfaces: std::collections::BTreeMap::new(),
-            path_offsets: std::collections::BTreeMap::new(),
-            volumetric: raw.machine.volumetric,
-            table: config.table.entries().map(|(_, value)| value).collect(),
-            work_offsets: vec![0.0; config.work_offset_axes.len()],
-            position: config.home.clone(),
-            program: None,
-            awaiting: None,
-            plan: None,
-            order: None,
-            tool: 0,
-            alarms: Vec::new(),
-            estop: false,
-            silent: false,
-            touches: 0,
-            triggers: 0,
-            run_id: String::new(),
-            taken: std::collections::VecDeque::new(),
-            gate: graph::supervision::GateWatch::default(),
-            stopping: None,
+/// Processes one input at the instant `now`.
+pub(crate) fn step(config: &Config, state: &mut State, now: Stamp, input: Input, out: &mut Out) {
+    match input {
+        Input::Timer(id) => {
+            if id == START {
+                state.session = format!("simulator-{}", now.0);
+            }
+            run(config, state, now, out);
+            stand(state, now, out);
+            if state.gate.is_silent(now) {
+                give_up(state, now, "machine_state has fallen silent", out);
+            }
+            sample(config, state, now, out);
+            out.wake_at(now.after_s(SAMPLE_PERIOD), SAMPLE);
         }
-    }
-
-    fn step(
-        config: &Config,
-        state: &mut State,
-        now: Stamp,
-        input: Input,
-        out: &mut Outbox<Output>,
-    ) {
-        match input {
-            Input::Timer(id) => {
-                if id == START {
-                    state.session = format!("simulator-{}", now.0);
-                }
-                run(config, state, now, out);
-                stand(state, now, out);
-                if state.gate.is_silent(now) {
-                    give_up(state, now, "machine_state has fallen silent", out);
-                }
-                sample(config, state, now, out);
-                out.wake_at(now.after_s(SAMPLE_PERIOD), SAMPLE);
+        Input::Plan(plan) => {
+            state.plan = Some(plan);
+            measure_when_ready(config, state, now, out);
+        }
+        Input::Order(order) => {
+            state.order = Some(order);
+            measure_when_ready(config, state, now, out);
+        }
+        Input::Heartbeat(beat) => {
+            if state.gate.beat(now, &beat) {
+                give_up(
+                    state,
+                    now,
+                    "machine_state is another process than before",
+                    out,
+                );
             }
-            Input::Plan(plan) => {
-                state.plan = Some(plan);
-                measure_when_ready(config, state, now, out);
-            }
-            Input::Order(order) => {
-                state.order = Some(order);
-                measure_when_ready(config, state, now, out);
-            }
-            Input::Heartbeat(beat) => {
-                if state.gate.beat(now, &beat) {
-                    give_up(
-                        state,
-                        now,
-                        "machine_state is another process than before",
-                        out,
-                    );
-                }
-            }
-            Input::Command(command) => {
-                state.gate.command(now);
-                obey(config, state, now, command, out);
-            }
+        }
+        Input::Command(command) => {
+            state.gate.command(now);
+            obey(config, state, now, command, out);
         }
     }
 }
 
 /// Stops what nobody supervises any more.
-fn give_up(state: &mut State, now: Stamp, why: &str, out: &mut Outbox<Output>) {
+fn give_up(state: &mut State, now: Stamp, why: &str, out: &mut Out) {
     abort(state, now, &format!("gate_lost: {why}"), out);
 }
 
 /// Carries out the segments that have ended by now.
-fn run(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Output>) {
+fn run(config: &Config, state: &mut State, now: Stamp, out: &mut Out) {
     inject(config, state, now, out);
     // A silent controller continues with its program; its messages are dropped.
     let mut dropped = Outbox::default();
@@ -172,7 +114,7 @@ fn next_ended(state: &mut State, now: Stamp) -> Option<Segment> {
 }
 
 /// Injects the fault of the cell file once the touches before it have been made.
-fn inject(config: &Config, state: &mut State, now: Stamp, out: &mut Outbox<Output>) {
+fn inject(config: &Config, state: &mut State, now: Stamp, out: &mut Out) {
     let Some(fault) = &config.raw.fault else {
         return;
     };

@@ -1,11 +1,11 @@
 //! Programs that are ended, and a machine that stands some time after the command.
 
-use graph::{Outbox, Stamp};
+use graph::Stamp;
 use probecell_msgs::ControllerCommand;
 
 use crate::{
     config::Config,
-    ports::Output,
+    ports::{Out, Output},
     replies::{failed, reply},
     state::{State, Stopping},
 };
@@ -24,7 +24,7 @@ pub(crate) fn stop(config: &Config, state: &mut State, now: Stamp, command: Cont
 }
 
 /// Confirms a stop once the machine stands.
-pub(crate) fn stand(state: &mut State, now: Stamp, out: &mut Outbox<Output>) {
+pub(crate) fn stand(state: &mut State, now: Stamp, out: &mut Out) {
     let Some(stopping) = state.stopping.take_if(|stopping| now >= stopping.until) else {
         return;
     };
@@ -37,7 +37,7 @@ pub(crate) fn stand(state: &mut State, now: Stamp, out: &mut Outbox<Output>) {
 }
 
 /// Ends every program at once.
-pub(crate) fn abort(state: &mut State, now: Stamp, text: &str, out: &mut Outbox<Output>) {
+pub(crate) fn abort(state: &mut State, now: Stamp, text: &str, out: &mut Out) {
     for command in [
         state.program.take().map(|program| program.command),
         state.awaiting.take(),

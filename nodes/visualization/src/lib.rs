@@ -1,4 +1,4 @@
-//! Shows the cell to viewers that know nothing of it: RViz, Foxglove, Lichtblick, Rerun.
+//! Publishes the cell as tf frames and markers for generic viewers: RViz, Foxglove, Lichtblick, Rerun.
 //!
 //! ```text
 //!  machine_state  joint_states ───────┐  ┌────────────────────────────────┐
@@ -19,7 +19,7 @@
 //! own. On `/tf` and `/tf_static`, which all cells of a bus share, the launcher repeats them with a prefix, by default the name of
 //! the cell and a slash (`turn_mill/part`).
 //!
-//! *Markers* stand in the frame `part`. Namespace `points`: the plan; `order`: the way between them; `touches`: points
+//! *Markers* stand in the frame `part`. Namespace `points`: the plan; `order`: the path between them; `touches`: points
 //! touched; `deviations`: a line along the normal, as long as the deviation times `magnification`; `features`: name and verdict
 //! of each feature; `characteristics`: verdicts on what is made of several. Green is a deviation within its expanded uncertainty (k = 2), orange material in excess, blue material
 //! missing. The whole set is published again with a plan, and at most a hundred points per second while touches come, so that
@@ -43,8 +43,16 @@
 
 mod config;
 mod markers;
+mod ports;
+mod state;
 mod step;
 mod transforms;
 
 pub use config::{Config, RawConfig};
-pub use step::{Input, Output, State, VisualizationFault, VisualizationNode};
+pub use ports::{Input, Output, VisualizationFault};
+pub use state::State;
+
+graph::node! {
+    /// The node.
+    pub struct VisualizationNode { ports: ports, config: Config, state: State, step: step::step }
+}

@@ -77,8 +77,8 @@ impl Scene {
             .order
             .iter()
             .filter_map(|&index| points.get(index as usize));
-        let way = ordered.map(|point| (point.position, GREY));
-        markers.push(draw.list("order", Marker::LINE_STRIP, LINE / 2.0, way));
+        let path = ordered.map(|point| (point.position, GREY));
+        markers.push(draw.list("order", Marker::LINE_STRIP, LINE / 2.0, path));
         let touched = || {
             let known = self.touches.iter();
             known.filter_map(|(&index, touch)| Some((points.get(index as usize)?, touch)))

@@ -20,6 +20,8 @@ pub struct Interfaces {
     pub messages: BTreeMap<String, Message>,
     /// Services, those of actions included.
     pub services: BTreeMap<String, Service>,
+    /// Actions.
+    pub actions: BTreeMap<String, Action>,
     /// What is described and hashed but has no struct: services, their events, actions.
     pub described: BTreeMap<String, Message>,
 }
@@ -54,7 +56,9 @@ impl Interfaces {
         for service in action.services()? {
             self.add_service(service)?;
         }
-        self.describe(action.description()?);
+        let description = action.description()?;
+        self.actions.insert(description.full_name(), action.clone());
+        self.describe(description);
         Ok(())
     }
 

@@ -13,7 +13,7 @@ use anyhow::{Context, Result, ensure};
 
 use super::{
     OWN_PACKAGE, codes, hash,
-    interface::{Element, Field, Message, Primitive, Service, Shape},
+    interface::{Action, Element, Field, Message, Primitive, Service, Shape},
     item::{doc, rust_name},
     package::Interfaces,
 };
@@ -77,15 +77,17 @@ fn kind_code(interfaces: &Interfaces, package: &str, kind: &str) -> Result<Strin
     for service in &services {
         code += &service_code(interfaces, service)?;
     }
-    let traits = match (code.is_empty(), services.is_empty()) {
-        (true, _) => return Ok(code),
-        // The registry beside them has the type already.
-        (false, true) if package == OWN_PACKAGE => "Member, Message",
-        (false, true) => "Member, Message, MessageType",
-        (false, false) => "Member, Message, MessageType, Service, ServiceType",
-    };
+    let actions = interfaces.actions.values();
+    let mut traits = "";
+    for action in actions.filter(|one| kind == "action" && one.package == package) {
+        code += &action_code(action)?;
+        traits = "use crate::schema::Action;\n\n";
+    }
+    if code.is_empty() {
+        return Ok(code);
+    }
     Ok(format!(
-        "use serde::{{Deserialize, Serialize}};\n\nuse crate::schema::{{{traits}}};\n\n{code}"
+        "use serde::{{Deserialize, Serialize}};\n\n{traits}{code}"
     ))
 }
 
@@ -171,15 +173,10 @@ fn structure(interfaces: &Interfaces, message: &Message) -> Result<String> {
     }
     writeln!(
         code,
-        "impl Message for {name} {{\nconst TYPE: &'static MessageType = &MessageType {{\n\
-         name: {:?},\ndds_name: {:?},\ntype_hash: {:?},\ndefinition: {},\n\
-         fields: &[{}],\n\
-         describe: crate::describe::of::<{name}>,\ncanonical: crate::cdr::canonical::<{name}>,\n}};\n}}\n",
-        message.full_name(),
-        format!(
-            "{}::{}::dds_::{}_",
-            message.package, message.kind, message.name
-        ),
+        "crate::schema::message! {{\n    {name}: {:?}, {:?}, {:?},\n    {:?},\n    {},\n    {}\n}}\n",
+        message.package,
+        message.kind,
+        message.name,
         hash::type_hash(interfaces, message)?,
         definition(interfaces, message)?,
         described(message),
@@ -202,7 +199,7 @@ fn described(message: &Message) -> String {
             default => default.map_or("", |text| text.trim_matches('"')),
         };
         format!(
-            "Member({:?}, {}, {}, {}, {:?}, {:?})",
+            "[{:?}, {}, {}, {}, {:?}, {:?}]",
             member.name,
             member.type_id,
             member.capacity,
@@ -211,7 +208,7 @@ fn described(message: &Message) -> String {
             default,
         )
     });
-    members.collect::<Vec<_>>().join(", ")
+    members.collect::<Vec<_>>().join("\n    ")
 }
 
 /// What reads a field and refuses it beyond its bound.
@@ -238,7 +235,7 @@ fn definition(interfaces: &Interfaces, message: &Message) -> Result<String> {
     }
     Ok(match &parts[..] {
         [alone] => alone.clone(),
-        _ => format!("concat!({})", parts.join(", ")),
+        _ => format!("concat!(\n        {}\n    )", parts.join(",\n        ")),
     })
 }
 
@@ -262,14 +259,10 @@ fn service_code(interfaces: &Interfaces, service: &Service) -> Result<String> {
     )?;
     writeln!(
         code,
-        "impl Service for {name} {{\ntype Request = {name}Request;\ntype Response = {name}Response;\n\
-         const TYPE: &'static ServiceType = &ServiceType {{\nname: {:?},\ndds_name: {:?},\ntype_hash: {:?},\n\
-         request: {name}Request::TYPE,\nresponse: {name}Response::TYPE,\n}};\n}}\n",
-        service.full_name(),
-        format!(
-            "{}::{}::dds_::{}_",
-            service.package, service.kind, service.name
-        ),
+        "crate::schema::service! {{\n    {name}({name}Request) -> {name}Response: {:?}, {:?}, {:?},\n    {:?}\n}}\n",
+        service.package,
+        service.kind,
+        service.name,
         hash::type_hash(interfaces, interfaces.message(&service.full_name())?)?,
     )?;
     for (mut part, what) in [
@@ -279,6 +272,42 @@ fn service_code(interfaces: &Interfaces, service: &Service) -> Result<String> {
         part.doc = vec![format!("{what} [`{name}`].")];
         code += &structure(interfaces, &part)?;
     }
+    Ok(code)
+}
+
+/// An action, whose parts have the names that the ROS 2 design of actions gives them.
+fn action_code(action: &Action) -> Result<String> {
+    let mut code = doc(&action.doc);
+    let name = &action.name;
+    writeln!(
+        code,
+        "#[derive(Clone, Copy, Debug, PartialEq, Eq)]\npub struct {name};\n\nimpl Action for {name} {{"
+    )?;
+    for part in [
+        "Goal",
+        "Result",
+        "Feedback",
+        "SendGoal",
+        "GetResult",
+        "FeedbackMessage",
+    ] {
+        writeln!(code, "type {part} = {name}{part};")?;
+    }
+    let (id, time) = (
+        rust_path("unique_identifier_msgs", "msg", "UUID"),
+        rust_path("builtin_interfaces", "msg", "Time"),
+    );
+    writeln!(
+        code,
+        "\nfn goal(request: {name}SendGoalRequest) -> ({id}, {name}Goal) {{\n(request.goal_id, request.goal)\n}}\n\n\
+         fn acceptance(accepted: bool, stamp: {time}) -> {name}SendGoalResponse {{\n\
+         {name}SendGoalResponse {{ accepted, stamp }}\n}}\n\n\
+         fn goal_id(request: &{name}GetResultRequest) -> {id} {{\nrequest.goal_id\n}}\n\n\
+         fn ending(status: i8, result: {name}Result) -> {name}GetResultResponse {{\n\
+         {name}GetResultResponse {{ status, result }}\n}}\n\n\
+         fn feedback(goal_id: {id}, feedback: {name}Feedback) -> {name}FeedbackMessage {{\n\
+         {name}FeedbackMessage {{ goal_id, feedback }}\n}}\n}}\n"
+    )?;
     Ok(code)
 }
 

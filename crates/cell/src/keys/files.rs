@@ -50,7 +50,7 @@ pub enum KeyError {
         path: PathBuf,
     },
     /// The file holds something else.
-    #[error("{path} does not hold a key: {source}")]
+    #[error("{path} does not contain a key: {source}")]
     NotAKey {
         /// The file.
         path: PathBuf,

@@ -49,8 +49,7 @@ impl ProgramWriter for Fanuc {
         }
     }
 
-    fn measuring_program(&self, job: &Job<'_>) -> Result<String, ProgramError> {
-        self.limits().check(job)?;
+    fn write(&self, job: &Job<'_>) -> Result<String, ProgramError> {
         program::measuring_program(job.plan, job.order, job.axes, job.travel_feed)
     }
 

@@ -42,8 +42,7 @@ impl ProgramWriter for LinuxCnc {
         }
     }
 
-    fn measuring_program(&self, job: &Job<'_>) -> Result<String, ProgramError> {
-        self.limits().check(job)?;
+    fn write(&self, job: &Job<'_>) -> Result<String, ProgramError> {
         let raw = job
             .settings
             .and_then(|settings| settings.downcast_ref::<RawConfig>());

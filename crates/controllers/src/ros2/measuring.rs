@@ -337,9 +337,9 @@ fn trajectory(frame: &Frame<'_>, from: &[f64], to: &[f64], feed: f64) -> Vec<Way
     };
     let motion = frame.chain.motion();
     if feed > 0.0 {
-        let way = (frame.ball(to) - frame.ball(from)).norm();
+        let distance = (frame.ball(to) - frame.ball(from)).norm();
         // Where the ball stays, the axes decide.
-        let time = (way / feed).max(motion.time(from, to)).max(STEP);
+        let time = (distance / feed).max(motion.time(from, to)).max(STEP);
         return vec![Waypoint {
             time,
             positions: to.to_vec(),

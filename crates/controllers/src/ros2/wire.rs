@@ -1,15 +1,42 @@
 //! Requests and responses of the services of a robot, as plain CDR, and the goal of a trajectory.
 //!
-//! Definitions: control_msgs (`FollowJointTrajectory`), action_msgs, rcl_interfaces and std_srvs of ROS 2; hashes after
-//! REP 2016. Alignment counts from the end of the four-byte header.
+//! Types of rcl_interfaces and action_msgs are those of `probecell_msgs`. Of control_msgs (`FollowJointTrajectory`) and
+//! std_srvs this writes and reads the few fields that a cell needs; hashes after REP 2016. Alignment counts from the end of
+//! the four-byte header.
+
+use probecell_msgs::{
+    Message as _, MessageType, Service as _, ServiceType,
+    action_msgs::srv::{CancelGoal, CancelGoalRequest},
+    from_cdr,
+    rcl_interfaces::{
+        self, ParameterType, ParameterValue,
+        srv::{
+            GetParameters, GetParametersRequest, GetParametersResponse, SetParameters,
+            SetParametersRequest, SetParametersResponse,
+        },
+    },
+    sensor_msgs::JointState,
+    to_cdr,
+};
 
 use crate::driver::RosType;
 
+const fn message(ty: &MessageType) -> RosType {
+    RosType {
+        dds_name: ty.dds_name,
+        type_hash: ty.type_hash,
+    }
+}
+
+const fn service(ty: &ServiceType) -> RosType {
+    RosType {
+        dds_name: ty.dds_name,
+        type_hash: ty.type_hash,
+    }
+}
+
 /// `sensor_msgs/msg/JointState`.
-pub(super) const JOINT_STATE: RosType = RosType {
-    dds_name: "sensor_msgs::msg::dds_::JointState_",
-    type_hash: "RIHS01_a13ee3a330e346c9d87b5aa18d24e11690752bd33a0350f11c5882bc9179260e",
-};
+pub(super) const JOINT_STATE: RosType = message(JointState::TYPE);
 /// `std_msgs/msg/Bool`.
 pub(super) const BOOL: RosType = RosType {
     dds_name: "std_msgs::msg::dds_::Bool_",
@@ -21,15 +48,9 @@ pub(super) const TRIGGER: RosType = RosType {
     type_hash: "RIHS01_eeff2cd6fa5ad9d27cdf4dec64818317839b62f212a91e6b5304b634b2062c5f",
 };
 /// `rcl_interfaces/srv/SetParameters`.
-pub(super) const SET_PARAMETERS: RosType = RosType {
-    dds_name: "rcl_interfaces::srv::dds_::SetParameters_",
-    type_hash: "RIHS01_56eed9a67e169f9cb6c1f987bc88f868c14a8fc9f743a263bc734c154015d7e0",
-};
+pub(super) const SET_PARAMETERS: RosType = service(SetParameters::TYPE);
 /// `rcl_interfaces/srv/GetParameters`.
-pub(super) const GET_PARAMETERS: RosType = RosType {
-    dds_name: "rcl_interfaces::srv::dds_::GetParameters_",
-    type_hash: "RIHS01_bf9803d5c74cf989a5de3e0c2e99444599a627c7ff75f97b8c05b01003675cbc",
-};
+pub(super) const GET_PARAMETERS: RosType = service(GetParameters::TYPE);
 /// Service `_action/send_goal` of `control_msgs/action/FollowJointTrajectory`.
 pub(super) const SEND_GOAL: RosType = RosType {
     dds_name: "control_msgs::action::dds_::FollowJointTrajectory_SendGoal_",
@@ -41,19 +62,13 @@ pub(super) const GET_RESULT: RosType = RosType {
     type_hash: "RIHS01_e3ceb38e3e1867c8dc0f46014df26e90eb93422f27e9e97f936e07f94be4bc8b",
 };
 /// Service `_action/cancel_goal` of any action.
-pub(super) const CANCEL_GOAL: RosType = RosType {
-    dds_name: "action_msgs::srv::dds_::CancelGoal_",
-    type_hash: "RIHS01_573d8b0a534451d7bc2ac8c5ffde8ac14b8593b7001175d0cd6516dcbeb8689a",
-};
+pub(super) const CANCEL_GOAL: RosType = service(CancelGoal::TYPE);
 
 /// `action_msgs/msg/GoalStatus`.
 pub(super) const STATUS_SUCCEEDED: u8 = 4;
 
 /// Identifier of a goal.
 pub(super) type GoalId = [u8; 16];
-
-const PARAMETER_DOUBLE: u8 = 3;
-const PARAMETER_STRING: u8 = 4;
 
 /// Where the joints are at an instant of a trajectory.
 pub(super) struct Waypoint {
@@ -123,11 +138,7 @@ pub(super) fn result(response: &[u8]) -> Option<(u8, i32, String)> {
 
 /// Request of `cancel_goal` for all goals.
 pub(super) fn cancel_all() -> Vec<u8> {
-    let mut out = Writer::default();
-    out.bytes(&[0; 16]);
-    out.u32(0);
-    out.u32(0);
-    out.0
+    to_cdr(&CancelGoalRequest::default())
 }
 
 /// Request of a trigger: an empty structure is one byte.
@@ -145,51 +156,48 @@ pub(super) fn triggered(response: &[u8]) -> Option<(bool, String)> {
 
 /// Request that sets one parameter.
 pub(super) fn set_parameter(name: &str, value: &Parameter) -> Vec<u8> {
-    let mut out = Writer::default();
-    out.count(1);
-    out.text(name);
-    let (kind, number, text) = match value {
-        Parameter::Double(number) => (PARAMETER_DOUBLE, *number, ""),
-        Parameter::Text(text) => (PARAMETER_STRING, 0.0, text.as_str()),
+    let value = match value {
+        Parameter::Double(number) => ParameterValue {
+            r#type: ParameterType::PARAMETER_DOUBLE,
+            double_value: *number,
+            ..ParameterValue::default()
+        },
+        Parameter::Text(text) => ParameterValue {
+            r#type: ParameterType::PARAMETER_STRING,
+            string_value: text.clone(),
+            ..ParameterValue::default()
+        },
     };
-    out.bytes(&[kind, 0]);
-    out.i64(0);
-    out.f64(number);
-    out.text(text);
-    for _ in 0..5 {
-        out.count(0);
-    }
-    out.0
+    let name = name.to_owned();
+    to_cdr(&SetParametersRequest {
+        parameters: vec![rcl_interfaces::Parameter { name, value }],
+    })
 }
 
 /// Whether the one parameter was set, or why not; none for another answer.
 pub(super) fn parameter_set(response: &[u8]) -> Option<Result<(), String>> {
-    let mut from = Reader::new(response)?;
-    if from.u32()? != 1 {
-        return None;
-    }
-    let successful = from.u8()? != 0;
-    let reason = from.text()?;
-    Some(if successful { Ok(()) } else { Err(reason) })
+    let response: SetParametersResponse = from_cdr(response).ok()?;
+    let [result] = <[_; 1]>::try_from(response.results).ok()?;
+    Some(result.successful.then_some(()).ok_or(result.reason))
 }
 
 /// Request of the values of parameters.
 pub(super) fn get_parameters(names: &[&str]) -> Vec<u8> {
-    let mut out = Writer::default();
-    out.count(names.len());
-    for name in names {
-        out.text(name);
-    }
-    out.0
+    to_cdr(&GetParametersRequest {
+        names: names.iter().map(|&name| name.to_owned()).collect(),
+    })
 }
 
 /// Values of `count` parameters that are doubles; a node that lacks one answers with none.
 pub(super) fn doubles(response: &[u8], count: usize) -> Option<Vec<f64>> {
-    let mut from = Reader::new(response)?;
-    if from.u32()? as usize != count {
+    let response: GetParametersResponse = from_cdr(response).ok()?;
+    if response.values.len() != count {
         return None;
     }
-    (0..count).map(|_| from.double()).collect()
+    let double = |value: ParameterValue| {
+        (value.r#type == ParameterType::PARAMETER_DOUBLE).then_some(value.double_value)
+    };
+    response.values.into_iter().map(double).collect()
 }
 
 /// The one `bool` of a message.
@@ -223,11 +231,6 @@ impl Writer {
 
     fn count(&mut self, count: usize) {
         self.u32(count as u32);
-    }
-
-    fn i64(&mut self, value: i64) {
-        self.align(8);
-        self.bytes(&value.to_le_bytes());
     }
 
     fn f64(&mut self, value: f64) {
@@ -277,34 +280,10 @@ impl<'a> Reader<'a> {
         Some(u32::from_le_bytes(bytes.try_into().ok()?))
     }
 
-    fn f64(&mut self) -> Option<f64> {
-        let bytes = self.take(8, 8)?;
-        Some(f64::from_le_bytes(bytes.try_into().ok()?))
-    }
-
     fn text(&mut self) -> Option<String> {
         let count = self.u32()? as usize;
         let bytes = self.take(count, 1)?;
         let text = bytes.strip_suffix(&[0]).unwrap_or(bytes);
         Some(String::from_utf8_lossy(text).into_owned())
-    }
-
-    /// A `ParameterValue` that must be a double.
-    fn double(&mut self) -> Option<f64> {
-        let kind = self.u8()?;
-        self.u8()?;
-        self.take(8, 8)?;
-        let number = self.f64()?;
-        self.text()?;
-        for size in [1, 1, 8, 8] {
-            let count = self.u32()? as usize;
-            if count > 0 {
-                self.take(count.checked_mul(size)?, size)?;
-            }
-        }
-        for _ in 0..self.u32()? {
-            self.text()?;
-        }
-        (kind == PARAMETER_DOUBLE).then_some(number)
     }
 }

@@ -233,7 +233,7 @@ impl CellState {
             let made = Made {
                 run,
                 deviation: result.size_deviation,
-                expanded: result.coverage_factor * result.standard_uncertainty,
+                expanded: result.expanded_uncertainty(),
             };
             let parts = self.runs.entry(characteristic).or_default();
             match parts.back_mut().filter(|last| last.run == made.run) {

@@ -27,7 +27,7 @@ pub(super) struct Size<'a> {
 
 impl Size<'_> {
     pub(super) fn expanded(&self) -> f64 {
-        self.result.coverage_factor * self.result.standard_uncertainty
+        self.result.expanded_uncertainty()
     }
 
     pub(super) fn says(&self) -> &'static str {

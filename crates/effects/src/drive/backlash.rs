@@ -1,39 +1,22 @@
 //! `drive.backlash`: lost motion between motor and load on reversal.
 //!
-//! The position stands half the lost motion behind its command, on the side from which it comes: δq = −½·b·sgn(q̇).
+//! The position lags its command by half the lost motion, on the side from which it approaches: δq = −½·b·sgn(q̇).
 
-use machine::Chain;
-
-use super::{Channel, Drive, UNDECLARABLE, acts_on, term};
+use super::{Channel, Drive, acts_on, term};
 use crate::drive::columns::DriveEffect;
-use crate::effect::{ActsOn, Effect, Instance};
-use crate::library::Parameter;
+use crate::effect::{Definition, Effect};
 
 pub(super) struct Backlash;
 
 impl Effect for Backlash {
-    fn id(&self) -> &'static str {
-        "drive.backlash"
-    }
-
-    fn describe(&self, _: &Instance<'_>) -> String {
-        "backlash of the drive".to_owned()
-    }
-
-    fn remedy(&self) -> &'static str {
-        "adjust the preload of the drive train"
-    }
-
-    fn parameters(&self, _: &Chain, _: &Instance<'_>) -> Vec<Parameter> {
-        vec![Parameter::new("b", "m or rad", 2e-4)]
-    }
-
-    fn acts_on(&self) -> ActsOn {
-        acts_on()
-    }
-
-    fn undeclarable(&self) -> Option<&'static str> {
-        Some(UNDECLARABLE)
+    fn definition(&self) -> Definition {
+        Definition {
+            id: "drive.backlash",
+            name: "backlash of the drive",
+            remedy: "adjust the preload of the drive train",
+            parameters: &[("b", "m or rad", 2e-4)],
+            acts_on: acts_on(),
+        }
     }
 
     fn drive(&self, drive: &Drive<'_>, _: &[DriveEffect]) -> Option<DriveEffect> {

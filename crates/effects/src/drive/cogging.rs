@@ -4,41 +4,21 @@
 
 use std::f64::consts::TAU;
 
-use machine::Chain;
-
-use super::{Channel, Drive, UNDECLARABLE, acts_on, term};
+use super::{Channel, Drive, acts_on, term};
 use crate::drive::columns::DriveEffect;
-use crate::effect::{ActsOn, Effect, Instance};
-use crate::library::Parameter;
+use crate::effect::{Definition, Effect};
 
 pub(super) struct Cogging;
 
 impl Effect for Cogging {
-    fn id(&self) -> &'static str {
-        "drive.cogging"
-    }
-
-    fn describe(&self, _: &Instance<'_>) -> String {
-        "cogging of the drive, periodic in the position".to_owned()
-    }
-
-    fn remedy(&self) -> &'static str {
-        "check motor commutation and gear; cogging compensation of the drive may take it out"
-    }
-
-    fn parameters(&self, _: &Chain, _: &Instance<'_>) -> Vec<Parameter> {
-        vec![
-            Parameter::new("sin", "effort", 1e3),
-            Parameter::new("cos", "effort", 1e3),
-        ]
-    }
-
-    fn acts_on(&self) -> ActsOn {
-        acts_on()
-    }
-
-    fn undeclarable(&self) -> Option<&'static str> {
-        Some(UNDECLARABLE)
+    fn definition(&self) -> Definition {
+        Definition {
+            id: "drive.cogging",
+            name: "cogging of the drive, periodic in the position",
+            remedy: "check motor commutation and gear; cogging compensation of the drive may take it out",
+            parameters: &[("sin", "effort", 1e3), ("cos", "effort", 1e3)],
+            acts_on: acts_on(),
+        }
     }
 
     fn drive(&self, drive: &Drive<'_>, _: &[DriveEffect]) -> Option<DriveEffect> {

@@ -11,23 +11,21 @@ use nalgebra::{Isometry3, Point3, Vector3};
 
 use super::{Channel, Drive, acts_on, signals::derivative, term};
 use crate::drive::columns::DriveEffect;
-use crate::effect::{ActsOn, Constants, Effect, Instance};
+use crate::effect::{Constants, Definition, Effect, Instance};
 use crate::library::{Parameter, Variant, is_arm};
 use crate::observation::{Column, Observations, Pose};
 
 pub(super) struct Compliance;
 
 impl Effect for Compliance {
-    fn id(&self) -> &'static str {
-        "drive.compliance"
-    }
-
-    fn describe(&self, _: &Instance<'_>) -> String {
-        "compliance of the drive".to_owned()
-    }
-
-    fn remedy(&self) -> &'static str {
-        "declare the stiffness of the joints, or calibrate the arm under the load that it carries"
+    fn definition(&self) -> Definition {
+        Definition {
+            id: "drive.compliance",
+            name: "compliance of the drive",
+            remedy: "declare the stiffness of the joints, or calibrate the arm under the load that it carries",
+            parameters: &[],
+            acts_on: acts_on(),
+        }
     }
 
     fn parameters(&self, chain: &Chain, _: &Instance<'_>) -> Vec<Parameter> {
@@ -43,16 +41,17 @@ impl Effect for Compliance {
         turning(chain).iter().map(of).collect()
     }
 
-    fn acts_on(&self) -> ActsOn {
-        acts_on()
+    /// Touches show it too.
+    fn undeclarable(&self) -> Option<&'static str> {
+        None
     }
 
     fn offer(&self, rows: &Observations) -> Vec<Variant> {
-        self.way(&rows.chain).into_iter().collect()
+        self.on_machine(&rows.chain).into_iter().collect()
     }
 
     fn declared(&self, chain: &Chain, _: &Instance<'_>, _: &Constants<'_>) -> Vec<Variant> {
-        self.way(chain).into_iter().collect()
+        self.on_machine(chain).into_iter().collect()
     }
 
     fn drive(&self, drive: &Drive<'_>, _: &[DriveEffect]) -> Option<DriveEffect> {
@@ -74,7 +73,7 @@ impl Effect for Compliance {
 }
 
 impl Compliance {
-    fn way(&self, chain: &Chain) -> Option<Variant> {
+    fn on_machine(&self, chain: &Chain) -> Option<Variant> {
         if !is_arm(chain) {
             return None;
         }

@@ -2,38 +2,21 @@
 //!
 //! f = force·sgn(v), the sign smoothed around standstill (Armstrong-Hélouvry).
 
-use machine::Chain;
-
-use super::{Channel, Drive, UNDECLARABLE, acts_on, term};
+use super::{Channel, Drive, acts_on, term};
 use crate::drive::columns::DriveEffect;
-use crate::effect::{ActsOn, Effect, Instance};
-use crate::library::Parameter;
+use crate::effect::{Definition, Effect};
 
 pub(super) struct CoulombFriction;
 
 impl Effect for CoulombFriction {
-    fn id(&self) -> &'static str {
-        "drive.coulomb_friction"
-    }
-
-    fn describe(&self, _: &Instance<'_>) -> String {
-        "Coulomb friction of the drive".to_owned()
-    }
-
-    fn remedy(&self) -> &'static str {
-        "declare the friction in the drive's feed-forward, or look after lubrication and cover strips"
-    }
-
-    fn parameters(&self, _: &Chain, _: &Instance<'_>) -> Vec<Parameter> {
-        vec![Parameter::new("force", "effort", 1e3)]
-    }
-
-    fn acts_on(&self) -> ActsOn {
-        acts_on()
-    }
-
-    fn undeclarable(&self) -> Option<&'static str> {
-        Some(UNDECLARABLE)
+    fn definition(&self) -> Definition {
+        Definition {
+            id: "drive.coulomb_friction",
+            name: "Coulomb friction of the drive",
+            remedy: "declare the friction in the drive's feed-forward, or look after lubrication and cover strips",
+            parameters: &[("force", "effort", 1e3)],
+            acts_on: acts_on(),
+        }
     }
 
     fn drive(&self, drive: &Drive<'_>, _: &[DriveEffect]) -> Option<DriveEffect> {

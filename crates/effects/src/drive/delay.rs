@@ -4,38 +4,22 @@
 //! delay, to which a lag of the axis is equal.
 
 use inference::linear::{add_scaled, dot};
-use machine::Chain;
 
-use super::{Channel, Drive, Signals, Term, UNDECLARABLE, acts_on, signals::derivative, term};
+use super::{Channel, Drive, Signals, Term, acts_on, signals::derivative, term};
 use crate::drive::columns::DriveEffect;
-use crate::effect::{ActsOn, Effect, Instance};
-use crate::library::Parameter;
+use crate::effect::{Definition, Effect};
 
 pub(super) struct Delay;
 
 impl Effect for Delay {
-    fn id(&self) -> &'static str {
-        "drive.delay"
-    }
-
-    fn describe(&self, _: &Instance<'_>) -> String {
-        "delay between effort and motion of the drive".to_owned()
-    }
-
-    fn remedy(&self) -> &'static str {
-        "raise the velocity feed-forward of the position loop, or shorten its cycle"
-    }
-
-    fn parameters(&self, _: &Chain, _: &Instance<'_>) -> Vec<Parameter> {
-        vec![Parameter::new("tau", "s", 0.1)]
-    }
-
-    fn acts_on(&self) -> ActsOn {
-        acts_on()
-    }
-
-    fn undeclarable(&self) -> Option<&'static str> {
-        Some(UNDECLARABLE)
+    fn definition(&self) -> Definition {
+        Definition {
+            id: "drive.delay",
+            name: "delay between effort and motion of the drive",
+            remedy: "raise the velocity feed-forward of the position loop, or shorten its cycle",
+            parameters: &[("tau", "s", 0.1)],
+            acts_on: acts_on(),
+        }
     }
 
     fn drive(&self, drive: &Drive<'_>, before: &[DriveEffect]) -> Option<DriveEffect> {

@@ -2,38 +2,21 @@
 //!
 //! f = offset. On a linear axis the weight of the load is the same to first order.
 
-use machine::Chain;
-
-use super::{Channel, Drive, UNDECLARABLE, acts_on, term};
+use super::{Channel, Drive, acts_on, term};
 use crate::drive::columns::DriveEffect;
-use crate::effect::{ActsOn, Effect, Instance};
-use crate::library::Parameter;
+use crate::effect::{Definition, Effect};
 
 pub(super) struct FrictionOffset;
 
 impl Effect for FrictionOffset {
-    fn id(&self) -> &'static str {
-        "drive.friction_offset"
-    }
-
-    fn describe(&self, _: &Instance<'_>) -> String {
-        "constant offset of the drive's effort".to_owned()
-    }
-
-    fn remedy(&self) -> &'static str {
-        "balance the weight of the axis, or declare the offset in the drive"
-    }
-
-    fn parameters(&self, _: &Chain, _: &Instance<'_>) -> Vec<Parameter> {
-        vec![Parameter::new("offset", "effort", 1e3)]
-    }
-
-    fn acts_on(&self) -> ActsOn {
-        acts_on()
-    }
-
-    fn undeclarable(&self) -> Option<&'static str> {
-        Some(UNDECLARABLE)
+    fn definition(&self) -> Definition {
+        Definition {
+            id: "drive.friction_offset",
+            name: "constant offset of the drive's effort",
+            remedy: "balance the weight of the axis, or declare the offset in the drive",
+            parameters: &[("offset", "effort", 1e3)],
+            acts_on: acts_on(),
+        }
     }
 
     fn drive(&self, drive: &Drive<'_>, _: &[DriveEffect]) -> Option<DriveEffect> {

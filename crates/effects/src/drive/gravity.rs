@@ -2,41 +2,21 @@
 //!
 //! f = s·sin q + c·cos q. On a linear axis it is a constant offset by another name.
 
-use machine::Chain;
-
-use super::{Channel, Drive, UNDECLARABLE, acts_on, term};
+use super::{Channel, Drive, acts_on, term};
 use crate::drive::columns::DriveEffect;
-use crate::effect::{ActsOn, Effect, Instance};
-use crate::library::Parameter;
+use crate::effect::{Definition, Effect};
 
 pub(super) struct Gravity;
 
 impl Effect for Gravity {
-    fn id(&self) -> &'static str {
-        "drive.gravity"
-    }
-
-    fn describe(&self, _: &Instance<'_>) -> String {
-        "gravity load of the drive".to_owned()
-    }
-
-    fn remedy(&self) -> &'static str {
-        "balance the axis, or declare mass and centre of mass in the robot description"
-    }
-
-    fn parameters(&self, _: &Chain, _: &Instance<'_>) -> Vec<Parameter> {
-        vec![
-            Parameter::new("sin", "effort", 1e3),
-            Parameter::new("cos", "effort", 1e3),
-        ]
-    }
-
-    fn acts_on(&self) -> ActsOn {
-        acts_on()
-    }
-
-    fn undeclarable(&self) -> Option<&'static str> {
-        Some(UNDECLARABLE)
+    fn definition(&self) -> Definition {
+        Definition {
+            id: "drive.gravity",
+            name: "gravity load of the drive",
+            remedy: "balance the axis, or declare mass and centre of mass in the robot description",
+            parameters: &[("sin", "effort", 1e3), ("cos", "effort", 1e3)],
+            acts_on: acts_on(),
+        }
     }
 
     fn drive(&self, drive: &Drive<'_>, _: &[DriveEffect]) -> Option<DriveEffect> {

@@ -2,42 +2,21 @@
 //!
 //! f = excess·a.
 
-use machine::Chain;
-
-use super::{Channel, Drive, UNDECLARABLE, acts_on, term};
+use super::{Channel, Drive, acts_on, term};
 use crate::drive::columns::DriveEffect;
-use crate::effect::{ActsOn, Effect, Instance};
-use crate::library::Parameter;
+use crate::effect::{Definition, Effect};
 
 pub(super) struct Inertia;
 
 impl Effect for Inertia {
-    fn id(&self) -> &'static str {
-        "drive.inertia"
-    }
-
-    fn describe(&self, _: &Instance<'_>) -> String {
-        "inertia of the drive other than declared".to_owned()
-    }
-
-    fn remedy(&self) -> &'static str {
-        "declare the load of the axis in the robot description and in the drive"
-    }
-
-    fn parameters(&self, _: &Chain, _: &Instance<'_>) -> Vec<Parameter> {
-        vec![Parameter::new(
-            "excess",
-            "effort per (m/s^2 or rad/s^2)",
-            1e3,
-        )]
-    }
-
-    fn acts_on(&self) -> ActsOn {
-        acts_on()
-    }
-
-    fn undeclarable(&self) -> Option<&'static str> {
-        Some(UNDECLARABLE)
+    fn definition(&self) -> Definition {
+        Definition {
+            id: "drive.inertia",
+            name: "inertia of the drive other than declared",
+            remedy: "declare the load of the axis in the robot description and in the drive",
+            parameters: &[("excess", "effort per (m/s^2 or rad/s^2)", 1e3)],
+            acts_on: acts_on(),
+        }
     }
 
     fn drive(&self, drive: &Drive<'_>, _: &[DriveEffect]) -> Option<DriveEffect> {

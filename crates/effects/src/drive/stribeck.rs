@@ -2,38 +2,21 @@
 //!
 //! f = force·sgn(v)·exp(−(v/v_s)²), the speed v_s profiled (Armstrong-Hélouvry).
 
-use machine::Chain;
-
-use super::{Channel, Drive, UNDECLARABLE, acts_on, term};
+use super::{Channel, Drive, acts_on, term};
 use crate::drive::columns::DriveEffect;
-use crate::effect::{ActsOn, Effect, Instance};
-use crate::library::Parameter;
+use crate::effect::{Definition, Effect};
 
 pub(super) struct Stribeck;
 
 impl Effect for Stribeck {
-    fn id(&self) -> &'static str {
-        "drive.stribeck"
-    }
-
-    fn describe(&self, _: &Instance<'_>) -> String {
-        "Stribeck friction of the drive near standstill".to_owned()
-    }
-
-    fn remedy(&self) -> &'static str {
-        "look after lubrication and guideways; friction compensation of the drive may take it out"
-    }
-
-    fn parameters(&self, _: &Chain, _: &Instance<'_>) -> Vec<Parameter> {
-        vec![Parameter::new("force", "effort", 1e3)]
-    }
-
-    fn acts_on(&self) -> ActsOn {
-        acts_on()
-    }
-
-    fn undeclarable(&self) -> Option<&'static str> {
-        Some(UNDECLARABLE)
+    fn definition(&self) -> Definition {
+        Definition {
+            id: "drive.stribeck",
+            name: "Stribeck friction of the drive near standstill",
+            remedy: "look after lubrication and guideways; friction compensation of the drive may take it out",
+            parameters: &[("force", "effort", 1e3)],
+            acts_on: acts_on(),
+        }
     }
 
     fn drive(&self, drive: &Drive<'_>, _: &[DriveEffect]) -> Option<DriveEffect> {

@@ -2,42 +2,21 @@
 //!
 //! f = coefficient·v.
 
-use machine::Chain;
-
-use super::{Channel, Drive, UNDECLARABLE, acts_on, term};
+use super::{Channel, Drive, acts_on, term};
 use crate::drive::columns::DriveEffect;
-use crate::effect::{ActsOn, Effect, Instance};
-use crate::library::Parameter;
+use crate::effect::{Definition, Effect};
 
 pub(super) struct ViscousFriction;
 
 impl Effect for ViscousFriction {
-    fn id(&self) -> &'static str {
-        "drive.viscous_friction"
-    }
-
-    fn describe(&self, _: &Instance<'_>) -> String {
-        "viscous friction of the drive".to_owned()
-    }
-
-    fn remedy(&self) -> &'static str {
-        "declare the friction in the drive's feed-forward, or check the lubricant"
-    }
-
-    fn parameters(&self, _: &Chain, _: &Instance<'_>) -> Vec<Parameter> {
-        vec![Parameter::new(
-            "coefficient",
-            "effort per (m/s or rad/s)",
-            1e4,
-        )]
-    }
-
-    fn acts_on(&self) -> ActsOn {
-        acts_on()
-    }
-
-    fn undeclarable(&self) -> Option<&'static str> {
-        Some(UNDECLARABLE)
+    fn definition(&self) -> Definition {
+        Definition {
+            id: "drive.viscous_friction",
+            name: "viscous friction of the drive",
+            remedy: "declare the friction in the drive's feed-forward, or check the lubricant",
+            parameters: &[("coefficient", "effort per (m/s or rad/s)", 1e4)],
+            acts_on: acts_on(),
+        }
     }
 
     fn drive(&self, drive: &Drive<'_>, _: &[DriveEffect]) -> Option<DriveEffect> {

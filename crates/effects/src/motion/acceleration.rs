@@ -10,7 +10,7 @@ const RAMPS: [f64; 2] = [2e-3, 3.0];
 pub(super) const ACCELERATION: AxisLimit = AxisLimit {
     id: "motion.<A>.acceleration",
     name: "acceleration",
-    quantity: "acceleration",
+    description: "acceleration of axis <A> other than declared",
     remedy: "declare the acceleration that the axis reaches under [motion], or set the controller to what is declared",
     units: ["m/s²", "rad/s²"],
     largest: 10.0,

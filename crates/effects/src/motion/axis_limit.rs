@@ -2,8 +2,8 @@
 
 use machine::{Chain, motion::AxisLimits};
 
-use super::{Limit, MotionEffect, Moves, UNDECLARABLE, acts_on};
-use crate::effect::{ActsOn, Effect, Instance};
+use super::{Limit, MotionEffect, Moves, acts_on};
+use crate::effect::{Definition, Effect, Instance};
 use crate::library::Parameter;
 
 /// A limit of each axis that is other than declared.
@@ -12,8 +12,8 @@ pub(super) struct AxisLimit {
     pub(super) id: &'static str,
     /// Name of the limit under `[motion]` and in reports.
     pub(super) name: &'static str,
-    /// The limit in words.
-    pub(super) quantity: &'static str,
+    /// As of [`Definition::name`].
+    pub(super) description: &'static str,
     pub(super) remedy: &'static str,
     /// Its units, of a linear and of a rotary axis.
     pub(super) units: [&'static str; 2],
@@ -40,29 +40,19 @@ impl AxisLimit {
 }
 
 impl Effect for AxisLimit {
-    fn id(&self) -> &'static str {
-        self.id
-    }
-
-    fn describe(&self, of: &Instance<'_>) -> String {
-        format!("{} of axis {} other than declared", self.quantity, of.axis)
-    }
-
-    fn remedy(&self) -> &'static str {
-        self.remedy
+    fn definition(&self) -> Definition {
+        Definition {
+            id: self.id,
+            name: self.description,
+            remedy: self.remedy,
+            parameters: &[],
+            acts_on: acts_on(),
+        }
     }
 
     fn parameters(&self, chain: &Chain, of: &Instance<'_>) -> Vec<Parameter> {
         let unit = self.unit(of.turns(chain));
         vec![Parameter::new(self.name, unit, self.largest)]
-    }
-
-    fn acts_on(&self) -> ActsOn {
-        acts_on()
-    }
-
-    fn undeclarable(&self) -> Option<&'static str> {
-        Some(UNDECLARABLE)
     }
 }
 

@@ -1,37 +1,20 @@
 //! `motion.blending`: the controller rounds corners, or stops exactly, other than declared. Successive positioning moves
 //! overlap by a share of the shorter of both ramps; a machine without declared ramps has none to share.
 
-use machine::Chain;
-
-use super::{Limit, MotionEffect, Moves, UNDECLARABLE, acts_on};
-use crate::effect::{ActsOn, Effect, Instance};
-use crate::library::Parameter;
+use super::{Limit, MotionEffect, Moves, acts_on};
+use crate::effect::{Definition, Effect, Instance};
 
 pub(super) struct Blending;
 
 impl Effect for Blending {
-    fn id(&self) -> &'static str {
-        "motion.blending"
-    }
-
-    fn describe(&self, _: &Instance<'_>) -> String {
-        "path blending or exact stop other than declared".to_owned()
-    }
-
-    fn remedy(&self) -> &'static str {
-        "declare the blending under [motion], or choose the controller's path mode to match"
-    }
-
-    fn parameters(&self, _: &Chain, _: &Instance<'_>) -> Vec<Parameter> {
-        vec![Parameter::new("blending", "1", 1.0)]
-    }
-
-    fn acts_on(&self) -> ActsOn {
-        acts_on()
-    }
-
-    fn undeclarable(&self) -> Option<&'static str> {
-        Some(UNDECLARABLE)
+    fn definition(&self) -> Definition {
+        Definition {
+            id: "motion.blending",
+            name: "path blending or exact stop other than declared",
+            remedy: "declare the blending under [motion], or choose the controller's path mode to match",
+            parameters: &[("blending", "1", 1.0)],
+            acts_on: acts_on(),
+        }
     }
 }
 

@@ -1,10 +1,7 @@
-//! `motion.dwell`: the machine stands still after each touch. Every row takes the same time longer.
+//! `motion.dwell`: the machine stands still after each touch. Every row takes longer by the same time.
 
-use machine::Chain;
-
-use super::{Limit, MotionEffect, Moves, UNDECLARABLE, acts_on};
-use crate::effect::{ActsOn, Effect, Instance};
-use crate::library::Parameter;
+use super::{Limit, MotionEffect, Moves, acts_on};
+use crate::effect::{Definition, Effect, Instance};
 
 /// Longest standstill, s.
 const LONGEST: f64 = 20.0;
@@ -12,28 +9,14 @@ const LONGEST: f64 = 20.0;
 pub(super) struct Dwell;
 
 impl Effect for Dwell {
-    fn id(&self) -> &'static str {
-        "motion.dwell"
-    }
-
-    fn describe(&self, _: &Instance<'_>) -> String {
-        "standstill after each touch other than declared".to_owned()
-    }
-
-    fn remedy(&self) -> &'static str {
-        "declare the standstill after each touch under [motion], or shorten it at the controller"
-    }
-
-    fn parameters(&self, _: &Chain, _: &Instance<'_>) -> Vec<Parameter> {
-        vec![Parameter::new("dwell", "s", 1.0)]
-    }
-
-    fn acts_on(&self) -> ActsOn {
-        acts_on()
-    }
-
-    fn undeclarable(&self) -> Option<&'static str> {
-        Some(UNDECLARABLE)
+    fn definition(&self) -> Definition {
+        Definition {
+            id: "motion.dwell",
+            name: "standstill after each touch other than declared",
+            remedy: "declare the standstill after each touch under [motion], or shorten it at the controller",
+            parameters: &[("dwell", "s", 1.0)],
+            acts_on: acts_on(),
+        }
     }
 }
 

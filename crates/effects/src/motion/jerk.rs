@@ -9,7 +9,7 @@ const RISES: [f64; 2] = [4e-3, 1.0];
 pub(super) const JERK: AxisLimit = AxisLimit {
     id: "motion.<A>.jerk",
     name: "jerk",
-    quantity: "jerk",
+    description: "jerk of axis <A> other than declared",
     remedy: "declare the jerk that the axis is limited to under [motion], or set the controller to what is declared",
     units: ["m/s³", "rad/s³"],
     largest: 100.0,

@@ -1,11 +1,8 @@
-//! `motion.latency`: the controller waits before each move. A row takes as many times longer as it has moves, its probing
-//! move included.
+//! `motion.latency`: the controller waits before each move. A row takes that much longer per move, its probing move
+//! included.
 
-use machine::Chain;
-
-use super::{Limit, MotionEffect, Moves, UNDECLARABLE, acts_on};
-use crate::effect::{ActsOn, Effect, Instance};
-use crate::library::Parameter;
+use super::{Limit, MotionEffect, Moves, acts_on};
+use crate::effect::{Definition, Effect, Instance};
 
 /// Longest delay, s.
 const LONGEST: f64 = 5.0;
@@ -13,28 +10,14 @@ const LONGEST: f64 = 5.0;
 pub(super) struct Latency;
 
 impl Effect for Latency {
-    fn id(&self) -> &'static str {
-        "motion.latency"
-    }
-
-    fn describe(&self, _: &Instance<'_>) -> String {
-        "delay of the controller before each move other than declared".to_owned()
-    }
-
-    fn remedy(&self) -> &'static str {
-        "declare the delay before each move under [motion], or look for what the controller waits for"
-    }
-
-    fn parameters(&self, _: &Chain, _: &Instance<'_>) -> Vec<Parameter> {
-        vec![Parameter::new("latency", "s", 0.2)]
-    }
-
-    fn acts_on(&self) -> ActsOn {
-        acts_on()
-    }
-
-    fn undeclarable(&self) -> Option<&'static str> {
-        Some(UNDECLARABLE)
+    fn definition(&self) -> Definition {
+        Definition {
+            id: "motion.latency",
+            name: "delay of the controller before each move other than declared",
+            remedy: "declare the delay before each move under [motion], or look for what the controller waits for",
+            parameters: &[("latency", "s", 0.2)],
+            acts_on: acts_on(),
+        }
     }
 }
 

@@ -11,7 +11,7 @@ use super::probing::Probing;
 use super::track::Track;
 use crate::session::{DiagnoseError, Session, seconds};
 
-/// The way from one touch to the next.
+/// The moves from one touch to the next.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Interval {
     /// Instant of the second touch, s from the first of the session.
@@ -129,7 +129,7 @@ impl Moves {
         }
         if unseen > 0 {
             self.remarks.push(format!(
-                "{unseen} moves were left out: neither an order nor the recorded axes show their way"
+                "{unseen} moves were left out: neither an order nor the recorded axes give their path"
             ));
         }
         if by_axes {
@@ -162,7 +162,7 @@ pub fn moves(
         nominal,
     };
     let events = touches(session, &probing)?;
-    let ways = ordered(&chain, plan, orders);
+    let paths = ordered(&chain, plan, orders);
     let track = Track::new(&chain, &session.joint_states);
     let mut found = Moves {
         axes: (0..chain.axes().len())
@@ -200,7 +200,7 @@ pub fn moves(
         let targets = if orders.is_empty() {
             track.targets(&probing, (before, start), (after, end))
         } else {
-            ways.get(&key).cloned()
+            paths.get(&key).cloned()
         };
         let Some((start_of_touch, targets)) =
             targets.and_then(|targets| Some((targets.last()?.clone(), targets)))
@@ -284,7 +284,7 @@ fn ordered(
     plan: &InspectionPlan,
     orders: &[MeasurementOrder],
 ) -> BTreeMap<[u32; 2], Vec<Vec<f64>>> {
-    let mut ways = BTreeMap::new();
+    let mut paths = BTreeMap::new();
     for order in orders.iter().filter(|order| order.plan_id == plan.plan_id) {
         let columns: Vec<Option<usize>> = chain
             .axis_names()
@@ -300,19 +300,19 @@ fn ordered(
             columns.iter().map(of).collect()
         };
         let mut from: Option<u32> = None;
-        let mut way: Vec<Vec<f64>> = Vec::new();
+        let mut path: Vec<Vec<f64>> = Vec::new();
         for step in &order.moves {
             if step.kind != ProbingMove::TOUCH {
-                way.push(positions(step));
+                path.push(positions(step));
                 continue;
             }
-            let way = std::mem::take(&mut way);
+            let path = std::mem::take(&mut path);
             if let Some(from) = from.replace(step.point_index) {
-                ways.insert([from, step.point_index], way);
+                paths.insert([from, step.point_index], path);
             }
         }
     }
-    ways
+    paths
 }
 
 /// True where the controller did not run freely at some instant between two.

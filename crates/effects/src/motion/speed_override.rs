@@ -1,37 +1,20 @@
 //! `motion.override`: an override slows down or speeds up rapid moves, probing moves, or both. Top speeds and feeds are
 //! multiplied, accelerations stay. Where the recorded axes show the feed of the probing moves, an override of it is what they show.
 
-use machine::Chain;
-
-use super::{Limit, MotionEffect, Moves, UNDECLARABLE, acts_on};
-use crate::effect::{ActsOn, Effect, Instance};
-use crate::library::Parameter;
+use super::{Limit, MotionEffect, Moves, acts_on};
+use crate::effect::{Definition, Effect, Instance};
 
 pub(super) struct SpeedOverride;
 
 impl Effect for SpeedOverride {
-    fn id(&self) -> &'static str {
-        "motion.override"
-    }
-
-    fn describe(&self, _: &Instance<'_>) -> String {
-        "override of rapid moves or feeds other than declared".to_owned()
-    }
-
-    fn remedy(&self) -> &'static str {
-        "turn the override at the controller back, or declare it under [motion]"
-    }
-
-    fn parameters(&self, _: &Chain, _: &Instance<'_>) -> Vec<Parameter> {
-        vec![Parameter::new("override", "1", 1.0)]
-    }
-
-    fn acts_on(&self) -> ActsOn {
-        acts_on()
-    }
-
-    fn undeclarable(&self) -> Option<&'static str> {
-        Some(UNDECLARABLE)
+    fn definition(&self) -> Definition {
+        Definition {
+            id: "motion.override",
+            name: "override of rapid moves or feeds other than declared",
+            remedy: "turn the override at the controller back, or declare it under [motion]",
+            parameters: &[("override", "1", 1.0)],
+            acts_on: acts_on(),
+        }
     }
 }
 

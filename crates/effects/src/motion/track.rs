@@ -63,20 +63,20 @@ impl Track {
             .filter(|between| between.len() >= FEWEST)?;
         let first = (stamps[0], start.to_vec());
         let last = (stamps[1], end.to_vec());
-        let way: Vec<&(f64, Vec<f64>)> = std::iter::once(&first)
+        let track: Vec<&(f64, Vec<f64>)> = std::iter::once(&first)
             .chain(between)
             .chain([&last])
             .collect();
         let mut corners = vec![0];
-        corners.extend(stops(&way));
-        corners.push(way.len() - 1);
+        corners.extend(stops(&track));
+        corners.push(track.len() - 1);
         let legs: Vec<usize> = (corners.windows(2))
-            .flat_map(|leg| reversals(&way, leg[0], leg[1]))
+            .flat_map(|leg| reversals(&track, leg[0], leg[1]))
             .collect();
         corners.extend(legs);
         corners.sort_unstable();
         corners.dedup();
-        let mut places: Vec<Vec<f64>> = corners.iter().map(|at| way[*at].1.clone()).collect();
+        let mut targets: Vec<Vec<f64>> = corners.iter().map(|at| track[*at].1.clone()).collect();
         // A retract or an approach along the same line as the move beside it shows no corner: their lengths follow from the plan.
         let point = |event: &ProbeEvent| probing.plan.points.get(event.point_index as usize);
         let split = |from: &[f64], to: &[f64], length: f64| {
@@ -90,20 +90,20 @@ impl Track {
                     .collect()
             })
         };
-        if let Some(retract) = split(&places[0], &places[1], point(before)?.retract_distance) {
-            places.insert(1, retract);
+        if let Some(retract) = split(&targets[0], &targets[1], point(before)?.retract_distance) {
+            targets.insert(1, retract);
         }
-        let count = places.len();
+        let count = targets.len();
         if let Some(approach) = split(
-            &places[count - 1],
-            &places[count - 2],
+            &targets[count - 1],
+            &targets[count - 2],
             point(after)?.approach_distance,
         ) {
-            places.insert(count - 1, approach);
+            targets.insert(count - 1, approach);
         }
-        places.pop();
-        places.remove(0);
-        (!places.is_empty()).then_some(places)
+        targets.pop();
+        targets.remove(0);
+        (!targets.is_empty()).then_some(targets)
     }
 
     /// Samples between two stamps, s, neither included; `None` where the second is not after the first.
@@ -135,15 +135,15 @@ impl Track {
 }
 
 /// Samples at which the machine stands between two motions.
-fn stops(way: &[&(f64, Vec<f64>)]) -> Vec<usize> {
+fn stops(track: &[&(f64, Vec<f64>)]) -> Vec<usize> {
     let speed = |at: usize| {
-        let ((before, from), (after, to)) = (way[at], way[at + 1]);
+        let ((before, from), (after, to)) = (track[at], track[at + 1]);
         let squares = from.iter().zip(to).map(|(from, to)| (to - from).powi(2));
         squares.sum::<f64>().sqrt() / (after - before).max(1e-6)
     };
     let mut stops = Vec::new();
     let (mut largest, mut least, mut slowest) = (0.0_f64, f64::INFINITY, 0);
-    for at in 0..way.len() - 1 {
+    for at in 0..track.len() - 1 {
         let speed = speed(at);
         if least < STOP * largest && speed > (least / STOP).max(SLOW) {
             stops.push(slowest);
@@ -160,13 +160,13 @@ fn stops(way: &[&(f64, Vec<f64>)]) -> Vec<usize> {
 }
 
 /// Samples between two at which an axis turns back.
-fn reversals(way: &[&(f64, Vec<f64>)], from: usize, to: usize) -> Vec<usize> {
-    let axes = way[from].1.len();
+fn reversals(track: &[&(f64, Vec<f64>)], from: usize, to: usize) -> Vec<usize> {
+    let axes = track[from].1.len();
     let excess = |axis: usize| {
-        let steps = (from..to).map(|at| (way[at + 1].1[axis] - way[at].1[axis]).abs());
+        let steps = (from..to).map(|at| (track[at + 1].1[axis] - track[at].1[axis]).abs());
         let (travelled, gained) = (
             steps.sum::<f64>(),
-            (way[to].1[axis] - way[from].1[axis]).abs(),
+            (track[to].1[axis] - track[from].1[axis]).abs(),
         );
         let excess = travelled - gained;
         (travelled > REVERSED * gained && excess > LEAST).then_some(excess)
@@ -178,15 +178,15 @@ fn reversals(way: &[&(f64, Vec<f64>)], from: usize, to: usize) -> Vec<usize> {
         return Vec::new();
     };
     let off = |at: &usize| {
-        let place = |at: usize| way[at].1[axis];
-        (place(*at) - place(from)).abs() + (place(*at) - place(to)).abs()
+        let position = |at: usize| track[at].1[axis];
+        (position(*at) - position(from)).abs() + (position(*at) - position(to)).abs()
     };
     let Some(turn) = (from + 1..to).max_by(|a, b| off(a).total_cmp(&off(b))) else {
         return Vec::new();
     };
-    let mut turns = reversals(way, from, turn);
+    let mut turns = reversals(track, from, turn);
     turns.push(turn);
-    turns.extend(reversals(way, turn, to));
+    turns.extend(reversals(track, turn, to));
     turns
 }
 
@@ -205,8 +205,8 @@ mod tests {
             _ => vec![0.2, 0.1 - 0.01 * (k - 32) as f64],
         };
         let samples: Vec<(f64, Vec<f64>)> = (0..40).map(|k| (0.02 * k as f64, path(k))).collect();
-        let way: Vec<&(f64, Vec<f64>)> = samples.iter().collect();
-        assert_eq!(stops(&way), [10, 31]);
+        let track: Vec<&(f64, Vec<f64>)> = samples.iter().collect();
+        assert_eq!(stops(&track), [10, 31]);
     }
 
     #[test]
@@ -219,7 +219,7 @@ mod tests {
                 )
             })
             .collect();
-        let way: Vec<&(f64, Vec<f64>)> = samples.iter().collect();
-        assert_eq!(reversals(&way, 0, 40), [20]);
+        let track: Vec<&(f64, Vec<f64>)> = samples.iter().collect();
+        assert_eq!(reversals(&track, 0, 40), [20]);
     }
 }

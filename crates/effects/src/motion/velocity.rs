@@ -6,7 +6,7 @@ use super::axis_limit::{AxisLimit, Tried};
 pub(super) const VELOCITY: AxisLimit = AxisLimit {
     id: "motion.<A>.velocity",
     name: "velocity",
-    quantity: "top speed",
+    description: "top speed of axis <A> other than declared",
     remedy: "declare the top speed that the axis reaches under [motion], or set the controller to what is declared",
     units: ["m/s", "rad/s"],
     largest: 1.0,

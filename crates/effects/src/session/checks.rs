@@ -68,8 +68,8 @@ pub(crate) fn touches(session: &Session, plan: &InspectionPlan) -> Result<(), Di
         }
         let operations = plan.operations.len();
         // 0 is what a plan without operations leaves unsaid.
-        let unsaid = operations == 0 && point.operation == 0;
-        if !unsaid && !(-1..operations as i32).contains(&point.operation) {
+        let unspecified = operations == 0 && point.operation == 0;
+        if !unspecified && !(-1..operations as i32).contains(&point.operation) {
             return Err(DiagnoseError::Operation {
                 point: number,
                 operation: point.operation,

@@ -7,8 +7,8 @@
 
 use machine::{Chain, JointKind};
 
-use crate::effect::{ActsOn, Constants, Coordinate, Effect, Instance, Subject};
-use crate::library::{Parameter, Variant, linear_axes};
+use crate::effect::{ActsOn, Constants, Coordinate, Definition, Effect, Instance, Subject};
+use crate::library::{Variant, linear_axes};
 use crate::observation::{Column, Observations};
 
 /// How probable it is that the rotation vanishes at the axis's zero and not in the middle of the travel used.
@@ -20,36 +20,23 @@ type Columns = Box<dyn Fn(&Observations) -> Vec<Column> + Send + Sync>;
 pub(super) struct Angular;
 
 impl Effect for Angular {
-    fn id(&self) -> &'static str {
-        "axis.<A>.angular"
-    }
-
-    fn describe(&self, of: &Instance<'_>) -> String {
-        format!("roll, pitch or yaw that grows along axis {}", of.axis)
-    }
-
-    fn remedy(&self) -> &'static str {
-        "check level and guideways of the machine, or correct the axis by a table of angular errors"
-    }
-
-    fn parameters(&self, _: &Chain, _: &Instance<'_>) -> Vec<Parameter> {
-        vec![Parameter::new("k", "rad/m", 3e-3)]
-    }
-
-    fn acts_on(&self) -> ActsOn {
-        ActsOn {
-            smooth_in: &[Coordinate::AxisPosition],
-            ..ActsOn::of(Subject::Machine)
+    fn definition(&self) -> Definition {
+        Definition {
+            id: "axis.<A>.angular",
+            name: "roll, pitch or yaw that grows along axis <A>",
+            remedy: "check level and guideways of the machine, or correct the axis by a table of angular errors",
+            parameters: &[("k", "rad/m", 3e-3)],
+            acts_on: ActsOn::of(Subject::Machine).smooth_in(&[Coordinate::AxisPosition]),
         }
     }
 
     fn offer(&self, rows: &Observations) -> Vec<Variant> {
         let moving = linear_axes(rows, 1e-4);
-        let ways = moving.flat_map(|(axis, (low, high))| {
+        let variants = moving.flat_map(|(axis, (low, high))| {
             let name = &rows.chain.axis(axis).name;
-            self.ways(&rows.chain, &Instance::on(name), 0.5 * (high + low))
+            self.variants(&rows.chain, &Instance::on(name), 0.5 * (high + low))
         });
-        ways.collect()
+        variants.collect()
     }
 
     fn declared(
@@ -58,13 +45,13 @@ impl Effect for Angular {
         of: &Instance<'_>,
         constants: &Constants<'_>,
     ) -> Vec<Variant> {
-        self.ways(chain, of, constants.get("mid", 0.0))
+        self.variants(chain, of, constants.get("mid", 0.0))
     }
 }
 
 impl Angular {
     /// Rotations of carriage and guideway about every axis, from the middle of the travel and from zero.
-    fn ways(&self, chain: &Chain, of: &Instance<'_>, mid: f64) -> Vec<Variant> {
+    fn variants(&self, chain: &Chain, of: &Instance<'_>, mid: f64) -> Vec<Variant> {
         let Some((axis, joint)) = of.joint(chain) else {
             return Vec::new();
         };

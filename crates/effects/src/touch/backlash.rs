@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 use machine::{Chain, JointKind};
 use nalgebra::{DMatrix, DVector};
 
-use crate::effect::{ActsOn, Constants, Effect, Instance, Subject};
+use crate::effect::{ActsOn, Constants, Definition, Effect, Instance, Subject};
 use crate::library::{Parameter, Variant};
 use crate::observation::{Observations, Pose};
 
@@ -20,25 +20,19 @@ use super::cyclic::distinct_positions;
 pub(super) struct Backlash;
 
 impl Effect for Backlash {
-    fn id(&self) -> &'static str {
-        "axis.<A>.backlash"
-    }
-
-    fn describe(&self, of: &Instance<'_>) -> String {
-        format!("backlash of axis {}: lost motion on reversal", of.axis)
-    }
-
-    fn remedy(&self) -> &'static str {
-        "adjust the preload of the screw, or correct the backlash compensation of the control"
+    fn definition(&self) -> Definition {
+        Definition {
+            id: "axis.<A>.backlash",
+            name: "backlash of axis <A>: lost motion on reversal",
+            remedy: "adjust the preload of the screw, or correct the backlash compensation of the control",
+            parameters: &[],
+            acts_on: ActsOn::of(Subject::Machine),
+        }
     }
 
     fn parameters(&self, chain: &Chain, of: &Instance<'_>) -> Vec<Parameter> {
         let unit = if of.turns(chain) { "rad" } else { "m" };
         vec![Parameter::new("b", unit, 2e-4)]
-    }
-
-    fn acts_on(&self) -> ActsOn {
-        ActsOn::of(Subject::Machine)
     }
 
     fn offer(&self, rows: &Observations) -> Vec<Variant> {
@@ -52,8 +46,8 @@ impl Effect for Backlash {
                 let varying = (both && distinct_positions(rows, axis) >= 2 * PLACES)
                     .then(|| self.varying(&rows.chain, &of, rows.travel(axis), PLACES))
                     .flatten()
-                    .map(|way| way.with_prior_weight(VARYING));
-                let moving = self.way(&rows.chain, &of, |pose, axis| pose.speeds[axis]);
+                    .map(|variant| variant.with_prior_weight(VARYING));
+                let moving = self.on_joint(&rows.chain, &of, |pose, axis| pose.speeds[axis]);
                 moving.into_iter().chain(standing).chain(varying)
             })
             .collect()
@@ -67,7 +61,7 @@ impl Effect for Backlash {
     ) -> Vec<Variant> {
         let travel = (constants.get("from", 0.0), constants.get("to", 1.0));
         let places = (constants.get("places", PLACES as f64) as usize).clamp(2, MOST);
-        let moving = self.way(chain, of, |pose, axis| pose.speeds[axis]);
+        let moving = self.on_joint(chain, of, |pose, axis| pose.speeds[axis]);
         let standing = self.standing(chain, of);
         let varying = self.varying(chain, of, travel, places);
         moving.into_iter().chain(standing).chain(varying).collect()
@@ -112,8 +106,8 @@ fn from_both_sides(rows: &Observations, axis: usize) -> bool {
 impl Backlash {
     /// Of slides that stand while they are read.
     fn standing(&self, chain: &Chain, of: &Instance<'_>) -> Option<Variant> {
-        let way = self.way(chain, of, |pose, axis| pose.arrived[axis])?;
-        Some(way.with_constants(&[("last_move", 1.0, "1")]))
+        let variant = self.on_joint(chain, of, |pose, axis| pose.arrived[axis])?;
+        Some(variant.with_constants(&[("last_move", 1.0, "1")]))
     }
 
     /// The same, another one at each place of the travel.
@@ -158,7 +152,7 @@ impl Backlash {
     }
 
     /// `moves` is positive where the drive moved forwards, negative where it moved back, 0 where nobody can say.
-    fn way(
+    fn on_joint(
         &self,
         chain: &Chain,
         of: &Instance<'_>,

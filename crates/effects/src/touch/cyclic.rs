@@ -8,8 +8,8 @@ use std::f64::consts::TAU;
 
 use machine::{Chain, JointKind};
 
-use crate::effect::{ActsOn, Constants, Coordinate, Effect, Instance, Subject};
-use crate::library::{Form, Parameter, Shape, Variant, linear_axes, linspace};
+use crate::effect::{ActsOn, Constants, Coordinate, Definition, Effect, Instance, Subject};
+use crate::library::{Form, Shape, Variant, linear_axes, linspace};
 use crate::observation::Observations;
 
 /// Longest and shortest period that a screw or a scale has, m.
@@ -26,32 +26,13 @@ const OVERSAMPLED: f64 = 4.0;
 pub(super) struct Cyclic;
 
 impl Effect for Cyclic {
-    fn id(&self) -> &'static str {
-        "axis.<A>.cyclic"
-    }
-
-    fn describe(&self, of: &Instance<'_>) -> String {
-        format!(
-            "periodic positioning error of axis {} (screw or scale)",
-            of.axis
-        )
-    }
-
-    fn remedy(&self) -> &'static str {
-        "check the bearing of the screw and the reading head, or correct the axis by a table finer than the pitch"
-    }
-
-    fn parameters(&self, _: &Chain, _: &Instance<'_>) -> Vec<Parameter> {
-        vec![
-            Parameter::new("sin", "m", 5e-5),
-            Parameter::new("cos", "m", 5e-5),
-        ]
-    }
-
-    fn acts_on(&self) -> ActsOn {
-        ActsOn {
-            smooth_in: &[Coordinate::AxisPosition],
-            ..ActsOn::of(Subject::Machine)
+    fn definition(&self) -> Definition {
+        Definition {
+            id: "axis.<A>.cyclic",
+            name: "periodic positioning error of axis <A> (screw or scale)",
+            remedy: "check the bearing of the screw and the reading head, or correct the axis by a table finer than the pitch",
+            parameters: &[("sin", "m", 5e-5), ("cos", "m", 5e-5)],
+            acts_on: ActsOn::of(Subject::Machine).smooth_in(&[Coordinate::AxisPosition]),
         }
     }
 
@@ -71,18 +52,20 @@ impl Effect for Cyclic {
             let trials = linspace(slowest, fastest, count);
             let trials = trials.iter().rev().map(|frequency| 1.0 / frequency);
             let of = Instance::on(&rows.chain.axis(axis).name);
-            self.way(&rows.chain, &of, trials.collect(), steps.max(1.0))
+            self.on_joint(&rows.chain, &of, trials.collect(), steps.max(1.0))
         })
         .collect()
     }
 
     fn declared(&self, chain: &Chain, of: &Instance<'_>, _: &Constants<'_>) -> Vec<Variant> {
-        self.way(chain, of, Vec::new(), 1.0).into_iter().collect()
+        self.on_joint(chain, of, Vec::new(), 1.0)
+            .into_iter()
+            .collect()
     }
 }
 
 impl Cyclic {
-    fn way(
+    fn on_joint(
         &self,
         chain: &Chain,
         of: &Instance<'_>,

@@ -7,33 +7,20 @@
 use inference::discrepancy::Covariate;
 use machine::Chain;
 
-use crate::effect::{ActsOn, Constants, Effect, Instance, Subject};
-use crate::library::{Parameter, Shape, Variant, linspace, logspace, tools};
+use crate::effect::{ActsOn, Constants, Definition, Effect, Instance, Subject};
+use crate::library::{Shape, Variant, linspace, logspace, tools};
 use crate::observation::{Observations, Row};
 
 pub(super) struct Deflection;
 
 impl Effect for Deflection {
-    fn id(&self) -> &'static str {
-        "process.deflection"
-    }
-
-    fn describe(&self, _: &Instance<'_>) -> String {
-        "deflection of tool or part under the cut".to_owned()
-    }
-
-    fn remedy(&self) -> &'static str {
-        "take a lighter finishing cut or a spring pass, shorten the overhang, or support the part"
-    }
-
-    fn parameters(&self, _: &Chain, _: &Instance<'_>) -> Vec<Parameter> {
-        parameters()
-    }
-
-    fn acts_on(&self) -> ActsOn {
-        ActsOn {
-            covariates: &[Covariate::Overhang],
-            ..ActsOn::of(Subject::Cutting)
+    fn definition(&self) -> Definition {
+        Definition {
+            id: "process.deflection",
+            name: "deflection of tool or part under the cut",
+            remedy: "take a lighter finishing cut or a spring pass, shorten the overhang, or support the part",
+            parameters: &[("tip", "m", 5e-4)],
+            acts_on: ActsOn::of(Subject::Cutting).covariates(&[Covariate::Overhang]),
         }
     }
 
@@ -52,13 +39,13 @@ impl Effect for Deflection {
         }
         choices
             .into_iter()
-            .flat_map(|tool| ways(tool, high))
+            .flat_map(|tool| variants(tool, high))
             .collect()
     }
 
     fn declared(&self, _: &Chain, _: &Instance<'_>, constants: &Constants<'_>) -> Vec<Variant> {
         let length = constants.get("length", LENGTH);
-        ways(constants.tool(), length).into()
+        variants(constants.tool(), length).into()
     }
 }
 
@@ -67,12 +54,9 @@ const SHORTEST: f64 = 1e-6;
 /// Longest overhang where a declaration names none, m.
 const LENGTH: f64 = 0.1;
 
-fn parameters() -> Vec<Parameter> {
-    vec![Parameter::new("tip", "m", 5e-4)]
-}
-
 /// What any tool, or one of them, leaves over overhangs up to `high`: the third power, any power, and a beam.
-fn ways(tool: Option<u32>, high: f64) -> [Variant; 3] {
+fn variants(tool: Option<u32>, high: f64) -> [Variant; 3] {
+    let parameters = || Deflection.definition().parameters();
     let on = move |row: &Row| row.tool.is_some() && (tool.is_none() || row.tool == tool);
     let power = move |rows: &Observations, exponent: f64| {
         vec![rows.material_column(|row| {

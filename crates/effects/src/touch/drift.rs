@@ -6,7 +6,7 @@
 
 use machine::Chain;
 
-use crate::effect::{ActsOn, Constants, Coordinate, Effect, Instance, Subject};
+use crate::effect::{ActsOn, Constants, Coordinate, Definition, Effect, Instance, Subject};
 use crate::library::{Parameter, Shape, Variant, logspace};
 use crate::observation::Observations;
 use crate::thermal;
@@ -14,26 +14,17 @@ use crate::thermal;
 pub(super) struct Drift;
 
 impl Effect for Drift {
-    fn id(&self) -> &'static str {
-        "thermal.drift"
-    }
-
-    fn describe(&self, _: &Instance<'_>) -> String {
-        "slow drift between part and probe".to_owned()
-    }
-
-    fn remedy(&self) -> &'static str {
-        "warm the machine up, shorten the measurement, or touch a datum again during it"
-    }
-
-    fn parameters(&self, _: &Chain, _: &Instance<'_>) -> Vec<Parameter> {
-        parameters()
-    }
-
-    fn acts_on(&self) -> ActsOn {
-        ActsOn {
-            smooth_in: &[Coordinate::Time],
-            ..ActsOn::of(Subject::Session)
+    fn definition(&self) -> Definition {
+        Definition {
+            id: "thermal.drift",
+            name: "slow drift between part and probe",
+            remedy: "warm the machine up, shorten the measurement, or touch a datum again during it",
+            parameters: &[
+                ("rate_x", "m/s", 1e-6),
+                ("rate_y", "m/s", 1e-6),
+                ("rate_z", "m/s", 1e-6),
+            ],
+            acts_on: ActsOn::of(Subject::Session).smooth_in(&[Coordinate::Time]),
         }
     }
 
@@ -47,7 +38,7 @@ impl Effect for Drift {
         let span = rows.span();
         let still = rows.rows.iter().all(|row| row.feed == 0.0);
         let towards = still.then(|| warming(logspace(span / 10.0, span * 2.0, 10)));
-        std::iter::once(way())
+        std::iter::once(variant())
             .chain(towards.map(|own| own.with_prior_weight(WARMING)))
             .chain(driving.into_iter().map(one))
             .collect()
@@ -56,7 +47,7 @@ impl Effect for Drift {
     fn declared(&self, _: &Chain, _: &Instance<'_>, constants: &Constants<'_>) -> Vec<Variant> {
         let driving = constants.after(&PREFIXES);
         let driven = driving.into_iter().map(after);
-        let own = [way(), warming(Vec::new())];
+        let own = [variant(), warming(Vec::new())];
         own.into_iter().chain(driven).collect()
     }
 }
@@ -66,7 +57,7 @@ const PREFIXES: [&str; 3] = ["x_", "y_", "z_"];
 
 /// Prior weight of a drift that ends, against one that does not.
 const WARMING: f64 = 0.5;
-/// Time constants that a session tells apart, about.
+/// Number of time constants that a session distinguishes, approximately.
 const DISTINCT: f64 = 3.0;
 
 /// A drift towards a displacement.
@@ -105,14 +96,8 @@ fn after(sensor: String) -> Variant {
     Variant::shaped("thermal.drift", parameters, thermal::lags(), build)
 }
 
-fn parameters() -> Vec<Parameter> {
-    ["rate_x", "rate_y", "rate_z"]
-        .map(|name| Parameter::new(name, "m/s", 1e-6))
-        .into()
-}
-
-fn way() -> Variant {
-    Variant::linear("thermal.drift", parameters(), |rows| {
+fn variant() -> Variant {
+    Variant::linear("thermal.drift", Drift.definition().parameters(), |rows| {
         [0, 1, 2]
             .map(|k| rows.machine_column(false, |pose, row| pose.sensitivity.part[k] * row.time))
             .into()

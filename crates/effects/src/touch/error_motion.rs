@@ -1,16 +1,16 @@
-//! `axis.<A>.error_motion`: the axis of rotation wanders sideways, harmonic in its angle (ISO 230-7).
+//! `axis.<A>.error_motion`: radial error motion of a rotary axis, a harmonic of its angle (ISO 230-7).
 //!
 //! Radial run-out in the frame at rest: along one direction across the axis, e = a·sin(k·q + phase), or on a circle with
 //! or against the turn. k is profiled from 1 to 3 where enough angles are visited. Typical 1–10 µm; at least six angles
-//! part it from the axis's location. The bearings of an arm run true to micrometres, while its links err by hundreds and
+//! distinguish it from a location error of the axis. The bearings of an arm run true to micrometres, while its links err by hundreds and
 //! look the same: there it is not offered.
 
 use machine::{Chain, JointKind};
 use nalgebra::Vector3;
 
 use super::indexing::distinct_angles;
-use crate::effect::{ActsOn, Constants, Coordinate, Effect, Instance, Subject};
-use crate::library::{Form, Parameter, Shape, Variant, is_arm};
+use crate::effect::{ActsOn, Constants, Coordinate, Definition, Effect, Instance, Subject};
+use crate::library::{Variant, is_arm};
 use crate::observation::{Observations, Pose};
 
 /// Fewest angles at which it is an effect of its own: at one or two, a run-out is a location error by another name.
@@ -19,32 +19,13 @@ const FEWEST: usize = 3;
 pub(super) struct ErrorMotion;
 
 impl Effect for ErrorMotion {
-    fn id(&self) -> &'static str {
-        "axis.<A>.error_motion"
-    }
-
-    fn describe(&self, of: &Instance<'_>) -> String {
-        format!(
-            "error motion of rotary axis {}: radial run-out, harmonic in the angle",
-            of.axis
-        )
-    }
-
-    fn remedy(&self) -> &'static str {
-        "check bearings and seat of the rotary axis by a run-out measurement over a full turn"
-    }
-
-    fn parameters(&self, _: &Chain, _: &Instance<'_>) -> Vec<Parameter> {
-        vec![
-            Parameter::new("sin", "m", 1e-4),
-            Parameter::new("cos", "m", 1e-4),
-        ]
-    }
-
-    fn acts_on(&self) -> ActsOn {
-        ActsOn {
-            smooth_in: &[Coordinate::AxisPosition],
-            ..ActsOn::of(Subject::Machine)
+    fn definition(&self) -> Definition {
+        Definition {
+            id: "axis.<A>.error_motion",
+            name: "error motion of rotary axis <A>: radial run-out, harmonic in the angle",
+            remedy: "check bearings and seat of the rotary axis by a run-out measurement over a full turn",
+            parameters: &[("sin", "m", 1e-4), ("cos", "m", 1e-4)],
+            acts_on: ActsOn::of(Subject::Machine).smooth_in(&[Coordinate::AxisPosition]),
         }
     }
 
@@ -53,21 +34,21 @@ impl Effect for ErrorMotion {
         axes.flat_map(|(axis, name)| {
             let angles = distinct_angles(rows, axis);
             let highest = ((angles as f64 - 1.0) / 2.0).ceil().clamp(1.0, 3.0);
-            let ways = self.ways(&rows.chain, &Instance::on(name), highest);
-            let offered = ways.into_iter();
-            offered.map(move |way| way.confounded_where(angles < FEWEST))
+            let variants = self.variants(&rows.chain, &Instance::on(name), highest);
+            let offered = variants.into_iter();
+            offered.map(move |variant| variant.confounded_where(angles < FEWEST))
         })
         .collect()
     }
 
     fn declared(&self, chain: &Chain, of: &Instance<'_>, _: &Constants<'_>) -> Vec<Variant> {
-        self.ways(chain, of, 1.0)
+        self.variants(chain, of, 1.0)
     }
 }
 
 impl ErrorMotion {
     /// Along both directions across the axis, and on a circle with and against the turn.
-    fn ways(&self, chain: &Chain, of: &Instance<'_>, highest: f64) -> Vec<Variant> {
+    fn variants(&self, chain: &Chain, of: &Instance<'_>, highest: f64) -> Vec<Variant> {
         let Some((axis, joint)) = of.joint(chain) else {
             return Vec::new();
         };
@@ -91,12 +72,7 @@ impl ErrorMotion {
                 vec![column(f64::sin), column(f64::cos)]
             };
             let parameters = self.parameters(chain, of);
-            let variant = Variant::shaped(
-                of.id(self.id()),
-                parameters,
-                Shape::harmonics(highest),
-                build,
-            );
+            let variant = Variant::harmonic(of.id(self.id()), parameters, highest, build);
             variants.push(variant.with_constants(&[("along", component as f64, "1")]));
         }
         for sense in [1.0, -1.0] {
@@ -111,18 +87,10 @@ impl ErrorMotion {
                     .into()
             };
             let parameters = self.parameters(chain, of);
-            let variant = Variant::shaped(
-                of.id(self.id()),
-                parameters,
-                Shape::harmonics(highest),
-                build,
-            );
+            let variant = Variant::harmonic(of.id(self.id()), parameters, highest, build);
             variants.push(variant.with_constants(&[("sense", sense, "1")]));
         }
-        let variants = variants.into_iter();
         variants
-            .map(|variant| variant.with_form(Form::Sine))
-            .collect()
     }
 }
 

@@ -1,65 +1,38 @@
-//! `fixture.shift`: the clamped part sits off its nominal place.
+//! `fixture.shift`: the clamped part is displaced from its nominal position.
 //!
-//! d = n·t, t in the part frame. Typical 5–100 µm, of a part that lies as
-//! somebody put it some millimetres. A part cut in this clamping lies where it was cut: it cannot show.
+//! d = n·t, t in the part frame. Typical 5–100 µm, or some millimetres for a part that was not
+//! aligned. A part cut in this clamping shows none: it was cut in its displaced position.
 
-use machine::Chain;
-
-use crate::effect::{ActsOn, Constants, Effect, Instance, Registration, Subject};
-use crate::library::{ChainError, Parameter, Variant};
+use crate::effect::{ActsOn, Definition, Effect, Registration, Subject};
+use crate::library::{ChainError, Variant};
 use crate::observation::Observations;
 
 pub(super) struct FixtureShift;
 
 impl Effect for FixtureShift {
-    fn id(&self) -> &'static str {
-        "fixture.shift"
-    }
-
-    fn describe(&self, _: &Instance<'_>) -> String {
-        "the clamped part sits off its nominal place".to_owned()
-    }
-
-    fn remedy(&self) -> &'static str {
-        "set the work offset from datum touches, or clean and clamp again"
-    }
-
-    fn parameters(&self, _: &Chain, _: &Instance<'_>) -> Vec<Parameter> {
-        parameters()
-    }
-
-    fn acts_on(&self) -> ActsOn {
-        ActsOn {
-            registration: Registration::Part,
-            ..ActsOn::of(Subject::Session)
+    fn definition(&self) -> Definition {
+        Definition {
+            id: "fixture.shift",
+            name: "the clamped part is displaced from its nominal position",
+            remedy: "set the work offset from datum touches, or clean and clamp again",
+            parameters: &[("x", "m", 1e-2), ("y", "m", 1e-2), ("z", "m", 1e-2)],
+            acts_on: ActsOn::of(Subject::Session).registered(Registration::Part),
         }
     }
 
-    fn offer(&self, rows: &Observations) -> Vec<Variant> {
-        if rows.cut_here {
-            return Vec::new();
-        }
-        vec![way()]
+    fn variant(&self) -> Option<Variant> {
+        let parameters = self.definition().parameters();
+        let variant = Variant::linear(self.id(), parameters, |rows| {
+            [0, 1, 2]
+                .map(|k| rows.machine_column(false, |pose, _| pose.sensitivity.part[k]))
+                .into()
+        });
+        Some(variant.with_errors([0, 1, 2].map(ChainError::Part)))
     }
 
-    fn declared(&self, _: &Chain, _: &Instance<'_>, _: &Constants<'_>) -> Vec<Variant> {
-        vec![way()]
+    fn is_shown(&self, rows: &Observations) -> bool {
+        !rows.cut_here
     }
-}
-
-fn parameters() -> Vec<Parameter> {
-    ["x", "y", "z"]
-        .map(|name| Parameter::new(name, "m", 1e-2))
-        .into()
-}
-
-fn way() -> Variant {
-    Variant::linear("fixture.shift", parameters(), |rows| {
-        [0, 1, 2]
-            .map(|k| rows.machine_column(false, |pose, _| pose.sensitivity.part[k]))
-            .into()
-    })
-    .with_errors([0, 1, 2].map(ChainError::Part))
 }
 
 #[cfg(test)]

@@ -1,70 +1,47 @@
 //! `fixture.tilt`: the clamped part is turned off its nominal pose, about the origin of its frame.
 //!
 //! d = n·(ε × p) to first order; ε is a rotation vector, and its displacement is computed at finite size
-//! ([`crate::finite`]). Typical 20–200 µrad, of a part that lies as somebody put it up to a degree. A part cut in this
-//! clamping lies as it was cut: it cannot show.
+//! ([`crate::finite`]). Typical 20–200 µrad, up to a degree for a part that was not aligned. A part cut in this
+//! clamping shows none: it was cut in its tilted pose.
 
-use machine::Chain;
-
-use crate::effect::{ActsOn, Constants, Effect, Instance, Registration, Subject};
-use crate::library::{ChainError, Parameter, Variant};
+use crate::effect::{ActsOn, Definition, Effect, Registration, Subject};
+use crate::library::{ChainError, Variant};
 use crate::observation::Observations;
 
 pub(super) struct FixtureTilt;
 
 impl Effect for FixtureTilt {
-    fn id(&self) -> &'static str {
-        "fixture.tilt"
-    }
-
-    fn describe(&self, _: &Instance<'_>) -> String {
-        "the clamped part is tilted".to_owned()
-    }
-
-    fn remedy(&self) -> &'static str {
-        "align the part by its datums, or clean and clamp again"
-    }
-
-    fn parameters(&self, _: &Chain, _: &Instance<'_>) -> Vec<Parameter> {
-        parameters()
-    }
-
-    fn acts_on(&self) -> ActsOn {
-        ActsOn {
-            registration: Registration::Part,
-            ..ActsOn::of(Subject::Session)
+    fn definition(&self) -> Definition {
+        Definition {
+            id: "fixture.tilt",
+            name: "the clamped part is tilted",
+            remedy: "align the part by its datums, or clean and clamp again",
+            parameters: &[
+                ("a", "rad", LARGEST),
+                ("b", "rad", LARGEST),
+                ("c", "rad", LARGEST),
+            ],
+            acts_on: ActsOn::of(Subject::Session).registered(Registration::Part),
         }
     }
 
-    fn offer(&self, rows: &Observations) -> Vec<Variant> {
-        if rows.cut_here {
-            return Vec::new();
-        }
-        vec![way()]
+    fn variant(&self) -> Option<Variant> {
+        let parameters = self.definition().parameters();
+        let variant = Variant::linear(self.id(), parameters, |rows| {
+            [3, 4, 5]
+                .map(|k| rows.machine_column(false, |pose, _| pose.sensitivity.part[k]))
+                .into()
+        });
+        Some(variant.with_errors([3, 4, 5].map(ChainError::Part)))
     }
 
-    fn declared(&self, _: &Chain, _: &Instance<'_>, _: &Constants<'_>) -> Vec<Variant> {
-        vec![way()]
+    fn is_shown(&self, rows: &Observations) -> bool {
+        !rows.cut_here
     }
 }
 
-/// Largest tilt of a part that nobody has aligned, rad: a degree.
+/// Largest tilt of a part that was not aligned, rad: about a degree.
 const LARGEST: f64 = 2e-2;
-
-fn parameters() -> Vec<Parameter> {
-    ["a", "b", "c"]
-        .map(|name| Parameter::new(name, "rad", LARGEST))
-        .into()
-}
-
-fn way() -> Variant {
-    Variant::linear("fixture.tilt", parameters(), |rows| {
-        [3, 4, 5]
-            .map(|k| rows.machine_column(false, |pose, _| pose.sensitivity.part[k]))
-            .into()
-    })
-    .with_errors([3, 4, 5].map(ChainError::Part))
-}
 
 #[cfg(test)]
 mod tests {

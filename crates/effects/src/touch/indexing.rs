@@ -1,4 +1,4 @@
-//! `axis.<A>.indexing`: a rotary axis stands off its angle by a harmonic of it (ISO 230-2).
+//! `axis.<A>.indexing`: indexing error of a rotary axis, a harmonic of its angle (ISO 230-2).
 //!
 //! δq = a·sin(k·q + phase): eccentric scale (k = 1), two-per-turn gears, or the transmission of an arm's joint, whose
 //! period is 12–30° of joint angle, so k is profiled up to 36 where the session visits enough angles. Typical
@@ -10,8 +10,8 @@
 
 use machine::{Chain, JointKind};
 
-use crate::effect::{ActsOn, Constants, Coordinate, Effect, Instance, Subject};
-use crate::library::{Form, Parameter, Shape, Variant};
+use crate::effect::{ActsOn, Constants, Coordinate, Definition, Effect, Instance, Subject};
+use crate::library::{Parameter, Variant};
 use crate::observation::Observations;
 
 /// Fewest angles at which it is an effect of its own: at one only, a wrong angle is a location error by another name.
@@ -20,32 +20,13 @@ const FEWEST: usize = 2;
 pub(super) struct Indexing;
 
 impl Effect for Indexing {
-    fn id(&self) -> &'static str {
-        "axis.<A>.indexing"
-    }
-
-    fn describe(&self, of: &Instance<'_>) -> String {
-        format!(
-            "indexing error of rotary axis {}, harmonic in the angle",
-            of.axis
-        )
-    }
-
-    fn remedy(&self) -> &'static str {
-        "calibrate the rotary axis over a full turn and correct it by a table, or centre its scale"
-    }
-
-    fn parameters(&self, _: &Chain, _: &Instance<'_>) -> Vec<Parameter> {
-        vec![
-            Parameter::new("sin", "rad", 1e-3),
-            Parameter::new("cos", "rad", 1e-3),
-        ]
-    }
-
-    fn acts_on(&self) -> ActsOn {
-        ActsOn {
-            smooth_in: &[Coordinate::AxisPosition],
-            ..ActsOn::of(Subject::Machine)
+    fn definition(&self) -> Definition {
+        Definition {
+            id: "axis.<A>.indexing",
+            name: "indexing error of rotary axis <A>, harmonic in the angle",
+            remedy: "calibrate the rotary axis over a full turn and correct it by a table, or centre its scale",
+            parameters: &[("sin", "rad", 1e-3), ("cos", "rad", 1e-3)],
+            acts_on: ActsOn::of(Subject::Machine).smooth_in(&[Coordinate::AxisPosition]),
         }
     }
 
@@ -53,8 +34,8 @@ impl Effect for Indexing {
         let axes: Vec<(usize, &str)> = rows.chain.axis_names().enumerate().collect();
         let harmonics = axes.iter().filter_map(|&(axis, name)| {
             let angles = distinct_angles(rows, axis);
-            let way = self.way(&rows.chain, &Instance::on(name), highest(angles))?;
-            Some(way.confounded_where(angles < FEWEST))
+            let variant = self.on_joint(&rows.chain, &Instance::on(name), highest(angles))?;
+            Some(variant.confounded_where(angles < FEWEST))
         });
         let sags = axes.iter().filter(|(axis, _)| is_weighed_down(rows, *axis));
         let sags = sags.filter_map(|(_, name)| self.sag(&rows.chain, &Instance::on(name)));
@@ -63,7 +44,10 @@ impl Effect for Indexing {
 
     fn declared(&self, chain: &Chain, of: &Instance<'_>, _: &Constants<'_>) -> Vec<Variant> {
         let sag = self.sag(chain, of);
-        self.way(chain, of, 1.0).into_iter().chain(sag).collect()
+        self.on_joint(chain, of, 1.0)
+            .into_iter()
+            .chain(sag)
+            .collect()
     }
 }
 
@@ -110,7 +94,7 @@ impl Indexing {
         Some(variant.with_constants(&[("sag", 1.0, "1")]))
     }
 
-    fn way(&self, chain: &Chain, of: &Instance<'_>, highest: f64) -> Option<Variant> {
+    fn on_joint(&self, chain: &Chain, of: &Instance<'_>, highest: f64) -> Option<Variant> {
         let (axis, joint) = of.joint(chain)?;
         if joint.kind != JointKind::Revolute {
             return None;
@@ -124,13 +108,8 @@ impl Indexing {
             vec![column(f64::sin), column(f64::cos)]
         };
         let parameters = self.parameters(chain, of);
-        let variant = Variant::shaped(
-            of.id(self.id()),
-            parameters,
-            Shape::harmonics(highest),
-            build,
-        );
-        Some(variant.with_form(Form::Sine))
+        let id = of.id(self.id());
+        Some(Variant::harmonic(id, parameters, highest, build))
     }
 }
 

@@ -4,50 +4,37 @@
 
 use machine::Chain;
 
-use crate::effect::{ActsOn, Constants, Effect, Instance, Subject};
-use crate::library::{Parameter, Variant};
+use crate::effect::{ActsOn, Constants, Definition, Effect, Instance, Subject};
+use crate::library::Variant;
 use crate::observation::Observations;
 
 pub(super) struct Lag;
 
 impl Effect for Lag {
-    fn id(&self) -> &'static str {
-        "axis.<A>.lag"
-    }
-
-    fn describe(&self, of: &Instance<'_>) -> String {
-        format!(
-            "lag of axis {}: its reading leads the true position in proportion to speed",
-            of.axis
-        )
-    }
-
-    fn remedy(&self) -> &'static str {
-        "measure slower, or raise the velocity gain of the position loop"
-    }
-
-    fn parameters(&self, _: &Chain, _: &Instance<'_>) -> Vec<Parameter> {
-        vec![Parameter::new("tau", "s", 0.03)]
-    }
-
-    fn acts_on(&self) -> ActsOn {
-        ActsOn::of(Subject::Machine)
+    fn definition(&self) -> Definition {
+        Definition {
+            id: "axis.<A>.lag",
+            name: "lag of axis <A>: its reading leads the true position in proportion to speed",
+            remedy: "measure slower, or raise the velocity gain of the position loop",
+            parameters: &[("tau", "s", 0.03)],
+            acts_on: ActsOn::of(Subject::Machine),
+        }
     }
 
     fn offer(&self, rows: &Observations) -> Vec<Variant> {
         (rows.chain.axis_names().enumerate())
             .filter(|(axis, _)| !rows.prescribed.contains(axis))
-            .filter_map(|(_, name)| self.way(&rows.chain, &Instance::on(name)))
+            .filter_map(|(_, name)| self.on_joint(&rows.chain, &Instance::on(name)))
             .collect()
     }
 
     fn declared(&self, chain: &Chain, of: &Instance<'_>, _: &Constants<'_>) -> Vec<Variant> {
-        self.way(chain, of).into_iter().collect()
+        self.on_joint(chain, of).into_iter().collect()
     }
 }
 
 impl Lag {
-    fn way(&self, chain: &Chain, of: &Instance<'_>) -> Option<Variant> {
+    fn on_joint(&self, chain: &Chain, of: &Instance<'_>) -> Option<Variant> {
         let (axis, _) = of.joint(chain)?;
         let parameters = self.parameters(chain, of);
         Some(Variant::linear(of.id(self.id()), parameters, move |rows| {

@@ -5,7 +5,7 @@
 
 use machine::{Chain, JointKind};
 
-use crate::effect::{ActsOn, Constants, Effect, Instance, Subject};
+use crate::effect::{ActsOn, Constants, Definition, Effect, Instance, Subject};
 use crate::library::{ChainError, Parameter, Variant};
 use crate::observation::Observations;
 
@@ -17,8 +17,14 @@ const COMPONENTS: [(char, usize); 6] = [('A', 3), ('B', 4), ('C', 5), ('X', 0), 
 pub(super) struct Link;
 
 impl Effect for Link {
-    fn id(&self) -> &'static str {
-        "link.E<c>0<A>"
+    fn definition(&self) -> Definition {
+        Definition {
+            id: "link.E<c>0<A>",
+            name: "location error of axis <A>",
+            remedy: "correct the location of the axis in the kinematic table of the control, or align the machine",
+            parameters: &[],
+            acts_on: ActsOn::of(Subject::Machine),
+        }
     }
 
     fn describe(&self, of: &Instance<'_>) -> String {
@@ -27,24 +33,16 @@ impl Effect for Link {
             Some('B') => format!("axis {} is tilted about Y (squareness)", of.axis),
             Some('C') => format!("axis {} is tilted about Z (squareness)", of.axis),
             component => format!(
-                "axis {} sits off its nominal place along {}",
+                "axis {} is displaced from its nominal position along {}",
                 of.axis,
                 component.unwrap_or('?')
             ),
         }
     }
 
-    fn remedy(&self) -> &'static str {
-        "correct the location of the axis in the kinematic table of the control, or align the machine"
-    }
-
     fn parameters(&self, _: &Chain, of: &Instance<'_>) -> Vec<Parameter> {
         let turns = matches!(of.component, Some('A' | 'B' | 'C'));
         vec![Parameter::new("e", if turns { "rad" } else { "m" }, 1e-3)]
-    }
-
-    fn acts_on(&self) -> ActsOn {
-        ActsOn::of(Subject::Machine)
     }
 
     fn offer(&self, rows: &Observations) -> Vec<Variant> {
@@ -61,19 +59,19 @@ impl Effect for Link {
                     axis: &chain.joints()[index].name,
                     component: Some(component),
                 };
-                variants.extend(self.way(chain, &of));
+                variants.extend(self.on_joint(chain, &of));
             }
         }
         variants
     }
 
     fn declared(&self, chain: &Chain, of: &Instance<'_>, _: &Constants<'_>) -> Vec<Variant> {
-        self.way(chain, of).into_iter().collect()
+        self.on_joint(chain, of).into_iter().collect()
     }
 }
 
 impl Link {
-    fn way(&self, chain: &Chain, of: &Instance<'_>) -> Option<Variant> {
+    fn on_joint(&self, chain: &Chain, of: &Instance<'_>) -> Option<Variant> {
         let (axis, _) = of.joint(chain)?;
         let index = chain.axes()[axis];
         let component = COMPONENTS

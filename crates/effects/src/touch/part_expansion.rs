@@ -1,58 +1,37 @@
-//! `thermal.part_expansion`: the part expands with its temperature above 20 °C and nobody compensates (ISO 1, ISO 230-3).
+//! `thermal.part_expansion`: uncompensated thermal expansion of the part above 20 °C (ISO 1, ISO 230-3).
 //!
 //! d = alpha·ΔT·n·p about the part's origin, ΔT from the machine state's temperature `part`. 11–23 ppm/K for metals.
 
-use machine::Chain;
-
-use crate::effect::{ActsOn, Constants, Effect, Instance, Subject};
-use crate::library::{Parameter, Variant};
+use crate::effect::{ActsOn, Definition, Effect, Subject};
+use crate::library::Variant;
 use crate::observation::Observations;
 
 pub(super) struct PartExpansion;
 
 impl Effect for PartExpansion {
-    fn id(&self) -> &'static str {
-        "thermal.part_expansion"
-    }
-
-    fn describe(&self, _: &Instance<'_>) -> String {
-        "thermal expansion of the part, uncompensated".to_owned()
-    }
-
-    fn remedy(&self) -> &'static str {
-        "compensate sizes to 20 °C by the part's temperature, or let it cool before measuring"
-    }
-
-    fn parameters(&self, _: &Chain, _: &Instance<'_>) -> Vec<Parameter> {
-        parameters()
-    }
-
-    fn acts_on(&self) -> ActsOn {
-        ActsOn::of(Subject::Part)
-    }
-
-    fn offer(&self, rows: &Observations) -> Vec<Variant> {
-        if rows.rows.iter().all(|row| row.warmth.is_none()) {
-            return Vec::new();
+    fn definition(&self) -> Definition {
+        Definition {
+            id: "thermal.part_expansion",
+            name: "thermal expansion of the part, uncompensated",
+            remedy: "compensate sizes to 20 °C by the part's temperature, or let it cool before measuring",
+            parameters: &[("alpha", "1/K", 1e-4)],
+            acts_on: ActsOn::of(Subject::Part),
         }
-        vec![way()]
     }
 
-    fn declared(&self, _: &Chain, _: &Instance<'_>, _: &Constants<'_>) -> Vec<Variant> {
-        vec![way()]
+    fn variant(&self) -> Option<Variant> {
+        let parameters = self.definition().parameters();
+        let variant = Variant::linear(self.id(), parameters, |rows| {
+            vec![rows.machine_column(false, |_, row| {
+                -row.position.coords * row.warmth.unwrap_or(0.0)
+            })]
+        });
+        Some(variant)
     }
-}
 
-fn parameters() -> Vec<Parameter> {
-    vec![Parameter::new("alpha", "1/K", 1e-4)]
-}
-
-fn way() -> Variant {
-    Variant::linear("thermal.part_expansion", parameters(), |rows| {
-        vec![rows.machine_column(false, |_, row| {
-            -row.position.coords * row.warmth.unwrap_or(0.0)
-        })]
-    })
+    fn is_shown(&self, rows: &Observations) -> bool {
+        rows.rows.iter().any(|row| row.warmth.is_some())
+    }
 }
 
 #[cfg(test)]

@@ -14,7 +14,7 @@ use machine::{Chain, JointKind};
 use nalgebra::DMatrix;
 
 use super::cyclic::{FEWEST, distinct_positions};
-use crate::effect::{ActsOn, Constants, Coordinate, Effect, Instance, Subject};
+use crate::effect::{ActsOn, Constants, Coordinate, Definition, Effect, Instance, Subject};
 use crate::library::{Parameter, Variant, linear_axes};
 use crate::observation::Observations;
 
@@ -37,35 +37,23 @@ const SHORTEST: f64 = 0.02;
 /// Largest number of inner targets that a declared table may have.
 const MOST: usize = 64;
 /// The constant that holds how many inner targets a table has; without it they are those whose errors are given.
-const TARGETS_TOLD: &str = "targets";
+const TARGET_COUNT: &str = "targets";
 
 pub(super) struct Positioning;
 
 impl Effect for Positioning {
-    fn id(&self) -> &'static str {
-        "axis.<A>.positioning"
-    }
-
-    fn describe(&self, of: &Instance<'_>) -> String {
-        format!(
-            "positioning error of axis {}, a table over its position",
-            of.axis
-        )
-    }
-
-    fn remedy(&self) -> &'static str {
-        "calibrate the axis at targets over its travel and correct it by a table in the control"
+    fn definition(&self) -> Definition {
+        Definition {
+            id: "axis.<A>.positioning",
+            name: "positioning error of axis <A>, a table over its position",
+            remedy: "calibrate the axis at targets over its travel and correct it by a table in the control",
+            parameters: &[],
+            acts_on: ActsOn::of(Subject::Machine).smooth_in(&[Coordinate::AxisPosition]),
+        }
     }
 
     fn parameters(&self, _: &Chain, _: &Instance<'_>) -> Vec<Parameter> {
         parameters(Table::straight(TARGETS[0].0))
-    }
-
-    fn acts_on(&self) -> ActsOn {
-        ActsOn {
-            smooth_in: &[Coordinate::AxisPosition],
-            ..ActsOn::of(Subject::Machine)
-        }
     }
 
     fn offer(&self, rows: &Observations) -> Vec<Variant> {
@@ -97,10 +85,10 @@ impl Effect for Positioning {
                 });
                 tables.filter_map(move |(table, weight)| {
                     let of = Instance::on(&rows.chain.axis(axis).name);
-                    let way = self.way(&rows.chain, &of, travel, table)?;
-                    let way = way.with_constants(&all_constants(travel, table));
+                    let variant = self.on_joint(&rows.chain, &of, travel, table)?;
+                    let variant = variant.with_constants(&all_constants(travel, table));
                     // Who reads each target repeatedly looks for such a table.
-                    Some(way.with_prior_weight(if repeated { 1.0 } else { weight }))
+                    Some(variant.with_prior_weight(if repeated { 1.0 } else { weight }))
                 })
             })
             .collect()
@@ -113,10 +101,10 @@ impl Effect for Positioning {
         constants: &Constants<'_>,
     ) -> Vec<Variant> {
         let travel = (constants.get("from", 0.0), constants.get("to", 1.0));
-        let is_told = |target: &usize| constants.find(&name(*target)).is_some();
-        let number = constants.find(TARGETS_TOLD);
+        let is_declared = |target: &usize| constants.find(&name(*target)).is_some();
+        let number = constants.find(TARGET_COUNT);
         let targets = number.map_or_else(
-            || (1..=MOST).take_while(is_told).count().max(1),
+            || (1..=MOST).take_while(is_declared).count().max(1),
             |number| (number as usize).clamp(1, MOST),
         );
         let table = Table {
@@ -124,20 +112,21 @@ impl Effect for Positioning {
             smooth: (constants.get(CUBIC, 0.0) > 0.5).then_some(SMOOTH[0].0),
             ends: constants.get(ENDS, 0.0) > 0.5,
         };
-        let Some(way) = self.way(chain, of, travel, table) else {
+        let Some(variant) = self.on_joint(chain, of, travel, table) else {
             return Vec::new();
         };
         if number.is_none() {
-            return vec![way];
+            return vec![variant];
         }
         // A target near which nothing was touched has no error in a report.
         let numbers = table.numbers().enumerate();
-        let told: Vec<usize> = numbers
-            .filter(|(_, number)| is_told(number))
-            .map(|(place, _)| place)
+        let declared: Vec<usize> = numbers
+            .filter(|(_, number)| is_declared(number))
+            .map(|(index, _)| index)
             .collect();
         vec![
-            way.with_only(&told)
+            variant
+                .with_only(&declared)
                 .with_constants(&all_constants(travel, table)),
         ]
     }
@@ -184,7 +173,7 @@ fn all_constants((from, to): (f64, f64), table: Table) -> Vec<(&'static str, f64
     let mut all = vec![
         ("from", from, "m"),
         ("to", to, "m"),
-        (TARGETS_TOLD, table.targets as f64, "1"),
+        (TARGET_COUNT, table.targets as f64, "1"),
     ];
     all.extend(table.smooth.map(|_| (CUBIC, 1.0, "1")));
     all.extend(table.ends.then_some((ENDS, 1.0, "1")));
@@ -198,7 +187,7 @@ fn parameters(table: Table) -> Vec<Parameter> {
 
 impl Positioning {
     /// A table whose targets are evenly spaced over the travel.
-    fn way(
+    fn on_joint(
         &self,
         chain: &Chain,
         of: &Instance<'_>,
@@ -288,7 +277,7 @@ fn bend(bends: &DMatrix<f64>, target: usize, along: f64) -> f64 {
     let spacings = bends.ncols() - 1;
     let before = (along.floor() as usize).min(spacings - 1);
     let (past, ahead) = (along - before as f64, before as f64 + 1.0 - along);
-    let at = |place: usize| bends[(place, target)];
+    let at = |index: usize| bends[(index, target)];
     ((ahead.powi(3) - ahead) * at(before) + (past.powi(3) - past) * at(before + 1)) / 6.0
 }
 

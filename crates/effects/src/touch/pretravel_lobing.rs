@@ -6,43 +6,31 @@
 
 use machine::Chain;
 
-use crate::effect::{ActsOn, Constants, Coordinate, Effect, Instance, Subject};
+use crate::effect::{ActsOn, Constants, Coordinate, Definition, Effect, Instance, Subject};
 use crate::library::{Form, Parameter, Variant};
 use crate::observation::{Observations, Row};
 
 pub(super) struct PretravelLobing;
 
 impl Effect for PretravelLobing {
-    fn id(&self) -> &'static str {
-        "probe.pretravel_lobing"
-    }
-
-    fn describe(&self, _: &Instance<'_>) -> String {
-        "pretravel that varies with the direction of the touch (lobing)".to_owned()
-    }
-
-    fn remedy(&self) -> &'static str {
-        "qualify the probe in every direction that is used, or orient the spindle to the direction of the touch"
-    }
-
-    fn parameters(&self, _: &Chain, _: &Instance<'_>) -> Vec<Parameter> {
-        parameters()
-    }
-
-    fn acts_on(&self) -> ActsOn {
-        ActsOn {
-            triggered: true,
-            smooth_in: &[Coordinate::Direction],
-            ..ActsOn::of(Subject::Probe)
+    fn definition(&self) -> Definition {
+        Definition {
+            id: "probe.pretravel_lobing",
+            name: "pretravel that varies with the direction of the touch (lobing)",
+            remedy: "qualify the probe in every direction that is used, or orient the spindle to the direction of the touch",
+            parameters: &[("cos", "m", 1e-4), ("sin", "m", 1e-4)],
+            acts_on: ActsOn::of(Subject::Probe)
+                .triggered()
+                .smooth_in(&[Coordinate::Direction]),
         }
     }
 
     fn offer(&self, _: &Observations) -> Vec<Variant> {
-        ways()
+        variants()
     }
 
     fn declared(&self, _: &Chain, _: &Instance<'_>, _: &Constants<'_>) -> Vec<Variant> {
-        ways()
+        variants()
     }
 }
 
@@ -52,15 +40,15 @@ const LOBES: [f64; 3] = [3.0, 2.0, 4.0];
 /// Prior weight of lobes with an overtone against those without.
 const SHARPER: f64 = 0.5;
 
-fn ways() -> Vec<Variant> {
-    let mut ways: Vec<Variant> = LOBES.map(way).into();
-    ways.push(with_overtone(LOBES[0]));
-    ways
+fn variants() -> Vec<Variant> {
+    let mut variants: Vec<Variant> = LOBES.map(variant).into();
+    variants.push(with_overtone(LOBES[0]));
+    variants
 }
 
 /// Lobes and their first overtone.
 fn with_overtone(lobes: f64) -> Variant {
-    let mut own = parameters();
+    let mut own = PretravelLobing.definition().parameters();
     own.extend(["cos2", "sin2"].map(|name| Parameter::new(name, "m", 1e-4)));
     Variant::linear("probe.pretravel_lobing", own, move |rows| {
         let wave = |k: f64, of: fn(f64) -> f64| {
@@ -79,20 +67,17 @@ fn with_overtone(lobes: f64) -> Variant {
     .with_prior_weight(SHARPER)
 }
 
-fn parameters() -> Vec<Parameter> {
-    vec![
-        Parameter::new("cos", "m", 1e-4),
-        Parameter::new("sin", "m", 1e-4),
-    ]
-}
-
-fn way(lobes: f64) -> Variant {
-    Variant::linear("probe.pretravel_lobing", parameters(), move |rows| {
-        vec![
-            rows.reading_column(|row| lobe(row, |phi| (lobes * phi).cos())),
-            rows.reading_column(|row| lobe(row, |phi| (lobes * phi).sin())),
-        ]
-    })
+fn variant(lobes: f64) -> Variant {
+    Variant::linear(
+        "probe.pretravel_lobing",
+        PretravelLobing.definition().parameters(),
+        move |rows| {
+            vec![
+                rows.reading_column(|row| lobe(row, |phi| (lobes * phi).cos())),
+                rows.reading_column(|row| lobe(row, |phi| (lobes * phi).sin())),
+            ]
+        },
+    )
     .with_form(Form::Lobes(lobes))
     .with_constants(&[("lobes", lobes, "1")])
 }

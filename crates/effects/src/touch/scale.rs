@@ -5,26 +5,21 @@
 
 use machine::Chain;
 
-use crate::effect::{ActsOn, Constants, Effect, Instance, Subject};
+use crate::effect::{ActsOn, Constants, Definition, Effect, Instance, Subject};
 use crate::library::{Parameter, Variant, is_arm};
 use crate::observation::Observations;
 
 pub(super) struct Scale;
 
 impl Effect for Scale {
-    fn id(&self) -> &'static str {
-        "axis.<A>.scale"
-    }
-
-    fn describe(&self, of: &Instance<'_>) -> String {
-        format!(
-            "scale of axis {}: its true travel is not what it reads",
-            of.axis
-        )
-    }
-
-    fn remedy(&self) -> &'static str {
-        "calibrate the axis with an interferometer or a step gauge, and correct its scale"
+    fn definition(&self) -> Definition {
+        Definition {
+            id: "axis.<A>.scale",
+            name: "scale of axis <A>: its true travel is not what it reads",
+            remedy: "calibrate the axis with an interferometer or a step gauge, and correct its scale",
+            parameters: &[],
+            acts_on: ActsOn::of(Subject::Machine),
+        }
     }
 
     fn parameters(&self, chain: &Chain, of: &Instance<'_>) -> Vec<Parameter> {
@@ -32,22 +27,20 @@ impl Effect for Scale {
         vec![Parameter::new("k", unit, 1e-3)]
     }
 
-    fn acts_on(&self) -> ActsOn {
-        ActsOn::of(Subject::Machine)
-    }
-
     fn offer(&self, rows: &Observations) -> Vec<Variant> {
-        let ways = rows.chain.axis_names().map(Instance::on);
-        ways.filter_map(|of| self.way(&rows.chain, &of)).collect()
+        let variants = rows.chain.axis_names().map(Instance::on);
+        variants
+            .filter_map(|of| self.on_joint(&rows.chain, &of))
+            .collect()
     }
 
     fn declared(&self, chain: &Chain, of: &Instance<'_>, _: &Constants<'_>) -> Vec<Variant> {
-        self.way(chain, of).into_iter().collect()
+        self.on_joint(chain, of).into_iter().collect()
     }
 }
 
 impl Scale {
-    fn way(&self, chain: &Chain, of: &Instance<'_>) -> Option<Variant> {
+    fn on_joint(&self, chain: &Chain, of: &Instance<'_>) -> Option<Variant> {
         let (axis, _) = of.joint(chain)?;
         if of.turns(chain) && is_arm(chain) {
             return None;

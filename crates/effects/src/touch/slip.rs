@@ -6,7 +6,7 @@
 use machine::Chain;
 use nalgebra::Vector3;
 
-use crate::effect::{ActsOn, Effect, Instance, Subject};
+use crate::effect::{ActsOn, Definition, Effect, Instance, Subject};
 use crate::library::{Parameter, Shape, Variant};
 use crate::observation::{Column, Observations, Pose, Row};
 
@@ -19,28 +19,22 @@ const FEWEST: usize = 4;
 pub(super) struct Slip;
 
 impl Effect for Slip {
-    fn id(&self) -> &'static str {
-        "process.slip"
-    }
-
-    fn describe(&self, _: &Instance<'_>) -> String {
-        "slip: from some instant on everything is displaced".to_owned()
-    }
-
-    fn remedy(&self) -> &'static str {
-        "check the clamping of part and probe, and measure the part again"
+    fn definition(&self) -> Definition {
+        Definition {
+            id: "process.slip",
+            name: "slip: from some instant on everything is displaced",
+            remedy: "check the clamping of part and probe, and measure the part again",
+            parameters: &[],
+            acts_on: ActsOn::of(Subject::Session),
+        }
     }
 
     fn parameters(&self, _: &Chain, _: &Instance<'_>) -> Vec<Parameter> {
         parameters(&["step", "x", "y", "z"])
     }
 
-    fn acts_on(&self) -> ActsOn {
-        ActsOn::of(Subject::Session)
-    }
-
     fn offer(&self, rows: &Observations) -> Vec<Variant> {
-        ways(rows)
+        variants(rows)
     }
 
     fn undeclarable(&self) -> Option<&'static str> {
@@ -54,7 +48,7 @@ fn parameters(names: &[&str]) -> Vec<Parameter> {
 }
 
 /// A step of the reading, of the probe's slide and of the part, at every gap that is tried.
-fn ways(rows: &Observations) -> Vec<Variant> {
+fn variants(rows: &Observations) -> Vec<Variant> {
     let touches = rows.touches();
     let trials: Vec<f64> = (FEWEST..(touches + 1).saturating_sub(FEWEST))
         .step_by(touches.div_ceil(FINEST).max(1))

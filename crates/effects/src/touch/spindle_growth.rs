@@ -6,8 +6,8 @@
 
 use machine::Chain;
 
-use crate::effect::{ActsOn, Constants, Coordinate, Effect, Instance, Subject};
-use crate::library::{Parameter, Shape, Variant, logspace};
+use crate::effect::{ActsOn, Constants, Coordinate, Definition, Effect, Instance, Subject};
+use crate::library::{Shape, Variant, logspace};
 use crate::observation::Observations;
 use crate::sensors::{LAGS, SPINDLE_SPEED};
 use crate::thermal;
@@ -15,26 +15,13 @@ use crate::thermal;
 pub(super) struct SpindleGrowth;
 
 impl Effect for SpindleGrowth {
-    fn id(&self) -> &'static str {
-        "thermal.spindle_growth"
-    }
-
-    fn describe(&self, _: &Instance<'_>) -> String {
-        "thermal growth of the spindle".to_owned()
-    }
-
-    fn remedy(&self) -> &'static str {
-        "warm the spindle up before measuring, or measure the tool length again"
-    }
-
-    fn parameters(&self, _: &Chain, _: &Instance<'_>) -> Vec<Parameter> {
-        parameters()
-    }
-
-    fn acts_on(&self) -> ActsOn {
-        ActsOn {
-            smooth_in: &[Coordinate::Time],
-            ..ActsOn::of(Subject::Machine)
+    fn definition(&self) -> Definition {
+        Definition {
+            id: "thermal.spindle_growth",
+            name: "thermal growth of the spindle",
+            remedy: "warm the spindle up before measuring, or measure the tool length again",
+            parameters: &[("g", "m", 1e-3)],
+            acts_on: ActsOn::of(Subject::Machine).smooth_in(&[Coordinate::Time]),
         }
     }
 
@@ -43,23 +30,23 @@ impl Effect for SpindleGrowth {
         if span <= 0.0 {
             return Vec::new();
         }
-        let mut ways = vec![way(logspace(span / 40.0, span * 2.0, 14))];
+        let mut variants = vec![variant(logspace(span / 40.0, span * 2.0, 14))];
         let driving = thermal::varying(rows);
         let share = 1.0 / driving.len().max(1) as f64;
         let one = |sensor: &String| after(sensor.clone()).with_prior_weight(share);
-        ways.extend(driving.iter().map(one));
+        variants.extend(driving.iter().map(one));
         let temperatures = driving.into_iter().filter(|name| name != SPINDLE_SPEED);
         let temperatures: Vec<String> = temperatures.collect();
         if temperatures.len() > 1 {
-            ways.push(by_all(temperatures).with_prior_weight(ALL));
+            variants.push(by_all(temperatures).with_prior_weight(ALL));
         }
-        ways
+        variants
     }
 
     fn declared(&self, _: &Chain, _: &Instance<'_>, constants: &Constants<'_>) -> Vec<Variant> {
         let driving = constants.after(&[PREFIX]);
         match driving.as_slice() {
-            [] => vec![way(Vec::new())],
+            [] => vec![variant(Vec::new())],
             [one] => vec![after(one.clone())],
             _ => vec![by_all(driving)],
         }
@@ -102,11 +89,7 @@ fn by_all(driving: Vec<String>) -> Variant {
     })
 }
 
-fn parameters() -> Vec<Parameter> {
-    vec![Parameter::new("g", "m", 1e-3)]
-}
-
-fn way(trials: Vec<f64>) -> Variant {
+fn variant(trials: Vec<f64>) -> Variant {
     let shape = Shape {
         name: "tau",
         unit: "s",
@@ -116,7 +99,7 @@ fn way(trials: Vec<f64>) -> Variant {
     };
     Variant::shaped(
         "thermal.spindle_growth",
-        parameters(),
+        SpindleGrowth.definition().parameters(),
         shape,
         |rows, tau| {
             vec![rows.machine_column(false, |pose, row| {

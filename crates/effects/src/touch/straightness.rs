@@ -7,47 +7,35 @@
 
 use machine::{Chain, JointKind};
 
-use crate::effect::{ActsOn, Constants, Coordinate, Effect, Instance, Subject};
+use crate::effect::{ActsOn, Constants, Coordinate, Definition, Effect, Instance, Subject};
 use crate::library::{Parameter, Variant, linear_axes};
 use crate::observation::{Observations, Pose};
 
 pub(super) struct Straightness;
 
 impl Effect for Straightness {
-    fn id(&self) -> &'static str {
-        "axis.<A>.straightness"
-    }
-
-    fn describe(&self, of: &Instance<'_>) -> String {
-        format!(
-            "straightness of axis {}: it strays sideways as it travels",
-            of.axis
-        )
-    }
-
-    fn remedy(&self) -> &'static str {
-        "check level and guideways of the machine, or correct the axis by a table of straightness"
+    fn definition(&self) -> Definition {
+        Definition {
+            id: "axis.<A>.straightness",
+            name: "straightness of axis <A>: it strays sideways as it travels",
+            remedy: "check level and guideways of the machine, or correct the axis by a table of straightness",
+            parameters: &[],
+            acts_on: ActsOn::of(Subject::Machine).smooth_in(&[Coordinate::AxisPosition]),
+        }
     }
 
     fn parameters(&self, _: &Chain, _: &Instance<'_>) -> Vec<Parameter> {
         parameters(3)
     }
 
-    fn acts_on(&self) -> ActsOn {
-        ActsOn {
-            smooth_in: &[Coordinate::AxisPosition],
-            ..ActsOn::of(Subject::Machine)
-        }
-    }
-
     fn offer(&self, rows: &Observations) -> Vec<Variant> {
         let moving = linear_axes(rows, 1e-4);
-        let ways = moving.flat_map(|(axis, (low, high))| {
+        let variants = moving.flat_map(|(axis, (low, high))| {
             let name = &rows.chain.axis(axis).name;
             let travel = (0.5 * (high + low), 0.5 * (high - low));
-            self.ways(&rows.chain, &Instance::on(name), travel)
+            self.variants(&rows.chain, &Instance::on(name), travel)
         });
-        ways.collect()
+        variants.collect()
     }
 
     fn declared(
@@ -57,7 +45,7 @@ impl Effect for Straightness {
         constants: &Constants<'_>,
     ) -> Vec<Variant> {
         let travel = (constants.get("mid", 0.0), constants.get("half", 1.0));
-        self.ways(chain, of, travel)
+        self.variants(chain, of, travel)
     }
 }
 
@@ -105,7 +93,7 @@ fn parameters(order: usize) -> Vec<Parameter> {
 
 impl Straightness {
     /// Every direction across the axis, line and order, over a travel of this middle and half length.
-    fn ways(&self, chain: &Chain, of: &Instance<'_>, (mid, half): (f64, f64)) -> Vec<Variant> {
+    fn variants(&self, chain: &Chain, of: &Instance<'_>, (mid, half): (f64, f64)) -> Vec<Variant> {
         let Some((axis, joint)) = of.joint(chain) else {
             return Vec::new();
         };

@@ -2,56 +2,29 @@
 //!
 //! d = −n·R(mount)·(0, 0, dz). Typical 2–50 µm.
 
-use machine::Chain;
-
-use crate::effect::{ActsOn, Constants, Effect, Instance, Registration, Subject};
-use crate::library::{ChainError, Parameter, Variant};
-use crate::observation::Observations;
+use crate::effect::{ActsOn, Definition, Effect, Registration, Subject};
+use crate::library::{ChainError, Variant};
 
 pub(super) struct StylusLength;
 
 impl Effect for StylusLength {
-    fn id(&self) -> &'static str {
-        "probe.stylus_length"
-    }
-
-    fn describe(&self, _: &Instance<'_>) -> String {
-        "stylus longer or shorter than declared".to_owned()
-    }
-
-    fn remedy(&self) -> &'static str {
-        "measure the length of the probe again on a datum surface"
-    }
-
-    fn parameters(&self, _: &Chain, _: &Instance<'_>) -> Vec<Parameter> {
-        parameters()
-    }
-
-    fn acts_on(&self) -> ActsOn {
-        ActsOn {
-            registration: Registration::ProbeOfArm,
-            ..ActsOn::of(Subject::Probe)
+    fn definition(&self) -> Definition {
+        Definition {
+            id: "probe.stylus_length",
+            name: "stylus longer or shorter than declared",
+            remedy: "measure the length of the probe again on a datum surface",
+            parameters: &[("dz", "m", 3e-4)],
+            acts_on: ActsOn::of(Subject::Probe).registered(Registration::ProbeOfArm),
         }
     }
 
-    fn offer(&self, _: &Observations) -> Vec<Variant> {
-        vec![way()]
+    fn variant(&self) -> Option<Variant> {
+        let parameters = self.definition().parameters();
+        let variant = Variant::linear(self.id(), parameters, |rows| {
+            vec![rows.machine_column(false, |pose, _| pose.sensitivity.mount[2])]
+        });
+        Some(variant.with_errors([ChainError::Ball(2)]))
     }
-
-    fn declared(&self, _: &Chain, _: &Instance<'_>, _: &Constants<'_>) -> Vec<Variant> {
-        vec![way()]
-    }
-}
-
-fn parameters() -> Vec<Parameter> {
-    vec![Parameter::new("dz", "m", 3e-4)]
-}
-
-fn way() -> Variant {
-    Variant::linear("probe.stylus_length", parameters(), |rows| {
-        vec![rows.machine_column(false, |pose, _| pose.sensitivity.mount[2])]
-    })
-    .with_errors([ChainError::Ball(2)])
 }
 
 #[cfg(test)]

@@ -1,63 +1,33 @@
 //! `probe.stylus_offset`: the ball centre off the spindle axis, in the probe mount's x and y.
 //!
-//! d = −n·R(mount)·(dx, dy, 0). Typical 2–50 µm; seen twice with the spindle turned by 180°, it parts from a shifted
+//! d = −n·R(mount)·(dx, dy, 0). Typical 2–50 µm; touches at two spindle angles 180° apart distinguish it from a shifted
 //! fixture.
 
-use machine::Chain;
-
-use crate::effect::{ActsOn, Constants, Effect, Instance, Registration, Subject};
-use crate::library::{ChainError, Parameter, Variant};
-use crate::observation::Observations;
+use crate::effect::{ActsOn, Definition, Effect, Registration, Subject};
+use crate::library::{ChainError, Variant};
 
 pub(super) struct StylusOffset;
 
 impl Effect for StylusOffset {
-    fn id(&self) -> &'static str {
-        "probe.stylus_offset"
-    }
-
-    fn describe(&self, _: &Instance<'_>) -> String {
-        "stylus ball off the spindle axis".to_owned()
-    }
-
-    fn remedy(&self) -> &'static str {
-        "centre the stylus, or measure its offset again on a ring or a sphere"
-    }
-
-    fn parameters(&self, _: &Chain, _: &Instance<'_>) -> Vec<Parameter> {
-        parameters()
-    }
-
-    fn acts_on(&self) -> ActsOn {
-        ActsOn {
-            registration: Registration::ProbeOfArm,
-            ..ActsOn::of(Subject::Probe)
+    fn definition(&self) -> Definition {
+        Definition {
+            id: "probe.stylus_offset",
+            name: "stylus ball off the spindle axis",
+            remedy: "centre the stylus, or measure its offset again on a ring or a sphere",
+            parameters: &[("dx", "m", 3e-4), ("dy", "m", 3e-4)],
+            acts_on: ActsOn::of(Subject::Probe).registered(Registration::ProbeOfArm),
         }
     }
 
-    fn offer(&self, _: &Observations) -> Vec<Variant> {
-        vec![way()]
+    fn variant(&self) -> Option<Variant> {
+        let parameters = self.definition().parameters();
+        let variant = Variant::linear(self.id(), parameters, |rows| {
+            [0, 1]
+                .map(|k| rows.machine_column(false, |pose, _| pose.sensitivity.mount[k]))
+                .into()
+        });
+        Some(variant.with_errors([0, 1].map(ChainError::Ball)))
     }
-
-    fn declared(&self, _: &Chain, _: &Instance<'_>, _: &Constants<'_>) -> Vec<Variant> {
-        vec![way()]
-    }
-}
-
-fn parameters() -> Vec<Parameter> {
-    vec![
-        Parameter::new("dx", "m", 3e-4),
-        Parameter::new("dy", "m", 3e-4),
-    ]
-}
-
-fn way() -> Variant {
-    Variant::linear("probe.stylus_offset", parameters(), |rows| {
-        [0, 1]
-            .map(|k| rows.machine_column(false, |pose, _| pose.sensitivity.mount[k]))
-            .into()
-    })
-    .with_errors([0, 1].map(ChainError::Ball))
 }
 
 #[cfg(test)]

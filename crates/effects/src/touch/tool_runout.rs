@@ -8,34 +8,25 @@
 use inference::discrepancy::Covariate;
 use machine::Chain;
 
-use crate::effect::{ActsOn, Constants, Effect, Instance, Subject};
+use crate::effect::{ActsOn, Constants, Definition, Effect, Instance, Subject};
 use crate::library::{Parameter, Shape, Variant, linspace, tools};
 use crate::observation::{Observations, Row};
 
 pub(super) struct ToolRunout;
 
 impl Effect for ToolRunout {
-    fn id(&self) -> &'static str {
-        "process.tool_runout"
-    }
-
-    fn describe(&self, _: &Instance<'_>) -> String {
-        "tool run-out: effective radius varies along the tool".to_owned()
-    }
-
-    fn remedy(&self) -> &'static str {
-        "clean holder and collet, and clamp the tool again; check its run-out"
+    fn definition(&self) -> Definition {
+        Definition {
+            id: "process.tool_runout",
+            name: "tool run-out: effective radius varies along the tool",
+            remedy: "clean holder and collet, and clamp the tool again; check its run-out",
+            parameters: &[],
+            acts_on: ActsOn::of(Subject::Cutting).covariates(&[Covariate::ToolHeight]),
+        }
     }
 
     fn parameters(&self, _: &Chain, _: &Instance<'_>) -> Vec<Parameter> {
         PARAMETERS.map(parameter).into()
-    }
-
-    fn acts_on(&self) -> ActsOn {
-        ActsOn {
-            covariates: &[Covariate::ToolHeight],
-            ..ActsOn::of(Subject::Cutting)
-        }
     }
 
     fn offer(&self, rows: &Observations) -> Vec<Variant> {
@@ -48,7 +39,7 @@ impl Effect for ToolRunout {
             });
             if high - low >= SHORTEST {
                 let turns = linspace(0.5, 4.0, 29).into_iter().rev();
-                variants.extend(ways(
+                variants.extend(of_tool(
                     tool,
                     high,
                     turns.map(|turns| (high - low) / turns).collect(),
@@ -60,7 +51,7 @@ impl Effect for ToolRunout {
 
     fn declared(&self, _: &Chain, _: &Instance<'_>, constants: &Constants<'_>) -> Vec<Variant> {
         let tool = constants.tool().unwrap_or(1);
-        ways(tool, constants.get("height", HEIGHT), Vec::new()).into()
+        of_tool(tool, constants.get("height", HEIGHT), Vec::new()).into()
     }
 }
 
@@ -76,7 +67,7 @@ fn parameter(name: &'static str) -> Parameter {
 }
 
 /// Bent without and with a constant, and a wave, over a tool that is used up to the height `high`.
-fn ways(tool: u32, high: f64, periods: Vec<f64>) -> [Variant; 3] {
+fn of_tool(tool: u32, high: f64, periods: Vec<f64>) -> [Variant; 3] {
     let constants = [("tool", f64::from(tool), "1"), ("height", high, "m")];
     let on = move |row: &Row, value: f64| if row.tool == Some(tool) { value } else { 0.0 };
     let bend = move |rows: &Observations| {

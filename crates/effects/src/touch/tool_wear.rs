@@ -5,59 +5,46 @@
 use inference::discrepancy::Covariate;
 use machine::Chain;
 
-use crate::effect::{ActsOn, Constants, Effect, Instance, Subject};
-use crate::library::{Parameter, Variant, tools};
+use crate::effect::{ActsOn, Constants, Definition, Effect, Instance, Subject};
+use crate::library::{Variant, tools};
 use crate::observation::Observations;
 
 pub(super) struct ToolWear;
 
 impl Effect for ToolWear {
-    fn id(&self) -> &'static str {
-        "process.tool_wear"
-    }
-
-    fn describe(&self, _: &Instance<'_>) -> String {
-        "tool wear: material left grows with the length cut".to_owned()
-    }
-
-    fn remedy(&self) -> &'static str {
-        "correct the wear offset of the tool, or change it earlier"
-    }
-
-    fn parameters(&self, _: &Chain, _: &Instance<'_>) -> Vec<Parameter> {
-        parameters()
-    }
-
-    fn acts_on(&self) -> ActsOn {
-        ActsOn {
-            covariates: &[Covariate::CutLength],
-            ..ActsOn::of(Subject::Cutting)
+    fn definition(&self) -> Definition {
+        Definition {
+            id: "process.tool_wear",
+            name: "tool wear: material left grows with the length cut",
+            remedy: "correct the wear offset of the tool, or change it earlier",
+            parameters: &[("rate", "m/m", 1e-3)],
+            acts_on: ActsOn::of(Subject::Cutting).covariates(&[Covariate::CutLength]),
         }
     }
 
     fn offer(&self, rows: &Observations) -> Vec<Variant> {
-        tools(rows).into_iter().map(way).collect()
+        tools(rows).into_iter().map(variant).collect()
     }
 
     fn declared(&self, _: &Chain, _: &Instance<'_>, constants: &Constants<'_>) -> Vec<Variant> {
-        vec![way(constants.tool().unwrap_or(1))]
+        vec![variant(constants.tool().unwrap_or(1))]
     }
 }
 
-fn parameters() -> Vec<Parameter> {
-    vec![Parameter::new("rate", "m/m", 1e-3)]
-}
-
-fn way(tool: u32) -> Variant {
-    Variant::linear("process.tool_wear", parameters(), move |rows| {
-        vec![rows.material_column(|row| {
-            if row.tool == Some(tool) {
-                row.cut_length
-            } else {
-                0.0
-            }
-        })]
-    })
+fn variant(tool: u32) -> Variant {
+    Variant::linear(
+        "process.tool_wear",
+        ToolWear.definition().parameters(),
+        move |rows| {
+            vec![rows.material_column(|row| {
+                if row.tool == Some(tool) {
+                    row.cut_length
+                } else {
+                    0.0
+                }
+            })]
+        },
+    )
     .with_constants(&[("tool", f64::from(tool), "1")])
 }
 

@@ -2,60 +2,37 @@
 //!
 //! d = −v·tau. Typical 0.1–3 ms. At a single feed it is a ball radius.
 
-use inference::discrepancy::Covariate;
-use machine::Chain;
-
-use crate::effect::{ActsOn, Constants, Effect, Instance, Subject};
-use crate::library::{Parameter, Variant};
+use crate::effect::{ActsOn, Definition, Effect, Subject};
+use crate::library::Variant;
 use crate::observation::Observations;
+use inference::discrepancy::Covariate;
 
 pub(super) struct TriggerLatency;
 
 impl Effect for TriggerLatency {
-    fn id(&self) -> &'static str {
-        "probe.trigger_latency"
-    }
-
-    fn describe(&self, _: &Instance<'_>) -> String {
-        "trigger latency: the position is latched late".to_owned()
-    }
-
-    fn remedy(&self) -> &'static str {
-        "qualify the probe at the measuring feed, or measure slower"
-    }
-
-    fn parameters(&self, _: &Chain, _: &Instance<'_>) -> Vec<Parameter> {
-        parameters()
-    }
-
-    fn acts_on(&self) -> ActsOn {
-        ActsOn {
-            triggered: true,
-            covariates: &[Covariate::Feed],
-            ..ActsOn::of(Subject::Probe)
+    fn definition(&self) -> Definition {
+        Definition {
+            id: "probe.trigger_latency",
+            name: "trigger latency: the position is latched late",
+            remedy: "qualify the probe at the measuring feed, or measure slower",
+            parameters: &[("tau", "s", 0.03)],
+            acts_on: ActsOn::of(Subject::Probe)
+                .triggered()
+                .covariates(&[Covariate::Feed]),
         }
     }
 
-    fn offer(&self, rows: &Observations) -> Vec<Variant> {
-        if rows.rows.iter().all(|row| row.feed == 0.0) {
-            return Vec::new();
-        }
-        vec![way()]
+    fn variant(&self) -> Option<Variant> {
+        let parameters = self.definition().parameters();
+        let variant = Variant::linear(self.id(), parameters, |rows| {
+            vec![rows.reading_column(|row| -row.feed)]
+        });
+        Some(variant)
     }
 
-    fn declared(&self, _: &Chain, _: &Instance<'_>, _: &Constants<'_>) -> Vec<Variant> {
-        vec![way()]
+    fn is_shown(&self, rows: &Observations) -> bool {
+        rows.rows.iter().any(|row| row.feed != 0.0)
     }
-}
-
-fn parameters() -> Vec<Parameter> {
-    vec![Parameter::new("tau", "s", 0.03)]
-}
-
-fn way() -> Variant {
-    Variant::linear("probe.trigger_latency", parameters(), |rows| {
-        vec![rows.reading_column(|row| -row.feed)]
-    })
 }
 
 #[cfg(test)]

@@ -125,7 +125,7 @@ fn remark(size: &Size) -> String {
     if !size.is_valid() {
         return result.text.clone();
     }
-    let expanded = mm(result.coverage_factor * result.standard_uncertainty);
+    let expanded = mm(result.expanded_uncertainty());
     format!(
         "U = {expanded} mm (k = {}); {}",
         result.coverage_factor,

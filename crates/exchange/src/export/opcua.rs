@@ -88,8 +88,8 @@ impl Results {
     }
 
     fn measurement(&mut self, plan: &str) -> &mut Measurement {
-        let place = self.measurements.iter().position(|one| one.plan == plan);
-        let place = place.unwrap_or_else(|| {
+        let index = self.measurements.iter().position(|one| one.plan == plan);
+        let index = index.unwrap_or_else(|| {
             if self.measurements.len() == KEPT {
                 self.measurements.remove(0);
             }
@@ -105,7 +105,7 @@ impl Results {
             });
             self.measurements.len() - 1
         });
-        &mut self.measurements[place]
+        &mut self.measurements[index]
     }
 
     /// Takes a plan, whose limits apply where no verdict states others.
@@ -128,7 +128,7 @@ impl Results {
         for verdict in std::mem::take(&mut measurement.early) {
             measurement.judge(verdict);
         }
-        self.told(&plan, false)
+        self.update(&plan, false)
     }
 
     /// Takes what was decided of a size. A contradiction is told as ready again.
@@ -140,7 +140,7 @@ impl Results {
             return None;
         }
         measurement.end = stamp;
-        self.told(&plan, is_ready)
+        self.update(&plan, is_ready)
     }
 
     /// Takes what follows from a measurement: it is whole.
@@ -150,7 +150,7 @@ impl Results {
         measurement.decided = Some(decision.header.stamp.nanos());
         measurement.end = decision.header.stamp;
         measurement.text.clone_from(&decision.text);
-        self.told(&decision.plan_id, true)
+        self.update(&decision.plan_id, true)
     }
 
     /// Takes the end of a part: what was being measured is whole, or stopped.
@@ -167,11 +167,11 @@ impl Results {
             one.plan.clone()
         });
         let ended: Vec<String> = ended.collect();
-        let told = ended.iter().filter_map(|plan| self.told(plan, true));
-        told.collect()
+        let update = ended.iter().filter_map(|plan| self.update(plan, true));
+        update.collect()
     }
 
-    fn told(&self, plan: &str, is_ready: bool) -> Option<Update> {
+    fn update(&self, plan: &str, is_ready: bool) -> Option<Update> {
         let measurement = self.measurements.iter().find(|one| one.plan == plan)?;
         let sizes = measurement.sizes.sizes();
         let first = sizes.first()?;
@@ -290,7 +290,7 @@ fn characteristic(size: &Size) -> Characteristic {
         status: size.status().name().to_owned(),
         standard_uncertainty: known(result.standard_uncertainty),
         coverage_factor: known(result.coverage_factor),
-        expanded_uncertainty: known(result.coverage_factor * result.standard_uncertainty),
+        expanded_uncertainty: known(result.expanded_uncertainty()),
         decision_rule: rule,
         nonconformity_probability: outside.and_then(known),
     }
@@ -394,9 +394,9 @@ mod tests {
             None
         );
         assert_eq!(results.decision(&decision(4)), None);
-        let told = measured(results.result(result("D1", 1e-6, 2)));
+        let update = measured(results.result(result("D1", 1e-6, 2)));
         assert_eq!(
-            (told.stage, told.evaluation),
+            (update.stage, update.evaluation),
             (Stage::Completed, Evaluation::NotDecidable)
         );
         // Measured again after the decision.
@@ -407,24 +407,27 @@ mod tests {
     #[test]
     fn the_worst_size_decides_and_an_undecided_one_is_not_decidable() {
         let mut results = Results::new("cell", None);
-        let told = |results: &mut Results, feature: &str, decided: u8| {
+        let update = |results: &mut Results, feature: &str, decided: u8| {
             measured(results.result(result(feature, 0.0, 2)));
             measured(results.verdict(verdict(feature, decided, 2))).evaluation
         };
-        assert_eq!(told(&mut results, "a", Verdict::QUALIFIED), Evaluation::Ok);
+        assert_eq!(
+            update(&mut results, "a", Verdict::QUALIFIED),
+            Evaluation::Ok
+        );
         // Without limits it does not count.
         let open = measured(results.result(result("open", 0.0, 2)));
         assert_eq!(open.evaluation, Evaluation::Ok);
         assert_eq!(
-            told(&mut results, "b", Verdict::INDETERMINATE),
+            update(&mut results, "b", Verdict::INDETERMINATE),
             Evaluation::NotDecidable
         );
         assert_eq!(
-            told(&mut results, "c", Verdict::MEASUREMENT_INVALID),
+            update(&mut results, "c", Verdict::MEASUREMENT_INVALID),
             Evaluation::Undefined
         );
         assert_eq!(
-            told(&mut results, "d", Verdict::COMPENSABLE),
+            update(&mut results, "d", Verdict::COMPENSABLE),
             Evaluation::NotOk
         );
     }
@@ -438,8 +441,8 @@ mod tests {
             text: "stopped".to_owned(),
             ..PartReport::default()
         };
-        let told = results.report(&report);
-        let ended = measured(told.into_iter().next());
+        let update = results.report(&report);
+        let ended = measured(update.into_iter().next());
         assert_eq!((ended.stage, ended.is_ready), (Stage::Aborted, true));
         assert!(results.report(&report).is_empty());
     }

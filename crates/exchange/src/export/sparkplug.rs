@@ -291,7 +291,7 @@ impl Edge {
                     Value::Nothing
                 }
             };
-            let uncertainty = result.coverage_factor * result.standard_uncertainty;
+            let uncertainty = result.expanded_uncertainty();
             self.set(name("plan"), Value::Text(result.plan_id.clone()), "", at);
             self.set(name("value"), quantity(result.size), "m", at);
             self.set(name("deviation"), quantity(result.size_deviation), "m", at);

@@ -38,7 +38,7 @@ pub fn sizes(record: &Record) -> String {
             value(um(result.size_deviation)),
             value(um(result.standard_uncertainty)),
             value(result.coverage_factor),
-            value(um(result.coverage_factor * result.standard_uncertainty)),
+            value(um(result.expanded_uncertainty())),
             limit(0),
             limit(1),
             value(um(result.form)),

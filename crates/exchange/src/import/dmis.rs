@@ -151,7 +151,7 @@ pub fn plan(text: &str) -> Result<ForeignPlan, ImportError> {
                         one.numbers::<2>(1)?.map(|limit| limit * scale),
                     )),
                     other => plan.left_out.push(format!(
-                        "line {}: tolerance {name}, {}, has no place in a plan",
+                        "line {}: tolerance {name}, {}, cannot be represented in a plan",
                         one.line,
                         other.unwrap_or_default()
                     )),
@@ -301,9 +301,7 @@ pub fn results(text: &str) -> Result<Vec<Found>, ImportError> {
                 }
                 let nominal = nominals.iter().find(|(known, _)| known == name);
                 let (_, nominal) = nominal.ok_or_else(|| {
-                    one.wrong(format!(
-                        "FA({name}) stands without F({name}), the nominal point"
-                    ))
+                    one.wrong(format!("FA({name}) has no nominal point F({name})"))
                 })?;
                 found.push(Found {
                     place: (one.line, 1),

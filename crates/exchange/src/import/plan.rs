@@ -13,7 +13,7 @@ pub struct Planned {
     pub points: Vec<([f64; 3], [f64; 3])>,
 }
 
-/// What a file of another system plans, and what of it has no place in a plan of ours.
+/// What a file of another system plans, and what of it cannot be represented in a plan of ours.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ForeignPlan {
     /// Its features.

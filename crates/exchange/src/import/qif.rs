@@ -322,7 +322,7 @@ fn tolerance<'a>(
     let (Some(feature), "Diameter" | "PointProfile" | "UserDefinedLinear") = (feature, kind) else {
         if text(definition, "NonTolerance").is_none() {
             plan.left_out.push(format!(
-                "characteristic {name}, a {kind}, has no place in a plan"
+                "characteristic {name}, a {kind}, cannot be represented in a plan"
             ));
         }
         return Ok(());

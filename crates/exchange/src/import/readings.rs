@@ -210,7 +210,8 @@ impl Reader<'_> {
                     at > *last
                 };
                 if *same == turn && goes_back {
-                    let what = format!("expected an angle that goes on {turn} from the row before");
+                    let what =
+                        format!("expected an angle that continues {turn} from the previous row");
                     return Err(row.wrong(angle, &what));
                 }
             }

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 
 use super::wire::Gid;
 
-/// Where a sample stands in the sequence.
+/// Position of a sample in the sequence.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Order {
     /// The next one.

@@ -1,4 +1,4 @@
-//! The latest sample of some topics of every cell, kept in the router for whoever comes when its publisher has gone.
+//! The latest sample of some topics of every cell, retained in the router for subscribers that join after the publisher has left.
 //!
 //! It answers as a storage of Zenoh does (the storage manager of `zenohd`): at the key of the data, with payload and time
 //! stamp, and without the attachment of rmw_zenoh. So whoever asks a storage asks this one in the same way, and a subscription

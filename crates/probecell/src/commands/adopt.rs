@@ -96,7 +96,7 @@ fn read(path: &Path) -> anyhow::Result<Report> {
             .with_context(|| format!("cannot read the report {}", path.display()))?;
     }
     let found: Report = serde_json::from_str(&text)
-        .with_context(|| format!("{} is not one gap report", path.display()))?;
+        .with_context(|| format!("{} is not a single gap report", path.display()))?;
     if found.schema != diagnosis::report::SCHEMA {
         bail!(
             "{} has the schema {:?}, not {:?}",

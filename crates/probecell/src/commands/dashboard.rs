@@ -51,7 +51,7 @@ pub(crate) struct Arguments {
     /// Folder of recordings; may be repeated. Default: `recordings`, or that of --cell.
     #[arg(long, value_name = "DIR")]
     recordings: Vec<PathBuf>,
-    /// Folder of a lake of sessions: pages of machines show the trends that `probecell fleet trends --keep` has left there.
+    /// Folder of a lake of sessions: machine pages show the trends that `probecell fleet trends --keep` has stored there.
     /// Default: `lake`, where there is one.
     #[arg(long, value_name = "DIR")]
     lake: Option<PathBuf>,
@@ -62,14 +62,14 @@ pub(crate) struct Arguments {
     /// a signature; may be repeated.
     #[arg(long)]
     cell: Vec<PathBuf>,
-    /// Name by which this host is reached, besides its addresses and its own name; may be repeated.
+    /// Additional name of this host, besides its addresses and its host name; may be repeated.
     #[arg(long, value_name = "NAME")]
     host: Vec<String>,
-    /// Origin of a page from elsewhere (https://app.foxglove.dev) that may read topics at ws://ADDRESS/viewer, as applications on
+    /// Origin of an external page (https://app.foxglove.dev) that may read topics at ws://ADDRESS/viewer, as applications on
     /// this computer may; may be repeated.
     #[arg(long, value_name = "ORIGIN")]
     viewer: Vec<String>,
-    /// Take another port where that of --listen is taken.
+    /// Use another port if that of --listen is in use.
     #[arg(long)]
     any_port: bool,
     /// Exit when the parent process exits.

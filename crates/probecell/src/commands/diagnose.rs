@@ -73,10 +73,10 @@ impl Arguments {
 /// What is compared with the model.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 enum Channel {
-    /// Where the touches are; of a drive session its efforts or motion.
+    /// Deviations of the touches; for a drive session, its efforts or motion.
     #[default]
     Touch,
-    /// How long the moves between the touches take.
+    /// Durations of the moves between the touches.
     Time,
 }
 

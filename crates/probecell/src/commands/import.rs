@@ -28,7 +28,7 @@ pub(crate) enum Command {
     Touches(touches::Arguments),
     /// Features, tolerances and points of a QIF or DMIS file, as the plan of a session without touches.
     Plan(plan::Arguments),
-    /// What an outside instrument found of the points of a recording: a QIF or DMIS result, or a table.
+    /// Results of an independent instrument for the points of a recording: a QIF or DMIS result, or a table.
     Reference(reference::Arguments),
     /// A positioning test (ISO 230-2), a circular test (ISO 230-4) or an R-test.
     Readings(readings::Arguments),

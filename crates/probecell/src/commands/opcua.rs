@@ -60,8 +60,8 @@ pub(crate) struct Arguments {
     /// Address to listen on; port 0 takes a free one.
     #[arg(long, default_value = ADDRESS)]
     listen: SocketAddr,
-    /// Listen beyond loopback although connections are neither encrypted nor signed: whoever reaches the address reads results,
-    /// and who is on the way can change them. The stack's encryption is not offered, since its RSA leaks keys by timing
+    /// Listen beyond loopback although connections are neither encrypted nor signed: anyone who reaches the address can read results,
+    /// and anyone in between can alter them. The stack's encryption is not offered, since its RSA leaks keys by timing
     /// (RUSTSEC-2023-0071).
     #[arg(long)]
     unencrypted: bool,

@@ -119,7 +119,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
     let length_s = (last - first) as f64 * 1e-9;
     if arguments.start_s > length_s {
         bail!(
-            "--start-s {} lies behind the end of the recording, which is {length_s:.3} s long",
+            "--start-s {} is after the end of the recording, which is {length_s:.3} s long",
             arguments.start_s
         );
     }

@@ -49,7 +49,7 @@ pub(crate) struct Arguments {
     /// Results of an interrupted program; points touched there are skipped. May be repeated.
     #[arg(long, value_name = "RESULTS")]
     measured: Vec<PathBuf>,
-    /// Maximum feed between touches, which are guarded against contact (FANUC, SINUMERIK).
+    /// Maximum feed of the moves between touches, which are guarded against contact (FANUC, SINUMERIK).
     #[arg(long, value_name = "MM/MIN", default_value_t = 3000.0)]
     travel_feed_mm_per_min: f64,
     /// Log file written by a LinuxCNC program, as a path of the controller.
@@ -122,7 +122,7 @@ fn decision_program(
     writer: &dyn ProgramWriter,
 ) -> anyhow::Result<String> {
     if !plan::is_cell(&arguments.source) {
-        bail!("--decision needs a cell file, which holds tolerances and limits");
+        bail!("--decision needs a cell file, which alone contains tolerances and limits");
     }
     let cell = Cell::read(&arguments.source)?;
     let mut characteristics = cell.compensation.characteristics.iter();

@@ -169,7 +169,7 @@ impl Measured {
                 result.feature_id,
                 result.size * 1e3,
                 result.size_deviation * 1e6,
-                result.coverage_factor * result.standard_uncertainty * 1e6,
+                result.expanded_uncertainty() * 1e6,
                 result.coverage_factor,
                 result.form * 1e6,
                 result.text

@@ -32,9 +32,9 @@ pub(crate) struct Keep {
 /// What strangers may do at the router.
 #[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub(crate) enum Strangers {
-    /// Read: only processes of the user who started the router, on the same host, write.
+    /// Read only; writing is reserved to processes of the user who started the router, on the same host.
     Read,
-    /// Write, too.
+    /// Read and write.
     Write,
 }
 
@@ -54,7 +54,7 @@ pub(crate) fn run(
         config.zenoh["access_control"] = serde_json::to_value(strangers::read_only())?;
         for endpoint in listen {
             let socket = OwnSocket::of(endpoint).context(
-                "the private socket of the router has no place: neither HOME nor XDG_STATE_HOME is set",
+                "the private socket of the router cannot be created: neither HOME nor XDG_STATE_HOME is set",
             )?;
             socket.prepare()?;
             // Before the network: see own_locator.

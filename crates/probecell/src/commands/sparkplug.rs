@@ -49,7 +49,7 @@ pub(crate) struct Arguments {
     /// Host and port of the broker.
     #[arg(long, default_value = "127.0.0.1:1883")]
     broker: String,
-    /// Sparkplug's group; the edge node is the cell.
+    /// Sparkplug group ID; the cell is the edge node.
     #[arg(long, default_value = "probecell")]
     group: String,
     /// User of the broker.

@@ -23,7 +23,7 @@ pub(crate) fn run(file: &Path, operator: &str) -> anyhow::Result<u8> {
         return Ok(GOOD);
     }
     output::line(&format!(
-        "the machine has not confirmed that it stands: {}",
+        "the machine has not confirmed its standstill: {}",
         response.text
     ));
     Ok(FAILED)

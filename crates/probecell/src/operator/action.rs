@@ -7,13 +7,16 @@
 use std::{
     collections::VecDeque,
     mem,
-    sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel},
+    sync::{
+        Arc,
+        mpsc::{Receiver, RecvTimeoutError, Sender, channel},
+    },
     time::{Duration, Instant},
 };
 
 use host::bus::{Bus, Publisher, Qos, Request, Server, ServiceId};
 use probecell_msgs::{
-    Message, Service,
+    Message, OperatorReply, OperatorRequest, Service,
     action_msgs::{
         GoalInfo, GoalStatus, GoalStatusArray,
         srv::{CancelGoal, CancelGoalRequest, CancelGoalResponse},
@@ -23,39 +26,29 @@ use probecell_msgs::{
     unique_identifier_msgs::UUID,
 };
 
+use super::services::{Asked, RequestPublishers};
+
 /// How long the result of a goal is kept, as `rcl_action` keeps it by default.
 pub(super) const KEPT: Duration = Duration::from_secs(10);
 
-/// The types of an action, as they are generated of its definition.
+/// An action of the cell.
 pub(super) trait Action: 'static {
     /// Its name below the namespace of the cell.
     const NAME: &'static str;
-    /// The service `send_goal`.
-    type SendGoal: Service;
-    /// What is to be reached.
-    type Goal;
-    /// The service `get_result`.
-    type GetResult: Service;
-    /// How a goal has ended.
-    type Result: Clone + Default;
-    /// The message of the topic `feedback`.
-    type FeedbackMessage: Message;
-    /// What is told while a goal is pursued.
-    type Feedback;
+    /// Its messages and services.
+    type Types: probecell_msgs::Action;
     /// What is kept of a goal that is pursued.
     type Pursued;
-
-    /// Identifier and goal of a request.
-    fn goal(request: <Self::SendGoal as Service>::Request) -> (UUID, Self::Goal);
-    /// The answer to it.
-    fn answer(accepted: bool, stamp: Time) -> <Self::SendGoal as Service>::Response;
-    /// Whose result is asked for.
-    fn asked(request: &<Self::GetResult as Service>::Request) -> UUID;
-    /// The answer to that.
-    fn ended(status: i8, result: Self::Result) -> <Self::GetResult as Service>::Response;
-    /// Feedback on a goal.
-    fn feedback(goal_id: UUID, feedback: Self::Feedback) -> Self::FeedbackMessage;
 }
+
+/// Messages and services of an action of the cell.
+type Types<A> = <A as Action>::Types;
+/// What an action of the cell is to reach.
+pub(super) type GoalOf<A> = <Types<A> as probecell_msgs::Action>::Goal;
+/// How a goal of it has ended.
+pub(super) type ResultOf<A> = <Types<A> as probecell_msgs::Action>::Result;
+/// What it reports while a goal is pursued.
+pub(super) type FeedbackOf<A> = <Types<A> as probecell_msgs::Action>::Feedback;
 
 /// What happens to the goals of an action; `News` is what it follows of the cell.
 pub(super) enum Event<News> {
@@ -69,17 +62,68 @@ pub(super) enum Event<News> {
     News(News),
 }
 
+/// Asks the nodes on behalf of an action. Replies are awaited on threads of their own, so that a cancel never waits behind
+/// another call, and come back as events.
+pub(super) struct Caller<News> {
+    requests: Arc<RequestPublishers>,
+    events: Sender<Event<News>>,
+}
+
+impl<News: Send + 'static> Caller<News> {
+    /// A caller whose replies go to these events.
+    pub(super) fn new(requests: &Arc<RequestPublishers>, events: Sender<Event<News>>) -> Self {
+        Self {
+            requests: Arc::clone(requests),
+            events,
+        }
+    }
+
+    /// Publishes a request; gives its number, by which it can be cancelled.
+    pub(super) fn ask(
+        &self,
+        reply_topic: &'static str,
+        request: OperatorRequest,
+    ) -> Result<Asked, String> {
+        self.requests.ask(reply_topic, request)
+    }
+
+    /// Waits for the reply to a request that was published.
+    pub(super) fn wait(
+        &self,
+        asked: Asked,
+        news: impl FnOnce(Result<OperatorReply, String>) -> News + Send + 'static,
+    ) {
+        self.spawn(move |requests| news(requests.wait(asked)));
+    }
+
+    /// Publishes a request and waits for its reply.
+    pub(super) fn call(
+        &self,
+        reply_topic: &'static str,
+        request: OperatorRequest,
+        news: impl FnOnce(Result<OperatorReply, String>) -> News + Send + 'static,
+    ) {
+        self.spawn(move |requests| news(requests.call(reply_topic, request)));
+    }
+
+    fn spawn(&self, news: impl FnOnce(&RequestPublishers) -> News + Send + 'static) {
+        let (requests, events) = (Arc::clone(&self.requests), self.events.clone());
+        std::thread::spawn(move || {
+            // The receiver ends with the process only.
+            drop(events.send(Event::News(news(&requests))));
+        });
+    }
+}
+
 /// How an action pursues its goals.
-pub(super) trait Pursuit: Send + 'static {
-    /// Its types.
-    type Action: Action;
+pub(super) trait Pursuit: Action + Send + Sized {
     /// What it follows of the cell.
     type News: Send;
 
     /// Its goals.
-    fn goals(&mut self) -> &mut Goals<Self::Action>;
+    fn goals(&mut self) -> &mut Goals<Self>;
     /// Somebody wants this; the request is answered by [`Goals::accept`] or [`Goals::refuse`], now or later.
-    fn send(&mut self, id: UUID, goal: <Self::Action as Action>::Goal, request: Request);
+    fn send(&mut self, id: UUID, goal: GoalOf<Self>, request: Request);
     /// The goal that is pursued is to end; [`Goals::canceled`] says later whether it does.
     fn cancel(&mut self);
     /// Something has happened in the cell.
@@ -95,9 +139,9 @@ pub(super) type Served<News> = (Vec<Server>, Sender<Event<News>>);
 pub(super) fn serve<P: Pursuit>(
     bus: &Bus,
     namespace: &str,
-    pursuit: impl FnOnce(Goals<P::Action>, Sender<Event<P::News>>) -> P,
+    pursuit: impl FnOnce(Goals<P>, Sender<Event<P::News>>) -> P,
 ) -> anyhow::Result<Served<P::News>> {
-    let action = P::Action::NAME;
+    let action = P::NAME;
     let name = |part: &str| format!("{namespace}/{action}/_action/{part}");
     let (events, received) = channel();
     let offer = |part: &str, ty: ServiceId, event: fn(Request) -> Event<P::News>| {
@@ -106,7 +150,7 @@ pub(super) fn serve<P: Pursuit>(
         let on_request = move |request| drop(events.send(event(request)));
         bus.serve_deferred(&name(part), ty, Box::new(on_request))
     };
-    let feedback = <P::Action as Action>::FeedbackMessage::TYPE;
+    let feedback = <Types<P> as probecell_msgs::Action>::FeedbackMessage::TYPE;
     let goals = Goals {
         feedback: bus.publisher(&name("feedback"), feedback, Qos::reliable(10))?,
         status: bus.publisher(&name("status"), GoalStatusArray::TYPE, Qos::latched(1))?,
@@ -114,8 +158,8 @@ pub(super) fn serve<P: Pursuit>(
         asked: Vec::new(),
         cancels: Vec::new(),
     };
-    let send_goal = <P::Action as Action>::SendGoal::TYPE;
-    let get_result = <P::Action as Action>::GetResult::TYPE;
+    let send_goal = <Types<P> as probecell_msgs::Action>::SendGoal::TYPE;
+    let get_result = <Types<P> as probecell_msgs::Action>::GetResult::TYPE;
     let servers = vec![
         offer("send_goal", send_goal.into(), Event::Send)?,
         offer("cancel_goal", CancelGoal::TYPE.into(), Event::Cancel)?,
@@ -158,7 +202,7 @@ pub(super) struct Goal<A: Action> {
     status: i8,
     /// What the action keeps of it.
     pub(super) pursued: A::Pursued,
-    result: A::Result,
+    result: ResultOf<A>,
     /// Who waits for the result.
     waiting: Vec<Request>,
     ended: Option<Instant>,
@@ -170,7 +214,10 @@ impl<A: Action> Goal<A> {
     }
 
     fn response(&self) -> Vec<u8> {
-        to_cdr(&A::ended(self.status, self.result.clone()))
+        to_cdr(&<A::Types as probecell_msgs::Action>::ending(
+            self.status,
+            self.result.clone(),
+        ))
     }
 }
 
@@ -205,12 +252,14 @@ impl<A: Action> Goals<A> {
     }
 
     /// What is asked for, under an identifier that is new.
-    fn asked_for(&mut self, request: Request) -> Option<(UUID, A::Goal, Request)> {
+    fn asked_for(&mut self, request: Request) -> Option<(UUID, GoalOf<A>, Request)> {
         let (asked, request) = read(request)?;
-        let (id, goal) = A::goal(asked);
+        let (id, goal) = <A::Types as probecell_msgs::Action>::goal(asked);
         let used = self.kept.iter().any(|goal| goal.info.goal_id == id);
         if used || self.asked.contains(&id) {
-            request.answer(Ok(to_cdr(&A::answer(false, Time::default()))));
+            request.answer(Ok(to_cdr(
+                &<A::Types as probecell_msgs::Action>::acceptance(false, Time::default()),
+            )));
             return None;
         }
         self.asked.push(id);
@@ -221,19 +270,23 @@ impl<A: Action> Goals<A> {
     pub(super) fn refuse(&mut self, id: UUID, why: &str, request: Request) {
         self.asked.retain(|asked| *asked != id);
         tracing::warn!("a goal of the action {} is refused: {why}", A::NAME);
-        request.answer(Ok(to_cdr(&A::answer(false, Time::default()))));
+        request.answer(Ok(to_cdr(
+            &<A::Types as probecell_msgs::Action>::acceptance(false, Time::default()),
+        )));
     }
 
     /// Accepts a goal, which is pursued from now on.
     pub(super) fn accept(&mut self, id: UUID, pursued: A::Pursued, request: Request) {
         self.asked.retain(|asked| *asked != id);
         let stamp = host::now().time();
-        request.answer(Ok(to_cdr(&A::answer(true, stamp))));
+        request.answer(Ok(to_cdr(
+            &<A::Types as probecell_msgs::Action>::acceptance(true, stamp),
+        )));
         self.kept.push_back(Goal {
             info: GoalInfo { goal_id: id, stamp },
             status: GoalStatus::STATUS_ACCEPTED,
             pursued,
-            result: A::Result::default(),
+            result: ResultOf::<A>::default(),
             waiting: Vec::new(),
             ended: None,
         });
@@ -301,25 +354,29 @@ impl<A: Action> Goals<A> {
         let Some((asked, request)) = read(request) else {
             return;
         };
-        let id = A::asked(&asked);
+        let id = <A::Types as probecell_msgs::Action>::goal_id(&asked);
         let mut goals = self.kept.iter_mut();
         match goals.find(|goal| goal.info.goal_id == id) {
             Some(goal) if goal.is_active() => goal.waiting.push(request),
             Some(goal) => request.answer(Ok(goal.response())),
-            None => request.answer(Ok(to_cdr(&A::ended(0, A::Result::default())))),
+            None => request.answer(Ok(to_cdr(&<A::Types as probecell_msgs::Action>::ending(
+                0,
+                ResultOf::<A>::default(),
+            )))),
         }
     }
 
     /// Tells of the goal that is pursued.
-    pub(super) fn feed_back(&mut self, feedback: A::Feedback) {
+    pub(super) fn feed_back(&mut self, feedback: FeedbackOf<A>) {
         if let Some(goal) = self.kept.iter().find(|goal| goal.is_active()) {
-            let message = A::feedback(goal.info.goal_id, feedback);
+            let message =
+                <A::Types as probecell_msgs::Action>::feedback(goal.info.goal_id, feedback);
             publish::<A>(&self.feedback, &message);
         }
     }
 
     /// Ends the goal that is pursued.
-    pub(super) fn end(&mut self, status: i8, result: A::Result) {
+    pub(super) fn end(&mut self, status: i8, result: ResultOf<A>) {
         let Some(goal) = self.active() else { return };
         goal.result = result;
         // It may end before whoever cancels it is answered.

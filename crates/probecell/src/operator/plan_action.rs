@@ -3,29 +3,22 @@
 //! A goal is accepted at once, since whether the planner takes it shows with its answer: what the planner refuses is aborted,
 //! with the reason. To cancel it is to end the search.
 
-use std::{
-    sync::{Arc, mpsc::Sender},
-    time::Instant,
-};
+use std::{sync::Arc, time::Instant};
 
 use graph::topics;
 use host::bus::{Bus, Request};
 use probecell_msgs::{
     OperatorReply, OperatorRequest, PlanProgress,
     action::{
-        PlanMeasurementFeedback, PlanMeasurementFeedbackMessage, PlanMeasurementGetResult,
-        PlanMeasurementGetResultRequest, PlanMeasurementGetResultResponse, PlanMeasurementGoal,
-        PlanMeasurementResult, PlanMeasurementSendGoal, PlanMeasurementSendGoalRequest,
-        PlanMeasurementSendGoalResponse,
+        PlanMeasurement, PlanMeasurementFeedback, PlanMeasurementGoal, PlanMeasurementResult,
     },
     action_msgs::GoalStatus,
-    builtin_interfaces::Time,
     unique_identifier_msgs::UUID,
 };
 
 use super::{
-    action::{self, Action, Event, Goals, KEPT, Pursuit, Served},
-    services::{Asked, RequestPublishers, plan_request},
+    action::{self, Action, Caller, Goals, KEPT, Pursuit, Served},
+    services::{RequestPublishers, plan_request},
 };
 
 /// What the action follows of the cell.
@@ -37,9 +30,6 @@ pub(super) enum News {
     /// How far an order has come.
     Progress(PlanProgress),
 }
-
-/// Types of the action.
-pub(super) struct PlanMeasurement;
 
 /// What is kept of a plan in the making.
 pub(super) struct Pursued {
@@ -53,45 +43,16 @@ pub(super) struct Pursued {
     done: Option<PlanProgress>,
 }
 
-impl Action for PlanMeasurement {
+impl Action for Planning {
     const NAME: &'static str = "plan";
-    type SendGoal = PlanMeasurementSendGoal;
-    type Goal = PlanMeasurementGoal;
-    type GetResult = PlanMeasurementGetResult;
-    type Result = PlanMeasurementResult;
-    type FeedbackMessage = PlanMeasurementFeedbackMessage;
-    type Feedback = PlanProgress;
+    type Types = PlanMeasurement;
     type Pursued = Pursued;
-
-    fn goal(request: PlanMeasurementSendGoalRequest) -> (UUID, PlanMeasurementGoal) {
-        (request.goal_id, request.goal)
-    }
-
-    fn answer(accepted: bool, stamp: Time) -> PlanMeasurementSendGoalResponse {
-        PlanMeasurementSendGoalResponse { accepted, stamp }
-    }
-
-    fn asked(request: &PlanMeasurementGetResultRequest) -> UUID {
-        request.goal_id
-    }
-
-    fn ended(status: i8, result: PlanMeasurementResult) -> PlanMeasurementGetResultResponse {
-        PlanMeasurementGetResultResponse { status, result }
-    }
-
-    fn feedback(goal_id: UUID, progress: PlanProgress) -> PlanMeasurementFeedbackMessage {
-        PlanMeasurementFeedbackMessage {
-            goal_id,
-            feedback: PlanMeasurementFeedback { progress },
-        }
-    }
 }
 
 /// Makes plans.
 pub(super) struct Planning {
-    requests: Arc<RequestPublishers>,
-    events: Sender<Event<News>>,
-    goals: Goals<PlanMeasurement>,
+    caller: Caller<News>,
+    goals: Goals<Self>,
 }
 
 /// Serves the action. Progress goes to the events returned.
@@ -100,19 +61,16 @@ pub(super) fn serve(
     namespace: &str,
     requests: &Arc<RequestPublishers>,
 ) -> anyhow::Result<Served<News>> {
-    let requests = Arc::clone(requests);
     action::serve(bus, namespace, |goals, events| Planning {
-        requests,
-        events,
+        caller: Caller::new(requests, events),
         goals,
     })
 }
 
 impl Pursuit for Planning {
-    type Action = PlanMeasurement;
     type News = News;
 
-    fn goals(&mut self) -> &mut Goals<PlanMeasurement> {
+    fn goals(&mut self) -> &mut Goals<Self> {
         &mut self.goals
     }
 
@@ -128,7 +86,7 @@ impl Pursuit for Planning {
             plan_id.clone()
         };
         // Here and not on the thread that waits: a cancel must not overtake it.
-        let asked = (self.requests).ask(topics::PLAN_REPLIES.name, plan_request(plan_id, points));
+        let asked = (self.caller).ask(topics::PLAN_REPLIES.name, plan_request(plan_id, points));
         let asked = match asked {
             Ok(asked) => asked,
             Err(why) => return self.goals.refuse(id, &why, request),
@@ -141,7 +99,8 @@ impl Pursuit for Planning {
             done: None,
         };
         self.goals.accept(id, pursued, request);
-        self.wait(asked, move |reply| News::Replied(request_id, reply));
+        self.caller
+            .wait(asked, move |reply| News::Replied(request_id, reply));
     }
 
     fn cancel(&mut self) {
@@ -152,8 +111,8 @@ impl Pursuit for Planning {
             cancels: vec![goal.pursued.request_id],
             ..OperatorRequest::default()
         };
-        match self.requests.ask(topics::PLAN_REPLIES.name, cancel) {
-            Ok(asked) => self.wait(asked, News::Cancelled),
+        match self.caller.ask(topics::PLAN_REPLIES.name, cancel) {
+            Ok(asked) => self.caller.wait(asked, News::Cancelled),
             Err(why) => self.goals.canceled(Err(&why)),
         }
     }
@@ -208,7 +167,7 @@ impl Planning {
         if progress.phase == PlanProgress::DONE {
             goal.pursued.done = Some(progress.clone());
         }
-        self.goals.feed_back(progress);
+        self.goals.feed_back(PlanMeasurementFeedback { progress });
     }
 
     fn replied(&mut self, number: u64, reply: Result<OperatorReply, String>) {
@@ -233,19 +192,5 @@ impl Planning {
                 self.goals.end(status, result);
             }
         }
-    }
-
-    /// Waits on a thread of its own, so that a cancel never waits behind another call.
-    fn wait(
-        &self,
-        asked: Asked,
-        news: impl FnOnce(Result<OperatorReply, String>) -> News + Send + 'static,
-    ) {
-        let (requests, events) = (Arc::clone(&self.requests), self.events.clone());
-        std::thread::spawn(move || {
-            let reply = requests.wait(asked);
-            // The receiver ends with the process only.
-            drop(events.send(Event::News(news(reply))));
-        });
     }
 }

@@ -3,17 +3,13 @@
 //! A goal is accepted where the cell accepts the request, and ends with the report of the part. To cancel it is to stop the
 //! machine and the part.
 
-use std::sync::{Arc, mpsc::Sender};
+use std::sync::Arc;
 
 use graph::topics;
 use host::bus::{Bus, Request};
 use probecell_msgs::{
     OperatorReply, OperatorRequest, PartReport, PartStatus,
-    action::{
-        RunPartFeedback, RunPartFeedbackMessage, RunPartGetResult, RunPartGetResultRequest,
-        RunPartGetResultResponse, RunPartGoal, RunPartResult, RunPartSendGoal,
-        RunPartSendGoalRequest, RunPartSendGoalResponse,
-    },
+    action::{RunPart, RunPartFeedback, RunPartGoal, RunPartResult},
     action_msgs::GoalStatus,
     builtin_interfaces::Time,
     srv::RunRequest,
@@ -21,7 +17,7 @@ use probecell_msgs::{
 };
 
 use super::{
-    action::{self, Action, Event, Goals, Pursuit, Served},
+    action::{self, Action, Caller, Goals, Pursuit, Served},
     services::{RequestPublishers, run_request},
     state::PartNews,
 };
@@ -36,9 +32,6 @@ pub(super) enum News {
     Part(PartNews),
 }
 
-/// Types of the action.
-pub(super) struct RunPart;
-
 /// What is kept of a part that is being made.
 pub(super) struct Pursued {
     /// When the cell accepted the request, by its clock.
@@ -46,45 +39,16 @@ pub(super) struct Pursued {
     operator: String,
 }
 
-impl Action for RunPart {
+impl Action for Running {
     const NAME: &'static str = "run";
-    type SendGoal = RunPartSendGoal;
-    type Goal = RunPartGoal;
-    type GetResult = RunPartGetResult;
-    type Result = RunPartResult;
-    type FeedbackMessage = RunPartFeedbackMessage;
-    type Feedback = PartStatus;
+    type Types = RunPart;
     type Pursued = Pursued;
-
-    fn goal(request: RunPartSendGoalRequest) -> (UUID, RunPartGoal) {
-        (request.goal_id, request.goal)
-    }
-
-    fn answer(accepted: bool, stamp: Time) -> RunPartSendGoalResponse {
-        RunPartSendGoalResponse { accepted, stamp }
-    }
-
-    fn asked(request: &RunPartGetResultRequest) -> UUID {
-        request.goal_id
-    }
-
-    fn ended(status: i8, result: RunPartResult) -> RunPartGetResultResponse {
-        RunPartGetResultResponse { status, result }
-    }
-
-    fn feedback(goal_id: UUID, status: PartStatus) -> RunPartFeedbackMessage {
-        RunPartFeedbackMessage {
-            goal_id,
-            feedback: RunPartFeedback { status },
-        }
-    }
 }
 
 /// Makes parts.
 pub(super) struct Running {
-    requests: Arc<RequestPublishers>,
-    events: Sender<Event<News>>,
-    goals: Goals<RunPart>,
+    caller: Caller<News>,
+    goals: Goals<Self>,
     /// The part that ended last: its report may overtake the reply to its request.
     last: PartReport,
 }
@@ -95,20 +59,17 @@ pub(super) fn serve(
     namespace: &str,
     requests: &Arc<RequestPublishers>,
 ) -> anyhow::Result<Served<News>> {
-    let requests = Arc::clone(requests);
     action::serve(bus, namespace, |goals, events| Running {
-        requests,
-        events,
+        caller: Caller::new(requests, events),
         goals,
         last: PartReport::default(),
     })
 }
 
 impl Pursuit for Running {
-    type Action = RunPart;
     type News = News;
 
-    fn goals(&mut self) -> &mut Goals<RunPart> {
+    fn goals(&mut self) -> &mut Goals<Self> {
         &mut self.goals
     }
 
@@ -116,7 +77,7 @@ impl Pursuit for Running {
         let operator = goal.operator_name.clone();
         let call = run_request(as_service(goal));
         let sent = move |reply| News::Sent(id, operator, reply, request);
-        self.call(topics::RUN_REPLIES.name, call, sent);
+        self.caller.call(topics::RUN_REPLIES.name, call, sent);
     }
 
     fn cancel(&mut self) {
@@ -125,7 +86,8 @@ impl Pursuit for Running {
             operator_name: pursued.map_or(String::new(), |goal| goal.pursued.operator.clone()),
             ..OperatorRequest::default()
         };
-        self.call(topics::STOP_REPLIES.name, stop, News::Stopped);
+        self.caller
+            .call(topics::STOP_REPLIES.name, stop, News::Stopped);
     }
 
     fn take(&mut self, news: News) {
@@ -137,7 +99,7 @@ impl Pursuit for Running {
             }
             News::Part(PartNews::Status(status)) => {
                 if status.stage != PartStatus::NONE {
-                    self.goals.feed_back(status);
+                    self.goals.feed_back(RunPartFeedback { status });
                 }
             }
             News::Part(PartNews::Report(report)) => {
@@ -183,21 +145,6 @@ impl Running {
         };
         let text = report.text.clone();
         self.goals.end(status, RunPartResult { report, text });
-    }
-
-    /// Calls into the graph on a thread of its own, so that a cancel never waits behind another call.
-    fn call(
-        &self,
-        reply_topic: &'static str,
-        request: OperatorRequest,
-        news: impl FnOnce(Result<OperatorReply, String>) -> News + Send + 'static,
-    ) {
-        let (requests, events) = (Arc::clone(&self.requests), self.events.clone());
-        std::thread::spawn(move || {
-            let reply = requests.call(reply_topic, request);
-            // The receiver ends with the process only.
-            drop(events.send(Event::News(news(reply))));
-        });
     }
 }
 

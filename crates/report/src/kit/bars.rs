@@ -4,7 +4,7 @@ use plotters::{prelude::*, style::text_anchor};
 
 use super::{
     colours,
-    draw::{self, LINE, text_style},
+    draw::{self, text_style},
     error::{PlotError, failed},
     plot::finite,
     unit::Unit,
@@ -100,19 +100,11 @@ impl Bars {
                 .y_label_area_size(names)
                 .build_cartesian_2d(low..high, rows..0.0)
                 .map_err(failed)?;
-            chart
-                .configure_mesh()
-                .disable_y_mesh()
-                .disable_y_axis()
-                .x_labels(8)
-                .x_desc(format!("{} / {}", self.label, self.unit.symbol))
-                .x_label_formatter(&|value| super::unit::number(*value))
-                .label_style(text_style(13))
-                .axis_desc_style(text_style(13))
-                .light_line_style(WHITE)
-                .bold_line_style(LINE)
-                .draw()
-                .map_err(failed)?;
+            draw::axis_of_rows(
+                &mut chart,
+                format!("{} / {}", self.label, self.unit.symbol),
+                &|value| super::unit::number(*value),
+            )?;
             let name_style = text_style(13)
                 .into_text_style(&area)
                 .pos(text_anchor::Pos::new(

@@ -91,6 +91,27 @@ pub(crate) fn legend<'a>(
         .map_err(failed)
 }
 
+/// The horizontal axis of a chart of named rows, which has no grid across them.
+pub(crate) fn axis_of_rows<'a>(
+    chart: &mut Chart<'a, 'a>,
+    label: String,
+    tick: &dyn Fn(&f64) -> String,
+) -> Result<(), PlotError> {
+    chart
+        .configure_mesh()
+        .disable_y_mesh()
+        .disable_y_axis()
+        .x_labels(8)
+        .x_desc(label)
+        .x_label_formatter(tick)
+        .label_style(text_style(13))
+        .axis_desc_style(text_style(13))
+        .light_line_style(WHITE)
+        .bold_line_style(LINE)
+        .draw()
+        .map_err(failed)
+}
+
 impl Plot {
     /// The drawing alone, an `<svg>` element. Values that are not finite are omitted.
     ///

@@ -78,7 +78,7 @@ pub struct Name {
     pub at: (f64, f64),
     /// What it says.
     pub text: String,
-    /// Where it stands.
+    /// Its position.
     pub side: Side,
 }
 

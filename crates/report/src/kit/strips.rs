@@ -84,19 +84,9 @@ impl Strips {
                 .y_label_area_size(NAMES)
                 .build_cartesian_2d(low..high, self.rows.len() as f64..-room)
                 .map_err(failed)?;
-            chart
-                .configure_mesh()
-                .disable_y_mesh()
-                .disable_y_axis()
-                .x_labels(8)
-                .x_desc(self.axis.text())
-                .x_label_formatter(&|value| draw::tick(*value, (low, high)))
-                .label_style(text_style(13))
-                .axis_desc_style(text_style(13))
-                .light_line_style(WHITE)
-                .bold_line_style(LINE)
-                .draw()
-                .map_err(failed)?;
+            draw::axis_of_rows(&mut chart, self.axis.text(), &|value| {
+                draw::tick(*value, (low, high))
+            })?;
             let style = TextStyle::from(text_style(12)).pos(Pos::new(HPos::Right, VPos::Center));
             for (row, name) in self.rows.iter().enumerate() {
                 let (x, y) = chart.backend_coord(&(low, row as f64 + 0.5));

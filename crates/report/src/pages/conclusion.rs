@@ -140,7 +140,7 @@ fn finding(effect: &Effect) -> String {
     let probability = probability(effect.probability);
     if effect.group.len() > 1 {
         return format!(
-            "One of the {} causes in the table below acts, with probability {probability}; until further touches tell which, \
+            "One of the {} causes in the table below acts, with probability {probability}; until further touches distinguish them, \
              none is to be repaired or adopted.",
             effect.group.len(),
         );

@@ -17,7 +17,7 @@ pub(crate) enum Statement {
     /// A jump, on a condition or always.
     Jump {
         condition: Option<Expression>,
-        way: Way,
+        direction: Direction,
         label: String,
     },
     /// `DEF TYPE NAME[n]`, with the number of fields.
@@ -45,7 +45,7 @@ pub(crate) enum Statement {
 
 /// Where a jump looks for its label.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Way {
+pub(crate) enum Direction {
     Forward,
     Back,
     Anywhere,
@@ -158,10 +158,10 @@ fn statement(reader: &mut Reader) -> Result<Statement, ParseError> {
     let statement = match name.as_str() {
         "IF" => {
             let condition = expression(reader)?;
-            match way(reader) {
-                Some(way) => Statement::Jump {
+            match direction(reader) {
+                Some(direction) => Statement::Jump {
                     condition: Some(condition),
-                    way,
+                    direction,
                     label: label(reader)?,
                 },
                 None => Statement::If(condition),
@@ -173,10 +173,10 @@ fn statement(reader: &mut Reader) -> Result<Statement, ParseError> {
         "ENDWHILE" => Statement::EndWhile,
         "GOTOF" | "GOTOB" | "GOTO" => {
             *reader = start;
-            let way = way(reader).unwrap_or(Way::Anywhere);
+            let direction = direction(reader).unwrap_or(Direction::Anywhere);
             Statement::Jump {
                 condition: None,
-                way,
+                direction,
                 label: label(reader)?,
             }
         }
@@ -225,15 +225,15 @@ fn statement(reader: &mut Reader) -> Result<Statement, ParseError> {
     Ok(statement)
 }
 
-fn way(reader: &mut Reader) -> Option<Way> {
+fn direction(reader: &mut Reader) -> Option<Direction> {
     [
-        ("GOTOF", Way::Forward),
-        ("GOTOB", Way::Back),
-        ("GOTO", Way::Anywhere),
+        ("GOTOF", Direction::Forward),
+        ("GOTOB", Direction::Back),
+        ("GOTO", Direction::Anywhere),
     ]
     .into_iter()
     .find(|(word, _)| reader.take_word(word))
-    .map(|(_, way)| way)
+    .map(|(_, direction)| direction)
 }
 
 fn label(reader: &mut Reader) -> Result<String, ParseError> {

@@ -1,6 +1,6 @@
 //! Finds the block at which a program continues: the other branch, the end of a loop, a label.
 
-use super::block::{Block, Statement, Way};
+use super::block::{Block, Direction, Statement};
 
 /// The block after the `ELSE` (when it counts) or `ENDIF` that belongs to the `IF` or `ELSE` at a block.
 pub(super) fn after_branch(blocks: &[Block], at: usize, to_else: bool) -> Option<usize> {
@@ -35,13 +35,18 @@ pub(super) fn end_of_loop(blocks: &[Block], at: usize) -> Option<usize> {
     None
 }
 
-pub(super) fn find_label(blocks: &[Block], at: usize, way: Way, label: &str) -> Option<usize> {
+pub(super) fn find_label(
+    blocks: &[Block],
+    at: usize,
+    direction: Direction,
+    label: &str,
+) -> Option<usize> {
     let is = |index: &usize| blocks[*index].label.as_deref() == Some(label);
     let after = || (at + 1..blocks.len()).find(is);
     let before = || (0..=at).rev().find(is);
-    match way {
-        Way::Forward => after(),
-        Way::Back => before(),
-        Way::Anywhere => after().or_else(before),
+    match direction {
+        Direction::Forward => after(),
+        Direction::Back => before(),
+        Direction::Anywhere => after().or_else(before),
     }
 }

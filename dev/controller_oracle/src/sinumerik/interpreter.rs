@@ -228,7 +228,7 @@ impl Interpreter {
             }
             Statement::Jump {
                 condition,
-                way,
+                direction,
                 label,
             } => {
                 let holds = match condition {
@@ -236,7 +236,7 @@ impl Interpreter {
                     None => true,
                 };
                 if holds {
-                    let target = find_label(blocks, at, *way, label);
+                    let target = find_label(blocks, at, *direction, label);
                     return target
                         .map(Next::Jump)
                         .ok_or_else(|| missing(&format!("label {label} in this direction")));

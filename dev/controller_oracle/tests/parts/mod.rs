@@ -3,8 +3,11 @@
 use std::collections::BTreeMap;
 
 use controller_oracle::control::{Event, Position, Probe};
-use controllers::axes::{Axis, Letter};
-use metrology::decision::Verdict;
+use controllers::{
+    axes::{Axis, Letter},
+    dialect::Characteristic,
+};
+use metrology::decision::{Case, DecisionLimits, Policy, Side, Verdict, decide};
 use probecell_msgs::{
     InspectionPlan, InspectionPoint, MeasurementOrder, ProbingMove, Stylus,
     geometry_msgs::{Point, Vector3},
@@ -166,7 +169,7 @@ pub(crate) fn stays_clear(events: &[Event], reach: f64) {
 }
 
 /// Row of the decision table.
-pub(crate) fn row(verdict: Verdict) -> f64 {
+fn row(verdict: Verdict) -> f64 {
     match verdict {
         Verdict::MeasurementInvalid => 0.0,
         Verdict::Qualified => 1.0,
@@ -176,4 +179,83 @@ pub(crate) fn row(verdict: Verdict) -> f64 {
         Verdict::Compensable => 5.0,
         Verdict::Indeterminate => panic!("the table knows no uncertainty"),
     }
+}
+
+/// m; drawing size of the characteristic that is decided on.
+pub(crate) const NOMINAL: f64 = 19.8e-3;
+
+/// A shaft or a bore of that size.
+pub(crate) fn feature(bore: bool) -> Characteristic {
+    Characteristic {
+        nominal: NOMINAL,
+        tolerance: 10e-6,
+        wear_limit: -110e-6,
+        max_corrections: 5,
+        inner: bore,
+        tool_number: 2,
+    }
+}
+
+/// What a deciding program answers for a size (mm; `None`: no valid measurement), the wear before (mm), corrections made, and a
+/// bore: the row, and the wear afterwards (mm).
+pub(crate) type Decided = fn(Option<f64>, f64, u32, bool) -> (f64, f64);
+
+/// Asserts that the rows of the published table are found.
+pub(crate) fn gives_the_published_rows(decided: Decided) {
+    let cases = [
+        (Some(19.810), 0.0, 0, 1.0, 0.0),
+        (Some(19.811), 0.0, 0, 5.0, -0.011),
+        (Some(19.790), 0.0, 0, 1.0, 0.0),
+        (Some(19.789), 0.0, 0, 2.0, 0.0),
+        (Some(19.835), -0.070, 0, 5.0, -0.105),
+        (Some(19.835), -0.080, 0, 3.0, -0.080),
+        (Some(19.840), -0.070, 0, 5.0, -0.110),
+        (Some(19.835), 0.0, 5, 4.0, 0.0),
+        (None, -0.02, 0, 0.0, -0.02),
+    ];
+    for (size, wear, count, row, after) in cases {
+        let found = decided(size, wear, count, false);
+        assert!(
+            found.0 == row && (found.1 - after).abs() < 1e-9,
+            "{size:?} with wear {wear}: {found:?}"
+        );
+    }
+}
+
+/// Asserts that the program decides as `metrology::decision` about every size and wear on a grid.
+pub(crate) fn decides_as_the_cell(decided: Decided) {
+    let mut seen = [0; 6];
+    for bore in [false, true] {
+        let side = if bore { Side::Bore } else { Side::Outer };
+        for step in -60..=60 {
+            for wear in [-0.110, -0.0855, -0.03, 0.0, 0.05] {
+                for count in [0, 4, 5] {
+                    let size = 19.8 + f64::from(step) * 0.0005;
+                    let wear = if bore { -wear } else { wear };
+                    let limits = DecisionLimits::default();
+                    let case = Case {
+                        size: Some(size * 1e-3),
+                        nominal: NOMINAL,
+                        side,
+                        wear: wear * 1e-3,
+                        corrections: count,
+                    };
+                    let cell = decide(&case, &limits, Policy::Compensate);
+                    let cell = cell.expect("good limits");
+                    let (row, after) = decided(Some(size), wear, count, bore);
+                    let same = row == self::row(cell.verdict)
+                        && (after - cell.new_wear * 1e3).abs() < 1e-9;
+                    assert!(
+                        same,
+                        "{size} with wear {wear}: row {row}, {after}; cell {cell:?}"
+                    );
+                    seen[row as usize] += 1;
+                }
+            }
+        }
+    }
+    assert!(
+        seen[1..].iter().all(|&count| count > 0),
+        "a row was never reached: {seen:?}"
+    );
 }

@@ -1,4 +1,4 @@
-//! What may happen in each search. Every message may overtake those on other ways in all of them.
+//! What may happen in each search. Every message may overtake those on other routes in all of them.
 
 use super::Bounds;
 

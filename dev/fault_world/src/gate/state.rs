@@ -12,13 +12,13 @@ use probecell_msgs::ControllerStatus;
 
 use super::{Bounds, NODES, store::Store};
 
-/// The way to the driver.
+/// The route to the driver.
 pub(super) const DRIVER: u8 = NODES.len() as u8;
 /// Who answers proposals.
 pub(super) const OPERATORS: [&str; 2] = ["Ada", "Grace"];
 
 /// A topic, and who receives it.
-pub(super) type Way = (&'static str, u8);
+pub(super) type Route = (&'static str, u8);
 
 /// A node: the number of its state, and how often `cycle` has published since something last happened from outside.
 #[derive(Clone, Copy, Hash)]
@@ -67,10 +67,10 @@ pub(super) struct Driver {
 #[derive(Clone, Hash)]
 pub(super) struct State {
     pub(super) nodes: [Node; NODES.len()],
-    /// Payloads on their way, the oldest first; no way is empty.
-    pub(super) ways: BTreeMap<Way, Vec<u32>>,
+    /// Payloads on their way, the oldest first; no route is empty.
+    pub(super) routes: BTreeMap<Route, Vec<u32>>,
     /// Payloads that were lost, or came already: they may come at any time.
-    pub(super) late: BTreeSet<(Way, u32)>,
+    pub(super) late: BTreeSet<(Route, u32)>,
     pub(super) latched: BTreeMap<&'static str, Vec<u32>>,
     pub(super) left: Bounds,
     pub(super) period: u8,
@@ -88,12 +88,12 @@ pub(super) struct State {
 /// What happens next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Event {
-    Arrive(Way),
+    Arrive(Route),
     /// A link loses it: it is fetched at any time later, or never.
-    Lose(Way),
+    Lose(Route),
     /// It arrives, and comes once more at any time later, or never.
-    Repeat(Way),
-    Late(Way, u32),
+    Repeat(Route),
+    Late(Route, u32),
     /// Proposal, operator, approved.
     Answer(u8, u8, bool),
     Withdraw,
@@ -168,7 +168,7 @@ impl State {
         let keys = latched[topics::OPERATOR_KEYS.name].last().copied();
         Self {
             nodes: snapshots.map(|snapshot| Node { snapshot, said: 0 }),
-            ways: BTreeMap::new(),
+            routes: BTreeMap::new(),
             late: BTreeSet::new(),
             latched,
             left: Bounds::default(),
@@ -202,17 +202,17 @@ impl State {
     /// Everything that can happen in this state.
     pub(super) fn events(&self) -> Vec<Event> {
         let mut events = Vec::new();
-        for &way in self.ways.keys() {
-            events.push(Event::Arrive(way));
+        for &route in self.routes.keys() {
+            events.push(Event::Arrive(route));
             if self.left.losses > 0 {
-                events.push(Event::Lose(way));
+                events.push(Event::Lose(route));
             }
             if self.left.repeats > 0 {
-                events.push(Event::Repeat(way));
+                events.push(Event::Repeat(route));
             }
         }
         let late = self.late.iter();
-        events.extend(late.map(|&(way, payload)| Event::Late(way, payload)));
+        events.extend(late.map(|&(route, payload)| Event::Late(route, payload)));
         if self.left.answers > 0 {
             for (index, by) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
                 if !self.answered.contains(&(index, by)) {
@@ -239,20 +239,20 @@ impl State {
         events
     }
 
-    /// Takes the oldest payload off a way.
-    pub(super) fn take(&mut self, way: Way) -> Option<u32> {
-        let payloads = self.ways.get_mut(&way)?;
+    /// Takes the oldest payload off a route.
+    pub(super) fn take(&mut self, route: Route) -> Option<u32> {
+        let payloads = self.routes.get_mut(&route)?;
         let first = payloads.remove(0);
         if payloads.is_empty() {
-            self.ways.remove(&way);
+            self.routes.remove(&route);
         }
         Some(first)
     }
 
-    /// Puts a payload on its ways.
+    /// Puts a payload on its routes.
     pub(super) fn post(&mut self, topic: &'static str, payload: u32, to: impl Iterator<Item = u8>) {
         for node in to {
-            self.ways.entry((topic, node)).or_default().push(payload);
+            self.routes.entry((topic, node)).or_default().push(payload);
         }
         let known = topics::by_name(topic).filter(|known| known.qos.transient_local);
         if let Some(depth) = known.and_then(|known| known.qos.depth) {

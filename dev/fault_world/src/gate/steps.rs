@@ -11,7 +11,7 @@ use probecell_msgs::{
 
 use super::{
     CYCLE, GATE, NODES, PERIOD, Search, check,
-    state::{DRIVER, Driver, Event, Forged, Heard, Node, OPERATORS, State, Way},
+    state::{DRIVER, Driver, Event, Forged, Heard, Node, OPERATORS, Route, State},
     store::{Given, Made},
 };
 
@@ -37,24 +37,24 @@ impl Search {
         writes: &mut usize,
     ) -> Option<String> {
         match event {
-            Event::Arrive(way) => {
-                let payload = state.take(way)?;
-                return self.arrive(state, way, payload, writes);
+            Event::Arrive(route) => {
+                let payload = state.take(route)?;
+                return self.arrive(state, route, payload, writes);
             }
-            Event::Late(way, payload) => {
-                state.late.remove(&(way, payload));
-                return self.arrive(state, way, payload, writes);
+            Event::Late(route, payload) => {
+                state.late.remove(&(route, payload));
+                return self.arrive(state, route, payload, writes);
             }
-            Event::Repeat(way) => {
+            Event::Repeat(route) => {
                 state.left.repeats -= 1;
-                let payload = state.take(way)?;
-                state.late.insert((way, payload));
-                return self.arrive(state, way, payload, writes);
+                let payload = state.take(route)?;
+                state.late.insert((route, payload));
+                return self.arrive(state, route, payload, writes);
             }
-            Event::Lose(way) => {
+            Event::Lose(route) => {
                 state.left.losses -= 1;
-                let payload = state.take(way)?;
-                state.late.insert((way, payload));
+                let payload = state.take(route)?;
+                state.late.insert((route, payload));
                 return None;
             }
             _ => state.outside(),
@@ -92,7 +92,7 @@ impl Search {
                         .collect(),
                     ..Driver::default()
                 };
-                state.ways.retain(|(_, to), _| *to != DRIVER);
+                state.routes.retain(|(_, to), _| *to != DRIVER);
                 self.sample(state);
                 self.process_ended(state, "driver");
             }
@@ -123,13 +123,13 @@ impl Search {
         Stamp(self.instant(state).0 + 1000 * (1 + said))
     }
 
-    /// Puts a message on its ways to the nodes that subscribe to it.
+    /// Puts a message on its routes to the nodes that subscribe to it.
     fn post<M: Message>(&mut self, state: &mut State, topic: &'static str, message: &M) {
         let payload = self.store.payload(&to_cdr(message));
         self.deliver(state, topic, payload);
     }
 
-    /// Puts a payload on its ways to the nodes that subscribe to it; whether there are any.
+    /// Puts a payload on its routes to the nodes that subscribe to it; whether there are any.
     fn deliver(&mut self, state: &mut State, topic: &'static str, payload: u32) -> bool {
         let to = (0..DRIVER).filter(|&node| {
             let mut inputs = self.workers[usize::from(node)].inputs().iter();
@@ -241,7 +241,7 @@ impl Search {
         for topic in self.workers[index].outputs() {
             state.latched.remove(topic.name);
         }
-        state.ways.retain(|(_, to), _| *to != node);
+        state.routes.retain(|(_, to), _| *to != node);
         state.nodes[index] = Node {
             snapshot: self.fresh[index],
             said: 0,
@@ -256,11 +256,11 @@ impl Search {
         let mut wrong = self.step(state, node, Given::Timer(START), writes);
         for topic in self.workers[index].inputs() {
             for payload in state.latched.get(topic.name).cloned().unwrap_or_default() {
-                let way = (topic.name, node);
+                let route = (topic.name, node);
                 if STANDING.contains(&topic.producer) && topic.name != topics::OPERATOR_KEYS.name {
-                    wrong = wrong.or_else(|| self.arrive(state, way, payload, writes));
+                    wrong = wrong.or_else(|| self.arrive(state, route, payload, writes));
                 } else {
-                    state.ways.entry(way).or_default().push(payload);
+                    state.routes.entry(route).or_default().push(payload);
                 }
             }
         }
@@ -275,8 +275,8 @@ impl Search {
         state.left.periods -= 1;
         state.period += 1;
         let sample = self.sampled(state);
-        let way = (topics::CONTROLLER_STATUS.name, GATE);
-        self.arrive(state, way, sample, writes).or_else(|| {
+        let route = (topics::CONTROLLER_STATUS.name, GATE);
+        self.arrive(state, route, sample, writes).or_else(|| {
             (0..DRIVER).find_map(|node| self.step(state, node, Given::Timer(TICK), writes))
         })
     }
@@ -284,7 +284,7 @@ impl Search {
     fn arrive(
         &mut self,
         state: &mut State,
-        (topic, to): Way,
+        (topic, to): Route,
         payload: u32,
         writes: &mut usize,
     ) -> Option<String> {

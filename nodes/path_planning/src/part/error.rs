@@ -99,7 +99,7 @@ pub enum PartError {
     #[error("part.indexing_offsets_deg is given, but no part.indexing_axis")]
     Offsets,
     /// Too many poses.
-    #[error("{place} has {given} poses beside the first, more than {MOST_POSES}")]
+    #[error("{place} has {given} poses besides the first, more than {MOST_POSES}")]
     Poses {
         /// The part or feature.
         place: String,

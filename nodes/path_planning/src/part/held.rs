@@ -18,7 +18,7 @@ const MOST_TURNS: usize = 72;
 impl RawPart {
     /// How the probe may be held for each feature; `None` where the axes that the plan does not prescribe cannot turn it.
     pub(crate) fn held(&self, chain: &Chain) -> Result<Option<Vec<Held>>, PartError> {
-        let told = !self.stem_directions.is_empty()
+        let is_declared = !self.stem_directions.is_empty()
             || (self.features.iter())
                 .any(|one| !one.stem_directions.is_empty() || !one.stem_turns_deg.is_empty());
         let is_prescribed = |name: &str| {
@@ -28,7 +28,7 @@ impl RawPart {
             .map(|axis| chain.axis(axis))
             .filter(|axis| !is_prescribed(&axis.name) && axis.kind == JointKind::Revolute)
             .count();
-        if free != ARM && told {
+        if free != ARM && is_declared {
             return Err(PartError::NoArm(free));
         }
         if free != ARM {

@@ -242,7 +242,7 @@ impl LinuxCncConnection {
         };
         let program = program::measuring_program(plan, order, &settings)
             .map_err(|error| error.to_string())?;
-        let follower = Follower::new(&files.log, self.config.axes.len());
+        let follower = self.follower(&files);
         let MeasuringProgram { text, .. } = &program;
         let text = text.clone();
         let work = Work::Measure {
@@ -283,24 +283,16 @@ impl LinuxCncConnection {
             ));
         }
         let files = self.new_files(command);
-        let text = program::tool_diameter_program(
+        let log = files.controller_log.to_string_lossy();
+        let text = program::tool_diameter_program(tool, diameter, &log, &files.token)
+            .map_err(|error| error.to_string())?;
+        let work = Work::Wear {
+            follower: self.follower(&files),
             tool,
-            diameter,
-            &files.controller_log.to_string_lossy(),
-            &files.token,
-        )
-        .map_err(|error| error.to_string())?;
-        let follower = Follower::new(&files.log, self.config.axes.len());
-        self.write(
-            files,
-            &text,
-            Work::Wear {
-                follower,
-                tool,
-                before,
-                wanted: command.value,
-            },
-        )
+            before,
+            wanted: command.value,
+        };
+        self.write(files, &text, work)
     }
 
     fn prepare_work_offset(&mut self, command: &ControllerCommand) -> Result<Begin, Refusal> {
@@ -313,24 +305,20 @@ impl LinuxCncConnection {
             .ok_or_else(|| format!("there is no axis {:?}", command.axis))?
             .letter;
         let files = self.new_files(command);
-        let log_path = files.controller_log.to_string_lossy().into_owned();
-        let text = program::work_offset_program(
-            self.config.work_offset,
-            letter,
-            command.value,
-            &log_path,
-            &files.token,
-        )
-        .map_err(|error| error.to_string())?;
-        let follower = Follower::new(&files.log, self.config.axes.len());
-        self.write(
-            files,
-            &text,
-            Work::Shift {
-                follower,
-                values: Vec::new(),
-            },
-        )
+        let log = files.controller_log.to_string_lossy();
+        let set = self.config.work_offset;
+        let text = program::work_offset_program(set, letter, command.value, &log, &files.token)
+            .map_err(|error| error.to_string())?;
+        let work = Work::Shift {
+            follower: self.follower(&files),
+            values: Vec::new(),
+        };
+        self.write(files, &text, work)
+    }
+
+    /// Follows the log of a program.
+    fn follower(&self, files: &Files) -> Follower {
+        Follower::new(&files.log, self.config.axes.len())
     }
 
     fn new_files(&self, command: &ControllerCommand) -> Files {

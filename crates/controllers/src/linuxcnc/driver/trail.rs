@@ -35,13 +35,13 @@ impl Trail {
     /// Instant at which the axes, on their way through a probing move, last came to the latched position. Without a
     /// sample beyond the latch it is the instant of the sample that came nearest.
     pub(super) fn instant(&self, touch: &PlannedTouch, latched: &[f64]) -> Option<i64> {
-        let ways: Vec<(i64, f64)> = self
+        let distances: Vec<(i64, f64)> = self
             .samples
             .iter()
-            .filter_map(|(instant, position)| Some((*instant, way_along(touch, position)?)))
+            .filter_map(|(instant, position)| Some((*instant, distance_along(touch, position)?)))
             .collect();
-        let goal = way_along(touch, latched)? - AT_END;
-        let crossing = ways.windows(2).rev().find_map(|pair| match pair {
+        let goal = distance_along(touch, latched)? - AT_END;
+        let crossing = distances.windows(2).rev().find_map(|pair| match pair {
             [(before, short), (after, beyond)] if *short < goal && *beyond >= goal => {
                 let share = (goal - short) / (beyond - short);
                 Some(before + ((after - before) as f64 * share).round() as i64)
@@ -49,7 +49,8 @@ impl Trail {
             _ => None,
         });
         let nearest = || {
-            ways.iter()
+            distances
+                .iter()
                 .rev()
                 .min_by(|a, b| (a.1 - goal).abs().total_cmp(&(b.1 - goal).abs()))
         };
@@ -58,7 +59,7 @@ impl Trail {
 }
 
 /// Way from the start of a probing move along its direction, m; `None` when the position is off its line.
-fn way_along(touch: &PlannedTouch, position: &[f64]) -> Option<f64> {
+fn distance_along(touch: &PlannedTouch, position: &[f64]) -> Option<f64> {
     let step: Vec<f64> = touch
         .end
         .iter()
@@ -74,14 +75,14 @@ fn way_along(touch: &PlannedTouch, position: &[f64]) -> Option<f64> {
         .zip(&touch.start)
         .map(|(here, start)| here - start)
         .collect();
-    let way = from_start
+    let distance = from_start
         .iter()
         .zip(&step)
         .map(|(here, part)| here * part)
         .sum::<f64>()
         / length;
-    let square = from_start.iter().map(|part| part * part).sum::<f64>() - way * way;
-    (square <= ON_LINE * ON_LINE).then_some(way)
+    let square = from_start.iter().map(|part| part * part).sum::<f64>() - distance * distance;
+    (square <= ON_LINE * ON_LINE).then_some(distance)
 }
 
 #[cfg(test)]

@@ -10,7 +10,7 @@ const GAP: f64 = 9.0;
 /// Lines above or below that are tried, the nearest first.
 const STEPS: [f64; 9] = [-0.5, 0.9, -1.5, 1.9, -2.5, 2.9, -3.5, 3.9, -4.5];
 
-/// Where a name stands.
+/// Position of a name.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Label {
     pub(super) text: String,

@@ -258,7 +258,7 @@ impl Agent {
 
     fn out_of_range(&self, parameter: &str, given: u64, now: Time) -> String {
         let text = format!(
-            "{parameter} = {given} is outside of the observations kept, {} to {}, or of what one answer holds, {MOST}",
+            "{parameter} = {given} is outside the observations kept, {} to {}, or exceeds the {MOST} of one response",
             self.first(),
             self.next - 1
         );

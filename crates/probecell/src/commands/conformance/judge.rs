@@ -80,7 +80,7 @@ impl Judge {
         if finished {
             text
         } else {
-            format!("{text}; the rest cannot be made before these hold")
+            format!("{text}; the remaining checks depend on these")
         }
     }
 }

@@ -286,14 +286,14 @@ fn probing_move(order: &MeasurementOrder, point: u32) -> Option<(&ProbingMove, &
 
 /// Share of the way from one position to another at which a third one lies, and how far it lies beside it.
 fn along(from: &[f64], to: &[f64], at: &[f64]) -> (f64, f64) {
-    let way: Vec<f64> = to.iter().zip(from).map(|(to, from)| to - from).collect();
-    let gone: Vec<f64> = at.iter().zip(from).map(|(at, from)| at - from).collect();
+    let travel: Vec<f64> = to.iter().zip(from).map(|(to, from)| to - from).collect();
+    let covered: Vec<f64> = at.iter().zip(from).map(|(at, from)| at - from).collect();
     let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-    let share = dot(&gone, &way) / dot(&way, &way).max(f64::MIN_POSITIVE);
-    let beside = gone
+    let share = dot(&covered, &travel) / dot(&travel, &travel).max(f64::MIN_POSITIVE);
+    let beside = covered
         .iter()
-        .zip(&way)
-        .map(|(gone, way)| (gone - share * way).abs());
+        .zip(&travel)
+        .map(|(covered, travel)| (covered - share * travel).abs());
     (share, beside.fold(0.0, f64::max))
 }
 

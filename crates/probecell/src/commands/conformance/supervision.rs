@@ -92,7 +92,7 @@ fn stop(gate: &mut Gate, judge: &mut Judge, cell: &Cell, chain: &Chain) -> anyho
         format!("{}: it goes on within a session", next.unwrap_or_default()),
         first.map_or("none".to_owned(), |first| first.to_string()),
     );
-    judge.end("what is under way is reported FAILED, the STOP DONE, and the machine stands");
+    judge.end("the running command is reported FAILED, the STOP is DONE, and the machine is at standstill");
 
     judge.begin("measurement after a STOP");
     let next = next_sequence(gate);
@@ -176,7 +176,7 @@ fn stands(
                 (now - first).abs() <= STILL,
                 "axis_positions",
                 format!(
-                    "{name} still at {first:.6} m or rad, as the reply says that the machine stands"
+                    "{name} still at {first:.6} m or rad, although the reply reports standstill"
                 ),
                 format!("{now:.6}"),
             );

@@ -30,12 +30,12 @@ Columns have the names that the test lists; `time` is read where it is there.")]
 pub(crate) struct Arguments {
     /// The table.
     file: PathBuf,
-    /// Which test it holds.
+    /// Kind of test.
     #[arg(long, value_enum)]
     test: Kind,
     #[command(flatten)]
     table: TableArguments,
-    /// The machine; without it the axes X, Y, Z that the test names stand one upon the other.
+    /// The machine; without it, the axes X, Y, Z of the test are slides stacked in this order.
     #[arg(long, value_name = "FILE", conflicts_with = "cell")]
     urdf: Option<PathBuf>,
     /// Cell file with the machine.

@@ -30,13 +30,13 @@ pub(crate) struct Arguments {
     columns: String,
     #[command(flatten)]
     table: TableArguments,
-    /// The machine whose axes the columns axis.NAME hold; without it the part frame is the machine.
+    /// The machine whose axis positions are in the columns axis.NAME; without it, the part frame serves as the machine.
     #[arg(long, value_name = "FILE", conflicts_with = "cell")]
     urdf: Option<PathBuf>,
-    /// Cell file with the machine, the part's place in it, the stylus, and the plan that the column `point` names.
+    /// Cell file with the machine, the pose of the part, the stylus, and the plan to which the column `point` refers.
     #[arg(long, value_name = "CELL")]
     cell: Option<PathBuf>,
-    /// Bag whose plan the column `point` names, with its machine.
+    /// Bag with the machine and the plan to which the column `point` refers.
     #[arg(long, value_name = "BAG", conflicts_with_all = ["urdf", "cell"])]
     plan: Option<PathBuf>,
     /// With --urdf: position of the part frame in the link `workpiece`: X Y Z.
@@ -69,16 +69,16 @@ pub(crate) struct Arguments {
     /// Radius of the stylus ball.
     #[arg(long, value_name = "MM")]
     ball_radius_mm: Option<f64>,
-    /// Speed of the approach, where no column holds it; 0: the axes stood while an instrument was read.
+    /// Approach speed, if no column gives it; 0: the axes were at standstill while an instrument was read.
     #[arg(long, value_name = "MM_PER_MIN")]
     feed_mm_per_min: Option<f64>,
     /// Table of the nominal features, with the same units: id, kind, x, y, z, i, j, k, diameter, half_angle, lower, upper.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["plan"])]
     features: Option<PathBuf>,
-    /// The part was cut on this machine in this clamping, so that no clamping error can show.
+    /// The part was cut on this machine in this clamping, so that clamping errors are unobservable.
     #[arg(long)]
     machined_here: bool,
-    /// Refuse single rows that are wrong, instead of the file; they are listed, and the exit status is 3.
+    /// Skip and list invalid rows instead of refusing the file; the exit status is then 3.
     #[arg(long)]
     skip_bad_rows: bool,
     #[command(flatten)]
@@ -92,8 +92,10 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
         columns: arguments.columns.clone(),
         units: arguments.table.units()?,
         machine: None,
-        ball_radius: positive(arguments.ball_radius_mm, "--ball-radius-mm")?,
-        feed: feed(arguments.feed_mm_per_min)?,
+        ball_radius: nonnegative(arguments.ball_radius_mm, "--ball-radius-mm", "length")?
+            .map(|radius| radius * 1e-3),
+        feed: nonnegative(arguments.feed_mm_per_min, "--feed-mm-per-min", "speed")?
+            .map(|feed| feed * 1e-3 / 60.0),
         plan: None,
         features: Vec::new(),
         name: arguments.out.name(&arguments.file)?,
@@ -128,24 +130,14 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
     write(&arguments.out.out, &imported, analysis.as_ref(), &source)
 }
 
-fn feed(value: Option<f64>) -> anyhow::Result<Option<f64>> {
-    if let Some(value) = value {
-        ensure!(
-            value.is_finite() && value >= 0.0,
-            "--feed-mm-per-min must be a speed that is not negative"
-        );
-    }
-    Ok(value.map(|value| value * 1e-3 / 60.0))
-}
-
-fn positive(value: Option<f64>, option: &str) -> anyhow::Result<Option<f64>> {
-    if let Some(value) = value {
-        ensure!(
-            value.is_finite() && value >= 0.0,
-            "{option} must be a length that is not negative"
-        );
-    }
-    Ok(value.map(|value| value * 1e-3))
+/// Refuses a negative value of an option.
+fn nonnegative(value: Option<f64>, option: &str, quantity: &str) -> anyhow::Result<Option<f64>> {
+    let is_sound = |value: f64| value.is_finite() && value >= 0.0;
+    ensure!(
+        value.is_none_or(is_sound),
+        "{option} must be a {quantity} that is not negative"
+    );
+    Ok(value)
 }
 
 /// Machine and plan of the settings; gives the cell where there is one.

@@ -164,10 +164,7 @@ fn the_page_says_what_the_messages_say_and_stands_alone() {
         close(&row[1], result.nominal_size);
         close(&row[2], result.size);
         close(&row[3], result.size_deviation);
-        close(
-            &row[4],
-            result.coverage_factor * result.standard_uncertainty,
-        );
+        close(&row[4], result.expanded_uncertainty());
         let verdict = verdicts
             .iter()
             .find(|one| one.plan_id == result.plan_id && one.feature_id == result.feature_id);

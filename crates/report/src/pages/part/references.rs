@@ -45,11 +45,13 @@ pub(super) fn record<'a>(session: &'a PartSession, result: &'a FeatureResult) ->
     let valid = result.decision != FeatureResult::INVALID;
     let refuted = reference.filter(|_| valid).is_some_and(|reference| {
         let accepted = verdict.filter(|one| one.verdict == Verdict::QUALIFIED);
-        let (own, found) = (compared(result), compared(reference));
         let accepted = accepted.map(|one| one.tolerance);
         contradiction(
-            (&own, expanded(result)),
-            (&found, expanded(reference)),
+            (result.compared_deviations(), result.expanded_uncertainty()),
+            (
+                reference.compared_deviations(),
+                reference.expanded_uncertainty(),
+            ),
             accepted,
         )
         .is_some()
@@ -77,23 +79,11 @@ pub(super) fn by_urgency<'a>(session: &'a PartSession, plan_id: &str) -> Vec<Siz
     sizes
 }
 
-fn compared(result: &FeatureResult) -> Vec<f64> {
-    if result.deviations.is_empty() {
-        vec![result.size_deviation]
-    } else {
-        result.deviations.clone()
-    }
-}
-
-fn expanded(result: &FeatureResult) -> f64 {
-    result.coverage_factor * result.standard_uncertainty
-}
-
 impl SizeRecord<'_> {
     /// E_n of the size; none without a reference.
     pub fn score(&self) -> Option<f64> {
         let (own, other) = (self.result, self.reference?);
-        let pair = |one: &FeatureResult| (one.size_deviation, expanded(one));
+        let pair = |one: &FeatureResult| (one.size_deviation, one.expanded_uncertainty());
         Some(normalised_error(pair(own), pair(other)))
     }
 
@@ -104,7 +94,7 @@ impl SizeRecord<'_> {
                 "contradicted: {} {} ± {} ({})",
                 self.result.feature_id,
                 um(found.size_deviation),
-                um_size(expanded(found)),
+                um_size(found.expanded_uncertainty()),
                 found.text
             ),
             (_, _, Some(verdict)) => judged(verdict),
@@ -188,7 +178,7 @@ pub(super) fn table(session: &PartSession, plan_id: &str) -> Table {
             one.result.feature_id.clone(),
             found.text.clone(),
             um(found.size_deviation),
-            um_size(expanded(found)),
+            um_size(found.expanded_uncertainty()),
             um(one.result.size_deviation),
             um(one.result.size_deviation - found.size_deviation),
             format!("{score:.1}"),

@@ -89,7 +89,7 @@ pub(super) fn sizes(session: &PartSession, plan_id: &str) -> Table {
     );
     for one in sizes {
         let (result, verdict) = (one.result, one.verdict);
-        let expanded = result.coverage_factor * result.standard_uncertainty;
+        let expanded = result.expanded_uncertainty();
         if one.urgency() == Urgency::Out {
             table.marked.insert(table.rows.len());
         }
