@@ -13,6 +13,8 @@ use crate::{
     state::State,
 };
 
+/// Timer at which unanswered proposals are looked for.
+pub(crate) const APPROVAL: u32 = 1;
 /// Why what was proposed for a part is void.
 pub(crate) const PART_ENDED: &str = "is void: its part has ended";
 

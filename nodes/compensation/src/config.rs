@@ -1,5 +1,8 @@
 //! Settings of `compensation`.
 
+mod decision_rule;
+mod work_offset;
+
 use std::collections::{BTreeMap, BTreeSet};
 
 use machine::Chain;
@@ -11,11 +14,12 @@ use probecell_msgs::Correction;
 use serde::Deserialize;
 use trust::{Signer, Trust};
 
+pub use decision_rule::RawDecisionRule;
+pub use work_offset::{RawWorkOffset, WorkOffset, WorkOffsetError};
+
 use crate::{
     passes::{Passes, UnknownPass},
-    rule::RawDecisionRule,
     volumetric::{RawVolumetric, Volumetric, VolumetricError},
-    work_offset::{RawWorkOffset, WorkOffset, WorkOffsetError},
 };
 
 /// As written in the cell file, section `[compensation]`.

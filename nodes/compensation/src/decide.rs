@@ -14,32 +14,16 @@ use metrology::decision::{self, Action, Policy};
 use probecell_msgs::{Correction, FeatureResult, PassDecision, PlanId, Verdict};
 
 use crate::{
-    approval,
+    approval::{self, APPROVAL},
     config::{Characteristic, Config},
     judgement::Judgement,
+    measurement::{Measurement, SizeJudgement},
     path,
     ports::{Out, Output},
     propose, reference, rule,
     state::State,
-    step::APPROVAL,
     volumetric, wear, work_offset,
 };
-
-/// A measurement whose results are complete.
-pub(crate) struct Measurement {
-    pub(crate) plan_id: String,
-    pub(crate) part_id: String,
-    /// Index of the pass.
-    pub(crate) pass: u32,
-    pub(crate) results: BTreeMap<String, FeatureResult>,
-}
-
-/// What follows from one size.
-pub(crate) struct SizeJudgement<'a> {
-    pub(crate) characteristic: &'a Characteristic,
-    pub(crate) verdict: decision::Verdict,
-    pub(crate) action: Action,
-}
 
 /// How a pass is cut again.
 #[derive(Clone, Copy, PartialEq, Eq)]

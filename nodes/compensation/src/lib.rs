@@ -68,6 +68,7 @@ mod config;
 mod correction;
 mod decide;
 mod judgement;
+mod measurement;
 mod passes;
 mod path;
 mod ports;
@@ -83,15 +84,14 @@ mod work_offset;
 
 pub use config::{
     Characteristic, Config, ConfigError, PathCorrection, RawCharacteristic, RawConfig,
+    RawDecisionRule, RawWorkOffset, WorkOffset, WorkOffsetError,
 };
 pub use passes::{Passes, UnknownPass};
 pub use path::Paths;
 pub use ports::{CompensationFault, Input, Output};
-pub use rule::RawDecisionRule;
 pub use state::State;
 pub use touches::Touches;
 pub use volumetric::{ProbeEffect, RawVolumetric, Volumetric, VolumetricError};
-pub use work_offset::{RawWorkOffset, WorkOffset, WorkOffsetError};
 
 graph::node! {
     /// The node.

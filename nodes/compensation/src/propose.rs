@@ -7,8 +7,8 @@ use probecell_msgs::Correction;
 
 use crate::{
     config::Config,
-    decide::{Measurement, SizeJudgement},
     judgement::Judgement,
+    measurement::{Measurement, SizeJudgement},
     state::State,
     wear,
 };

@@ -9,10 +9,9 @@ use std::collections::VecDeque;
 use graph::Stamp;
 use metrology::{conformance::contradiction, decision};
 use probecell_msgs::{FeatureResult, PassDecision, Verdict};
-use serde::{Deserialize, Serialize};
 
 use crate::{
-    decide::{Measurement, SizeJudgement},
+    measurement::{Judged, Measurement, SizeJudgement},
     path,
     ports::{Out, Output},
     state::State,
@@ -20,19 +19,6 @@ use crate::{
 
 /// Sizes kept, of either kind.
 const LIMIT: usize = 256;
-
-/// A size that was judged.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Judged {
-    /// Its result.
-    pub result: FeatureResult,
-    /// Number of the pass.
-    pub pass: u32,
-    /// m; half width of its tolerance.
-    pub tolerance: f64,
-    /// It was qualified.
-    pub qualified: bool,
-}
 
 /// Keeps the judged sizes of a measurement, and compares them with references that came before.
 pub(crate) fn judged(

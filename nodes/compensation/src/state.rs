@@ -8,7 +8,11 @@ use probecell_msgs::{
 };
 use serde::{Deserialize, Serialize};
 
-use crate::{decide::Measurement, path::Paths, reference::Judged, touches::Touches};
+use crate::{
+    measurement::{Judged, Measurement},
+    path::Paths,
+    touches::Touches,
+};
 
 /// State of `compensation`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

@@ -4,7 +4,7 @@ use graph::Stamp;
 use probecell_msgs::{FeatureResult, OperationRequest, PartReport};
 
 use crate::{
-    approval::{self, PART_ENDED},
+    approval::{self, APPROVAL, PART_ENDED},
     config::Config,
     decide,
     ports::{Input, Out},
@@ -13,8 +13,6 @@ use crate::{
     volumetric, work_offset,
 };
 
-/// Timer at which unanswered proposals are looked for.
-pub(crate) const APPROVAL: u32 = 1;
 /// Results kept that arrived before the request for their measurement.
 const EARLY_LIMIT: usize = 1024;
 

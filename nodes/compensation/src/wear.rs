@@ -14,7 +14,7 @@ use probecell_msgs::{FeatureResult, offset::to_resolution};
 use crate::{
     config::{Characteristic, Config},
     correction::{Change, Evidence, Proposal},
-    decide::{Measurement, SizeJudgement},
+    measurement::{Measurement, SizeJudgement},
     state::State,
 };
 

@@ -58,6 +58,7 @@ mod operation;
 mod part;
 mod ports;
 mod refusal;
+mod report;
 mod signals;
 mod standing;
 mod state;

@@ -11,7 +11,7 @@ use crate::{
     config::Config,
     part,
     ports::{MachineFault, Out, Output},
-    signals,
+    report, signals,
     standing::{clear, raise},
     state::{Asker, Awaited, Operation, State, Writing},
     stop, writing,
@@ -119,7 +119,7 @@ pub(crate) fn carry_out(
     if let Some(text) = refusal {
         state.order = None;
         let id = request.request_id;
-        report(state, now, id, OperationReport::REFUSED, &text, out);
+        report::report(state, now, id, OperationReport::REFUSED, &text, out);
         return;
     }
     let mut order = Vec::new();
@@ -187,7 +187,7 @@ pub(crate) fn answer(state: &mut State, now: Stamp, reply: &ControllerReply, out
             raise(state, now, fault, text, out);
             clear(state, fault);
         }
-        report(state, now, operation.request_id, outcome, &reply.text, out);
+        report::report(state, now, operation.request_id, outcome, &reply.text, out);
     }
 }
 
@@ -201,34 +201,4 @@ fn driver_fault(text: &str) -> Option<(MachineFault, &str)> {
     }
     let known = MachineFault::from_code(code).map(|fault| (fault, sentence));
     Some(known.unwrap_or((MachineFault::ControllerAlarm, text)))
-}
-
-pub(crate) fn fail(state: &mut State, now: Stamp, text: &str, out: &mut Out) {
-    if let Some(operation) = state.operation.take() {
-        let id = operation.request_id;
-        report(state, now, id, OperationReport::FAILED, text, out);
-    }
-}
-
-/// Answers a request; the answer is kept for the case that the request is repeated.
-pub(crate) fn report(
-    state: &mut State,
-    now: Stamp,
-    request_id: u64,
-    outcome: u8,
-    text: &str,
-    out: &mut Out,
-) {
-    let report = OperationReport {
-        header: now.header(""),
-        request_id,
-        outcome,
-        text: text.to_owned(),
-    };
-    if let Some((taken, answer)) = &mut state.taken
-        && *taken == request_id
-    {
-        *answer = Some(report.clone());
-    }
-    out.send(Output::Report(report));
 }

@@ -10,7 +10,7 @@ use crate::{
     config::Config,
     operation,
     ports::{MachineFault, Out, Output},
-    signals,
+    report, signals,
     standing::{clear, raise},
     state::{Asker, Controller, State},
     stop,
@@ -50,7 +50,7 @@ pub(crate) fn sample(
         .as_ref()
         .is_some_and(|known| known.status.session != status.session)
     {
-        operation::fail(state, now, "the driver was restarted", out);
+        report::fail(state, now, "the driver was restarted", out);
         raise(
             state,
             now,
@@ -134,7 +134,7 @@ fn report_faults(state: &mut State, now: Stamp, status: &ControllerStatus, out: 
             "the machine is in emergency stop",
             out,
         );
-        operation::fail(state, now, "emergency stop", out);
+        report::fail(state, now, "emergency stop", out);
     } else {
         clear(state, MachineFault::Estop);
     }
@@ -144,7 +144,7 @@ fn report_faults(state: &mut State, now: Stamp, status: &ControllerStatus, out: 
         .find(|alarm| alarm.to_lowercase().contains(UNPLANNED_TOUCH));
     if let Some(alarm) = touch {
         raise(state, now, MachineFault::UnplannedTouch, alarm, out);
-        operation::fail(
+        report::fail(
             state,
             now,
             "the probe touched where no touch was planned",
@@ -160,7 +160,7 @@ fn report_faults(state: &mut State, now: Stamp, status: &ControllerStatus, out: 
             status.alarms.join("; ")
         };
         raise(state, now, MachineFault::ControllerAlarm, &text, out);
-        operation::fail(state, now, &text, out);
+        report::fail(state, now, &text, out);
     } else {
         clear(state, MachineFault::ControllerAlarm);
     }
@@ -256,7 +256,7 @@ pub(crate) fn watch(config: &Config, state: &mut State, now: Stamp, out: &mut Ou
             "the controller sends no samples any more",
             out,
         );
-        operation::fail(state, now, "the controller sends no samples any more", out);
+        report::fail(state, now, "the controller sends no samples any more", out);
         if let Some(known) = &mut state.controller {
             known.lost = true;
             out.send(Output::State(MachineState {
@@ -275,7 +275,7 @@ pub(crate) fn watch(config: &Config, state: &mut State, now: Stamp, out: &mut Ou
             "the machine has been idle for {} s, but the driver has not reported an outcome",
             config.reply_limit
         );
-        operation::fail(state, now, &text, out);
+        report::fail(state, now, &text, out);
     }
     if state
         .awaited
@@ -288,7 +288,7 @@ pub(crate) fn watch(config: &Config, state: &mut State, now: Stamp, out: &mut Ou
             awaited.request.plan_id
         );
         let id = awaited.request.request_id;
-        operation::report(state, now, id, OperationReport::FAILED, &text, out);
+        report::report(state, now, id, OperationReport::FAILED, &text, out);
     }
     if matches!(state.taken, Some((_, None))) && now.since_s(state.told) >= UNDERWAY_PERIOD {
         operation::underway(state, now, out);

@@ -8,8 +8,8 @@ use probecell_msgs::{
 use crate::{
     command,
     config::Config,
-    operation,
     ports::{Out, Output},
+    report,
     state::{Asker, State, Stop},
 };
 
@@ -24,7 +24,7 @@ pub(crate) fn stop(config: &Config, state: &mut State, now: Stamp, asked_by: Ask
             awaited.request.request_id,
             "the machine was commanded to stop",
         );
-        operation::report(state, now, id, OperationReport::FAILED, text, out);
+        report::report(state, now, id, OperationReport::FAILED, text, out);
     }
     let controller = state.controller.as_ref();
     let execution = controller.map(|known| (known.lost, known.status.execution));
@@ -73,7 +73,7 @@ pub(crate) fn confirm(
     let stands = reply.outcome == ControllerReply::DONE;
     let mut answered = vec![stop.asked_by];
     if stands {
-        operation::fail(state, now, "stopped", out);
+        report::fail(state, now, "stopped", out);
         let later = state.stops.split_off(&reply.command_id);
         let earlier = std::mem::replace(&mut state.stops, later);
         answered.extend(earlier.into_values().map(|one| one.asked_by));
@@ -107,7 +107,7 @@ fn answer(state: &mut State, now: Stamp, asked_by: Asker, stands: bool, text: &s
             } else {
                 OperationReport::FAILED
             };
-            operation::report(state, now, request_id, outcome, text, out);
+            report::report(state, now, request_id, outcome, text, out);
         }
         Asker::Operator(request_id) => out.send(Output::Stopped(OperatorReply {
             header: now.header(""),
