@@ -7,8 +7,6 @@
 //!   alignment ── work_offset::judge ────────┘                            └─ propose::corrections
 //! ```
 
-use std::collections::BTreeMap;
-
 use graph::Stamp;
 use metrology::decision::{self, Action, Policy};
 use probecell_msgs::{Correction, FeatureResult, PassDecision, PlanId, Verdict};

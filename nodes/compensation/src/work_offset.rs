@@ -9,7 +9,7 @@
 
 use std::collections::BTreeMap;
 
-use machine::{Chain, Nominal};
+use machine::Nominal;
 use metrology::decision::Verdict;
 use nalgebra::{DMatrix, DVector, Matrix3x6, Matrix6, Vector3};
 use probecell_msgs::{
