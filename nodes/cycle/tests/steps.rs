@@ -278,7 +278,7 @@ fn a_fault_stops_machine_and_part_and_a_warning_does_not() {
     let unconfirmed = report(3, OperationReport::FAILED, "silence");
     let text = format!("{stopped}; the machine has not confirmed its standstill: silence");
     check(told(unconfirmed), &[&text]);
-    let text = format!("{stopped}; the machine has not confirmed within 10 s that it stands");
+    let text = format!("{stopped}; the machine has not confirmed its standstill within 10 s");
     check(
         with(with(measured(), vec![fault(Fault::ERROR)]), ticks(11)),
         &["3 stop", &text],
