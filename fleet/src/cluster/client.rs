@@ -113,9 +113,8 @@ impl Cluster {
         let looks = pin!(self.silent(scheduler.clone()));
         match select(answers, looks).await {
             Either::Left((batches, _)) => Ok((job(), batches.map_err(failed)?)),
-            Either::Right((error, answers)) => {
+            Either::Right((error, _)) => {
                 // Or else the next executor would do it for nobody. Where even that fails the first error says more.
-                drop(answers);
                 if let Some(job_id) = job() {
                     drop(scheduler.cancel_job(CancelJobParams { job_id }).await);
                 }
