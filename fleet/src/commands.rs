@@ -11,7 +11,7 @@ use clap::{Args, Parser, Subcommand};
 use probecell_fleet::lake::{Added, Event, Follower, Lake, Look, Pushed};
 use probecell_fleet::sql::{self, Engine, Form};
 use probecell_fleet::trend::hall::{Options, conclude};
-use probecell_fleet::trend::series::{events, series};
+use probecell_fleet::trend::series::{events, series, without_equations};
 
 /// Finished, with some input left out.
 const LEFT_OUT: u8 = 3;
@@ -234,6 +234,12 @@ pub(crate) fn run(arguments: Arguments) -> anyhow::Result<u8> {
                 false_alarms,
                 limits: limit.into_iter().collect(),
             };
+            let without = without_equations(&lake)?;
+            if without > 0 {
+                remark(&format!(
+                    "warning: {without} sessions were added by an earlier version and are left out of the trends of effects; add their recordings to a new lake"
+                ));
+            }
             let series = series(&lake, named_in)?;
             let conclusions = conclude(&series, &events(&lake)?, &options);
             if keep {

@@ -14,9 +14,10 @@ use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 use parquet::arrow::arrow_writer::ArrowWriter;
 use probecell_fleet::diagnose::diagnose_bag;
 use probecell_fleet::lake::schema::{
-    CORRECTIONS, EFFECTS, FEATURES, SESSIONS, SIGNALS, TABLES, TOUCHES, Table,
+    CORRECTIONS, EFFECTS, FEATURES, INFORMATION, SESSIONS, SIGNALS, TABLES, TOUCHES, Table,
 };
 use probecell_fleet::lake::{Event, Follower, Lake, numbers, texts};
+use probecell_fleet::trend::series::without_equations;
 
 fn rows(lake: &Lake, table: &Table) -> usize {
     let mut rows = 0;
@@ -255,6 +256,12 @@ fn compaction_keeps_every_row_and_an_older_lake_opens() {
         (left, left),
         "nothing is left to do"
     );
+    // Nor had it normal equations.
+    assert_eq!(without_equations(&lake).expect("sessions"), 0);
+    for (_, path) in lake.files(&INFORMATION).expect("files") {
+        fs::remove_file(path).expect("removed");
+    }
+    assert_eq!(without_equations(&lake).expect("sessions"), 3);
     // Of a later version it is refused.
     fs::write(
         lake.root().join("lake.json"),

@@ -6,7 +6,7 @@ use probecell_fleet::trend::hall::{Options, conclude};
 use probecell_fleet::trend::onset::refined;
 use probecell_fleet::trend::series::{events, series};
 use probecell_fleet::trend::watch::Kind;
-use probecell_fleet::trend::{Point, Spread, Watch, spread};
+use probecell_fleet::trend::{Change, Point, Spread, Watch, spread};
 use probecell_fleet::year::judge::judge;
 use probecell_fleet::year::{Size, make};
 use rand::{Rng, SeedableRng};
@@ -124,6 +124,45 @@ fn a_step_and_a_drift_are_told_apart_with_onset_and_size() {
         drifts += usize::from((level.slope - 0.1).abs() < 3.0 * spread && level.slope > 0.05);
     }
     assert!(drifts >= 35, "{drifts} of 50 drifts");
+}
+
+/// Kinds of the changes of a series, and the first one, from all of its points.
+fn told(points: &[Point]) -> (Vec<Kind>, Option<Change>) {
+    let none = Spread::NONE;
+    let mut watch = Watch::new(none, 7000.0);
+    let changes: Vec<Change> = points
+        .iter()
+        .filter_map(|point| watch.push(point))
+        .collect();
+    let changes = refined(points, &none, &changes);
+    let kinds = changes.iter().map(|change| change.kind).collect();
+    (kinds, changes.into_iter().next())
+}
+
+/// A drift that makes four standard deviations in a month has the look of a step when it alarms, and of more of them after that. From all
+/// sessions it is one drift, whose slope is held by its interval; a service that ends it is a change of its own, and so
+/// are steps that follow one another.
+#[test]
+fn a_quick_drift_is_one_change_and_what_ends_it_another() {
+    let (mut one, mut held, mut ended, mut steps) = (0, 0, 0, 0);
+    for seed in 0..40 {
+        let drift = |day: f64| 0.15 * (day - 100.0).max(0.0);
+        let (kinds, first) = told(&noisy(seed, 300, drift));
+        one += usize::from(kinds == [Kind::Drift]);
+        let of = |change: Change| (change.size[0] - 0.15).abs() <= 1.96 * change.size[1];
+        held += usize::from(first.is_some_and(of));
+        let serviced = |day: f64| if day < 200.0 { drift(day) } else { 0.0 };
+        let (kinds, _) = told(&noisy(seed, 300, serviced));
+        ended += usize::from(kinds == [Kind::Drift, Kind::Step]);
+        let twice = |day: f64| [100.0, 150.0].iter().filter(|from| day >= **from).count();
+        let (kinds, _) = told(&noisy(seed, 300, |day| 3.0 * twice(day) as f64));
+        steps += usize::from(kinds == [Kind::Step, Kind::Step]);
+    }
+    // 38 of 40 intervals are expected, with a standard deviation of 1.4.
+    assert!(
+        one >= 37 && held >= 34 && ended >= 37 && steps >= 37,
+        "{one} {held} {ended} {steps}"
+    );
 }
 
 /// The repeatability and the walk of many series are found from their likelihood to the grid that is tried.

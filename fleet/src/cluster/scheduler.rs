@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::net::SocketAddr;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
 
 use anyhow::{Context, anyhow};
 use ballista_core::config::TaskSchedulingPolicy;
@@ -25,7 +26,7 @@ use tonic::service::interceptor::InterceptedService;
 use tonic::transport::server::TcpIncoming;
 use tonic::{Request, Response, Status};
 
-use super::client::{GIVEN, STAGES};
+use super::client::{GIVEN, SILENT, STAGES};
 use super::identity::SameRevision;
 use super::{Credentials, MESSAGE, config, line, runtime, state};
 
@@ -76,7 +77,11 @@ pub fn schedule(
             .with_context(|| format!("cannot listen on {listen}"))?;
         let service = SchedulerGrpcServer::new(Watched {
             inner,
-            known: Arc::default(),
+            known: Arc::new(Mutex::new(Known {
+                executors: BTreeSet::new(),
+                jobs: BTreeMap::new(),
+                asked: Instant::now(),
+            })),
         })
         .max_decoding_message_size(MESSAGE)
         .max_encoding_message_size(MESSAGE);
@@ -99,10 +104,12 @@ struct Handed {
 }
 
 /// What was seen of executors and jobs.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 struct Known {
     executors: BTreeSet<String>,
     jobs: BTreeMap<String, Handed>,
+    /// When an executor has last asked for work, or else the beginning.
+    asked: Instant,
 }
 
 /// The scheduler of Ballista, with an eye on what passes.
@@ -118,7 +125,11 @@ impl Watched {
 
     /// Takes note of what an executor says.
     fn heard(&self, from: &str, said: &PollWorkParams) {
-        if self.known().executors.insert(from.to_owned()) {
+        let mut known = self.known();
+        known.asked = Instant::now();
+        let new = known.executors.insert(from.to_owned());
+        drop(known);
+        if new {
             info!("executor {from} has joined");
         }
         for task in &said.task_status {
@@ -180,7 +191,10 @@ macro_rules! pass {
                 let job = request.get_ref().job_id.clone();
                 // A greeting: whoever gets this far is one of us.
                 if job.is_empty() {
-                    return Ok(Response::new(GetJobStatusResult { status: None, flight_proxy: None }));
+                    let mut greeting = Response::new(GetJobStatusResult { status: None, flight_proxy: None });
+                    let silent = self.known().asked.elapsed().as_secs();
+                    greeting.metadata_mut().insert(SILENT, silent.into());
+                    return Ok(greeting);
                 }
                 let mut response = SchedulerGrpc::get_job_status(&self.inner, request).await?;
                 if let Some(handed) = self.known().jobs.get(&job) {

@@ -102,6 +102,9 @@ pub(super) mod cluster {
         /// Sessions in a part, which is what is lost with an executor.
         #[arg(long, value_name = "NUMBER", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..))]
         part: u32,
+        /// Give up when no executor has asked the scheduler for work for so many seconds.
+        #[arg(long, value_name = "S", default_value_t = 60, value_parser = clap::value_parser!(u64).range(1..=86_400))]
+        wait: u64,
         /// Compute one session in so many again here, chosen at random, and at least three; refuse all answers if one differs.
         #[arg(long, value_name = "NUMBER", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..))]
         check: u32,
@@ -123,7 +126,7 @@ pub(super) mod cluster {
                 certificate: self.certificate.context(missing)?,
                 key: self.key.context(missing)?,
             };
-            let cluster = Cluster::new(scheduler, certificates.read()?);
+            let cluster = Cluster::new(scheduler, certificates.read()?, self.wait);
             let (rows, tasks) = cluster.diagnosed(asked, self.part as usize)?;
             let same = engine.checked(asked, &rows, self.check as usize)?;
             remark(&format!(

@@ -18,7 +18,7 @@ use super::{Lake, Pushed};
 /// Nothing is written for this long to a recording that has ended.
 const ENDED: Duration = Duration::from_secs(10);
 /// The same of a recording whose recorder was killed.
-const KILLED: Duration = Duration::from_secs(600);
+const KILLED: Duration = Duration::from_mins(10);
 
 /// Files of a recording when it was added: bytes in all, and the last instant of writing.
 type State = (u64, SystemTime);

@@ -195,7 +195,7 @@ pub(crate) fn rows(asked: &[Asked], batches: &[RecordBatch]) -> anyhow::Result<R
 fn once(asked: &[Asked], rows: &RecordBatch) -> anyhow::Result<()> {
     let mut left: BTreeMap<&str, usize> = asked.iter().map(|one| (one.bag.as_str(), 0)).collect();
     let bags = rows.column(2).as_string::<i32>();
-    for bag in bags.iter() {
+    for bag in bags {
         let bag = bag.context("an answer is of no session")?;
         *left
             .get_mut(bag)

@@ -265,7 +265,7 @@ fn a_trend_does_not_depend_on_the_order_of_the_rows() {
         .filter_map(|point| watch.push(point))
         .collect();
     let changes = refined(&points, &quiet, &changes);
-    let level = *watch.level().expect("a level");
+    let level = changes.last().expect("a change").after;
     let mut rows: Vec<Row> = points
         .iter()
         .map(|point| {

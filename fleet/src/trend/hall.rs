@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use common::{in_common, own_parts, random_effects};
+use common::{Sizes, in_common};
 pub use hierarchy::{Levels, Own, TypeChange};
 
 use super::calibrate::excess;
@@ -55,7 +55,7 @@ pub struct Finding {
     pub size: [f64; 2],
     /// Level before the onset, unit.
     pub before: f64,
-    /// The same change, with a slope followed to the end of the series: level and slope now with their standard uncertainties.
+    /// Level and slope now with their standard uncertainties, from all sessions since the last change of the series.
     pub now: [[f64; 2]; 2],
     /// Days from the last session until it leaves its limit: earliest, expected, latest (2.5 %, 50 %, 97.5 %); absent without a
     /// limit, an end `null` where it is not within ten years.
@@ -91,9 +91,9 @@ pub struct Common {
     pub machines: Vec<String>,
     /// Machines of the type.
     pub of: usize,
-    /// Common size with its standard uncertainty (random effects, DerSimonian and Laird 1986).
+    /// Common size with its standard uncertainty.
     pub size: [f64; 2],
-    /// Standard deviation of the sizes between machines beyond their uncertainty.
+    /// Standard deviation of the sizes between machines beyond their uncertainty, median.
     pub between_machines: f64,
     /// What each machine has of its own: its size less the common one.
     pub own: Vec<Own>,
@@ -279,7 +279,8 @@ fn changes(series: &Series, spread: Spread, limit: f64) -> Vec<Found<'_>> {
         .iter()
         .filter_map(|point| watch.push(point))
         .collect();
-    let Some(last) = watch.level().copied() else {
+    let refined = refined(&series.points, &spread, &found);
+    let Some(last) = refined.last().map(|change| change.after) else {
         return Vec::new();
     };
     let of = |change: Change| Found {
@@ -289,10 +290,7 @@ fn changes(series: &Series, spread: Spread, limit: f64) -> Vec<Found<'_>> {
         change,
         common: false,
     };
-    refined(&series.points, &spread, &found)
-        .into_iter()
-        .map(of)
-        .collect()
+    refined.into_iter().map(of).collect()
 }
 
 /// One finding for the changes of a machine that may have begun together: the clearest, and what else changed.

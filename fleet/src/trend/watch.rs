@@ -39,7 +39,7 @@ pub struct Change {
     pub between: [usize; 2],
     /// Level before the onset.
     pub before: f64,
-    /// Level and slope at the alarm.
+    /// Level and slope at the alarm; of a refined change after the last point of its range.
     pub after: Level,
     /// Step (unit of the series) or slope (per day) with its standard uncertainty.
     pub size: [f64; 2],

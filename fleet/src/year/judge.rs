@@ -63,8 +63,10 @@ pub struct Card {
     pub other_findings: usize,
     /// Intervals of the onset, 95 %.
     pub onsets: Coverage,
-    /// Intervals of the size at the alarm, 95 %.
+    /// Intervals of the size, 95 %, of those told as what they are, a step or a drift.
     pub sizes: Coverage,
+    /// Of each of them: quantity, kind, and by how many standard uncertainties the size is off.
+    pub sizes_off: Vec<(String, String, f64)>,
     /// Found ones at a service: the service is named.
     pub services: Coverage,
     /// Found ones that were planted in a whole type: told as common to it.
@@ -91,6 +93,7 @@ pub fn judge(planted: &[Planted], series: &[Series], conclusions: &Conclusions) 
         other_findings: 0,
         onsets: Coverage::default(),
         sizes: Coverage::default(),
+        sizes_off: Vec::new(),
         services: Coverage::default(),
         common: Coverage::default(),
         own: Coverage::default(),
@@ -156,8 +159,13 @@ impl Card {
         let [from, to] = found.onset_between;
         self.onsets.count(from <= one.onset && one.onset <= to);
         if found.kind == one.kind && found.quantity == one.quantity {
-            self.sizes
-                .count((found.size[0] - one.size).abs() <= quantile95() * found.size[1]);
+            let off = (found.size[0] - one.size) / found.size[1].max(f64::MIN_POSITIVE);
+            self.sizes.count(off.abs() <= quantile95());
+            self.sizes_off.push((
+                one.quantity.clone(),
+                one.kind.clone(),
+                (off * 100.0).round() / 100.0,
+            ));
         }
         if one.at_service {
             self.services.count(!found.coincides_with.is_empty());

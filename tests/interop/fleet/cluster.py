@@ -200,6 +200,10 @@ def check(ending, program, work, hosts, port):
     scheduler = Process(ending, program, "scheduler", "--listen", f"0.0.0.0:{SCHEDULER}", "--lost-after", 10, *options)
     scheduler.until("^scheduler on ")
 
+    # Without an executor a question is given up.
+    told = ran(*asked(*cluster, "--wait", 2), status=2).stderr.decode()
+    assert "no executor has asked for work" in told and told.count("\n") == 1, told
+
     def executor(number, binary=program, options=None):
         here, there = HERE[number], THERE[number]
         options = options or authority.options(f"executor{number}", [there])

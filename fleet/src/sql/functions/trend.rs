@@ -232,7 +232,9 @@ fn concluded(points: &[[f64; 3]], sessions: f64) -> Option<Conclusion> {
         .iter()
         .filter_map(|point| watch.push(point))
         .collect();
-    let level = watch.level()?;
+    let now = *watch.level()?;
+    let refined = refined(&series, &spread, &changes);
+    let level = refined.last().map_or(now, |change| change.after);
     let time = |point: usize| points[point][0] as i64;
     let told = |change: Change| Told {
         kind: match change.kind {
@@ -255,9 +257,6 @@ fn concluded(points: &[[f64; 3]], sessions: f64) -> Option<Conclusion> {
         level_uncertainty: level.covariance[0].max(0.0).sqrt(),
         slope_per_day: level.slope,
         slope_uncertainty: level.covariance[2].max(0.0).sqrt(),
-        changes: refined(&series, &spread, &changes)
-            .into_iter()
-            .map(told)
-            .collect(),
+        changes: refined.into_iter().map(told).collect(),
     })
 }

@@ -2,7 +2,19 @@
 
 use std::collections::BTreeSet;
 
+use inference::evidence::log_sum;
+
 use super::{Common, FEWEST, Found, Kind, Own, TOGETHER, name, word};
+
+/// Uncertainty of an exact size over the distance between sizes.
+const EXACT: f64 = 1e-6;
+/// Smallest standard deviation between machines that is tried over the uncertainty of their sizes, and its reciprocal the largest over
+/// the distance between sizes.
+const LEAST: f64 = 1e-2;
+/// Scale of the prior of that standard deviation over the uncertainty of the sizes.
+const WIDE: f64 = 5.0;
+/// Step of the logarithm of those that are tried.
+const STEP: f64 = 0.05;
 
 /// Groups of machines of one type that changed alike, in one quantity; marks their changes.
 pub(super) fn in_common(found: &mut [Found<'_>], machines: usize) -> Vec<Common> {
@@ -45,13 +57,13 @@ pub(super) fn in_common(found: &mut [Found<'_>], machines: usize) -> Vec<Common>
                 .filter(|change| change.kind == kind)
                 .map(|change| change.size)
                 .collect();
-            let (size, between_machines) = random_effects(&sizes);
+            let common = Sizes::new(&sizes);
             let own = group
                 .iter()
                 .map(|place| &found[*place])
                 .filter(|found| found.change.kind == kind)
                 .map(|found| (found.series.machine.as_str(), found.change.size));
-            let own = own_parts(size, between_machines, own);
+            let own = common.own(own);
             let onsets: Vec<f64> = group.iter().map(|place| found[*place].onset()).collect();
             let series = found[group[0]].series;
             groups.push(Common {
@@ -62,8 +74,8 @@ pub(super) fn in_common(found: &mut [Found<'_>], machines: usize) -> Vec<Common>
                 onset: metrology::statistics::median(&onsets),
                 machines: names.into_iter().collect(),
                 of: machines,
-                size,
-                between_machines,
+                size: common.mean(),
+                between_machines: common.between(),
                 own,
             });
             for place in group {
@@ -106,65 +118,109 @@ fn at_one_time(changes: &[(&str, [f64; 2])], fewest: usize) -> Vec<Vec<usize>> {
     }
 }
 
-/// Mean of sizes with their standard uncertainty, and the standard deviation between them: DerSimonian and Laird 1986, the
-/// method of moments.
-pub(super) fn random_effects(sizes: &[[f64; 2]]) -> ([f64; 2], f64) {
-    let weighted = |between: f64| {
-        let weights: Vec<f64> = sizes
-            .iter()
-            .map(|[_, u]| 1.0 / (u * u + between).max(f64::MIN_POSITIVE))
-            .collect();
-        let total: f64 = weights.iter().sum();
-        let mean = sizes
-            .iter()
-            .zip(&weights)
-            .map(|([size, _], weight)| size * weight)
-            .sum::<f64>()
-            / total;
-        (mean, total, weights)
-    };
-    let (mean, total, weights) = weighted(0.0);
-    let q: f64 = sizes
-        .iter()
-        .zip(&weights)
-        .map(|([size, _], weight)| weight * (size - mean).powi(2))
-        .sum();
-    let squares: f64 = weights.iter().map(|weight| weight * weight).sum();
-    let freedom = sizes.len().saturating_sub(1) as f64;
-    let denominator = total - squares / total;
-    let between = if denominator > 0.0 {
-        ((q - freedom) / denominator).max(0.0)
-    } else {
-        0.0
-    };
-    let (mean, total, _) = weighted(between);
-    ([mean, total.sqrt().recip()], between.sqrt())
+/// What the sizes of several machines have in common: size = common + own + error, own ~ N(0, τ²).
+///
+/// τ is not estimated but averaged over: a best value of zero, which few machines often give, would say that none has anything of its own,
+/// without doubt. Its prior is a half-Cauchy distribution (Gelman 2006), wide against the uncertainties; that of the common size is even.
+pub(super) struct Sizes {
+    /// Of each τ: its square, its probability, mean and variance of the common size.
+    given: Vec<[f64; 4]>,
 }
 
-/// What each machine has of its own beyond the common `mean`, by the standard deviation between machines: the best linear
-/// unbiased prediction (Robinson 1991), which takes little for the machine's own where its size is uncertain.
-pub(super) fn own_parts<'m>(
-    mean: [f64; 2],
-    between: f64,
-    sizes: impl IntoIterator<Item = (&'m str, [f64; 2])>,
-) -> Vec<Own> {
-    let of = |(machine, [size, u]): (&str, [f64; 2])| {
-        let variance = (between * between + u * u).max(f64::MIN_POSITIVE);
-        let share = between * between / variance;
-        Own {
-            machine: machine.to_owned(),
-            size: [
-                share * (size - mean[0]),
-                (share * u * u + (share * mean[1]).powi(2)).sqrt(),
-            ],
+impl Sizes {
+    /// Of sizes with their standard uncertainties, of which there is one at least.
+    pub(super) fn new(sizes: &[[f64; 2]]) -> Self {
+        let far = sizes.iter().map(|[size, _]| (size - sizes[0][0]).abs());
+        let far = far.fold(0.0, f64::max);
+        // An exact size is more certain than all others, by so much that it matters no more.
+        let floor = far.max(f64::MIN_POSITIVE.sqrt()) * EXACT;
+        let variances: Vec<f64> = sizes.iter().map(|[_, u]| u.max(floor).powi(2)).collect();
+        let harmonic = variances
+            .iter()
+            .map(|variance| variance.recip())
+            .sum::<f64>();
+        let scale = (sizes.len() as f64 / harmonic).sqrt();
+        let steps = ((LEAST.recip() * (1.0 + far / scale) / LEAST).ln() / STEP).ceil() as usize;
+        let of = |step: usize| {
+            let tau = scale * LEAST * (STEP * step as f64).exp();
+            let weights = || {
+                variances
+                    .iter()
+                    .map(|variance| (variance + tau * tau).recip())
+            };
+            let total: f64 = weights().sum();
+            let sum: f64 = weights()
+                .zip(sizes)
+                .map(|(weight, [size, _])| weight * size)
+                .sum();
+            let mean = sum / total;
+            let misfit = |(weight, [size, _]): (f64, &[f64; 2])| {
+                0.5 * weight.ln() - 0.5 * weight * (size - mean).powi(2)
+            };
+            let likelihood = weights().zip(sizes).map(misfit).sum::<f64>() - 0.5 * total.ln();
+            let prior = tau.ln() - (WIDE * scale).hypot(tau).ln() * 2.0;
+            [tau * tau, likelihood + prior, mean, total.recip()]
+        };
+        let mut given: Vec<[f64; 4]> = (0..=steps).map(of).collect();
+        let whole = log_sum(given.iter().map(|one| one[1]));
+        for one in &mut given {
+            one[1] = (one[1] - whole).exp();
         }
-    };
-    sizes.into_iter().map(of).collect()
+        Self { given }
+    }
+
+    /// Mean and standard deviation of what has a mean and a variance given each τ².
+    fn over(&self, of: impl Fn(f64, [f64; 2]) -> [f64; 2]) -> [f64; 2] {
+        let (mut first, mut second) = (0.0, 0.0);
+        let all: Vec<(f64, [f64; 2])> = (self.given.iter())
+            .map(|[square, share, mean, variance]| (*share, of(*square, [*mean, *variance])))
+            .collect();
+        for (share, [mean, _]) in &all {
+            first += share * mean;
+        }
+        for (share, [mean, variance]) in &all {
+            second += share * (variance + (mean - first).powi(2));
+        }
+        [first, second.sqrt()]
+    }
+
+    /// The common size with its standard uncertainty.
+    pub(super) fn mean(&self) -> [f64; 2] {
+        self.over(|_, mean| mean)
+    }
+
+    /// Standard deviation between machines: the median of its probabilities.
+    pub(super) fn between(&self) -> f64 {
+        let mut sum = 0.0;
+        let reached = self.given.iter().find(|one| {
+            sum += one[1];
+            sum >= 0.5
+        });
+        reached.map_or(0.0, |one| one[0].sqrt())
+    }
+
+    /// What each machine has of its own: of the size little where it is uncertain (the best linear unbiased prediction, Robinson 1991).
+    pub(super) fn own<'m>(&self, sizes: impl IntoIterator<Item = (&'m str, [f64; 2])>) -> Vec<Own> {
+        let of = |(machine, [size, u]): (&str, [f64; 2])| Own {
+            machine: machine.to_owned(),
+            size: self.over(|square, [mean, variance]| {
+                let share = square / (square + u * u);
+                [
+                    share * (size - mean),
+                    share * u * u + share * share * variance,
+                ]
+            }),
+        };
+        sizes.into_iter().map(of).collect()
+    }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{at_one_time, own_parts, random_effects};
+    use super::{Sizes, at_one_time};
+    use rand::{Rng, SeedableRng};
+    use rand_distr::StandardNormal;
+    use rand_pcg::Pcg64Mcg;
 
     /// Three drifts whose begin is known to months only have begun at one time, when the first step did; the other step is alone.
     #[test]
@@ -182,32 +238,42 @@ mod tests {
         assert!(at_one_time(&[("a", [0.0, 1.0]), ("a", [0.0, 1.0])], 2).is_empty());
     }
 
-    /// Of a machine that is known exactly all is its own; of one that is as uncertain as machines differ, half.
+    /// Machines that differ by far more than their uncertainty: mean and standard deviation of the sizes, and all is their own.
     #[test]
-    fn the_own_part_is_shrunk_by_its_uncertainty() {
-        let own = own_parts(
-            [2.0, 0.0],
-            1.0,
-            [("exact", [3.0, 0.0]), ("vague", [3.0, 1.0])],
-        );
-        assert_eq!(own[0].size, [1.0, 0.0]);
-        assert_eq!(own[1].size, [0.5, 0.5_f64.sqrt()]);
-        assert_eq!(
-            own_parts([2.0, 0.1], 0.0, [("alike", [3.0, 1.0])])[0].size,
-            [0.0, 0.0]
-        );
+    fn exact_sizes_are_the_machines_own() {
+        let sizes = Sizes::new(&[[1.0, 0.0], [2.0, 0.0], [3.0, 0.0], [6.0, 0.0]]);
+        let [mean, u] = sizes.mean();
+        assert!((mean - 3.0).abs() < 1e-9, "{mean}");
+        // Standard deviation 2.16 over two; wider, since that is known from four.
+        assert!((1.08..3.0).contains(&u), "{u}");
+        assert!((1.5..3.0).contains(&sizes.between()), "{}", sizes.between());
+        let own = sizes.own([("a", [6.0, 0.0])]);
+        assert!((own[0].size[0] - 3.0).abs() < 1e-9 && (own[0].size[1] - u).abs() < 1e-6);
     }
 
-    /// Two machines: Q = (1 − 3)² / 2 = 2 with unit variances, so that the variance between them is 1 by hand.
+    /// Twelve machines whose sizes differ by nothing, less than their uncertainty, or more: none of the intervals of what is a machine's own is
+    /// without width, and they hold it in 95 % or, where machines differ by as much as their uncertainty, in 92 % (50 to 76 % where
+    /// the standard deviation between machines is taken as it is estimated best). Of 4,800 two standard deviations are 1 %, with allowance for
+    /// the common mean.
     #[test]
-    fn machines_that_differ_make_the_common_size_less_certain() {
-        let ([mean, uncertainty], between) = random_effects(&[[1.0, 1.0], [3.0, 1.0]]);
-        assert!(
-            (mean - 2.0).abs() < 1e-12
-                && (between - 1.0).abs() < 1e-12
-                && (uncertainty - 1.0).abs() < 1e-12
-        );
-        let ([_, alike], none) = random_effects(&[[2.0, 1.0], [2.0, 1.0]]);
-        assert!(none == 0.0 && (alike - 0.5_f64.sqrt()).abs() < 1e-12);
+    fn intervals_of_own_parts_hold_and_have_a_width() {
+        let mut random = Pcg64Mcg::seed_from_u64(3);
+        for between in [0.0, 0.5, 1.0, 2.0, 5.0] {
+            let mut held = 0;
+            for _ in 0..400 {
+                let mut normal = || random.sample::<f64, _>(StandardNormal);
+                let own: Vec<f64> = (0..12).map(|_| between * normal()).collect();
+                let told: Vec<[f64; 2]> =
+                    own.iter().map(|own| [3.0 + own + normal(), 1.0]).collect();
+                let sizes = Sizes::new(&told);
+                assert!(sizes.between() > 0.0);
+                let parts = sizes.own(told.iter().map(|size| ("one", *size)));
+                for (part, own) in parts.iter().zip(own) {
+                    assert!(part.size[1] > 0.05, "{:?}", part.size);
+                    held += usize::from((part.size[0] - own).abs() <= 1.96 * part.size[1]);
+                }
+            }
+            assert!(held >= 4320, "{between}: {held} of 4800");
+        }
     }
 }

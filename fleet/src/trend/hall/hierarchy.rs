@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use super::{FEWEST, Found, Spread, TOGETHER, name, own_parts, random_effects, word};
+use super::{FEWEST, Found, Sizes, Spread, TOGETHER, name, word};
 use crate::trend::calibrate::excess;
 use crate::trend::onset::refined;
 use crate::trend::series::Series;
@@ -113,15 +113,15 @@ pub(super) fn levels<'s>(
         return None;
     }
     let sizes: Vec<[f64; 2]> = levels.iter().map(|(_, size)| *size).collect();
-    let (mean, between_machines) = random_effects(&sizes);
+    let sizes = Sizes::new(&sizes);
     Some(Levels {
         machine_type: first.machine_type.clone(),
         quantity: name(&first.quantity),
         unit: first.quantity.unit.clone(),
-        mean,
-        between_machines,
+        mean: sizes.mean(),
+        between_machines: sizes.between(),
         between_sessions: spread.repeatability.sqrt(),
-        own: own_parts(mean, between_machines, levels),
+        own: sizes.own(levels),
     })
 }
 
