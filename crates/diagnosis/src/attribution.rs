@@ -11,6 +11,7 @@ pub(crate) mod parameters;
 mod restricted;
 mod switching;
 pub(crate) mod unsupported;
+pub(crate) mod whitening;
 mod with_discrepancy;
 
 use std::collections::BTreeSet;
@@ -27,7 +28,7 @@ use inference::posterior::{Attribution, Model};
 use inference::search::{MOST_EFFECTS, Scored, exchange, extend, prune};
 
 use candidate_pool::{CandidatePool, Shapes};
-use with_discrepancy::{UNKNOWN, score_with_discrepancies};
+use with_discrepancy::{UNKNOWN, score_with_discrepancies, search_anew};
 
 /// Prior probability of AR(1) touch noise.
 const AR1_NOISE: f64 = 0.05;
@@ -41,6 +42,8 @@ const SCANS: usize = 2;
 const EXTENSIONS: usize = 3;
 /// Models that are kept.
 const KEPT: usize = 400;
+/// Rounds in which shapes are scanned beside something unknown.
+const SCANS_BESIDE: usize = 2;
 /// Rounds in which the states of what switches are estimated anew beside the best sets.
 const STATES: usize = 2;
 
@@ -183,7 +186,7 @@ fn extend_best(pool: &mut CandidatePool<'_>, scored: &mut Vec<Scored>) {
     scored.sort_by(|a, b| b.score.total_cmp(&a.score));
 }
 
-fn finish(pool: CandidatePool<'_>, scored: &[Scored]) -> Attribution {
+fn finish(mut pool: CandidatePool<'_>, scored: &[Scored]) -> Attribution {
     let white = pool.lag1_correlation == 0.0;
     let mut discrepancies = unknown_to(&pool, &pool.shapes.discrepancies(pool.active));
     discrepancies.extend(grid(pool.shapes.observations, pool.active).map(Rc::new));
@@ -211,23 +214,91 @@ fn finish(pool: CandidatePool<'_>, scored: &[Scored]) -> Attribution {
     let offered = score_with_discrepancies(&pool, scored, &discrepancies, 0, &models);
     models.extend(offered.into_iter().map(|model| noisy(model, noise)));
     if white {
-        add_switching(&pool, scored, &mut discrepancies, &mut models, noise);
+        let mut sets = vec![Vec::new()];
+        sets.extend(best_of_each_size(scored, 3));
+        let all = (&mut discrepancies, &mut models);
+        add_switching(&pool, scored, sets, all, noise);
     }
-    restricted::restrict(&pool, &discrepancies, &mut models);
+    let restricted = restricted::restrict(&pool, &discrepancies, &mut models);
+    normalise(&mut models);
+    let mut attribution = attribution_of(&pool, discrepancies, models);
+    // A field of restricted likelihood has a probability that a further search does not add to.
+    for _ in 0..if restricted { 0 } else { SCANS_BESIDE } {
+        if !scan_beside_unknown(&mut pool, scored, &mut attribution, noise) {
+            break;
+        }
+    }
+    attribution
+}
+
+/// Scans the shapes anew in what the unknown cause of the best model leaves, which may be far larger than an effect beside it, and
+/// searches the library again beside that cause; false where the best model has none, or nothing better is found.
+fn scan_beside_unknown(
+    pool: &mut CandidatePool<'_>,
+    scored: &[Scored],
+    attribution: &mut Attribution,
+    noise: f64,
+) -> bool {
+    let model = attribution.models[0].clone();
+    let part = attribution.discrepancy_part(&model);
+    let (Some(part), Some(unknown), true) =
+        (part, model.discrepancy, attribution.is_unknown(&model))
+    else {
+        return false;
+    };
+    let left: Vec<f64> = (pool.y.iter().zip(part))
+        .map(|(value, part)| value - part)
+        .collect();
+    if !pool.scan_beside(&model.set, &left) {
+        return false;
+    }
+    pool.refresh();
+    let mut models = std::mem::take(&mut attribution.models);
+    let mut discrepancies = std::mem::take(&mut attribution.discrepancies);
+    let found = search_anew(pool, &discrepancies, unknown);
+    models.extend(found.into_iter().map(|model| noisy(model, noise)));
+    normalise(&mut models);
+    let better = models[0].score > model.score;
+    let switches = (models[0].discrepancy)
+        .is_some_and(|(index, _)| discrepancies[index].kind == Kind::Switching);
+    if better && switches {
+        // Its states were those beside the shapes before.
+        let sets = vec![models[0].set.clone()];
+        add_switching(pool, scored, sets, (&mut discrepancies, &mut models), noise);
+        normalise(&mut models);
+    }
+    *attribution = attribution_of(pool, discrepancies, models);
+    better
+}
+
+/// Models by their scores, each once, with their probabilities.
+fn normalise(models: &mut Vec<Model>) {
     models.sort_by(|a, b| b.score.total_cmp(&a.score));
-    models.dedup_by(|a, b| a.set == b.set && a.discrepancy == b.discrepancy);
+    let mut known = BTreeSet::new();
+    models.retain(|model| {
+        let unknown = (model.discrepancy).map(|(index, power)| (index, power.to_bits()));
+        known.insert((model.set.clone(), unknown))
+    });
     let best = models.first().map_or(0.0, |model| model.score);
     let total: f64 = models.iter().map(|model| (model.score - best).exp()).sum();
-    for model in &mut models {
+    for model in models {
         model.probability = (model.score - best).exp() / total;
     }
+}
+
+/// The attribution of these models of a pool.
+fn attribution_of(
+    pool: &CandidatePool<'_>,
+    discrepancies: Vec<Rc<Discrepancy>>,
+    models: Vec<Model>,
+) -> Attribution {
     Attribution {
-        candidates: pool.candidates,
-        aliases: pool.aliases,
+        candidates: pool.candidates.clone(),
+        aliases: pool.aliases.clone(),
         discrepancies,
         models,
         touches: pool.shapes.observations.touches(),
-        products: pool.products,
+        products: pool.products.clone(),
         y: pool.y.to_vec(),
         active: pool.active.to_vec(),
         lag1_correlation: pool.lag1_correlation,
@@ -242,21 +313,20 @@ fn noisy(model: Model, noise: f64) -> Model {
     }
 }
 
-/// Models with something that switches between two states: its states are estimated beside the best sets without a
-/// discrepancy, then beside those of the best models.
+/// Models with something that switches between two states: its states are estimated beside some sets, then beside those of the
+/// best models.
 fn add_switching(
     pool: &CandidatePool<'_>,
     scored: &[Scored],
-    discrepancies: &mut Vec<Rc<Discrepancy>>,
-    models: &mut Vec<Model>,
+    mut sets: Vec<Vec<usize>>,
+    (discrepancies, models): (&mut Vec<Rc<Discrepancy>>, &mut Vec<Model>),
     noise: f64,
 ) {
     let kinds: BTreeSet<Kind> = (discrepancies.iter())
         .map(|discrepancy| discrepancy.kind.clone())
+        .filter(|kind| *kind != Kind::Switching)
         .collect();
     let mut known: Vec<Vec<usize>> = Vec::new();
-    let mut sets = vec![Vec::new()];
-    sets.extend(best_of_each_size(scored, 3));
     for _ in 0..=STATES {
         sets.retain(|set| !known.contains(set));
         let switching = switching::beside(pool, &sets, kinds.len());
@@ -265,7 +335,13 @@ fn add_switching(
             return;
         }
         let first = discrepancies.len();
-        let offered = score_with_discrepancies(pool, scored, &switching, first, models);
+        // What the states were estimated beside may be in no set that is good without them.
+        let beside = known.iter().rev().map(|set| Scored {
+            set: set.clone(),
+            score: pool.products.log_evidence(set),
+        });
+        let beside: Vec<Scored> = beside.chain(scored.iter().cloned()).collect();
+        let offered = score_with_discrepancies(pool, &beside, &switching, first, models);
         discrepancies.extend(switching);
         models.extend(offered.into_iter().map(|model| noisy(model, noise)));
         let best = |switches: bool| {

@@ -105,6 +105,37 @@ fn something_unknown_stands_beside_correlated_noise_too() {
     assert!(flagged >= 9, "{flagged} of 10");
 }
 
+/// Beside a cause outside the library that is as large as they are or larger, periods are those of the session: found in what the
+/// unknown cause leaves, and estimated together with it. A period that was scanned in the deviations alone lay off by up to a
+/// hundred times its standard uncertainty or was not found at all, and what it missed passed for noise.
+#[test]
+fn a_period_is_found_and_estimated_beside_something_unknown() {
+    let sessions = [
+        (7_720_070_010, Outsider::LooseStylus),
+        (7_720_075_022, Outsider::QuadraticField),
+        (7_730_175_001, Outsider::QuadraticField),
+    ];
+    for (seed, outsider) in sessions {
+        let (truth, report) = check(seed, Content::Beside(1, outsider));
+        assert_eq!(report.verdict, Verdict::PartlyExplained, "{report}");
+        let [effect] = report.effects.as_slice() else {
+            panic!("one effect acts: {report}");
+        };
+        assert_eq!(effect.effect, truth.effects[0], "{report}");
+        let mut hidden = truth.parameters[0].iter();
+        let (_, period) = hidden.find(|(name, _)| name == "period").unwrap();
+        let mut found = effect.parameters.iter();
+        let found = found.find(|found| found.name == "period").unwrap();
+        let [low, high] = found.ci95;
+        assert!((low..=high).contains(period), "{period}: {report}");
+        assert!(
+            (report.gap.noise_floor / truth.noise - 1.0).abs() < 0.25,
+            "noise {}: {report}",
+            truth.noise
+        );
+    }
+}
+
 #[test]
 fn the_answer_does_not_depend_on_the_order_of_messages() {
     let (mut shuffled, _) = session(3, Content::Known(2));

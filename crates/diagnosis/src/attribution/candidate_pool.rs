@@ -443,11 +443,25 @@ impl<'a> CandidatePool<'a> {
 
     /// Adds the shapes that best explain the residuals of `context`; an effect of the context is scanned beside the others.
     pub(crate) fn scan(&mut self, context: &[usize]) {
+        let masked = || Rc::new(MaskedColumn::new(self.shapes, self.active, self.y));
+        let deviations = Rc::clone(self.deviations.get_or_init(masked));
+        self.scan_for(context, &deviations);
+    }
+
+    /// The same in `left`, what something unknown leaves of the deviations, and refines the shapes of the context there; true
+    /// where that gives candidates that were not there.
+    pub(crate) fn scan_beside(&mut self, context: &[usize], left: &[f64]) -> bool {
+        let before = self.candidates.len();
+        let deviations = Rc::new(MaskedColumn::new(self.shapes, self.active, left));
+        self.scan_for(context, &deviations);
+        self.refine_for(context, left);
+        self.candidates.len() > before
+    }
+
+    fn scan_for(&mut self, context: &[usize], deviations: &Rc<MaskedColumn>) {
         let shapes = self.shapes;
         let mut projections: BTreeMap<Option<usize>, ResidualProjection> = BTreeMap::new();
         let out = shapes.inactive(self.active);
-        let masked = || Rc::new(MaskedColumn::new(shapes, self.active, self.y));
-        let deviations = Rc::clone(self.deviations.get_or_init(masked));
         let mut next = 0;
         for (index, variant) in shapes.variants.iter().enumerate() {
             let trials = shapes.trials(index);
@@ -475,7 +489,7 @@ impl<'a> CandidatePool<'a> {
                     self.active,
                     &shapes.crossed,
                     others,
-                    Rc::clone(&deviations),
+                    Rc::clone(deviations),
                 )
             });
             let gains = projection.gains(first, trials, &out);
@@ -500,6 +514,10 @@ impl<'a> CandidatePool<'a> {
 
     /// Refines the continuous shapes of a set, one after the other, and adds the refined candidates.
     pub(crate) fn refine(&mut self, set: &[usize]) {
+        self.refine_for(set, self.y);
+    }
+
+    fn refine_for(&mut self, set: &[usize], deviations: &[f64]) {
         let shapes = self.shapes;
         for &member in set {
             let index = self.candidates[member].variant;
@@ -510,7 +528,7 @@ impl<'a> CandidatePool<'a> {
             let others = (set.iter())
                 .filter(|&&other| other != member)
                 .map(|&other| &self.candidates[other]);
-            let residuals = ScannedResiduals::new(shapes, self.active, self.y, others);
+            let residuals = ScannedResiduals::new(shapes, self.active, deviations, others);
             let value = self.candidates[member].shape;
             let nearest = shape.trials.partition_point(|&trial| trial < value);
             let low = shape.trials[nearest.saturating_sub(1)];

@@ -1,22 +1,23 @@
 //! Parameters of the named effects with their 95 % intervals, from the fitted blocks.
 //!
-//! Gauss-Newton covariance of all coefficients and of the continuous shapes together, so that the uncertainty of a time
+//! Gauss-Newton fit and covariance of all coefficients and of the continuous shapes together, so that the uncertainty of a time
 //! constant widens the interval of its amplitude; amplitudes and phases by the delta method (GUM 5.1.2); the coverage factor
 //! is Student's t for the residual degrees of freedom (GUM G.3). Beside an unknown cause its process is estimated with them,
-//! generalised least squares, so that an interval holds what it may have added. Coefficients in m; parameters in the effects'
-//! own units.
+//! generalised least squares, so that an interval holds what it may have added; touches that are noisier than others weigh less.
+//! Coefficients in m; parameters in the effects' own units.
 
+use std::borrow::Cow;
 use std::ops::Range;
 
-use effects::ParameterEstimate;
+use effects::{ParameterEstimate, candidate};
 use inference::candidate::Candidate;
-use inference::columns::Rows;
 use inference::linear::{add_scaled, dot};
 use inference::posterior::{Attribution, Model};
 use metrology::statistics::coverage_factor;
 use nalgebra::{DMatrix, DVector};
 
 use super::candidate_pool::Shapes;
+use super::whitening::Whitened;
 
 /// Ridge of the normal equations, relative to their largest diagonal element.
 const RIDGE: f64 = 1e-9;
@@ -24,8 +25,10 @@ const RIDGE: f64 = 1e-9;
 const AVERAGED: usize = 8;
 /// Coverage factor of 95 % for standard deviations of many degrees of freedom.
 pub(crate) const NORMAL_COVERAGE: f64 = 1.96;
-/// Directions of a process below this share of the power of the largest are rounding.
-const ROUNDING: f64 = 1e-12;
+/// Steps of the shapes at most.
+const STEPS: usize = 6;
+/// Shapes that move by less than this share of their standard uncertainty have converged.
+const CONVERGED: f64 = 0.05;
 /// Singular values below this share of the noise-free solution are taken as zero.
 const SINGULAR: f64 = 1e-9;
 
@@ -117,7 +120,7 @@ pub(crate) fn of_members(
     members: &[&Candidate],
     unknown: Option<(usize, f64)>,
 ) -> Vec<Vec<ParameterEstimate>> {
-    let Some(fit) = GaussNewton::new(shapes, attribution, members, unknown) else {
+    let Some((members, fit)) = fitted(shapes, attribution, members, unknown) else {
         return vec![Vec::new(); members.len()];
     };
     let coverage = coverage_factor(0.95, fit.freedom);
@@ -139,6 +142,69 @@ pub(crate) fn of_members(
         .collect()
 }
 
+/// Members with their continuous shapes where the fit of all together is best, and that fit; `None` where they cannot be fitted.
+///
+/// A shape comes from a scan of the deviations, one at a time and beside nothing unknown: of a long travel it lies several
+/// standard uncertainties off, and what else acts moves it further.
+fn fitted<'m>(
+    shapes: &Shapes<'_>,
+    attribution: &Attribution,
+    members: &[&'m Candidate],
+    unknown: Option<(usize, f64)>,
+) -> Option<(Vec<Cow<'m, Candidate>>, GaussNewton)> {
+    let rows = Whitened::new(shapes, attribution, unknown);
+    let mut members: Vec<Cow<'m, Candidate>> = members.iter().copied().map(Cow::Borrowed).collect();
+    let mut fit = GaussNewton::new(shapes, &rows, &members)?;
+    let mut length = 1.0;
+    for _ in 0..STEPS {
+        let steps = fit.steps();
+        if (steps.iter()).all(|step| step.by.abs() < CONVERGED * step.uncertainty) {
+            break;
+        }
+        let Some(moved) = moved(shapes, &members, &steps, length) else {
+            break;
+        };
+        match GaussNewton::new(shapes, &rows, &moved) {
+            Some(better) if better.misfit < fit.misfit => {
+                (members, fit, length) = (moved, better, 1.0);
+            }
+            // Too far for the linearisation.
+            _ => length *= 0.5,
+        }
+    }
+    Some((members, fit))
+}
+
+/// The members with their shapes moved by a share of the steps; `None` where one leaves the values that are tried.
+fn moved<'m>(
+    shapes: &Shapes<'_>,
+    members: &[Cow<'m, Candidate>],
+    steps: &[Step],
+    length: f64,
+) -> Option<Vec<Cow<'m, Candidate>>> {
+    let mut all = members.to_vec();
+    for step in steps {
+        let own = &members[step.member];
+        let tried = &shapes.variants[own.variant].shape.as_ref()?.trials;
+        let (first, last) = (tried.first()?, tried.last()?);
+        let range = first.min(*last)..=first.max(*last);
+        let to = own.shape + length * step.by;
+        if !range.contains(&to) {
+            return None;
+        }
+        let made = candidate(shapes.observations, shapes.variants, own.variant, to)?;
+        all[step.member] = Cow::Owned(made);
+    }
+    Some(all)
+}
+
+/// By how much the shape of a member is to be moved, and its standard uncertainty, both in its unit.
+struct Step {
+    member: usize,
+    by: f64,
+    uncertainty: f64,
+}
+
 /// Least squares of the coefficients, linearised in the continuous shapes.
 struct GaussNewton {
     /// Coefficients of each member.
@@ -149,6 +215,10 @@ struct GaussNewton {
     covariance: DMatrix<f64>,
     /// Residual degrees of freedom, at least 1.
     freedom: f64,
+    /// Sum of the squares of the whitened residuals, m².
+    misfit: f64,
+    /// What the residuals have along the derivative of each shape, m.
+    along: Vec<f64>,
 }
 
 /// How the fitted signature of a member changes with its shape, over the whitened rows.
@@ -162,37 +232,18 @@ struct ShapeDerivative {
 
 impl GaussNewton {
     /// `None` where the normal equations are singular.
-    fn new(
-        shapes: &Shapes<'_>,
-        attribution: &Attribution,
-        members: &[&Candidate],
-        unknown: Option<(usize, f64)>,
-    ) -> Option<Self> {
-        let rows = Rows {
-            active: attribution.active.clone(),
-            touches: shapes.observations.touches(),
-            lag1_correlation: attribution.lag1_correlation,
-        };
-        // Rows whitened for noise and process together have independent errors of one variance.
-        let process = unknown.and_then(|(index, power)| Process::new(attribution, index, power));
-        let white = |values: &[f64]| {
-            let values = rows.white(values);
-            match &process {
-                Some(process) => process.whiten(values),
-                None => values,
-            }
-        };
-        let y = DVector::from_vec(white(&attribution.y));
+    fn new(shapes: &Shapes<'_>, rows: &Whitened, members: &[Cow<'_, Candidate>]) -> Option<Self> {
+        let y = &rows.y;
         let columns: Vec<Vec<f64>> = (members.iter().flat_map(|member| &member.block))
-            .map(|column| white(column))
+            .map(|column| rows.white(column))
             .collect();
         let linear = DMatrix::from_fn(y.len(), columns.len(), |row, column| columns[column][row]);
         let plausible: Vec<f64> = (members.iter())
             .flat_map(|candidate| candidate.plausible.iter().copied())
             .collect();
-        let coefficients = solve(&linear, &y, &plausible)?;
+        let coefficients = solve(&linear, y, &plausible)?;
         let spans = spans(members);
-        let derivatives = derivatives(shapes, &white, members, &spans, &coefficients);
+        let derivatives = derivatives(shapes, rows, members, &spans, &coefficients);
         let jacobian = DMatrix::from_fn(
             y.len(),
             columns.len() + derivatives.len(),
@@ -202,14 +253,41 @@ impl GaussNewton {
             },
         );
         let freedom = (y.len() as f64 - jacobian.ncols() as f64).max(1.0);
-        let variance = (&y - &linear * &coefficients).norm_squared() / freedom;
+        let residuals = y - &linear * &coefficients;
+        let misfit = residuals.norm_squared();
+        let variance = misfit / freedom;
+        let along = (derivatives.iter())
+            .map(|shape| dot(&shape.column, residuals.as_slice()))
+            .collect();
         Some(Self {
             covariance: covariance(&jacobian, variance, &plausible)?,
             spans,
             coefficients,
             shapes: derivatives,
             freedom,
+            misfit,
+            along,
         })
+    }
+
+    /// The step of each shape that Gauss and Newton would take: the covariance over the noise variance, times what the residuals
+    /// have along the derivatives; along the columns they have nothing that the priors of the coefficients do not hold.
+    fn steps(&self) -> Vec<Step> {
+        let first = self.coefficients.len();
+        let variance = self.misfit / self.freedom;
+        (self.shapes.iter().enumerate())
+            .map(|(index, shape)| {
+                let own = self.covariance.row(first + index);
+                let by = (self.along.iter().enumerate())
+                    .map(|(other, along)| own[first + other] / variance * along)
+                    .sum::<f64>();
+                Step {
+                    member: shape.member,
+                    by: by / shape.length,
+                    uncertainty: own[first + index].max(0.0).sqrt() / shape.length,
+                }
+            })
+            .collect()
     }
 
     /// Variance of a member's continuous shape, in its unit squared; `None` where it has none.
@@ -221,55 +299,10 @@ impl GaussNewton {
     }
 }
 
-/// The process of an unknown cause over the rows in use.
-pub(crate) struct Process {
-    /// Orthonormal directions over the rows.
-    directions: Vec<Vec<f64>>,
-    /// Standard deviation of the noise over that of noise and process together, along each.
-    shares: Vec<f64>,
-}
-
-impl Process {
-    /// Of this variance over that of the noise; `None` for what is scatter.
-    fn new(attribution: &Attribution, index: usize, power: f64) -> Option<Self> {
-        Self::of_columns(&attribution.discrepancies[index].columns()?, power)
-    }
-
-    /// Of the kernel that the outer products of columns sum to.
-    pub(crate) fn of_columns(columns: &[Vec<f64>], power: f64) -> Option<Self> {
-        let rows = columns.first()?.len();
-        let down = DMatrix::from_vec(rows, columns.len(), columns.concat());
-        let eigen = down.tr_mul(&down).symmetric_eigen();
-        let most = eigen.eigenvalues.max();
-        let along = down * eigen.eigenvectors;
-        let pairs = along.column_iter().zip(&eigen.eigenvalues);
-        let kept = pairs.filter(|(_, value)| **value > ROUNDING * most);
-        let (directions, shares) = kept
-            .map(|(column, &value)| {
-                let length = value.sqrt();
-                let direction: Vec<f64> = column.iter().map(|part| part / length).collect();
-                (direction, 1.0 / (1.0 + power * value).sqrt())
-            })
-            .unzip();
-        Some(Self { directions, shares })
-    }
-
-    /// (I + power·K)^(−1/2) times values over the rows in use.
-    pub(crate) fn whiten(&self, mut values: Vec<f64>) -> Vec<f64> {
-        let along: Vec<f64> = (self.directions.iter())
-            .map(|direction| dot(direction, &values))
-            .collect();
-        for ((direction, share), along) in self.directions.iter().zip(&self.shares).zip(along) {
-            add_scaled(&mut values, (share - 1.0) * along, direction);
-        }
-        values
-    }
-}
-
 /// Columns of each member among those of all.
-fn spans(members: &[&Candidate]) -> Vec<Range<usize>> {
+fn spans(members: &[Cow<'_, Candidate>]) -> Vec<Range<usize>> {
     let mut end = 0;
-    let span = |member: &&Candidate| {
+    let span = |member: &Cow<'_, Candidate>| {
         let start = end;
         end += member.block.len();
         start..end
@@ -301,8 +334,8 @@ fn solve(columns: &DMatrix<f64>, y: &DVector<f64>, plausible: &[f64]) -> Option<
 /// Derivatives of the fitted signatures with respect to the continuous shapes.
 fn derivatives(
     shapes: &Shapes<'_>,
-    white: &impl Fn(&[f64]) -> Vec<f64>,
-    members: &[&Candidate],
+    rows: &Whitened,
+    members: &[Cow<'_, Candidate>],
     spans: &[Range<usize>],
     coefficients: &DVector<f64>,
 ) -> Vec<ShapeDerivative> {
@@ -315,7 +348,7 @@ fn derivatives(
             for (column, value) in columns.iter().zip(parameters.iter()) {
                 add_scaled(&mut derivative, *value, column);
             }
-            let derivative = white(&derivative);
+            let derivative = rows.white(&derivative);
             let length = dot(&derivative, &derivative).sqrt().max(f64::MIN_POSITIVE);
             Some(ShapeDerivative {
                 member,
@@ -338,29 +371,4 @@ fn covariance(jacobian: &DMatrix<f64>, variance: f64, plausible: &[f64]) -> Opti
         normal[(index, index)] += ridge + prior;
     }
     Some(normal.try_inverse()? * variance)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Whitened twice, values are those that the dense matrix I + p·K takes to them.
-    #[test]
-    fn whitening_is_the_inverse_root_of_the_covariance() {
-        let (rows, power) = (12, 7.0);
-        let value =
-            |row: usize, column: usize| ((row * 37 + column * 101 + 7) % 23) as f64 / 23.0 - 0.4;
-        let columns: Vec<Vec<f64>> = (0..4)
-            .map(|column| (0..rows).map(|row| value(row, column)).collect())
-            .collect();
-        let process = Process::of_columns(&columns, power).expect("columns");
-        let down = DMatrix::from_vec(rows, 4, columns.concat());
-        let covariance = DMatrix::identity(rows, rows) + &down * down.transpose() * power;
-        let values: Vec<f64> = (0..rows).map(|row| value(row, 9)).collect();
-        let twice = process.whiten(process.whiten(values.clone()));
-        let back = covariance * DVector::from_vec(twice);
-        for (found, expected) in back.iter().zip(&values) {
-            assert!((found - expected).abs() < 1e-12, "{found} for {expected}");
-        }
-    }
 }

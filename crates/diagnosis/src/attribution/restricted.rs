@@ -31,12 +31,12 @@ const MOST: usize = 4;
 const ROWS_FOR_EACH: usize = 40;
 
 /// Replaces the models with a field over the part by those beside fields of restricted likelihood, of the same probability
-/// together.
+/// together; false where they stay as they are.
 pub(super) fn restrict(
     pool: &CandidatePool<'_>,
     discrepancies: &[Rc<Discrepancy>],
     models: &mut Vec<Model>,
-) {
+) -> bool {
     let is_field = |model: &Model| {
         (model.discrepancy).is_some_and(|(index, _)| discrepancies[index].kind == Kind::Region)
     };
@@ -45,16 +45,16 @@ pub(super) fn restrict(
         own.max_by(|one, other| one.score.total_cmp(&other.score))
     };
     let Some(leader) = best(true) else {
-        return;
+        return false;
     };
     let highest = best(false).map_or(leader.score, |other| other.score.max(leader.score));
     let scores = models.iter().filter(|model| is_field(model));
     let all = log_sum(scores.map(|model| model.score));
     if all < highest + SEEN.ln() {
-        return;
+        return false;
     }
     let Some(fields) = fields(pool, discrepancies, &leader.set) else {
-        return;
+        return false;
     };
     let design = Design::new(pool.candidates.iter(), pool.y, &pool.rows());
     let mut found: Vec<Model> = Vec::new();
@@ -68,6 +68,7 @@ pub(super) fn restrict(
     }
     models.retain(|model| !is_field(model));
     models.extend(found);
+    true
 }
 
 /// Fields by restricted likelihood: the logarithm of their share, the index of the discrepancy and its variance over that of

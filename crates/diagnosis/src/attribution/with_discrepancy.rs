@@ -120,6 +120,21 @@ pub(super) fn search_beside(
     found.into_iter().take(SEARCH_KEPT).map(model).collect()
 }
 
+/// Models of a search over the whole library beside one of some discrepancies, at first of this variance over that of the noise.
+pub(super) fn search_anew(
+    pool: &CandidatePool<'_>,
+    discrepancies: &[Rc<Discrepancy>],
+    (index, power): (usize, f64),
+) -> Vec<Model> {
+    let scorer = Scorer {
+        pool,
+        discrepancies,
+        priors: &pool.priors(),
+    };
+    let design = Design::new(pool.candidates.iter(), pool.y, &pool.rows());
+    scorer.search(&design, index, power)
+}
+
 /// Score and variance ratio of the best of some models with a discrepancy, the first of equals.
 fn best_power(models: &[Model]) -> Option<(f64, f64)> {
     let mut best: Option<(f64, f64)> = None;

@@ -2,7 +2,7 @@
 
 use inference::linear::dot;
 
-use crate::attribution::parameters::Process;
+use crate::attribution::whitening::Process;
 
 /// Least weight of independent touches.
 const LEAST: f64 = 1e-3;

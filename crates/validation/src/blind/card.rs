@@ -322,8 +322,10 @@ pub struct Card {
     pub sure_but_wrong: Share,
     /// Expected calibration error of the names' probabilities.
     pub calibration_error: f64,
-    /// Parameters whose 95 % interval holds the truth.
+    /// Parameters whose 95 % interval holds the truth, where nothing unknown acts.
     pub parameters: Share,
+    /// The same of named effects beside something unknown.
+    pub parameters_beside_unknown: Share,
     /// The same by effect and parameter.
     pub parameters_by_name: BTreeMap<String, Share>,
     /// Median and largest held-out rms over the noise, where the cause is right.
@@ -370,6 +372,11 @@ impl Card {
                 parameters.entry(name.clone()).or_default().push(*inside);
             }
         }
+        let beside_unknown = judged.iter().filter(|(_, judged)| {
+            let mut effects = judged.truth.effects.iter();
+            effects.any(|id| id.starts_with("x."))
+        });
+        let beside_unknown = beside_unknown.flat_map(|(_, judged)| &judged.parameters);
         let share = |values: &Vec<bool>| Share::of(values.iter().copied());
         let names: Vec<(f64, bool)> = plain
             .iter()
@@ -398,6 +405,7 @@ impl Card {
             sure_but_wrong: Share::of(sure.map(|(_, right)| !right)),
             calibration_error: calibration_error(&names),
             parameters: Share::of(parameters.values().flatten().copied()),
+            parameters_beside_unknown: Share::of(beside_unknown.map(|(.., inside)| *inside)),
             parameters_by_name: parameters
                 .iter()
                 .map(|(name, all)| (name.clone(), share(all)))
@@ -463,6 +471,8 @@ impl std::fmt::Display for Card {
             writeln!(f, "| {name} | {share} |")?;
         }
         writeln!(f, "| all | {} |", self.parameters)?;
+        let beside_unknown = self.parameters_beside_unknown;
+        writeln!(f, "| all, beside something unknown | {beside_unknown} |")?;
         writeln!(
             f,
             "\nwrong at P > 0.9: {}; expected calibration error {:.3}; held-out rms over noise: median {:.3}, at most \
