@@ -96,7 +96,7 @@ pub fn tile(cell: &CellState, now: Stamp) -> Markup {
                         } " °C"
                     } }
                 }
-                div.last { dt { "Last word" } dd.age { (last_word(cell, now)) } }
+                div.last { dt { "Last message" } dd.age { (last_word(cell, now)) } }
             }
         }
     }
@@ -129,7 +129,7 @@ pub(super) fn verdict(cell: &CellState) -> Markup {
     html! {
         div { dt { "Worst verdict" } dd {
             span.verdict.(super::sizes::class_of(last.verdict)) { (last.feature_id) " " (Verdict::word(last.verdict)) ", " (wording::micrometres(last.error)) }
-            small { (last.plan_id) "; " (reasons.rule) @if let Some(risk) = reasons.risk { "; risk " (risk) } }
+            small { (last.plan_id) "; " (reasons.rule) @if let Some(risk) = reasons.risk { "; risk " (wording::risk(risk)) } }
         } }
     }
 }

@@ -29,9 +29,9 @@ pub(super) fn state(cell: &CellState, takes_acts: bool, now: Stamp) -> Markup {
                 @if let Some(machine) = machine.as_ref().filter(|one| !one.program.is_empty()) { div { dt { "Program" } dd { (machine.program) " line " (machine.line) } } }
                 (super::hall::verdict(cell))
                 @if let Some(one) = cell.decision().filter(|one| part.stage != PartStatus::NONE || cell.ended.back().is_none_or(|last| last.text != one.text)) { div { dt { "Decision" } dd { (wording::decision(one.decision)) small { (one.text) } } } }
-                div { dt { "Parts" } dd { @if cell.parts.is_empty() { "none ended" } @for (index, (code, count)) in cell.parts.iter().enumerate() { @if index > 0 { ", " } (count) " " (PartReport::word(*code)) } } }
+                div { dt { "Parts" } dd { @if cell.parts.is_empty() { "none ended" } @for (index, (code, count)) in cell.ended_counts().into_iter().enumerate() { @if index > 0 { ", " } (count) " " (PartReport::word(code)) } } }
                 @if let Some(one) = &cell.recording { div { dt { "Recording" } dd { (match one.state { RecordingStatus::RECORDING => "recording", RecordingStatus::WAIVED => "waived", _ => "stopped" }) } } }
-                div { dt { "Last word" } dd.age { (last_word(cell, now)) } }
+                div.last { dt { "Last message" } dd.age { (last_word(cell, now)) } }
             }
             @if let Some(one) = cell.planning() { (planning(one)) }
             @if takes_acts && !cell.kept {
@@ -133,7 +133,7 @@ pub(super) fn faults(cell: &CellState, hall: &Hall) -> Markup {
         .collect();
     html! {
         @for alarm in &alarms { p.mark { b { "Alarm" } " " (alarm) } }
-        @if cell.faults.is_empty() && alarms.is_empty() { p.none { "No fault since the dashboard first heard of this cell." } }
+        @if cell.faults.is_empty() && alarms.is_empty() { p.none { "No fault has been reported." } }
         @if !cell.faults.is_empty() {
             ul.faults { @for (at, fault) in cell.faults.iter().rev() {
                 li.(if fault.severity == Fault::ERROR { "bad" } else { "unsure" }) { time { (clock(*at)) } " " b { (fault.node) } " " (fault.text) " " code { (fault.code) } }
