@@ -4163,6 +4163,40 @@ pub mod geometry_msgs {
         };
     }
 
+    /// A Pose with reference coordinate frame and timestamp.
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct PoseStamped {
+        pub header: crate::std_msgs::Header,
+        pub pose: Pose,
+    }
+
+    impl Message for PoseStamped {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "geometry_msgs/msg/PoseStamped",
+            dds_name: "geometry_msgs::msg::dds_::PoseStamped_",
+            type_hash: "RIHS01_10f3786d7d40fd2b54367835614bff85d4ad3b5dab62bf8bca0cc232d73b4cd8",
+            definition: concat!(
+                include_str!("../standard/geometry_msgs/msg/PoseStamped.msg"),
+                "================================================================================\nMSG: std_msgs/Header\n",
+                include_str!("../standard/std_msgs/msg/Header.msg"),
+                "================================================================================\nMSG: builtin_interfaces/Time\n",
+                include_str!("../standard/builtin_interfaces/msg/Time.msg"),
+                "================================================================================\nMSG: geometry_msgs/Pose\n",
+                include_str!("../standard/geometry_msgs/msg/Pose.msg"),
+                "================================================================================\nMSG: geometry_msgs/Point\n",
+                include_str!("../standard/geometry_msgs/msg/Point.msg"),
+                "================================================================================\nMSG: geometry_msgs/Quaternion\n",
+                include_str!("../standard/geometry_msgs/msg/Quaternion.msg")
+            ),
+            fields: &[
+                Member("header", 1, 0, 0, "std_msgs/msg/Header", ""),
+                Member("pose", 1, 0, 0, "geometry_msgs/msg/Pose", ""),
+            ],
+            describe: crate::describe::of::<PoseStamped>,
+            canonical: crate::cdr::canonical::<PoseStamped>,
+        };
+    }
+
     /// A rotation as a unit quaternion.
     #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
     pub struct Quaternion {
@@ -5220,6 +5254,24 @@ pub mod std_msgs {
 
     use crate::schema::{Member, Message, MessageType};
 
+    /// A truth value.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct Bool {
+        pub data: bool,
+    }
+
+    impl Message for Bool {
+        const TYPE: &'static MessageType = &MessageType {
+            name: "std_msgs/msg/Bool",
+            dds_name: "std_msgs::msg::dds_::Bool_",
+            type_hash: "RIHS01_feb91e995ff9ebd09c0cb3d2aed18b11077585839fb5db80193b62d74528f6c9",
+            definition: include_str!("../standard/std_msgs/msg/Bool.msg"),
+            fields: &[Member("data", 15, 0, 0, "", "")],
+            describe: crate::describe::of::<Bool>,
+            canonical: crate::cdr::canonical::<Bool>,
+        };
+    }
+
     /// A colour.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
     pub struct ColorRGBA {
@@ -6007,6 +6059,7 @@ pub(crate) static MESSAGES: &[&MessageType] = &[
 <crate::diagnostic_msgs::KeyValue as crate::schema::Message>::TYPE,
 <crate::geometry_msgs::Point as crate::schema::Message>::TYPE,
 <crate::geometry_msgs::Pose as crate::schema::Message>::TYPE,
+<crate::geometry_msgs::PoseStamped as crate::schema::Message>::TYPE,
 <crate::geometry_msgs::Quaternion as crate::schema::Message>::TYPE,
 <crate::geometry_msgs::Transform as crate::schema::Message>::TYPE,
 <crate::geometry_msgs::TransformStamped as crate::schema::Message>::TYPE,
@@ -6105,6 +6158,7 @@ pub(crate) static MESSAGES: &[&MessageType] = &[
 <crate::sensor_msgs::CompressedImage as crate::schema::Message>::TYPE,
 <crate::sensor_msgs::JointState as crate::schema::Message>::TYPE,
 <crate::service_msgs::ServiceEventInfo as crate::schema::Message>::TYPE,
+<crate::std_msgs::Bool as crate::schema::Message>::TYPE,
 <crate::std_msgs::ColorRGBA as crate::schema::Message>::TYPE,
 <crate::std_msgs::Header as crate::schema::Message>::TYPE,
 <crate::std_msgs::String as crate::schema::Message>::TYPE,

@@ -76,9 +76,15 @@ pub(crate) fn bytes(folder: &Path) -> u64 {
 }
 
 /// Recordings that are kept no longer, at an instant (s since 1970): those that ended too long ago, and the oldest of too much.
-pub(crate) fn outdated<'a>(all: &'a [Finished], settings: &RecorderSection, now: f64) -> Vec<&'a Finished> {
+pub(crate) fn outdated<'a>(
+    all: &'a [Finished],
+    settings: &RecorderSection,
+    now: f64,
+) -> Vec<&'a Finished> {
     let mut kept: f64 = all.iter().map(|one| one.bytes as f64).sum();
-    let most = settings.keep_gib.map_or(f64::INFINITY, |gib| gib * f64::from(1 << 30));
+    let most = settings
+        .keep_gib
+        .map_or(f64::INFINITY, |gib| gib * f64::from(1 << 30));
     let longest = settings.keep_days.map_or(f64::INFINITY, |days| days * DAY);
     all.iter()
         .filter(|one| {
@@ -108,7 +114,10 @@ pub(crate) fn remove(one: &Finished) -> std::io::Result<()> {
     }
     // The metadata first: a folder that is left half removed is none that was closed.
     fs::remove_file(one.path.join("metadata.yaml"))?;
-    for entry in entries.iter().filter(|entry| entry.file_name() != "metadata.yaml") {
+    for entry in entries
+        .iter()
+        .filter(|entry| entry.file_name() != "metadata.yaml")
+    {
         fs::remove_file(entry.path())?;
     }
     fs::remove_dir(&one.path)
@@ -187,7 +196,10 @@ mod tests {
         let path = folder.join(name);
         fs::create_dir(&path).expect("a folder");
         fs::write(path.join(format!("{name}_0.mcap")), vec![0; bytes]).expect("a file");
-        let text = format!("rosbag2_bagfile_information:\n  version: 9\n  duration:\n    nanoseconds: {}\n", seconds * 1_000_000_000);
+        let text = format!(
+            "rosbag2_bagfile_information:\n  version: 9\n  duration:\n    nanoseconds: {}\n",
+            seconds * 1_000_000_000
+        );
         fs::write(path.join("metadata.yaml"), text).expect("a file");
     }
 
@@ -199,7 +211,11 @@ mod tests {
     }
 
     fn names(all: &[&Finished]) -> Vec<String> {
-        let name = |one: &&Finished| one.path.file_name().map(|name| name.to_string_lossy().into_owned());
+        let name = |one: &&Finished| {
+            one.path
+                .file_name()
+                .map(|name| name.to_string_lossy().into_owned())
+        };
         all.iter().filter_map(name).collect()
     }
 
@@ -208,7 +224,12 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let day_ms = 86_400_000_u64;
         for (day, bytes) in [(10, 1000), (12, 2000), (30, 3000)] {
-            recording(folder.path(), &format!("turn_mill_{}", day * day_ms), bytes, 100);
+            recording(
+                folder.path(),
+                &format!("turn_mill_{}", day * day_ms),
+                bytes,
+                100,
+            );
         }
         // Not of this cell's own names, not closed, and a link: none of them is taken for one.
         recording(folder.path(), "turn_mill_acceptance", 10, 1);
@@ -219,7 +240,11 @@ mod tests {
         assert_eq!(all.len(), 3, "{all:?}");
 
         let now = 31.0 * DAY;
-        let kept = |days, gib| RecorderSection { keep_days: days, keep_gib: gib, ..RecorderSection::default() };
+        let kept = |days, gib| RecorderSection {
+            keep_days: days,
+            keep_gib: gib,
+            ..RecorderSection::default()
+        };
         assert!(outdated(&all, &kept(None, None), now).is_empty());
         let old = names(&outdated(&all, &kept(Some(20.0), None), now));
         assert_eq!(old, [format!("turn_mill_{}", 10 * day_ms)]);
@@ -253,7 +278,14 @@ mod tests {
         assert!((1.0e5..1.01e5).contains(&rate), "{rate}");
         let seconds = forecast.seconds().expect("room");
         assert!((seconds * rate / forecast.free as f64 - 1.0).abs() < 1e-12);
-        let text = Forecast { free: 36_000_000_000, rate: Some(1e5) }.to_string();
-        assert_eq!(text, "36.0 GB free, room for 4 days of recording at 360 MB an hour");
+        let text = Forecast {
+            free: 36_000_000_000,
+            rate: Some(1e5),
+        }
+        .to_string();
+        assert_eq!(
+            text,
+            "36.0 GB free, room for 4 days of recording at 360 MB an hour"
+        );
     }
 }

@@ -199,7 +199,8 @@ impl CellState {
     /// Parts that ended, by the verdict that holds.
     pub fn ended_counts(&self) -> Vec<(u8, u64)> {
         let replaced = |verdict| self.revoked.get(verdict).copied().unwrap_or_default();
-        let counts = (self.parts.iter()).map(|(verdict, count)| (*verdict, count - replaced(verdict)));
+        let counts =
+            (self.parts.iter()).map(|(verdict, count)| (*verdict, count - replaced(verdict)));
         counts.filter(|(_, count)| *count > 0).collect()
     }
 

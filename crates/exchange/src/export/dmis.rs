@@ -29,7 +29,10 @@ pub fn write(record: &Record) -> String {
         taken: BTreeSet::new(),
     };
     let title = format!("{} of {}", record.name, record.cell);
-    writer.statement(&format!("DMISMN/'{}',05.2", plain(&title).replace('\'', " ")));
+    writer.statement(&format!(
+        "DMISMN/'{}',05.2",
+        plain(&title).replace('\'', " ")
+    ));
     writer.comment(&format!("written by probecell {}", record.version));
     writer.statement("UNITS/MM,ANGDEC");
     let measured = |plan: &&InspectionPlan| {
@@ -65,7 +68,12 @@ impl Writer<'_> {
         let labels: Vec<(&str, String)> = (plan.features.iter())
             .map(|feature| (feature.id.as_str(), self.label(&feature.id, behind)))
             .collect();
-        let label_of = |id: &str| labels.iter().find(|(known, _)| *known == id).map(|(_, label)| label.as_str());
+        let label_of = |id: &str| {
+            labels
+                .iter()
+                .find(|(known, _)| *known == id)
+                .map(|(_, label)| label.as_str())
+        };
         for (feature, (_, label)) in plan.features.iter().zip(&labels) {
             let words = geometry(
                 feature.kind,
@@ -103,10 +111,19 @@ impl Writer<'_> {
         let result = &size.result;
         let name = &result.feature_id;
         if !size.is_valid() {
-            self.comment(&format!("{name}: {}, no value: {}", size.status().name(), result.text));
+            self.comment(&format!(
+                "{name}: {}, no value: {}",
+                size.status().name(),
+                result.text
+            ));
             return;
         }
-        let fitted = geometry(result.kind, result.origin.into(), result.axis.into(), result.size);
+        let fitted = geometry(
+            result.kind,
+            result.origin.into(),
+            result.axis.into(),
+            result.size,
+        );
         if let (Some(label), Some(words)) = (feature, fitted) {
             self.statement(&format!("FA({label})=FEAT/{words}"));
         }
@@ -117,7 +134,11 @@ impl Writer<'_> {
             status.name(),
             result.coverage_factor
         ));
-        let word = if status == Status::Pass { "INTOL" } else { "OUTOL" };
+        let word = if status == Status::Pass {
+            "INTOL"
+        } else {
+            "OUTOL"
+        };
         let (nominal, measured) = match (size.tolerance(), size.limits) {
             (None, Some([lower, upper])) if lower.is_finite() && upper.is_finite() => {
                 let limits = format!("{},{}", mm(lower), mm(upper));

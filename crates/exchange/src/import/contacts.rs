@@ -81,7 +81,9 @@ pub fn read(
         }
     }
     if rows.is_empty() {
-        return Err(ImportError::whole("the contact signal never rises at a point of the plan"));
+        return Err(ImportError::whole(
+            "the contact signal never rises at a point of the plan",
+        ));
     }
     let roles = seen.roles();
     let table = Table {
@@ -117,7 +119,8 @@ pub fn read(
 fn rises(signal: &[(f64, bool)], remarks: &mut Vec<String>) -> Vec<f64> {
     if signal.first().is_some_and(|(_, level)| *level) {
         remarks.push(
-            "the contact signal is high when the recording begins: no touch is known of that".to_owned(),
+            "the contact signal is high when the recording begins: no touch is known of that"
+                .to_owned(),
         );
     }
     let pairs = signal.windows(2);
@@ -145,12 +148,19 @@ struct Touch {
 
 impl Touch {
     fn row(&self, number: u64) -> Row {
-        let first = [self.point.to_string(), self.at.to_string(), self.feed.to_string()];
+        let first = [
+            self.point.to_string(),
+            self.at.to_string(),
+            self.feed.to_string(),
+        ];
         let numbers = self.numbers.iter().map(f64::to_string);
         let cells = first.into_iter().chain(numbers);
         Row {
             line: number,
-            cells: (1..).zip(cells).map(|(column, text)| Cell { text, column }).collect(),
+            cells: (1..)
+                .zip(cells)
+                .map(|(column, text)| Cell { text, column })
+                .collect(),
         }
     }
 }
@@ -179,7 +189,11 @@ impl<'a> Seen<'a> {
                 Some(chain)
             }
         };
-        Ok(Self { motion, chain, placed })
+        Ok(Self {
+            motion,
+            chain,
+            placed,
+        })
     }
 
     /// Axes of the machine that the recording has, with their columns.
@@ -215,12 +229,20 @@ impl<'a> Seen<'a> {
             Some(_) => self.axes().into_iter().map(|(_, column)| column).collect(),
         };
         let sample = |(instant, all): &(f64, Vec<f64>)| {
-            (*instant, columns.iter().map(|&column| all[column]).collect::<Vec<_>>())
+            (
+                *instant,
+                columns
+                    .iter()
+                    .map(|&column| all[column])
+                    .collect::<Vec<_>>(),
+            )
         };
         let (before, after) = (sample(&samples[after - 1]), sample(&samples[after]));
         let pause = after.0 - before.0;
         if pause > LONGEST_PAUSE {
-            return Err(format!("no position is recorded for {pause:.1} s around it"));
+            return Err(format!(
+                "no position is recorded for {pause:.1} s around it"
+            ));
         }
         let share = (at - before.0) / pause;
         let pairs = before.1.iter().zip(&after.1);
@@ -232,8 +254,14 @@ impl<'a> Seen<'a> {
         let Some(chain) = &self.chain else {
             return Ok(Point3::new(numbers[0], numbers[1], numbers[2]));
         };
-        let names: Vec<String> = self.axes().iter().map(|(name, _)| (*name).to_owned()).collect();
-        let all = chain.positions(&names, numbers).map_err(|error| error.to_string())?;
+        let names: Vec<String> = self
+            .axes()
+            .iter()
+            .map(|(name, _)| (*name).to_owned())
+            .collect();
+        let all = chain
+            .positions(&names, numbers)
+            .map_err(|error| error.to_string())?;
         Ok(chain.ball_in_part(&all, &self.placed.part_pose, &self.placed.ball))
     }
 

@@ -197,10 +197,9 @@ impl RecorderService<'_> {
                     "{} is removed, as [recorder] keep_days and keep_gib have it",
                     one.path.display()
                 )),
-                Err(error) => output::warning(&format!(
-                    "{} is not removed: {error}",
-                    one.path.display()
-                )),
+                Err(error) => {
+                    output::warning(&format!("{} is not removed: {error}", one.path.display()))
+                }
             }
         }
         self.forecast = Forecast::of(&self.cell.recorder.folder, &retention::finished(self.cell));
@@ -209,7 +208,8 @@ impl RecorderService<'_> {
 
     /// Warns once a recorder when there is room for less than a day of recording, and again for less than an hour.
     fn warn_of_the_disk(&mut self) {
-        let Some((forecast, seconds)) = (self.forecast).and_then(|one| Some((one, one.seconds()?))) else {
+        let Some((forecast, seconds)) = (self.forecast).and_then(|one| Some((one, one.seconds()?)))
+        else {
             return;
         };
         let limit = ROOM.into_iter().rfind(|limit| seconds < *limit);
@@ -224,7 +224,11 @@ impl RecorderService<'_> {
 
     /// Looks at the disk once a minute while it is written to; the rate is that of the recording under way.
     fn watch_the_disk(&mut self) {
-        let Some((begun, folder)) = self.current.as_ref().map(|(_, folder)| (self.begun, folder)) else {
+        let Some((begun, folder)) = self
+            .current
+            .as_ref()
+            .map(|(_, folder)| (self.begun, folder))
+        else {
             return;
         };
         if self.looked.elapsed() < LOOK {

@@ -6,10 +6,10 @@ use anyhow::{Context, bail, ensure};
 use bags::Bag;
 use cell::{Cell, CellText};
 use exchange::import::contacts::{self, Motion};
+use probecell_msgs::Message;
 use probecell_msgs::geometry_msgs::PoseStamped;
 use probecell_msgs::sensor_msgs::JointState;
 use probecell_msgs::std_msgs::{Bool, Header};
-use probecell_msgs::Message;
 use recorded::import;
 
 use super::super::plan;
@@ -33,7 +33,13 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "TOPIC", conflicts_with = "pose")]
     joint_states: Option<String>,
     /// Joints whose names differ: AXIS=JOINT,...
-    #[arg(long, value_name = "NAMES", requires = "joint_states", default_value = "", hide_default_value = true)]
+    #[arg(
+        long,
+        value_name = "NAMES",
+        requires = "joint_states",
+        default_value = "",
+        hide_default_value = true
+    )]
     joints: String,
     /// Topic of the contact signal (std_msgs/Bool).
     #[arg(long, value_name = "TOPIC")]
@@ -51,7 +57,12 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "MS", default_value_t = 0.0)]
     delay_ms: f64,
     /// Standard uncertainty of the instant of a contact; times the speed it adds to that of a touch.
-    #[arg(long, value_name = "MS", default_value_t = 0.0, requires = "touch_uncertainty_um")]
+    #[arg(
+        long,
+        value_name = "MS",
+        default_value_t = 0.0,
+        requires = "touch_uncertainty_um"
+    )]
     time_uncertainty_ms: f64,
     /// A touch lies no farther from its point of the plan than this.
     #[arg(long, value_name = "MM", default_value_t = 2.0)]
@@ -71,7 +82,10 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
         (arguments.within_mm, "--within-mm"),
         (arguments.ball_radius_mm.unwrap_or(0.0), "--ball-radius-mm"),
     ] {
-        ensure!(value.is_finite() && value >= 0.0, "{option} must be a number that is not negative");
+        ensure!(
+            value.is_finite() && value >= 0.0,
+            "{option} must be a number that is not negative"
+        );
     }
     let bag = Bag::open(&arguments.bag)?;
     if let Some(damage) = bag.verify().first() {
@@ -115,11 +129,14 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
     ));
     let own = arguments.out.settings().map(|mut settings| {
         let of_time = arguments.time_uncertainty_ms * 1e-3 * speed * 1e6;
-        settings.touch_standard_uncertainty_um = settings.touch_standard_uncertainty_um.hypot(of_time);
+        settings.touch_standard_uncertainty_um =
+            settings.touch_standard_uncertainty_um.hypot(of_time);
         settings
     });
     let analysis = own.or_else(|| cell.as_ref().map(|cell| cell.analysis.clone()));
-    let topics = [&arguments.pose, &arguments.joint_states].into_iter().flatten();
+    let topics = [&arguments.pose, &arguments.joint_states]
+        .into_iter()
+        .flatten();
     let source = Source {
         kind: "contacts",
         files: Vec::new(),
@@ -140,7 +157,11 @@ fn messages<M: Message>(bag: &Bag, topic: &str) -> anyhow::Result<impl Iterator<
     for one in bag.typed::<M>(topic)? {
         let one = one?;
         // A recorder that knows no instant of publication writes that of reception, or none.
-        let at = if one.publish_time == 0 { one.log_time } else { one.publish_time };
+        let at = if one.publish_time == 0 {
+            one.log_time
+        } else {
+            one.publish_time
+        };
         all.push((at as f64 * 1e-9, one.message));
     }
     all.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -163,7 +184,9 @@ fn poses(bag: &Bag, topic: &str) -> anyhow::Result<Motion> {
 fn joints(bag: &Bag, topic: &str, named: &str) -> anyhow::Result<Motion> {
     let mut renamed = Vec::new();
     for pair in named.split(',').filter(|pair| !pair.is_empty()) {
-        let pair = pair.split_once('=').context("--joints must be AXIS=JOINT,...")?;
+        let pair = pair
+            .split_once('=')
+            .context("--joints must be AXIS=JOINT,...")?;
         renamed.push(pair);
     }
     let mut names: Vec<String> = Vec::new();
@@ -186,7 +209,11 @@ fn joints(bag: &Bag, topic: &str, named: &str) -> anyhow::Result<Motion> {
     in_order(names, samples, topic)
 }
 
-fn in_order(joints: Vec<String>, mut samples: Vec<(f64, Vec<f64>)>, topic: &str) -> anyhow::Result<Motion> {
+fn in_order(
+    joints: Vec<String>,
+    mut samples: Vec<(f64, Vec<f64>)>,
+    topic: &str,
+) -> anyhow::Result<Motion> {
     let finite = |numbers: &[f64]| numbers.iter().all(|number| number.is_finite());
     ensure!(
         samples.iter().all(|(_, numbers)| finite(numbers)),
