@@ -205,7 +205,7 @@ mod tests {
 
     fn cell(folder: &Path) -> Cell {
         let scripts = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../launch-scripts");
-        let mut cell = Cell::read(scripts.join("turn_mill.toml")).expect("a cell");
+        let mut cell = Cell::read(&scripts.join("turn_mill.toml")).expect("a cell");
         cell.recorder.folder = folder.to_owned();
         cell
     }

@@ -262,7 +262,9 @@ def dmis(text):
 def dmis_output_holds_every_figure_and_is_read_back(folder):
     seen = set()
     for number, bag in enumerate(sessions(folder)):
-        text, _ = probecell("export", bag, "--format", "dmis")
+        file = folder / f"out{number}.dmo"
+        probecell("export", bag, "--format", "dmis", "--out", file)
+        text = file.read_bytes().decode("ascii")
         statements, comments, outputs = dmis(text)
         held, plans, sizes = expected(bag)
         order = list(plans)
@@ -304,8 +306,6 @@ def dmis_output_holds_every_figure_and_is_read_back(folder):
             assert any(abs(one - touch.deviation * 1e3) < 1e-10 for one in found), (touch.point_index, found, touch.deviation)
         # Read back as a reference of the same session: the same deviations again.
         if len(order) == 1:
-            file = folder / f"out{number}.dmo"
-            file.write_text(text, newline="")
             probecell("import", "reference", file, "--format", "dmis", "--to", bag, "--instrument", "cell", "--uncertainty-um", 1,
                       "--out", folder / f"both{number}")
             (reference,) = messages(folder / f"both{number}")["reference"]

@@ -99,7 +99,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
     let signal: Vec<(f64, bool)> = messages::<Bool>(&bag, &arguments.contact)?
         .map(|(at, message)| (at, message.data))
         .collect();
-    let cell = arguments.cell.as_ref().map(Cell::read).transpose()?;
+    let cell = (arguments.cell.as_deref()).map(Cell::read).transpose()?;
     let (machine, mut plan) = match (&cell, &arguments.plan) {
         (Some(cell), _) => plan::shown(|progress| import::machine_of_cell(cell, progress))?,
         (None, Some(path)) => import::machine_of_bag(path)?,
