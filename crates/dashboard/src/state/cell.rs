@@ -325,10 +325,11 @@ impl CellState {
         }
         if let Some(one) = self.waiting(now).next() {
             let features = one.correction.feature_ids.join(", ");
-            return (
-                Attention::Decide,
-                format!("correction of {features} waits for approval"),
-            );
+            let text = match self.waiting(now).count() {
+                1 => format!("correction of {features} waits for approval"),
+                count => format!("{count} corrections wait for approval"),
+            };
+            return (Attention::Decide, text);
         }
         if let Some(part) = self.interrupted() {
             let text = format!("{} was interrupted: the cell ended", part.part_id);
@@ -340,6 +341,8 @@ impl CellState {
         {
             let what = if last.verdict == PartReport::SCRAP {
                 "is scrap"
+            } else if last.text.starts_with("not qualified any more") {
+                "is not qualified any more"
             } else {
                 "was stopped"
             };
