@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::ensure;
 use bags::{Bag, Measurement};
 use cell::Cell;
-use diagnosis::Session;
+use diagnosis::{DiagnoseError, Session};
 use experiment::identifiability::{
     DIAGNOSIS, Identifiability, Pair, Question, Smallest, identifiability,
 };
@@ -64,11 +64,13 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
         risk,
         power,
     };
-    let mut answer = identifiability(&session, &question)?;
-    if answer.touches == 0 && is_cell(&arguments.plan) {
+    let answer = match identifiability(&session, &question) {
         // The plan does not say in which posture an arm touches: the order does.
-        answer = identifiability(&in_order(session, &arguments.plan)?, &question)?;
-    }
+        Err(DiagnoseError::TooFew(..)) if is_cell(&arguments.plan) => {
+            identifiability(&in_order(session, &arguments.plan)?, &question)?
+        }
+        answer => answer?,
+    };
     if arguments.json {
         output::json(&answer)?;
     } else {
