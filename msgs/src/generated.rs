@@ -3464,6 +3464,33 @@ pub mod geometry_msgs {
         ["orientation", 1, 0, 0, "geometry_msgs/msg/Quaternion", ""]
     }
 
+    /// A Pose with reference coordinate frame and timestamp.
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct PoseStamped {
+        pub header: crate::std_msgs::Header,
+        pub pose: Pose,
+    }
+
+    crate::schema::message! {
+        PoseStamped: "geometry_msgs", "msg", "PoseStamped",
+        "RIHS01_10f3786d7d40fd2b54367835614bff85d4ad3b5dab62bf8bca0cc232d73b4cd8",
+        concat!(
+            include_str!("../standard/geometry_msgs/msg/PoseStamped.msg"),
+            "================================================================================\nMSG: std_msgs/Header\n",
+            include_str!("../standard/std_msgs/msg/Header.msg"),
+            "================================================================================\nMSG: builtin_interfaces/Time\n",
+            include_str!("../standard/builtin_interfaces/msg/Time.msg"),
+            "================================================================================\nMSG: geometry_msgs/Pose\n",
+            include_str!("../standard/geometry_msgs/msg/Pose.msg"),
+            "================================================================================\nMSG: geometry_msgs/Point\n",
+            include_str!("../standard/geometry_msgs/msg/Point.msg"),
+            "================================================================================\nMSG: geometry_msgs/Quaternion\n",
+            include_str!("../standard/geometry_msgs/msg/Quaternion.msg")
+        ),
+        ["header", 1, 0, 0, "std_msgs/msg/Header", ""]
+        ["pose", 1, 0, 0, "geometry_msgs/msg/Pose", ""]
+    }
+
     /// A rotation as a unit quaternion.
     #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
     pub struct Quaternion {
@@ -4192,6 +4219,19 @@ pub mod service_msgs {
 pub mod std_msgs {
     use serde::{Deserialize, Serialize};
 
+    /// A truth value.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct Bool {
+        pub data: bool,
+    }
+
+    crate::schema::message! {
+        Bool: "std_msgs", "msg", "Bool",
+        "RIHS01_feb91e995ff9ebd09c0cb3d2aed18b11077585839fb5db80193b62d74528f6c9",
+        include_str!("../standard/std_msgs/msg/Bool.msg"),
+        ["data", 15, 0, 0, "", ""]
+    }
+
     /// A colour.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
     pub struct ColorRGBA {
@@ -4778,6 +4818,7 @@ pub(crate) static MESSAGES: &[&MessageType] = &[
 <crate::diagnostic_msgs::KeyValue as crate::schema::Message>::TYPE,
 <crate::geometry_msgs::Point as crate::schema::Message>::TYPE,
 <crate::geometry_msgs::Pose as crate::schema::Message>::TYPE,
+<crate::geometry_msgs::PoseStamped as crate::schema::Message>::TYPE,
 <crate::geometry_msgs::Quaternion as crate::schema::Message>::TYPE,
 <crate::geometry_msgs::Transform as crate::schema::Message>::TYPE,
 <crate::geometry_msgs::TransformStamped as crate::schema::Message>::TYPE,
@@ -4876,6 +4917,7 @@ pub(crate) static MESSAGES: &[&MessageType] = &[
 <crate::sensor_msgs::CompressedImage as crate::schema::Message>::TYPE,
 <crate::sensor_msgs::JointState as crate::schema::Message>::TYPE,
 <crate::service_msgs::ServiceEventInfo as crate::schema::Message>::TYPE,
+<crate::std_msgs::Bool as crate::schema::Message>::TYPE,
 <crate::std_msgs::ColorRGBA as crate::schema::Message>::TYPE,
 <crate::std_msgs::Header as crate::schema::Message>::TYPE,
 <crate::std_msgs::String as crate::schema::Message>::TYPE,

@@ -916,6 +916,8 @@ CELLS = {
     "flush_of_no_time": (replaced("flush_interval_s = 0.5", "flush_interval_s = 0.0"), "flush_interval"),
     "flush_that_is_no_number": (replaced("flush_interval_s = 0.5", "flush_interval_s = nan"), "flush_interval"),
     "flush_of_ages": (replaced("flush_interval_s = 0.5", "flush_interval_s = 1e300"), "flush_interval"),
+    "flush_and_kept_for_no_time": (replaced("flush_interval_s = 0.5", "flush_interval_s = 0.5\nkeep_days = 0.0"), "keep_days = 0.0"),
+    "flush_and_kept_of_no_size": (replaced("flush_interval_s = 0.5", "flush_interval_s = 0.5\nkeep_gib = nan"), "keep_gib"),
     "endpoint_that_is_none": (replaced("tcp/127.0.0.1:7447", "nonsense"), "nonsense"),
     "port_that_is_none": (replaced("tcp/127.0.0.1:7447", "tcp/127.0.0.1:99999"), "99999"),
     "description_that_is_not_there": (replaced('"turn_mill.urdf"', '"other.urdf"'), "other.urdf"),

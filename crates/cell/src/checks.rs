@@ -112,6 +112,16 @@ fn recorder(cell: &Cell) -> Result<(), String> {
     if cell.recorder.split_size_mib == Some(0) {
         return Err("recorder.split_size_mib = 0 must be at least 1".to_owned());
     }
+    for (key, value) in [
+        ("keep_days", cell.recorder.keep_days),
+        ("keep_gib", cell.recorder.keep_gib),
+    ] {
+        if let Some(value) = value
+            && !(value > 0.0 && value.is_finite())
+        {
+            return Err(format!("recorder.{key} = {value:?} must be above 0"));
+        }
+    }
     Ok(())
 }
 

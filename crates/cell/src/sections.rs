@@ -153,6 +153,10 @@ pub struct RecorderSection {
     pub split_size_mib: Option<u64>,
     /// A new file is begun after this time, an hour by default: the recorder keeps the index of a file until its end.
     pub split_duration_s: Option<f64>,
+    /// Recordings of the cell that ended longer ago are removed when another begins; none: never.
+    pub keep_days: Option<f64>,
+    /// The oldest recordings of the cell are removed when another begins, until the rest takes no more; none: never.
+    pub keep_gib: Option<f64>,
 }
 
 impl Default for RecorderSection {
@@ -162,6 +166,8 @@ impl Default for RecorderSection {
             flush_interval_s: 1.0,
             split_size_mib: None,
             split_duration_s: Some(SPLIT_DURATION),
+            keep_days: None,
+            keep_gib: None,
         }
     }
 }

@@ -175,7 +175,7 @@ fn the_ledger_sets_what_was_achieved_against_what_was_promised() {
         "{shown}"
     );
     assert!(
-        shown.contains(&format!("→ 0, achieved → {} µm", micro(mean))),
+        shown.contains(&format!("→ 0 µm, achieved → {} µm", micro(mean))),
         "{shown}"
     );
     // Before it was measured again nothing was achieved yet.

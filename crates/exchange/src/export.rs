@@ -2,6 +2,7 @@
 //! recording's, in the unit that a format asks for.
 
 pub mod aqdef;
+pub mod dmis;
 mod live;
 pub mod mtconnect;
 pub mod opcua;

@@ -1,6 +1,7 @@
 //! What comes in: files of other systems as the messages of a session.
 
 pub mod columns;
+pub mod contacts;
 pub mod dmis;
 pub mod features;
 mod frame;

@@ -94,7 +94,32 @@ impl Table {
             table.header = first.cells.into_iter().map(|cell| cell.text).collect();
         }
         table.rows = rows;
+        table.not_wider_than_its_header()?;
         Ok(table)
+    }
+
+    /// A cell without a column is refused: what a decimal comma cuts in two would be read as another number.
+    fn not_wider_than_its_header(&self) -> Result<(), ImportError> {
+        let columns = self.header.len();
+        if columns == 0 {
+            return Ok(());
+        }
+        let beyond = self.rows.iter().find_map(|row| {
+            let behind = row.cells.iter().skip(columns);
+            let cell = behind.into_iter().find(|cell| !cell.text.is_empty())?;
+            Some((row, cell))
+        });
+        match beyond {
+            None => Ok(()),
+            Some((row, cell)) => Err(ImportError::at(
+                row.line,
+                cell.column,
+                format!(
+                    "the row has {} cells, and the header {columns} columns: is the decimal sign a comma, or a quote missing?",
+                    row.cells.len()
+                ),
+            )),
+        }
     }
 
     /// Index of a column: its name, or `#N` for the N-th, from 1.

@@ -33,6 +33,7 @@ mod launcher;
 mod operator;
 mod output;
 mod own_socket;
+mod retention;
 mod ros_arguments;
 mod routing;
 mod signals;

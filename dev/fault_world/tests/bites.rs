@@ -11,7 +11,7 @@ use std::sync::LazyLock;
 use fault_world::{
     Alteration, Cells, Fault, Forgery, Invariant, Kind, Mood, Route, StandIn, altered, run,
 };
-use graph::{DeliverError, Emitted, Instance, Stamp, Topic, topics};
+use graph::{DeliverError, Emitted, Instance, RestoreError, Stamp, Topic, topics};
 use probecell_msgs::{
     ControllerCommand, ControllerStatus, Correction, CorrectionAcknowledgement as Ack,
     GateHeartbeat, Message, OperationRequest, RecordingStatus, from_cdr, to_cdr,

@@ -233,3 +233,86 @@ def mtconnect_documents_are_valid_and_every_figure_is_the_recordings(folder):
             for tool, value in zip(held[-1].tool_numbers, held[-1].wear):
                 same(wear[str(tool)], value)
     return None if SCHEMAS.is_dir() else "not validated: the official schema is not there"
+
+
+def dmis(text):
+    """Statements of a DMIS file by label, comments, and what each OUTPUT names: a reader after ISO 22093, 5.1 (lines, `$`, `$$`)."""
+    assert all(len(line) <= 80 and line.isascii() for line in text.split("\r\n")), max(text.split("\r\n"), key=len)
+    statements, comments, outputs, joined = {}, [], [], ""
+    for line in text.split("\r\n"):
+        if line.startswith("$$"):
+            comments.append(line[2:].strip())
+            continue
+        joined += line.removesuffix("$")
+        if line.endswith("$") or not joined:
+            continue
+        label, is_labelled, rest = joined.partition("=")
+        if is_labelled and label.endswith(")"):
+            major, _, words = rest.partition("/")
+            assert label not in statements, label
+            statements[label] = (major, words.split(","))
+        elif joined.startswith("OUTPUT/"):
+            outputs.append(joined.removeprefix("OUTPUT/").split(","))
+        joined = ""
+    assert text.startswith("DMISMN/") and "\r\nUNITS/MM,ANGDEC\r\n" in text and text.endswith("ENDFIL\r\n")
+    return statements, comments, outputs
+
+
+@check
+def dmis_output_holds_every_figure_and_is_read_back(folder):
+    seen = set()
+    for number, bag in enumerate(sessions(folder)):
+        file = folder / f"out{number}.dmo"
+        probecell("export", bag, "--format", "dmis", "--out", file)
+        text = file.read_bytes().decode("ascii")
+        statements, comments, outputs = dmis(text)
+        held, plans, sizes = expected(bag)
+        order = list(plans)
+        behind = lambda plan: f"_{order.index(plan) + 1}" if len(order) > 1 else ""
+        for (plan, name), (result, limits, status) in sizes.items():
+            features = {one.id: one for one in plans[plan].features}
+            suffix = behind(plan)
+            seen.add(status)
+            assert any(comment.startswith(f"{name}: {status}, U = ") for comment in comments), (name, status)
+            if limits:
+                tolerance, actual = statements[f"T({name}_T{suffix})"], statements[f"TA({name}_T{suffix})"]
+                assert tolerance[0] == actual[0] == "TOL" and tolerance[1][0] == actual[1][0]
+                diameter = name in features and result.kind in DIAMETERS
+                low, high = tolerance[1][1:3] if diameter else tolerance[1][3:5]
+                assert diameter == (tolerance[1][0] == "DIAM")
+                same(low, limits[0])
+                same(high, limits[1])
+                same(actual[1][1], result.size_deviation)
+                assert actual[1][2] == ("INTOL" if status == "PASS" else "OUTOL"), (name, status, actual)
+            if name in features:
+                for letters, at, diameter in (("F", features[name].origin, 2 * features[name].radius), ("FA", result.origin, result.size)):
+                    major, words = statements[f"{letters}({name}{suffix})"]
+                    place = words.index("CART") + 1
+                    for word, value in zip(words[place : place + 3], (at.x, at.y, at.z)):
+                        same(word, value)
+                    if words[0] in ("CYLNDR", "SPHERE"):
+                        close(float(words[-1]), diameter * 1e3, 1e-12)
+                assert not limits or [f"FA({name}{suffix})", f"TA({name}_T{suffix})"] in outputs
+        # Every touch, by its point: the deviation is what both places differ by along the normal.
+        points = {label: words for label, (major, words) in statements.items() if words[0] == "POINT"}
+        assert len(points) == 2 * len(held["touch_deviations"])
+        for touch in held["touch_deviations"]:
+            suffix = behind(touch.plan_id)
+            labels = [label for label in (f"P{touch.point_index}{suffix}{again}" for again in ("", *(f".{k}" for k in range(2, 9)))) if f"FA({label})" in points]
+            found = []
+            for label in labels:
+                nominal, actual = (list(map(float, points[f"{letters}({label})"][2:])) for letters in ("F", "FA"))
+                found.append(sum((b - a) * n for a, b, n in zip(nominal[:3], actual[:3], actual[3:])))
+            assert any(abs(one - touch.deviation * 1e3) < 1e-10 for one in found), (touch.point_index, found, touch.deviation)
+        # Read back as a reference of the same session: the same deviations again.
+        if len(order) == 1:
+            probecell("import", "reference", file, "--format", "dmis", "--to", bag, "--instrument", "cell", "--uncertainty-um", 1,
+                      "--out", folder / f"both{number}")
+            (reference,) = messages(folder / f"both{number}")["reference"]
+            own = sorted((t.point_index, t.deviation) for t in held["touch_deviations"] if t.plan_id == order[0])
+            back = sorted(zip(reference.point_index, reference.deviation))
+            assert len(own) == len(back)
+            for (point, one), (other_point, other) in zip(own, back):
+                assert point == other_point
+                close(one, other, 1e-13)
+    assert {"PASS", "INDETERMINATE", "REWORK"} <= seen, seen

@@ -95,6 +95,11 @@ def wrong_tables_are_refused_with_line_and_column(folder):
     refused(good, "mean nothing without their machine", columns=touches.COLUMNS.replace("deviation=", "axis.X="))
     refused(good.replace("Punkt", "Abw"), "two columns are named")
     refused("", "there is no column")
+    # A decimal comma that cuts a number in two, a name that steers a terminal, and a length that is none.
+    refused(spoiled(8, "-0,4"), "the row has 11 cells, and the header 10 columns")
+    refused(spoiled(1, "right\x1b[2J"), f"line 8, column {column(1)}: expected the name of a feature")
+    refused(spoiled(8, "1e300"), f"line 8, column {column(8)}: expected a length that a machine reaches")
+    refused(spoiled(2, "-1e9"), f"line 8, column {column(2)}: expected a length that a machine reaches")
 
     # Row by row only when asked to: every row that is left out is named, and the status says it.
     table.write_text(spoiled(8, "NaN"))

@@ -3,4 +3,5 @@
 import check_touches  # noqa: F401
 import check_exports  # noqa: F401
 import check_imports  # noqa: F401
+import check_contacts  # noqa: F401
 import check_json  # noqa: F401

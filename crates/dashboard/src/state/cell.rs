@@ -126,8 +126,10 @@ pub struct CellState {
     pub(super) interrupted: Option<PartStatus>,
     /// The last parts that ended, newest last.
     pub ended: VecDeque<PartReport>,
-    /// Parts that ended, by verdict of the report.
+    /// Reports of parts that ended, by verdict.
     pub parts: BTreeMap<u8, u64>,
+    /// Of these, those that a later report of the same part has replaced: a reference may revoke what was qualified.
+    pub(super) revoked: BTreeMap<u8, u64>,
     /// Verdicts, by code.
     pub verdict_counts: BTreeMap<u8, u64>,
     /// The plan.
@@ -194,6 +196,14 @@ impl CellState {
         }
     }
 
+    /// Parts that ended, by the verdict that holds.
+    pub fn ended_counts(&self) -> Vec<(u8, u64)> {
+        let replaced = |verdict| self.revoked.get(verdict).copied().unwrap_or_default();
+        let counts =
+            (self.parts.iter()).map(|(verdict, count)| (*verdict, count - replaced(verdict)));
+        counts.filter(|(_, count)| *count > 0).collect()
+    }
+
     /// State of the machine.
     pub fn machine(&self) -> Option<MachineState> {
         from_cdr(&self.machine_bytes).ok()
@@ -225,7 +235,7 @@ impl CellState {
         (self.interrupted.as_ref()).filter(|_| !self.is_making())
     }
 
-    /// Of the verdicts on the plan measured last the one that is worst, of equals that of the largest error.
+    /// Of the verdicts on the plan measured last the one that is worst, of equals that whose error takes most of its tolerance.
     pub fn worst_verdict(&self) -> Option<&Verdict> {
         let rank = |one: &Verdict| match one.verdict {
             Verdict::QUALIFIED => 0,
@@ -234,7 +244,8 @@ impl CellState {
             _ => 3,
         };
         let worse = |a: &&Verdict, b: &&Verdict| {
-            let by_error = || a.error.abs().total_cmp(&b.error.abs());
+            let used = |one: &Verdict| one.error.abs() / one.tolerance.max(f64::MIN_POSITIVE);
+            let by_error = || used(a).total_cmp(&used(b));
             rank(a).cmp(&rank(b)).then_with(by_error)
         };
         self.verdicts.values().max_by(worse)
@@ -314,10 +325,11 @@ impl CellState {
         }
         if let Some(one) = self.waiting(now).next() {
             let features = one.correction.feature_ids.join(", ");
-            return (
-                Attention::Decide,
-                format!("correction of {features} waits for approval"),
-            );
+            let text = match self.waiting(now).count() {
+                1 => format!("correction of {features} waits for approval"),
+                count => format!("{count} corrections wait for approval"),
+            };
+            return (Attention::Decide, text);
         }
         if let Some(part) = self.interrupted() {
             let text = format!("{} was interrupted: the cell ended", part.part_id);
@@ -329,22 +341,25 @@ impl CellState {
         {
             let what = if last.verdict == PartReport::SCRAP {
                 "is scrap"
+            } else if last.text.starts_with("not qualified any more") {
+                "is not qualified any more"
             } else {
                 "was stopped"
             };
             return (Attention::Act, format!("{} {what}", last.part_id));
         }
-        if self.report.as_ref().is_some_and(|one| {
-            matches!(
-                one.verdict,
-                diagnosis::Verdict::Unexplained | diagnosis::Verdict::PartlyExplained
-            )
-        }) {
-            return (Attention::Look, "the gap is not explained".to_owned());
+        let explained = self.report.as_ref().map(|one| one.verdict);
+        let open = match explained {
+            Some(diagnosis::Verdict::Unexplained) => Some("the gap is not explained"),
+            Some(diagnosis::Verdict::PartlyExplained) => Some("part of the gap is not explained"),
+            _ => None,
+        };
+        if let Some(open) = open {
+            return (Attention::Look, open.to_owned());
         }
         if self.is_making() || execution == Some(MachineState::EXECUTION_RUNNING) {
-            return (Attention::Working, "nothing to do".to_owned());
+            return (Attention::Working, "no action needed".to_owned());
         }
-        (Attention::Idle, "nothing to do".to_owned())
+        (Attention::Idle, "no action needed".to_owned())
     }
 }

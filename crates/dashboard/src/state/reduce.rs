@@ -140,6 +140,10 @@ impl CellState {
             return None;
         }
         *self.parts.entry(report.verdict).or_default() += 1;
+        let same = |one: &&PartReport| !one.run_id.is_empty() && one.run_id == report.run_id;
+        if let Some(before) = self.ended.iter().rfind(same) {
+            *self.revoked.entry(before.verdict).or_default() += 1;
+        }
         self.interrupted
             .take_if(|part| part.run_id == report.run_id);
         let text = format!(

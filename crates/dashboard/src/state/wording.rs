@@ -18,6 +18,15 @@ pub(crate) fn micrometres(metres: f64) -> String {
     )
 }
 
+/// A probability as a verdict says it, without the certainty that rounding makes of it.
+pub(crate) fn risk(text: &str) -> &str {
+    if text == "100.0 %" {
+        "above 99.9 %"
+    } else {
+        text
+    }
+}
+
 /// State of the machine.
 pub(crate) fn execution(code: u8) -> &'static str {
     match code {

@@ -52,7 +52,7 @@ pub fn compare_page(a: &Compared<'_>, b: &Compared<'_>) -> Markup {
         section.card aria-labelledby="sizes-title" {
             h2 #sizes-title { "Sizes" }
             div.scroll tabindex="0" role="region" aria-label="Sizes of both sessions" { table.compare {
-                thead { tr { th scope="col" { "Feature" } th.number scope="col" { "A: deviation ± U" br; small { "µm" } } th scope="col" { "A says" } th.number scope="col" { "B: deviation ± U" br; small { "µm" } } th scope="col" { "B says" } th.number scope="col" { "B − A" br; small { "µm" } } } }
+                thead { tr { th scope="col" { "Feature" } th.number scope="col" { "A: deviation ± U" br; small { "µm" } } th scope="col" { "A: verdict" } th.number scope="col" { "B: deviation ± U" br; small { "µm" } } th scope="col" { "B: verdict" } th.number scope="col" { "B − A" br; small { "µm" } } } }
                 tbody { @for name in names {
                     @let left = find(&sizes_a, name).map(|i| &sizes_a[i]);
                     @let right = find(&sizes_b, name).map(|i| &sizes_b[i]);
@@ -87,10 +87,8 @@ fn length(one: &Compared<'_>) -> String {
 }
 
 fn parts(cell: &CellState) -> String {
-    let all: Vec<String> = cell
-        .parts
-        .iter()
-        .map(|(code, count)| format!("{count} {}", PartReport::word(*code)))
+    let all: Vec<String> = (cell.ended_counts().into_iter())
+        .map(|(code, count)| format!("{count} {}", PartReport::word(code)))
         .collect();
     if all.is_empty() {
         "none ended".to_owned()

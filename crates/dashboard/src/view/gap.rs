@@ -6,7 +6,7 @@ use effects::vocabulary;
 use maud::{Markup, html};
 
 use super::deeds::deed;
-use super::numbers::{probability, um};
+use super::numbers::{minus, probability, um};
 use crate::state::{CellState, wording};
 
 /// Places shown of where the gap is.
@@ -64,7 +64,7 @@ fn in_full(report: &Report, deeds: &dyn Fn(usize) -> Markup) -> Markup {
         }
         (place(report))
         (next(report, deeds))
-        @for warning in &report.warnings { p.note { "Note: " (warning) "." } }
+        @for warning in &report.warnings { p.note { "Note: " (minus(warning)) "." } }
     }
 }
 

@@ -5,7 +5,7 @@ use maud::{Markup, html};
 use probecell_msgs::{MachineState, PartReport, PartStatus, Verdict};
 
 use super::gap::unexplained;
-use super::numbers::{cell_title, last_word};
+use super::numbers::{cell_title, last_word, minus};
 use super::page::{Frame, Place, frame};
 use crate::state::{Attention, CellState, Hall, wording};
 
@@ -96,7 +96,7 @@ pub fn tile(cell: &CellState, now: Stamp) -> Markup {
                         } " °C"
                     } }
                 }
-                div.last { dt { "Last word" } dd.age { (last_word(cell, now)) } }
+                div.last { dt { "Last message" } dd.age { (last_word(cell, now)) } }
             }
         }
     }
@@ -129,7 +129,7 @@ pub(super) fn verdict(cell: &CellState) -> Markup {
     html! {
         div { dt { "Worst verdict" } dd {
             span.verdict.(super::sizes::class_of(last.verdict)) { (last.feature_id) " " (Verdict::word(last.verdict)) ", " (wording::micrometres(last.error)) }
-            small { (last.plan_id) "; " (reasons.rule) @if let Some(risk) = reasons.risk { "; risk " (risk) } }
+            small { (last.plan_id) "; " (minus(reasons.rule)) @if let Some(risk) = reasons.risk { "; risk " (wording::risk(risk)) } }
         } }
     }
 }
@@ -146,8 +146,8 @@ fn gap(cell: &CellState) -> Markup {
             @if !names.is_empty() {
                 small title=(names.join("; ")) {
                     @if names.len() > 1 { "one of " }
-                    (names.iter().take(WRITTEN).cloned().collect::<Vec<_>>().join(", "))
-                    @if names.len() > WRITTEN { " and " (names.len() - WRITTEN) " more" }
+                    (names.iter().take(WRITTEN).cloned().collect::<Vec<_>>().join("; "))
+                    @if names.len() > WRITTEN { "; and " (names.len() - WRITTEN) " more" }
                 }
             } @else if let Some(report) = cell.report.as_ref().filter(|one| one.verdict == diagnosis::Verdict::Unexplained) {
                 small { "no known cause fits" @let most = unexplained(report); @if !most.is_empty() { "; " (most) } }

@@ -40,8 +40,8 @@ pub(crate) fn changed_by(correction: &Correction) -> String {
 }
 
 /// A value of the correction: m unless the axis turns, which only a work offset could.
-fn value(metres: f64) -> String {
-    format!("{} µm", signed_um(metres))
+fn value(metres: f64) -> Markup {
+    html! { span.q { (signed_um(metres)) " µm" } }
 }
 
 fn item(cell: &CellState, entry: &Entry, deeds: &Markup, now: Stamp) -> Markup {
@@ -53,7 +53,7 @@ fn item(cell: &CellState, entry: &Entry, deeds: &Markup, now: Stamp) -> Markup {
             h3 { (changed_by(one)) }
             p.change { b { (value(one.previous_value)) " → " (value(one.new_value)) } " within " (value(one.lower_bound)) " to " (value(one.upper_bound)) }
             ol.steps {
-                li.done { b { "Proposed" } " " (clock(entry.proposed)) " from " code { (one.plan_id) } ", " (one.sequences.len()) " touches: error " (value(one.measured_error)) ", standard uncertainty " (um(one.standard_uncertainty)) " µm" }
+                li.done { b { "Proposed" } " " (clock(entry.proposed)) " from " code { (one.plan_id) } ", " (one.sequences.len()) " touches: error " (value(one.measured_error)) ", standard uncertainty " span.q { (um(one.standard_uncertainty)) " µm" } }
                 li.(if waiting || one.approval == Correction::APPROVAL_NONE { "open" } else { "done" }) {
                     b { "Approval" } " "
                     @if waiting { "waits: " code { "probecell approve " (one.correction_id) " --operator NAME --cell CELL.toml" } }
@@ -106,17 +106,17 @@ fn achieved(cell: &CellState, entry: &Entry) -> Markup {
         let verdict = cell.verdicts.get(id);
         verdict.is_some_and(|one| one.verdict == Verdict::CONTRADICTED)
     });
-    let each: Vec<String> = (entry.achieved.iter())
-        .map(|(id, error)| format!("{id} {}", value(*error)))
-        .collect();
+    let each = html! {
+        @for (index, (id, error)) in entry.achieved.iter().enumerate() { @if index > 0 { ", " } (id) " " (value(*error)) }
+    };
     html! {
         @if let Some(mean) = entry.achieved_error() {
             li.(if refuted { "failed" } else { "done" }) {
-                b { "Promised" } " " (value(one.measured_error)) " → 0, " b { "achieved" } " → " b { (value(mean)) } " (" (each.join(", ")) ")"
+                b { "Promised" } " " (value(one.measured_error)) " → 0 µm, " b { "achieved" } " → " b { (value(mean)) } " (" (each) ")"
                 @if refuted { ", " b { "by readings that the reference contradicts" } ": do not rely on it" }
             }
         } @else if entry.acknowledgement.is_some() {
-            li.open { b { "Promised" } " " (value(one.measured_error)) " → 0; the next measurement will tell" }
+            li.open { b { "Promised" } " " (value(one.measured_error)) " → 0 µm; the next measurement will tell" }
         }
     }
 }

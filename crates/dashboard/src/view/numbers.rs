@@ -34,6 +34,19 @@ pub(super) fn um(metres: f64) -> String {
     format!("{:.1}", (metres * 1e6).abs())
 }
 
+/// A sentence of a message with a true minus before its numbers.
+pub(super) fn minus(text: &str) -> String {
+    let mut said = String::with_capacity(text.len());
+    for (index, part) in text.split(" -").enumerate() {
+        if index > 0 {
+            let number = part.starts_with(|letter: char| letter.is_ascii_digit());
+            said.push_str(if number { " −" } else { " -" });
+        }
+        said.push_str(part);
+    }
+    said
+}
+
 /// A span in s, as people say it.
 pub(super) fn span(seconds: f64) -> String {
     if !seconds.is_finite() {
@@ -118,6 +131,14 @@ mod tests {
         assert_eq!(signed_um(2.5e-6), "+2.5");
         assert_eq!(signed_um(f64::NAN), "no value");
         assert_eq!(mm(-0.00905), "−9.0500");
+    }
+
+    #[test]
+    fn a_sentence_has_a_true_minus_before_numbers_only() {
+        assert_eq!(
+            minus("reads -2.0 µm, by --operator ADA of part 7 -a"),
+            "reads −2.0 µm, by --operator ADA of part 7 -a"
+        );
     }
 
     #[test]

@@ -8,7 +8,7 @@ use probecell_msgs::{
 
 use super::deeds::{deed, deed_asking};
 use super::hall::{attention_of, doing};
-use super::numbers::{clock, last_word, span};
+use super::numbers::{clock, last_word, minus, span};
 use crate::state::{CellState, EventKind, Hall, wording};
 
 /// Events shown.
@@ -25,13 +25,13 @@ pub(super) fn state(cell: &CellState, takes_acts: bool, now: Stamp) -> Markup {
             p.badge { span.sign aria-hidden="true" { (sign) } " " span.sr { (name) ": " } (doing(cell, now)) }
             p.why { (why) }
             dl {
-                div { dt { "Part" } dd { @if let Some(part) = cell.interrupted() { (part.part_id) ", interrupted" small { "in pass " (part.pass_number + 1) ", " (PartStatus::word(part.stage)) "; nothing was decided on it since" } } @else if part.stage == PartStatus::NONE { @if let Some(last) = cell.ended.back() { (last.part_id) ", " (PartReport::word(last.verdict)) small { (last.text) } } @else { "none yet" } } @else { (part.part_id) ", pass " (part.pass_number + 1) ", " (PartStatus::word(part.stage)) small { (part.operation.replace('_', " ")) code { (part.plan_id) } } } } }
-                @if let Some(machine) = machine.as_ref().filter(|one| !one.program.is_empty()) { div { dt { "Program" } dd { (machine.program) " line " (machine.line) } } }
+                div { dt { "Part" } dd { @if let Some(part) = cell.interrupted() { (part.part_id) ", interrupted" small { "in pass " (part.pass_number + 1) ", " (PartStatus::word(part.stage)) "; nothing was decided on it since" } } @else if part.stage == PartStatus::NONE { @if let Some(last) = cell.ended.back() { (last.part_id) ", " (PartReport::word(last.verdict)) small { (minus(&last.text)) } } @else { "none yet" } } @else { (part.part_id) ", pass " (part.pass_number + 1) ", " (PartStatus::word(part.stage)) small { (part.operation.replace('_', " ")) code { (part.plan_id) } } } } }
+                @if let Some(machine) = machine.as_ref().filter(|one| !one.program.is_empty()) { div { dt { "Program" } dd { (machine.program) @if machine.line > 0 { " line " (machine.line) } } } }
                 (super::hall::verdict(cell))
-                @if let Some(one) = cell.decision().filter(|one| part.stage != PartStatus::NONE || cell.ended.back().is_none_or(|last| last.text != one.text)) { div { dt { "Decision" } dd { (wording::decision(one.decision)) small { (one.text) } } } }
-                div { dt { "Parts" } dd { @if cell.parts.is_empty() { "none ended" } @for (index, (code, count)) in cell.parts.iter().enumerate() { @if index > 0 { ", " } (count) " " (PartReport::word(*code)) } } }
+                @if let Some(one) = cell.decision().filter(|one| part.stage != PartStatus::NONE || cell.ended.back().is_none_or(|last| last.text != one.text)) { div { dt { "Decision" } dd { (wording::decision(one.decision)) small { (minus(&one.text)) } } } }
+                div { dt { "Parts" } dd { @if cell.parts.is_empty() { "none ended" } @for (index, (code, count)) in cell.ended_counts().into_iter().enumerate() { @if index > 0 { ", " } (count) " " (PartReport::word(code)) } } }
                 @if let Some(one) = &cell.recording { div { dt { "Recording" } dd { (match one.state { RecordingStatus::RECORDING => "recording", RecordingStatus::WAIVED => "waived", _ => "stopped" }) } } }
-                div { dt { "Last word" } dd.age { (last_word(cell, now)) } }
+                div.last { dt { "Last message" } dd.age { (last_word(cell, now)) } }
             }
             @if let Some(one) = cell.planning() { (planning(one)) }
             @if takes_acts && !cell.kept {
@@ -133,7 +133,7 @@ pub(super) fn faults(cell: &CellState, hall: &Hall) -> Markup {
         .collect();
     html! {
         @for alarm in &alarms { p.mark { b { "Alarm" } " " (alarm) } }
-        @if cell.faults.is_empty() && alarms.is_empty() { p.none { "No fault since the dashboard first heard of this cell." } }
+        @if cell.faults.is_empty() && alarms.is_empty() { p.none { "No fault has been reported." } }
         @if !cell.faults.is_empty() {
             ul.faults { @for (at, fault) in cell.faults.iter().rev() {
                 li.(if fault.severity == Fault::ERROR { "bad" } else { "unsure" }) { time { (clock(*at)) } " " b { (fault.node) } " " (fault.text) " " code { (fault.code) } }

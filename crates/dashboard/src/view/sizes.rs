@@ -4,7 +4,7 @@ use maud::{Markup, html};
 use probecell_msgs::{FeatureResult, InspectionFeature, Verdict, geometrical};
 
 use super::numbers::{mm, signed_um, um};
-use crate::state::CellState;
+use crate::state::{CellState, wording};
 
 /// Class of a verdict.
 pub(super) fn class_of(verdict: u8) -> &'static str {
@@ -117,7 +117,7 @@ pub(super) fn sizes(cell: &CellState) -> Markup {
                     th.number scope="col" { "Limits" br; small { "µm" } }
                     th.number.extra scope="col" { "Size" br; small { "mm" } }
                     th.number.extra scope="col" { "Nominal" br; small { "mm" } }
-                    th scope="col" { "Says" }
+                    th scope="col" { "Verdict" }
                 } }
                 tbody { @for size in &sizes { (row(size)) } }
             }
@@ -156,7 +156,7 @@ fn row(size: &Size<'_>) -> Markup {
             td.number { @if let Some((lower, upper)) = size.limits { (signed_um(lower)) " … " (signed_um(upper)) } @else { "–" } }
             td.number.extra { (mm(result.size)) }
             td.number.extra { (mm(result.nominal_size)) }
-            td { span.verdict.(size.class) { (size.says()) } @if let Some(risk) = risk { small { "risk " (risk) } } @else if let Some(why) = refuted { small { (why) } } }
+            td { span.verdict.(size.class) { (size.says()) } @if let Some(risk) = risk { small { "risk " (wording::risk(risk)) } } @else if let Some(why) = refuted { small { (why) } } }
         }
     }
 }

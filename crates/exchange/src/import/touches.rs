@@ -12,7 +12,8 @@ use nalgebra::{Point3, Vector3};
 use probecell_msgs::builtin_interfaces::Time;
 use probecell_msgs::geometry_msgs::Pose;
 use probecell_msgs::{
-    InspectionFeature, InspectionPlan, InspectionPoint, MachineState, ProbeEvent, Stylus, std_msgs,
+    InspectionFeature, InspectionPlan, InspectionPoint, MachineState, ProbeEvent, Stylus,
+    is_unprintable, std_msgs,
 };
 
 use super::columns::Columns;
@@ -21,6 +22,9 @@ use super::{Counts, Imported, frame};
 use crate::ImportError;
 use crate::table::{Layout, Row, Table};
 use crate::units::{Quantity, Units};
+
+/// No coordinate is farther away, m: the diagnosis takes none.
+const FARTHEST: f64 = 1e3;
 
 /// What the caller knows of a table of touches.
 #[derive(Clone, Debug)]
@@ -223,7 +227,12 @@ impl<'a> Reader<'a> {
     /// The number in a column, in SI.
     fn si(&self, row: &Row, index: usize, quantity: Quantity) -> Result<f64, ImportError> {
         let factor = self.settings.units.of(quantity)?.1;
-        Ok(factor * row.number(index, self.settings.layout)?)
+        let value = factor * row.number(index, self.settings.layout)?;
+        let is_length = matches!(quantity, Quantity::Length | Quantity::Deviation);
+        if is_length && value.abs() > FARTHEST {
+            return Err(row.wrong(index, "expected a length that a machine reaches (1 km)"));
+        }
+        Ok(value)
     }
 
     fn lengths(&self, row: &Row, columns: [usize; 3]) -> Result<[f64; 3], ImportError> {
@@ -370,6 +379,12 @@ impl<'a> Reader<'a> {
         let name = match self.columns.get("feature") {
             Some(index) if row.cell(index)?.text.is_empty() => {
                 return Err(row.wrong(index, "expected the name of a feature"));
+            }
+            Some(index) if row.cell(index)?.text.chars().any(is_unprintable) => {
+                return Err(row.wrong(
+                    index,
+                    "expected the name of a feature, which can be printed",
+                ));
             }
             Some(index) => row.cell(index)?.text.clone(),
             None => "surface".to_owned(),

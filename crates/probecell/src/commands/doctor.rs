@@ -13,7 +13,11 @@ use host::bus::{Bus, BusConfig};
 use plc::Poll;
 use serde::Serialize;
 
-use crate::{BAD_INPUT, FAILED, GOOD, cell_bus, output, ros_arguments::read_cell};
+use crate::{
+    BAD_INPUT, FAILED, GOOD, cell_bus, output,
+    retention::{self, Forecast},
+    ros_arguments::read_cell,
+};
 
 /// Timeout of discovery between two participants on one machine.
 const DISCOVERY_TIMEOUT: Duration = Duration::from_secs(10);
@@ -133,7 +137,9 @@ fn recordings(cell: &Cell) -> Result<String, String> {
         .map_err(|error| format!("{} cannot be written: {error}", folder.display()))?;
     std::fs::remove_file(&probe)
         .map_err(|error| format!("{} cannot be removed: {error}", probe.display()))?;
-    Ok(format!("{} can be written", folder.display()))
+    let forecast = Forecast::of(folder, &retention::finished(cell));
+    let forecast = forecast.map_or(String::new(), |forecast| format!(", {forecast}"));
+    Ok(format!("{} can be written{forecast}", folder.display()))
 }
 
 /// Zenoh accepts the settings of sessions and of the router, whether that router is needed now or not.

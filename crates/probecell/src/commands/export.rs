@@ -7,7 +7,7 @@ use ::report::{PartSession, size_records};
 use anyhow::Context;
 use bags::Bag;
 use clap::ValueEnum;
-use exchange::export::{Record, Size, aqdef, mtconnect, qif, table};
+use exchange::export::{Record, Size, aqdef, dmis, mtconnect, qif, table};
 use graph::topics;
 use probecell_msgs::{FeatureResult, ProbeEvent, ToolOffsets, geometrical};
 use recorded::record::{Reader, gather};
@@ -21,6 +21,8 @@ pub(crate) enum Format {
     Qif,
     /// AQDEF (.dfq): characteristics and their values.
     Dfq,
+    /// DMIS 5.2 output (ISO 22093): features nominal and measured, tolerances, touches.
+    Dmis,
     /// CSV table of sizes.
     Csv,
     /// CSV table of touches, which `import touches` reads back.
@@ -56,6 +58,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
     let text = match arguments.format {
         Format::Qif => qif::write(&record),
         Format::Dfq => aqdef::write(&record),
+        Format::Dmis => dmis::write(&record),
         Format::Csv => table::sizes(&record),
         Format::CsvTouches => table::touches(&record),
         Format::Mtconnect => mtconnect::streams(&record, false),

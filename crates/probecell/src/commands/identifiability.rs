@@ -5,10 +5,12 @@ use std::path::{Path, PathBuf};
 use anyhow::ensure;
 use bags::{Bag, Measurement};
 use cell::Cell;
-use diagnosis::Session;
+use diagnosis::{DiagnoseError, Session};
 use experiment::identifiability::{
     DIAGNOSIS, Identifiability, Pair, Question, Smallest, identifiability,
 };
+
+use probecell_msgs::{ProbeEvent, ProbingMove};
 
 use crate::{GOOD, output};
 
@@ -62,7 +64,13 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
         risk,
         power,
     };
-    let answer = identifiability(&session, &question)?;
+    let answer = match identifiability(&session, &question) {
+        // The plan does not say in which posture an arm touches: the order does.
+        Err(DiagnoseError::TooFew(..)) if is_cell(&arguments.plan) => {
+            identifiability(&in_order(session, &arguments.plan)?, &question)?
+        }
+        answer => answer?,
+    };
     if arguments.json {
         output::json(&answer)?;
     } else {
@@ -85,6 +93,32 @@ pub(super) fn of_cell(file: &Path) -> anyhow::Result<Session> {
         robot_description,
         plan: Some(super::plan::part_of(&cell, 0.0)?),
         ..Session::default()
+    })
+}
+
+/// The session as if every touch of the measuring order had been made where the order has it.
+fn in_order(session: Session, file: &Path) -> anyhow::Result<Session> {
+    let planned = super::plan::of_cell(&Cell::read(file)?, 0.0, &|_| true)?;
+    let (plan, order) = (planned.plan, planned.order);
+    let touches = (order.moves.iter()).filter(|one| one.kind == ProbingMove::TOUCH);
+    let events = (0..).zip(touches).map(|(sequence, one)| {
+        let normal = plan.points[one.point_index as usize].normal;
+        ProbeEvent {
+            plan_id: plan.plan_id.clone(),
+            point_index: one.point_index,
+            outcome: ProbeEvent::OUTCOME_TOUCHED,
+            axis_names: order.axis_names.clone(),
+            axis_positions: one.axis_positions.clone(),
+            approach: [-normal.x, -normal.y, -normal.z].into(),
+            feed: one.feed,
+            sequence,
+            ..ProbeEvent::default()
+        }
+    });
+    Ok(Session {
+        events: events.collect(),
+        plan: Some(plan.clone()),
+        ..session
     })
 }
 

@@ -3,6 +3,7 @@
 //! Formats are read by the crate `exchange`; here a session is written, with the features evaluated where the uncertainty of
 //! a touch is known. Each file is attached to the recording as it was.
 
+mod contacts;
 mod plan;
 mod readings;
 mod reference;
@@ -26,6 +27,8 @@ const LARGEST: u64 = 1 << 30;
 pub(crate) enum Command {
     /// A table of touches, a row for each.
     Touches(touches::Arguments),
+    /// Touches of a ROS 2 recording: poses or joint states, and a contact signal.
+    Contacts(contacts::Arguments),
     /// Features, tolerances and points of a QIF or DMIS file, as the plan of a session without touches.
     Plan(plan::Arguments),
     /// Results of an independent instrument for the points of a recording: a QIF or DMIS result, or a table.
@@ -49,6 +52,7 @@ pub(super) enum Format {
 pub(crate) fn run(command: &Command) -> anyhow::Result<u8> {
     match command {
         Command::Touches(arguments) => touches::run(arguments),
+        Command::Contacts(arguments) => contacts::run(arguments),
         Command::Plan(arguments) => plan::run(arguments),
         Command::Reference(arguments) => reference::run(arguments),
         Command::Readings(arguments) => readings::run(arguments),

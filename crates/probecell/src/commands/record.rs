@@ -27,7 +27,10 @@ use recorded::embedded::{CELL_FILE, KEY_FILE, PROVENANCE, ROBOT_FILE};
 use trust::{Act, Kind, PublicKey, SecretKey};
 
 use crate::{
-    GOOD, LOSS, cell_bus, confined, output, ros_arguments::read_cell, routing::refuse_unheard,
+    GOOD, LOSS, cell_bus, confined, output,
+    retention::{self, Forecast},
+    ros_arguments::read_cell,
+    routing::refuse_unheard,
     signals,
 };
 
@@ -39,6 +42,11 @@ const REPLY_TIMEOUT: Duration = Duration::from_secs(10);
 const VALIDITY: f64 = 30.0;
 /// Between two messages that the cell is recorded.
 const STATUS_PERIOD: Duration = Duration::from_secs(1);
+
+/// Between two looks at the disk.
+const LOOK: Duration = Duration::from_secs(60);
+/// s of recording for which there has to be room, else the operator is warned; from more to less.
+const ROOM: [f64; 2] = [86_400.0, 3600.0];
 
 /// Requests to the recorder's main thread.
 enum Request {
@@ -62,6 +70,12 @@ struct RecorderService<'a> {
     /// When that was published last.
     status_sent: Instant,
     making: Making,
+    /// When the recording under way was begun.
+    begun: Instant,
+    /// How long the disk lasts, when it was looked at last, and at how little room a warning was given.
+    forecast: Option<Forecast>,
+    looked: Instant,
+    warned: f64,
 }
 
 /// The part that is being made: its recording is not stopped.
@@ -133,6 +147,10 @@ pub(crate) fn run(file: &Path, folder: Option<PathBuf>, supervised: bool) -> any
         status,
         status_sent: Instant::now(),
         making,
+        begun: Instant::now(),
+        forecast: None,
+        looked: Instant::now(),
+        warned: f64::INFINITY,
     };
     service.begin(folder)?;
     let servers = serve(&bus, &cell, &sender)?;
@@ -159,12 +177,70 @@ pub(crate) fn run(file: &Path, folder: Option<PathBuf>, supervised: bool) -> any
 
 impl RecorderService<'_> {
     fn begin(&mut self, folder: PathBuf) -> anyhow::Result<()> {
+        self.make_room();
         let mut settings = settings(self.cell, &self.key, folder.clone())?;
         let confined = ("confinement".to_owned(), self.confined.to_string());
         settings.provenance.1.extend([confined]);
         let process = RecorderProcess::start(self.bus, settings)?;
         self.current = Some((process, folder));
+        self.begun = Instant::now();
         self.publish_status()
+    }
+
+    /// Removes recordings that are kept no longer, and warns where the disk will soon be full.
+    fn make_room(&mut self) {
+        let all = retention::finished(self.cell);
+        let now = host::now().0 as f64 * 1e-9;
+        for one in retention::outdated(&all, &self.cell.recorder, now) {
+            match retention::remove(one) {
+                Ok(()) => output::warning(&format!(
+                    "{} is removed, as [recorder] keep_days and keep_gib have it",
+                    one.path.display()
+                )),
+                Err(error) => {
+                    output::warning(&format!("{} is not removed: {error}", one.path.display()))
+                }
+            }
+        }
+        self.forecast = Forecast::of(&self.cell.recorder.folder, &retention::finished(self.cell));
+        self.warn_of_the_disk();
+    }
+
+    /// Warns once a recorder when there is room for less than a day of recording, and again for less than an hour.
+    fn warn_of_the_disk(&mut self) {
+        let Some((forecast, seconds)) = (self.forecast).and_then(|one| Some((one, one.seconds()?)))
+        else {
+            return;
+        };
+        let limit = ROOM.into_iter().rfind(|limit| seconds < *limit);
+        if let Some(limit) = limit
+            && limit < self.warned
+        {
+            self.warned = limit;
+            let folder = self.cell.recorder.folder.display();
+            output::warning(&format!("the disk of {folder} will be full: {forecast}"));
+        }
+    }
+
+    /// Looks at the disk once a minute while it is written to; the rate is that of the recording under way.
+    fn watch_the_disk(&mut self) {
+        let Some((begun, folder)) = self
+            .current
+            .as_ref()
+            .map(|(_, folder)| (self.begun, folder))
+        else {
+            return;
+        };
+        if self.looked.elapsed() < LOOK {
+            return;
+        }
+        self.looked = Instant::now();
+        let taken = retention::bytes(folder) as f64;
+        if let Some(free) = Forecast::of(&self.cell.recorder.folder, &[]) {
+            let rate = Some(taken / begun.elapsed().as_secs_f64()).filter(|rate| *rate > 0.0);
+            self.forecast = Some(Forecast { rate, ..free });
+        }
+        self.warn_of_the_disk();
     }
 
     /// Tells the cell whether it is recorded.
@@ -213,6 +289,7 @@ impl RecorderService<'_> {
             {
                 return Err(failure.into());
             }
+            self.watch_the_disk();
             if self.status_sent.elapsed() >= STATUS_PERIOD {
                 self.publish_status()?;
             }
