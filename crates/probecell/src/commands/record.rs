@@ -198,7 +198,7 @@ impl RecorderService<'_> {
                     one.path.display()
                 )),
                 Err(error) => {
-                    output::warning(&format!("{} is not removed: {error}", one.path.display()))
+                    output::warning(&format!("{} is not removed: {error}", one.path.display()));
                 }
             }
         }
