@@ -7,9 +7,7 @@
 use cell::Cell;
 use cell_tests::{
     cell, factories, make_part, messages, recording,
-    session::{
-        Session, Spoilt, approved, operator_key, refuses_all_but_the_sound, sign, with_fault,
-    },
+    session::{Session, Spoilt, approved, refuses_all_but_the_sound, with_fault},
 };
 use graph::{
     replay::{Verdict as Replayed, replay},
