@@ -143,7 +143,7 @@ def parts_end_to_end(folder):
     with running(BINARY, "up", cell, folder=folder) as up:
         code, output, errors = asked("key", "new", "ada", "--cell", cell, folder=folder)
         assert code == 0, (output, errors)
-        up.says("waits for its external driver: nobody publishes /external/controller_status")
+        up.says("waits for its external driver to publish /external/controller_status")
         # Its nodes are there a moment later.
         until("a request that is taken", lambda: asked("run", "early", "--cell", cell, folder=folder)[0] == 0)
         up.says("part early: stopped after 0 cuts: .*no sample of the controller")
