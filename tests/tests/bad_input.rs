@@ -572,7 +572,7 @@ fn a_spoilt_message_never_becomes_a_correction() {
 fn a_name_that_cannot_be_printed_is_refused() {
     let said = refused("id = \"hexagonal_punch\"", "id = \"punch\\u001b[2J\"");
     assert!(
-        said.contains("part.id = \"punch\\u{1b}[2J\" holds a character"),
+        said.contains("part.id = \"punch\\u{1b}[2J\" contains an unprintable character"),
         "{said}"
     );
     let mut session = Session::new(&cell("turn_mill.toml", str::to_owned));
