@@ -31,8 +31,8 @@ const LONGEST: usize = 107;
 /// How long a router that begins is waited for.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(5);
 /// How long a command waits: another cell takes the place of a router within half a second, and what a killed router has left
-/// of its socket looks the same as one that begins.
-pub(crate) const COMMAND_PATIENCE: Duration = Duration::from_secs(1);
+/// of its socket looks the same as one that begins; on a computer that compiles beside it a router has needed more than a second.
+pub(crate) const COMMAND_PATIENCE: Duration = Duration::from_secs(3);
 /// Between two looks.
 const PERIOD: Duration = Duration::from_millis(20);
 
