@@ -904,8 +904,8 @@ CELLS = {
     "effect_that_is_none": (lambda text: text + "\n[[model.effects]]\neffect = \"axis.X.scal\"\nparameters = []\n", "axis.X.scale"),
     "angle_of_many_turns": (replaced("retract_mm = 1.0", "retract_mm = 1.0\nindexing_offsets_deg = [1000000.0]"), "10 turns"),
     "touches_without_end": (replaced("[5.0, 17.0]", str([0.001 * i for i in range(20_000)])), "100022 touches .*more than 3000"),
-    "name_that_drives_a_terminal": (replaced('id = "hexagonal_punch"', 'id = "\\u001b[2J"'), "cannot be printed"),
-    "password_in_plain_text": (lambda text: text + '\n[bus.zenoh.transport.auth.usrpwd]\nuser = "cell"\npassword = "hunter2"\n', "line .*usrpwd.password holds a password"),
+    "name_that_drives_a_terminal": (replaced('id = "hexagonal_punch"', 'id = "\\u001b[2J"'), "unprintable character"),
+    "password_in_plain_text": (lambda text: text + '\n[bus.zenoh.transport.auth.usrpwd]\nuser = "cell"\npassword = "hunter2"\n', "line .*usrpwd.password contains a password"),
     "access_that_hides_the_cell": (lambda text: text + '\n[bus.router_zenoh.access_control]\nenabled = true\ndefault_permission = "deny"\nrules = [{ id = "all", permission = "allow", flows = ["ingress", "egress"], messages = ["put"], key_exprs = ["**"] }]\nsubjects = [{ id = "everybody" }]\npolicies = [{ rules = ["all"], subjects = ["everybody"] }]\n', "@ros2_lv"),
     "risk_that_is_none": (replaced("max_corrections = 5", "max_corrections = 5\ndecision_rule = { guard_band = { consumers_risk = 0.7 } }"), "consumers_risk = 0.7"),
     "no_name": (replaced('name = "turn_mill"', 'name = ""'), "name"),
@@ -966,17 +966,17 @@ REPORT = {
     "unexplained": {"rms": 0.0, "where": []}, "rejected": [], "next_measurement": [], "warnings": [],
 }
 REPORTS = {
-    "empty": (b"", "not one gap report"),
-    "no_json": (b"<report/>", "not one gap report"),
+    "empty": (b"", "not a single gap report"),
+    "no_json": (b"<report/>", "not a single gap report"),
     "no_text": (b"\xff\xfe\x00", "UTF-8"),
-    "cut": (json.dumps(REPORT).encode()[:200], "not one gap report"),
-    "twice": (json.dumps(REPORT).encode() * 2, "not one gap report"),
+    "cut": (json.dumps(REPORT).encode()[:200], "not a single gap report"),
+    "twice": (json.dumps(REPORT).encode() * 2, "not a single gap report"),
     "schema": ({"schema": "probecell/gap-report/9"}, "gap-report/9"),
     "unexplained": ({"verdict": "unexplained"}, "does not explain its gap"),
     "without_a_gap": ({"verdict": "no_gap", "effects": []}, "has no gap"),
     "nameless_machine": ({}, "does not say of which machine"),
     "other_machine": ({"machine": {"name": "mill", "fingerprint": "00"}}, "of machine .mill."),
-    "no_number": ({"effects": [REPORT["effects"][0] | {"rms_before": None}]}, "not one gap report"),
+    "no_number": ({"effects": [REPORT["effects"][0] | {"rms_before": None}]}, "not a single gap report"),
     "of_drives": ({"gap": REPORT["gap"] | {"unit": "N"}}, "one of drives"),
 }
 for word, (content, about) in REPORTS.items():
@@ -1147,7 +1147,7 @@ def a_router_is_there_already(folder, port):
 
 
 @case("play {} --router tcp/127.0.0.1:{port} --rate 1e-300", (0, 2), server=router, interrupt_after=2)
-@case("play {} --router tcp/127.0.0.1:{port} --start-s 1e300", 2, "behind the end", server=router, interrupt_after=2)
+@case("play {} --router tcp/127.0.0.1:{port} --start-s 1e300", 2, "after the end", server=router, interrupt_after=2)
 @case("play {} --router tcp/127.0.0.1:{port} --start-s nan", 2, "start", server=router, interrupt_after=2)
 @case("play {} --router tcp/127.0.0.1:{port} --namespace //", 2, "name", server=router, interrupt_after=2)
 @case("play {} --router tcp/127.0.0.1:{port} --wait-for /nothing", 2, "/nothing", server=router, interrupt_after=2)

@@ -242,7 +242,7 @@ def a_circular_test_shows_a_scale_that_differs(folder):
     text[5], text[6] = text[6], text[5]
     table.write_text("\n".join(text))
     _, error = probecell("import", "readings", table, *arguments, "--out", folder / "never", status=2)
-    assert "line 7" in error and "goes on ccw" in error, error
+    assert "line 7" in error and "continues ccw" in error, error
 
 
 @check
