@@ -92,9 +92,10 @@ fn rows(page: &Document<'_>, caption: &str) -> Vec<Vec<String>> {
     rows.map(cells).collect()
 }
 
-/// The number in a cell, in metres.
+/// The number in a cell, which has a true minus sign, in metres.
 fn metres(cell: &str) -> f64 {
-    let mut words = cell.split(' ');
+    let plain = cell.replace('−', "-");
+    let mut words = plain.split(' ');
     let number: f64 = words.next().and_then(|word| word.parse().ok()).expect(cell);
     match words.next().map(|unit| unit.trim_end_matches(',')) {
         Some("mm") => number * 1e-3,
@@ -384,7 +385,7 @@ fn who_approved_what_and_when_is_told_with_faults_and_losses() {
             "wear of tool 1: proposed, valid until 2026-01-01 00:11:40.000",
             "Ada asked to approve it: accepted",
             "approved by Ada",
-            "at the machine: applied, read back -12.0 µm",
+            "at the machine: applied, read back −12.0 µm",
         ]
     );
     assert_eq!(own[1][0], "2026-01-01 00:01:42.250");
