@@ -4,7 +4,8 @@ import copy
 import json
 import math
 
-from check import ROOT, check, probecell
+from check import ROOT, answer, check, probecell
+from recorded import messages
 
 SAMPLES = ["ball_check", "guideway", "punch", "punch_uncalibrated"]
 
@@ -72,3 +73,18 @@ def results_of_a_controller_are_valid(folder):
     validator = jsonschema.Draft202012Validator(json.loads(probecell("schema", "results")[0]))
     for more in ([], ["--plan", ROOT / "launch-scripts" / "turn_mill.toml"]):
         validator.validate(json.loads(probecell("results", printed, *more, "--json")[0]))
+
+
+@check
+def detection_limits_name_their_plan(folder):
+    """Table and JSON name the plan that was measured, and of a cell that has not measured its part."""
+    bag = folder / "ball_check"
+    bag.mkdir()
+    (bag / "ball_check.mcap").symlink_to(ROOT / "bags" / "samples" / "ball_check.mcap")
+    measured = messages(bag)["probe_events"][-1].plan_id
+    assert measured
+    for source, name in ((ROOT / "launch-scripts" / "ball_check.toml", "two_balls"), (bag, measured)):
+        output = answer("identifiability", source)
+        assert output["plan_id"] == name, (output["plan_id"], name)
+        table, _ = probecell("identifiability", source)
+        assert table.startswith(f'plan "{name}": {output["touches"]} touches'), table.splitlines()[0]

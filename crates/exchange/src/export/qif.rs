@@ -1,5 +1,5 @@
 //! QIF 3.0 (ISO 23952) Results: features as fitted, sizes as characteristics with their combined standard uncertainty, and every
-//! touch as a measured point with its deviation.
+//! touch as a measured point with its deviation. A limit of a plan that nothing has measured is a characteristic without a result.
 //!
 //! Diameters are `DiameterCharacteristic`, every other size is a `UserDefinedLinearCharacteristic` that says what it is. Lengths
 //! are mm. The coverage factor stands in the attribute `CoverageFactor` of each value.
@@ -94,14 +94,16 @@ impl<'a> Writer<'a> {
             .collect();
         let feature_ids = self.ids(features.len());
         self.features(&features, &feature_ids);
-        let size_ids = self.ids(record.sizes.len());
+        let unmeasured = nominal::unmeasured(record);
+        let sizes: Vec<&Size> = record.sizes.iter().chain(&unmeasured).collect();
+        let size_ids = self.ids(sizes.len());
         let of_size = |size: &Size| {
             let same = |(plan, feature): &(&InspectionPlan, &InspectionFeature)| {
                 plan.plan_id == size.result.plan_id && feature.id == size.result.feature_id
             };
             features.iter().position(same)
         };
-        self.characteristics(standard, &size_ids, &|size| {
+        self.characteristics(standard, &sizes, &size_ids, &|size| {
             of_size(size).map(|index| feature_ids[index])
         });
         self.results(part, &size_ids, &|size| {

@@ -358,24 +358,29 @@ fn tolerance<'a>(
     Ok(())
 }
 
-/// Points that were measured: of point features against their nominal, and of point sets that state their deviations.
+/// Points that were measured: of point features against their nominal, and of point sets that state their deviations. Beside them
+/// what a reference has no place for, a sentence each.
 ///
 /// # Errors
 /// As [`plan`]; a document without any measured point.
-pub fn results(text: &str) -> Result<Vec<Found>, ImportError> {
+pub fn results(text: &str) -> Result<(Vec<Found>, Vec<String>), ImportError> {
     let document = parsed(text)?;
     let qif = Qif::new(&document)?;
-    let mut found = Vec::new();
+    let (mut found, mut left_out) = (Vec::new(), Vec::new());
     for measured in qif.below("MeasuredFeatures") {
-        let name = measured.tag_name().name();
+        let kind = measured.tag_name().name();
+        let item = qif.referred(measured, "FeatureItemId");
         if !matches!(
-            name,
+            kind,
             "PointFeatureMeasurement" | "EdgePointFeatureMeasurement"
         ) {
+            let kind = kind.trim_end_matches("FeatureMeasurement");
+            let name = item.ok().and_then(|item| self::text(item, "FeatureName"));
+            let name = name.unwrap_or("unnamed");
+            left_out.push(format!("measured feature {name}, a {kind}, is no point"));
             continue;
         }
-        let item = qif.referred(measured, "FeatureItemId")?;
-        let nominal = qif.referred(item, "FeatureNominalId")?;
+        let nominal = qif.referred(item?, "FeatureNominalId")?;
         let Some(location) = child(measured, "Location") else {
             continue;
         };
@@ -395,7 +400,13 @@ pub fn results(text: &str) -> Result<Vec<Found>, ImportError> {
     if found.is_empty() {
         return Err(ImportError::whole("the document has no measured point"));
     }
-    Ok(found)
+    let judged = qif.below("CharacteristicMeasurements").count();
+    if judged > 0 {
+        left_out.push(format!(
+            "values and statuses of {judged} characteristics: sizes are evaluated from the points"
+        ));
+    }
+    Ok((found, left_out))
 }
 
 fn point_set<'a>(

@@ -9,7 +9,9 @@ use bags::Bag;
 use clap::ValueEnum;
 use exchange::export::{Record, Size, aqdef, dmis, mtconnect, qif, table};
 use graph::topics;
-use probecell_msgs::{FeatureResult, ProbeEvent, ToolOffsets, geometrical};
+use probecell_msgs::{
+    FeatureResult, ProbeEvent, ReferenceMeasurement, ToolOffsets, TouchDeviation, geometrical,
+};
 use recorded::record::{Reader, gather};
 
 use crate::output;
@@ -74,7 +76,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
 
 /// What the recording holds for other systems.
 fn record(bag: &Bag, path: &Path) -> anyhow::Result<Record> {
-    let session = gather(bag, path)?;
+    let mut session = gather(bag, path)?;
     let mut sizes: Vec<Size> = Vec::new();
     let mut known: BTreeMap<(String, String), usize> = BTreeMap::new();
     for one in size_records(&session) {
@@ -103,16 +105,75 @@ fn record(bag: &Bag, path: &Path) -> anyhow::Result<Record> {
         bag,
         namespace: &namespace,
     };
+    let events = reader.all::<ProbeEvent>(topics::PROBE_EVENTS)?;
+    let (of_instruments, points) = by_instruments(&session, &events, &reader)?;
+    sizes.extend(of_instruments);
+    session.touches.extend(points);
     Ok(Record {
         name: session.name.clone(),
         cell: session.cell.clone(),
         version: env!("CARGO_PKG_VERSION").to_owned(),
-        events: reader.all::<ProbeEvent>(topics::PROBE_EVENTS)?,
+        events,
         offsets: reader.all::<ToolOffsets>(topics::TOOL_OFFSETS)?.pop(),
         plans: session.plans,
         touches: session.touches,
         sizes,
     })
+}
+
+/// Sizes and points of the plans that only an instrument has measured: what its last reference says of each.
+fn by_instruments(
+    session: &PartSession,
+    events: &[ProbeEvent],
+    reader: &Reader<'_>,
+) -> anyhow::Result<(Vec<Size>, Vec<TouchDeviation>)> {
+    let touched = |plan_id: &str| {
+        events.iter().any(|event| event.plan_id == plan_id)
+            || session.touches.iter().any(|one| one.plan_id == plan_id)
+            || session.results.iter().any(|one| one.plan_id == plan_id)
+    };
+    let references = reader.all::<ReferenceMeasurement>(topics::REFERENCE)?;
+    let (mut sizes, mut points) = (Vec::new(), Vec::new());
+    for plan in &session.plans {
+        let of_plan = |one: &&ReferenceMeasurement| one.plan_id == plan.plan_id;
+        let Some(reference) = references.iter().rfind(of_plan) else {
+            continue;
+        };
+        if touched(&plan.plan_id) {
+            continue;
+        }
+        for feature in &plan.features {
+            let found = session.references.iter().rfind(|one| {
+                one.plan_id == plan.plan_id
+                    && one.feature_id == feature.id
+                    && one.decision != FeatureResult::INVALID
+            });
+            sizes.extend(found.map(|result| Size {
+                limits: session.limits(result),
+                text: result.text.clone(),
+                verdict: None,
+                contradicted: false,
+                result: result.clone(),
+            }));
+        }
+        let usable = |(index, deviation): &(&u32, &f64)| {
+            (**index as usize) < plan.points.len() && deviation.is_finite()
+        };
+        let indices = reference.point_index.iter().zip(&reference.deviation);
+        points.extend(
+            indices
+                .filter(usable)
+                .map(|(&point_index, &deviation)| TouchDeviation {
+                    header: reference.header.clone(),
+                    plan_id: plan.plan_id.clone(),
+                    sequence: point_index.into(),
+                    point_index,
+                    deviation,
+                    standard_uncertainty: reference.standard_uncertainty,
+                }),
+        );
+    }
+    Ok((sizes, points))
 }
 
 /// Limits of a deviation, m: those of the verdict, else of the plan; none where nothing is judged.

@@ -64,13 +64,15 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
         risk,
         power,
     };
-    let answer = match identifiability(&session, &question) {
+    let name = plan_name(&session);
+    let mut answer = match identifiability(&session, &question) {
         // The plan does not say in which posture an arm touches: the order does.
         Err(DiagnoseError::TooFew(..)) if is_cell(&arguments.plan) => {
             identifiability(&in_order(session, &arguments.plan)?, &question)?
         }
         answer => answer?,
     };
+    answer.plan_id = name;
     if arguments.json {
         output::json(&answer)?;
     } else {
@@ -94,6 +96,16 @@ pub(super) fn of_cell(file: &Path) -> anyhow::Result<Session> {
         plan: Some(super::plan::part_of(&cell, 0.0)?),
         ..Session::default()
     })
+}
+
+/// Identifier of the plan of a session. That of a cell has none before it is measured: it has the name of its part, and without
+/// one of its file.
+fn plan_name(session: &Session) -> String {
+    let of_plan = session.plan.as_ref();
+    let names = of_plan.map(|plan| [&plan.plan_id, &plan.part_id]);
+    let mut names = names.into_iter().flatten();
+    let named = names.find(|name| !name.is_empty());
+    named.unwrap_or(&session.name).clone()
 }
 
 /// The session as if every touch of the measuring order had been made where the order has it.

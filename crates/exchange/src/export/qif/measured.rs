@@ -128,7 +128,7 @@ impl Writer<'_> {
             let event = record
                 .events
                 .iter()
-                .find(|event| event.sequence == touch.sequence);
+                .find(|event| event.sequence == touch.sequence && event.plan_id == plan.plan_id);
             let (at, normal) = (&point.position, &point.normal);
             let (nominal, normal) = ([at.x, at.y, at.z], [normal.x, normal.y, normal.z]);
             // Without the touch itself the point that has its deviation.

@@ -1,8 +1,8 @@
 //! What was to be measured: features of the plan as they are drawn, and sizes with their limits.
 
-use probecell_msgs::{InspectionFeature, InspectionPlan};
+use probecell_msgs::{FeatureResult, InspectionFeature, InspectionPlan};
 
-use super::super::{Size, mm, xml::Xml};
+use super::super::{Record, Size, mm, xml::Xml};
 use super::{Ids, Writer, characteristic_name, feature_name, vector};
 
 impl Writer<'_> {
@@ -110,10 +110,11 @@ impl Writer<'_> {
     pub(super) fn characteristics(
         &mut self,
         standard: u32,
+        sizes: &[&Size],
         ids: &[Ids],
         feature: &dyn Fn(&Size) -> Option<Ids>,
     ) {
-        let sizes = &self.record.sizes;
+        let measured = self.record.sizes.len();
         if sizes.is_empty() {
             return;
         }
@@ -145,13 +146,15 @@ impl Writer<'_> {
         }
         xml.close();
         xml.list("CharacteristicItems", sizes.len());
-        for (size, ids) in sizes.iter().zip(ids) {
+        for (number, (size, ids)) in sizes.iter().zip(ids).enumerate() {
             let name = format!("{}Item", characteristic_name(size));
             xml.open(&name, &[("id", &ids.item.to_string())]);
-            xml.leaf(
-                "Description",
-                format!("measurement {}", size.result.plan_id),
-            );
+            let what = if number < measured {
+                "measurement"
+            } else {
+                "not measured, plan"
+            };
+            xml.leaf("Description", format!("{what} {}", size.result.plan_id));
             xml.leaf("Name", &size.result.feature_id);
             if let Some(feature) = feature(size) {
                 xml.list("FeatureItemIds", 1);
@@ -163,6 +166,51 @@ impl Writer<'_> {
         }
         xml.close();
         xml.close();
+    }
+}
+
+/// The limits of the plans whose features nothing has measured, as sizes without a value.
+pub(super) fn unmeasured(record: &Record) -> Vec<Size> {
+    let mut found = Vec::new();
+    for plan in &record.plans {
+        for feature in &plan.features {
+            let limits = [feature.lower_tolerance, feature.upper_tolerance];
+            // Limits of which both are 0 are those of a message that states none.
+            let stated = limits != [0.0, 0.0] && limits.iter().any(|limit| limit.is_finite());
+            let is_measured = record.sizes.iter().any(|size| {
+                size.result.plan_id == plan.plan_id && size.result.feature_id == feature.id
+            });
+            if stated && !is_measured {
+                found.push(Size {
+                    result: FeatureResult {
+                        plan_id: plan.plan_id.clone(),
+                        part_id: plan.part_id.clone(),
+                        feature_id: feature.id.clone(),
+                        kind: feature.kind,
+                        decision: FeatureResult::INVALID,
+                        nominal_size: nominal_size(feature),
+                        ..FeatureResult::default()
+                    },
+                    verdict: None,
+                    limits: Some(limits),
+                    contradicted: false,
+                    text: String::new(),
+                });
+            }
+        }
+    }
+    found
+}
+
+/// Size of a feature as drawn, m, by the meaning of `FeatureResult`.
+fn nominal_size(feature: &InspectionFeature) -> f64 {
+    match feature.kind {
+        InspectionFeature::PLANE => {
+            let (at, axis) = (&feature.origin, &feature.axis);
+            at.x * axis.x + at.y * axis.y + at.z * axis.z
+        }
+        InspectionFeature::PROFILE | InspectionFeature::SURFACE => 0.0,
+        _ => 2.0 * feature.radius,
     }
 }
 

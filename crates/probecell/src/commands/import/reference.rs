@@ -81,7 +81,13 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
 fn found(arguments: &Arguments) -> anyhow::Result<Vec<Found>> {
     let text = text_of(&arguments.file)?;
     Ok(match arguments.format {
-        Format::Qif => qif::results(&text)?,
+        Format::Qif => {
+            let (found, left_out) = qif::results(&text)?;
+            for one in left_out {
+                output::remark(&format!("note: left out: {one}"));
+            }
+            found
+        }
         Format::Dmis => dmis::results(&text)?,
         Format::Csv => {
             let (layout, units) = (arguments.table.layout()?, arguments.table.units()?);
