@@ -110,11 +110,14 @@ fn every_page_says_what_the_run_gave() {
     });
 }
 
-/// Four digits of each number of a cell.
+/// Four digits of each number of a cell, which a report prints with a true minus sign.
 fn close(cell: &str, numbers: &[f64], key: &str) {
     let shown: Vec<f64> = cell
         .split(", ")
-        .map(|text| text.parse().unwrap_or_else(|_| panic!("{key}: {cell}")))
+        .map(|text| {
+            let number = text.replace('−', "-").parse();
+            number.unwrap_or_else(|_| panic!("{key}: {cell}"))
+        })
         .collect();
     assert_eq!(shown.len(), numbers.len(), "{key}: {cell}");
     for (shown, number) in shown.iter().zip(numbers) {
