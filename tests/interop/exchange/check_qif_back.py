@@ -195,12 +195,16 @@ def published_qif_samples_come_back_with_their_figures(folder):
         same_plan(theirs, ours)
         same_points(ours, features, points)
         same_profiles(ours, features, points, profiles)
-    # The fourth sample has the status of a part by its serial number and nothing of the part itself.
+    # The fourth sample states by its serial number that a part has passed, and nothing that could be planned, measured or given back.
     path = SAMPLES / "mitutoyo_results_serialized_pass_fail_sample.QIF"
     bare = Document(path)
     assert not bare.below("FeatureItems") and not bare.below("CharacteristicItems") and not bare.below("MeasuredFeatures")
-    _, said = probecell("import", "plan", path, "--format", "qif", "--out", folder / "none", status=2)
-    assert "no feature" in said and not (folder / "none").exists(), said
+    (part,) = bare.below("ActualComponentSet")
+    stated = f"it states {text(part, 'Status/InspectionStatusEnum')} for the part {text(part, 'SerialNumber')}"
+    reference = ["import", "reference", path, "--format", "qif", "--to", folder / "plan_simplePlan", "--instrument", "Umess", "--uncertainty-um", 2]
+    for command in (["import", "plan", path, "--format", "qif"], reference):
+        _, said = probecell(*command, "--out", folder / "none", status=2)
+        assert said.rstrip().endswith(stated) and not (folder / "none").exists(), said
 
 
 def same_points(ours, features, points):
