@@ -567,7 +567,7 @@ pub struct FeatureResult {
 }
 
 impl FeatureResult {
-    /// inside the limits by more than the expanded uncertainty (ISO 14253-1:2017)
+    /// inside the limits by more than the expanded uncertainty (ISO 14253-1:2013)
     pub const CONFORMS: u8 = 0;
     /// outside the limits by more than the expanded uncertainty
     pub const DOES_NOT_CONFORM: u8 = 1;
@@ -595,7 +595,7 @@ impl FeatureResult {
 crate::code::codes! {
     /// Values of `FeatureResult.decision`.
     pub enum FeatureResultDecision of "FeatureResult.decision" {
-        /// inside the limits by more than the expanded uncertainty (ISO 14253-1:2017)
+        /// inside the limits by more than the expanded uncertainty (ISO 14253-1:2013)
         Conforms = 0,
         /// outside the limits by more than the expanded uncertainty
         DoesNotConform = 1,

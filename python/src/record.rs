@@ -52,7 +52,7 @@ pub(crate) fn report(py: Python<'_>, path: PathBuf) -> PyResult<PartRecord> {
 #[pymethods]
 impl PartRecord {
     /// The sizes, a row for each: `plan`, `feature`, `nominal`, `size`, `deviation`, `expanded_uncertainty` (m), `coverage_factor`,
-    /// `conformity` (ISO 14253-1:2017), `verdict` in words.
+    /// `conformity` (ISO 14253-1:2013), `verdict` in words.
     #[getter]
     fn sizes(&self) -> PyResult<Table> {
         let records = size_records(&self.session);

@@ -121,7 +121,7 @@ impl Session {
     /// `common_uncertainty`: what all touches share (calibration of the stylus, temperature), m. Columns: `feature`, `size`, `nominal`,
     /// `deviation`, `expanded_uncertainty`, `form`, `form_uncertainty` (standard), `position`, `position_uncertainty` (m),
     /// `orientation`, `orientation_uncertainty` (rad), `coverage_factor`, `lower`, `upper` (limits of the deviation, m), `conformity`
-    /// (ISO 14253-1:2017), `touches` (number), `text`.
+    /// (ISO 14253-1:2013), `touches` (number), `text`.
     #[pyo3(signature = (*, touch_uncertainty=None, common_uncertainty=None, coverage_factor=None))]
     fn features(
         &self,

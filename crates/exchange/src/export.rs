@@ -86,7 +86,7 @@ impl Status {
 }
 
 impl Size {
-    /// Status: what the cell decided, else conformity with the limits (ISO 14253-1:2017).
+    /// Status: what the cell decided, else conformity with the limits (ISO 14253-1:2013).
     pub fn status(&self) -> Status {
         let result = &self.result;
         match &self.verdict {

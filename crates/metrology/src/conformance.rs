@@ -1,14 +1,18 @@
 //! Decides whether a measured value with a stated uncertainty conforms to a tolerance, and with which risk.
 //!
-//! Lengths in m. ISO 14253-1:2017: conformance is proved inside the tolerance zone less the expanded uncertainty U at each
+//! Lengths in m. ISO 14253-1:2013: conformance is proved inside the tolerance zone less the expanded uncertainty U at each
 //! limit, non-conformance outside the zone enlarged by U, and in between neither can be proved. A limit may be infinite
 //! where a tolerance is one-sided.
 //!
 //! | [`DecisionRule`] | accepted within T less | refuted beyond T plus | consumer's risk at the limit |
 //! |---|---|---|---|
-//! | ISO 14253-1:2017 | U = k u | U | Φ(−k): 2.3 % for k = 2 |
+//! | ISO 14253-1:2013 | U = k u | U | Φ(−k): 2.3 % for k = 2 |
 //! | simple acceptance (JCGM 106:2012, 8.2) | 0 | 0 | 50 % |
 //! | guarded acceptance (JCGM 106:2012, 8.3.2) | z u, z the quantile of 1 − risk | 0 | as stated |
+//!
+//! The rule of ISO 14253-1 is that of its editions of 1998 and 2013, with U itself as the guard band. The edition of 2017 asks by default for a
+//! conformance probability of 95 %, a guard band of 1.65 u where the zone is wide: what the rule with k = 2 accepts meets it as well, and
+//! guarded acceptance with a risk of 5 % accepts just what it asks for.
 //!
 //! Risks are the specific consumer's risk (JCGM 106:2012, 3.3.13) of a normally distributed error with no other knowledge
 //! of the item.
@@ -59,7 +63,7 @@ pub enum ConformanceError {
 /// How the uncertainty of a reading enters the decision on it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub enum DecisionRule {
-    /// ISO 14253-1:2017: U is the guard band of acceptance and of rejection.
+    /// ISO 14253-1:2013: U is the guard band of acceptance and of rejection.
     #[default]
     Iso14253,
     /// The tolerance limits themselves (JCGM 106:2012, 8.2).
@@ -99,7 +103,7 @@ impl DecisionRule {
     /// Its name with the edition of the standard.
     pub fn name(&self) -> &'static str {
         match self {
-            Self::Iso14253 => "ISO 14253-1:2017",
+            Self::Iso14253 => "ISO 14253-1:2013",
             Self::SimpleAcceptance => "simple acceptance (JCGM 106:2012, 8.2)",
             Self::GuardBand { .. } => "guarded acceptance (JCGM 106:2012, 8.3.2)",
         }
@@ -153,7 +157,7 @@ pub fn contradiction(
     (score > 1.0 || outside).then_some(score)
 }
 
-/// ISO 14253-1:2017: conformance of `value` (m) measured with expanded uncertainty `expanded` (m).
+/// ISO 14253-1:2013: conformance of `value` (m) measured with expanded uncertainty `expanded` (m).
 ///
 /// # Errors
 /// See [`ConformanceError`].

@@ -337,7 +337,7 @@ mod tests {
         assert_eq!(decision.new_wear, -7e-6);
     }
 
-    /// U = 4 µm as both guard bands: ISO 14253-1:2017, 5.2 to 5.4.
+    /// U = 4 µm as both guard bands: ISO 14253-1:2013, 5.2 to 5.4.
     #[test]
     fn within_a_guard_band_a_size_is_recut_or_indeterminate_and_never_qualified() {
         use Verdict::{Compensable, Indeterminate, OvercutNotCompensable, Qualified};

@@ -14,7 +14,7 @@
 //! | Which points are outliers? | [`fit::robust`] | least median of squares (Rousseeuw 1984) |
 //! | Where does the part lie? | [`datum`], [`alignment`] | ISO 5459 |
 //! | How uncertain is a result? | [`uncertainty`], [`statistics`] | GUM (JCGM 100), JCGM 101, JCGM 102 |
-//! | Does a size conform? | [`conformance`] | ISO 14253-1:2017, JCGM 106:2012 |
+//! | Does a size conform? | [`conformance`] | ISO 14253-1:2013, JCGM 106:2012 |
 //! | What follows for the tool that cut it? | [`decision`] | `docs/source_systems.md`, A.4 |
 //! | What follows for the path that cut it? | [`profile`], [`autocorrelation`] | `docs/source_systems.md`, B |
 //! | What is the part's form, what the guideway's? | [`separation`], [`slip`] | `docs/source_systems.md`, C |

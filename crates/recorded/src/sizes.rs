@@ -41,7 +41,7 @@ pub(crate) fn by_reference(
     Ok((found, unusable))
 }
 
-/// ISO 14253-1:2017 in a word.
+/// ISO 14253-1:2013 in a word.
 pub fn conformity(result: &FeatureResult) -> &'static str {
     match result.decision {
         FeatureResult::CONFORMS => "conforms",

@@ -173,7 +173,7 @@ tables! {
         part_id: Text [""] "part measured",
         feature_id: Text [""] "feature",
         kind: Text [""] "plane, cylinder, bore, sphere, cone, profile or surface",
-        decision: Text [""] "conforms, does_not_conform, indeterminate or invalid (ISO 14253-1:2017)",
+        decision: Text [""] "conforms, does_not_conform, indeterminate or invalid (ISO 14253-1:2013)",
         by_reference: Flag [""] "true: measured by another instrument",
         touches: Count ["1"] "touches used",
         size: Number ["m"] "fitted size",

@@ -10,7 +10,7 @@
 //!   probe_events ── nominal chain ── deviation d = n·(c − p) − r ── touch_deviations
 //!                        │
 //!                        └─ ball centres ── alignment (ISO 5459) ── outliers ── fit ── uncertainty ── conformance
-//!                                               │                  (ISO 14405-1, ISO 1101) (GUM)   (ISO 14253-1:2017)
+//!                                               │                  (ISO 14405-1, ISO 1101) (GUM)   (ISO 14253-1:2013)
 //!                                          part_alignment                                   └── feature_results
 //! ```
 //!

@@ -269,7 +269,7 @@ fn outlier_text(outliers: &[usize], of_point: &[u32]) -> String {
     format!("outliers left out: {}", named.join(", "))
 }
 
-/// ISO 14253-1:2017: conforms only when the whole expanded uncertainty lies inside the limits.
+/// ISO 14253-1:2013: conforms only when the whole expanded uncertainty lies inside the limits.
 pub(crate) fn decide(result: &mut FeatureResult, lower: f64, upper: f64) {
     let expanded = result.expanded_uncertainty();
     match conformance(result.size_deviation, expanded, &Tolerance { lower, upper }) {

@@ -1,5 +1,5 @@
 //! Geometrical tolerances (ISO 1101:2017) of features, related to datums (ISO 5459:2011): the width or diameter of the smallest
-//! zone that holds what was touched, its uncertainty, and conformity with the tolerance (ISO 14253-1:2017).
+//! zone that holds what was touched, its uncertainty, and conformity with the tolerance (ISO 14253-1:2013).
 //!
 //! m, part frame. The zone of a form is associated by minimum zone; a derived axis is that of the least-squares cylinder over
 //! the touched length. Datums are associated by the rules of their own features.

@@ -659,7 +659,7 @@ fn a_table_of_links_that_the_machine_lacks_or_of_none_is_refused() {
     }
 }
 
-/// Expanded uncertainty 2 µm of a tolerance of 10 µm: ISO 14253-1:2017 accepts within 8 µm and refutes beyond 12 µm.
+/// Expanded uncertainty 2 µm of a tolerance of 10 µm: ISO 14253-1:2013 accepts within 8 µm and refutes beyond 12 µm.
 fn strict_result(plan: &str, size_mm: f64) -> Input {
     let Input::Feature(result) = result(plan, size_mm) else {
         unreachable!("a result")
@@ -761,9 +761,9 @@ fn a_verdict_and_its_decision_name_rule_and_risk() {
     assert_eq!(
         texts,
         [
-            "ISO 14253-1:2017, U = 2.0 µm (k = 2.000): accepted within ± 8.0 µm; the probability that the true size is out \
+            "ISO 14253-1:2013, U = 2.0 µm (k = 2.000): accepted within ± 8.0 µm; the probability that the true size is out \
              of tolerance is 1.8 %, at the limit of acceptance 2.3 %",
-            "all sizes qualified (ISO 14253-1:2017, consumer's risk at most 2.3 %)",
+            "all sizes qualified (ISO 14253-1:2013, consumer's risk at most 2.3 %)",
         ]
     );
     let raw = RawConfig {

@@ -82,7 +82,7 @@ def characteristic(result, verdict, plan):
         "LowerToleranceLimit": result.nominal_size + limits[0], "UpperToleranceLimit": result.nominal_size + limits[1],
         "ResultEvaluation": EVALUATION[status], "Status": status, "StandardUncertainty": result.standard_uncertainty,
         "CoverageFactor": result.coverage_factor, "ExpandedUncertainty": result.coverage_factor * result.standard_uncertainty,
-        "DecisionRule": verdict.text if verdict else "ISO 14253-1:2017", "NonconformityProbability": outside,
+        "DecisionRule": verdict.text if verdict else "ISO 14253-1:2013", "NonconformityProbability": outside,
     }
 
 

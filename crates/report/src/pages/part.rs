@@ -116,7 +116,7 @@ pub fn part_page(session: &PartSession, diagnosis: ShortDiagnosis<'_>) -> Result
     short(&mut page, diagnosis);
     page.paragraph(
         "Deviations are measured minus nominal; excess material is positive. U is the expanded uncertainty, k times the \
-         standard uncertainty; the column conformity is that of ISO 14253-1:2017 with U, and each verdict names the decision \
+         standard uncertainty; the column conformity is that of ISO 14253-1:2013 with U, and each verdict names the decision \
          rule of the cell file and its risk (JCGM 106:2012). A size that a reference contradicts (E_n > 1, ISO 13528:2015) is \
          not qualified, whatever the reading was. Times are UTC.",
     );

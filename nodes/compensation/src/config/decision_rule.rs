@@ -9,7 +9,7 @@ use super::ConfigError;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum RawDecisionRule {
-    /// ISO 14253-1:2017.
+    /// ISO 14253-1:2013.
     #[default]
     #[serde(rename = "iso_14253_1")]
     Iso14253,
