@@ -58,7 +58,7 @@ pub use candidate::{candidate, candidates, second_order_candidate};
 pub use declared::observe;
 pub use effect::Effect;
 pub use estimates::ParameterEstimate;
-pub use library::{Form, Parameter, Shape, Variant};
+pub use library::{Form, Parameter, Shape, Variant, Wave};
 pub use observation::Observations;
 pub use registry::library;
 pub use session::model::{DeclaredEffect, DeclaredError, DeclaredParameter, Promise};

@@ -3,7 +3,7 @@
 
 use std::fmt;
 
-use crate::report::numbers::in_shop_units;
+use crate::report::numbers::in_display_units;
 use crate::report::{Declared, Effect, NextMeasurement, ParameterEstimate, Place, Report, Verdict};
 
 impl fmt::Display for Report {
@@ -239,7 +239,7 @@ fn write_next(to: &mut fmt::Formatter<'_>, next: &NextMeasurement) -> fmt::Resul
 
 fn parameter_text(parameter: &ParameterEstimate) -> String {
     let (name, unit) = (&parameter.name, &parameter.unit);
-    in_shop_units(name, parameter.value, unit, Some(parameter.ci95))
+    in_display_units(name, parameter.value, unit, Some(parameter.ci95))
 }
 
 fn place_text(place: &Place) -> String {
