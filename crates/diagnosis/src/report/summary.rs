@@ -22,7 +22,7 @@ impl fmt::Display for Report {
         if self.is_explained_together() {
             writeln!(
                 to,
-                "  or by one cause outside the library that acts on these touches as they do together"
+                "  or by a single cause outside the library whose effect on these touches equals theirs combined"
             )?;
         }
         let micro = |value: f64| match self.gap.unit.as_str() {
@@ -88,7 +88,7 @@ impl fmt::Display for Report {
         if !self.unexplained.ladder.is_empty() {
             writeln!(
                 to,
-                "  named effects could explain it this far on held-out samples, which is not proven:"
+                "  effects that would reduce the unexplained part on held-out samples (not proven):"
             )?;
             for rung in &self.unexplained.ladder {
                 let (before, after) = (micro(rung.rms_before), micro(rung.rms_after));

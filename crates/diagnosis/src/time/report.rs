@@ -41,7 +41,7 @@ pub(super) fn report(session: &Session, rows: &Rows<'_>, judged: &Judged) -> (Re
     let strays = active.iter().filter(|used| !**used).count();
     if strays > 0 {
         warnings.push(format!(
-            "{strays} moves took a time that no model of the others gives, and were set aside"
+            "{strays} moves were excluded as outliers: no motion model that fits the others explains their durations"
         ));
     }
     let machine = Chain::from_urdf(&session.robot_description)

@@ -28,7 +28,7 @@ pub(crate) struct Arguments {
     /// Standard deviation of a touch.
     #[arg(long, alias = "noise", value_name = "UM", default_value_t = 1.0)]
     noise_um: f64,
-    /// Probability of a false alarm: that a session without effects shows any; default: that of the diagnosis.
+    /// Probability of a false alarm: that an effect is reported where none acts; default: that of the diagnosis.
     #[arg(long, default_value_t = DIAGNOSIS)]
     risk: f64,
     /// Probability of detection at the detection limit.
