@@ -51,6 +51,8 @@ impl TouchBlocks {
     }
 
     /// Held-out residuals of a set of candidates; `None` for rows that are never held out.
+    ///
+    /// `y` are the deviations of all rows, weighted as the blocks of the candidates are, m; the residuals have the same weights.
     pub fn residuals(
         &self,
         candidates: &[&Candidate],

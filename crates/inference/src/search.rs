@@ -42,9 +42,9 @@ pub struct Scored {
 /// Prior probabilities of the candidates.
 #[derive(Debug, Clone)]
 pub struct Priors {
-    /// Effect of each candidate, as a number: two of one effect never stand in a set.
+    /// Effect of each candidate, in the order of the products, as a number: two of one effect never stand in a set.
     pub effect: Vec<usize>,
-    /// Log prior of each candidate within its effect.
+    /// Natural logarithm of the prior of each candidate within its effect, in the order of [`Self::effect`] and as many.
     pub log_prior: Vec<f64>,
     /// Number of effects in the library.
     pub effects: usize,
