@@ -17,7 +17,7 @@ use crate::report::{
 const WINDOWS: usize = 4;
 /// Why a selected limit is not named.
 const IDLE: &str = "probable, not named because the held-out gap is as small without it, or the difference is below what \
-                    the motion model itself may be wrong by (0.3 % of a move)";
+                    the motion model itself may be wrong by (0.3 % of the time between two touches)";
 
 /// The report and the rows behind it.
 pub(super) fn report(session: &Session, rows: &Rows<'_>, judged: &Judged) -> (Report, Residuals) {
