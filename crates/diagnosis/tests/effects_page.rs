@@ -215,8 +215,8 @@ impl Quantities {
         for (name, size) in &self.sized {
             let name = format!("`{name}`");
             match groups.last_mut() {
-                Some((names, of)) if of == size => names.push(name),
-                _ => groups.push((vec![name], size)),
+                Some((names, of)) if *of == size.as_str() => names.push(name),
+                _ => groups.push((vec![name], size.as_str())),
             }
         }
         let sized: Vec<String> = groups
@@ -290,9 +290,9 @@ fn section(
     all: &mut [&dyn Effect],
 ) {
     all.sort_by_key(|effect| effect.id());
-    write!(
+    writeln!(
         page,
-        "\n## {title}\n\n| identifier | what it is | in the report | remedy |\n|---|---|---|---|\n"
+        "\n## {title}\n\n| identifier | what it is | in the report | remedy |\n|---|---|---|---|"
     )
     .unwrap();
     for effect in &*all {
