@@ -172,7 +172,7 @@ results("bytes_that_are_not_text", b"AXES X\nTOUCH 1 0 \xff\n", "line 2, column 
 results("line_without_end", b"x" * 200_000, "line 1, column 65537")
 results("surface_cut_off", "START\nG802 N1 DEVIATION .012\n", "line 2, column 1: expected END")
 results("log_of_another_field", "TOUCH 1 0 $AA_MM[X]=1. R5=2\n", "line 1, column 24: expected \\$AA_MM")
-results("program_that_did_not_end", "begin probecell 2 0\nnext 1 0\ntouch 1 0 1.5\n", None, 3, warns="not come to its end")
+results("program_that_did_not_end", "begin probecell 2 0\nnext 1 0\ntouch 1 0 1.5\n", None, 3, warns="the measuring program did not finish")
 results("no_touch_for_a_plan", "R5=2\n", "no touch", command=f"results {{}} --plan {ROOT}/launch-scripts/linuxcnc_bore.toml")
 results("point_that_is_not_there", "AXES X Y Z\nTOUCH 1 99 1. 2. 3.\n", "point 99, but the plan has 10", command=f"results {{}} --plan {ROOT}/launch-scripts/linuxcnc_bore.toml")
 results("axis_that_is_not_there", "AXES X Y C\nTOUCH 1 0 1. 2. 3.\n", "no axis C", command=f"results {{}} --plan {ROOT}/launch-scripts/linuxcnc_bore.toml")

@@ -22,7 +22,7 @@ use effects::observation::Observations;
 use inference::candidate::Candidate;
 use inference::discrepancy::{Discrepancy, Kind};
 use inference::evidence::Products;
-use inference::held_out::Blocks;
+use inference::held_out::TouchBlocks;
 use inference::linear::{SPANNED, orthonormal, whitened};
 use inference::posterior::{Attribution, Model};
 use inference::search::{MOST_EFFECTS, Scored, exchange, extend, prune};
@@ -60,8 +60,8 @@ pub(crate) fn attribute_with(
         return white;
     };
     let red = with_noise(shapes, y, active, lag1_correlation, Some(&white));
-    let score = |attribution: &Attribution| attribution.models[0].score;
-    if score(&red) > score(&white) {
+    let log_posterior = |attribution: &Attribution| attribution.models[0].log_posterior;
+    if log_posterior(&red) > log_posterior(&white) {
         red
     } else {
         white
@@ -180,10 +180,10 @@ fn extend_best(pool: &mut CandidatePool<'_>, scored: &mut Vec<Scored>) {
     for index in 0..best.set.len() {
         let mut set = best.set.clone();
         set.remove(index);
-        let score = pool.products.log_evidence(&set) + priors.log_prior_of(&set);
-        scored.push(Scored { set, score });
+        let log_posterior = pool.products.log_evidence(&set) + priors.log_prior_of(&set);
+        scored.push(Scored { set, log_posterior });
     }
-    scored.sort_by(|a, b| b.score.total_cmp(&a.score));
+    scored.sort_by(|a, b| b.log_posterior.total_cmp(&a.log_posterior));
 }
 
 fn finish(mut pool: CandidatePool<'_>, scored: &[Scored]) -> Attribution {
@@ -208,7 +208,7 @@ fn finish(mut pool: CandidatePool<'_>, scored: &[Scored]) -> Attribution {
             set: scored.set.clone(),
             discrepancy: None,
             probability: 0.0,
-            score: scored.score + (1.0 - UNKNOWN).ln() + noise.ln(),
+            log_posterior: scored.log_posterior + (1.0 - UNKNOWN).ln() + noise.ln(),
         })
         .collect();
     let offered = score_with_discrepancies(&pool, scored, &discrepancies, 0, &models);
@@ -258,7 +258,7 @@ fn scan_beside_unknown(
     let found = search_anew(pool, &discrepancies, unknown);
     models.extend(found.into_iter().map(|model| noisy(model, noise)));
     normalise(&mut models);
-    let better = models[0].score > model.score;
+    let better = models[0].log_posterior > model.log_posterior;
     let switches = (models[0].discrepancy)
         .is_some_and(|(index, _)| discrepancies[index].kind == Kind::Switching);
     if better && switches {
@@ -271,18 +271,21 @@ fn scan_beside_unknown(
     better
 }
 
-/// Models by their scores, each once, with their probabilities.
+/// Models by their log posteriors, each once, with their probabilities.
 fn normalise(models: &mut Vec<Model>) {
-    models.sort_by(|a, b| b.score.total_cmp(&a.score));
+    models.sort_by(|a, b| b.log_posterior.total_cmp(&a.log_posterior));
     let mut known = BTreeSet::new();
     models.retain(|model| {
         let unknown = (model.discrepancy).map(|(index, power)| (index, power.to_bits()));
         known.insert((model.set.clone(), unknown))
     });
-    let best = models.first().map_or(0.0, |model| model.score);
-    let total: f64 = models.iter().map(|model| (model.score - best).exp()).sum();
+    let best = models.first().map_or(0.0, |model| model.log_posterior);
+    let total: f64 = models
+        .iter()
+        .map(|model| (model.log_posterior - best).exp())
+        .sum();
     for model in models {
-        model.probability = (model.score - best).exp() / total;
+        model.probability = (model.log_posterior - best).exp() / total;
     }
 }
 
@@ -305,10 +308,10 @@ fn attribution_of(
     }
 }
 
-/// A model whose score counts the prior probability of its noise.
+/// A model whose log posterior counts the prior probability of its noise.
 fn noisy(model: Model, noise: f64) -> Model {
     Model {
-        score: model.score + noise.ln(),
+        log_posterior: model.log_posterior + noise.ln(),
         ..model
     }
 }
@@ -338,7 +341,7 @@ fn add_switching(
         // What the states were estimated beside may be in no set that is good without them.
         let beside = known.iter().rev().map(|set| Scored {
             set: set.clone(),
-            score: pool.products.log_evidence(set),
+            log_posterior: pool.products.log_evidence(set),
         });
         let beside: Vec<Scored> = beside.chain(scored.iter().cloned()).collect();
         let offered = score_with_discrepancies(pool, &beside, &switching, first, models);
@@ -351,7 +354,7 @@ fn add_switching(
                 })
             };
             let own = models.iter().filter(of);
-            own.max_by(|one, other| one.score.total_cmp(&other.score))
+            own.max_by(|one, other| one.log_posterior.total_cmp(&other.log_posterior))
         };
         sets = [best(true), best(false)]
             .into_iter()
@@ -384,9 +387,9 @@ fn unknown_to(pool: &CandidatePool<'_>, discrepancies: &[Rc<Discrepancy>]) -> Ve
 }
 
 /// Blocks of the touches in use that judge a fit: runs of one feature at one index. References always train.
-pub(crate) fn blocks(observations: &Observations, active: &[bool]) -> Blocks {
+pub(crate) fn blocks(observations: &Observations, active: &[bool]) -> TouchBlocks {
     let rows = observations.rows.iter().zip(active);
-    Blocks::new(
+    TouchBlocks::new(
         rows.map(|(row, &used)| (used && row.pose.is_some()).then_some((row.feature, row.index))),
     )
 }

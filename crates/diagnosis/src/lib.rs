@@ -34,7 +34,7 @@
 //!
 //! ```
 //! assert_eq!(
-//!     diagnosis::in_shop_units("dx", 3.5e-6, "m", Some([3.4e-6, 3.6e-6])),
+//!     diagnosis::in_display_units("dx", 3.5e-6, "m", Some([3.4e-6, 3.6e-6])),
 //!     "dx = 3.50 ± 0.10 µm"
 //! );
 //! ```
@@ -54,7 +54,7 @@ pub use diagnose::{diagnose, diagnose_with_residuals};
 pub use effects::{DeclaredEffect, DeclaredError, DiagnoseError, Session};
 pub use joint::diagnose_together_with_residuals;
 pub use options::Options;
-pub use report::numbers::in_shop_units;
+pub use report::numbers::in_display_units;
 pub use report::residuals::{self, Residuals};
 pub use report::{Report, Verdict};
 pub use time::diagnose_time;

@@ -33,7 +33,7 @@ const FAR: f64 = 5.0;
 /// Largest share of the touches of a part that are: more of them have changed. One may be in any case.
 const CHIPS: f64 = 0.15;
 /// A signature whose plausible size stays below this rms does not show, m.
-const INVISIBLE: f64 = 2e-7;
+const UNOBSERVABLE: f64 = 2e-7;
 /// Touches for each way in which a clamped part can sit otherwise that it takes to tell them.
 const TOUCHES_EACH: usize = 3;
 /// Least spread of how parts sit, over that of a touch.
@@ -455,7 +455,7 @@ fn directions(
         let columns = columns(observations, points, variant, shape);
         for (column, parameter) in columns.into_iter().zip(&variant.parameters) {
             let length = dot(&column, &column).sqrt();
-            if rms(&column) * parameter.plausible < INVISIBLE {
+            if rms(&column) * parameter.plausible < UNOBSERVABLE {
                 continue;
             }
             let unit: Vec<f64> = column.iter().map(|value| value / length).collect();

@@ -151,14 +151,14 @@ impl Declared {
     }
 }
 
-/// Size of the gap without and with an effect, m.
+/// Size of the gap without and with an effect, in [`Gap::unit`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Sizes {
     /// Rms without it.
     pub rms_before: f64,
     /// Rms with it.
     pub rms_after: f64,
-    /// 95 % interval of `rms_after`.
+    /// 95 % interval of `rms_after`, in [`Gap::unit`].
     pub ci95_after: [f64; 2],
 }
 
@@ -168,9 +168,9 @@ pub struct Gap {
     /// Unit of every root mean square of the report: `m`, `rad`, or that of an effort channel (`N`, `N m`, `A`), or `s`.
     #[serde(default = "metres")]
     pub unit: String,
-    /// Root mean square of the deviations.
+    /// Root mean square of the deviations, in [`Self::unit`].
     pub rms: f64,
-    /// Standard deviation of the noise.
+    /// Standard deviation of the noise, in [`Self::unit`].
     pub noise_floor: f64,
     /// `rms` over `noise_floor`.
     pub ratio: f64,
@@ -209,7 +209,7 @@ pub struct Place {
     /// Beginning of the interval, m, rad or s.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub from: Option<f64>,
-    /// End of the interval.
+    /// End of the interval, m, rad or s.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub to: Option<f64>,
     /// Share of the energy, 0 to 1.
@@ -225,11 +225,11 @@ pub struct Effect {
     pub probability: f64,
     /// Its parameters.
     pub parameters: Vec<ParameterEstimate>,
-    /// Held-out rms without it, m.
+    /// Held-out rms without it, in [`Gap::unit`].
     pub rms_before: f64,
-    /// Held-out rms with it, m.
+    /// Held-out rms with it, in [`Gap::unit`].
     pub rms_after: f64,
-    /// 95 % interval of `rms_after`.
+    /// 95 % interval of `rms_after`, in [`Gap::unit`].
     pub ci95_after: [f64; 2],
     /// True: judged on touches that were not used to fit.
     pub held_out: bool,
@@ -241,7 +241,7 @@ pub struct Effect {
     /// Parameters of each of those in its place, where they can be fitted.
     #[serde(skip_serializing_if = "Vec::is_empty", default)]
     pub alternatives: Vec<Alternative>,
-    /// Held-out rms with another effect of as many parameters in its place, m.
+    /// Held-out rms with another effect of as many parameters in its place, in [`Gap::unit`].
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub placebo_rms_after: Option<f64>,
     /// The same for each session of the cross-validation, where there are several.
@@ -266,18 +266,18 @@ pub struct OfSession {
     /// Axis, in a drive session.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub axis: Option<String>,
-    /// Held-out rms without the effect.
+    /// Held-out rms without the effect, in [`Gap::unit`].
     pub rms_before: f64,
-    /// Held-out rms with it.
+    /// Held-out rms with it, in [`Gap::unit`].
     pub rms_after: f64,
-    /// 95 % interval of `rms_after`.
+    /// 95 % interval of `rms_after`, in [`Gap::unit`].
     pub ci95_after: [f64; 2],
 }
 
 /// The part of the gap that no named effect explains.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Unexplained {
-    /// Its root mean square beyond the noise, m.
+    /// Its root mean square beyond the noise, in [`Gap::unit`].
     pub rms: f64,
     /// Its localisation.
     #[serde(rename = "where")]
@@ -292,9 +292,9 @@ pub struct Unexplained {
 pub struct Rung {
     /// Identifier of the vocabulary.
     pub effect: String,
-    /// Held-out rms without it, m.
+    /// Held-out rms without it, in [`Gap::unit`].
     pub rms_before: f64,
-    /// Held-out rms with it, m.
+    /// Held-out rms with it, in [`Gap::unit`].
     pub rms_after: f64,
 }
 

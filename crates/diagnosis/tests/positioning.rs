@@ -3,7 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use diagnosis::{Options, Session, Verdict, diagnose};
-use effects::session::perfect::as_if_measured;
+use effects::session::perfect::with_nominal_touches;
 use probecell_msgs::{
     InspectionFeature, InspectionPlan, InspectionPoint, Stylus, geometry_msgs::Point,
     geometry_msgs::Vector3,
@@ -80,7 +80,7 @@ fn step_gauge() -> Session {
         ..InspectionPlan::default()
     };
     plan.part_pose.orientation.w = 1.0;
-    as_if_measured(&Session {
+    with_nominal_touches(&Session {
         name: "step gauge".to_owned(),
         robot_description: MACHINE.to_owned(),
         plan: Some(plan),

@@ -6,7 +6,7 @@ use inference::candidate::Candidate;
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
-use crate::library::{Form, Parameter, Variant};
+use crate::library::{Form, Parameter, Variant, Wave};
 
 /// A parameter with a smaller share than this in all observable directions is not reported.
 const UNSEEN: f64 = 1e-6;
@@ -50,8 +50,9 @@ pub fn estimates(
         ci95: interval(value, variance),
     };
     let mut estimates = Vec::new();
-    // Amplitude and phase of a pair of coefficients, for a wave of this many lobes.
-    let mut wave = |(amplitude_name, phase_name): (&str, &str), at: usize, lobes: f64| {
+    // Amplitude and phase of a pair of coefficients.
+    let mut state = |wave: Wave| {
+        let (at, lobes) = (wave.first, wave.lobes);
         let (first, second) = (values[at], values[at + 1]);
         let amplitude = first.hypot(second).max(f64::MIN_POSITIVE);
         let (u, v) = (first / amplitude, second / amplitude);
@@ -62,11 +63,11 @@ pub fn estimates(
         };
         let phase = (second.atan2(first) / lobes).rem_euclid(std::f64::consts::TAU / lobes);
         let unit = variant.parameters[at].unit;
-        estimates.push(estimate(amplitude_name, amplitude, along(u, v), unit));
+        estimates.push(estimate(wave.amplitude, amplitude, along(u, v), unit));
         let spread = along(-v, u) / (amplitude * lobes).powi(2);
-        estimates.push(estimate(phase_name, phase, spread, "rad"));
+        estimates.push(estimate(wave.phase, phase, spread, "rad"));
     };
-    match variant.form {
+    match &variant.form {
         Form::Plain => {
             let seen = |(index, parameter): (usize, &Parameter)| {
                 map.row(index).norm() / parameter.plausible
@@ -90,12 +91,7 @@ pub fn estimates(
                 }
             }
         }
-        Form::Sine => wave(("a", "phase"), 0, 1.0),
-        Form::Lobes(lobes) => wave(("a", "phase"), 0, lobes),
-        Form::Overtone(lobes) => {
-            wave(("a", "phase"), 0, lobes);
-            wave(("a2", "phase2"), 2, 2.0 * lobes);
-        }
+        harmonic => harmonic.waves().into_iter().for_each(&mut state),
     }
     if let Some(own) = &variant.shape {
         estimates.push(estimate(

@@ -9,6 +9,7 @@
 //!            v
 //!   registry of effects           effect       one file each: words, parameters, variants, prediction, test
 //!            |                    touch, drive, record  columns over the rows: m per unit of each parameter
+//!            |                    motion       numbers of the motion model in place of the declared ones
 //!            |                    discrepancy  what an unknown cause could depend on
 //!            v
 //!   candidates of the inference   candidate    orthonormal blocks;  estimates: parameters back from coefficients
@@ -27,7 +28,7 @@
 //! ```
 //!
 //! To add an effect: one file in `touch`, `drive` or `record` that implements [`Effect`], its test included, and one line
-//! in the list of its folder. Vocabulary, wording, `--without`, `adopt`, the effects that a discrepancy may stand for and those
+//! in the list of its folder; in `motion` it implements [`motion::MotionEffect`] as well, since a limit is not linear. Vocabulary, wording, `--without`, `adopt`, the effects that a discrepancy may stand for and those
 //! that a joint diagnosis leaves out follow from it.
 //!
 //! Metres, radians, seconds, kelvins; vectors in the part frame. Decides nothing: `inference` weighs the candidates.
@@ -58,7 +59,7 @@ pub use candidate::{candidate, candidates, second_order_candidate};
 pub use declared::observe;
 pub use effect::Effect;
 pub use estimates::ParameterEstimate;
-pub use library::{Form, Parameter, Shape, Variant};
+pub use library::{Form, Parameter, Shape, Variant, Wave};
 pub use observation::Observations;
 pub use registry::library;
 pub use session::model::{DeclaredEffect, DeclaredError, DeclaredParameter, Promise};

@@ -64,6 +64,45 @@ pub enum Form {
     Overtone(f64),
 }
 
+/// A pair of coefficients that a report states as amplitude and phase.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Wave {
+    /// Name of the amplitude.
+    pub amplitude: &'static str,
+    /// Name of the phase.
+    pub phase: &'static str,
+    /// Index of the first coefficient of the pair.
+    pub first: usize,
+    /// Number of lobes, by which the phase is divided.
+    pub lobes: f64,
+}
+
+impl Form {
+    /// The pairs that are reported as amplitude and phase; none where each coefficient is reported as it is.
+    pub fn waves(&self) -> Vec<Wave> {
+        let fundamental = |lobes| Wave {
+            amplitude: "a",
+            phase: "phase",
+            first: 0,
+            lobes,
+        };
+        match *self {
+            Self::Plain => Vec::new(),
+            Self::Sine => vec![fundamental(1.0)],
+            Self::Lobes(lobes) => vec![fundamental(lobes)],
+            Self::Overtone(lobes) => {
+                let overtone = Wave {
+                    amplitude: "a2",
+                    phase: "phase2",
+                    first: 2,
+                    lobes: 2.0 * lobes,
+                };
+                vec![fundamental(lobes), overtone]
+            }
+        }
+    }
+}
+
 /// The nonlinear constant of a variant.
 #[derive(Debug, Clone)]
 pub struct Shape {

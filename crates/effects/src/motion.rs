@@ -65,13 +65,13 @@ pub struct Limit {
     pub name: &'static str,
     /// Its unit in reports.
     pub unit: &'static str,
-    /// Its declared value, in that unit; `None`: no such limit is declared.
+    /// Its declared value, in [`Self::unit`]; `None`: no such limit is declared.
     pub declared: Option<f64>,
     /// How it is varied.
     pub scale: Scale,
-    /// Values that are tried, in that unit.
+    /// Values that are tried, in [`Self::unit`].
     pub tried: Vec<f64>,
-    /// Least and largest value.
+    /// Least and largest value, in [`Self::unit`].
     pub range: [f64; 2],
     set: Setter,
 }

@@ -67,7 +67,7 @@ pub struct Row {
     /// The machine while cutting; `None` where it did not cut the point.
     pub cut: Option<Pose>,
     /// Part temperature above 20 °C, K; `None` where unknown.
-    pub warmth: Option<f64>,
+    pub kelvin_above_20_celsius: Option<f64>,
     /// Responses to each of [`Observations::sensors`]; none for a reference value.
     pub responses: Vec<Response>,
     /// Number of the tool that cut the point.
@@ -423,7 +423,7 @@ impl Builder<'_> {
             row.index = self.index(&pose.positions);
             row.time = time;
             row.feed = event.feed;
-            row.warmth = self.warmth(time);
+            row.kelvin_above_20_celsius = self.kelvin_above_20_celsius(time);
             row.responses = self.sensors.iter().map(|sensor| sensor.at(time)).collect();
             row.pose = Some(pose);
             rows.push((row, deviation));
@@ -532,7 +532,7 @@ impl Builder<'_> {
                 let rotary = &operation.rotary_positions;
                 cut_pose(self.chain, self.nominal, self.prescribed, &position, rotary)
             }),
-            warmth: None,
+            kelvin_above_20_celsius: None,
             responses: Vec::new(),
             tool: operation.map(|operation| operation.tool_number),
             cut_length: finite(planned.cut_length),
@@ -553,7 +553,7 @@ impl Builder<'_> {
     }
 
     /// Part temperature above 20 °C, interpolated between machine states.
-    fn warmth(&self, time: f64) -> Option<f64> {
+    fn kelvin_above_20_celsius(&self, time: f64) -> Option<f64> {
         let at = |state: &MachineState| {
             let index = state
                 .temperature_names
@@ -576,7 +576,7 @@ impl Builder<'_> {
             (Some((t0, w0)), Some((t1, w1))) if t1 > t0 => {
                 Some(w0 + (w1 - w0) * (time - t0) / (t1 - t0))
             }
-            (Some((_, warmth)), _) | (None, Some((_, warmth))) => Some(warmth),
+            (Some((_, kelvin)), _) | (None, Some((_, kelvin))) => Some(kelvin),
             (None, None) => None,
         }
     }

@@ -46,7 +46,7 @@ mod tests {
 
     use super::*;
 
-    /// The identifiers of the interface contract, kept here because they are a public interface.
+    /// The vocabulary of the interface contract (`docs/glossary.md`): a public interface, so that an identifier stays as it is.
     const CONTRACT: &str = include_str!("../tests/vocabulary.txt");
 
     #[test]

@@ -11,7 +11,7 @@ use probecell_msgs::{
 };
 
 use crate::observation::Row;
-use crate::session::perfect::as_if_measured;
+use crate::session::perfect::with_nominal_touches;
 use crate::{DeclaredEffect, DeclaredParameter, Session, observe};
 
 const MACHINE: &str = r#"<robot name="specimen">
@@ -117,7 +117,7 @@ pub(crate) fn session() -> Session {
         machine_states: [(100, 22.0), (10_000, 25.0)].map(warm).into(),
         ..Session::default()
     };
-    as_if_measured(&unmeasured).expect("within reach")
+    with_nominal_touches(&unmeasured).expect("within reach")
 }
 
 /// A touch as the formulas of effects see it.

@@ -98,7 +98,7 @@ mod tests {
         );
         assert_eq!(
             describe("axis.A1.scale"),
-            "scale of axis A1: its true travel is not what it reads"
+            "scale of axis A1: its true travel differs from the reading in proportion to it"
         );
         assert_eq!(describe("x.thing"), "x.thing");
     }

@@ -13,10 +13,10 @@ use nalgebra::DMatrix;
 use serde::Serialize;
 
 use effects::observation::Observations;
-use effects::session::perfect::as_if_measured;
+use effects::session::perfect::with_nominal_touches;
 use effects::session::{DiagnoseError, Session};
 use effects::{Variant, candidate, library, observe};
-use inference::linear::{add_scaled, dot, orthonormal, without};
+use inference::linear::{add_scaled, dot, orthonormal, projected_out};
 
 pub use remedies::{Remedy, complete};
 pub use sizes::noncentrality;
@@ -94,20 +94,21 @@ pub struct Detectability {
     /// The same when every other linear effect may act as well; absent where they stand in for it entirely.
     pub rms_beside: Option<f64>,
     /// Its parameters.
-    pub parameters: Vec<Smallest>,
+    pub parameters: Vec<ParameterLimit>,
 }
 
 /// Detection limit of one parameter, the effect's others at zero.
 #[derive(Debug, Clone, Serialize)]
-pub struct Smallest {
+pub struct ParameterLimit {
     /// Name.
     pub name: String,
     /// Unit of the sizes.
     pub unit: &'static str,
-    /// When nothing else acts.
+    /// When nothing else acts, in [`Self::unit`].
     pub alone: f64,
-    /// When every other linear effect may act as well.
-    pub beside: Option<f64>,
+    /// When every other linear effect may act as well, in [`Self::unit`]; absent where they stand in for it entirely.
+    #[serde(rename = "beside")]
+    pub with_others: Option<f64>,
 }
 
 /// Two confounded effects.
@@ -159,7 +160,7 @@ pub fn identifiability(
     session: &Session,
     question: &Question,
 ) -> Result<Identifiability, DiagnoseError> {
-    let session = as_if_measured(session)?;
+    let session = with_nominal_touches(session)?;
     let plan = session.plan.as_ref().ok_or(DiagnoseError::NoPlan)?;
     let observations = observe(&session)?;
     let variants = library(&observations);
@@ -293,7 +294,7 @@ impl Test<'_> {
         let left: Vec<Vec<f64>> = span
             .columns
             .iter()
-            .map(|column| without(column.clone(), &others))
+            .map(|column| projected_out(column.clone(), &others))
             .collect();
         let gram = DMatrix::from_fn(left.len(), left.len(), |i, k| dot(&left[i], &left[k]));
         let least = gram.symmetric_eigenvalues().min();
@@ -305,13 +306,13 @@ impl Test<'_> {
                     .map(|(value, row)| value * row.weight)
                     .collect();
                 let full = dot(&weighted, &weighted);
-                let rest = without(weighted.clone(), &others);
+                let rest = projected_out(weighted.clone(), &others);
                 let rest = dot(&rest, &rest);
-                (full > 0.0).then(|| Smallest {
+                (full > 0.0).then(|| ParameterLimit {
                     name: parameter.name.clone(),
                     unit: parameter.unit,
                     alone: length / full.sqrt(),
-                    beside: (rest > REDUNDANT * full).then(|| length / rest.sqrt()),
+                    with_others: (rest > REDUNDANT * full).then(|| length / rest.sqrt()),
                 })
             });
         Some(Detectability {

@@ -12,7 +12,7 @@ use nalgebra::DMatrix;
 use crate::linear::{add_scaled, dot, scale};
 
 /// Directions whose signature stays below this rms at a thousand times the plausible size are unobservable, m.
-pub const INVISIBLE: f64 = 2e-7;
+pub const UNOBSERVABLE: f64 = 2e-7;
 /// Directions of a correlated prior with a smaller share than this of the power of the leading one are left out: at a
 /// three-hundredth of its size they do not show.
 const FAINT: f64 = 1e-5;
@@ -71,7 +71,7 @@ impl Candidate {
     ) -> Option<Self> {
         let (rows, count) = scaled.shape();
         let eigen = (scaled.transpose() * scaled).symmetric_eigen();
-        let least = (INVISIBLE / FAR).powi(2) * rows as f64;
+        let least = (UNOBSERVABLE / FAR).powi(2) * rows as f64;
         let mut kept: Vec<usize> = (0..count).collect();
         kept.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
         let largest = kept.first().map_or(0.0, |&index| eigen.eigenvalues[index]);
@@ -152,7 +152,7 @@ impl Candidate {
         let principal = scaled * factor;
         let eigen = (principal.transpose() * &principal).symmetric_eigen();
         let most = eigen.eigenvalues.max();
-        if most <= (INVISIBLE / FAR).powi(2) * scaled.nrows() as f64 {
+        if most <= (UNOBSERVABLE / FAR).powi(2) * scaled.nrows() as f64 {
             return None;
         }
         let mut kept: Vec<usize> = (0..eigen.eigenvalues.len())
@@ -217,7 +217,7 @@ struct SecondOrderColumn {
 impl SecondOrderColumn {
     /// The column made orthonormal to `block`; `None` where it is unobservable.
     fn new(mut column: Vec<f64>, block: &[Vec<f64>]) -> Option<Self> {
-        if rms(&column) < INVISIBLE {
+        if rms(&column) < UNOBSERVABLE {
             return None;
         }
         let mut along = Vec::with_capacity(block.len());
@@ -227,7 +227,7 @@ impl SecondOrderColumn {
             along.push(product);
         }
         let size = rms(&column);
-        if size < 0.5 * INVISIBLE {
+        if size < 0.5 * UNOBSERVABLE {
             return None;
         }
         let length = size * (column.len() as f64).sqrt();

@@ -8,7 +8,7 @@
 use statrs::function::erf::erfc;
 use statrs::function::gamma::ln_gamma;
 
-use crate::fixed_point::{Blocks, Posterior, RESOLUTION, State, Stop, maximise};
+use crate::fixed_point::{Blocks, RESOLUTION, RidgeSystem, State, Stop, maximise};
 use crate::linear::{add_scaled, cholesky, dot, forward, inverse_diagonal, invert, solve_cholesky};
 
 /// Log price of a block's prior variance: a log-uniform prior over four decades of it, known to about a factor e.
@@ -136,7 +136,7 @@ impl Products {
     }
 
     /// Products of each column with itself.
-    pub fn powers(&self) -> Vec<f64> {
+    pub fn squared_norms(&self) -> Vec<f64> {
         let count = self.qy.len();
         (0..count)
             .map(|column| self.qq[column * count + column])
@@ -324,7 +324,7 @@ impl SmallPosterior {
     }
 }
 
-impl Posterior for SmallPosterior {
+impl RidgeSystem for SmallPosterior {
     fn solve(&mut self, precision: &[f64]) -> Option<()> {
         let n = self.mean.len();
         self.factor.copy_from_slice(&self.gram);

@@ -23,7 +23,7 @@ pub struct EvidenceGain<'p> {
     columns: usize,
     /// A row for each of them: the inverse of their Cholesky factor times their products with all columns.
     crossed: Vec<f64>,
-    /// Of each column, beside the set: its product with the deviations, and its power.
+    /// Of each column, beside the set: its product with the deviations, and its squared norm.
     right: Vec<f64>,
     free: Vec<f64>,
     /// Residual of the set, and the part of it that is the penalty of its coefficients, m².
@@ -69,7 +69,7 @@ impl<'p> EvidenceGain<'p> {
         let mut crossed = vec![0.0; n * count];
         let mut projections = Vec::with_capacity(n);
         let mut right = products.qy.clone();
-        let mut free = products.powers();
+        let mut free = products.squared_norms();
         let mut residual = products.yy + RESOLUTION * RESOLUTION;
         for (i, &column) in columns.iter().enumerate() {
             let (above, row) = crossed.split_at_mut(i * count);

@@ -14,7 +14,7 @@ pub const RESOLUTION: f64 = 2e-8;
 const LEAST_VARIANCE: f64 = 1.0;
 
 /// The normal equations of a set of columns, solved for one choice of prior precisions after another.
-pub trait Posterior {
+pub trait RidgeSystem {
     /// Solves with a prior precision (over that of the noise) for each coefficient; `None` where the matrix is not positive
     /// definite.
     fn solve(&mut self, precision: &[f64]) -> Option<()>;
@@ -84,7 +84,7 @@ pub struct Stop {
 ///
 /// `None` where the posterior cannot be solved.
 pub fn maximise(
-    posterior: &mut impl Posterior,
+    posterior: &mut impl RidgeSystem,
     blocks: &Blocks,
     mut state: State,
     samples: f64,
@@ -131,7 +131,7 @@ mod tests {
         mean: Vec<f64>,
     }
 
-    impl Posterior for Orthonormal {
+    impl RidgeSystem for Orthonormal {
         fn solve(&mut self, precision: &[f64]) -> Option<()> {
             self.shrinkage = precision.iter().map(|p| 1.0 / (1.0 + p)).collect();
             self.mean = (self.shrinkage.iter().zip(&self.projections))

@@ -6,7 +6,7 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
-use crate::fixed_point::{Blocks, Posterior, RESOLUTION, State, Stop, maximise, noise_variance};
+use crate::fixed_point::{Blocks, RESOLUTION, RidgeSystem, State, Stop, maximise, noise_variance};
 use crate::linear::add_scaled;
 
 /// Prior precision of the nuisance columns, over that of the noise over one column's length.
@@ -273,7 +273,7 @@ impl<'g> LargePosterior<'g> {
     }
 }
 
-impl Posterior for LargePosterior<'_> {
+impl RidgeSystem for LargePosterior<'_> {
     fn solve(&mut self, precision: &[f64]) -> Option<()> {
         let mut matrix = self.products.clone();
         for (index, precision) in precision.iter().enumerate() {

@@ -17,7 +17,7 @@ const LONGEST: usize = 8;
 
 /// Blocks of the touches, one number per row; references are not held out and have none.
 #[derive(Debug, Clone)]
-pub struct Blocks {
+pub struct TouchBlocks {
     of: Vec<Option<usize>>,
     count: usize,
 }
@@ -31,7 +31,7 @@ pub struct HeldOut {
     pub ci95: [f64; 2],
 }
 
-impl Blocks {
+impl TouchBlocks {
     /// Assigns rows to blocks: runs of at most eight rows with the same key; rows without a key are never held out.
     pub fn new<K: Ord>(keys: impl Iterator<Item = Option<K>>) -> Self {
         let mut open: BTreeMap<K, (usize, usize)> = BTreeMap::new();
@@ -51,6 +51,8 @@ impl Blocks {
     }
 
     /// Held-out residuals of a set of candidates; `None` for rows that are never held out.
+    ///
+    /// `y` are the deviations of all rows, weighted as the blocks of the candidates are, m; the residuals have the same weights.
     pub fn residuals(
         &self,
         candidates: &[&Candidate],

@@ -179,8 +179,8 @@ pub fn orthonormal(columns: impl Iterator<Item = Vec<f64>>, least: f64) -> Vec<V
 pub fn append(basis: &mut Vec<Vec<f64>>, mut column: Vec<f64>, least: f64) -> bool {
     let full = dot(&column, &column);
     // Twice is enough (Parlett): the second pass removes what cancellation left of the first.
-    remove(&mut column, basis);
-    remove(&mut column, basis);
+    project_out(&mut column, basis);
+    project_out(&mut column, basis);
     let power = dot(&column, &column);
     if !(power > least * full) || power <= 0.0 {
         return false;
@@ -191,7 +191,7 @@ pub fn append(basis: &mut Vec<Vec<f64>>, mut column: Vec<f64>, least: f64) -> bo
 }
 
 /// Subtracts the projection onto an orthonormal basis.
-pub fn remove(values: &mut [f64], basis: &[Vec<f64>]) {
+pub fn project_out(values: &mut [f64], basis: &[Vec<f64>]) {
     for known in basis {
         let along = dot(known, values);
         add_scaled(values, -along, known);
@@ -199,7 +199,7 @@ pub fn remove(values: &mut [f64], basis: &[Vec<f64>]) {
 }
 
 /// Values less their projection onto an orthonormal basis.
-pub fn without(mut values: Vec<f64>, basis: &[Vec<f64>]) -> Vec<f64> {
-    remove(&mut values, basis);
+pub fn projected_out(mut values: Vec<f64>, basis: &[Vec<f64>]) -> Vec<f64> {
+    project_out(&mut values, basis);
     values
 }

@@ -65,7 +65,9 @@ impl Stream {
         self.count
     }
 
-    /// Takes the estimates of a part, one for each direction; a stream has the directions of its first part.
+    /// Takes the estimates of a part, one for each direction, in any unit.
+    ///
+    /// The first part determines how many directions the stream has; every later part has as many estimates, in the same order.
     pub fn push(&mut self, estimates: &[f64]) {
         if self.count == 0 {
             self.directions = vec![Direction::default(); estimates.len()];

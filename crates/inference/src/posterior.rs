@@ -19,7 +19,7 @@ pub struct Model {
     /// Probability among all models.
     pub probability: f64,
     /// Log evidence plus log prior.
-    pub score: f64,
+    pub log_posterior: f64,
 }
 
 /// All models of a session.
@@ -64,10 +64,10 @@ impl Attribution {
 
     /// Posterior mean of the discrepancy of a model at all rows, zero where they are not in use; `None` without one.
     pub fn discrepancy_part(&self, model: &Model) -> Option<Vec<f64>> {
-        let (index, power) = model.discrepancy?;
+        let (index, variance_ratio) = model.discrepancy?;
         let rows = self.rows();
         let residuals = rows.white(&self.residuals(model)?);
-        let mut mean = self.discrepancies[index].posterior_mean(power, &residuals);
+        let mut mean = self.discrepancies[index].posterior_mean(variance_ratio, &residuals);
         unwhiten(&mut mean[..rows.correlated()], self.lag1_correlation);
         let mut part = vec![0.0; self.active.len()];
         let used = part.iter_mut().zip(&self.active).filter(|(_, used)| **used);
@@ -79,9 +79,9 @@ impl Attribution {
 
     /// Standard deviation of each active row over that of the noise; `None` where the model has the same noise for all.
     pub fn widening(&self, model: &Model) -> Option<Vec<f64>> {
-        let (index, power) = model.discrepancy?;
+        let (index, variance_ratio) = model.discrepancy?;
         let discrepancy = &self.discrepancies[index];
-        (discrepancy.kind == Kind::Noise).then(|| discrepancy.widening(power))?
+        (discrepancy.kind == Kind::Noise).then(|| discrepancy.widening(variance_ratio))?
     }
 
     /// The members of a model in its order, each with its candidate and the coefficients of its block in a fit.
@@ -114,12 +114,12 @@ impl Attribution {
     pub fn fit(&self, model: &Model) -> Option<Fit> {
         match model.discrepancy {
             None => self.products.fit(&model.set),
-            Some((index, power)) => {
+            Some((index, variance_ratio)) => {
                 let members = model.set.iter().map(|&member| &self.candidates[member]);
                 let indices: Vec<usize> = (0..model.set.len()).collect();
                 Design::new(members, &self.y, &self.rows())
                     .with_discrepancy(&self.discrepancies[index])
-                    .products(power, &self.products.subset(&model.set))
+                    .products(variance_ratio, &self.products.subset(&model.set))
                     .fit(&indices)
             }
         }

@@ -36,15 +36,15 @@ pub struct Scored {
     /// Candidates, ascending.
     pub set: Vec<usize>,
     /// Log evidence plus log prior.
-    pub score: f64,
+    pub log_posterior: f64,
 }
 
 /// Prior probabilities of the candidates.
 #[derive(Debug, Clone)]
 pub struct Priors {
-    /// Effect of each candidate, as a number: two of one effect never stand in a set.
+    /// Effect of each candidate, in the order of the products, as a number: two of one effect never stand in a set.
     pub effect: Vec<usize>,
-    /// Log prior of each candidate within its effect.
+    /// Natural logarithm of the prior of each candidate within its effect, in the order of [`Self::effect`] and as many.
     pub log_prior: Vec<f64>,
     /// Number of effects in the library.
     pub effects: usize,
@@ -80,14 +80,14 @@ pub fn search(
     beam: usize,
     known: &mut EvidenceCache,
 ) -> Vec<Scored> {
-    let mut score = |set: Vec<usize>| {
+    let mut scored = |set: Vec<usize>| {
         let variances =
             (known.entry(set.clone())).or_insert_with_key(|set| products.variances(set));
-        let score = variances.log_evidence + priors.log_prior_of(&set);
-        (Scored { set, score }, variances.clone())
+        let log_posterior = variances.log_evidence + priors.log_prior_of(&set);
+        (Scored { set, log_posterior }, variances.clone())
     };
-    let empty = score(Vec::new());
-    let mut best = empty.0.score;
+    let empty = scored(Vec::new());
+    let mut best = empty.0.log_posterior;
     let mut all = vec![empty.0.clone()];
     let mut level = vec![empty];
     for size in 1..=MOST_EFFECTS {
@@ -101,10 +101,10 @@ pub fn search(
         let mut next: Vec<(Scored, Variances)> = (children(products, priors, parents, tried))
             .into_iter()
             .take(solved)
-            .map(&mut score)
+            .map(&mut scored)
             .collect();
-        next.sort_by(|a, b| b.0.score.total_cmp(&a.0.score));
-        let Some(leader) = next.first().map(|(scored, _)| scored.score) else {
+        next.sort_by(|a, b| b.0.log_posterior.total_cmp(&a.0.log_posterior));
+        let Some(leader) = next.first().map(|(scored, _)| scored.log_posterior) else {
             break;
         };
         best = best.max(leader);
@@ -115,7 +115,7 @@ pub fn search(
             break;
         }
     }
-    all.sort_by(|a, b| b.score.total_cmp(&a.score));
+    all.sort_by(|a, b| b.log_posterior.total_cmp(&a.log_posterior));
     all
 }
 
@@ -192,11 +192,11 @@ fn best_of(
     best: &Scored,
 ) -> Option<Scored> {
     sets.map(|set| Scored {
-        score: products.log_evidence(&set) + priors.log_prior_of(&set),
+        log_posterior: products.log_evidence(&set) + priors.log_prior_of(&set),
         set,
     })
-    .max_by(|a, b| a.score.total_cmp(&b.score))
-    .filter(|next| next.score > best.score)
+    .max_by(|a, b| a.log_posterior.total_cmp(&b.log_posterior))
+    .filter(|next| next.log_posterior > best.log_posterior)
 }
 
 /// Forward selection: adds candidates to a set one by one while the posterior rises; `None` when none does.
@@ -204,7 +204,7 @@ pub fn extend(products: &Products, priors: &Priors, start: &[usize]) -> Option<S
     let first = products.log_evidence(start) + priors.log_prior_of(start);
     let mut best = Scored {
         set: start.to_vec(),
-        score: first,
+        log_posterior: first,
     };
     while best.set.len() < MOST_AT_LENGTH {
         let variances = products.variances(&best.set);
@@ -215,7 +215,7 @@ pub fn extend(products: &Products, priors: &Priors, start: &[usize]) -> Option<S
             None => break,
         }
     }
-    (best.score > first).then_some(best)
+    (best.log_posterior > first).then_some(best)
 }
 
 /// Backward elimination: removes candidates of a set one by one while the posterior rises.
@@ -257,13 +257,13 @@ pub fn exchange(products: &Products, priors: &Priors, mut best: Scored) -> Score
 pub fn exchange_best(products: &Products, priors: &Priors, scored: &mut Vec<Scored>) {
     let best: Vec<Scored> = scored.iter().take(EXCHANGED).cloned().collect();
     for start in best {
-        let before = start.score;
+        let before = start.log_posterior;
         let better = exchange(products, priors, start);
-        if better.score > before && scored.iter().all(|known| known.set != better.set) {
+        if better.log_posterior > before && scored.iter().all(|known| known.set != better.set) {
             scored.push(better);
         }
     }
-    scored.sort_by(|a, b| b.score.total_cmp(&a.score));
+    scored.sort_by(|a, b| b.log_posterior.total_cmp(&a.log_posterior));
 }
 
 /// Default width of the beam.
@@ -346,10 +346,10 @@ mod tests {
                 &mut EvidenceCache::new(),
             );
             exchange_best(&products, &priors, &mut found);
-            let true_score = products.log_evidence(&planted) + priors.log_prior_of(&planted);
+            let of_planted = products.log_evidence(&planted) + priors.log_prior_of(&planted);
             assert!(
-                found[0].score > true_score - 1e-9,
-                "{trial}: {planted:?} at {true_score} is better than {:?}",
+                found[0].log_posterior > of_planted - 1e-9,
+                "{trial}: {planted:?} at {of_planted} is better than {:?}",
                 found[0]
             );
         }

@@ -32,9 +32,9 @@ impl Design {
 pub struct Whitened<'a>(Projected<'a>);
 
 impl Whitened<'_> {
-    /// Products whitened for the discrepancy at variance ratio `power`; `plain` are those without it.
-    pub fn products(&self, power: f64, plain: &Products) -> Products {
-        let (explained, log_determinant) = self.0.explained_gram(power);
+    /// Products whitened for the discrepancy at this variance ratio; `plain` are those without it.
+    pub fn products(&self, variance_ratio: f64, plain: &Products) -> Products {
+        let (explained, log_determinant) = self.0.explained_gram(variance_ratio);
         let count = plain.qy.len();
         let mut whitened = plain.clone();
         for (column, explained) in explained.column_iter().take(count).enumerate() {

@@ -70,7 +70,7 @@ fn stops(axes: &[String]) -> String {
 }
 
 impl Chain {
-    /// Positions of all axes (m or rad) that bring the ball to `target` in the part frame. `ball` is its centre in the frame of
+    /// Positions of all axes (m or rad) that bring the ball to `target` (m, part frame). `ball` is its centre in the frame of
     /// the probe mount (m), `part_pose` the part frame in the frame of `workpiece`.
     ///
     /// `prescribed` and `start` are in the order of [`Self::axes`]; `None` marks a free axis, whose search begins at

@@ -24,7 +24,7 @@
 //! | [`tree`] | where every link is, for viewers |
 //! | [`geometry`], [`access`] | what the stylus would hit |
 //!
-//! Metres, radians, seconds. Frames are those of the interface contract ("Frames and the machine model"): `foundation`,
+//! Metres, radians, seconds. Frames are those of the interface contract (`docs/glossary.md`), told in [`chain`]: `foundation`,
 //! `workpiece`, `probe_mount`, and the part frame in which points and normals are given; formulas as in
 //! `docs/source_systems.md, D.2`. Axes are named after ISO 841. No dynamics but weight, and no file or bus access; why a real machine
 //! differs from this model is the question of `diagnosis`.

@@ -62,7 +62,8 @@ impl CellClient {
             Err(reason) => CellFailure(reason.to_string()).into(),
             Ok(()) => anyhow::Error::from(error),
         })?;
-        from_cdr(&response).context("the reply is not of the service's type")
+        from_cdr(&response)
+            .context("the reply cannot be decoded as the response type of the service")
     }
 
     /// Has the cell plan.
@@ -116,8 +117,12 @@ impl CellClient {
         while let Ok(message) =
             receiver.recv_timeout(deadline.saturating_duration_since(Instant::now()))
         {
-            let message = message
-                .with_context(|| format!("a message on {} is not of its type", topic.name))?;
+            let message = message.with_context(|| {
+                format!(
+                    "a message on {} cannot be decoded as the type of its topic",
+                    topic.name
+                )
+            })?;
             if wanted(&message) {
                 found = Some(message);
                 break;
@@ -185,5 +190,5 @@ pub(crate) fn request_plan(
     );
     drop(subscription);
     output::end_progress();
-    from_cdr(&response?).context("the reply is not of the service's type")
+    from_cdr(&response?).context("the reply cannot be decoded as the response type of the service")
 }

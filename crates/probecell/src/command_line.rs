@@ -126,7 +126,7 @@ pub(crate) enum Command {
         #[arg(long)]
         json: bool,
     },
-    /// Serve every cell of the bus and every recording as web pages, read only.
+    /// Serve every cell of the bus and every recording as web pages; operators can act on them with a signature.
     Dashboard(commands::dashboard::Arguments),
     /// Serve a running cell as an MTConnect agent, read only.
     Mtconnect(commands::mtconnect::Arguments),
@@ -180,7 +180,7 @@ pub(crate) enum Command {
     },
     /// Play back a recording under another namespace. Commands, requests and approvals are never published.
     Play(commands::play::Arguments),
-    /// Recompute every node of a recording and compare the output with the recorded one, byte for byte.
+    /// Recompute every node from its recorded inputs and compare the outputs byte for byte.
     Replay {
         /// Bag: a folder or an .mcap file.
         bag: PathBuf,

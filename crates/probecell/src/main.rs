@@ -112,7 +112,9 @@ fn begin_process(supervised: bool, clock: Option<i64>) -> anyhow::Result<()> {
 
 fn run(command: Command) -> anyhow::Result<u8> {
     if !ros_arguments::words().is_empty() && !command.is_of_a_cell() {
-        anyhow::bail!("--ros-args: this command takes none, since it is of no running cell");
+        anyhow::bail!(
+            "--ros-args: not accepted by this command, which does not concern a running cell"
+        );
     }
     match command {
         Command::Up {

@@ -19,7 +19,7 @@ use rand_pcg::Pcg64Mcg;
 
 pub use causes::Cause;
 
-use effects::session::perfect::as_if_measured;
+use effects::session::perfect::with_nominal_touches;
 use effects::session::{DiagnoseError, Session};
 use plant::Plant;
 use scene::Scene;
@@ -111,7 +111,7 @@ impl Stage {
     /// [`DiagnoseError`] for a session that could not be diagnosed either.
     pub fn of(session: &Session) -> Result<Self, DiagnoseError> {
         Ok(Self {
-            given: Some(given::scene(&as_if_measured(session)?)?),
+            given: Some(given::scene(&with_nominal_touches(session)?)?),
         })
     }
 }

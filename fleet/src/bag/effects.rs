@@ -19,7 +19,7 @@ use crate::lake::rows::Value;
 use crate::lake::schema::EFFECTS;
 
 /// A parameter whose plausible size stays below this rms does not show, m.
-const INVISIBLE: f64 = 2e-7;
+const UNOBSERVABLE: f64 = 2e-7;
 /// Smallest singular value of columns of unit length at which they are told apart.
 const TOLD_APART: f64 = 0.03;
 /// Residuals beyond this many standard deviations are false touches.
@@ -230,7 +230,7 @@ impl<'r> Design<'r> {
                 .into_iter()
                 .zip(&variant.parameters)
                 .filter(|(column, parameter)| {
-                    metrology::statistics::rms(column) * parameter.plausible >= INVISIBLE
+                    metrology::statistics::rms(column) * parameter.plausible >= UNOBSERVABLE
                 });
             let (columns, names): (Vec<_>, Vec<_>) = shown
                 .map(|(column, parameter)| (column, (parameter.name.clone(), parameter.unit)))

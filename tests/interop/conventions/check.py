@@ -621,7 +621,7 @@ def arguments_of_a_launch(folder):
     recorded = {one["topic"] for one in json.loads(output)["topics"]}
     assert "/hall/health" in recorded and "/cell_2/joint_states" in recorded, recorded
     code, _, errors = asked("diagnose", own, "--ros-args", *name, folder=folder)
-    assert code == 2 and "--ros-args: this command takes none" in errors, errors
+    assert code == 2 and "--ros-args: not accepted by this command" in errors, errors
     code, _, errors = asked("up", cell, "--ros-args", "-r", "joint_states:=js", folder=folder)
     assert code == 2 and errors.startswith("probecell: --ros-args -r joint_states:=js: names that are remapped are absolute"), errors
     try:

@@ -146,7 +146,7 @@ def parts_end_to_end(folder):
         up.says("waits for its external driver to publish /external/controller_status")
         # Its nodes are there a moment later.
         until("a request that is taken", lambda: asked("run", "early", "--cell", cell, folder=folder)[0] == 0)
-        up.says("part early: stopped after 0 cuts: .*no sample of the controller")
+        up.says("part early: stopped after 0 machining passes: .*no sample of the controller")
         with driver(folder) as first:
             up.says("the external driver is there$")
             until("an idle machine", lambda: status(cell, folder)["machine"] == "idle")

@@ -62,7 +62,7 @@ check "a bore is cut, measured, corrected and cut again" 0 bore.toml "can be cor
 # 40 µm too small, and read 10 µm too large by a ball that is 5 µm too small.
 near "bore" bore -30
 grep -qE '^T2 .*D\+?10\.0(29|30)' omm3.tbl || { echo "FAILED: the tool table does not hold the correction"; cat omm3.tbl; exit 1; }
-check "the next part shows the correction" 0 bore.toml "part bore: qualified after 1 cuts"
+check "the next part shows the correction" 0 bore.toml "part bore: qualified after 1 machining pass"
 near "next part" bore 0
 
 # The same bore by the program, as an operator runs it; and by one that breaks off and another that measures the rest.

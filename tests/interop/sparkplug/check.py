@@ -224,7 +224,7 @@ def main():
         process.kill()
         mosquitto.kill()
     for arguments, words in [
-        (["--broker", "nowhere"], "a host and a port"), (["--group", "a/b"], "a name without"), (["--user", "u"], "--password-file"),
+        (["--broker", "nowhere"], "expected HOST:PORT"), (["--group", "a/b"], "must not contain"), (["--user", "u"], "--password-file"),
     ]:
         told = subprocess.run([PROGRAM, "sparkplug", "--cell", "launch-scripts/turn_mill.toml", *arguments], cwd=WORK, capture_output=True, text=True)
         assert told.returncode == 2 and words in told.stderr, told

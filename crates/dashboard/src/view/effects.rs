@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use diagnosis::in_shop_units;
+use diagnosis::in_display_units;
 use effects::vocabulary;
 use graph::Stamp;
 use maud::{Markup, html};
@@ -26,7 +26,7 @@ pub(super) fn shop(
     unit: &str,
     ci95: Option<[f64; 2]>,
 ) -> String {
-    in_shop_units(&of.1, value, unit, ci95).replace("= -", "= −")
+    in_display_units(&of.1, value, unit, ci95).replace("= -", "= −")
 }
 
 /// The end of an axis: to two digits of what the axis spans.

@@ -1,7 +1,7 @@
 //! The gap report: how large, why, what to do, what to measure next.
 
 use diagnosis::report::Place;
-use diagnosis::{Report, Verdict, in_shop_units};
+use diagnosis::{Report, Verdict, in_display_units};
 use effects::vocabulary;
 use maud::{Markup, html};
 
@@ -116,7 +116,7 @@ fn parameters(report: &Report, effect: usize, one: &str) -> Vec<String> {
     let all = own.or(alternative.map(|other| &other.parameters));
     let all = all.into_iter().flatten();
     all.map(|one| {
-        in_shop_units(&one.name, one.value, &one.unit, Some(one.ci95)).replace("= -", "= −")
+        in_display_units(&one.name, one.value, &one.unit, Some(one.ci95)).replace("= -", "= −")
     })
     .collect()
 }

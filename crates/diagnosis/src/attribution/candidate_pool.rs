@@ -15,7 +15,7 @@ use inference::columns::{Columns, Rows};
 use inference::discrepancy::Discrepancy;
 use inference::evidence::Products;
 use inference::golden::golden_section;
-use inference::linear::{SPANNED, dot, orthonormal, remove};
+use inference::linear::{SPANNED, dot, orthonormal, project_out};
 use inference::posterior::Attribution;
 use inference::scan::{CrossProducts, MaskedColumn, ResidualProjection, Trials};
 use inference::search::{EvidenceCache, Priors, Scored, default_beam_width, exchange_best, search};
@@ -273,7 +273,7 @@ fn is_spanned(discrepancy: &Discrepancy, tables: &[Vec<Vec<f64>>]) -> bool {
     tables.iter().any(|table| {
         let mut left = columns.clone();
         for column in &mut left {
-            remove(column, table);
+            project_out(column, table);
         }
         power(&left) < APART * most
     })
@@ -564,7 +564,7 @@ impl ScannedResiduals {
             SPANNED,
         );
         let mut residuals = shapes.scanned(values, active);
-        remove(&mut residuals, &basis);
+        project_out(&mut residuals, &basis);
         Self {
             basis,
             residuals,

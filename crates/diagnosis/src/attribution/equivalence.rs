@@ -210,7 +210,7 @@ impl<'a> Substitution<'a> {
             let substituted = model.set.len() == set.len()
                 && !model.set.contains(&self.fitted.member)
                 && self.others.iter().all(|other| model.set.contains(other))
-                && model.score > best.score - NOT_EXCLUDED;
+                && model.log_posterior > best.log_posterior - NOT_EXCLUDED;
             let substitute = model.set.iter().find(|own| !self.others.contains(own));
             if let (true, Some(&substitute)) = (substituted, substitute) {
                 found.extend(self.effects_of(substitute));

@@ -42,14 +42,16 @@ pub(super) fn restrict(
     };
     let best = |fields: bool| {
         let own = models.iter().filter(|model| is_field(model) == fields);
-        own.max_by(|one, other| one.score.total_cmp(&other.score))
+        own.max_by(|one, other| one.log_posterior.total_cmp(&other.log_posterior))
     };
     let Some(leader) = best(true) else {
         return false;
     };
-    let highest = best(false).map_or(leader.score, |other| other.score.max(leader.score));
+    let highest = best(false).map_or(leader.log_posterior, |other| {
+        other.log_posterior.max(leader.log_posterior)
+    });
     let scores = models.iter().filter(|model| is_field(model));
-    let all = log_sum(scores.map(|model| model.score));
+    let all = log_sum(scores.map(|model| model.log_posterior));
     if all < highest + SEEN.ln() {
         return false;
     }
@@ -60,9 +62,9 @@ pub(super) fn restrict(
     let mut found: Vec<Model> = Vec::new();
     for (weight, index, power) in fields {
         let mut beside = search_beside(pool, &design, &discrepancies[index], (index, power));
-        let sum = log_sum(beside.iter().map(|model| model.score));
+        let sum = log_sum(beside.iter().map(|model| model.log_posterior));
         for model in &mut beside {
-            model.score += all + weight - sum;
+            model.log_posterior += all + weight - sum;
         }
         found.extend(beside);
     }

@@ -22,9 +22,9 @@ pub(crate) const UNKNOWN: f64 = 0.05;
 const POWERS: [f64; 9] = [0.3, 1.0, 4.0, 16.0, 64.0, 256.0, 1024.0, 4096.0, 16384.0];
 /// Largest variance ratio of a touch that is still noise: eight times the standard deviation of the others.
 const NOISY: f64 = 64.0;
-/// Discrepancies whose log score is this far behind the best are not searched further.
+/// Discrepancies whose log posterior is this far behind the best are not searched further.
 const FAR_BEHIND: f64 = 7.0;
-/// Discrepancies whose log score after screening, where neither variances nor sets are optimal, is this far behind the best
+/// Discrepancies whose log posterior after screening, where neither variances nor sets are optimal, is this far behind the best
 /// are dropped.
 const SCREENED_OUT: f64 = 16.0;
 /// Discrepancies that pass the screening at most.
@@ -56,7 +56,7 @@ pub(crate) fn score_with_discrepancies(
     known: &[Model],
 ) -> Vec<Model> {
     let mut best = (known.iter())
-        .map(|model| model.score)
+        .map(|model| model.log_posterior)
         .fold(f64::NEG_INFINITY, f64::max);
     let scorer = Scorer {
         pool,
@@ -68,22 +68,25 @@ pub(crate) fn score_with_discrepancies(
     let mut promising: Vec<(f64, usize, f64)> = Vec::new();
     for screened in scorer.screen(scored, best) {
         let found = scorer.evaluate(&subset, &screened);
-        if let Some((score, power)) = best_power(&found) {
-            best = best.max(score);
-            promising.push((score, screened.index, power));
+        if let Some((log_posterior, power)) = best_power(&found) {
+            best = best.max(log_posterior);
+            promising.push((log_posterior, screened.index, power));
         }
         models.extend(found);
     }
     promising.sort_by(|a, b| b.0.total_cmp(&a.0));
     let mut design = None;
-    for (score, index, power) in promising.into_iter().take(SEARCHED) {
-        if score < best - FAR_BEHIND {
+    for (log_posterior, index, power) in promising.into_iter().take(SEARCHED) {
+        if log_posterior < best - FAR_BEHIND {
             break;
         }
         let design =
             design.get_or_insert_with(|| Design::new(pool.candidates.iter(), pool.y, &pool.rows()));
         let found = scorer.search(design, index, power);
-        best = found.iter().map(|model| model.score).fold(best, f64::max);
+        best = found
+            .iter()
+            .map(|model| model.log_posterior)
+            .fold(best, f64::max);
         models.extend(found);
     }
     for model in &mut models {
@@ -115,7 +118,7 @@ pub(super) fn search_beside(
         set: found.set,
         discrepancy: Some((index, power)),
         probability: 0.0,
-        score: found.score,
+        log_posterior: found.log_posterior,
     };
     found.into_iter().take(SEARCH_KEPT).map(model).collect()
 }
@@ -135,13 +138,13 @@ pub(super) fn search_anew(
     scorer.search(&design, index, power)
 }
 
-/// Score and variance ratio of the best of some models with a discrepancy, the first of equals.
+/// Log posterior and variance ratio of the best of some models with a discrepancy, the first of equals.
 fn best_power(models: &[Model]) -> Option<(f64, f64)> {
     let mut best: Option<(f64, f64)> = None;
     for model in models {
         let (_, power) = model.discrepancy?;
-        if best.is_none_or(|(score, _)| model.score > score) {
-            best = Some((model.score, power));
+        if best.is_none_or(|(log_posterior, _)| model.log_posterior > log_posterior) {
+            best = Some((model.log_posterior, power));
         }
     }
     best
@@ -149,7 +152,7 @@ fn best_power(models: &[Model]) -> Option<(f64, f64)> {
 
 /// A discrepancy that passed the screening.
 struct Screened {
-    score: f64,
+    log_posterior: f64,
     index: usize,
     /// Index of its best variance among those that are tried.
     power: usize,
@@ -201,11 +204,14 @@ impl Scorer<'_> {
             for (power, &value) in powers(discrepancy).iter().enumerate() {
                 let products = whitened.products(value, &subset.plain);
                 for (fitted, prior) in &sets {
-                    let score =
+                    let log_posterior =
                         fitted.log_evidence(&products) + prior + log_prior_with(discrepancy);
-                    if best.as_ref().is_none_or(|known| score > known.score) {
+                    if best
+                        .as_ref()
+                        .is_none_or(|known| log_posterior > known.log_posterior)
+                    {
                         best = Some(Screened {
-                            score,
+                            log_posterior,
                             index,
                             power,
                         });
@@ -214,10 +220,12 @@ impl Scorer<'_> {
             }
             screened.extend(best);
         }
-        screened.sort_by(|a, b| b.score.total_cmp(&a.score));
-        let best = screened.first().map_or(best, |first| first.score.max(best));
+        screened.sort_by(|a, b| b.log_posterior.total_cmp(&a.log_posterior));
+        let best = screened
+            .first()
+            .map_or(best, |first| first.log_posterior.max(best));
         screened.truncate(SCREENED);
-        screened.retain(|screened| screened.score > best - SCREENED_OUT);
+        screened.retain(|screened| screened.log_posterior > best - SCREENED_OUT);
         screened
     }
 
@@ -244,7 +252,7 @@ impl Scorer<'_> {
                 set: fitted.set.clone(),
                 discrepancy: Some((screened.index, power)),
                 probability: 0.0,
-                score: products.log_evidence(&fitted.indices)
+                log_posterior: products.log_evidence(&fitted.indices)
                     + priors.log_prior_of(&fitted.set)
                     + log_prior_with(discrepancy),
             }));
@@ -265,14 +273,14 @@ impl Scorer<'_> {
             let products = whitened.products(power, &self.pool.products);
             let mut found = search(&products, &priors, SEARCH_BEAM, &mut EvidenceCache::new());
             exchange_best(&products, &priors, &mut found);
-            let model = |found: &Scored, power: f64, score: f64| Model {
+            let model = |found: &Scored, power: f64, log_posterior: f64| Model {
                 set: found.set.clone(),
                 discrepancy: Some((index, power)),
                 probability: 0.0,
-                score: score + log_prior_with(discrepancy),
+                log_posterior: log_posterior + log_prior_with(discrepancy),
             };
             let kept = found.iter().take(SEARCH_KEPT);
-            models.extend(kept.map(|found| model(found, power, found.score)));
+            models.extend(kept.map(|found| model(found, power, found.log_posterior)));
             let Some(best) = found.first() else {
                 break;
             };
@@ -282,14 +290,14 @@ impl Scorer<'_> {
             };
             let whitened = subset.design.with_discrepancy(discrepancy);
             let prior = priors.log_prior_of(&best.set);
-            let (mut highest, searched_at) = (best.score, power);
+            let (mut highest, searched_at) = (best.log_posterior, power);
             let others = powers(discrepancy).iter();
             for &other in others.filter(|&&other| other != searched_at) {
                 let products = whitened.products(other, &subset.plain);
-                let score = products.log_evidence(&fitted.indices) + prior;
-                models.push(model(best, other, score));
-                if score > highest {
-                    highest = score;
+                let log_posterior = products.log_evidence(&fitted.indices) + prior;
+                models.push(model(best, other, log_posterior));
+                if log_posterior > highest {
+                    highest = log_posterior;
                     power = other;
                 }
             }

@@ -29,7 +29,7 @@ pub(super) struct Explained {
     /// Rows that were rejected as outliers.
     pub(super) rejected: Vec<usize>,
     /// Log posterior of the best model, the outliers included.
-    score: f64,
+    log_posterior: f64,
 }
 
 impl Explained {
@@ -59,7 +59,7 @@ pub(super) fn explain(shapes: &Shapes<'_>) -> Explained {
     let mut tried: Vec<Vec<usize>> = vec![Vec::new()];
     if !suspects.is_empty() {
         let other = straightened(shapes, &suspects);
-        if other.score > best.score {
+        if other.log_posterior > best.log_posterior {
             best = other;
         }
         tried.push(suspects);
@@ -73,7 +73,11 @@ pub(super) fn explain(shapes: &Shapes<'_>) -> Explained {
                 continue;
             }
             let other = straightened(shapes, &rejected);
-            if other.score > better.as_ref().map_or(best.score, |known| known.score) {
+            if other.log_posterior
+                > better
+                    .as_ref()
+                    .map_or(best.log_posterior, |known| known.log_posterior)
+            {
                 better = Some(other);
             }
             tried.push(rejected);
@@ -126,11 +130,12 @@ fn straightened(shapes: &Shapes<'_>, rejected: &[usize]) -> Explained {
         let y = weighted(observations, &correction);
         attribution = attribute_with(shapes, &y, &active, Some(&attribution));
     }
-    let score = attribution.models[0].score + outliers::log_evidence(rejected.len());
+    let log_posterior =
+        attribution.models[0].log_posterior + outliers::log_evidence(rejected.len());
     Explained {
         attribution,
         rejected: rejected.to_vec(),
-        score,
+        log_posterior,
     }
 }
 

@@ -72,7 +72,7 @@ impl Reporter<'_> {
             set: Vec::new(),
             discrepancy: None,
             probability: 0.0,
-            score: 0.0,
+            log_posterior: 0.0,
         };
         let best = best.unwrap_or(&empty);
         let noise = self.noise(best);

@@ -3,13 +3,13 @@
 //! With withheld sessions: coefficients from the fitted ones, only the pose refitted. Without: blocks of touches of one
 //! feature at one index, assigned to folds. Prior variances of the effects stay as the whole fit found them. Metres.
 
-use inference::linear::without;
+use inference::linear::projected_out;
 use metrology::statistics::rms;
 
 use super::blocks::BlockPool;
 use effects::observation::Row;
 use inference::gram::{BlockSet, Gram};
-use inference::held_out::{Blocks, HeldOut};
+use inference::held_out::{HeldOut, TouchBlocks};
 
 use super::rows::Joined;
 use super::selection::Rows;
@@ -46,7 +46,7 @@ pub(super) struct Judge<'a> {
     joined: &'a Joined,
     fitted: usize,
     /// Blocks of the rows that judge.
-    blocks: Blocks,
+    blocks: TouchBlocks,
     withheld: bool,
 }
 
@@ -67,7 +67,7 @@ impl<'a> Judge<'a> {
             };
             (judges && row.pose.is_some()).then_some((session, row.feature, row.index))
         };
-        let blocks = Blocks::new(rows.observations.rows.iter().enumerate().map(key));
+        let blocks = TouchBlocks::new(rows.observations.rows.iter().enumerate().map(key));
         Self {
             rows,
             joined,
@@ -154,7 +154,7 @@ impl<'a> Judge<'a> {
         if self.withheld {
             for residuals in &mut residuals {
                 for pose in &self.joined.poses[self.fitted..] {
-                    *residuals = without(std::mem::take(residuals), pose);
+                    *residuals = projected_out(std::mem::take(residuals), pose);
                 }
             }
         }

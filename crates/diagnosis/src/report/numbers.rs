@@ -1,15 +1,15 @@
-//! Numbers for people: units of the workshop, and the digits that the uncertainty carries.
+//! Numbers for people: in display units (µm, mm, µrad, °, ms and the like), with the digits that the uncertainty carries.
 //!
 //! An expanded uncertainty has two significant digits and its value is rounded to the same place (GUM 7.2.6). A value that
 //! rounds to nothing has no sign.
 
-/// What rounding leaves of nothing, in the units of the workshop: it is no uncertainty, and no value.
+/// What rounding leaves of nothing, in the display units: it is no uncertainty, and no value.
 const NOTHING: f64 = 1e-9;
 
-/// A parameter as text: name, value, half width of its 95 % interval, in the units of the workshop.
-pub fn in_shop_units(name: &str, value: f64, unit: &str, ci95: Option<[f64; 2]>) -> String {
+/// A parameter as text: name, value, half width of its 95 % interval, in the display units.
+pub fn in_display_units(name: &str, value: f64, unit: &str, ci95: Option<[f64; 2]>) -> String {
     let half = ci95.map_or(0.0, |[low, high]| 0.5 * (high - low));
-    let (factor, unit) = shop_unit(name, value, unit);
+    let (factor, unit) = display_unit(name, value, unit);
     let text = if half * factor > NOTHING && half.is_finite() {
         let (value, half) = rounded(value * factor, half * factor);
         format!("{name} = {value} ± {half} {unit}")
@@ -21,7 +21,7 @@ pub fn in_shop_units(name: &str, value: f64, unit: &str, ci95: Option<[f64; 2]>)
 }
 
 /// Shown number over SI value, and the unit as people write it.
-fn shop_unit<'u>(name: &str, value: f64, unit: &'u str) -> (f64, &'u str) {
+fn display_unit<'u>(name: &str, value: f64, unit: &'u str) -> (f64, &'u str) {
     let size = value.abs();
     match unit {
         "m" if size >= 2e-3 => (1e3, "mm"),
@@ -88,9 +88,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn parameters_are_read_in_the_units_of_the_shop() {
+    fn parameters_are_read_in_display_units() {
         let text = |name: &str, value: f64, unit: &str, half: f64| {
-            in_shop_units(name, value, unit, Some([value - half, value + half]))
+            in_display_units(name, value, unit, Some([value - half, value + half]))
         };
         assert_eq!(text("dx", 3.5e-6, "m", 1e-7), "dx = 3.50 ± 0.10 µm");
         assert_eq!(text("k", 1.4e-6, "m/m", 2e-7), "k = 1.40 ± 0.20 µm/m");

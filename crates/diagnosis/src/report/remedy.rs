@@ -2,7 +2,7 @@
 
 use effects::{motion, vocabulary};
 
-use crate::report::numbers::in_shop_units;
+use crate::report::numbers::in_display_units;
 use crate::report::{Effect, ParameterEstimate};
 
 /// Parameters that a remedy tells; a table of more is adopted, not typed.
@@ -30,7 +30,7 @@ impl Effect {
 /// Name, value and unit, with the digits that the uncertainty carries.
 fn text(parameter: &ParameterEstimate) -> String {
     let (name, unit) = (&parameter.name, &parameter.unit);
-    let text = in_shop_units(name, parameter.value, unit, Some(parameter.ci95));
+    let text = in_display_units(name, parameter.value, unit, Some(parameter.ci95));
     let Some((value, rest)) = text.split_once(" ± ") else {
         return text;
     };

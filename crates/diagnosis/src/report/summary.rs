@@ -3,7 +3,7 @@
 
 use std::fmt;
 
-use crate::report::numbers::in_shop_units;
+use crate::report::numbers::in_display_units;
 use crate::report::{Declared, Effect, NextMeasurement, ParameterEstimate, Place, Report, Verdict};
 
 impl fmt::Display for Report {
@@ -22,7 +22,7 @@ impl fmt::Display for Report {
         if self.is_explained_together() {
             writeln!(
                 to,
-                "  or by one cause outside the library that acts on these touches as they do together"
+                "  or by a single cause outside the library whose effect on these touches equals theirs combined"
             )?;
         }
         let micro = |value: f64| match self.gap.unit.as_str() {
@@ -88,7 +88,7 @@ impl fmt::Display for Report {
         if !self.unexplained.ladder.is_empty() {
             writeln!(
                 to,
-                "  named effects could explain it this far on held-out samples, which is not proven:"
+                "  effects that would reduce the unexplained part on held-out samples (not proven):"
             )?;
             for rung in &self.unexplained.ladder {
                 let (before, after) = (micro(rung.rms_before), micro(rung.rms_after));
@@ -239,7 +239,7 @@ fn write_next(to: &mut fmt::Formatter<'_>, next: &NextMeasurement) -> fmt::Resul
 
 fn parameter_text(parameter: &ParameterEstimate) -> String {
     let (name, unit) = (&parameter.name, &parameter.unit);
-    in_shop_units(name, parameter.value, unit, Some(parameter.ci95))
+    in_display_units(name, parameter.value, unit, Some(parameter.ci95))
 }
 
 fn place_text(place: &Place) -> String {

@@ -12,7 +12,8 @@ use super::{Rows, Setting};
 const BLOCKS: usize = 5;
 /// A limit must shrink the held-out rms at least by this share.
 const WORTH: f64 = 0.05;
-/// And change the time of a row at least by this share: what the motion model itself may be wrong by.
+/// And the part of the held-out rms that it closes (difference of squares) must exceed this share of the rms time of a row, all moves between
+/// two touches: what the motion model itself may be wrong by.
 pub(super) const MODEL: f64 = 3e-3;
 /// And explain at least this share of the energy of the whole gap.
 const ENERGY: f64 = 2e-4;

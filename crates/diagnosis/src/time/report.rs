@@ -17,7 +17,7 @@ use crate::report::{
 const WINDOWS: usize = 4;
 /// Why a selected limit is not named.
 const IDLE: &str = "probable, not named because the held-out gap is as small without it, or the difference is below what \
-                    the motion model itself may be wrong by (0.3 % of a move)";
+                    the motion model itself may be wrong by (0.3 % of the time between two touches)";
 
 /// The report and the rows behind it.
 pub(super) fn report(session: &Session, rows: &Rows<'_>, judged: &Judged) -> (Report, Residuals) {
@@ -41,7 +41,7 @@ pub(super) fn report(session: &Session, rows: &Rows<'_>, judged: &Judged) -> (Re
     let strays = active.iter().filter(|used| !**used).count();
     if strays > 0 {
         warnings.push(format!(
-            "{strays} moves took a time that no model of the others gives, and were set aside"
+            "{strays} moves were excluded as outliers: no motion model that fits the others explains their durations"
         ));
     }
     let machine = Chain::from_urdf(&session.robot_description)

@@ -307,8 +307,8 @@ impl Pool {
 
     /// Share of the probability of all sets found that holds each effect.
     fn probabilities(&self, rows: &Rows<'_>, found: &[Scored]) -> BTreeMap<String, f64> {
-        let best = found.first().map_or(0.0, |best| best.score);
-        let weight = |set: &Scored| (set.score - best).exp();
+        let best = found.first().map_or(0.0, |best| best.log_posterior);
+        let weight = |set: &Scored| (set.log_posterior - best).exp();
         let total: f64 = found.iter().map(weight).sum();
         let mut shares = BTreeMap::new();
         for limit in &rows.limits {

@@ -15,7 +15,7 @@ impl Effect for Cogging {
         Definition {
             id: "drive.cogging",
             name: "cogging of the drive, periodic in the position",
-            remedy: "check motor commutation and gear; cogging compensation of the drive may take it out",
+            remedy: "check motor commutation and gear; cogging compensation of the drive may remove it",
             parameters: &[("sin", "effort", 1e3), ("cos", "effort", 1e3)],
             acts_on: acts_on(),
         }

@@ -13,7 +13,7 @@ impl Effect for CoulombFriction {
         Definition {
             id: "drive.coulomb_friction",
             name: "Coulomb friction of the drive",
-            remedy: "declare the friction in the drive's feed-forward, or look after lubrication and cover strips",
+            remedy: "declare the friction in the drive's feed-forward, or check lubrication and cover strips",
             parameters: &[("force", "effort", 1e3)],
             acts_on: acts_on(),
         }

@@ -13,7 +13,7 @@ impl Effect for FrictionOffset {
         Definition {
             id: "drive.friction_offset",
             name: "constant offset of the drive's effort",
-            remedy: "balance the weight of the axis, or declare the offset in the drive",
+            remedy: "balance the weight of the axis, or set the offset in the drive",
             parameters: &[("offset", "effort", 1e3)],
             acts_on: acts_on(),
         }

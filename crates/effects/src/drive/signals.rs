@@ -34,29 +34,29 @@ pub struct Signals {
     pub time: Vec<f64>,
     /// Number of the uninterrupted piece of the record each sample belongs to.
     pub piece: Vec<usize>,
-    /// Measured position.
+    /// Measured position, m or rad.
     pub position: Vec<f64>,
-    /// Measured speed.
+    /// Measured speed, m/s or rad/s.
     pub speed: Vec<f64>,
-    /// Acceleration, from the speed.
+    /// Acceleration, from the speed, m/s² or rad/s².
     pub acceleration: Vec<f64>,
-    /// Effort; empty where the record has none.
+    /// Effort in the unit in which it was recorded, such as N, N m or A; empty where the record has none.
     pub effort: Vec<f64>,
-    /// Commanded position; empty where the record has none.
+    /// Commanded position, m or rad; empty where the record has none.
     pub command: Vec<f64>,
-    /// Speed of the command.
+    /// Speed of the command, m/s or rad/s; empty where the record has none.
     pub command_speed: Vec<f64>,
     /// Direction of the command, kept while it rests: −1 to 1.
     pub direction: Vec<f64>,
     /// Standard deviation of the low-pass, s; 0 where none was needed.
     pub width: f64,
-    /// Standard deviation of the noise of the speed as given here.
+    /// Standard deviation of the noise of the speed as given here, m/s or rad/s.
     pub speed_noise: f64,
-    /// The same of the acceleration.
+    /// The same of the acceleration, m/s² or rad/s².
     pub acceleration_noise: f64,
-    /// The same of the effort.
+    /// The same of the effort, in its unit.
     pub effort_noise: f64,
-    /// The same of the position.
+    /// The same of the position, m or rad.
     pub position_noise: f64,
 }
 
@@ -340,7 +340,9 @@ fn direction(values: &[f64], width: f64) -> Vec<f64> {
         .collect()
 }
 
-/// Central differences inside pieces.
+/// Central differences inside pieces, in the unit of the values per second: one for each value.
+///
+/// `time` (s) and `piece` are those of the values, and of the same length.
 pub fn derivative(time: &[f64], piece: &[usize], values: &[f64]) -> Vec<f64> {
     let last = values.len().saturating_sub(1);
     (0..values.len())

@@ -13,7 +13,7 @@ impl Effect for Stribeck {
         Definition {
             id: "drive.stribeck",
             name: "Stribeck friction of the drive near standstill",
-            remedy: "look after lubrication and guideways; friction compensation of the drive may take it out",
+            remedy: "check lubrication and guideways; friction compensation of the drive may remove it",
             parameters: &[("force", "effort", 1e3)],
             acts_on: acts_on(),
         }

@@ -22,11 +22,11 @@ pub struct Interval {
     pub points: [u32; 2],
     /// Positions of the axes at the first touch, m or rad.
     pub start: Vec<f64>,
-    /// And at the second.
+    /// And at the second, m or rad.
     pub end: Vec<f64>,
     /// Path of the ball in the first move back, m.
     pub retreat: f64,
-    /// Targets of the positioning moves in between, the start of the probing move last.
+    /// Targets of the positioning moves in between, the start of the probing move last: positions of all axes, m or rad.
     pub targets: Vec<Vec<f64>>,
     /// Path of the ball in the probing move until the touch, m.
     pub distance: f64,

@@ -1,7 +1,6 @@
 //! `time.clock_offset`: event stamps against axis stamps are shifted.
 //!
-//! `dt` is the stamp of an event less that of the axes at the same moment. Found in the records themselves, by
-//! [`crate::timing::clock_offset`].
+//! `dt` is the stamp of an event less that of the axes at the same moment. Found in the records themselves.
 
 use crate::effect::{ActsOn, Definition, Effect, Subject};
 

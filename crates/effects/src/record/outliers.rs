@@ -1,7 +1,7 @@
 //! `data.outliers`: isolated false touches (a chip, a knock).
 //!
-//! `index` is the sequence of the event, `value` what it deviates by. Found before anything is explained, by
-//! `inference::outliers`.
+//! `index` is the sequence of the event, `value` what it deviates by. Found before anything is
+//! explained.
 
 use crate::effect::{ActsOn, Definition, Effect, Subject};
 

@@ -1,6 +1,6 @@
 //! `data.quantisation`: coarse resolution of the latched positions.
 //!
-//! `step` is that of the grid on which they lie. Found in the records themselves, by [`crate::timing::resolution`].
+//! `step` is that of the grid on which they lie. Found in the records themselves.
 
 use crate::effect::{ActsOn, Definition, Effect, Subject};
 

@@ -13,7 +13,7 @@ pub const PACE: f64 = 8.0;
 ///
 /// # Errors
 /// [`DiagnoseError`] for a session without a machine or a plan that fits it.
-pub fn as_if_measured(session: &Session) -> Result<Session, DiagnoseError> {
+pub fn with_nominal_touches(session: &Session) -> Result<Session, DiagnoseError> {
     let plan = session.plan.as_ref().ok_or(DiagnoseError::NoPlan)?;
     if session.robot_description.is_empty() {
         return Err(DiagnoseError::NoMachine);

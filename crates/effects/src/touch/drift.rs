@@ -1,7 +1,7 @@
 //! `thermal.drift`: a slow linear drift between part and probe (ISO 230-3).
 //!
 //! The part moves by rate·t in its frame: d = n·rate·t. Typical 1–10 µm/h; taken in order of position, it is a tilt. Where
-//! the machine measures its temperatures, a drift may follow one of them instead ([`crate::sensors`]): d = n·(x, y, z)·h. What an
+//! the machine measures its temperatures, a drift may follow one of them instead: d = n·(x, y, z)·h. What an
 //! outside instrument follows at a standstill for long may warm up (first order): d = n·(x, y, z)·(1 − exp(−t/tau)).
 
 use machine::Chain;

@@ -1,8 +1,7 @@
 //! `fixture.tilt`: the clamped part is turned off its nominal pose, about the origin of its frame.
 //!
-//! d = n·(ε × p) to first order; ε is a rotation vector, and its displacement is computed at finite size
-//! ([`crate::finite`]). Typical 20–200 µrad, up to a degree for a part that was not aligned. A part cut in this
-//! clamping shows none: it was cut in its tilted pose.
+//! d = n·(ε × p) to first order; ε is a rotation vector, and its displacement is computed at finite size. Typical
+//! 20–200 µrad, up to a degree for a part that was not aligned. A part cut in this clamping shows none: it was cut in its tilted pose.
 
 use crate::effect::{ActsOn, Definition, Effect, Registration, Subject};
 use crate::library::{ChainError, Variant};

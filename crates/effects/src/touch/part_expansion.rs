@@ -23,14 +23,16 @@ impl Effect for PartExpansion {
         let parameters = self.definition().parameters();
         let variant = Variant::linear(self.id(), parameters, |rows| {
             vec![rows.machine_column(false, |_, row| {
-                -row.position.coords * row.warmth.unwrap_or(0.0)
+                -row.position.coords * row.kelvin_above_20_celsius.unwrap_or(0.0)
             })]
         });
         Some(variant)
     }
 
     fn is_shown(&self, rows: &Observations) -> bool {
-        rows.rows.iter().any(|row| row.warmth.is_some())
+        rows.rows
+            .iter()
+            .any(|row| row.kelvin_above_20_celsius.is_some())
     }
 }
 
@@ -44,8 +46,8 @@ mod tests {
             "thermal.part_expansion",
             &[("alpha", 1.2e-5, "1/K")],
             |seen| {
-                let warmth = seen.row.warmth.expect("a temperature");
-                1.2e-5 * warmth * seen.row.normal.dot(&seen.row.position.coords)
+                let kelvin = seen.row.kelvin_above_20_celsius.expect("a temperature");
+                1.2e-5 * kelvin * seen.row.normal.dot(&seen.row.position.coords)
             },
         );
     }

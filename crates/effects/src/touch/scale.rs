@@ -15,7 +15,7 @@ impl Effect for Scale {
     fn definition(&self) -> Definition {
         Definition {
             id: "axis.<A>.scale",
-            name: "scale of axis <A>: its true travel is not what it reads",
+            name: "scale of axis <A>: its true travel differs from the reading in proportion to it",
             remedy: "calibrate the axis with an interferometer or a step gauge, and correct its scale",
             parameters: &[],
             acts_on: ActsOn::of(Subject::Machine),

@@ -2,7 +2,7 @@
 //!
 //! e = g·(1 − exp(−t/tau))·z of the mount. Typical 10–80 µm with 1–40 min. Over a short session it is a drift. Where the
 //! machine measures its temperatures or its spindle speed, these drive it instead, pauses included: e = g·h·z with h the
-//! first-order response to a sensor ([`crate::sensors`]), or the sum over all temperatures, each at once. Typical 1–10 µm/K.
+//! first-order response to a sensor, or the sum over all temperatures, each at once. Typical 1–10 µm/K.
 
 use machine::Chain;
 

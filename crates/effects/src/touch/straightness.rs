@@ -17,7 +17,7 @@ impl Effect for Straightness {
     fn definition(&self) -> Definition {
         Definition {
             id: "axis.<A>.straightness",
-            name: "straightness of axis <A>: it strays sideways as it travels",
+            name: "straightness of axis <A>: lateral deviation along its travel",
             remedy: "check level and guideways of the machine, or correct the axis by a table of straightness",
             parameters: &[],
             acts_on: ActsOn::of(Subject::Machine).smooth_in(&[Coordinate::AxisPosition]),

@@ -137,7 +137,7 @@ fn row(
             speeds,
         }),
         cut,
-        warmth: last.warmth,
+        kelvin_above_20_celsius: last.kelvin_above_20_celsius,
         responses: last.responses.clone(),
         tool: operation.map(|operation| operation.tool_number),
         cut_length: wanted.point.cut_length,

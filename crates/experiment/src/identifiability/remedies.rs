@@ -14,7 +14,7 @@ use super::{Span, correlation};
 use crate::design::candidates::{between, feed_range, met, other_feed, places, prescribed};
 use crate::design::extended_rows::{CandidateTouch, ExtendedRows};
 use effects::observation::{Observations, Row};
-use effects::session::perfect::{PACE, as_if_measured};
+use effects::session::perfect::{PACE, with_nominal_touches};
 use effects::session::{DiagnoseError, Session};
 use effects::{Variant, candidate, observe};
 
@@ -152,7 +152,7 @@ fn other_angle(angle: f64, order: usize, axis: usize, met: &[Vec<f64>]) -> f64 {
 /// # Errors
 /// [`DiagnoseError`] names what makes the plan unusable on its machine.
 pub fn complete(session: &Session, remedy: Remedy) -> Result<InspectionPlan, DiagnoseError> {
-    let session = as_if_measured(session)?;
+    let session = with_nominal_touches(session)?;
     let plan = session.plan.as_ref().ok_or(DiagnoseError::NoPlan)?;
     let observations = observe(&session)?;
     let wanted = remedy.wanted(&observations, plan);

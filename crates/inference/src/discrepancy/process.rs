@@ -9,7 +9,7 @@ use nalgebra::{DMatrix, DVector};
 use super::kind::Kind;
 use super::tridiagonal::Tridiagonal;
 use crate::columns::Rows;
-use crate::linear::{add_scaled, remove, scale, whiten};
+use crate::linear::{add_scaled, project_out, scale, whiten};
 
 /// Directions whose power beside a basis is below this share of the largest are dropped.
 const LEAST_POWER: f64 = 1e-3;
@@ -85,8 +85,8 @@ pub fn leading_columns(
 }
 
 /// Share of a variance in units of the noise's in both together.
-fn share(power: f64) -> f64 {
-    power / (1.0 + power)
+fn share(variance_ratio: f64) -> f64 {
+    variance_ratio / (1.0 + variance_ratio)
 }
 
 /// Columns projected onto the basis of a discrepancy.
@@ -98,11 +98,11 @@ pub enum Projected<'a> {
 }
 
 impl Projected<'_> {
-    /// Explained part of the columns' Gram matrix at variance ratio `power`, and the log-determinant of I + `power`·K.
-    pub fn explained_gram(&self, power: f64) -> (DMatrix<f64>, f64) {
+    /// Explained part of the columns' Gram matrix at a variance ratio p, and the log-determinant of I + p·K.
+    pub fn explained_gram(&self, variance_ratio: f64) -> (DMatrix<f64>, f64) {
         match self {
             Self::Smooth(crossed, lines) => {
-                let factor = lines.factorise(power);
+                let factor = lines.factorise(variance_ratio);
                 let whitened = factor.forward(crossed.clone());
                 (&whitened * whitened.transpose(), factor.log_determinant)
             }
@@ -110,12 +110,12 @@ impl Projected<'_> {
                 let mut weighted = (*columns).clone();
                 for mut column in weighted.column_iter_mut() {
                     for (value, variance) in column.iter_mut().zip(*variances) {
-                        *value *= share(power * variance).sqrt();
+                        *value *= share(variance_ratio * variance).sqrt();
                     }
                 }
                 let log_determinant = variances
                     .iter()
-                    .map(|variance| (power * variance).ln_1p())
+                    .map(|variance| (variance_ratio * variance).ln_1p())
                     .sum();
                 (weighted.transpose() * weighted, log_determinant)
             }
@@ -206,38 +206,42 @@ impl Discrepancy {
         }
     }
 
-    /// Effective degrees of freedom at variance ratio `power`: the trace of `power`·K·(I + `power`·K)⁻¹.
-    pub fn effective_dof(&self, power: f64) -> f64 {
+    /// Effective degrees of freedom at a variance ratio p: the trace of p·K·(I + p·K)⁻¹.
+    pub fn effective_dof(&self, variance_ratio: f64) -> f64 {
         match &self.form {
-            Form::Smooth(_, lines) => lines.factorise(power).effective_dof(power),
+            Form::Smooth(_, lines) => lines
+                .factorise(variance_ratio)
+                .effective_dof(variance_ratio),
             Form::Scatter(variances) => variances
                 .iter()
-                .map(|variance| share(power * variance))
+                .map(|variance| share(variance_ratio * variance))
                 .sum(),
         }
     }
 
-    /// Posterior mean of the process given values over the rows, at variance ratio `power`.
-    pub fn posterior_mean(&self, power: f64, values: &[f64]) -> Vec<f64> {
+    /// Posterior mean of the process given values over the rows, at this variance ratio.
+    pub fn posterior_mean(&self, variance_ratio: f64, values: &[f64]) -> Vec<f64> {
         match &self.form {
             Form::Smooth(lines, products) => {
                 let mut along = lines * DVector::from_column_slice(values);
-                products.factorise(power).solve(along.as_mut_slice());
+                products
+                    .factorise(variance_ratio)
+                    .solve(along.as_mut_slice());
                 lines.tr_mul(&along).data.into()
             }
             Form::Scatter(variances) => (variances.iter().zip(values))
-                .map(|(variance, value)| share(power * variance) * value)
+                .map(|(variance, value)| share(variance_ratio * variance) * value)
                 .collect(),
         }
     }
 
-    /// Standard deviation of each row over that of the noise at variance ratio `power`; `None` for a smooth process.
-    pub fn widening(&self, power: f64) -> Option<Vec<f64>> {
+    /// Standard deviation of each row over that of the noise at this variance ratio; `None` for a smooth process.
+    pub fn widening(&self, variance_ratio: f64) -> Option<Vec<f64>> {
         match &self.form {
             Form::Smooth(..) => None,
             Form::Scatter(variances) => Some(
                 (variances.iter())
-                    .map(|variance| (1.0 + power * variance).sqrt())
+                    .map(|variance| (1.0 + variance_ratio * variance).sqrt())
                     .collect(),
             ),
         }
@@ -268,7 +272,7 @@ impl Discrepancy {
         let mut columns = self.columns()?;
         let most = largest(&leading(&columns).1);
         for column in &mut columns {
-            remove(column, basis);
+            project_out(column, basis);
         }
         let (directions, powers) = leading(&columns);
         let kept: Vec<Vec<f64>> = (directions.row_iter().zip(&powers))
@@ -299,30 +303,31 @@ mod tests {
     /// Against the dense matrix I + p·K that the tridiagonal products stand for.
     #[test]
     fn the_tridiagonal_form_is_the_dense_process() {
-        let (rows, power) = (17, 3.5);
+        let (rows, variance_ratio) = (17, 3.5);
         let made = columns(rows, 6);
         let discrepancy = Discrepancy::new(Kind::Region, &made, 0.0);
         let down = DMatrix::from_vec(rows, 6, made.concat());
         let kernel = &down * down.transpose();
-        let whole = DMatrix::identity(rows, rows) + &kernel * power;
+        let whole = DMatrix::identity(rows, rows) + &kernel * variance_ratio;
         let inverse = whole.clone().try_inverse().expect("positive definite");
 
         let near =
             |value: f64, expected: f64| (value - expected).abs() < 1e-11 * (1.0 + expected.abs());
         assert!(near(discrepancy.trace(), kernel.trace()));
         assert!(near(
-            discrepancy.effective_dof(power),
-            (&kernel * power * &inverse).trace()
+            discrepancy.effective_dof(variance_ratio),
+            (&kernel * variance_ratio * &inverse).trace()
         ));
 
         let values = columns(rows, 9).pop().expect("nine");
         let y = DVector::from_column_slice(&values);
-        let part = discrepancy.posterior_mean(power, &values);
-        let expected = &kernel * power * &inverse * &y;
+        let part = discrepancy.posterior_mean(variance_ratio, &values);
+        let expected = &kernel * variance_ratio * &inverse * &y;
         assert!(part.iter().zip(&expected).all(|(&a, &b)| near(a, b)));
 
         let column = DMatrix::from_vec(rows, 1, values.clone());
-        let (explained, log_determinant) = discrepancy.project(&column).explained_gram(power);
+        let (explained, log_determinant) =
+            discrepancy.project(&column).explained_gram(variance_ratio);
         assert!(near(log_determinant, whole.determinant().ln()));
         let beside = dot(&values, &values) - explained[0];
         assert!(near(beside, (y.transpose() * &inverse * &y)[0]));
@@ -331,7 +336,7 @@ mod tests {
     /// Scatter against the dense diagonal matrix that it is.
     #[test]
     fn scatter_is_a_diagonal_process() {
-        let (variances, power) = ([0.0, 2.0, 0.5, 0.0, 1.0], 3.0);
+        let (variances, variance_ratio) = ([0.0, 2.0, 0.5, 0.0, 1.0], 3.0);
         let discrepancy = Discrepancy {
             kind: Kind::Noise,
             form: Form::Scatter(variances.to_vec()),
@@ -339,25 +344,25 @@ mod tests {
         };
         let whole = DMatrix::from_fn(5, 5, |i, k| {
             if i == k {
-                1.0 + power * variances[i]
+                1.0 + variance_ratio * variances[i]
             } else {
                 0.0
             }
         });
         let inverse = whole.clone().try_inverse().expect("positive definite");
         let two = DMatrix::from_fn(5, 2, |row, column| (row * 3 + column * 7 % 5) as f64 - 2.0);
-        let (explained, log_determinant) = discrepancy.project(&two).explained_gram(power);
+        let (explained, log_determinant) = discrepancy.project(&two).explained_gram(variance_ratio);
         let beside = two.transpose() * &two - explained;
         assert!((beside - two.transpose() * &inverse * &two).amax() < 1e-12);
         assert!((log_determinant - whole.determinant().ln()).abs() < 1e-12);
         let expected: f64 = (0..5).map(|row| 1.0 - inverse[(row, row)]).sum();
-        assert!((discrepancy.effective_dof(power) - expected).abs() < 1e-12);
+        assert!((discrepancy.effective_dof(variance_ratio) - expected).abs() < 1e-12);
     }
 
     /// Whitened, the covariance of process and AR(1) noise together is L(C + p·K)Lᵀ, where L·C·Lᵀ = I: the dense matrices.
     #[test]
     fn a_process_beside_correlated_noise_is_whitened_with_it() {
-        let (rows, references, lag1, power) = (11, 2, 0.6_f64, 2.0);
+        let (rows, references, lag1, variance_ratio) = (11, 2, 0.6_f64, 2.0);
         let made = columns(rows + references, 4);
         let all = Rows {
             active: vec![true; rows + references],
@@ -375,20 +380,20 @@ mod tests {
             }
         });
         let down = DMatrix::from_vec(rows + references, 4, made.concat());
-        let whole = (&noise + &down * down.transpose() * power)
+        let whole = (&noise + &down * down.transpose() * variance_ratio)
             .try_inverse()
             .expect("positive definite");
         let values = columns(rows + references, 9).pop().expect("nine");
         let y = DVector::from_column_slice(&values);
         let white = DVector::from_vec(all.white(&values));
         let column = DMatrix::from_vec(rows + references, 1, white.data.as_vec().clone());
-        let (explained, _) = discrepancy.project(&column).explained_gram(power);
+        let (explained, _) = discrepancy.project(&column).explained_gram(variance_ratio);
         let beside = white.dot(&white) - explained[0];
         assert!((beside - (y.transpose() * &whole * &y)[0]).abs() < 1e-10 * beside);
         // Its posterior mean, taken back, is K·p·(C + p·K)⁻¹·y.
-        let mut mean = discrepancy.posterior_mean(power, white.as_slice());
+        let mut mean = discrepancy.posterior_mean(variance_ratio, white.as_slice());
         unwhiten(&mut mean[..rows], lag1);
-        let expected = &down * down.transpose() * power * &whole * &y;
+        let expected = &down * down.transpose() * variance_ratio * &whole * &y;
         assert!(
             mean.iter()
                 .zip(&expected)

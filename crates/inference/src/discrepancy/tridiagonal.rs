@@ -25,21 +25,21 @@ pub struct Factorised {
 }
 
 impl Tridiagonal {
-    /// The factor at variance ratio `power`.
-    pub fn factorise(&self, power: f64) -> Factorised {
+    /// The factor at a variance ratio p.
+    pub fn factorise(&self, variance_ratio: f64) -> Factorised {
         let mut pivots: Vec<f64> = Vec::with_capacity(self.diagonal.len());
         let mut below = Vec::with_capacity(self.off_diagonal.len());
         let (mut log_determinant, mut product) = (0.0, 1.0_f64);
         for (index, diagonal) in self.diagonal.iter().enumerate() {
-            let mut pivot = 1.0 / power + diagonal;
+            let mut pivot = 1.0 / variance_ratio + diagonal;
             if let Some(&last) = pivots.last() {
                 let next = self.off_diagonal[index - 1];
                 below.push(next / last);
                 pivot -= next * next / last;
             }
             // No less than the first term but for rounding.
-            let pivot = pivot.max(0.5 / power);
-            product *= pivot * power;
+            let pivot = pivot.max(0.5 / variance_ratio);
+            product *= pivot * variance_ratio;
             if !(1e-150..1e150).contains(&product) {
                 log_determinant += product.ln();
                 product = 1.0;
@@ -72,13 +72,13 @@ impl Factorised {
     }
 
     /// Effective degrees of freedom of the process: the trace of p·T·(I + p·T)⁻¹.
-    pub fn effective_dof(&self, power: f64) -> f64 {
+    pub fn effective_dof(&self, variance_ratio: f64) -> f64 {
         let count = self.pivots.len();
         let kept = |index: usize| {
             let mut unit = vec![0.0; count];
             unit[index] = 1.0;
             self.solve(&mut unit);
-            1.0 - unit[index] / power
+            1.0 - unit[index] / variance_ratio
         };
         (0..count).map(kept).sum()
     }

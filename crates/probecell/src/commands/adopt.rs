@@ -154,7 +154,7 @@ fn list(cell: &Cell) {
 /// One declared effect in a line.
 fn line(effect: &DeclaredEffect) -> String {
     let values: Vec<String> = (effect.parameters.iter())
-        .map(|one| diagnosis::in_shop_units(&one.name, one.value, &one.unit, one.ci95))
+        .map(|one| diagnosis::in_display_units(&one.name, one.value, &one.unit, one.ci95))
         .collect();
     let mut parts = vec![format!("{}: {}", effect.effect, values.join(", "))];
     if let Some(promise) = &effect.promised {

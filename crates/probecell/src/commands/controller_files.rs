@@ -39,7 +39,7 @@ pub(crate) fn axes(chain: &Chain, letters: &[String]) -> anyhow::Result<Vec<Axis
             .with_context(|| format!("axis {name:?} needs a letter: give --axis {name}=LETTER"))?;
         let one = chain.axis(joint);
         if letter.is_rotary() != (one.kind == JointKind::Revolute) {
-            bail!("axis {name:?} cannot be {letter}: X, Y, Z are linear, A, B, C turn");
+            bail!("axis {name:?} cannot be {letter}: X, Y, Z are linear, A, B, C are rotary");
         }
         if axes.iter().any(|axis| axis.letter == letter) {
             bail!("two axes of the machine are called {letter}: give --axis NAME=LETTER");

@@ -7,7 +7,7 @@ use bags::{Bag, Measurement};
 use cell::Cell;
 use diagnosis::{DiagnoseError, Session};
 use experiment::identifiability::{
-    DIAGNOSIS, Identifiability, Pair, Question, Smallest, identifiability,
+    DIAGNOSIS, Identifiability, Pair, ParameterLimit, Question, identifiability,
 };
 
 use probecell_msgs::{ProbeEvent, ProbingMove};
@@ -28,7 +28,7 @@ pub(crate) struct Arguments {
     /// Standard deviation of a touch.
     #[arg(long, alias = "noise", value_name = "UM", default_value_t = 1.0)]
     noise_um: f64,
-    /// Probability of a false alarm: that a session without effects shows any; default: that of the diagnosis.
+    /// Probability of a false alarm: that an effect is reported where none acts; default: that of the diagnosis.
     #[arg(long, default_value_t = DIAGNOSIS)]
     risk: f64,
     /// Probability of detection at the detection limit.
@@ -233,8 +233,8 @@ fn print_pair(pair: &Pair) {
     }
 }
 
-fn size(smallest: &Smallest) -> String {
-    let (factor, unit) = match smallest.unit {
+fn size(limit: &ParameterLimit) -> String {
+    let (factor, unit) = match limit.unit {
         "m" => (1e6, "µm"),
         "rad" => (1e6, "µrad"),
         "m/m" => (1e6, "µm/m"),
@@ -250,8 +250,8 @@ fn size(smallest: &Smallest) -> String {
             .filter(|value| value.abs() <= BEYOND_ANY)
             .map_or_else(|| "–".to_owned(), |value| format!("{:.3}", value * factor))
     };
-    let (alone, with_others) = (shown(Some(smallest.alone)), shown(smallest.beside));
-    format!("{} {alone} ({with_others}) {unit}", smallest.name)
+    let (alone, with_others) = (shown(Some(limit.alone)), shown(limit.with_others));
+    format!("{} {alone} ({with_others}) {unit}", limit.name)
 }
 
 fn micro(rms: Option<f64>) -> String {

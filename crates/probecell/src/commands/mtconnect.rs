@@ -74,7 +74,7 @@ impl Served {
             .send_if_modified(|last| std::mem::replace(last, next) != next);
     }
 
-    /// Takes a message; one that is not of its type is left out and logged.
+    /// Takes a message; one that cannot be decoded as the type of its topic is left out and logged.
     fn take(&self, topic: &str, payload: &[u8]) {
         let taken = match topic {
             _ if topic == topics::MACHINE_STATE.name => {
@@ -92,7 +92,7 @@ impl Served {
             _ => from_cdr(payload).map(|verdict| self.change(|agent| agent.verdict(verdict))),
         };
         if let Err(error) = taken {
-            tracing::warn!(%topic, %error, "a message is not of its type");
+            tracing::warn!(%topic, %error, "a message cannot be decoded as the type of its topic");
         }
     }
 }

@@ -139,7 +139,7 @@ fn running(address: SocketAddr, path: &Path) -> anyhow::Result<u8> {
                         match take(&mut results, topic, payload) {
                             Ok(told) => tell(&heard_line, told),
                             Err(error) => {
-                                tracing::warn!(%topic, %error, "a message is not of its type");
+                                tracing::warn!(%topic, %error, "a message cannot be decoded as the type of its topic");
                             }
                         }
                     },

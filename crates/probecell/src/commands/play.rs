@@ -2,7 +2,7 @@
 //!
 //! Topics are published under another namespace by default, so that a running cell does not take them for its own; names that
 //! are published already are refused. Commands, requests and approvals are never published, under any namespace. Messages
-//! are published in the order and with the spacing of their log times, at any rate; `/clock` gives the recorded time.
+//! are published in the order and with the spacing of their log times, at a chosen rate; `/clock` gives the recorded time.
 
 use std::{
     collections::BTreeMap,

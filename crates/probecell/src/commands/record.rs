@@ -194,7 +194,7 @@ impl RecorderService<'_> {
         for one in retention::outdated(&all, &self.cell.recorder, now) {
             match retention::remove(one) {
                 Ok(()) => output::warning(&format!(
-                    "{} is removed, as [recorder] keep_days and keep_gib have it",
+                    "{} is removed, as configured by [recorder] keep_days and keep_gib",
                     one.path.display()
                 )),
                 Err(error) => {

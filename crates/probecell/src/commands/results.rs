@@ -97,7 +97,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
         measured.write(folder, &arguments.files)?;
     }
     if !complete {
-        output::warning("the program did not come to its end");
+        output::warning("the measuring program did not finish");
     }
     if arguments.json {
         let files = arguments.files.iter().zip(&all);

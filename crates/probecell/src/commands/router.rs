@@ -81,7 +81,8 @@ pub(crate) fn run(
     let storage = match keep {
         Some(keep) => {
             let storage = Storage::open(keep.domain, ::dashboard::kept(), keep.folder.clone());
-            let storage = Arc::new(storage.context("cannot read the folder of what is kept")?);
+            let storage =
+                Arc::new(storage.context("cannot read the folder of the retained state")?);
             router.serve(&storage)?;
             ::dashboard::keep(followed, &storage)?;
             Some(storage)
@@ -110,12 +111,14 @@ pub(crate) fn run(
         if let Err(error) = &written
             && !fails
         {
-            output::warning(&format!("what is kept is not on disk: {error}"));
+            output::warning(&format!("cannot write the retained state to disk: {error}"));
         }
         fails = written.is_err();
     }
     if let Some(storage) = &storage {
-        storage.write().context("what is kept is not on disk")?;
+        storage
+            .write()
+            .context("cannot write the retained state to disk")?;
     }
     router.close()?;
     Ok(GOOD)

@@ -71,7 +71,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
     let (host, port) = broker(&arguments.broker)?;
     let group = &arguments.group;
     if group.is_empty() || group.contains(['/', '+', '#']) {
-        anyhow::bail!("--group {group}: a name without /, + and #");
+        anyhow::bail!("--group {group}: the name must not contain /, + or #");
     }
     let login = match (&arguments.user, &arguments.password_file) {
         (Some(user), Some(file)) => {
@@ -129,10 +129,10 @@ fn broker(text: &str) -> anyhow::Result<(String, u16)> {
     let parts = text.rsplit_once(':');
     let parts = parts.and_then(|(host, port)| Some((host.to_owned(), port.parse().ok()?)));
     let parts = parts.filter(|(host, _)| !host.is_empty());
-    parts.with_context(|| format!("--broker {text}: a host and a port, such as 127.0.0.1:1883"))
+    parts.with_context(|| format!("--broker {text}: expected HOST:PORT, such as 127.0.0.1:1883"))
 }
 
-/// Takes a message; one that is not of its type is left out and logged.
+/// Takes a message; one that cannot be decoded as the type of its topic is left out and logged.
 fn take(edge: &Mutex<Edge>, topic: &str, payload: &[u8]) {
     let mut edge = lock(edge);
     let taken = match topic {
@@ -155,7 +155,7 @@ fn take(edge: &Mutex<Edge>, topic: &str, payload: &[u8]) {
         _ => from_cdr(payload).map(|report| edge.gap(&report)),
     };
     if let Err(error) = taken {
-        tracing::warn!(%topic, %error, "a message is not of its type");
+        tracing::warn!(%topic, %error, "a message cannot be decoded as the type of its topic");
     }
 }
 

@@ -118,8 +118,9 @@ pub(super) fn print_part(part: &PartReport) {
         return;
     }
     let word = PartReport::word(part.verdict);
+    let passes = if part.passes == 1 { "pass" } else { "passes" };
     output::line(&format!(
-        "part {}: {word} after {} cuts: {}",
+        "part {}: {word} after {} machining {passes}: {}",
         part.part_id, part.passes, part.text
     ));
 }

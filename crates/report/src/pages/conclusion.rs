@@ -23,7 +23,7 @@ pub(crate) fn verdict(report: &Report, samples: &str) -> String {
              against a noise floor of {floor}.",
             causes(report),
             if report.is_explained_together() {
-                ", or by one cause outside the library that acts on these touches as they do together"
+                ", or by a single cause outside the library whose effect on these touches equals theirs combined"
             } else {
                 ""
             }

@@ -201,7 +201,7 @@ fn conclusion_of(session: &PartSession) -> String {
         })
         .collect();
     if ends.is_empty() {
-        "The recording does not hold the end of a part.".to_owned()
+        "The recording contains no report of a finished part.".to_owned()
     } else {
         ends.join(" ")
     }

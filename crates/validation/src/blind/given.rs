@@ -161,7 +161,7 @@ fn touch(plan: &InspectionPlan, row: &Row) -> Touch {
         tool_height: row.tool_height,
         overhang: row.overhang,
         round,
-        warm: row.warmth.unwrap_or(0.0),
+        warm: row.kelvin_above_20_celsius.unwrap_or(0.0),
         reach: None,
     }
 }

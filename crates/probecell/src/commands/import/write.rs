@@ -64,7 +64,7 @@ pub(super) fn write(
     }
     let (plan, counts) = (&imported.plan, imported.counts);
     output::line(&format!(
-        "{}: {} rows read, {} refused, {} lines passed over; {} touches of {} points on {} features",
+        "{}: {} rows read, {} refused, {} lines skipped; {} touches of {} points on {} features",
         folder.display(),
         counts.read,
         counts.refused,

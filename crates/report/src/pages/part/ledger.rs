@@ -114,7 +114,7 @@ fn request_step(session: &PartSession, request: &OperatorRequest) -> Step {
         "to reject it"
     };
     let who = if request.operator_name.is_empty() {
-        "somebody without a name"
+        "an unnamed operator"
     } else {
         &request.operator_name
     };
