@@ -32,7 +32,7 @@ import venv
 HERE = pathlib.Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 TRIAL = ROOT.parent / "shared" / "trials" / "dev" / "21_punch.mcap"
-PATIENCE = 20  # s, for what is no running cell
+PATIENCE = 60  # s, for what is no running cell
 LIVE_PATIENCE = 60  # s
 SLOW = 15  # s, worth a line
 LONGEST_SENTENCE = 400  # characters
