@@ -1,7 +1,7 @@
 //! Equivalence classes of effects: effects that a session cannot distinguish from a fitted one.
 //!
 //! Another effect is indistinguishable when, beside the rest of the set, it reproduces the effect's fitted signature to
-//! within half the noise, or when the posterior with it in place is not much lower. What depends on time, and is measured in the
+//! within half the noise and, however many touches there are, within five standard deviations, or when the posterior with it in place is not much lower. What depends on time, and is measured in the
 //! order of the places, looks like what depends on the place: there two effects together may stand for one, with no more
 //! parameters than it has. The class is a list of identifiers.
 
@@ -17,6 +17,9 @@ use super::candidate_pool::{ScannedResiduals, Shapes};
 
 /// Two signatures whose rms difference is below this share of the noise are the same.
 const HALF: f64 = 0.5;
+/// Signatures that differ by more than this many standard deviations, over all touches together, are told apart also where the rms
+/// difference is small: of 500 touches, half the noise would be eleven.
+const TOLD_APART: f64 = 5.0;
 /// A substitute whose log posterior is lower by less than this is not excluded.
 const NOT_EXCLUDED: f64 = 4.6;
 /// The first of two effects that stand for one explains at least this share of its energy.
@@ -46,6 +49,11 @@ pub(crate) struct FittedMember<'a> {
     pub(crate) coefficients: &'a [f64],
     /// Standard deviation of the noise, m.
     pub(crate) noise: f64,
+}
+
+/// Sum of squares (m²) up to which the difference of two signatures on `touches` is none.
+fn same_within(noise: f64, touches: usize) -> f64 {
+    noise.powi(2) * (HALF.powi(2) * touches as f64).min(TOLD_APART.powi(2))
 }
 
 /// The equivalence class of a member of a set.
@@ -126,7 +134,7 @@ impl<'a> Substitution<'a> {
         let signature = candidates[member].signature(coefficients);
         let residuals = ScannedResiduals::new(shapes, &attribution.active, &signature, rest);
         let energy = residuals.energy();
-        let bound = (HALF * noise).powi(2) * shapes.sample.len() as f64;
+        let bound = same_within(noise, shapes.sample.len());
         if energy <= bound {
             return true;
         }
@@ -166,7 +174,7 @@ impl<'a> Substitution<'a> {
             let rest = rest.map(|other| &candidates[other]);
             ScannedResiduals::new(shapes, &attribution.active, &signature, rest)
         };
-        let bound = (HALF * self.fitted.noise).powi(2) * shapes.sample.len() as f64;
+        let bound = same_within(self.fitted.noise, shapes.sample.len());
         let whole = beside(None);
         let offered: Vec<(usize, Trial)> = (0..candidates.len())
             .filter(|&index| {
