@@ -21,7 +21,7 @@ import time
 import cluster
 from times import ask
 
-COMPARED = 5000  # sessions up to which one processor and executors are tried as well
+COMPARED = 20000  # sessions up to which one processor and executors are tried as well
 PLACES = [(f"{there}:{cluster.EXECUTOR}", str(processor)) for processor, there in enumerate(cluster.THERE)]
 
 
