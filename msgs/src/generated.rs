@@ -2522,7 +2522,7 @@ pub mod srv {
         pub running: Vec<bool>,
         /// times that each was started
         pub starts: Vec<u32>,
-        /// the last faults, newest last, `node: code: text`
+        /// the last faults, newest last, `node: code: text (AGE ago)`
         pub faults: Vec<String>,
     }
 
@@ -2530,7 +2530,7 @@ pub mod srv {
         StatusResponse: "probecell_msgs", "srv", "Status_Response",
         "RIHS01_e43e7740bdc6bd6dd02f121e0c8a2db7e02d3da5017da0c8f285fa08f1b5c636",
         concat!(
-            "std_msgs/Header header       # stamp: instant of the answer, by the clock of the cell\nuint8 execution              # MachineState.EXECUTION_*\nstring[] alarms              # texts of the active alarms\nbool machine_known           # the machine has reported its state within the last seconds\nprobecell_msgs/PartStatus part   # the part that is being made\nprobecell_msgs/RecordingStatus recording\nstring[] processes           # processes of the cell\nbool[] running               # each of them runs\nuint32[] starts              # times that each was started\nstring[] faults              # the last faults, newest last, `node: code: text`\n",
+            "std_msgs/Header header       # stamp: instant of the answer, by the clock of the cell\nuint8 execution              # MachineState.EXECUTION_*\nstring[] alarms              # texts of the active alarms\nbool machine_known           # the machine has reported its state within the last seconds\nprobecell_msgs/PartStatus part   # the part that is being made\nprobecell_msgs/RecordingStatus recording\nstring[] processes           # processes of the cell\nbool[] running               # each of them runs\nuint32[] starts              # times that each was started\nstring[] faults              # the last faults, newest last, `node: code: text (AGE ago)`\n",
             "================================================================================\nMSG: std_msgs/Header\n",
             include_str!("../standard/std_msgs/msg/Header.msg"),
             "================================================================================\nMSG: builtin_interfaces/Time\n",

@@ -312,3 +312,101 @@ fn cell_files_give_every_number_its_unit() {
         assert!(seen.contains(key), "no cell file has the key {key}");
     }
 }
+
+/// Keys of the tables that a source file reads and refuses others in: fields of what it marks with `deny_unknown_fields`.
+fn strict_keys(source: &str) -> BTreeSet<String> {
+    let mut keys = BTreeSet::new();
+    let (mut strict, mut inside, mut renamed) = (false, false, None);
+    for line in source.lines() {
+        let text = line.trim();
+        if text.starts_with("//") {
+            continue;
+        }
+        if text.starts_with("#[") {
+            strict |= text.starts_with("#[serde(") && text.contains("deny_unknown_fields");
+            let name = text.split("rename = \"").nth(1);
+            renamed = name
+                .and_then(|name| name.split('"').next())
+                .map(str::to_owned)
+                .or(renamed);
+            continue;
+        }
+        let item = text.strip_prefix("pub ").unwrap_or(text);
+        if item.starts_with("struct ") || item.starts_with("enum ") {
+            // An empty one ends on its line.
+            inside = std::mem::take(&mut strict) && !item.ends_with("{}");
+        } else if line == "}" {
+            inside = false;
+        } else if inside && let Some((name, _)) = item.split_once(": ") {
+            keys.insert(renamed.take().unwrap_or_else(|| name.to_owned()));
+        }
+        renamed = None;
+    }
+    keys
+}
+
+#[test]
+fn the_keys_of_a_table_are_the_fields_of_what_it_is_read_into() {
+    let source = "#[serde(deny_unknown_fields, default)]\npub struct A {\n    /// Doc: b.\n    #[serde(rename = \"type\")]\n    \
+                  pub data_type: u8,\n    #[serde(default = \"one\")]\n    pub scale: f64,\n}\npub struct B {\n    pub other: u8,\n}\n";
+    let keys: Vec<String> = strict_keys(source).into_iter().collect();
+    assert_eq!(keys, ["scale", "type"]);
+}
+
+#[test]
+fn the_page_of_the_cell_file_lists_every_key_and_no_other() {
+    let mut files = Vec::new();
+    for folder in [
+        "nodes",
+        "crates/cell/src",
+        "crates/controllers/src",
+        "crates/effects/src",
+        "crates/machine/src",
+    ] {
+        written_files(&root().join(folder), &mut files);
+    }
+    // The sections themselves, and the file of the operators.
+    let others = [
+        "crates/cell/src/lib.rs",
+        "crates/cell/src/keys/operators.rs",
+    ];
+    files.retain(|path| {
+        path.extension().is_some_and(|extension| extension == "rs")
+            && path.components().any(|part| part.as_os_str() == "src")
+            && !others.iter().any(|other| path.ends_with(other))
+    });
+    let mut read = BTreeSet::new();
+    for path in files {
+        read.extend(strict_keys(
+            &fs::read_to_string(&path).expect("a source file"),
+        ));
+    }
+    let page = fs::read_to_string(root().join("docs/cell-file.md")).expect("the page");
+    let rows = page.lines().filter(|line| line.starts_with("| `"));
+    let listed: BTreeSet<String> = rows
+        .filter_map(|row| row.split('|').nth(1))
+        .flat_map(quoted)
+        .collect();
+    assert_eq!(listed, read);
+
+    let mut sections: BTreeSet<String> = cell::NODES.iter().map(|&name| name.to_owned()).collect();
+    for entry in fs::read_dir(cell_tests::launch_scripts()).expect("launch-scripts") {
+        let path = entry.expect("an entry").path();
+        if path
+            .extension()
+            .is_some_and(|extension| extension == "toml")
+        {
+            let text = fs::read_to_string(&path).expect("a cell file");
+            let table: toml::Table = text.parse().expect("TOML");
+            sections.extend(table.keys().cloned());
+        }
+    }
+    for section in sections {
+        let headings = [format!("## `[{section}]`"), format!("## `[[{section}]]`")];
+        assert!(
+            page.lines()
+                .any(|line| headings.iter().any(|one| one == line)),
+            "no section {section}"
+        );
+    }
+}

@@ -46,4 +46,6 @@ pub struct Counts {
     pub refused: u64,
     /// Blank lines, comments and the header.
     pub passed_over: u64,
+    /// One of those is the header.
+    pub header: bool,
 }

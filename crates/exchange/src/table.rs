@@ -115,7 +115,8 @@ impl Table {
                 row.line,
                 cell.column,
                 format!(
-                    "the row has {} cells, and the header {columns} columns: is the decimal sign a comma, or a quote missing?",
+                    "the row has {} cells, and the header {columns} columns: is the decimal sign a comma \
+                     (--delimiter ';' --decimal-comma), or a quote missing?",
                     row.cells.len()
                 ),
             )),

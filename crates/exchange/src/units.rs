@@ -123,6 +123,13 @@ impl Units {
             })
     }
 
+    /// Name of the unit in which deviations are read only because nobody has named one for them: that of lengths.
+    pub fn of_deviations_by_length(&self) -> Option<&'static str> {
+        let named = |quantity| self.named.iter().find(|(known, ..)| *known == quantity);
+        let &(_, unit, _) = named(Quantity::Length)?;
+        named(Quantity::Deviation).is_none().then_some(unit)
+    }
+
     /// A temperature in °C.
     ///
     /// # Errors
@@ -142,6 +149,9 @@ mod tests {
         let units = Units::parse("length=mm, angle=deg,deviation=µm,temperature=K").expect("units");
         assert_eq!(units.of(Quantity::Length), Ok(("mm", 1e-3)));
         assert_eq!(units.of(Quantity::Deviation), Ok(("um", 1e-6)));
+        assert_eq!(units.of_deviations_by_length(), None);
+        let lengths = Units::parse("length=mm,angle=deg").expect("units");
+        assert_eq!(lengths.of_deviations_by_length(), Some("mm"));
         assert_eq!(units.celsius(293.15), Ok(20.0));
         let asked = units.of(Quantity::Feed).expect_err("not named").to_string();
         assert!(asked.contains("--units feed=UNIT"), "{asked}");

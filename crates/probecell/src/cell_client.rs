@@ -1,6 +1,8 @@
 //! A client of a running cell's services.
 
 use std::{
+    collections::BTreeSet,
+    ops::ControlFlow,
     path::Path,
     sync::mpsc::channel,
     time::{Duration, Instant},
@@ -28,6 +30,8 @@ use crate::{
 
 /// Timeout of a service, longer than the cell waits for its nodes, and of a plan that the cell keeps for late joiners.
 const REPLY_TIMEOUT: Duration = Duration::from_secs(15);
+/// In which what a cell keeps of a topic for late joiners has arrived.
+const KEPT_TIMEOUT: Duration = Duration::from_secs(1);
 /// Timeout of a whole plan; the cell itself answers when its progress stalls.
 const PLAN_TIMEOUT: Duration = Duration::from_secs(1800);
 
@@ -94,12 +98,49 @@ impl CellClient {
         })
     }
 
+    /// Corrections of a measurement that wait for an operator, of those that the cell keeps for late joiners.
+    pub(crate) fn waiting(&self, plan_id: &str) -> anyhow::Result<BTreeSet<String>> {
+        let mut waiting = BTreeSet::new();
+        let take = |correction: Correction| {
+            if correction.plan_id == plan_id {
+                if correction.approval == Correction::APPROVAL_NONE {
+                    waiting.insert(correction.correction_id);
+                } else {
+                    waiting.remove(&correction.correction_id);
+                }
+            }
+            ControlFlow::Continue(())
+        };
+        self.kept(topics::CORRECTIONS, KEPT_TIMEOUT, take)?;
+        Ok(waiting)
+    }
+
     /// The first message on a latched topic that is wanted; none within [`REPLY_TIMEOUT`].
     fn first<M: Message + Send + 'static>(
         &self,
         topic: Topic,
         wanted: impl Fn(&M) -> bool,
     ) -> anyhow::Result<Option<M>> {
+        let mut found = None;
+        let take = |message: M| {
+            if wanted(&message) {
+                found = Some(message);
+                ControlFlow::Break(())
+            } else {
+                ControlFlow::Continue(())
+            }
+        };
+        self.kept(topic, REPLY_TIMEOUT, take)?;
+        Ok(found)
+    }
+
+    /// Takes the messages of a latched topic, in their order, until one is the last that is wanted or `patience` is over.
+    fn kept<M: Message + Send + 'static>(
+        &self,
+        topic: Topic,
+        patience: Duration,
+        mut take: impl FnMut(M) -> ControlFlow<()>,
+    ) -> anyhow::Result<()> {
         let (sender, receiver) = channel();
         let on_sample = move |received: Received<'_>| {
             // The receiver may be satisfied already.
@@ -112,8 +153,7 @@ impl CellClient {
             Box::new(on_sample),
             Box::new(|_| {}),
         )?;
-        let deadline = Instant::now() + REPLY_TIMEOUT;
-        let mut found = None;
+        let deadline = Instant::now() + patience;
         while let Ok(message) =
             receiver.recv_timeout(deadline.saturating_duration_since(Instant::now()))
         {
@@ -123,13 +163,12 @@ impl CellClient {
                     topic.name
                 )
             })?;
-            if wanted(&message) {
-                found = Some(message);
+            if take(message).is_break() {
                 break;
             }
         }
         drop(subscription);
-        Ok(found)
+        Ok(())
     }
 
     /// The cell that it is connected to.

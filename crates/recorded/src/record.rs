@@ -1,12 +1,14 @@
 //! The record of the parts of a session, gathered from its recording.
 
-use std::path::Path;
+use std::{collections::BTreeMap, path::Path};
 
 use anyhow::bail;
 use bags::{Bag, Damage, Gap, Measurement};
 use diagnosis::Options;
 use graph::{Topic, topics};
-use probecell_msgs::{Fault, InspectionPlan, LossReport, Message, ReferenceMeasurement};
+use probecell_msgs::{
+    Fault, InspectionPlan, LossReport, Message, ProbeEvent, ReferenceMeasurement, TouchDeviation,
+};
 use report::{Page, PartSession, ShortDiagnosis, part_page};
 
 use crate::embedded::PROVENANCE;
@@ -122,6 +124,15 @@ pub fn gather(bag: &Bag, path: &Path) -> anyhow::Result<PartSession> {
     let losses = losses
         .iter()
         .map(|(topic, lost)| (topic.clone(), lost.missing()));
+    let touches: Vec<TouchDeviation> = reader.all(topics::TOUCH_DEVIATIONS)?;
+    let mut unevaluated: BTreeMap<String, usize> = BTreeMap::new();
+    if touches.is_empty() {
+        let events: Vec<ProbeEvent> = reader.all(topics::PROBE_EVENTS)?;
+        let made = events.into_iter();
+        for event in made.filter(|event| event.outcome == ProbeEvent::OUTCOME_TOUCHED) {
+            *unevaluated.entry(event.plan_id).or_default() += 1;
+        }
+    }
     let mut session = PartSession {
         name: path
             .file_name()
@@ -134,7 +145,8 @@ pub fn gather(bag: &Bag, path: &Path) -> anyhow::Result<PartSession> {
         references,
         unusable_references,
         alignments: reader.all(topics::PART_ALIGNMENT)?,
-        touches: reader.all(topics::TOUCH_DEVIATIONS)?,
+        touches,
+        unevaluated,
         verdicts: reader.all(topics::VERDICTS)?,
         decisions: reader.all(topics::PASS_DECISIONS)?,
         corrections: reader.all(topics::CORRECTIONS)?,

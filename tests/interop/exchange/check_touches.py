@@ -1,6 +1,7 @@
 """`probecell import touches`: tables of touches."""
 
 import csv
+import re
 
 import touches
 from check import answer, check, close, probecell
@@ -18,6 +19,7 @@ def a_table_of_500_touches_is_imported_and_its_shift_of_8_um_is_found(folder):
     found = answer("diagnose", bag)
     text, _ = probecell("report", bag)
     assert "fixture.shift" in text
+    assert re.search(r"\bmy\W+500\W+0 of 0", text), text
 
     assert found["verdict"] == "explained" and found["samples"] == 500, found["verdict"]
     (effect,) = found["effects"]
@@ -96,10 +98,20 @@ def wrong_tables_are_refused_with_line_and_column(folder):
     refused(good.replace("Punkt", "Abw"), "two columns are named")
     refused("", "there is no column")
     # A decimal comma that cuts a number in two, a name that steers a terminal, and a length that is none.
-    refused(spoiled(8, "-0,4"), "the row has 11 cells, and the header 10 columns")
+    refused(spoiled(8, "-0,4"), "the row has 11 cells, and the header 10 columns: is the decimal sign a comma (--delimiter ';' --decimal-comma)")
     refused(spoiled(1, "right\x1b[2J"), f"line 8, column {column(1)}: expected the name of a feature")
     refused(spoiled(8, "1e300"), f"line 8, column {column(8)}: expected a length that a machine reaches")
     refused(spoiled(2, "-1e9"), f"line 8, column {column(2)}: expected a length that a machine reaches")
+
+    # A unit that was not named for deviations is told.
+    assert "deviation=um" in touches.UNITS
+    units = ",".join(one for one in touches.UNITS.split(",") if one != "deviation=um")
+    table.write_text(good)
+    _, said = probecell("import", "touches", table, "--columns", touches.COLUMNS, "--units", units, "--out", folder / "mm")
+    assert "note: deviations are read in mm, the unit of length (--units deviation=um for another)" in said, said
+    table.write_bytes(good.encode() + "1,R\xfcckseite\n".encode("latin-1"))
+    _, error = probecell("import", "touches", table, *TABLE, "--out", bag, status=2)
+    assert f"line {len(lines) + 1} is not UTF-8 text (iconv -f latin1" in error, error
 
     # Row by row only when asked to: every row that is left out is named, and the status says it.
     table.write_text(spoiled(8, "NaN"))

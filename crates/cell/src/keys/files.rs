@@ -58,7 +58,7 @@ pub enum KeyError {
         source: NotAKey,
     },
     /// The operator has no private key here.
-    #[error("operator {name:?} has no key of this user: probecell key new {name}")]
+    #[error("operator {name:?} has no key of this user: probecell key new {name} --cell CELL.toml")]
     NoOperatorKey {
         /// Of the operator.
         name: String,

@@ -99,6 +99,7 @@ pub fn read(text: &str, test: &Test, settings: &Settings) -> Result<Imported, Im
         read: table.rows.len() as u64,
         refused: 0,
         passed_over: table.passed_over + u64::from(table.header_line > 0),
+        header: table.header_line > 0,
     };
     if readings.iter().any(|one| one.time.is_none()) {
         imported

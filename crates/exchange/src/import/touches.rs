@@ -83,6 +83,7 @@ pub fn read_table(table: &Table, settings: &Settings) -> Result<Imported, Import
         robot_description: reader.urdf.clone(),
         counts: Counts {
             passed_over: table.passed_over + u64::from(table.header_line > 0),
+            header: table.header_line > 0,
             ..Counts::default()
         },
         ..Imported::default()
@@ -441,6 +442,15 @@ impl<'a> Reader<'a> {
             imported
                 .remarks
                 .push("the file has no times: nothing that drifts can be seen in it".to_owned());
+        }
+        let units = &self.settings.units;
+        if matches!(self.measured, Measured::Deviation(_))
+            && let Some(unit) = units.of_deviations_by_length()
+        {
+            let other = if unit == "um" { "mm" } else { "um" };
+            imported.remarks.push(format!(
+                "deviations are read in {unit}, the unit of length (--units deviation={other} for another)"
+            ));
         }
         if self.settings.machine.is_none() {
             imported.remarks.push(

@@ -171,6 +171,9 @@ fn text_of(file: &Path) -> anyhow::Result<String> {
     String::from_utf8(bytes).map_err(|error| {
         let at = error.utf8_error().valid_up_to();
         let line = error.as_bytes()[..at].split(|&byte| byte == b'\n').count();
-        anyhow::anyhow!("{}: line {line} is not UTF-8 text", file.display())
+        anyhow::anyhow!(
+            "{}: line {line} is not UTF-8 text (iconv -f latin1 -t utf8 converts it from Latin-1)",
+            file.display()
+        )
     })
 }

@@ -1,6 +1,6 @@
 //! `probecell status`: what a running cell is doing.
 
-use std::path::Path;
+use std::{collections::BTreeSet, path::Path};
 
 use cell::TransportName;
 use graph::Stamp;
@@ -10,16 +10,18 @@ use serde_json::json;
 
 use super::dashboard::buses;
 use crate::{
-    FAILED, GOOD, cell_client::call_once, output, own_socket::COMMAND_PATIENCE,
-    ros_arguments::read_cell,
+    FAILED, GOOD,
+    cell_client::CellClient,
+    output,
+    own_socket::COMMAND_PATIENCE,
+    ros_arguments::{self, read_cell},
 };
 
 /// Calls the service `status`. Where nobody answers, what a router has kept of the cell is printed as such. Fails when a
 /// process does not run, or the machine says nothing or shows an alarm.
 pub(crate) fn run(file: &Path, as_json: bool) -> anyhow::Result<u8> {
-    let called = call_once::<srv::Status>(file, "status", &srv::StatusRequest::default());
-    let status = match called {
-        Ok(status) => status,
+    let (status, waiting) = match ask(file) {
+        Ok(answer) => answer,
         Err(error) => {
             let no_router = matches!(error.downcast_ref(), Some(BusError::NoRouter { .. }));
             if !as_json
@@ -35,11 +37,23 @@ pub(crate) fn run(file: &Path, as_json: bool) -> anyhow::Result<u8> {
         && status.alarms.is_empty()
         && status.running.iter().all(|&running| running);
     if as_json {
-        output::json(&report(&status))?;
+        output::json(&report(&status, &waiting))?;
     } else {
-        print(&status);
+        print(&status, &waiting, file);
     }
     Ok(if sound { GOOD } else { FAILED })
+}
+
+/// What the cell answers, and the corrections of its part that wait for an operator.
+fn ask(file: &Path) -> anyhow::Result<(srv::StatusResponse, BTreeSet<String>)> {
+    let client = CellClient::connect(file)?;
+    let status = client.call::<srv::Status>("status", &srv::StatusRequest::default())?;
+    let waiting = match status.part.stage {
+        PartStatus::CORRECTING => client.waiting(&status.part.plan_id)?,
+        _ => BTreeSet::new(),
+    };
+    client.close()?;
+    Ok((status, waiting))
 }
 
 /// What some storage has kept of the cell.
@@ -85,12 +99,12 @@ fn since(status: &srv::StatusResponse) -> f64 {
     Stamp::from(&status.header.stamp).since_s(Stamp::from(&status.part.since))
 }
 
-fn report(status: &srv::StatusResponse) -> serde_json::Value {
+fn report(status: &srv::StatusResponse, waiting: &BTreeSet<String>) -> serde_json::Value {
     let part = &status.part;
     let made = (part.stage != PartStatus::NONE).then(|| {
         json!({
             "part_id": part.part_id, "run_id": part.run_id, "stage": PartStatus::word(part.stage), "pass_number": part.pass_number,
-            "operation": part.operation, "plan_id": part.plan_id, "since_s": since(status),
+            "operation": part.operation, "plan_id": part.plan_id, "since_s": since(status), "waiting_for_approval": waiting,
         })
     });
     let processes = status.processes.iter().zip(&status.running);
@@ -108,7 +122,7 @@ fn report(status: &srv::StatusResponse) -> serde_json::Value {
     })
 }
 
-fn print(status: &srv::StatusResponse) {
+fn print(status: &srv::StatusResponse, waiting: &BTreeSet<String>, file: &Path) {
     output::line(&format!("machine: {}", machine(status)));
     for alarm in &status.alarms {
         output::line(&format!("  alarm: {alarm}"));
@@ -120,13 +134,23 @@ fn print(status: &srv::StatusResponse) {
         let what = [&part.operation, &part.plan_id]
             .map(String::as_str)
             .concat();
+        let stage = if waiting.is_empty() {
+            PartStatus::word(part.stage)
+        } else {
+            "waiting for an operator's approval of corrections after"
+        };
         output::line(&format!(
-            "part: {} (run {}), {} {what} for {:.0} s",
+            "part: {} (run {}), {stage} {what} for {:.0} s",
             part.part_id,
             part.run_id,
-            PartStatus::word(part.stage),
             since(status)
         ));
+        let (file, more) = (file.display(), ros_arguments::for_commands());
+        for correction in waiting {
+            output::line(&format!(
+                "  waits for approval: probecell approve {correction} --operator NAME --cell {file}{more}"
+            ));
+        }
     }
     let uri = &status.recording.uri;
     output::line(format!("recording: {} {uri}", recording(&status.recording)).trim_end());

@@ -3,7 +3,7 @@
 use std::{
     collections::{BTreeMap, VecDeque},
     sync::{Mutex, MutexGuard, PoisonError, mpsc::Sender},
-    time::Instant,
+    time::{Duration, Instant},
 };
 
 use cell::Cell;
@@ -28,6 +28,15 @@ pub(super) enum PartNews {
 /// Faults kept for the service `status`.
 const FAULTS: usize = 8;
 
+/// A time as a person says it: whole seconds, minutes or hours.
+fn rounded(time: Duration) -> String {
+    match time.as_secs() {
+        seconds @ 0..120 => format!("{seconds} s"),
+        seconds @ 120..7200 => format!("{} min", seconds / 60),
+        seconds => format!("{} h", seconds / 3600),
+    }
+}
+
 /// State that the callbacks of subscriptions and services share.
 #[derive(Default)]
 pub(super) struct OperatorState {
@@ -39,8 +48,8 @@ pub(super) struct OperatorState {
     pub(super) informed: bool,
     /// The part that is being made.
     pub(super) making: PartStatus,
-    /// The last faults, newest last.
-    pub(super) faults: VecDeque<String>,
+    /// The last faults and when they were received, newest last.
+    faults: VecDeque<(String, Instant)>,
     /// The processes of the cell.
     pub(super) processes: Vec<ProcessState>,
     verdicts: BTreeMap<String, Vec<Verdict>>,
@@ -104,7 +113,8 @@ impl OperatorState {
         if self.faults.len() == FAULTS {
             self.faults.pop_front();
         }
-        self.faults.push_back(format!("{node}: {code}: {text}"));
+        let told = format!("{node}: {code}: {text}");
+        self.faults.push_back((told, Instant::now()));
     }
 
     /// What the cell is doing.
@@ -125,7 +135,9 @@ impl OperatorState {
             processes: self.processes.iter().map(|one| one.name.clone()).collect(),
             running: self.processes.iter().map(|one| one.running).collect(),
             starts: self.processes.iter().map(|one| one.starts).collect(),
-            faults: self.faults.iter().cloned().collect(),
+            faults: (self.faults.iter())
+                .map(|(told, at)| format!("{told} ({} ago)", rounded(at.elapsed())))
+                .collect(),
         }
     }
 
@@ -164,5 +176,24 @@ impl OperatorState {
         {
             print_measurement(&decision, &verdicts);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_fault_is_told_with_its_age() {
+        let mut state = OperatorState::default();
+        state.fault("machine_state", "controller_lost", "no sample for 1 s");
+        let told = state.status().faults;
+        assert!(
+            told[0].starts_with("machine_state: controller_lost: no sample for 1 s (")
+                && told[0].ends_with(" s ago)"),
+            "{told:?}"
+        );
+        let ages = [119, 120, 7199, 7200].map(|seconds| rounded(Duration::from_secs(seconds)));
+        assert_eq!(ages, ["119 s", "2 min", "119 min", "2 h"]);
     }
 }

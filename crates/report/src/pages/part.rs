@@ -10,7 +10,7 @@ mod references;
 mod tables;
 mod wording;
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use crate::kit::{Page, PlotError, Table};
 use ::diagnosis::Report;
@@ -48,6 +48,8 @@ pub struct PartSession {
     pub alignments: Vec<PartAlignment>,
     /// Deviations of the touches.
     pub touches: Vec<TouchDeviation>,
+    /// Number of touches of each plan, where the recording holds no deviations of touches: nothing was evaluated.
+    pub unevaluated: BTreeMap<String, usize>,
     /// What followed from each size.
     pub verdicts: Vec<Verdict>,
     /// What followed from each measurement.

@@ -43,7 +43,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<u8> {
         counts: Counts {
             read: found.features.len() as u64,
             refused: found.left_out.len() as u64,
-            passed_over: 0,
+            ..Counts::default()
         },
         remarks: found
             .left_out

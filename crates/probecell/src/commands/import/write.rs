@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use exchange::import::Imported;
+use exchange::import::{Counts, Imported};
 use graph::Stamp;
 use machine::Chain;
 use probecell_msgs::{FeatureResult, PartReport, TouchDeviation};
@@ -64,11 +64,11 @@ pub(super) fn write(
     }
     let (plan, counts) = (&imported.plan, imported.counts);
     output::line(&format!(
-        "{}: {} rows read, {} refused, {} lines skipped; {} touches of {} points on {} features",
+        "{}: {} rows read, {} refused, {}; {} touches of {} points on {} features",
         folder.display(),
         counts.read,
         counts.refused,
-        counts.passed_over,
+        skipped(counts),
         imported.events.len(),
         plan.points.len(),
         plan.features.len()
@@ -80,6 +80,18 @@ pub(super) fn write(
     } else {
         LOSS
     })
+}
+
+/// How many lines hold no row, and whether one of them is the header.
+fn skipped(counts: Counts) -> String {
+    let lines = counts.passed_over;
+    let noun = if lines == 1 { "line" } else { "lines" };
+    let header = match (counts.header, lines) {
+        (false, _) => "",
+        (true, 1) => " (the header)",
+        (true, _) => " (one is the header)",
+    };
+    format!("{lines} {noun} skipped{header}")
 }
 
 /// Writes the session; gives the features that were evaluated.

@@ -31,7 +31,11 @@ pub(super) fn measurements(session: &PartSession) -> Table {
     );
     for plan in &session.plans {
         let id = &plan.plan_id;
-        let touches = session.touches.iter().filter(|one| one.plan_id == *id);
+        let evaluated = session.touches.iter().filter(|one| one.plan_id == *id);
+        let touches = match session.unevaluated.get(id) {
+            Some(touches) => *touches,
+            None => evaluated.count(),
+        };
         let verdicts: Vec<_> = session
             .verdicts
             .iter()
@@ -44,7 +48,7 @@ pub(super) fn measurements(session: &PartSession) -> Table {
         let decided = (session.decisions.iter()).find(|one| one.plan_id == *id);
         table.row(vec![
             id.clone(),
-            touches.count().to_string(),
+            touches.to_string(),
             format!("{} of {}", good.count(), verdicts.len()),
             decided.map_or("–", |one| decision(one.decision)).to_owned(),
             corrections(session, id).rows.len().to_string(),
@@ -528,6 +532,19 @@ mod tests {
         session.acknowledgements.push(answer);
         assert!(lines(&session)[1].ends_with("0.2 µm | -31.5 µm"));
         assert!(entries(&session, "balls/calibrate/2").rows.is_empty());
+    }
+
+    #[test]
+    fn touches_count_where_no_feature_was_evaluated() {
+        let session = PartSession {
+            plans: vec![InspectionPlan {
+                plan_id: "p".to_owned(),
+                ..InspectionPlan::default()
+            }],
+            unevaluated: [("p".to_owned(), 500)].into(),
+            ..PartSession::default()
+        };
+        assert_eq!(measurements(&session).rows[0][..2], ["p", "500"]);
     }
 
     #[test]
