@@ -10,8 +10,8 @@ use bags::{
 };
 use probecell_msgs::sensor_msgs::JointState;
 use probecell_msgs::{
-    InspectionFeature, InspectionPlan, InspectionPoint, Message, ProbeEvent, ProbeTrigger, std_msgs,
-    to_cdr,
+    InspectionFeature, InspectionPlan, InspectionPoint, Message, ProbeEvent, ProbeTrigger,
+    std_msgs, to_cdr,
 };
 
 fn plan(id: &str) -> InspectionPlan {
@@ -183,10 +183,7 @@ fn of_sessions(
         }
     });
     assert!(written.is_err(), "two plans are not the only one");
-    Session::read_measurement(
-        &Bag::open(folder.path().join("run")).unwrap(),
-        measurement,
-    )
+    Session::read_measurement(&Bag::open(folder.path().join("run")).unwrap(), measurement)
 }
 
 #[test]

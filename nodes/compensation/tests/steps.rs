@@ -8,7 +8,8 @@ use graph::{Node, Outbox, Stamp};
 use machine::Chain;
 use probecell_msgs::{
     Correction, FeatureResult, InspectionFeature, InspectionPlan, InspectionPoint,
-    OperationRequest, OperatorKeys, OperatorRequest, PartReport, PassDecision, ToolOffsets, Verdict,
+    OperationRequest, OperatorKeys, OperatorRequest, PartReport, PassDecision, ToolOffsets,
+    Verdict,
 };
 use trust::{SecretKey, Signer, Trust, approval};
 
