@@ -8,15 +8,15 @@ mod error;
 
 use probecell_msgs::sensor_msgs::JointState;
 use probecell_msgs::{
-    InspectionPlan, MachineState, MeasurementOrder, Message, ProbeEvent, ReferenceMeasurement,
-    std_msgs,
+    InspectionPlan, MachineState, MeasurementOrder, Message, ProbeEvent, ProbeTrigger,
+    ReferenceMeasurement, std_msgs,
 };
 
 use crate::damage::Damage;
 use crate::error::Error;
 use crate::reader::{Bag, Stamped};
 use checks::{
-    check_events, check_joints, check_machine, check_numbers, check_plan, check_plans, finite,
+    check_events, check_joints, check_machine, check_numbers, check_plan, check_plans, finite, runs,
 };
 
 pub use error::SessionError;
@@ -54,7 +54,7 @@ pub struct Session {
     pub robot_description: String,
     /// `None`: a drive bag.
     pub plan: Option<InspectionPlan>,
-    /// In the order of their numbers.
+    /// In the order of their numbers, which are those of one run of the driver.
     pub events: Vec<Stamped<ProbeEvent>>,
     /// Measured axes.
     pub joint_states: Vec<Stamped<JointState>>,
@@ -66,6 +66,9 @@ pub struct Session {
     pub references: Vec<Stamped<ReferenceMeasurement>>,
     /// Stretches of events that are not in the bag.
     pub missing: Vec<Missing>,
+    /// Touches of the same plan from before a restart of the driver: void, for the axes may have another origin since, and
+    /// left out above.
+    pub void: usize,
     /// Damage of the bag; what is above is its complete part.
     pub damage: Vec<Damage>,
 }
@@ -150,7 +153,7 @@ impl Session {
         let joint_commands = collect::<JointState>(bag, &topic("joint_commands"), damage)?;
         let machine_states = collect::<MachineState>(bag, &topic("machine_state"), damage)?;
         let plans = collect::<InspectionPlan>(bag, &topic("inspection_plan"), damage)?;
-        let mut events = collect::<ProbeEvent>(bag, &topic("probe_events"), damage)?;
+        let events = collect::<ProbeEvent>(bag, &topic("probe_events"), damage)?;
         let mut references = collect::<ReferenceMeasurement>(bag, &topic("reference"), damage)?;
 
         let mut models = distinct(descriptions);
@@ -164,17 +167,25 @@ impl Session {
         let model = models
             .pop()
             .ok_or_else(|| SessionError::NoRobotDescription(topic("robot_description")))?;
-        let missing = check_numbers(&events)?;
+        // Numbers of touches begin again with each run of the driver.
+        let triggers = collect::<ProbeTrigger>(bag, &topic("probe_triggers"), &mut Vec::new());
+        let runs = runs(&events, &triggers.unwrap_or_default());
+        let missing = check_numbers(&events, &runs)?;
         let plans = distinct(plans);
         let several = plans.len() > 1;
         if several {
             check_plans(&plans, &events)?;
         }
         let plan = choose(&topic("inspection_plan"), plans, &events, measurement)?;
+        let mut events: Vec<(Stamped<ProbeEvent>, usize)> = events.into_iter().zip(runs).collect();
         if let Some(plan) = plan.as_ref().filter(|_| several) {
-            events.retain(|event| event.message.plan_id == plan.plan_id);
+            events.retain(|(event, _)| event.message.plan_id == plan.plan_id);
             references.retain(|reference| reference.message.plan_id == plan.plan_id);
         }
+        let (of_plan, last) = (events.len(), events.last().map(|(_, run)| *run));
+        events.retain(|(_, run)| Some(*run) == last);
+        let events: Vec<Stamped<ProbeEvent>> = events.into_iter().map(|(event, _)| event).collect();
+        let void = of_plan - events.len();
         check_machine(&topic("machine_state"), &machine_states)?;
         check_joints(&topic("joint_states"), &joint_states)?;
         check_joints(&topic("joint_commands"), &joint_commands)?;
@@ -211,6 +222,7 @@ impl Session {
             machine_states,
             references,
             missing,
+            void,
             damage: Vec::new(),
         })
     }

@@ -10,7 +10,8 @@ use bags::{
 };
 use probecell_msgs::sensor_msgs::JointState;
 use probecell_msgs::{
-    InspectionFeature, InspectionPlan, InspectionPoint, Message, ProbeEvent, std_msgs, to_cdr,
+    InspectionFeature, InspectionPlan, InspectionPoint, Message, ProbeEvent, ProbeTrigger,
+    std_msgs, to_cdr,
 };
 
 fn plan(id: &str) -> InspectionPlan {
@@ -143,6 +144,112 @@ fn missing_numbers_are_told_and_doubled_or_reordered_ones_refused() {
     for lost in [&[0, 1, 9][..], &[u64::MAX]] {
         assert!(matches!(refused(lost), SessionError::MissingEvents(_)));
     }
+}
+
+/// A touch of a plan in a session of the driver, latched at `sec`.
+fn touch(plan: &str, sequence: u64, sec: i32) -> ProbeEvent {
+    let mut event = event(sequence);
+    event.plan_id = plan.to_owned();
+    event.header.stamp.sec = sec;
+    event
+}
+
+fn trigger(event: &ProbeEvent, session: &str) -> ProbeTrigger {
+    ProbeTrigger {
+        header: event.header.clone(),
+        session: session.to_owned(),
+        plan_id: event.plan_id.clone(),
+        point_index: event.point_index,
+        sequence: event.sequence,
+        ..ProbeTrigger::default()
+    }
+}
+
+/// Reads a measurement of a bag with the plans p and q, and these touches with the sessions of their triggers.
+fn of_sessions(
+    touches: &[(&str, ProbeEvent)],
+    measurement: &Measurement,
+) -> Result<Session, SessionError> {
+    let folder = tempfile::tempdir().unwrap();
+    let written = session(folder.path(), |bench| {
+        bench.model();
+        bench.say("/cell/inspection_plan", &plan("p"));
+        bench.say("/cell/inspection_plan", &plan("q"));
+        for (session, event) in touches {
+            if !session.is_empty() {
+                bench.say("/cell/probe_triggers", &trigger(event, session));
+            }
+            bench.say("/cell/probe_events", event);
+        }
+    });
+    assert!(written.is_err(), "two plans are not the only one");
+    Session::read_measurement(&Bag::open(folder.path().join("run")).unwrap(), measurement)
+}
+
+#[test]
+fn numbers_begin_again_with_each_session_of_the_driver() {
+    let numbers = |session: &Session| -> Vec<u64> {
+        let events = session.events.iter();
+        events.map(|event| event.message.sequence).collect()
+    };
+    // With the sessions of the triggers, and by the numbers and instants of the touches alone.
+    for sessions in [["a", "b"], ["", ""]] {
+        let [a, b] = sessions;
+        let touches = [
+            (a, touch("p", 0, 1)),
+            (a, touch("p", 1, 2)),
+            (b, touch("q", 0, 3)),
+            (b, touch("q", 1, 4)),
+            (b, touch("q", 2, 5)),
+        ];
+        let last = of_sessions(&touches, &Measurement::Last).unwrap();
+        assert_eq!((numbers(&last), last.void), (vec![0, 1, 2], 0));
+        assert_eq!(last.missing, []);
+        let first = of_sessions(&touches, &Measurement::Named("p".to_owned())).unwrap();
+        assert_eq!((numbers(&first), first.void), (vec![0, 1], 0));
+
+        // The same plan once more: what was measured before the restart is void.
+        let again = [
+            (a, touch("p", 0, 1)),
+            (a, touch("p", 1, 2)),
+            (b, touch("p", 0, 3)),
+        ];
+        let last = of_sessions(&again, &Measurement::Last).unwrap();
+        assert_eq!((numbers(&last), last.void), (vec![0], 2));
+        assert_eq!(last.events[0].message.header.stamp.sec, 3);
+    }
+    // The first touch of the new session is lost.
+    let lost = [("a", touch("p", 0, 1)), ("b", touch("q", 1, 3))];
+    let last = of_sessions(&lost, &Measurement::Last).unwrap();
+    let gap = Missing {
+        expected: 0,
+        before: 1,
+        count: 1,
+    };
+    assert_eq!(last.missing, [gap]);
+}
+
+#[test]
+fn a_touch_that_is_recorded_twice_is_named_in_every_session_of_the_driver() {
+    for session in ["b", ""] {
+        let first = if session.is_empty() { "" } else { "a" };
+        let doubled = [
+            (first, touch("p", 0, 1)),
+            (session, touch("q", 0, 3)),
+            (session, touch("q", 1, 4)),
+            (session, touch("q", 1, 4)),
+        ];
+        assert!(matches!(
+            of_sessions(&doubled, &Measurement::Last),
+            Err(SessionError::DuplicateEvent(1))
+        ));
+    }
+    // Delivered twice, the first of all.
+    let first = [("", touch("p", 0, 1)), ("", touch("p", 0, 1))];
+    assert!(matches!(
+        of_sessions(&first, &Measurement::Last),
+        Err(SessionError::DuplicateEvent(0))
+    ));
 }
 
 #[test]

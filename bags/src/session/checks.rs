@@ -1,7 +1,11 @@
 //! What the interface contract asks of a session's messages: numbers, lengths, names, finite values.
 
+use std::collections::{BTreeMap, BTreeSet};
+
 use probecell_msgs::sensor_msgs::JointState;
-use probecell_msgs::{InspectionPlan, InspectionPoint, MachineState, ProbeEvent};
+use probecell_msgs::{
+    InspectionPlan, InspectionPoint, MachineState, ProbeEvent, ProbeTrigger, std_msgs,
+};
 
 use super::{Missing, SessionError};
 use crate::reader::Stamped;
@@ -157,30 +161,82 @@ fn check_point(
     Ok(())
 }
 
-/// Events are numbered from 0 in the order they stand, whatever plan they are of. Gives the gaps.
-pub(super) fn check_numbers(events: &[Stamped<ProbeEvent>]) -> Result<Vec<Missing>, SessionError> {
-    let mut next = 0;
-    let mut seen = std::collections::BTreeSet::new();
+/// The run of the driver that each event is of, counted from 0 in the order recorded: numbers begin again with each. A run is
+/// known by the session of the event's trigger; where the bag does not tell it, a touch numbered 0 that was latched after the
+/// one before it begins another.
+pub(super) fn runs(
+    events: &[Stamped<ProbeEvent>],
+    triggers: &[Stamped<ProbeTrigger>],
+) -> Vec<usize> {
+    let sessions: BTreeMap<(Instant, u64), &str> = (triggers.iter())
+        .filter(|trigger| !trigger.message.session.is_empty())
+        .map(|Stamped { message, .. }| {
+            let key = (instant(&message.header), message.sequence);
+            (key, message.session.as_str())
+        })
+        .collect();
+    let mut known: BTreeMap<&str, usize> = BTreeMap::new();
+    let mut before: Option<(usize, Instant)> = None;
+    let (mut runs, mut count) = (Vec::new(), 0);
+    for Stamped { message, .. } in events {
+        let at = instant(&message.header);
+        let session = sessions.get(&(at, message.sequence)).copied();
+        let goes_on = |run: usize, latched: Instant| {
+            let begins = message.sequence == 0 && at > latched;
+            let is_others = session.is_some() && known.values().any(|one| *one == run);
+            !begins && !is_others
+        };
+        let run = match (session.and_then(|session| known.get(session)), before) {
+            (Some(run), _) => *run,
+            (None, Some((run, latched))) if goes_on(run, latched) => run,
+            (None, _) => {
+                count += 1;
+                count - 1
+            }
+        };
+        if let Some(session) = session {
+            known.insert(session, run);
+        }
+        before = Some((run, at));
+        runs.push(run);
+    }
+    runs
+}
+
+/// s and ns of a stamp.
+type Instant = (i32, u32);
+
+fn instant(header: &std_msgs::Header) -> Instant {
+    (header.stamp.sec, header.stamp.nanosec)
+}
+
+/// Events of a run of the driver are numbered from 0 in the order they stand, whatever plan they are of. Gives the gaps.
+pub(super) fn check_numbers(
+    events: &[Stamped<ProbeEvent>],
+    runs: &[usize],
+) -> Result<Vec<Missing>, SessionError> {
+    let mut of_run: BTreeMap<usize, (u64, BTreeSet<u64>)> = BTreeMap::new();
     let mut missing = Vec::new();
-    for event in events {
+    for (event, run) in events.iter().zip(runs) {
         let sequence = event.message.sequence;
+        let (next, seen) = of_run.entry(*run).or_default();
         if !seen.insert(sequence) {
             return Err(SessionError::DuplicateEvent(sequence));
         }
-        if sequence < next {
+        if sequence < *next {
             return Err(SessionError::ReorderedEvent {
                 sequence,
-                after: next - 1,
+                after: *next - 1,
             });
         }
-        if sequence > next {
+        if sequence > *next {
             missing.push(Missing {
-                expected: next,
+                expected: *next,
                 before: sequence,
-                count: sequence - next,
+                count: sequence - *next,
             });
         }
-        next = sequence.saturating_add(1);
+        *next = sequence.saturating_add(1);
     }
     let lost = |gap: &&Missing| gap.count > events.len() as u64;
     match missing.iter().find(lost) {

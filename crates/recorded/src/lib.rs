@@ -28,6 +28,7 @@ pub mod import;
 pub mod order;
 pub mod record;
 pub mod sizes;
+mod unrecorded;
 pub mod write;
 
 use std::path::Path;
@@ -132,7 +133,13 @@ pub fn plain(bag: &Bag, session: bags::Session, declared: Vec<DeclaredEffect>) -
         .missing
         .iter()
         .map(|missing| format!("warning: {missing}"));
-    let remarks = damage.chain(missing).collect();
+    let void = (session.void > 0).then(|| {
+        format!(
+            "warning: {} touches of this plan from before a restart of the driver are void and left out",
+            session.void
+        )
+    });
+    let remarks = damage.chain(missing).chain(void).collect();
     let name = bag.path().file_name();
     let name = name.map_or_else(String::new, |name| name.to_string_lossy().into_owned());
     Measured {

@@ -5,6 +5,7 @@
 //! |---|---|
 //! | `feature_results`, `reference_results`, `operation_requests` | `verdicts`, `pass_decisions` |
 //! | `tool_offsets`, `approvals`, `operator_keys`, `part_reports` | `corrections`, `approval_replies` |
+//! | `inspection_plan`: nothing is decided before all its features are measured | |
 //! | for the volumetric table: `inspection_plan`, `probe_events`, `touch_deviations` | |
 //! | for work offsets: `inspection_plan`, `probe_events`, `part_alignment` | |
 //! | | `compensation/faults`: `approval_overdue`, `approval_unsigned` |

@@ -1,6 +1,6 @@
 //! What `compensation` remembers between its inputs.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use graph::Early;
 use probecell_msgs::{
@@ -23,6 +23,11 @@ pub struct State {
     pub taken: Option<OperationRequest>,
     /// Its results so far.
     pub results: BTreeMap<String, FeatureResult>,
+    /// The latest plan by its id, and the features that it touches: a measurement that is broken off lacks results of some, and
+    /// nothing is decided on it.
+    pub features: Option<(String, BTreeSet<String>)>,
+    /// Features of the measurement of which a result has arrived.
+    pub measured: BTreeSet<String>,
     /// Results that arrived before the request for their measurement.
     pub early: Early<FeatureResult>,
     /// Wear offsets and the driver's session.
@@ -63,6 +68,12 @@ impl State {
             pass,
             results,
         })
+    }
+
+    /// Every feature that the plan touches has a result; a plan that is not known holds nothing up.
+    pub(crate) fn is_measured(&self, plan_id: &str) -> bool {
+        let known = self.features.as_ref().filter(|(plan, _)| plan == plan_id);
+        known.is_none_or(|(_, features)| features.is_subset(&self.measured))
     }
 
     /// Counts corrections anew where the run or the pass is another.

@@ -1,7 +1,9 @@
 //! The rules of `compensation`: what each input changes, and when a measurement is complete.
 
+use std::collections::BTreeSet;
+
 use graph::Stamp;
-use probecell_msgs::{FeatureResult, OperationRequest, PartReport};
+use probecell_msgs::{FeatureResult, InspectionPlan, OperationRequest, PartReport};
 
 use crate::{
     approval::{self, APPROVAL, PART_ENDED},
@@ -24,7 +26,10 @@ pub(crate) fn step(config: &Config, state: &mut State, now: Stamp, input: Input,
         Input::Offsets(offsets) => state.offsets = Some(offsets),
         Input::Request(request) => begin(config, state, now, request, out),
         // Touch data serve the volumetric table and the work offsets only.
-        Input::Plan(_) | Input::Event(_) if !config.uses_touches() => {}
+        Input::Plan(plan) if !config.uses_touches() => {
+            state.features = Some(touched_features(&plan));
+        }
+        Input::Event(_) if !config.uses_touches() => {}
         Input::Deviation(_) if config.volumetric.is_none() => {}
         Input::Alignment(_) if config.work_offset.is_none() => {}
         Input::Alignment(alignment) => {
@@ -32,6 +37,7 @@ pub(crate) fn step(config: &Config, state: &mut State, now: Stamp, input: Input,
             decide_when_complete(config, state, now, out);
         }
         Input::Plan(plan) => {
+            state.features = Some(touched_features(&plan));
             state.touches.plan = Some(plan);
             decide_when_complete(config, state, now, out);
         }
@@ -56,6 +62,14 @@ pub(crate) fn step(config: &Config, state: &mut State, now: Stamp, input: Input,
     }
 }
 
+/// Id of a plan, and the features that have points in it.
+fn touched_features(plan: &InspectionPlan) -> (String, BTreeSet<String>) {
+    let features = (plan.points.iter())
+        .filter_map(|point| plan.features.get(point.feature as usize))
+        .map(|feature| feature.id.clone());
+    (plan.plan_id.clone(), features.collect())
+}
+
 /// Begins a measurement: what was proposed before it is void.
 fn begin(config: &Config, state: &mut State, now: Stamp, request: OperationRequest, out: &mut Out) {
     if request.kind != OperationRequest::MEASURE || state.taken.as_ref() == Some(&request) {
@@ -63,6 +77,7 @@ fn begin(config: &Config, state: &mut State, now: Stamp, request: OperationReque
     }
     state.taken = Some(request.clone());
     state.results.clear();
+    state.measured.clear();
     state.proposed.clear();
     state.withdrawn.clear();
     state.touches.retain(&request.plan_id);
@@ -83,14 +98,19 @@ fn take(config: &Config, state: &mut State, now: Stamp, result: FeatureResult, o
             return;
         }
     };
+    state.measured.insert(result.feature_id.clone());
     let decides = (config.deciding(pass)).any(|size| size.id == result.feature_id);
     if decides || config.table(pass).is_some() || config.work_offset(pass).is_some() {
         state.results.insert(result.feature_id.clone(), result);
+    }
+    // One that decides nothing may be the last of the plan.
+    if !state.results.is_empty() {
         decide_when_complete(config, state, now, out);
     }
 }
 
-/// Decides once everything has arrived that decides in the pass.
+/// Decides once everything has arrived that decides in the pass, and the plan is measured whole: a measurement that is stopped
+/// before, though it may have every size, is not decided on.
 fn decide_when_complete(config: &Config, state: &mut State, now: Stamp, out: &mut Out) {
     let Some((plan_id, pass)) = &state.measurement else {
         return;
@@ -99,7 +119,8 @@ fn decide_when_complete(config: &Config, state: &mut State, now: Stamp, out: &mu
     let mut sizes = config.deciding(*pass);
     let table = config.table(*pass);
     let position = config.work_offset(*pass);
-    if sizes.all(|size| results.contains_key(&size.id))
+    if state.is_measured(plan_id)
+        && sizes.all(|size| results.contains_key(&size.id))
         && table.is_none_or(|_| volumetric::is_complete(touches, plan_id, results))
         && position.is_none_or(|_| {
             work_offset::is_complete(state.alignment.as_ref(), plan_id, touches, results)

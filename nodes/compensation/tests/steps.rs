@@ -7,8 +7,9 @@ use compensation::{
 use graph::{Node, Outbox, Stamp};
 use machine::Chain;
 use probecell_msgs::{
-    Correction, FeatureResult, OperationRequest, OperatorKeys, OperatorRequest, PartReport,
-    PassDecision, ToolOffsets, Verdict,
+    Correction, FeatureResult, InspectionFeature, InspectionPlan, InspectionPoint,
+    OperationRequest, OperatorKeys, OperatorRequest, PartReport, PassDecision, ToolOffsets,
+    Verdict,
 };
 use trust::{SecretKey, Signer, Trust, approval};
 
@@ -191,6 +192,63 @@ fn check_size(size_mm: f64, wear_um: f64, expected: &[&str]) {
         vec![offsets(wear_um), measure("p/1"), result("p/1", size_mm)],
         expected,
     );
+}
+
+/// A measurement that is stopped when the last size is there, and further features of the plan are not, is not decided on.
+#[test]
+fn nothing_is_decided_before_the_plan_is_measured_whole() {
+    let feature = |id: &str| InspectionFeature {
+        id: id.to_owned(),
+        ..InspectionFeature::default()
+    };
+    let point = |feature: u32| InspectionPoint {
+        feature,
+        ..InspectionPoint::default()
+    };
+    let plan = |id: &str| {
+        Input::Plan(InspectionPlan {
+            plan_id: id.to_owned(),
+            features: vec![feature("D1"), feature("top"), feature("untouched")],
+            points: vec![point(0), point(1), point(0)],
+            ..InspectionPlan::default()
+        })
+    };
+    let top = || {
+        let Input::Feature(mut top) = result("p/1", 5.0) else {
+            unreachable!("a result");
+        };
+        top.feature_id = "top".to_owned();
+        Input::Feature(top)
+    };
+    let size = || result("p/1", 19.8);
+    let config = config(true, false);
+    let begun = |plan: Input| vec![offsets(0.0), plan, measure("p/1")];
+    let with = |mut inputs: Vec<Input>, more: Vec<Input>| {
+        inputs.extend(more);
+        inputs
+    };
+    let decided = ["D1 qualified", "next []"];
+    let stop = Input::Request(OperationRequest {
+        kind: OperationRequest::STOP,
+        ..OperationRequest::default()
+    });
+    check(&config, with(begun(plan("p/1")), vec![size()]), &[]);
+    check(&config, with(begun(plan("p/1")), vec![size(), stop]), &[]);
+    for order in [vec![size(), top()], vec![top(), size()]] {
+        check(&config, with(begun(plan("p/1")), order), &decided);
+    }
+    // Resumed, it is measured anew: what was reported before does not count.
+    let resumed = Input::Request(OperationRequest {
+        kind: OperationRequest::MEASURE,
+        request_id: 7,
+        plan_id: "p/1".to_owned(),
+        ..OperationRequest::default()
+    });
+    let again = with(begun(plan("p/1")), vec![top(), resumed, size()]);
+    check(&config, again.clone(), &[]);
+    check(&config, with(again, vec![top()]), &decided);
+    // Of a plan that is not known only the sizes are.
+    check(&config, with(begun(plan("p/0")), vec![size()]), &decided);
 }
 
 #[test]
