@@ -28,7 +28,6 @@ pub mod import;
 pub mod order;
 pub mod record;
 pub mod sizes;
-mod unrecorded;
 pub mod write;
 
 use std::path::Path;

@@ -14,7 +14,6 @@ use report::{Page, PartSession, ShortDiagnosis, part_page};
 use crate::embedded::PROVENANCE;
 use crate::measured;
 use crate::sizes::by_reference;
-use crate::unrecorded::before_the_first;
 
 /// What the recording at `path` holds of its parts, and its damage.
 ///
@@ -23,10 +22,10 @@ use crate::unrecorded::before_the_first;
 pub fn read(path: &Path) -> anyhow::Result<(PartSession, Vec<Damage>)> {
     let bag = Bag::open(path)?;
     let damage = bag.verify();
-    let mut session = gather(&bag, path)?;
-    session.damage = told(&damage, &bag.gaps(None));
-    let namespace = format!("/{}", session.cell);
-    session.damage.extend(before_the_first(&bag, &namespace));
+    let session = PartSession {
+        damage: told(&damage, &bag.gaps(None)),
+        ..gather(&bag, path)?
+    };
     Ok((session, damage))
 }
 
