@@ -149,7 +149,7 @@ fn missing_numbers_are_told_and_doubled_or_reordered_ones_refused() {
 /// A touch of a plan in a session of the driver, latched at `sec`.
 fn touch(plan: &str, sequence: u64, sec: i32) -> ProbeEvent {
     let mut event = event(sequence);
-    event.plan_id = plan.to_owned();
+    plan.clone_into(&mut event.plan_id);
     event.header.stamp.sec = sec;
     event
 }
