@@ -162,8 +162,8 @@ fn check_point(
 }
 
 /// The run of the driver that each event is of, counted from 0 in the order recorded: numbers begin again with each. A run is
-/// known by the session of the event's trigger; where the bag does not tell it, a touch numbered 0 that was latched after the
-/// one before it begins another.
+/// known by the session of the event's trigger; where the bag does not tell it, a second touch numbered 0 that was latched after
+/// the one before it begins another.
 pub(super) fn runs(
     events: &[Stamped<ProbeEvent>],
     triggers: &[Stamped<ProbeTrigger>],
@@ -178,11 +178,12 @@ pub(super) fn runs(
     let mut known: BTreeMap<&str, usize> = BTreeMap::new();
     let mut before: Option<(usize, Instant)> = None;
     let (mut runs, mut count) = (Vec::new(), 0);
+    let mut with_first = BTreeSet::new();
     for Stamped { message, .. } in events {
         let at = instant(&message.header);
         let session = sessions.get(&(at, message.sequence)).copied();
         let goes_on = |run: usize, latched: Instant| {
-            let begins = message.sequence == 0 && at > latched;
+            let begins = message.sequence == 0 && at > latched && with_first.contains(&run);
             let is_others = session.is_some() && known.values().any(|one| *one == run);
             !begins && !is_others
         };
@@ -196,6 +197,9 @@ pub(super) fn runs(
         };
         if let Some(session) = session {
             known.insert(session, run);
+        }
+        if message.sequence == 0 {
+            with_first.insert(run);
         }
         before = Some((run, at));
         runs.push(run);
