@@ -12,6 +12,8 @@ use crate::{
 /// Why no part is begun after a reference has refuted a measurement; a further measurement is made.
 pub(crate) const REFUTED: &str =
     "no part is made until the cause is found and the cell started again";
+/// What a request to resume a measurement is told that is not there, or void.
+pub(crate) const NOTHING_RESUMED: &str = "nothing can be resumed";
 /// Stands between the name of a part and the number of its run; no name contains it.
 const MARK: char = '#';
 
@@ -47,8 +49,9 @@ pub(crate) fn refusal(
         None => match last {
             Some(run) if asked.subject.is_empty() || asked.subject == run.part_id => None,
             Some(_) => Some("the plan belongs to another part"),
-            None if asked.subject.is_empty() => Some("the request names no part"),
-            None => None,
+            None if !asked.subject.is_empty() => None,
+            None if asked.plan_id.is_empty() => Some("the request names no part"),
+            None => Some(NOTHING_RESUMED),
         },
     }
 }

@@ -13,6 +13,8 @@ pub struct State {
     pub run: Option<Run>,
     /// The last part, where it ended with a measurement that can be resumed: nothing was cut or corrected since.
     pub last: Option<Run>,
+    /// Why the last measurement cannot be resumed, where a fault has voided it since a part was last begun.
+    pub void: Option<String>,
     /// Runs in this session of the cell so far, as far as they are known.
     pub runs: u64,
     /// `machine_state` has published which runs there were before this process.

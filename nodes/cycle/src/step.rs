@@ -11,7 +11,7 @@ use crate::{
     ending::end,
     ports::{Input, Out, Output},
     requests,
-    run::{REFUTED, begin, measure, refusal, resume},
+    run::{NOTHING_RESUMED, REFUTED, begin, measure, refusal, resume},
     state::{Run, Stage, State, Stopping},
 };
 
@@ -63,6 +63,11 @@ fn handle_fault(state: &mut State, now: Stamp, fault: &Fault, out: &mut Out) {
     }
     if invalidates_measurements(fault) {
         state.last = None;
+        state.void = Some(if fault.code == Fault::CONTROLLER_RESTARTED {
+            "the driver was restarted, what it measured is void".to_owned()
+        } else {
+            format!("what was measured is void: {}", fault.text)
+        });
         if let Some(stopping) = state.run.as_mut().and_then(|run| run.stopping.as_mut()) {
             stopping.void = true;
         }
@@ -120,6 +125,11 @@ fn handle_run_request(
         accepted: refusal.is_none(),
         text: match (&state.refuted, refusal) {
             (Some(why), Some(REFUTED)) => format!("{REFUTED}: {why}"),
+            (_, Some(NOTHING_RESUMED)) => {
+                let why = state.void.as_deref();
+                let why = why.unwrap_or("no measurement of this plan was broken off");
+                format!("{NOTHING_RESUMED}: {why}")
+            }
             (_, refusal) => refusal.unwrap_or_default().to_owned(),
         },
     }));
@@ -128,6 +138,7 @@ fn handle_run_request(
     }
     state.acknowledged.clear();
     state.last = None;
+    state.void = None;
     if let Some(run) = last {
         return resume(state, now, run, out);
     }

@@ -141,6 +141,54 @@ fn a_run_begins_with_the_first_operation_of_the_first_pass() {
     check(vec![run("p")], &["accepted true: ", "0 cut turn"]);
 }
 
+/// Resumes the measurement of a plan.
+fn resume(plan_id: &str) -> Input {
+    Input::Run(OperatorRequest {
+        plan_id: plan_id.to_owned(),
+        ..OperatorRequest::default()
+    })
+}
+
+fn machine_fault(code: &str) -> Input {
+    Input::MachineFault(Fault {
+        node: "machine_state".to_owned(),
+        severity: Fault::ERROR,
+        code: code.to_owned(),
+        text: "so it is".to_owned(),
+        ..Fault::default()
+    })
+}
+
+/// Request 2, the measurement, is stopped by request 3.
+#[test]
+fn nothing_is_resumed_after_a_restart_of_the_driver_and_the_refusal_says_why() {
+    let stopped = |code: &str| with(measured(), vec![machine_fault(code), done(3)]);
+    let resumed = |code: &str| with(stopped(code), vec![resume("p/rough/1")]);
+    check(
+        resumed("probe_stuck"),
+        &["accepted true: ", "4 measure p/rough/1 in pass 0"],
+    );
+    let restarted = "accepted false: nothing can be resumed: the driver was restarted, what it measured is void";
+    check(resumed(Fault::CONTROLLER_RESTARTED), &[restarted]);
+    // Also when the driver is restarted after the part has ended.
+    let later = with(
+        stopped("probe_stuck"),
+        vec![
+            machine_fault(Fault::CONTROLLER_RESTARTED),
+            resume("p/rough/1"),
+        ],
+    );
+    check(later, &[restarted]);
+    check(
+        resumed(Fault::PROCESS_ENDED),
+        &["accepted false: nothing can be resumed: what was measured is void: so it is"],
+    );
+    check(
+        vec![resume("p/rough/1")],
+        &["accepted false: nothing can be resumed: no measurement of this plan was broken off"],
+    );
+}
+
 #[test]
 fn a_part_without_a_name_and_a_second_part_are_refused() {
     check(

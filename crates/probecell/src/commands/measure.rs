@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 use probecell_msgs::srv;
 
 use crate::{
@@ -10,6 +10,9 @@ use crate::{
     cell_client::{CellClient, print_reply},
     output,
 };
+
+/// With what the cell begins the refusal of a measurement that is not there any more, or void.
+const NOTHING_RESUMED: &str = "nothing can be resumed";
 
 /// Continues the plan that the cell published last; `again` are indices of points that are measured once more.
 pub(crate) fn run(file: &Path, again: &[u32]) -> anyhow::Result<u8> {
@@ -28,17 +31,25 @@ pub(crate) fn run(file: &Path, again: &[u32]) -> anyhow::Result<u8> {
         plan_id: plan_id.clone(),
         points,
     })?;
-    output::line(&format!("{plan_id}: {}", planned.text));
-    let mut status = FAILED;
-    if planned.accepted {
-        let request = srv::RunRequest {
-            part_id: String::new(),
-            plan_id,
-            ..srv::RunRequest::default()
-        };
-        let started = client.call::<srv::Run>("run", &request)?;
-        status = print_reply(started.accepted, &started.text);
+    let touches = format!("{plan_id}: {}", planned.text);
+    if !planned.accepted {
+        output::line(&touches);
+        client.close()?;
+        return Ok(FAILED);
     }
+    let request = srv::RunRequest {
+        part_id: String::new(),
+        plan_id,
+        ..srv::RunRequest::default()
+    };
+    let started = client.call::<srv::Run>("run", &request)?;
     client.close()?;
-    Ok(status)
+    if !started.accepted && started.text.starts_with(NOTHING_RESUMED) {
+        bail!("{}", started.text);
+    }
+    // Touches that are not made would only mislead.
+    if started.accepted {
+        output::line(&touches);
+    }
+    Ok(print_reply(started.accepted, &started.text))
 }
