@@ -8,20 +8,31 @@ use crate::{
     state::State,
 };
 
-/// Sends a command to the driver and returns its number.
+/// Sends a command to the driver that runs now and returns its number.
 pub(crate) fn send(
     state: &mut State,
     now: Stamp,
     command: ControllerCommand,
     out: &mut Out,
 ) -> u64 {
-    let command_id = state.next_command;
-    state.next_command += 1;
     let session = state
         .controller
         .as_ref()
         .map(|known| known.status.session.clone())
         .unwrap_or_default();
+    send_to(state, now, session, command, out)
+}
+
+/// Sends a command to the driver of a session and returns its number.
+pub(crate) fn send_to(
+    state: &mut State,
+    now: Stamp,
+    session: String,
+    command: ControllerCommand,
+    out: &mut Out,
+) -> u64 {
+    let command_id = state.next_command;
+    state.next_command += 1;
     let header = now.header("");
     out.send(Output::Command(ControllerCommand {
         header,

@@ -8,7 +8,7 @@ use quantity::Length;
 
 use crate::{
     config::Config,
-    part,
+    drivers, part,
     refusal::{Refusal, refusal, refuse},
     state::{Controller, State},
     table,
@@ -125,6 +125,7 @@ fn ready(state: &State) -> Result<&Controller, Refusal> {
         Some(controller) if controller.status.execution == MachineState::EXECUTION_ESTOP => {
             refuse(Ack::FAILED, "the machine is in emergency stop")
         }
+        Some(_) if drivers::are_several(state) => refuse(Ack::FAILED, drivers::SEVERAL),
         Some(controller) => Ok(controller),
     }
 }

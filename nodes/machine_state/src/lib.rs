@@ -16,7 +16,7 @@
 //! | `operation_requests`, `plan_progress`, `measurement_order` | `controller_commands`, `operation_reports` |
 //! | `corrections`, `part_reports`, `part_status` | `correction_acknowledgements`, `supervised_part` |
 //! | `stop_requests`, `recording_status`, `operator_keys`, `signals` | `stop_replies`, `gate_heartbeat` |
-//! | | `machine_state/faults`: `controller_lost`, `controller_restarted`, `estop`, `controller_alarm`, `unplanned_touch`, `status_not_finite`, `probe_stuck`, `machine_off`, `stopped`, `unsupervised_motion`, `cycle_lost`, `gate_lost`, `interlock_lost`, `interlock_open`, `signal_lost`, `signal_out_of_range` |
+//! | | `machine_state/faults`: `controller_lost`, `controller_restarted`, `several_drivers`, `estop`, `controller_alarm`, `unplanned_touch`, `status_not_finite`, `probe_stuck`, `machine_off`, `stopped`, `unsupervised_motion`, `cycle_lost`, `gate_lost`, `interlock_lost`, `interlock_open`, `signal_lost`, `signal_out_of_range` |
 //!
 //! Invariants: nothing else publishes `controller_commands`; a correction is written at most once; a command names the
 //! session of the driver that runs now; no correction rests on a part that ended other than qualified, and none is written for
@@ -53,6 +53,7 @@
 
 mod command;
 mod config;
+mod drivers;
 mod gate;
 mod operation;
 mod part;

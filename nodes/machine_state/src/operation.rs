@@ -9,7 +9,7 @@ use probecell_msgs::{
 use crate::{
     command,
     config::Config,
-    part,
+    drivers, part,
     ports::{MachineFault, Out, Output},
     report, signals,
     standing::{clear, raise},
@@ -26,6 +26,7 @@ pub(crate) fn refusal(config: &Config, state: &State) -> Option<&'static str> {
         Some(known) if known.status.execution == MachineState::EXECUTION_ESTOP => {
             Some("the machine is in emergency stop")
         }
+        Some(_) if drivers::are_several(state) => Some(drivers::SEVERAL),
         Some(_) => None,
     }
 }

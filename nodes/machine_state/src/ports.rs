@@ -66,6 +66,8 @@ graph::ports! {
         ControllerLost = ERROR "controller_lost",
         /// The driver runs in another session than before.
         ControllerRestarted = ERROR Fault::CONTROLLER_RESTARTED,
+        /// Two drivers publish samples of the controller.
+        SeveralDrivers = ERROR "several_drivers",
         /// The machine is in emergency stop.
         Estop = ERROR "estop",
         /// The controller shows an alarm, or the driver a fault without a code of its own.

@@ -21,6 +21,8 @@ pub struct State {
     pub beats: u64,
     /// The driver that runs now, and its last sample.
     pub controller: Option<Controller>,
+    /// Drivers whose place it, or another, has taken; the latest last.
+    pub former: Vec<Former>,
     /// Number of the next command to this driver.
     pub next_command: u64,
     /// The last request taken, and the last report on it: a repeated request is answered by it.
@@ -92,6 +94,17 @@ pub struct Controller {
     pub at: Stamp,
     /// No sample has arrived for too long.
     pub lost: bool,
+}
+
+/// A driver whose place another has taken.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Former {
+    /// Its session.
+    pub session: String,
+    /// Since when the other runs: samples with a later stamp show that this one still does.
+    pub until: Stamp,
+    /// When such a sample arrived last; none once it has been silent for long enough.
+    pub heard: Option<Stamp>,
 }
 
 /// An operation under way.

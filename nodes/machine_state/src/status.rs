@@ -8,7 +8,7 @@ use probecell_msgs::{
 use crate::{
     command,
     config::Config,
-    operation,
+    drivers, operation,
     ports::{MachineFault, Out, Output},
     report, signals,
     standing::{clear, raise},
@@ -30,6 +30,9 @@ pub(crate) fn sample(
     status: ControllerStatus,
     out: &mut Out,
 ) {
+    if drivers::ignores(config, state, now, &status, out) {
+        return;
+    }
     let finite = |values: &[f64]| values.iter().all(|value| value.is_finite());
     let signals = [
         &status.axis_positions,
@@ -63,6 +66,7 @@ pub(crate) fn sample(
             started: state.started,
             epoch: state.epoch,
             beats: state.beats,
+            former: drivers::displaced(state, now, &status),
             next_command: state.next_command,
             taken: state.taken.take(),
             part: std::mem::take(&mut state.part),
@@ -75,6 +79,7 @@ pub(crate) fn sample(
             signals: std::mem::take(&mut state.signals),
             ..State::default()
         };
+        drivers::settle(state);
     }
     let greeted = state.controller.is_some() || state.started == 0;
     report_faults(state, now, &status, out);
@@ -243,6 +248,7 @@ fn offsets(status: &ControllerStatus) -> (&[u32], [&[String]; 2], [&[f64]; 3]) {
 
 /// Checks the timeouts: samples of the controller, outcome of the operation, and the measuring order.
 pub(crate) fn watch(config: &Config, state: &mut State, now: Stamp, out: &mut Out) {
+    drivers::watch(config, state, now);
     let silent = state
         .controller
         .as_ref()

@@ -737,6 +737,104 @@ fn a_new_run_of_the_driver_voids_what_was_measured_and_what_was_under_way() {
     );
 }
 
+/// Faults, commands and refusals that an input of that instant, in ms, leads to.
+fn told(state: &mut machine_state::State, at_ms: i64, input: Input) -> Vec<String> {
+    let mut out = Outbox::default();
+    let now = Stamp(at_ms * 1_000_000);
+    MachineStateNode::step(&config(), state, now, input, &mut out);
+    let told = out.messages().iter().filter_map(|output| match output {
+        Output::Fault(one) => Some(format!("{}: {}", one.code, one.text)),
+        Output::Command(one) if one.kind == ControllerCommand::STOP => {
+            Some(format!("stop {}", one.session))
+        }
+        Output::Command(one) => Some(format!("run {:?} in {}", one.operation, one.session)),
+        Output::Report(one) if one.outcome == OperationReport::REFUSED => Some(one.text.clone()),
+        _ => None,
+    });
+    told.collect()
+}
+
+/// A sample of a driver, taken at that instant, in ms.
+fn sampled(session: &str, at_ms: i64) -> Input {
+    let mut sample = ControllerStatus {
+        session: session.to_owned(),
+        ..sample()
+    };
+    sample.header.stamp = Stamp(at_ms * 1_000_000).time();
+    Input::Status(sample)
+}
+
+/// Two drivers publish samples for six seconds, then the first one ends.
+#[test]
+fn two_drivers_are_reported_and_stopped_once_and_nothing_begins_until_one_has_ended() {
+    let mut state = MachineStateNode::start(&config());
+    let mut said = told(&mut state, 1, Input::Timer(START));
+    said.extend(told(&mut state, 10, sampled("run 1", 10)));
+    for at in (20..6000).step_by(10) {
+        said.extend(told(&mut state, at, sampled("run 2", at)));
+        said.extend(told(&mut state, at + 5, sampled("run 1", at + 5)));
+        said.extend(told(&mut state, at + 6, Input::Timer(1)));
+    }
+    assert_eq!(
+        said,
+        [
+            "stop run 1",
+            "controller_restarted: the driver was restarted: its work is void",
+            "stop run 2",
+            "several_drivers: two drivers publish controller_status, in the sessions \"run 2\" and \"run 1\": the second is told to stop and is not listened to until one of them has ended",
+            "stop run 1",
+        ]
+    );
+    let [recorded, _] = context();
+    assert!(told(&mut state, 6000, recorded).is_empty());
+    assert_eq!(
+        told(&mut state, 6000, request(OperationRequest::CUT, 3)),
+        ["two drivers publish controller_status: all but one of them have to end"]
+    );
+    for at in (6010..7100).step_by(10) {
+        assert!(told(&mut state, at, sampled("run 2", at)).is_empty());
+        assert!(told(&mut state, at + 6, Input::Timer(1)).is_empty());
+    }
+    assert_eq!(
+        told(&mut state, 7100, request(OperationRequest::CUT, 4)),
+        ["run \"turn\" in run 2"]
+    );
+}
+
+/// The one that took the place of the other ends: the other is a driver that has been started again.
+#[test]
+fn of_two_drivers_the_one_that_is_left_is_listened_to() {
+    let mut state = MachineStateNode::start(&config());
+    for (at, session) in [(10, "run 1"), (20, "run 2"), (30, "run 1")] {
+        told(&mut state, at, sampled(session, at));
+    }
+    let mut said = Vec::new();
+    for at in (40..1200).step_by(10) {
+        said.extend(told(&mut state, at, sampled("run 1", at)));
+        said.extend(told(&mut state, at + 5, Input::Timer(1)));
+    }
+    assert_eq!(
+        said[..2],
+        [
+            "controller_lost: the controller sends no samples any more",
+            "controller_restarted: the driver was restarted: its work is void",
+        ]
+    );
+    assert!(!said.iter().any(|one| one.starts_with("several_drivers")));
+}
+
+/// Order holds within a topic of one publisher only.
+#[test]
+fn a_sample_of_the_driver_before_that_comes_late_is_no_second_driver() {
+    let mut state = MachineStateNode::start(&config());
+    for (at, session) in [(10, "run 1"), (30, "run 2")] {
+        told(&mut state, at, sampled(session, at));
+    }
+    assert!(told(&mut state, 31, sampled("run 1", 20)).is_empty());
+    let session = state.controller.map(|known| known.status.session);
+    assert_eq!(session.as_deref(), Some("run 2"));
+}
+
 #[test]
 fn the_keys_of_the_operators_outlive_a_run_of_the_driver() {
     let config = config();
