@@ -7,7 +7,7 @@
 use std::{
     collections::BTreeMap,
     sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel},
-    time::Duration,
+    time::{Duration, Instant},
 };
 
 use graph::{
@@ -57,7 +57,8 @@ pub struct NodeProcess {
     pub namespace: String,
     /// Starts of this node in this session before this one.
     pub incarnation: u32,
-    /// Subscriptions that each output topic (relative name) must have before the first step, journal included.
+    /// Subscriptions that each topic (relative name) must have before the first step of its publisher. With a journal among
+    /// them the cell is recorded, and a node subscribes to nothing before the recorder has.
     pub awaited: BTreeMap<String, usize>,
 }
 
@@ -94,8 +95,18 @@ pub fn run_node(
 ) -> Result<(), ProcessError> {
     let (sender, receiver) = channel();
     hand_over(Stop(sender.clone()));
+    let begun = Instant::now();
+    // Others may publish already: what this node takes has to be in the recording.
+    let recorder = awaited_of_recorder(node.as_ref(), settings);
+    if let Some(topic) = wait_for_subscriptions(&bus, &recorder, START_TIMEOUT) {
+        warn!(
+            "{} subscribes, although nobody records {topic}",
+            node.name()
+        );
+    }
     let mut process = Process::join(&bus, node, settings, &sender)?;
-    if let Some(topic) = wait_for_subscriptions(&bus, &process.awaited(settings), START_TIMEOUT) {
+    let left = START_TIMEOUT.saturating_sub(begun.elapsed());
+    if let Some(topic) = wait_for_subscriptions(&bus, &process.awaited(settings), left) {
         warn!(
             "{} starts, although subscriptions to {topic} are missing",
             process.node.name()
@@ -106,6 +117,28 @@ pub fn run_node(
     process.leave();
     bus.close(CLOSE_TIMEOUT)?;
     Ok(())
+}
+
+/// Absolute topic, type and number of the subscriptions that have to be there before the node subscribes, where it is
+/// recorded: to its inputs, and to its journal, which the recorder subscribes to after all of them, and nobody else does.
+fn awaited_of_recorder(
+    node: &dyn Instance,
+    settings: &NodeProcess,
+) -> Vec<(String, TypeId, usize)> {
+    let journal = topics::journal_name(node.name());
+    if !settings.awaited.contains_key(&journal) {
+        return Vec::new();
+    }
+    let inputs = node.inputs().iter();
+    inputs
+        .map(|topic| (topic.name, topic.message))
+        .filter(|(name, _)| settings.awaited.contains_key(*name))
+        .chain([(journal.as_str(), topics::JOURNAL.0)])
+        .map(|(name, message)| {
+            let name = format!("{}/{name}", settings.namespace);
+            (name, TypeId::from(message), 1)
+        })
+        .collect()
 }
 
 struct Process {
