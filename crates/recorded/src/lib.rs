@@ -28,6 +28,7 @@ pub mod import;
 pub mod order;
 pub mod record;
 pub mod sizes;
+mod unrecorded;
 pub mod write;
 
 use std::path::Path;

@@ -14,6 +14,7 @@ use report::{Page, PartSession, ShortDiagnosis, part_page};
 use crate::embedded::PROVENANCE;
 use crate::measured;
 use crate::sizes::by_reference;
+use crate::unrecorded::before_the_first;
 
 /// What the recording at `path` holds of its parts, and its damage.
 ///
@@ -22,10 +23,10 @@ use crate::sizes::by_reference;
 pub fn read(path: &Path) -> anyhow::Result<(PartSession, Vec<Damage>)> {
     let bag = Bag::open(path)?;
     let damage = bag.verify();
-    let session = PartSession {
-        damage: told(&damage, &bag.gaps(None)),
-        ..gather(&bag, path)?
-    };
+    let mut session = gather(&bag, path)?;
+    session.damage = told(&damage, &bag.gaps(None));
+    let namespace = format!("/{}", session.cell);
+    session.damage.extend(before_the_first(&bag, &namespace));
     Ok((session, damage))
 }
 
