@@ -63,11 +63,13 @@ fn handle_fault(state: &mut State, now: Stamp, fault: &Fault, out: &mut Out) {
     }
     if invalidates_measurements(fault) {
         state.last = None;
-        state.void = Some(if fault.code == Fault::CONTROLLER_RESTARTED {
-            "the driver was restarted, what it measured is void".to_owned()
-        } else {
-            format!("what was measured is void: {}", fault.text)
-        });
+        // Of a driver that was restarted the launcher says that it ended, before or after.
+        if fault.code == Fault::CONTROLLER_RESTARTED {
+            let text = "the driver was restarted, what it measured is void";
+            state.void = Some(text.to_owned());
+        } else if state.void.is_none() {
+            state.void = Some(format!("what was measured is void: {}", fault.text));
+        }
         if let Some(stopping) = state.run.as_mut().and_then(|run| run.stopping.as_mut()) {
             stopping.void = true;
         }
