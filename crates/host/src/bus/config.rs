@@ -117,6 +117,15 @@ const QUEUED_BATCHES: usize = 8;
 /// How long a publisher waits for room on a link before the first sample is dropped.
 const WAIT_BEFORE_DROP: Duration = Duration::from_millis(10);
 
+/// Silence after which a router gives up the link to a session, and after which a session gives up that to its router. Zenoh
+/// (1.10) joins a session that returns to the link that its router is about to give up, and then takes numbers of key
+/// expressions for those of the former one: the router has to be done before the session tries again.
+const LEASE_OF_SESSION: Duration = Duration::from_secs(10);
+const LEASE_OF_ROUTER: Duration = Duration::from_secs(20);
+
+/// Longest silence of a link that is idle.
+const KEEP_ALIVE: Duration = Duration::from_millis(2500);
+
 /// Between two attempts to reach a router that is gone: at first, and at most.
 const RETRY: [Duration; 2] = [Duration::from_millis(50), Duration::from_secs(1)];
 
@@ -201,7 +210,7 @@ impl BusConfig {
             },
             "listen": { "endpoints": listen, "exit_on_failure": true },
             "scouting": { "multicast": { "enabled": false }, "gossip": { "enabled": true } },
-            "transport": link(),
+            "transport": link(LEASE_OF_SESSION),
         });
         overlay(&mut settings, &self.zenoh);
         // A client links to its router alone; Zenoh would listen for one as well.
@@ -250,7 +259,7 @@ impl RouterConfig {
             "listen": { "endpoints": self.listen, "timeout_ms": 0, "exit_on_failure": true },
             "scouting": { "multicast": { "enabled": false }, "gossip": { "enabled": true } },
             "timestamping": { "enabled": true },
-            "transport": link(),
+            "transport": link(LEASE_OF_ROUTER),
         });
         overlay(&mut settings, &self.zenoh);
         parse(&settings)
@@ -259,12 +268,16 @@ impl RouterConfig {
 
 /// How much a link takes on before it drops: half a megabyte at once, and the time in which a busy machine gets round to
 /// sending. What a link that is cut costs its publishers is one such wait, since Zenoh then drops without waiting until
-/// the link moves again.
-fn link() -> Value {
-    json!({ "link": { "tx": { "queue": {
-        "size": { "data": QUEUED_BATCHES },
-        "congestion_control": { "drop": { "wait_before_drop": WAIT_BEFORE_DROP.as_micros() as u64 } },
-    } } } })
+/// the link moves again. The other side gives it up after `lease` without a word.
+fn link(lease: Duration) -> Value {
+    json!({ "link": { "tx": {
+        "lease": lease.as_millis() as u64,
+        "keep_alive": (lease.as_millis() / KEEP_ALIVE.as_millis()) as u64,
+        "queue": {
+            "size": { "data": QUEUED_BATCHES },
+            "congestion_control": { "drop": { "wait_before_drop": WAIT_BEFORE_DROP.as_micros() as u64 } },
+        },
+    } } })
 }
 
 /// The locator's address is one of this machine only.
