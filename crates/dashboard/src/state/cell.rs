@@ -277,8 +277,8 @@ impl CellState {
         let (gap, report) = (self.gap.as_ref()?, self.report.as_ref()?);
         let is_of_probe = |one: &&String| one.starts_with("probe.");
         let suspect = report.effects.iter().find_map(|effect| {
-            let own = std::iter::once(&effect.effect).chain(&effect.group);
-            Some((effect, own.into_iter().find(is_of_probe)?))
+            let mut own = std::iter::once(&effect.effect).chain(&effect.group);
+            Some((effect, own.find(is_of_probe)?))
         });
         let (effect, cause) = suspect?;
         let rivals = match effect.group.len() {

@@ -97,7 +97,7 @@ body { overflow-wrap: anywhere; } td.quantity { white-space: normal; } table { f
 @media screen and (max-width: 56rem) {
 .wide, .wide tbody, .wide tr, .wide caption { display: block; } .wide thead { display: none; } .wide tr { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(100%, 15rem), 1fr)); column-gap: 1rem; border-bottom: 1px solid var(--rule); padding: .3rem 0; }
 .wide td { display: grid; grid-template-columns: 7rem minmax(0, 1fr); border: 0; padding: .1rem 0; overflow-wrap: anywhere; } .wide td.quantity { white-space: normal; } .wide td::before { content: attr(data-label); color: var(--quiet); }
-.wide td:first-child { font-weight: 600; grid-column: 1 / -1; }
+.wide td:first-child { font-weight: 600; grid-column: 1 / -1; } .wide td:first-child::before { font-weight: 400; }
 }
 .signature { display: none; }
 @page { size: A4; margin: 15mm; @bottom-right { content: counter(page) ' / ' counter(pages); font-size: 8pt; } }
