@@ -1,6 +1,6 @@
 //! What codes of messages are called where a person reads, in one place.
 
-use crate::{PartReport, PartStatus, Verdict};
+use crate::{FeatureResult, PartReport, PartStatus, Verdict};
 
 impl Verdict {
     /// What the code of a verdict ([`Verdict::verdict`]) means.
@@ -29,9 +29,18 @@ impl Verdict {
         Reasons {
             rule,
             accepted: between("): ", ";").unwrap_or_default(),
-            risk: between("out of tolerance is ", ", at the limit"),
+            risk: between("out of tolerance is ", ", at the limit").map(uncertain),
             largest_risk: between("at the limit of acceptance ", ";"),
         }
+    }
+}
+
+/// A probability in per cent without the certainty that rounding makes of it.
+fn uncertain(risk: &str) -> &str {
+    if risk == "100.0 %" {
+        "above 99.9 %"
+    } else {
+        risk
     }
 }
 
@@ -42,7 +51,7 @@ pub struct Reasons<'a> {
     pub rule: &'a str,
     /// Where it accepts; empty where the text does not say.
     pub accepted: &'a str,
-    /// Probability that the true size is out of tolerance, in per cent.
+    /// Probability that the true size is out of tolerance, in per cent; never 100 % by rounding.
     pub risk: Option<&'a str>,
     /// That probability of a size at the limit of acceptance.
     pub largest_risk: Option<&'a str>,
@@ -70,6 +79,32 @@ impl PartReport {
             Self::SCRAP => "scrap",
             Self::MEASURED => "measured only",
             _ => "stopped",
+        }
+    }
+
+    /// It says that a part which was qualified before is not any more: a reference has contradicted the readings.
+    pub fn is_revocation(&self) -> bool {
+        self.verdict == Self::STOPPED && self.text.starts_with("not qualified any more")
+    }
+
+    /// How this part ended: that of a revocation is not the end of a part that was stopped.
+    pub fn end(&self) -> &'static str {
+        if self.is_revocation() {
+            "not qualified any more"
+        } else {
+            Self::word(self.verdict)
+        }
+    }
+}
+
+impl FeatureResult {
+    /// What the code of a decision ([`FeatureResult::decision`]) means.
+    pub fn word(decision: u8) -> &'static str {
+        match decision {
+            Self::CONFORMS => "conforms",
+            Self::DOES_NOT_CONFORM => "does not conform",
+            Self::INDETERMINATE => "indeterminate",
+            _ => "not measurable",
         }
     }
 }

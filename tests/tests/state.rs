@@ -21,8 +21,9 @@ use cell_tests::{
 };
 use graph::{Published, START, topics};
 use probecell_msgs::{
-    ControllerCommand, Correction, FeatureResult, InspectionPlan, MachineState, OperationRequest,
-    OperatorRequest, PartReport, ProbeEvent, ProbeTrigger, ReferenceMeasurement,
+    ControllerCommand, ControllerReply, ControllerStatus, Correction, FeatureResult,
+    InspectionPlan, MachineState, OperationRequest, OperatorReply, OperatorRequest, PartReport,
+    ProbeEvent, ProbeTrigger, ReferenceMeasurement,
     diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue},
     from_cdr,
     sensor_msgs::JointState,
@@ -399,6 +400,86 @@ fn unclamped() -> (Cell, Vec<Published>) {
     (cell, session.finish())
 }
 
+/// Another driver than that of the simulated machine publishes samples of a machine that stands, and confirms every stop.
+fn other_driver(session: &mut Session, sample: &ControllerStatus, seconds: f64) {
+    // Longer than that of the gate's heartbeat, without which the time of a silent graph would stand still.
+    const PERIOD: f64 = 0.15;
+    let end = session.now().after_s(seconds);
+    let mut seen = session
+        .all::<ControllerCommand>(topics::CONTROLLER_COMMANDS)
+        .len();
+    while session.now() < end {
+        let mut status = sample.clone();
+        status.header = session.now().header("");
+        session.send(topics::CONTROLLER_STATUS, &status);
+        session.run_s(PERIOD);
+        let commands: Vec<ControllerCommand> = session.all(topics::CONTROLLER_COMMANDS);
+        let new = commands[seen..].iter();
+        for command in new.filter(|command| command.session == sample.session) {
+            let reply = ControllerReply {
+                header: session.now().header(""),
+                session: sample.session.clone(),
+                command_id: command.command_id,
+                outcome: ControllerReply::DONE,
+                ..ControllerReply::default()
+            };
+            session.send(topics::CONTROLLER_REPLIES, &reply);
+        }
+        seen = commands.len();
+    }
+}
+
+/// The first sample of the session as one of another driver.
+fn of_other_driver(session: &Session) -> ControllerStatus {
+    ControllerStatus {
+        session: "other".to_owned(),
+        ..session.all(topics::CONTROLLER_STATUS).remove(0)
+    }
+}
+
+/// The driver is restarted while it measures, and an operator wants the measurement resumed.
+fn driver_restarted() -> (Cell, Vec<Published>) {
+    let cell = turn_mill(str::to_owned);
+    let mut session = Session::new(&cell);
+    session.ask_for("punch");
+    for _ in 0..12 {
+        session.run_to(topics::PROBE_EVENTS);
+    }
+    session.kill("simulator");
+    let sample = of_other_driver(&session);
+    other_driver(&mut session, &sample, 3.0);
+    let report: PartReport = session.last(topics::PART_REPORTS);
+    assert_eq!(report.verdict, PartReport::STOPPED, "{}", report.text);
+    let own: InspectionPlan = session.last(topics::INSPECTION_PLAN);
+    let run = OperatorRequest {
+        plan_id: own.plan_id,
+        ..OperatorRequest::default()
+    };
+    session.send(topics::RUN_REQUESTS, &run);
+    other_driver(&mut session, &sample, 0.5);
+    let reply: OperatorReply = session.last(topics::RUN_REPLIES);
+    assert!(!reply.accepted, "{}", reply.text);
+    (cell, session.finish())
+}
+
+/// Two drivers publish samples, and a part is asked for in vain; it begins when one of them has fallen silent.
+fn two_drivers() -> (Cell, Vec<Published>) {
+    let cell = turn_mill(str::to_owned);
+    let mut session = Session::new(&cell);
+    let sample = of_other_driver(&session);
+    other_driver(&mut session, &sample, 1.0);
+    session.ask_for("punch");
+    other_driver(&mut session, &sample, 1.0);
+    let report: PartReport = session.last(topics::PART_REPORTS);
+    assert_eq!(report.verdict, PartReport::STOPPED, "{}", report.text);
+    session.run_s(2.0);
+    session.ask_for("punch");
+    session.run_s(1.0);
+    let begun: ControllerCommand = session.last(topics::CONTROLLER_COMMANDS);
+    assert_eq!(begun.kind, ControllerCommand::RUN_OPERATION);
+    (cell, session.finish())
+}
+
 fn gone_wrong(kind: &str) -> (Cell, Vec<Published>) {
     let cell = turn_mill(|text| with_fault(text, kind, 20));
     let mut session = Session::new(&cell);
@@ -499,6 +580,8 @@ fn sessions() -> Vec<(Cell, Vec<Published>)> {
         delivered_again(),
         slow_to_stop(),
         unclamped(),
+        driver_restarted(),
+        two_drivers(),
         not_converging(),
         springing(),
         five_axis(),

@@ -6,7 +6,7 @@ use graph::Stamp;
 use probecell_msgs::Correction;
 
 use crate::state::{CellState, Characteristic, wording};
-use crate::view::{changed_by, limits};
+use crate::view::changed_by;
 
 /// A parameter of an effect as one session found it.
 #[derive(Clone, Debug, PartialEq)]
@@ -88,7 +88,12 @@ impl Summary {
                 let achieved = one.achieved_error();
                 let achieved = achieved.map_or("not measured".to_owned(), wording::micrometres);
                 let what = changed_by(&one.correction);
-                format!("{what}: promised {promised} → 0, achieved → {achieved}")
+                let doubt = if one.is_refuted() {
+                    " by readings that the reference contradicts: do not rely on it"
+                } else {
+                    ""
+                };
+                format!("{what}: promised {promised} → 0, achieved → {achieved}{doubt}")
             });
         let offsets = cell.corrections().filter(|one| one.is_applied());
         let offsets = offsets.filter_map(|one| {
@@ -101,10 +106,9 @@ impl Summary {
             .into_iter()
             .zip(machine.temperatures);
         let sizes = cell.runs.iter().map(|(key, made)| {
-            let limits = limits(cell, &key.1);
             let each = made.iter().map(|one| Sized {
                 deviation: one.deviation,
-                limits,
+                limits: one.limits,
             });
             (key.clone(), each.collect())
         });
@@ -228,7 +232,13 @@ fn done(sessions: &[Summary]) -> Vec<String> {
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
+    use bags::Bag;
+    use probecell_msgs::{Verdict, to_cdr};
+
     use super::*;
+    use crate::state::Hall;
 
     fn session(day: i64, value: f64, half: f64) -> Summary {
         let found = Found {
@@ -242,6 +252,38 @@ mod tests {
             effects: [(("probe.radius".to_owned(), "error".to_owned()), found)].into(),
             ..Summary::default()
         }
+    }
+
+    /// A sample whose reference contradicts the last measurement of a run that was corrected by the same probe.
+    #[test]
+    fn what_a_reference_contradicts_is_not_told_as_achieved() {
+        let samples = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../bags/samples");
+        let bag = Bag::open(samples.join("punch_uncalibrated.mcap")).unwrap();
+        let mut hall = Hall::default();
+        for message in bag.messages() {
+            let message = message.unwrap();
+            let at = Stamp(message.log_time as i64);
+            hall.apply(&message.channel.topic, &message.payload, at);
+        }
+        let summary = |hall: &Hall| {
+            let cell = hall.cells().next().unwrap();
+            Summary::of(cell, "punch_uncalibrated", Stamp(0))
+        };
+        let applied = summary(&hall).applied;
+        assert!(!applied.is_empty());
+        let warned = |one: &String| one.contains("the reference contradicts: do not rely on it");
+        assert!(applied.iter().all(warned), "{applied:?}");
+        // Nor after another part was measured.
+        let other = Verdict {
+            plan_id: "punch#2/rough/1".to_owned(),
+            feature_id: "D1".to_owned(),
+            ..Verdict::default()
+        };
+        let name = hall.cells().next().unwrap().name.clone();
+        let topic = format!("/{name}/verdicts");
+        hall.apply(&topic, &to_cdr(&other), Stamp(i64::MAX));
+        let applied = summary(&hall).applied;
+        assert!(applied.iter().all(warned), "{applied:?}");
     }
 
     #[test]

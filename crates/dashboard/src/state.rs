@@ -11,9 +11,9 @@ mod ledger;
 mod reduce;
 pub(crate) mod wording;
 
-pub use capability::{Capability, capability};
+pub use capability::{Capability, FEWEST, STATEMENT, capability};
 pub use cell::{Attention, CellState, Characteristic, Made, Section, Touch};
 pub use events::{Event, EventKind};
 pub use hall::{Hall, kept_topics, read_topics};
 pub(crate) use hall::{is_read, machine_state, split};
-pub use ledger::Entry;
+pub use ledger::{Achieved, Entry};

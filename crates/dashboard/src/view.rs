@@ -28,5 +28,4 @@ pub(crate) use machine::{machine_page, machines_page};
 pub use page::{Place, message_page};
 pub use picture::View;
 pub use sessions::{Listed, SessionView, session_page, sessions_page};
-pub(crate) use sizes::limits;
 pub use terminal::hall_text;

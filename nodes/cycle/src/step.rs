@@ -128,8 +128,9 @@ fn handle_run_request(
         text: match (&state.refuted, refusal) {
             (Some(why), Some(REFUTED)) => format!("{REFUTED}: {why}"),
             (_, Some(NOTHING_RESUMED)) => {
-                let why = state.void.as_deref();
-                let why = why.unwrap_or("no measurement of this plan was broken off");
+                let why = state.void.as_deref().or(state.refuted.as_deref());
+                let why = why
+                    .unwrap_or("the last measurement is not one of this plan that was broken off");
                 format!("{NOTHING_RESUMED}: {why}")
             }
             (_, refusal) => refusal.unwrap_or_default().to_owned(),

@@ -185,7 +185,9 @@ fn nothing_is_resumed_after_a_restart_of_the_driver_and_the_refusal_says_why() {
     );
     check(
         vec![resume("p/rough/1")],
-        &["accepted false: nothing can be resumed: no measurement of this plan was broken off"],
+        &[
+            "accepted false: nothing can be resumed: the last measurement is not one of this plan that was broken off",
+        ],
     );
 }
 

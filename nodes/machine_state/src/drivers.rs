@@ -2,7 +2,7 @@
 //! stop and is not listened to until one of them has ended.
 
 use graph::{FaultCode, Stamp};
-use probecell_msgs::{ControllerCommand, ControllerStatus, MachineState};
+use probecell_msgs::{ControllerCommand, ControllerStatus};
 
 use crate::{
     command,
@@ -69,7 +69,7 @@ pub(crate) fn ignores(
         status.session
     );
     raise(state, now, MachineFault::SeveralDrivers, &text, out);
-    if is_new && !config.replayed && status.execution != MachineState::EXECUTION_ESTOP {
+    if is_new && !config.replayed {
         let stop = ControllerCommand {
             kind: ControllerCommand::STOP,
             ..ControllerCommand::default()

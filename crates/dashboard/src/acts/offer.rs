@@ -5,7 +5,8 @@ use probecell_msgs::{Correction, InspectionPlan, InspectionPoint, OperatorReques
 use trust::{Act, Kind, PublicKey, approval};
 
 use super::Deed;
-use crate::state::{CellState, wording::micrometres};
+use crate::state::CellState;
+use crate::state::wording::{micrometres, signed_micrometres};
 use crate::view::changed_by;
 
 /// Longest name of a part, in bytes.
@@ -62,19 +63,22 @@ fn answer(cell: &CellState, id: &str, approve: bool) -> Result<Proposal, String>
         format!("{what} in cell {}: {}", cell.name, changed_by(one)),
         format!(
             "{} → {}, within {} to {}",
-            micrometres(one.previous_value),
-            micrometres(one.new_value),
-            micrometres(one.lower_bound),
-            micrometres(one.upper_bound)
+            signed_micrometres(one.previous_value),
+            signed_micrometres(one.new_value),
+            signed_micrometres(one.lower_bound),
+            signed_micrometres(one.upper_bound)
         ),
         format!(
             "From {}, {} touches: error {}, standard uncertainty {}",
             one.plan_id,
             one.sequences.len(),
-            micrometres(one.measured_error),
+            signed_micrometres(one.measured_error),
             micrometres(one.standard_uncertainty)
         ),
     ];
+    if let Some(doubt) = cell.doubt().filter(|_| approve) {
+        summary.insert(0, format!("Warning: {doubt}."));
+    }
     summary.extend(entries(one));
     summary.push(format!("Correction {id}"));
     Ok(Proposal {
@@ -94,9 +98,11 @@ fn entries(one: &Correction) -> Vec<String> {
     all.map(|(name, (from, to))| {
         // ISO 230-1: E, the direction of the error, 0, the axis; A, B, C are rotations.
         if name.chars().nth(1).is_some_and(|one| "ABC".contains(one)) {
-            format!("{name} {:+.1} → {:+.1} µrad", from * 1e6, to * 1e6)
+            let [from, to] = [from, to].map(|one| format!("{:+.1}", one * 1e6).replace('-', "−"));
+            format!("{name} {from} → {to} µrad")
         } else {
-            format!("{name} {} → {}", micrometres(*from), micrometres(*to))
+            let [from, to] = [from, to].map(|one| signed_micrometres(*one));
+            format!("{name} {from} → {to}")
         }
     })
     .collect()
@@ -191,5 +197,70 @@ fn touches(deed: Deed, subject: Vec<u8>, plan: &InspectionPlan, what: String) ->
         deed,
         subject,
         summary,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use graph::Stamp;
+    use probecell_msgs::{GapReport, to_cdr};
+
+    use super::*;
+    use crate::state::Hall;
+
+    fn waiting(cause: &str) -> Hall {
+        let report = serde_json::json!({
+            "schema": "probecell/gap-report/1", "bag": "b", "samples": 20, "verdict": "explained",
+            "gap": { "unit": "m", "rms": 20e-6, "noise_floor": 1e-6, "ratio": 20.0 }, "where": [],
+            "effects": [{
+                "effect": "axis.X.lag", "probability": 0.99, "parameters": [], "rms_before": 20e-6, "rms_after": 1e-6,
+                "ci95_after": [1e-6, 1e-6], "held_out": true, "indistinguishable_from": [], "group": ["axis.X.lag", cause],
+            }],
+            "unexplained": { "rms": 0.0, "where": [] }, "rejected": [], "next_measurement": [], "warnings": [],
+        });
+        let report = GapReport {
+            plan_id: "a/rough/1".to_owned(),
+            json: report.to_string(),
+            ..GapReport::default()
+        };
+        let correction = Correction {
+            correction_id: "a/rough/1/T2".to_owned(),
+            feature_ids: vec!["D1".to_owned()],
+            new_value: -24.6e-6,
+            lower_bound: -110e-6,
+            upper_bound: 110e-6,
+            ..Correction::default()
+        };
+        let mut hall = Hall::default();
+        hall.apply("/mill/gap_report", &to_cdr(&report), Stamp(1));
+        hall.apply("/mill/corrections", &to_cdr(&correction), Stamp(2));
+        hall
+    }
+
+    fn summary(hall: &Hall, approve: bool) -> Vec<String> {
+        let cell = hall.cell("mill").unwrap();
+        answer(cell, "a/rough/1/T2", approve).ok().unwrap().summary
+    }
+
+    #[test]
+    fn an_approval_is_offered_with_what_the_diagnosis_says_of_the_probe() {
+        let hall = waiting("probe.stylus_offset");
+        let told = summary(&hall, true);
+        assert!(
+            told[0].starts_with(
+                "Warning: the diagnosis of a/rough/1 says that the probe may be wrong"
+            ),
+            "{told:?}"
+        );
+        assert!(
+            told.contains(&"0.0 µm → −24.6 µm, within −110.0 µm to +110.0 µm".to_owned()),
+            "{told:?}"
+        );
+        let warned = |told: &[String]| told.iter().any(|line| line.contains("probe may be wrong"));
+        assert!(
+            !warned(&summary(&hall, false)),
+            "to reject needs no warning"
+        );
+        assert!(!warned(&summary(&waiting("axis.X.backlash"), true)));
     }
 }

@@ -8,7 +8,9 @@
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 /// Parts from which on an index is given: with fewer the interval is too wide to be of use.
-const FEWEST: usize = 8;
+pub const FEWEST: usize = 8;
+/// Parts from which on an index may be stated as a capability by common practice; from fewer it is an estimate.
+pub const STATEMENT: usize = 25;
 /// 97.5 % quantile of the standard normal distribution.
 const Z: f64 = 1.959_963_984_540_054;
 

@@ -4,11 +4,14 @@ use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 
 use diagnosis::Report;
+use effects::vocabulary;
 use graph::Stamp;
+use metrology::conformance::contradiction;
 use probecell_msgs::sensor_msgs::JointState;
 use probecell_msgs::{
     Fault, FeatureResult, GapReport, InspectionPlan, LossReport, MachineState, MeasurementOrder,
     PartReport, PartStatus, PassDecision, PlanProgress, RecordingStatus, Verdict, from_cdr,
+    geometrical,
 };
 
 use super::ledger::{Entry, Ledger};
@@ -101,12 +104,14 @@ pub struct Made {
     pub deviation: f64,
     /// m, expanded.
     pub expanded: f64,
+    /// Limits of the deviation by which this part was judged, m.
+    pub limits: Option<(f64, f64)>,
 }
 
 /// Characteristic whose values are comparable over parts: drawing, feature, nominal size (nm).
 pub type Characteristic = (String, String, i64);
 
-/// What is known of one cell. Bounds: one plan, order, report and joint state; 64 corrections; 48 faults and losses each; 200
+/// What is known of one cell. Bounds: one plan, order, report and joint state; 64 corrections; 256 references; 48 faults and losses each; 200
 /// parts of 128 characteristics; results and touches of the plan only.
 #[derive(Clone, Debug, Default)]
 pub struct CellState {
@@ -130,6 +135,8 @@ pub struct CellState {
     pub parts: BTreeMap<u8, u64>,
     /// Of these, those that a later report of the same part has replaced: a reference may revoke what was qualified.
     pub(super) revoked: BTreeMap<u8, u64>,
+    /// Reports that hold, of parts that were qualified before and are not any more.
+    pub(super) revocations: u64,
     /// Verdicts, by code.
     pub verdict_counts: BTreeMap<u8, u64>,
     /// The plan.
@@ -146,6 +153,8 @@ pub struct CellState {
     pub results: BTreeMap<String, FeatureResult>,
     /// Verdicts of the plan measured last, by feature.
     pub verdicts: BTreeMap<String, Verdict>,
+    /// What outside instruments found, newest last.
+    pub(super) references: VecDeque<FeatureResult>,
     /// The newest decision on a pass.
     pub(super) decision: Option<PassDecision>,
     /// Values over parts.
@@ -196,12 +205,92 @@ impl CellState {
         }
     }
 
-    /// Parts that ended, by the verdict that holds.
-    pub fn ended_counts(&self) -> Vec<(u8, u64)> {
+    /// Parts that ended, by the word for the end that holds.
+    pub fn ended_counts(&self) -> Vec<(&'static str, u64)> {
         let replaced = |verdict| self.revoked.get(verdict).copied().unwrap_or_default();
-        let counts =
-            (self.parts.iter()).map(|(verdict, count)| (*verdict, count - replaced(verdict)));
+        let counts = (self.parts.iter()).flat_map(|(verdict, count)| {
+            let left = count.saturating_sub(replaced(verdict));
+            let revocations = match *verdict {
+                PartReport::STOPPED => self.revocations.min(left),
+                _ => 0,
+            };
+            [
+                (PartReport::word(*verdict), left - revocations),
+                ("not qualified any more", revocations),
+            ]
+        });
         counts.filter(|(_, count)| *count > 0).collect()
+    }
+
+    /// The verdict on a result of the plan measured last.
+    pub fn verdict_on(&self, result: &FeatureResult) -> Option<&Verdict> {
+        let verdict = self.verdicts.get(&result.feature_id)?;
+        (verdict.plan_id == result.plan_id).then_some(verdict)
+    }
+
+    /// The limits of a feature's deviation (m): those that its verdict applied, else those of the plan.
+    pub fn limits(&self, feature: &str) -> Option<(f64, f64)> {
+        let result = self.results.get(feature);
+        let of_plan = self.plan.as_ref().and_then(|plan| {
+            let own = plan.features.iter().find(|one| one.id == feature)?;
+            let (lower, upper) = (own.lower_tolerance, own.upper_tolerance);
+            (upper > lower && lower.is_finite() && upper.is_finite()).then_some((lower, upper))
+        });
+        let zone = result.is_some_and(|one| geometrical::named(one.kind).is_some());
+        let lowest = if zone { 0.0 } else { -1.0 };
+        let verdict = match result {
+            Some(result) => self.verdict_on(result),
+            None => self.verdicts.get(feature),
+        };
+        let of_verdict = verdict.map(|one| (lowest * one.tolerance, one.tolerance));
+        (of_verdict.filter(|(_, upper)| *upper > 0.0 && upper.is_finite())).or(of_plan)
+    }
+
+    /// The reference that contradicts a result, as the cell itself decides it: E_n > 1 (ISO 13528:2015, 9.7), or out of
+    /// tolerance what was qualified.
+    pub fn refuting(&self, result: &FeatureResult) -> Option<&FeatureResult> {
+        let same = |one: &&FeatureResult| {
+            one.plan_id == result.plan_id && one.feature_id == result.feature_id
+        };
+        let reference = self.references.iter().rfind(same)?;
+        let measured = |one: &FeatureResult| one.decision != FeatureResult::INVALID;
+        if !measured(result) || !measured(reference) {
+            return None;
+        }
+        let accepted = (self.verdict_on(result))
+            .filter(|one| matches!(one.verdict, Verdict::QUALIFIED | Verdict::CONTRADICTED))
+            .map(|one| one.tolerance);
+        contradiction(
+            (result.compared_deviations(), result.expanded_uncertainty()),
+            (
+                reference.compared_deviations(),
+                reference.expanded_uncertainty(),
+            ),
+            accepted,
+        )
+        .map(|_| reference)
+    }
+
+    /// Why the readings of this cell may be wrong, a sentence without its stop: its diagnosis names the probe as a cause of the
+    /// gap, alone or among others.
+    pub fn doubt(&self) -> Option<String> {
+        let (gap, report) = (self.gap.as_ref()?, self.report.as_ref()?);
+        let is_of_probe = |one: &&String| one.starts_with("probe.");
+        let suspect = report.effects.iter().find_map(|effect| {
+            let mut own = std::iter::once(&effect.effect).chain(&effect.group);
+            Some((effect, own.find(is_of_probe)?))
+        });
+        let (effect, cause) = suspect?;
+        let rivals = match effect.group.len() {
+            0 | 1 => String::new(),
+            count => format!(", one of {count} causes that the touches cannot tell apart"),
+        };
+        Some(format!(
+            "the diagnosis of {} says that the probe may be wrong ({}{rivals}), so that the error may be of the readings and \
+             not of the part: check the probe before you approve",
+            gap.plan_id,
+            vocabulary::describe(cause),
+        ))
     }
 
     /// State of the machine.
@@ -325,10 +414,13 @@ impl CellState {
         }
         if let Some(one) = self.waiting(now).next() {
             let features = one.correction.feature_ids.join(", ");
-            let text = match self.waiting(now).count() {
+            let mut text = match self.waiting(now).count() {
                 1 => format!("correction of {features} waits for approval"),
                 count => format!("{count} corrections wait for approval"),
             };
+            if self.doubt().is_some() {
+                text.push_str("; the probe may be wrong");
+            }
             return (Attention::Decide, text);
         }
         if let Some(part) = self.interrupted() {
@@ -341,25 +433,43 @@ impl CellState {
         {
             let what = if last.verdict == PartReport::SCRAP {
                 "is scrap"
-            } else if last.text.starts_with("not qualified any more") {
+            } else if last.is_revocation() {
                 "is not qualified any more"
             } else {
                 "was stopped"
             };
             return (Attention::Act, format!("{} {what}", last.part_id));
         }
-        let explained = self.report.as_ref().map(|one| one.verdict);
-        let open = match explained {
-            Some(diagnosis::Verdict::Unexplained) => Some("the gap is not explained"),
-            Some(diagnosis::Verdict::PartlyExplained) => Some("part of the gap is not explained"),
-            _ => None,
-        };
-        if let Some(open) = open {
-            return (Attention::Look, open.to_owned());
+        if let Some(open) = self.report.as_deref().and_then(open_in) {
+            return (Attention::Look, open);
         }
         if self.is_making() || execution == Some(MachineState::EXECUTION_RUNNING) {
             return (Attention::Working, "no action needed".to_owned());
         }
         (Attention::Idle, "no action needed".to_owned())
     }
+}
+
+/// What a diagnosis leaves to a person; none where there is no gap.
+fn open_in(report: &Report) -> Option<String> {
+    match report.verdict {
+        diagnosis::Verdict::Unexplained => return Some("the gap is not explained".to_owned()),
+        diagnosis::Verdict::PartlyExplained => {
+            return Some("part of the gap is not explained".to_owned());
+        }
+        diagnosis::Verdict::NoGap => return None,
+        diagnosis::Verdict::Explained => {}
+    }
+    if report.effects.iter().any(|one| one.group.len() > 1) {
+        let touches = report.next_measurement.iter().map(|one| one.points.len());
+        return Some(match touches.max() {
+            Some(count) if count > 0 => {
+                format!("causes of the gap to be told apart: {count} touches are proposed")
+            }
+            _ => "the touches cannot tell the causes of the gap apart".to_owned(),
+        });
+    }
+    let remedied = |one: &diagnosis::report::Effect| vocabulary::remedy(&one.effect).is_some();
+    (report.effects.iter().any(remedied))
+        .then(|| "the cause of the gap is found: see what to do".to_owned())
 }

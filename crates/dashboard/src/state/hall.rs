@@ -73,6 +73,7 @@ pub fn read_topics() -> Vec<graph::Topic> {
         topics::PLAN_PROGRESS,
         topics::TOUCH_DEVIATIONS,
         topics::FEATURE_RESULTS,
+        topics::REFERENCE_RESULTS,
         topics::VERDICTS,
         topics::PASS_DECISIONS,
         topics::CORRECTIONS,
@@ -232,10 +233,11 @@ impl Hall {
     pub fn by_attention(&self, now: Stamp) -> Vec<&CellState> {
         let mut cells: Vec<_> = self
             .cells()
-            .map(|one| (one.attention(now).0, one))
+            .map(|one| (one.attention(now).0, !one.is_stale(now), one))
             .collect();
-        cells.sort_by(|a, b| (a.0, &a.1.name).cmp(&(b.0, &b.1.name)));
-        cells.into_iter().map(|(_, cell)| cell).collect()
+        // Of those to be looked at a silent one stands first.
+        cells.sort_by(|a, b| (a.0, a.1, &a.2.name).cmp(&(b.0, b.1, &b.2.name)));
+        cells.into_iter().map(|(.., cell)| cell).collect()
     }
 
     /// Number of the newest event.

@@ -3,10 +3,23 @@
 use std::collections::VecDeque;
 
 use graph::Stamp;
-use probecell_msgs::{Correction, CorrectionAcknowledgement, Verdict};
+use probecell_msgs::{Correction, CorrectionAcknowledgement, PlanId, Verdict};
 
 /// Corrections kept for each cell.
 const KEPT: usize = 64;
+
+/// Error of a feature in the measurement that verifies a correction.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Achieved {
+    /// The feature.
+    pub feature_id: String,
+    /// The measurement.
+    pub plan_id: String,
+    /// m.
+    pub error: f64,
+    /// A reference has contradicted a reading of this feature in the same run since.
+    pub contradicted: bool,
+}
 
 /// One correction from its proposal to what it achieved.
 #[derive(Clone, Debug)]
@@ -17,16 +30,21 @@ pub struct Entry {
     pub proposed: Stamp,
     /// What the machine answered.
     pub acknowledgement: Option<CorrectionAcknowledgement>,
-    /// Errors (m) of the features it was computed from in the next measurement, one for each feature judged.
-    pub achieved: Vec<(String, f64)>,
+    /// Errors of the features it was computed from in the next measurement, one for each feature judged.
+    pub achieved: Vec<Achieved>,
 }
 
 impl Entry {
     /// Mean error (m) in the next measurement of the features that it was computed from; none before they were judged.
     pub fn achieved_error(&self) -> Option<f64> {
         let count = self.achieved.len();
-        let sum: f64 = self.achieved.iter().map(|(_, error)| error).sum();
+        let sum: f64 = self.achieved.iter().map(|one| one.error).sum();
         (count > 0).then(|| sum / count as f64)
+    }
+
+    /// What it achieved was measured by readings that a reference contradicts.
+    pub fn is_refuted(&self) -> bool {
+        self.achieved.iter().any(|one| one.contradicted)
     }
 
     /// It waits for the approval of a person at the instant `now`.
@@ -93,17 +111,33 @@ impl Ledger {
         let mut changed = false;
         for entry in &mut self.entries {
             let of_it = entry.correction.feature_ids.contains(&verdict.feature_id);
-            let told = entry
-                .achieved
-                .iter()
-                .any(|(id, _)| *id == verdict.feature_id);
+            let told = (entry.achieved.iter()).any(|one| one.feature_id == verdict.feature_id);
             let later = verdict.plan_id != entry.correction.plan_id
                 && verdict.header.stamp.nanos() > entry.correction.header.stamp.nanos();
             if entry.is_applied() && of_it && later && !told {
-                let one = (verdict.feature_id.clone(), verdict.error);
-                entry.achieved.push(one);
+                entry.achieved.push(Achieved {
+                    feature_id: verdict.feature_id.clone(),
+                    plan_id: verdict.plan_id.clone(),
+                    error: verdict.error,
+                    contradicted: false,
+                });
                 changed = true;
             }
+        }
+        if verdict.verdict == Verdict::CONTRADICTED {
+            changed |= self.contradicted(&verdict.plan_id, &verdict.feature_id);
+        }
+        changed
+    }
+
+    /// A reference contradicts the reading of a feature: nothing is achieved by readings of it in that run.
+    pub(super) fn contradicted(&mut self, plan_id: &str, feature_id: &str) -> bool {
+        let run = PlanId::from(plan_id).run();
+        let mut changed = false;
+        for one in self.entries.iter_mut().flat_map(|one| &mut one.achieved) {
+            let of_it = one.feature_id == feature_id && PlanId::from(&one.plan_id).run() == run;
+            changed |= of_it && !one.contradicted;
+            one.contradicted |= of_it;
         }
         changed
     }

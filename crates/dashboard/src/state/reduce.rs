@@ -10,7 +10,7 @@ use probecell_msgs::{
     PlanId, PlanProgress, RecordingStatus, TouchDeviation, Verdict, from_cdr,
 };
 
-use super::cell::{CellState, Made, Section, Touch};
+use super::cell::{CellState, Characteristic, Made, Section, Touch};
 use super::events::EventKind;
 use super::wording;
 
@@ -22,6 +22,8 @@ const CHARACTERISTICS: usize = 128;
 const TROUBLES: usize = 48;
 /// Parts that ended, kept.
 const ENDED: usize = 32;
+/// References kept.
+const REFERENCES: usize = 256;
 /// Bytes of a CDR message before which only its encapsulation and the stamp of its header stand.
 const STAMPED: usize = 12;
 
@@ -55,6 +57,7 @@ impl CellState {
             }
             n if n == topics::TOUCH_DEVIATIONS.name => Some(self.touched(&read(bytes)?, at)),
             n if n == topics::FEATURE_RESULTS.name => self.resulted(read(bytes)?),
+            n if n == topics::REFERENCE_RESULTS.name => self.referred(read(bytes)?),
             n if n == topics::VERDICTS.name => self.judged(read(bytes)?),
             n if n == topics::PASS_DECISIONS.name => self.decided(read(bytes)?),
             n if n == topics::CORRECTIONS.name => self.corrected(read(bytes)?, at),
@@ -143,15 +146,13 @@ impl CellState {
         let same = |one: &&PartReport| !one.run_id.is_empty() && one.run_id == report.run_id;
         if let Some(before) = self.ended.iter().rfind(same) {
             *self.revoked.entry(before.verdict).or_default() += 1;
+            let was = u64::from(before.is_revocation());
+            self.revocations = self.revocations.saturating_sub(was);
         }
+        self.revocations += u64::from(report.is_revocation());
         self.interrupted
             .take_if(|part| part.run_id == report.run_id);
-        let text = format!(
-            "{} {}: {}",
-            report.part_id,
-            PartReport::word(report.verdict),
-            report.text
-        );
+        let text = format!("{} {}: {}", report.part_id, report.end(), report.text);
         push(&mut self.ended, report, ENDED);
         self.changed(&[Section::State]);
         Some((EventKind::Part, text))
@@ -226,11 +227,7 @@ impl CellState {
             self.verdicts.clear();
         }
         let run = PlanId::from(&result.plan_id).run().to_string();
-        let characteristic = (
-            result.part_id.clone(),
-            result.feature_id.clone(),
-            (result.nominal_size * 1e9).round() as i64,
-        );
+        let characteristic = characteristic(&result);
         if result.decision != FeatureResult::INVALID
             && (self.runs.contains_key(&characteristic) || self.runs.len() < CHARACTERISTICS)
         {
@@ -238,6 +235,7 @@ impl CellState {
                 run,
                 deviation: result.size_deviation,
                 expanded: result.expanded_uncertainty(),
+                limits: None,
             };
             let parts = self.runs.entry(characteristic).or_default();
             match parts.back_mut().filter(|last| last.run == made.run) {
@@ -246,8 +244,41 @@ impl CellState {
             }
             self.changed(&[Section::Runs]);
         }
-        self.results.insert(result.feature_id.clone(), result);
+        let feature = result.feature_id.clone();
+        self.results.insert(feature.clone(), result);
+        self.limit(&feature);
         self.changed(&[Section::Sizes, Section::Part]);
+        None
+    }
+
+    /// Keeps the limits of a feature with the value of the part that was measured last.
+    fn limit(&mut self, feature: &str) {
+        let limits = self.limits(feature);
+        let Some(result) = self.results.get(feature) else {
+            return;
+        };
+        let run = PlanId::from(&result.plan_id).run().to_string();
+        let made = self.runs.get_mut(&characteristic(result));
+        let last = made.and_then(|made| made.back_mut());
+        if let Some(last) = last.filter(|last| last.run == run) {
+            last.limits = limits;
+        }
+    }
+
+    fn referred(&mut self, reference: FeatureResult) -> Happened {
+        let same = |one: &FeatureResult| {
+            one.plan_id == reference.plan_id && one.feature_id == reference.feature_id
+        };
+        self.references.retain(|one| !same(one));
+        let own = self.results.get(&reference.feature_id).cloned();
+        push(&mut self.references, reference, REFERENCES);
+        if let Some(result) = own
+            && self.refuting(&result).is_some()
+            && (self.ledger).contradicted(&result.plan_id, &result.feature_id)
+        {
+            self.changed(&[Section::Ledger]);
+        }
+        self.changed(&[Section::State, Section::Sizes, Section::Part]);
         None
     }
 
@@ -273,7 +304,9 @@ impl CellState {
             Verdict::word(verdict.verdict),
             wording::micrometres(verdict.error)
         );
-        self.verdicts.insert(verdict.feature_id.clone(), verdict);
+        let feature = verdict.feature_id.clone();
+        self.verdicts.insert(feature.clone(), verdict);
+        self.limit(&feature);
         self.changed(&[Section::State, Section::Sizes, Section::Part]);
         Some((EventKind::Verdict, text))
     }
@@ -327,7 +360,8 @@ impl CellState {
             wording::micrometres(report.noise_floor)
         );
         self.gap = Some(Arc::new(report));
-        self.changed(&[Section::Gap, Section::State]);
+        // A correction that waits is shown with what the diagnosis says of the probe.
+        self.changed(&[Section::Gap, Section::State, Section::Ledger]);
         Some((EventKind::Gap, text))
     }
 
@@ -347,6 +381,14 @@ impl CellState {
         self.changed(&[Section::Faults, Section::State]);
         (EventKind::Fault, text)
     }
+}
+
+fn characteristic(result: &FeatureResult) -> Characteristic {
+    (
+        result.part_id.clone(),
+        result.feature_id.clone(),
+        (result.nominal_size * 1e9).round() as i64,
+    )
 }
 
 fn read<M: Message>(bytes: &[u8]) -> Option<M> {

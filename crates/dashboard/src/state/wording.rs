@@ -18,13 +18,11 @@ pub(crate) fn micrometres(metres: f64) -> String {
     )
 }
 
-/// A probability as a verdict says it, without the certainty that rounding makes of it.
-pub(crate) fn risk(text: &str) -> &str {
-    if text == "100.0 %" {
-        "above 99.9 %"
-    } else {
-        text
-    }
+/// A difference or a position in µm: with its sign, plus as well as minus.
+pub(crate) fn signed_micrometres(metres: f64) -> String {
+    let text = micrometres(metres);
+    let positive = text.starts_with(|first: char| first.is_ascii_digit()) && text != "0.0 µm";
+    if positive { format!("+{text}") } else { text }
 }
 
 /// State of the machine.

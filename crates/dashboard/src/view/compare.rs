@@ -2,7 +2,6 @@
 
 use graph::Stamp;
 use maud::{Markup, html};
-use probecell_msgs::PartReport;
 
 use super::hall::group;
 use super::numbers::{date, signed_um, span, um};
@@ -88,7 +87,7 @@ fn length(one: &Compared<'_>) -> String {
 
 fn parts(cell: &CellState) -> String {
     let all: Vec<String> = (cell.ended_counts().into_iter())
-        .map(|(code, count)| format!("{count} {}", PartReport::word(code)))
+        .map(|(end, count)| format!("{count} {end}"))
         .collect();
     if all.is_empty() {
         "none ended".to_owned()

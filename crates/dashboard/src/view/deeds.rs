@@ -22,7 +22,7 @@ pub(crate) fn key_page(cells: &[String]) -> Markup {
         div.title { h1 { "Key of this device" } }
         section.card aria-labelledby="key-title" {
             h2 #key-title { "Signing" }
-            p { "Whatever moves a machine or changes it is signed by an operator. The key is made by this browser and stays in it; nothing can read it out, neither this page nor the dashboard. Each cell registers its public half once:" }
+            p { "Whatever an operator does from these pages is signed. The key is made by this browser and stays in it; nothing can read it out, neither this page nor the dashboard. Each cell registers its public half once:" }
             p #key-state role="status" { "Without scripts this device only reads." }
             form #key-form hidden {
                 label for="key-name" { "Name of the operator" } " "

@@ -1,6 +1,6 @@
 //! The gap report: how large, why, what to do, what to measure next.
 
-use diagnosis::report::Place;
+use diagnosis::report::{Effect, NextMeasurement, Place};
 use diagnosis::{Report, Verdict, in_display_units};
 use effects::vocabulary;
 use maud::{Markup, html};
@@ -68,37 +68,84 @@ fn in_full(report: &Report, deeds: &dyn Fn(usize) -> Markup) -> Markup {
     }
 }
 
-/// The next step in a sentence: the remedy where a single cause is left, else the touches that part the causes.
+/// A step that a diagnosis asks for, with the square of the gap that it is about.
+struct Step {
+    energy: f64,
+    text: Markup,
+}
+
+/// The next steps, those first that are about most of the gap: the remedy where a single cause is left, else the touches that part
+/// the causes.
 fn what_to_do(report: &Report) -> Markup {
-    let single = (report.effects.iter()).filter(|one| one.group.len() <= 1);
-    let remedies: Vec<(String, &str)> = single
-        .filter_map(|one| {
-            let name = capital(&vocabulary::describe(&one.effect));
-            Some((name, vocabulary::remedy(&one.effect)?))
-        })
-        .collect();
-    let rivals = report.effects.iter().any(|one| one.group.len() > 1);
+    let mut steps = steps(report);
+    steps.sort_by(|a, b| b.energy.total_cmp(&a.energy));
+    html! {
+        @if !steps.is_empty() {
+            div.todo {
+                h3 { "What to do" }
+                @for step in &steps { p { (step.text) } }
+            }
+        }
+    }
+}
+
+fn steps(report: &Report) -> Vec<Step> {
     let touches = (report.next_measurement.iter()).find(|one| !one.points.is_empty());
+    let energy = |one: &Effect| one.rms_before.powi(2) - one.rms_after.powi(2);
+    let whole: f64 = report.effects.iter().map(|one| energy(one).max(0.0)).sum();
+    let whole = whole + report.unexplained.rms.powi(2);
+    let share = |part: f64| match 100.0 * part.max(0.0) / whole {
+        percent if percent.is_finite() => format!("{percent:.0} % of the gap"),
+        _ => "part of the gap".to_owned(),
+    };
+    let mut steps: Vec<Step> = Vec::new();
+    for one in report.effects.iter().filter(|one| one.group.len() <= 1) {
+        let Some(remedy) = vocabulary::remedy(&one.effect) else {
+            continue;
+        };
+        let name = capital(&vocabulary::describe(&one.effect));
+        steps.push(Step {
+            energy: energy(one),
+            text: html! { (name) ", " (share(energy(one))) ". Remedy: " b { (remedy) } },
+        });
+    }
+    let rivals = || report.effects.iter().filter(|one| one.group.len() > 1);
+    let of_rivals: f64 = rivals().map(energy).sum();
+    let is_ambiguous = rivals().next().is_some();
+    if is_ambiguous {
+        let text = match touches {
+            Some(next) => html! {
+                b { "Take the " (next.points.len()) " touches below" } ": they tell causes apart that those made so far cannot, of " (share(of_rivals)) "."
+            },
+            None => html! {
+                b { "Repair nothing of a group yet" } ": these touches cannot tell its causes apart, and no reachable touch would, of " (share(of_rivals)) "."
+            },
+        };
+        steps.push(Step {
+            energy: of_rivals,
+            text,
+        });
+    }
     let unknown = matches!(
         report.verdict,
         Verdict::Unexplained | Verdict::PartlyExplained
     );
-    html! {
-        @if !remedies.is_empty() || rivals || unknown {
-            div.todo {
-                h3 { "What to do" }
-                @for (name, remedy) in &remedies { p { (name) ". Remedy: " b { (remedy) } } }
-                @if rivals {
-                    @if let Some(next) = touches { p { b { "Take the " (next.points.len()) " touches below" } ": they tell causes apart that those made so far cannot." } }
-                    @else { p { b { "Repair nothing of a group yet" } ": these touches cannot tell its causes apart, and no reachable touch would." } }
-                }
-                @if unknown {
-                    @if let (false, Some(next)) = (rivals, touches) { p { b { "Take the " (next.points.len()) " touches below" } ": they tell more of what no known cause explains." } }
-                    @else if !rivals { p { b { "Measure this part again" } ": what comes back at the same touches is no scatter. Then look at what touches it" @if let Some(first) = report.unexplained.place.first() { ", at " (where_is(first)) " first" } ": chips, clamping, surface." } }
-                }
-            }
-        }
+    if unknown {
+        let text = match touches {
+            Some(next) if !is_ambiguous => Some(html! {
+                b { "Take the " (next.points.len()) " touches below" } ": they tell more of what no known cause explains."
+            }),
+            _ if !is_ambiguous => Some(html! {
+                b { "Measure this part again" } ": what comes back at the same touches is no scatter. Then look at what touches it" @if let Some(first) = report.unexplained.place.first() { ", at " (where_is(first)) " first" } ": chips, clamping, surface."
+            }),
+            _ => None,
+        };
+        steps.extend(text.map(|text| Step {
+            energy: report.unexplained.rms.powi(2),
+            text,
+        }));
     }
+    steps
 }
 
 fn capital(text: &str) -> String {
@@ -153,22 +200,13 @@ fn where_is(place: &Place) -> String {
 }
 
 fn next(report: &Report, deeds: &dyn Fn(usize) -> Markup) -> Markup {
+    // Where there is no gap nothing has to be measured.
+    let no_gap = report.verdict == Verdict::NoGap;
     html! {
         @for (number, next) in report.next_measurement.iter().enumerate() {
-            details.next open {
-                summary { b { "Measure next" } " " (next.points.len()) " touches: " (format!("{:.0} %", next.chance * 100.0)) " chance that one explanation remains" }
-                table.points {
-                    thead { tr { th scope="col" { "Feature" } th.number scope="col" { "Position" br; small { "mm" } } th.number scope="col" { "Rotary axes" br; small { "°" } } th.number scope="col" { "Feed" br; small { "mm/min" } } th scope="col" { "Why" } } }
-                    tbody { @for point in &next.points {
-                        tr {
-                            th scope="row" { (point.feature) }
-                            td.number { (point.position.map(|one| format!("{:.2}", one * 1e3)).join(", ").replace('-', "−")) }
-                            td.number { (point.rotary_positions.iter().map(|one| format!("{:.1}", one.to_degrees())).collect::<Vec<_>>().join(", ").replace('-', "−")) }
-                            td.number { (format!("{:.0}", point.feed * 6e4)) }
-                            td { (point.why) }
-                        }
-                    } }
-                }
+            details.next open[!no_gap] {
+                summary { b { (if no_gap { "To be surer still, measure next" } else { "Measure next" }) } " " (counted_touches(next.points.len())) ": " (format!("{:.0} %", next.chance * 100.0)) " chance that one explanation remains" }
+                (points(next))
                 @if !next.inseparable.is_empty() {
                     p.note { "No reachable touch tells these apart:" }
                     ul.group { @for pair in &next.inseparable { li { (capital(&pair.iter().map(|one| vocabulary::describe(one)).collect::<Vec<_>>().join(" and "))) } } }
@@ -176,5 +214,87 @@ fn next(report: &Report, deeds: &dyn Fn(usize) -> Markup) -> Markup {
                 (deeds(number))
             }
         }
+    }
+}
+
+fn counted_touches(count: usize) -> String {
+    format!("{count} {}", if count == 1 { "touch" } else { "touches" })
+}
+
+/// The touches of a proposal. Rotary axes have the names of its plan; a machine without them has no column.
+fn points(next: &NextMeasurement) -> Markup {
+    let names = next
+        .plan
+        .as_ref()
+        .map_or(&[][..], |plan| &plan.rotary_names);
+    let turned = (next.points.iter()).any(|point| !point.rotary_positions.is_empty());
+    let angles = |positions: &[f64]| {
+        let each = positions.iter().enumerate().map(|(index, one)| {
+            let name = names
+                .get(index)
+                .map_or(String::new(), |name| format!("{name} "));
+            format!("{name}{:.1}", one.to_degrees())
+        });
+        each.collect::<Vec<_>>().join(", ").replace('-', "−")
+    };
+    html! {
+        table.points {
+            thead { tr { th scope="col" { "Feature" } th.number scope="col" { "Position x, y, z" br; small { "mm" } } @if turned { th.number scope="col" { "Rotary axes" br; small { "°" } } } th.number scope="col" { "Feed" br; small { "mm/min" } } th scope="col" { "Why" } } }
+            tbody { @for point in &next.points {
+                tr {
+                    th scope="row" { (point.feature) }
+                    td.number data-label="x, y, z / mm" { (point.position.map(|one| format!("{:.2}", one * 1e3)).join(", ").replace('-', "−")) }
+                    @if turned { td.number data-label="Rotary axes / °" { (angles(&point.rotary_positions)) } }
+                    td.number data-label="Feed / mm/min" { (format!("{:.0}", point.feed * 6e4)) }
+                    td data-label="Why" { (point.why) }
+                }
+            } }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn report() -> Report {
+        let effect = |name: &str, before: f64, after: f64, group: &[&str]| {
+            serde_json::json!({
+                "effect": name, "probability": 0.99, "parameters": [], "rms_before": before, "rms_after": after,
+                "ci95_after": [after, after], "held_out": true, "indistinguishable_from": [], "group": group,
+            })
+        };
+        let report = serde_json::json!({
+            "schema": "probecell/gap-report/1", "bag": "b", "samples": 20, "verdict": "explained",
+            "gap": { "unit": "m", "rms": 20e-6, "noise_floor": 1e-6, "ratio": 20.0 }, "where": [],
+            "effects": [
+                effect("axis.Z.straightness", 4e-6, 1e-6, &[]),
+                effect("axis.X.scale", 20e-6, 4e-6, &[]),
+            ],
+            "unexplained": { "rms": 0.0, "where": [] }, "rejected": [], "next_measurement": [], "warnings": [],
+        });
+        serde_json::from_value(report).unwrap()
+    }
+
+    #[test]
+    fn what_to_do_begins_with_the_cause_of_most_of_the_gap() {
+        let page = what_to_do(&report()).into_string();
+        let place = |effect: &str| page.find(&capital(&vocabulary::describe(effect))).unwrap();
+        assert!(
+            place("axis.X.scale") < place("axis.Z.straightness"),
+            "{page}"
+        );
+        assert!(
+            page.contains("96 % of the gap") && page.contains("4 % of the gap"),
+            "{page}"
+        );
+        // Causes that cannot be told apart stand before the remedy of a minor one as well.
+        let mut ambiguous = report();
+        ambiguous.effects[1].group = vec!["axis.X.scale".to_owned(), "axis.X.lag".to_owned()];
+        let page = what_to_do(&ambiguous).into_string();
+        assert!(
+            page.find("Repair nothing of a group").unwrap() < page.find("Remedy").unwrap(),
+            "{page}"
+        );
     }
 }

@@ -2,11 +2,12 @@
 
 use graph::Stamp;
 use maud::{Markup, html};
-use probecell_msgs::{MachineState, PartReport, PartStatus, Verdict};
+use probecell_msgs::{MachineState, PartStatus};
 
 use super::gap::unexplained;
-use super::numbers::{cell_title, last_word, minus};
+use super::numbers::{cell_title, last_word, readable};
 use super::page::{Frame, Place, frame};
+use super::sizes::worst;
 use crate::state::{Attention, CellState, Hall, wording};
 
 /// Effects of a group that are written out on a tile; the rest is counted, and all stand on the page of the cell.
@@ -31,6 +32,16 @@ pub(super) fn attention_of(attention: Attention) -> (&'static str, &'static str,
         Attention::Look => ("look", "◆", "Look"),
         Attention::Working => ("working", "▶", "Working"),
         Attention::Idle => ("idle", "○", "Idle"),
+    }
+}
+
+/// What so many cells need, after their number.
+fn needs(attention: Attention, name: &str) -> String {
+    match attention {
+        Attention::Act => "to act on".to_owned(),
+        Attention::Decide => "to decide on".to_owned(),
+        Attention::Look => "to look at".to_owned(),
+        Attention::Working | Attention::Idle => name.to_lowercase(),
     }
 }
 
@@ -108,28 +119,28 @@ fn part(cell: &CellState) -> Markup {
     html! {
         div { dt { "Part" } dd {
             @if let Some(part) = cell.interrupted() {
-                (part.part_id) ", interrupted"
+                (readable(&part.part_id)) ", interrupted"
             } @else if part.stage == PartStatus::NONE {
-                @if let Some(last) = ended { (last.part_id) ", " (PartReport::word(last.verdict)) }
+                @if let Some(last) = ended { (readable(&last.part_id)) ", " (last.end()) }
                 @else { "none yet" }
             } @else {
-                (part.part_id) ", pass " (part.pass_number + 1)
+                (readable(&part.part_id)) ", pass " (part.pass_number + 1)
                 @if !part.operation.is_empty() { ", " (part.operation.replace('_', " ")) }
             }
         } }
     }
 }
 
-/// The worst verdict on the plan measured last, which need not be of the part that is being made.
+/// The worst of the plan measured last, features without a verdict included, which need not be of the part that is being made.
 pub(super) fn verdict(cell: &CellState) -> Markup {
-    let Some(last) = cell.worst_verdict() else {
+    let Some(worst) = worst(cell) else {
         return html! {};
     };
-    let reasons = last.reasons();
     html! {
         div { dt { "Worst verdict" } dd {
-            span.verdict.(super::sizes::class_of(last.verdict)) { (last.feature_id) " " (Verdict::word(last.verdict)) ", " (wording::micrometres(last.error)) }
-            small { (last.plan_id) "; " (minus(reasons.rule)) @if let Some(risk) = reasons.risk { "; risk " (wording::risk(risk)) } }
+            span.verdict.(worst.class) { (worst.feature) " " (worst.word) ", " (wording::signed_micrometres(worst.error)) }
+            small { (readable(&worst.by)) }
+            @if !worst.unjudged.is_empty() { small.mark { (worst.unjudged) } }
         } }
     }
 }
@@ -205,7 +216,7 @@ pub(crate) fn sums(hall: &Hall, now: Stamp) -> Markup {
     html! {
         @for (attention, count) in counts {
             @let (class, sign, name) = attention_of(attention);
-            span.sum.(class) { span.sign aria-hidden="true" { (sign) } " " (count) " " (name.to_lowercase()) } " "
+            span.sum.(class) { span.sign aria-hidden="true" { (sign) } " " (count) " " (needs(attention, name)) } " "
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use graph::Stamp;
 use maud::{Markup, html};
-use probecell_msgs::{Correction, CorrectionAcknowledgement, Verdict};
+use probecell_msgs::{Correction, CorrectionAcknowledgement};
 
 use super::deeds::deed;
 use super::numbers::{clock, signed_um, um};
@@ -56,7 +56,7 @@ fn item(cell: &CellState, entry: &Entry, deeds: &Markup, now: Stamp) -> Markup {
                 li.done { b { "Proposed" } " " (clock(entry.proposed)) " from " code { (one.plan_id) } ", " (one.sequences.len()) " touches: error " (value(one.measured_error)) ", standard uncertainty " span.q { (um(one.standard_uncertainty)) " µm" } }
                 li.(if waiting || one.approval == Correction::APPROVAL_NONE { "open" } else { "done" }) {
                     b { "Approval" } " "
-                    @if waiting { "waits: " code { "probecell approve " (one.correction_id) " --operator NAME --cell CELL.toml" } }
+                    @if waiting { "waits: " code { "probecell approve " (one.correction_id) " " span.q { "--operator NAME" } " " span.q { "--cell CELL.toml" } } }
                     @else if one.approval == Correction::APPROVAL_NONE && entry.acknowledgement.is_none() { "expired without one" }
                     @else { (wording::approval(one)) }
                 }
@@ -66,8 +66,9 @@ fn item(cell: &CellState, entry: &Entry, deeds: &Markup, now: Stamp) -> Markup {
                         @if !answer.text.is_empty() { ": " (answer.text) }
                     }
                 }
-                (achieved(cell, entry))
+                (achieved(entry))
             }
+            @if let Some(doubt) = cell.doubt().filter(|_| waiting) { p.mark { "Warning: " (doubt) "." } }
             (deeds)
         }
     }
@@ -100,14 +101,11 @@ fn state_of(entry: &Entry, now: Stamp) -> &'static str {
 }
 
 /// A correction promises the error of its source to vanish; the next measurement of the same features says what came of it.
-fn achieved(cell: &CellState, entry: &Entry) -> Markup {
+fn achieved(entry: &Entry) -> Markup {
     let one = &entry.correction;
-    let refuted = (entry.achieved.iter()).any(|(id, _)| {
-        let verdict = cell.verdicts.get(id);
-        verdict.is_some_and(|one| one.verdict == Verdict::CONTRADICTED)
-    });
+    let refuted = entry.is_refuted();
     let each = html! {
-        @for (index, (id, error)) in entry.achieved.iter().enumerate() { @if index > 0 { ", " } (id) " " (value(*error)) }
+        @for (index, one) in entry.achieved.iter().enumerate() { @if index > 0 { ", " } (one.feature_id) " " (value(one.error)) }
     };
     html! {
         @if let Some(mean) = entry.achieved_error() {

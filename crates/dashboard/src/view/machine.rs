@@ -8,8 +8,9 @@ use maud::{Markup, html};
 
 use super::effects::{Charted, day, effects_of, shop};
 use super::months::months;
-use super::numbers::{date, mm, signed_um, um};
+use super::numbers::{counted, date, mm, signed_um, um};
 use super::page::{Frame, Place, frame};
+use super::runs::{cpk, no_index};
 use crate::history::{Adoption, Change, Sized, Summary, adoptions, changes};
 use crate::state::{Capability, Characteristic, capability};
 use crate::trends::Months;
@@ -21,7 +22,7 @@ pub(crate) fn machines_page(machines: &BTreeMap<String, Vec<Summary>>, unread: u
         (still_reading(unread))
         @if machines.is_empty() && unread == 0 { p.lead.empty { "No recording tells of a machine." } }
         ul.sessions { @for (name, sessions) in machines {
-            li { h2 { a href={ "/machine/" (name) } { (name) } } p { (sessions.len()) " recordings" @if let Some(last) = sessions.last() { ", the newest of " (date(last.begin)) } } }
+            li { h2 { a href={ "/machine/" (name) } { (name) } } p { (counted(sessions.len(), "recording")) @if let Some(last) = sessions.last() { ", the newest of " (date(last.begin)) } } }
         } }
     };
     whole("Machines over time", &body)
@@ -39,7 +40,7 @@ fn whole(title: &str, body: &Markup) -> Markup {
 }
 
 fn still_reading(unread: usize) -> Markup {
-    html! { @if unread > 0 { p.mark { (unread) " recordings have not been read yet: load the page again." } } }
+    html! { @if unread > 0 { p.mark { (counted(unread, "recording")) " not read yet: load the page again." } } }
 }
 
 /// The page of a machine. `sessions`: in the order of time.
@@ -55,7 +56,7 @@ pub(crate) fn machine_page(
         .map(|one| (one.of.clone(), one.at))
         .collect();
     let body = html! {
-        div.title { h1 { (name) } p { (sessions.len()) " recordings" @if let (Some(first), Some(last)) = (sessions.first(), sessions.last()) { ", " (date(first.begin)) " to " (date(last.begin)) } } p.actions { a.button href="/machines" { "Machines" } } }
+        div.title { h1 { (name) } p { (counted(sessions.len(), "recording")) @if let (Some(first), Some(last)) = (sessions.first(), sessions.last()) { ", " (date(first.begin)) " to " (date(last.begin)) } } p.actions { a.button href="/machines" { "Machines" } } }
         (still_reading(unread))
         section.card aria-labelledby="changes-title" { h2 #changes-title { "Changes" } (change_list(&changes, &adoptions)) }
         section.card aria-labelledby="effects-title" { h2 #effects-title { "Effects" } (effects_of(&Charted { sessions, each: "sessions", changes: &marks, adoptions: &adoptions })) }
@@ -124,7 +125,7 @@ fn days(sessions: &[Summary]) -> Markup {
                     tbody { @for (day, made) in days {
                         @let index = capable(made);
                         tr { th scope="row" { (day) } td.number { (made.len()) } td.number { (signed_um(mean(made))) }
-                            @if let Some(one) = index { td.number { (um(one.deviation)) } td.number { (format!("{:.2} ({:.2} to {:.2})", one.cpk, one.cpk_ci95[0], one.cpk_ci95[1])) } } @else { td.number { "–" } td.number { "from 8 parts" } }
+                            @if let Some(one) = index { td.number { (um(one.deviation)) } td.number { (cpk(&one)) } } @else { td.number { "–" } td { (no_index(made.len(), limits_of(made).is_some())) } }
                         }
                     } }
                 } }
@@ -135,17 +136,14 @@ fn days(sessions: &[Summary]) -> Markup {
 
 /// All parts of a characteristic.
 fn in_words(made: &[&Sized]) -> String {
-    let what = format!("{} parts, mean {} µm", made.len(), signed_um(mean(made)));
+    let parts = counted(made.len(), "part");
+    let what = format!("{parts}, mean {} µm", signed_um(mean(made)));
     capable(made).map_or_else(
-        || format!("{what}, Cpk from 8 parts"),
-        |one| {
-            let [low, high] = one.cpk_ci95;
-            let s = um(one.deviation);
-            format!(
-                "{what}, s {s} µm, Cpk {:.2} ({low:.2} to {high:.2})",
-                one.cpk
-            )
+        || {
+            let why = no_index(made.len(), limits_of(made).is_some());
+            format!("{what}, no Cpk: {why}")
         },
+        |one| format!("{what}, s {} µm, Cpk {}", um(one.deviation), cpk(&one)),
     )
 }
 
@@ -153,9 +151,14 @@ fn mean(made: &[&Sized]) -> f64 {
     made.iter().map(|one| one.deviation).sum::<f64>() / made.len().max(1) as f64
 }
 
+/// By which the newest part was judged.
+fn limits_of(made: &[&Sized]) -> Option<(f64, f64)> {
+    made.last().and_then(|one| one.limits)
+}
+
 fn capable(made: &[&Sized]) -> Option<Capability> {
     let values: Vec<f64> = made.iter().map(|one| one.deviation).collect();
-    let (lower, upper) = made.last().and_then(|one| one.limits)?;
+    let (lower, upper) = limits_of(made)?;
     capability(&values, lower, upper)
 }
 
@@ -173,14 +176,14 @@ fn kept(sessions: &[Summary]) -> Markup {
 }
 
 fn all(sessions: &[Summary]) -> Markup {
-    html! { div.scroll tabindex="0" role="group" aria-label="Table of recordings" { table {
+    html! { div.scroll tabindex="0" role="group" aria-label="Table of recordings" { table.upright {
         thead { tr { th scope="col" { "Recording" } th scope="col" { "Begin" } th.number scope="col" { "Gap / noise" } th scope="col" { "Offsets at the end, µm" } th scope="col" { "Temperatures at the end, °C" } } }
         tbody { @for one in sessions { tr {
             th scope="row" { a href={ "/session/" (one.recording) } { (one.recording) } }
-            td { (date(one.begin)) }
-            td.number { (one.ratio.map_or("–".to_owned(), |ratio| format!("{ratio:.1}"))) }
-            td { (one.offsets.iter().map(|(name, value)| format!("{name} {}", signed_um(*value))).collect::<Vec<_>>().join(" · ")) }
-            td { (one.temperatures.iter().map(|(name, value)| format!("{name} {value:.1}")).collect::<Vec<_>>().join(" · ")) }
+            td data-label="Begin" { (date(one.begin)) }
+            td.number data-label="Gap / noise" { (one.ratio.map_or("–".to_owned(), |ratio| format!("{ratio:.1}"))) }
+            td data-label="Offsets at the end, µm" { (one.offsets.iter().map(|(name, value)| format!("{name} {}", signed_um(*value))).collect::<Vec<_>>().join(" · ")) }
+            td data-label="Temperatures at the end, °C" { (one.temperatures.iter().map(|(name, value)| format!("{name} {value:.1}")).collect::<Vec<_>>().join(" · ")) }
         } } }
     } } }
 }

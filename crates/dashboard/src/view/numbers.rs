@@ -103,6 +103,32 @@ fn rfc3339(at: Stamp) -> String {
     humantime::format_rfc3339_seconds(std::time::UNIX_EPOCH + since).to_string()
 }
 
+/// A number with its noun: `1 recording`, `2 recordings`.
+pub(super) fn counted(count: usize, noun: &str) -> String {
+    let plural = if count == 1 { "" } else { "s" };
+    format!("{count} {noun}{plural}")
+}
+
+/// An identifier with a time of day (UTC) for each stamp in ns within it: nobody reads nineteen digits.
+pub(super) fn readable(identifier: &str) -> String {
+    let mut said = String::with_capacity(identifier.len());
+    let is_digit = |letter: char| letter.is_ascii_digit();
+    let mut rest = identifier;
+    while let Some(begin) = rest.find(is_digit) {
+        let (before, from) = rest.split_at(begin);
+        let end = from.find(|letter| !is_digit(letter)).unwrap_or(from.len());
+        let (digits, after) = from.split_at(end);
+        said.push_str(before);
+        match digits.parse() {
+            Ok(stamp) if digits.len() == 19 => said.push_str(&clock(Stamp(stamp))),
+            _ => said.push_str(digits),
+        }
+        rest = after;
+    }
+    said.push_str(rest);
+    said
+}
+
 /// A probability as a percentage that does not pretend certainty.
 pub(super) fn probability(value: f64) -> String {
     match value {
@@ -139,6 +165,14 @@ mod tests {
             minus("reads -2.0 µm, by --operator ADA of part 7 -a"),
             "reads −2.0 µm, by --operator ADA of part 7 -a"
         );
+    }
+
+    #[test]
+    fn stamps_in_identifiers_are_times_of_day() {
+        assert_eq!(readable("balls#1764037000123456789/1"), "balls#02:16:40/1");
+        assert_eq!(readable("punch_1/finish/12"), "punch_1/finish/12");
+        assert_eq!(counted(1, "recording"), "1 recording");
+        assert_eq!(counted(0, "recording"), "0 recordings");
     }
 
     #[test]

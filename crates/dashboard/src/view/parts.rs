@@ -3,12 +3,12 @@
 use graph::Stamp;
 use maud::{Markup, html};
 use probecell_msgs::{
-    Fault, MeasurementOrder, PartReport, PartStatus, PlanProgress, ProbingMove, RecordingStatus,
+    Fault, MeasurementOrder, PartStatus, PlanProgress, ProbingMove, RecordingStatus,
 };
 
 use super::deeds::{deed, deed_asking};
 use super::hall::{attention_of, doing};
-use super::numbers::{clock, last_word, minus, span};
+use super::numbers::{clock, counted, last_word, minus, readable, span};
 use crate::state::{CellState, EventKind, Hall, wording};
 
 /// Events shown.
@@ -25,11 +25,11 @@ pub(super) fn state(cell: &CellState, takes_acts: bool, now: Stamp) -> Markup {
             p.badge { span.sign aria-hidden="true" { (sign) } " " span.sr { (name) ": " } (doing(cell, now)) }
             p.why { (why) }
             dl {
-                div { dt { "Part" } dd { @if let Some(part) = cell.interrupted() { (part.part_id) ", interrupted" small { "in pass " (part.pass_number + 1) ", " (PartStatus::word(part.stage)) "; nothing was decided on it since" } } @else if part.stage == PartStatus::NONE { @if let Some(last) = cell.ended.back() { (last.part_id) ", " (PartReport::word(last.verdict)) small { (minus(&last.text)) } } @else { "none yet" } } @else { (part.part_id) ", pass " (part.pass_number + 1) ", " (PartStatus::word(part.stage)) small { (part.operation.replace('_', " ")) code { (part.plan_id) } } } } }
+                div { dt { "Part" } dd { @if let Some(part) = cell.interrupted() { (readable(&part.part_id)) ", interrupted" small { "in pass " (part.pass_number + 1) ", " (PartStatus::word(part.stage)) "; nothing was decided on it since" } } @else if part.stage == PartStatus::NONE { @if let Some(last) = cell.ended.back() { (readable(&last.part_id)) ", " (last.end()) small { (minus(&last.text)) } } @else { "none yet" } } @else { (readable(&part.part_id)) ", pass " (part.pass_number + 1) ", " (PartStatus::word(part.stage)) small { (part.operation.replace('_', " ")) code { (part.plan_id) } } } } }
                 @if let Some(machine) = machine.as_ref().filter(|one| !one.program.is_empty()) { div { dt { "Program" } dd { (machine.program) @if machine.line > 0 { " line " (machine.line) } } } }
                 (super::hall::verdict(cell))
                 @if let Some(one) = cell.decision().filter(|one| part.stage != PartStatus::NONE || cell.ended.back().is_none_or(|last| last.text != one.text)) { div { dt { "Decision" } dd { (wording::decision(one.decision)) small { (minus(&one.text)) } } } }
-                div { dt { "Parts" } dd { @if cell.parts.is_empty() { "none ended" } @for (index, (code, count)) in cell.ended_counts().into_iter().enumerate() { @if index > 0 { ", " } (count) " " (PartReport::word(code)) } } }
+                div { dt { "Parts" } dd { @if cell.parts.is_empty() { "none ended" } @for (index, (end, count)) in cell.ended_counts().into_iter().enumerate() { @if index > 0 { ", " } (count) " " (end) } } }
                 @if let Some(one) = &cell.recording { div { dt { "Recording" } dd { (match one.state { RecordingStatus::RECORDING => "recording", RecordingStatus::WAIVED => "waived", _ => "stopped" }) } } }
                 div.last { dt { "Last message" } dd.age { (last_word(cell, now)) } }
             }
@@ -142,7 +142,7 @@ pub(super) fn faults(cell: &CellState, hall: &Hall) -> Markup {
         @if cell.losses.is_empty() { p.none { "No message of this cell was lost." } }
         @if !cell.losses.is_empty() {
             ul.faults { @for (at, loss) in cell.losses.iter().rev() {
-                li.(if loss.recovered { "" } else { "unsure" }) { time { (clock(*at)) } " " (loss.count) " messages of " (loss.topic) @if loss.recovered { " arrived late" } @else { " are lost" } ", noticed by " (loss.observer) }
+                li.(if loss.recovered { "" } else { "unsure" }) { time { (clock(*at)) } " " (counted(loss.count as usize, "message")) " of " (loss.topic) @if loss.recovered { " arrived late" } @else if loss.count == 1 { " is lost" } @else { " are lost" } ", noticed by " (loss.observer) }
             } }
         }
         details.events {

@@ -2,9 +2,8 @@
 
 use maud::{Markup, html};
 
-use super::numbers::{signed_um, um};
-use super::sizes::limits;
-use crate::state::{Capability, CellState, Characteristic, Made, capability};
+use super::numbers::{counted, signed_um, um};
+use crate::state::{Capability, CellState, Characteristic, FEWEST, Made, STATEMENT, capability};
 
 /// Charts shown.
 const CHARTS: usize = 24;
@@ -26,18 +25,18 @@ pub(super) fn runs(cell: &CellState) -> Markup {
         }
         div.charts {
             @for (key, made) in shown {
-                @let limits = limits(cell, &key.1);
+                @let limits = cell.limits(&key.1);
                 @let values: Vec<f64> = made.iter().map(|one| one.deviation).collect();
                 @let index = limits.and_then(|(lower, upper)| capability(&values, lower, upper));
                 figure {
                     figcaption { b { (key.1) } " · " (made.len()) " parts" }
                     (chart(&key.1, &made.iter().collect::<Vec<_>>(), limits))
-                    (index_of(index.as_ref(), made.len()))
+                    (index_of(index.as_ref(), made.len(), limits.is_some()))
                 }
             }
         }
-        @if cell.runs.values().any(|made| made.len() >= 8) {
-            p.note { "Cp, Cpk after ISO 22514-2:2017 with the standard deviation of the parts shown; 95 % intervals by the χ² distribution (Cp) and Bissell 1990 (Cpk). They hold for a stable process only." }
+        @if cell.runs.values().any(|made| made.len() >= FEWEST) {
+            p.note { "Cp, Cpk after ISO 22514-2:2017 with the standard deviation of the parts shown; 95 % intervals by the χ² distribution (Cp) and Bissell 1990 (Cpk). They hold for a stable process only. From fewer than " (STATEMENT) " parts they are estimates and state no capability." }
         }
     }
 }
@@ -48,14 +47,37 @@ fn is_of_present(cell: &CellState, key: &Characteristic) -> bool {
     })
 }
 
-fn index_of(index: Option<&Capability>, parts: usize) -> Markup {
+/// Cpk with its interval; of few parts it is said to be an estimate and no more.
+pub(super) fn cpk(one: &Capability) -> String {
+    let [low, high] = one.cpk_ci95;
+    let index = format!("{:.2} ({low:.2} to {high:.2})", one.cpk);
+    if one.parts < STATEMENT {
+        let parts = one.parts;
+        format!("{index}, an estimate from {parts} parts: too few for a statement of capability")
+    } else {
+        index
+    }
+}
+
+/// Why there is no capability index.
+pub(super) fn no_index(parts: usize, has_limits: bool) -> String {
+    if !has_limits {
+        "no limits".to_owned()
+    } else if parts < FEWEST {
+        format!("{} of at least {FEWEST}", counted(parts, "part"))
+    } else {
+        "no spread".to_owned()
+    }
+}
+
+fn index_of(index: Option<&Capability>, parts: usize, has_limits: bool) -> Markup {
     html! {
         p.index {
             @if let Some(one) = index {
-                "Cpk " b { (format!("{:.2}", one.cpk)) } " (" (format!("{:.2} to {:.2}", one.cpk_ci95[0], one.cpk_ci95[1])) "), Cp "
+                "Cpk " b { (cpk(one)) } ", Cp "
                 (format!("{:.2}", one.cp)) " (" (format!("{:.2} to {:.2}", one.cp_ci95[0], one.cp_ci95[1])) ")"
                 ", mean " (signed_um(one.mean)) " µm, s " (um(one.deviation)) " µm"
-            } @else { "No capability index from " (parts) " parts: 8 with limits and spread are needed." }
+            } @else { "No capability index: " (no_index(parts, has_limits)) "." }
         }
     }
 }
@@ -99,5 +121,27 @@ fn chart(name: &str, made: &[&Made], limits: Option<(f64, f64)>) -> Markup {
                 circle.value.(if out { "bad" } else { "good" }) cx=(x(index)) cy=(y(one.deviation)) r="3.5" { title { (one.run) ": " (signed_um(one.deviation)) " µm" } }
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_index_of_few_parts_is_an_estimate_and_its_absence_has_a_reason() {
+        let index = |parts: usize| {
+            let values: Vec<f64> = (0..parts).map(|i| 1e-6 * (i % 3) as f64).collect();
+            cpk(&capability(&values, -10e-6, 10e-6).unwrap())
+        };
+        assert!(
+            index(24).contains("an estimate from 24 parts"),
+            "{}",
+            index(24)
+        );
+        assert!(!index(25).contains("estimate"), "{}", index(25));
+        assert_eq!(no_index(3, true), "3 parts of at least 8");
+        assert_eq!(no_index(1, true), "1 part of at least 8");
+        assert_eq!(no_index(30, false), "no limits");
     }
 }

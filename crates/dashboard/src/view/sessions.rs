@@ -4,7 +4,7 @@ use graph::Stamp;
 use maud::{Markup, html};
 
 use super::cell::sections;
-use super::numbers::{clock, date, span};
+use super::numbers::{clock, counted, date, span};
 use super::page::{Frame, Place, frame};
 use super::picture::View;
 use crate::state::{CellState, Hall};
@@ -27,7 +27,7 @@ pub struct Listed {
 /// The list.
 pub fn sessions_page(all: &[Listed], folders: usize) -> Markup {
     let body = html! {
-        div.title { h1 { "Sessions" } p { (all.len()) " recordings in " (folders) @if folders == 1 { " folder" } @else { " folders" } } p.actions { a.button href="/machines" { "Machines over time" } } }
+        div.title { h1 { "Sessions" } p { (counted(all.len(), "recording")) " in " (counted(folders, "folder")) } p.actions { a.button href="/machines" { "Machines over time" } } }
         @if all.is_empty() { p.lead.empty { "No recording is in the folder. " code { "probecell up" } " records each session; name other folders with " code { "--recordings DIR" } "." } }
         @if all.len() > 1 {
             form.compare action="/compare" method="get" {

@@ -1,10 +1,12 @@
 //! Sizes: value ± U on the tolerance, those out of tolerance first.
 
-use maud::{Markup, html};
-use probecell_msgs::{FeatureResult, InspectionFeature, Verdict, geometrical};
+use std::collections::BTreeMap;
 
-use super::numbers::{mm, signed_um, um};
-use crate::state::{CellState, wording};
+use maud::{Markup, html};
+use probecell_msgs::{FeatureResult, Verdict, geometrical};
+
+use super::numbers::{minus, mm, signed_um, um};
+use crate::state::CellState;
 
 /// Class of a verdict.
 pub(super) fn class_of(verdict: u8) -> &'static str {
@@ -19,6 +21,8 @@ pub(super) fn class_of(verdict: u8) -> &'static str {
 pub(super) struct Size<'a> {
     pub(super) result: &'a FeatureResult,
     pub(super) verdict: Option<&'a Verdict>,
+    /// The reference that contradicts it.
+    pub(super) refuting: Option<&'a FeatureResult>,
     /// Limits of the deviation, where the drawing has any.
     pub(super) limits: Option<(f64, f64)>,
     /// `good`, `unsure`, `bad`, or empty where nothing judges it.
@@ -32,46 +36,153 @@ impl Size<'_> {
 
     pub(super) fn says(&self) -> &'static str {
         match (self.verdict, self.result.decision) {
+            _ if self.refuting.is_some() => Verdict::word(Verdict::CONTRADICTED),
             (Some(verdict), _) => Verdict::word(verdict.verdict),
-            (None, FeatureResult::INVALID) => "not measurable",
-            (None, _) if self.limits.is_none() => "not judged",
-            (None, FeatureResult::CONFORMS) => "conforms",
-            (None, FeatureResult::DOES_NOT_CONFORM) => "does not conform",
-            (None, _) => "indeterminate",
+            (None, FeatureResult::INVALID) => FeatureResult::word(FeatureResult::INVALID),
+            (None, _) if self.limits.is_none() => NOT_JUDGED,
+            (None, decision) => FeatureResult::word(decision),
         }
+    }
+
+    /// What is to be known of a size beside its verdict: its risk, why it is contradicted, or that no verdict judges it.
+    fn because(&self) -> Option<String> {
+        let named = self.verdict.and_then(|one| one.reasons().risk);
+        let said = (self.verdict).filter(|one| one.verdict == Verdict::CONTRADICTED);
+        if let Some((_, why)) = said.and_then(|one| one.text.split_once(": ")) {
+            return Some(why.replace('-', "−"));
+        }
+        if let Some(found) = self.refuting {
+            return Some(format!(
+                "{} ± {} µm {}",
+                signed_um(found.size_deviation),
+                um(found.expanded_uncertainty()),
+                found.text
+            ));
+        }
+        let judged = self.verdict.is_some() || self.says() == NOT_JUDGED;
+        named
+            .map(|risk| format!("risk {risk}"))
+            .or((!judged).then(|| format!("{NOT_JUDGED}: {BY_CONFORMITY}")))
+    }
+
+    /// 0 is good.
+    fn badness(&self) -> u8 {
+        match (self.verdict, self.result.decision) {
+            _ if self.refuting.is_some() => 3,
+            (Some(verdict), _) => verdict_badness(verdict.verdict),
+            (None, FeatureResult::INVALID) => 3,
+            (None, _) if self.limits.is_none() => 0,
+            (None, FeatureResult::CONFORMS) => 0,
+            (None, FeatureResult::INDETERMINATE) => 2,
+            _ => 3,
+        }
+    }
+
+    /// How much of the tolerance the deviation takes.
+    fn used(&self) -> f64 {
+        let (lower, upper) = self.limits.unwrap_or_default();
+        let half = ((upper - lower) / 2.0).max(f64::MIN_POSITIVE);
+        (self.result.size_deviation - f64::midpoint(lower, upper)).abs() / half
     }
 }
 
-/// The limits of a feature's deviation, of the verdict where there is one, else of the plan.
-pub(crate) fn limits(cell: &CellState, feature: &str) -> Option<(f64, f64)> {
-    let of_plan = cell.plan.as_ref().and_then(|plan| {
-        let own = plan.features.iter().find(|one| one.id == feature)?;
-        stated(own)
-    });
-    let zone =
-        (cell.results.get(feature)).is_some_and(|one| geometrical::named(one.kind).is_some());
-    let lowest = if zone { 0.0 } else { -1.0 };
-    let of_verdict =
-        (cell.verdicts.get(feature)).map(|one| (lowest * one.tolerance, one.tolerance));
-    of_plan.or(of_verdict.filter(|(_, upper)| *upper > 0.0 && upper.is_finite()))
+/// Where no decision rule was applied to a feature.
+const NOT_JUDGED: &str = "not judged";
+const BY_CONFORMITY: &str = "conformity with U alone";
+
+fn verdict_badness(code: u8) -> u8 {
+    match code {
+        Verdict::QUALIFIED => 0,
+        Verdict::COMPENSABLE => 1,
+        Verdict::INDETERMINATE => 2,
+        _ => 3,
+    }
 }
 
-fn stated(feature: &InspectionFeature) -> Option<(f64, f64)> {
-    let (lower, upper) = (feature.lower_tolerance, feature.upper_tolerance);
-    (upper > lower && lower.is_finite() && upper.is_finite()).then_some((lower, upper))
+/// What is worst of the plan measured last.
+pub(super) struct Worst {
+    pub(super) feature: String,
+    pub(super) word: &'static str,
+    pub(super) class: &'static str,
+    /// m.
+    pub(super) error: f64,
+    /// The measurement, and by what it was judged.
+    pub(super) by: String,
+    /// Features without a verdict that do not conform, may not, or could not be measured; empty where there is none.
+    pub(super) unjudged: String,
+}
+
+/// The worst verdict of the plan measured last, or the size that a reference contradicts, and what stands without a verdict beside
+/// it. Without any verdict the worst size; while a part is made its verdicts are still to come.
+pub(super) fn worst(cell: &CellState) -> Option<Worst> {
+    let sizes = judged(cell);
+    let by_badness = |a: &&Size<'_>, b: &&Size<'_>| {
+        let key = |one: &Size<'_>| (one.badness(), one.verdict.is_some());
+        key(a).cmp(&key(b)).then(a.used().total_cmp(&b.used()))
+    };
+    let doubtful = |one: &&Size<'_>| one.verdict.is_none() && one.badness() > 0;
+    let verdict = cell.worst_verdict();
+    let refuted = sizes.iter().filter(|one| one.refuting.is_some());
+    let size = match verdict {
+        Some(_) => refuted.max_by(by_badness),
+        None if cell.is_making() => None,
+        None => sizes.iter().filter(doubtful).max_by(by_badness),
+    };
+    if let Some(size) = size {
+        let why = size.because().unwrap_or_default();
+        return Some(Worst {
+            feature: size.result.feature_id.clone(),
+            word: size.says(),
+            class: size.class,
+            error: size.result.size_deviation,
+            by: format!("{}; {}", size.result.plan_id, minus(&why)),
+            unjudged: unjudged(sizes.iter().filter(doubtful).collect()),
+        });
+    }
+    let one = verdict?;
+    let reasons = one.reasons();
+    let risk = reasons.risk.map(|risk| format!("; risk {risk}"));
+    let rule = minus(reasons.rule);
+    Some(Worst {
+        feature: one.feature_id.clone(),
+        word: Verdict::word(one.verdict),
+        class: class_of(one.verdict),
+        error: one.error,
+        by: format!("{}; {rule}{}", one.plan_id, risk.unwrap_or_default()),
+        unjudged: unjudged(sizes.iter().filter(doubtful).collect()),
+    })
+}
+
+/// Features without a verdict whose conformity is not proved, by what is said of them.
+fn unjudged(doubtful: Vec<&Size<'_>>) -> String {
+    let mut by_word: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
+    for one in doubtful {
+        let names = by_word.entry(one.says()).or_default();
+        names.push(&one.result.feature_id);
+    }
+    let each = by_word.iter().map(|(word, names)| match names.as_slice() {
+        [one] => format!("{one}: {word}"),
+        several => format!("{} features: {word}", several.len()),
+    });
+    let each: Vec<String> = each.collect();
+    if each.is_empty() {
+        String::new()
+    } else {
+        format!("without a verdict: {}", each.join(", "))
+    }
 }
 
 /// Sizes of the plan measured last: what is out of tolerance first, then what is unsure, then by name.
 pub(super) fn judged(cell: &CellState) -> Vec<Size<'_>> {
     let mut sizes: Vec<Size<'_>> = (cell.results.values())
         .map(|result| {
-            let verdict = cell
-                .verdicts
-                .get(&result.feature_id)
-                .filter(|one| one.plan_id == result.plan_id);
-            let limits = limits(cell, &result.feature_id);
+            let verdict = cell.verdict_on(result);
+            let refuting = cell.refuting(result);
+            let limits = cell.limits(&result.feature_id);
             let class = match (verdict, result.decision) {
+                _ if refuting.is_some() => "bad",
                 (Some(verdict), _) => class_of(verdict.verdict),
+                (None, FeatureResult::INVALID) => "bad",
                 (None, _) if limits.is_none() => "",
                 (None, FeatureResult::CONFORMS) => "good",
                 (None, FeatureResult::INDETERMINATE) => "unsure",
@@ -80,6 +191,7 @@ pub(super) fn judged(cell: &CellState) -> Vec<Size<'_>> {
             Size {
                 result,
                 verdict,
+                refuting,
                 limits,
                 class,
             }
@@ -145,9 +257,6 @@ fn rules(cell: &CellState) -> String {
 
 fn row(size: &Size<'_>) -> Markup {
     let result = size.result;
-    let risk = size.verdict.and_then(|one| one.reasons().risk);
-    let refuted = (size.verdict).filter(|one| one.verdict == Verdict::CONTRADICTED);
-    let refuted = refuted.and_then(|one| Some(one.text.split_once(": ")?.1.replace('-', "−")));
     html! {
         tr.(size.class) {
             th scope="row" { (geometrical::label(result)) }
@@ -156,7 +265,7 @@ fn row(size: &Size<'_>) -> Markup {
             td.number { @if let Some((lower, upper)) = size.limits { (signed_um(lower)) " … " (signed_um(upper)) } @else { "–" } }
             td.number.extra { (mm(result.size)) }
             td.number.extra { (mm(result.nominal_size)) }
-            td { span.verdict.(size.class) { (size.says()) } @if let Some(risk) = risk { small { "risk " (wording::risk(risk)) } } @else if let Some(why) = refuted { small { (why) } } }
+            td { span.verdict.(size.class) { (size.says()) } @if let Some(why) = size.because() { small { (why) } } }
         }
     }
 }

@@ -1,10 +1,10 @@
 //! The hall as text, for a terminal or a log.
 
 use graph::Stamp;
-use probecell_msgs::{PartReport, Verdict};
 
 use super::hall::{attention_of, doing, group};
 use super::numbers::last_word;
+use super::sizes::worst;
 use crate::state::{CellState, Hall, wording};
 
 /// Columns of the table, and the least width of each.
@@ -64,13 +64,12 @@ fn row(cell: &CellState, now: Stamp) -> [String; 6] {
     } else {
         let last = cell.ended.back();
         last.map_or_else(String::new, |part| {
-            format!("{}, {}", part.part_id, PartReport::word(part.verdict))
+            format!("{}, {}", part.part_id, part.end())
         })
     };
-    let verdict = cell.worst_verdict().map(|verdict| {
-        let word = Verdict::word(verdict.verdict);
-        let error = wording::micrometres(verdict.error);
-        format!("{} {word}, {error}", verdict.feature_id)
+    let verdict = worst(cell).map(|worst| {
+        let error = wording::signed_micrometres(worst.error);
+        format!("{} {}, {error}", worst.feature, worst.word)
     });
     let (_, sign, _) = attention_of(cell.attention(now).0);
     [
@@ -89,6 +88,12 @@ fn below(cell: &CellState, now: Stamp) -> String {
     let (attention, why) = cell.attention(now);
     if attention.needs_a_person() {
         lines.push(why);
+    }
+    if let Some(worst) = worst(cell).filter(|one| !one.unjudged.is_empty()) {
+        lines.push(worst.unjudged);
+    }
+    if let Some(doubt) = cell.doubt().filter(|_| cell.waiting(now).next().is_some()) {
+        lines.push(doubt);
     }
     for entry in cell.waiting(now) {
         let correction = &entry.correction;

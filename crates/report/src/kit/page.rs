@@ -69,7 +69,7 @@ impl Table {
 const KEPT_WHOLE: usize = 20;
 /// Rows up to which a wide table, whose rows may be of several lines, is moved as a whole to the next sheet instead.
 const MOVED_WHOLE: usize = 12;
-/// Most columns that a phone or tablet shows side by side; of a wider table each row stands upright there.
+/// Most columns that a phone or tablet shows side by side; of a wider table each row is a block of names and values there.
 const NARROW: usize = 4;
 /// Characters on a line of plain text; a wider table is printed row by row.
 const LINE: usize = 140;
@@ -95,9 +95,9 @@ figcaption { font-size: .85rem; color: var(--quiet); max-width: 46rem; } .plots 
 body { overflow-wrap: anywhere; } td.quantity { white-space: normal; } table { font-size: .85rem; } th, td { padding-right: .4rem; }
 }
 @media screen and (max-width: 56rem) {
-.wide, .wide tbody, .wide tr, .wide caption { display: block; } .wide thead { display: none; } .wide tr { border-bottom: 1px solid var(--rule); padding: .3rem 0; }
-.wide td { display: grid; grid-template-columns: 8rem 1fr; border: 0; padding: .1rem 0; } .wide td::before { content: attr(data-label); color: var(--quiet); }
-.wide td:first-child { font-weight: 600; }
+.wide, .wide tbody, .wide tr, .wide caption { display: block; } .wide thead { display: none; } .wide tr { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(100%, 15rem), 1fr)); column-gap: 1rem; border-bottom: 1px solid var(--rule); padding: .3rem 0; }
+.wide td { display: grid; grid-template-columns: 7rem minmax(0, 1fr); border: 0; padding: .1rem 0; overflow-wrap: anywhere; } .wide td.quantity { white-space: normal; } .wide td::before { content: attr(data-label); color: var(--quiet); }
+.wide td:first-child { font-weight: 600; grid-column: 1 / -1; } .wide td:first-child::before { font-weight: 400; }
 }
 .signature { display: none; }
 @page { size: A4; margin: 15mm; @bottom-right { content: counter(page) ' / ' counter(pages); font-size: 8pt; } }

@@ -1,7 +1,7 @@
 //! The page of a diagnosis: conclusion, table of effects with placebo, figures.
 
 use crate::kit::{Bar, Bars, Page, PlotError, Table, Unit};
-use ::diagnosis::report::{Effect, NextMeasurement, Place};
+use ::diagnosis::report::{Effect, NextMeasurement, NextPoint, Place};
 use ::diagnosis::{Report, Residuals};
 
 use crate::pages::conclusion::{
@@ -291,6 +291,12 @@ pub(crate) fn next(page: &mut Page, report: &Report) {
     for next in &report.next_measurement {
         if !next.points.is_empty() {
             page.table(&proposed(report, next));
+            if next.points.iter().any(|point| alike(report, point)) {
+                page.paragraph(
+                    "–: the two most probable explanations predict the same here. Such a touch separates the others, or a cause \
+                     outside the library, which predicts a scatter and no value.",
+                );
+            }
         }
         let mut pairs: Vec<String> = (next.inseparable.iter())
             .map(|pair| {
@@ -309,6 +315,11 @@ pub(crate) fn next(page: &mut Page, report: &Report) {
     }
 }
 
+/// The two most probable explanations predict the same at a touch, within a tenth of the noise.
+fn alike(report: &Report, point: &NextPoint) -> bool {
+    point.difference.abs() <= 0.1 * report.gap.noise_floor
+}
+
 /// Touches to take next; a machine without rotary axes has no column for them.
 fn proposed(report: &Report, next: &NextMeasurement) -> Table {
     let unit = unit_of(report);
@@ -316,24 +327,38 @@ fn proposed(report: &Report, next: &NextMeasurement) -> Table {
     let mut columns = vec!["feature", "point x, y, z / mm"];
     columns.extend(turned.then_some("rotary axes / °"));
     columns.extend(["feed / mm/min", "difference of the predictions", "reason"]);
-    let names = if next.separates.len() > FULLY_NAMED {
+    let separated = if next.separates.len() > FULLY_NAMED {
         let names = next.separates.iter().map(|one| short_name(one));
         names.collect::<Vec<_>>().join("; ")
     } else {
         alternatives(&next.separates)
     };
-    let title = format!("To discriminate between: {names}");
+    let title = format!("To discriminate between: {separated}");
+    let names = next
+        .plan
+        .as_ref()
+        .map_or(&[][..], |plan| &plan.rotary_names);
     let mut table = Table::new(title, &columns);
     for point in &next.points {
         let angles = point.rotary_positions.iter();
         let angles: Vec<String> = angles
-            .map(|angle| format!("{:.1}", angle.to_degrees()))
+            .enumerate()
+            .map(|(index, angle)| {
+                let name = names
+                    .get(index)
+                    .map_or(String::new(), |name| format!("{name} "));
+                format!("{name}{:.1}", angle.to_degrees())
+            })
             .collect();
         let mut row = vec![point.feature.clone(), position(point.position)];
         row.extend(turned.then(|| angles.join(", ")));
         row.extend([
             format!("{:.0}", point.feed * Unit::MM_PER_MIN.factor),
-            unit.size(point.difference),
+            if alike(report, point) {
+                "–".to_owned()
+            } else {
+                unit.size(point.difference)
+            },
             point.why.clone(),
         ]);
         table.row(row);

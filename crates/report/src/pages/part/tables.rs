@@ -107,7 +107,7 @@ pub(super) fn sizes(session: &PartSession, plan_id: &str) -> Table {
             } else {
                 format!("{} (k = {})", um_size(expanded), result.coverage_factor)
             },
-            conformity(result).to_owned(),
+            FeatureResult::word(result.decision).to_owned(),
             verdict.map_or_else(
                 || limits(session, result),
                 |one| {
@@ -234,15 +234,6 @@ pub(super) fn alignment(placed: &PartAlignment) -> String {
 
 fn signed_microradians(angle: f64) -> String {
     fixed(angle * 1e6, 1, "µrad", true)
-}
-
-fn conformity(result: &FeatureResult) -> &'static str {
-    match result.decision {
-        FeatureResult::CONFORMS => "conforms",
-        FeatureResult::DOES_NOT_CONFORM => "does not conform",
-        FeatureResult::INDETERMINATE => "indeterminate",
-        _ => "invalid",
-    }
 }
 
 /// What a measurement led to, in a word.
