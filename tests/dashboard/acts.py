@@ -344,6 +344,7 @@ def main():
         with browser.page() as page:
             public, approval = operator(browser, page, cell, folder)
             up.end()
+            page.goto("about:blank")  # the page loads itself again when its dashboard is back
             recorded(folder, public)
             up = Process("up", cell, folder=folder)
             up.says("is ready")

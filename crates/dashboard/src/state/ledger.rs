@@ -17,7 +17,7 @@ pub struct Achieved {
     pub plan_id: String,
     /// m.
     pub error: f64,
-    /// A reference has contradicted a reading of this feature in the same run since.
+    /// A reference has contradicted a reading of this feature on the same part since.
     pub contradicted: bool,
 }
 
@@ -130,15 +130,23 @@ impl Ledger {
         changed
     }
 
-    /// A reference contradicts the reading of a feature: nothing is achieved by readings of it in that run.
+    /// A reference contradicts the reading of a feature: nothing is achieved by readings of it on that part, in whichever pass.
     pub(super) fn contradicted(&mut self, plan_id: &str, feature_id: &str) -> bool {
-        let run = PlanId::from(plan_id).run();
+        let part = part_of(plan_id);
         let mut changed = false;
         for one in self.entries.iter_mut().flat_map(|one| &mut one.achieved) {
-            let of_it = one.feature_id == feature_id && PlanId::from(&one.plan_id).run() == run;
+            let of_it = one.feature_id == feature_id && part_of(&one.plan_id) == part;
             changed |= of_it && !one.contradicted;
             one.contradicted |= of_it;
         }
         changed
     }
+}
+
+/// The part that a plan measures: its run without the pass.
+fn part_of(plan_id: &str) -> String {
+    let run = PlanId::from(plan_id).run().to_string();
+    run.rsplit_once('/')
+        .map_or(run.as_str(), |(part, _)| part)
+        .to_owned()
 }
