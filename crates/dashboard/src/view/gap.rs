@@ -113,13 +113,14 @@ fn steps(report: &Report) -> Vec<Step> {
     let of_rivals: f64 = rivals().map(energy).sum();
     let is_ambiguous = rivals().next().is_some();
     if is_ambiguous {
-        let text = match touches {
-            Some(next) => html! {
+        let text = if let Some(next) = touches {
+            html! {
                 b { "Take the " (next.points.len()) " touches below" } ": they tell causes apart that those made so far cannot, of " (share(of_rivals)) "."
-            },
-            None => html! {
+            }
+        } else {
+            html! {
                 b { "Repair nothing of a group yet" } ": these touches cannot tell its causes apart, and no reachable touch would, of " (share(of_rivals)) "."
-            },
+            }
         };
         steps.push(Step {
             energy: of_rivals,
