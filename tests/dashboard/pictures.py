@@ -12,13 +12,13 @@ from PIL import Image
 
 PAGES = ("hall_hosts", "wall", "cell_waiting", "cell", "sessions", "session", "session_ball_check", "machine", "compare", "report", "diagnosis")
 PRINTED = ("report_printed", "diagnosis_printed")
-COLOURS = 96
+COLOURS = 200
 LONGEST = 1900  # px; what is below is on the other pictures
 SHEET, ACROSS, GAP = 480, 4, 12  # px wide, in a row, px between
 
 
 def saved(picture, out):
-    picture.quantize(COLOURS, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE).save(out, optimize=True)
+    picture.quantize(COLOURS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(out, optimize=True)
     return out.stat().st_size
 
 

@@ -5,7 +5,7 @@ use maud::{Markup, html};
 use probecell_msgs::{Correction, CorrectionAcknowledgement};
 
 use super::deeds::deed;
-use super::numbers::{clock, signed_um, um};
+use super::numbers::{clock, readable, signed_um, um};
 use crate::state::{CellState, Entry, wording};
 
 /// Corrections that stand open on the page; those before can be unfolded.
@@ -111,6 +111,7 @@ fn achieved(entry: &Entry) -> Markup {
         @if let Some(mean) = entry.achieved_error() {
             li.(if refuted { "failed" } else { "done" }) {
                 b { "Promised" } " " (value(one.measured_error)) " → 0 µm, " b { "achieved" } " → " b { (value(mean)) } " (" (each) ")"
+                @if let Some(first) = entry.achieved.first() { " in " code { (readable(&first.plan_id)) } }
                 @if refuted { ", " b { "by readings that the reference contradicts" } ": do not rely on it" }
             }
         } @else if entry.acknowledgement.is_some() {
