@@ -2,7 +2,7 @@
 
 Needs `pip install eclipse-zenoh rosbags xxhash`, and the folder of the message definitions.
 """
-import itertools, pathlib, queue, struct, time
+import itertools, pathlib, queue, struct, sys, time
 import numpy, xxhash, zenoh
 from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
@@ -46,7 +46,11 @@ class Bus:
         return self.store.hash_rihs01(f"probecell_msgs/msg/{name}")
 
     def take(self, name, sample):
-        self.incoming.put((name, self.store.deserialize_cdr(bytes(sample.payload), f"probecell_msgs/msg/{name}")))
+        try:
+            message = self.store.deserialize_cdr(bytes(sample.payload), f"probecell_msgs/msg/{name}")
+        except Exception as error:  # whatever a stranger has published there
+            return print(f"{sample.key_expr}: ignored, not a {name}: {error}", file=sys.stderr, flush=True)
+        self.incoming.put((name, message))
 
     def publish(self, topic, **fields):
         name, publisher, numbers, source = self.publishers[topic]

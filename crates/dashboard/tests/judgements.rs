@@ -103,7 +103,7 @@ fn a_feature_without_a_verdict_is_told_beside_the_worst_verdict() {
     let page = tile(of(&hall), now).into_string();
     assert!(page.contains("D1 qualified, +3.0 µm"), "{page}");
     assert!(
-        page.contains("without a verdict: flat: does not conform"),
+        page.contains("not part of the decision: flat: does not conform"),
         "{page}"
     );
     let page = shown(&hall, now, Section::Sizes);

@@ -168,7 +168,7 @@ def main():
     finally:
         done.set()
         served.terminate()
-        assert served.wait(timeout=10) == 0
+        assert served.wait(timeout=60) == 0
         shutil.rmtree(work)
     print(f"{len(whole)} observations, {sum(1 for one in whole if one[1] == 'feature_measurements')} tables of sizes: ok"
           + ("" if VALIDATORS["Streams"] else " (not validated: the official schema is not there)"))

@@ -145,7 +145,8 @@ pub(super) fn verdict(cell: &CellState) -> Markup {
     }
 }
 
-fn gap(cell: &CellState) -> Markup {
+/// The gap over its noise, and the leading group of causes.
+pub(super) fn gap(cell: &CellState) -> Markup {
     let Some(gap) = &cell.gap else {
         return html! {};
     };

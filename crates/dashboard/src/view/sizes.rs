@@ -168,7 +168,7 @@ fn unjudged(doubtful: Vec<&Size<'_>>) -> String {
     if each.is_empty() {
         String::new()
     } else {
-        format!("without a verdict: {}", each.join(", "))
+        format!("not part of the decision: {}", each.join(", "))
     }
 }
 

@@ -50,8 +50,11 @@ fn parameters(names: &[&str]) -> Vec<Parameter> {
 /// A step of the reading, of the probe's slide and of the part, at every gap that is tried.
 fn variants(rows: &Observations) -> Vec<Variant> {
     let touches = rows.touches();
+    let times: Vec<f64> = rows.rows.iter().take(touches).map(|row| row.time).collect();
+    // Before touches of one instant, such as those of a table without times, nothing can have happened.
     let trials: Vec<f64> = (FEWEST..(touches + 1).saturating_sub(FEWEST))
         .step_by(touches.div_ceil(FINEST).max(1))
+        .filter(|index| times.iter().any(|earlier| *earlier < times[*index]))
         .map(|index| index as f64)
         .collect();
     if trials.is_empty() {
@@ -66,7 +69,6 @@ fn variants(rows: &Observations) -> Vec<Variant> {
         continuous: false,
         distinct,
     };
-    let times: Vec<f64> = rows.rows.iter().take(touches).map(|row| row.time).collect();
     let after =
         move |row: &Row, index: f64| row.pose.is_some() && row.time >= times[index as usize];
     let jumps = after.clone();
@@ -123,6 +125,15 @@ fn variants(rows: &Observations) -> Vec<Variant> {
 mod tests {
     use super::*;
     use crate::specimen::session;
+
+    #[test]
+    fn without_times_nothing_slips() {
+        let mut rows = crate::observe(&session()).expect("rows");
+        for row in &mut rows.rows {
+            row.time = 0.0;
+        }
+        assert!(Slip.offer(&rows).is_empty());
+    }
 
     /// From the instant on the part lies elsewhere; before it nothing has happened.
     #[test]

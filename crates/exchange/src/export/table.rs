@@ -4,6 +4,8 @@
 
 use std::fmt::Write as _;
 
+use probecell_msgs::builtin_interfaces::Time;
+
 use super::{Record, date_time, kind_name, mm};
 
 /// Sizes, a row each below a row of names (units as the names say), lines ending in CR LF.
@@ -32,7 +34,11 @@ pub fn sizes(record: &Record) -> String {
             quoted(&result.plan_id),
             quoted(&result.feature_id),
             kind_name(result.kind).to_owned(),
-            date_time(result.header.stamp),
+            // A table of touches may have no times.
+            Some(result.header.stamp)
+                .filter(|stamp| *stamp != Time::default())
+                .map(date_time)
+                .unwrap_or_default(),
             mm(result.nominal_size).to_string(),
             value(mm(result.size)),
             value(um(result.size_deviation)),

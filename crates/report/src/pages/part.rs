@@ -253,7 +253,9 @@ fn provenance(session: &PartSession) -> Table {
         format!("{what}, by {by}{}", asked_at(run.header.stamp))
     });
     row("requested", asked.collect::<Vec<_>>().join("; "));
-    let ended = session.parts.iter().map(|part| time(part.header.stamp));
+    // Zero where nothing has a time, as in a table of touches.
+    let ended = (session.parts.iter().map(|part| part.header.stamp)).filter(|stamp| *stamp != Time::default());
+    let ended = ended.map(time);
     row("ended", ended.collect::<Vec<_>>().join("; "));
     table
 }
