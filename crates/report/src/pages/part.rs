@@ -254,7 +254,8 @@ fn provenance(session: &PartSession) -> Table {
     });
     row("requested", asked.collect::<Vec<_>>().join("; "));
     // Zero where nothing has a time, as in a table of touches.
-    let ended = (session.parts.iter().map(|part| part.header.stamp)).filter(|stamp| *stamp != Time::default());
+    let ended = (session.parts.iter().map(|part| part.header.stamp))
+        .filter(|stamp| *stamp != Time::default());
     let ended = ended.map(time);
     row("ended", ended.collect::<Vec<_>>().join("; "));
     table
