@@ -72,6 +72,25 @@ def features_of_a_table_are_evaluated_with_their_uncertainty(folder):
 
 
 @check
+def a_table_without_times_names_no_instant_and_no_slip(folder):
+    table, features = folder / "my.csv", folder / "features.csv"
+    touches.write(table)
+    features.write_text(touches.FEATURES)
+    evaluated = ["--features", features, "--touch-uncertainty-um", 0.5]
+    columns, units = (text.removesuffix(f",time={what}") for text, what in [(touches.COLUMNS, "Zeit"), (touches.UNITS, "s")])
+    for name, words, is_timed in [
+        ("timed", TABLE, True), ("untimed", ["--columns", columns, "--units", units], False),
+    ]:
+        bag = folder / name
+        probecell("import", "touches", table, *words, *evaluated, "--out", bag)
+        sizes = list(csv.DictReader(probecell("export", bag, "--format", "csv")[0].splitlines()))
+        assert len(sizes) == 6 and all(bool(one["time"]) == is_timed for one in sizes), sizes
+        assert bool(re.search(r"^ *ended ", probecell("report", bag)[0], re.MULTILINE)) == is_timed
+        (effect,) = answer("diagnose", bag)["effects"]
+        assert "fixture.shift" in effect["group"] and (is_timed or "process.slip" not in effect["group"]), effect["group"]
+
+
+@check
 def wrong_tables_are_refused_with_line_and_column(folder):
     table, bag = folder / "my.csv", folder / "session"
     rows = touches.write(table, 40)

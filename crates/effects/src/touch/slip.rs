@@ -51,10 +51,11 @@ fn parameters(names: &[&str]) -> Vec<Parameter> {
 fn variants(rows: &Observations) -> Vec<Variant> {
     let touches = rows.touches();
     let times: Vec<f64> = rows.rows.iter().take(touches).map(|row| row.time).collect();
-    // Before touches of one instant, such as those of a table without times, nothing can have happened.
+    // In a table without times all touches are of the first instant, before which nothing can have slipped.
+    let first = times.iter().copied().fold(f64::INFINITY, f64::min);
     let trials: Vec<f64> = (FEWEST..(touches + 1).saturating_sub(FEWEST))
         .step_by(touches.div_ceil(FINEST).max(1))
-        .filter(|index| times.iter().any(|earlier| *earlier < times[*index]))
+        .filter(|index| times[*index] > first)
         .map(|index| index as f64)
         .collect();
     if trials.is_empty() {

@@ -30,15 +30,14 @@ pub fn sizes(record: &Record) -> String {
                 .filter(|limit| limit.is_finite())
                 .map_or(String::new(), |limit| um(limit).to_string())
         };
+        // Zero where nobody has set it, as in a table of touches without times.
+        let stamp = result.header.stamp;
+        let when = (stamp != Time::default()).then(|| date_time(stamp));
         let row = [
             quoted(&result.plan_id),
             quoted(&result.feature_id),
             kind_name(result.kind).to_owned(),
-            // A table of touches may have no times.
-            Some(result.header.stamp)
-                .filter(|stamp| *stamp != Time::default())
-                .map(date_time)
-                .unwrap_or_default(),
+            when.unwrap_or_default(),
             mm(result.nominal_size).to_string(),
             value(mm(result.size)),
             value(um(result.size_deviation)),

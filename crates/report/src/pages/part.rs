@@ -253,10 +253,10 @@ fn provenance(session: &PartSession) -> Table {
         format!("{what}, by {by}{}", asked_at(run.header.stamp))
     });
     row("requested", asked.collect::<Vec<_>>().join("; "));
-    // Zero where nothing has a time, as in a table of touches.
-    let ended = (session.parts.iter().map(|part| part.header.stamp))
-        .filter(|stamp| *stamp != Time::default());
-    let ended = ended.map(time);
+    let ended = session
+        .parts
+        .iter()
+        .filter_map(|part| known(part.header.stamp));
     row("ended", ended.collect::<Vec<_>>().join("; "));
     table
 }
@@ -377,12 +377,14 @@ fn moment(stamp: Time) -> String {
     readable(&humantime::format_rfc3339_millis(instant(stamp)).to_string())
 }
 
+/// UTC, to the second; none of a stamp that nobody has set, as in a table of touches without times.
+fn known(stamp: Time) -> Option<String> {
+    (stamp != Time::default()).then(|| time(stamp))
+}
+
 /// Of a stamp that somebody has set: its instant, after a comma.
 fn asked_at(stamp: Time) -> String {
-    if stamp == Time::default() {
-        return String::new();
-    }
-    format!(", {}", time(stamp))
+    known(stamp).map_or_else(String::new, |at| format!(", {at}"))
 }
 
 /// Date and time of day as people write them.
