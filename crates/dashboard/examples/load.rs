@@ -21,9 +21,9 @@ use host::bus::{Bus, BusConfig, Publisher};
 use host::bus_qos;
 
 /// Time between two rounds over the cells; axes come every 10 ms.
-const ROUND: Duration = Duration::from_millis(2);
+const ROUND: Duration = Duration::from_millis(5);
 /// Cells that one session publishes: each session follows what all others announce, which grows with the square.
-const CELLS_OF_A_SESSION: usize = 10;
+const CELLS_OF_A_SESSION: usize = 50;
 /// Topics at the rate of the controller.
 const FAST: [&str; 2] = [topics::MACHINE_STATE.name, topics::JOINT_STATES.name];
 /// Where the stamp of a header stands in a message: after the encapsulation; seconds and nanoseconds, four bytes each.

@@ -28,6 +28,8 @@ pub(crate) struct Sized {
     pub(crate) deviation: f64,
     /// Limits of the deviation, m.
     pub(crate) limits: Option<(f64, f64)>,
+    /// A reference contradicts the readings of it.
+    pub(crate) contradicted: bool,
 }
 
 /// What a recording says of a machine.
@@ -109,6 +111,7 @@ impl Summary {
             let each = made.iter().map(|one| Sized {
                 deviation: one.deviation,
                 limits: one.limits,
+                contradicted: one.contradicted,
             });
             (key.clone(), each.collect())
         });
@@ -239,6 +242,7 @@ mod tests {
 
     use super::*;
     use crate::state::Hall;
+    use crate::view::machine_page;
 
     fn session(day: i64, value: f64, half: f64) -> Summary {
         let found = Found {
@@ -269,7 +273,18 @@ mod tests {
             let cell = hall.cells().next().unwrap();
             Summary::of(cell, "punch_uncalibrated", Stamp(0))
         };
-        let applied = summary(&hall).applied;
+        let Summary { applied, sizes, .. } = summary(&hall);
+        // Of the blanks and of the finished part alike: readings of one probe.
+        let contradicted = |feature: &str| {
+            let made = sizes.iter().filter(|(key, _)| key.1 == feature);
+            made.flat_map(|(_, made)| made).all(|one| one.contradicted)
+        };
+        for feature in ["D1", "D2", "L1", "L2", "L3", "flat_1", "flat_6"] {
+            assert!(contradicted(feature), "{feature}");
+        }
+        let page = machine_page("turn_mill", &[summary(&hall)], 0, None).into_string();
+        let told = "1 part, of which 1 is not counted: a reference contradicts the readings";
+        assert!(page.contains(told) && !page.contains("mean "), "{page}");
         assert!(!applied.is_empty());
         let warned = |one: &String| one.contains("the reference contradicts: do not rely on it");
         assert!(applied.iter().all(warned), "{applied:?}");

@@ -106,6 +106,8 @@ pub struct Made {
     pub expanded: f64,
     /// Limits of the deviation by which this part was judged, m.
     pub limits: Option<(f64, f64)>,
+    /// A reference contradicts the readings of this feature on this part: the value says nothing of the process.
+    pub contradicted: bool,
 }
 
 /// Characteristic whose values are comparable over parts: drawing, feature, nominal size (nm).
@@ -287,7 +289,7 @@ impl CellState {
         };
         Some(format!(
             "the diagnosis of {} says that the probe may be wrong ({}{rivals}), so that the error may be of the readings and \
-             not of the part: check the probe before you approve",
+             not of the part: check the probe first",
             gap.plan_id,
             vocabulary::describe(cause),
         ))

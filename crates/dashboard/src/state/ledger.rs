@@ -144,9 +144,12 @@ impl Ledger {
 }
 
 /// The part that a plan measures: its run without the pass.
-fn part_of(plan_id: &str) -> String {
+pub(super) fn part_of(plan_id: &str) -> String {
     let run = PlanId::from(plan_id).run().to_string();
-    run.rsplit_once('/')
-        .map_or(run.as_str(), |(part, _)| part)
-        .to_owned()
+    part_of_run(&run).to_owned()
+}
+
+/// The part of a run and pass.
+pub(super) fn part_of_run(run: &str) -> &str {
+    run.rsplit_once('/').map_or(run, |(part, _)| part)
 }

@@ -12,6 +12,7 @@ use probecell_msgs::{
 
 use super::cell::{CellState, Characteristic, Made, Section, Touch};
 use super::events::EventKind;
+use super::ledger::{part_of, part_of_run};
 use super::wording;
 
 /// Parts of a run chart.
@@ -236,6 +237,7 @@ impl CellState {
                 deviation: result.size_deviation,
                 expanded: result.expanded_uncertainty(),
                 limits: None,
+                contradicted: false,
             };
             let parts = self.runs.entry(characteristic).or_default();
             match parts.back_mut().filter(|last| last.run == made.run) {
@@ -274,12 +276,25 @@ impl CellState {
         push(&mut self.references, reference, REFERENCES);
         if let Some(result) = own
             && self.refuting(&result).is_some()
-            && (self.ledger).contradicted(&result.plan_id, &result.feature_id)
         {
-            self.changed(&[Section::Ledger]);
+            self.contradicted(&result.plan_id, &result.feature_id);
         }
         self.changed(&[Section::State, Section::Sizes, Section::Part]);
         None
+    }
+
+    /// A reference contradicts the readings of a feature on the part that a plan measures.
+    fn contradicted(&mut self, plan_id: &str, feature_id: &str) {
+        if self.ledger.contradicted(plan_id, feature_id) {
+            self.changed(&[Section::Ledger]);
+        }
+        let part = part_of(plan_id);
+        let of_feature = (self.runs.iter_mut()).filter(|(key, _)| key.1 == feature_id);
+        let made = of_feature.flat_map(|(_, made)| made);
+        for one in made.filter(|one| part_of_run(&one.run) == part) {
+            one.contradicted = true;
+        }
+        self.changed(&[Section::Runs]);
     }
 
     fn judged(&mut self, verdict: Verdict) -> Happened {
@@ -297,6 +312,9 @@ impl CellState {
         }
         if self.ledger.verdict(&verdict) {
             self.changed(&[Section::Ledger]);
+        }
+        if verdict.verdict == Verdict::CONTRADICTED {
+            self.contradicted(&verdict.plan_id, &verdict.feature_id);
         }
         let text = format!(
             "{} {}, {}",

@@ -100,11 +100,11 @@ fn gap(cell: &CellState) -> String {
     cell.gap.as_ref().map_or_else(
         || "not diagnosed".to_owned(),
         |gap| {
-            let ratio = cell
-                .gap_ratio()
-                .map_or_else(String::new, |ratio| format!(", {ratio:.1} × noise"));
+            let ratio = cell.gap_ratio().map_or_else(String::new, |ratio| {
+                format!(", {ratio:.1}\u{a0}×\u{a0}noise")
+            });
             format!(
-                "{}, {} µm rms{ratio}",
+                "{}, {}\u{a0}µm rms{ratio}",
                 wording::gap(gap.verdict),
                 um(gap.rms)
             )
@@ -127,7 +127,7 @@ fn side(size: Option<&Size<'_>>) -> Markup {
     html! {
         @if let Some(one) = size {
             td.number { (signed_um(one.result.size_deviation)) " ± " (um(one.expanded())) }
-            td { span.verdict.(one.class) { (one.says()) } }
+            td { span.verdict.(one.class) { (one.says()) } @if let Some(reference) = one.reference() { small { (reference) } } }
         } @else { td.number { "–" } td { "not measured" } }
     }
 }

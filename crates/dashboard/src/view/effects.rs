@@ -20,19 +20,24 @@ const FOOT: f64 = 16.0;
 const UNFOLDED: usize = 4;
 
 /// The size of a parameter of an effect as a person reads it.
-pub(super) fn shop(
+pub(super) fn displayed(
     of: &(String, String),
     value: f64,
     unit: &str,
     ci95: Option<[f64; 2]>,
 ) -> String {
-    in_display_units(&of.1, value, unit, ci95).replace("= -", "= −")
+    let text = in_display_units(&of.1, value, unit, ci95).replace("= -", "= −");
+    match text.split_once(" = ") {
+        // A quantity is not parted at the end of a line.
+        Some((name, quantity)) => format!("{name} = {}", quantity.replace(' ', "\u{a0}")),
+        None => text,
+    }
 }
 
 /// The end of an axis: to two digits of what the axis spans.
 fn tick(of: &(String, String), value: f64, span: f64, unit: &str) -> String {
     let step = 10_f64.powf(span.log10().floor() - 1.0);
-    shop(of, (value / step).round() * step, unit, None)
+    displayed(of, (value / step).round() * step, unit, None)
 }
 
 /// What the charts of effects show.
@@ -60,7 +65,7 @@ pub(super) fn effects_of(charted: &Charted<'_>) -> Markup {
             figcaption { b { (vocabulary::describe(&of.0)) } " " code { (of.0) } }
             (chart(of, charted, found))
             details open[found.len() <= UNFOLDED] { summary { "Sizes in " (found.len()) " " (charted.each) } table { thead { tr { th scope="col" { "Begin" } th scope="col" { "Size with 95 % interval" } } } tbody { @for (session, one) in found {
-                tr { th scope="row" { (date(session.begin)) } td { (shop(of, one.value, &one.unit, Some(one.ci95))) @if one.group > 1 { small { "one of " (one.group) " causes" } } } }
+                tr { th scope="row" { (date(session.begin)) } td { (displayed(of, one.value, &one.unit, Some(one.ci95))) @if one.group > 1 { small { "one of " (one.group) " causes" } } } }
             } } } }
         } } }
     }
@@ -107,7 +112,7 @@ fn chart(of: &(String, String), charted: &Charted<'_>, found: &[(&Summary, &Foun
             }
             @for (session, one) in found {
                 line.spread x1=(x(session.begin.0)) x2=(x(session.begin.0)) y1=(y(one.ci95[0])) y2=(y(one.ci95[1])) {}
-                circle.value cx=(x(session.begin.0)) cy=(y(one.value)) r="3.5" { title { (date(session.begin)) ": " (shop(of, one.value, &one.unit, Some(one.ci95))) } }
+                circle.value cx=(x(session.begin.0)) cy=(y(one.value)) r="3.5" { title { (date(session.begin)) ": " (displayed(of, one.value, &one.unit, Some(one.ci95))) } }
             }
         }
     }

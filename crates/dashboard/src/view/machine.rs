@@ -6,7 +6,7 @@ use effects::vocabulary;
 use graph::Stamp;
 use maud::{Markup, html};
 
-use super::effects::{Charted, day, effects_of, shop};
+use super::effects::{Charted, day, displayed, effects_of};
 use super::months::months;
 use super::numbers::{counted, date, mm, signed_um, um};
 use super::page::{Frame, Place, frame};
@@ -82,7 +82,7 @@ fn change_list(changes: &[Change], adoptions: &[Adoption]) -> Markup {
 fn change(one: &Change) -> Markup {
     let [before, after] = one.found.each_ref().map(|found| {
         let name = format!("{} = ", one.of.1);
-        let text = shop(&one.of, found.value, &found.unit, Some(found.ci95));
+        let text = displayed(&one.of, found.value, &found.unit, Some(found.ci95));
         text.trim_start_matches(&name).to_owned()
     });
     html! {
@@ -119,13 +119,14 @@ fn days(sessions: &[Summary]) -> Markup {
         @for (key, days) in &all {
             @let whole: Vec<&Sized> = days.values().flatten().copied().collect();
             details open[all.len() == 1] {
-                summary { b { (key.1) } " " small { (key.0) ", nominal " (mm(key.2 as f64 * 1e-9)) " mm" } ": " (in_words(&whole)) }
+                summary { b { (key.1) } " " small { (key.0) ", nominal " (mm(key.2 as f64 * 1e-9)) " mm:" } " " (in_words(&whole)) }
                 div.scroll tabindex="0" role="group" aria-label={ "Table of days of " (key.1) } { table {
                     thead { tr { th scope="col" { "Day" } th.number scope="col" { "Parts" } th.number scope="col" { "Mean, µm" } th.number scope="col" { "s, µm" } th.number scope="col" { "Cpk (95 %)" } } }
                     tbody { @for (day, made) in days {
                         @let index = capable(made);
-                        tr { th scope="row" { (day) } td.number { (made.len()) } td.number { (signed_um(mean(made))) }
-                            @if let Some(one) = index { td.number { (um(one.deviation)) } td.number { (cpk(&one)) } } @else { td.number { "–" } td { (no_index(made.len(), limits_of(made).is_some())) } }
+                        @let sound = sound(made);
+                        tr { th scope="row" { (day) } td.number { (made.len()) @if made.len() > sound.len() { small { (made.len() - sound.len()) " contradicted" } } } td.number { (signed_um(mean(&sound))) }
+                            @if let Some(one) = index { td.number { (um(one.deviation)) } td.number { (cpk(&one)) } } @else { td.number { "–" } td { (no_index(sound.len(), limits_of(made).is_some())) } }
                         }
                     } }
                 } }
@@ -136,19 +137,36 @@ fn days(sessions: &[Summary]) -> Markup {
 
 /// All parts of a characteristic.
 fn in_words(made: &[&Sized]) -> String {
-    let parts = counted(made.len(), "part");
-    let what = format!("{parts}, mean {} µm", signed_um(mean(made)));
+    let sound = sound(made);
+    let mut what = counted(made.len(), "part");
+    if made.len() > sound.len() {
+        let count = made.len() - sound.len();
+        let be = if count == 1 { "is" } else { "are" };
+        what +=
+            &format!(", of which {count} {be} not counted: a reference contradicts the readings");
+    }
+    if sound.is_empty() {
+        return what;
+    }
+    what += &format!(", mean {} µm", signed_um(mean(&sound)));
     capable(made).map_or_else(
         || {
-            let why = no_index(made.len(), limits_of(made).is_some());
+            let why = no_index(sound.len(), limits_of(made).is_some());
             format!("{what}, no Cpk: {why}")
         },
         |one| format!("{what}, s {} µm, Cpk {}", um(one.deviation), cpk(&one)),
     )
 }
 
+/// Those whose readings no reference contradicts.
+fn sound<'a>(made: &[&'a Sized]) -> Vec<&'a Sized> {
+    let all = made.iter().copied();
+    all.filter(|one| !one.contradicted).collect()
+}
+
+/// NaN of none.
 fn mean(made: &[&Sized]) -> f64 {
-    made.iter().map(|one| one.deviation).sum::<f64>() / made.len().max(1) as f64
+    made.iter().map(|one| one.deviation).sum::<f64>() / made.len() as f64
 }
 
 /// By which the newest part was judged.
@@ -157,7 +175,7 @@ fn limits_of(made: &[&Sized]) -> Option<(f64, f64)> {
 }
 
 fn capable(made: &[&Sized]) -> Option<Capability> {
-    let values: Vec<f64> = made.iter().map(|one| one.deviation).collect();
+    let values: Vec<f64> = sound(made).iter().map(|one| one.deviation).collect();
     let (lower, upper) = limits_of(made)?;
     capability(&values, lower, upper)
 }

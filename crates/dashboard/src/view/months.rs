@@ -3,7 +3,7 @@
 use effects::vocabulary;
 use maud::{Markup, html};
 
-use super::effects::{Charted, effects_of, shop};
+use super::effects::{Charted, displayed, effects_of};
 use super::numbers::date;
 use crate::trends::{Finding, Months};
 
@@ -31,7 +31,7 @@ fn finding(one: &Finding) -> Markup {
     let per = if one.kind == "drift" { " a day" } else { "" };
     let [onset, earliest, latest] = one.onset().map(day);
     html! {
-        li.unsure { time { (onset) } " " b { (vocabulary::describe(&of.0)) } ": " (one.kind) ", " (shop(&of, size, &one.unit, Some(ci95))) (per)
+        li.unsure { time { (onset) } " " b { (vocabulary::describe(&of.0)) } ": " (one.kind) ", " (displayed(&of, size, &one.unit, Some(ci95))) (per)
             small { "Begun between " (earliest) " and " (latest) " (95 %), certain on " (day(one.alarm())) @if one.common { "; the machines of its type have changed alike" } }
             @if let Some(days) = one.leaves_limit_in { small { "Leaves its limit in " (ahead(days)) } }
             @if one.coincides_with.is_empty() { small { "Nothing is on record that was done then." } }

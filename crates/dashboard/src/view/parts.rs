@@ -3,7 +3,7 @@
 use graph::Stamp;
 use maud::{Markup, html};
 use probecell_msgs::{
-    Fault, MeasurementOrder, PartStatus, PlanProgress, ProbingMove, RecordingStatus,
+    Fault, MeasurementOrder, PartStatus, PassDecision, PlanProgress, ProbingMove, RecordingStatus,
 };
 
 use super::deeds::{deed, deed_asking};
@@ -29,7 +29,7 @@ pub(super) fn state(cell: &CellState, takes_acts: bool, now: Stamp) -> Markup {
                 @if let Some(machine) = machine.as_ref().filter(|one| !one.program.is_empty()) { div { dt { "Program" } dd { (machine.program) @if machine.line > 0 { " line " (machine.line) } } } }
                 (super::hall::verdict(cell))
                 (super::hall::gap(cell))
-                @if let Some(one) = cell.decision().filter(|one| part.stage != PartStatus::NONE || cell.ended.back().is_none_or(|last| last.text != one.text)) { div { dt { "Decision" } dd { (wording::decision(one.decision)) small { (minus(&one.text)) } } } }
+                @if let Some(one) = cell.decision().filter(|one| part.stage != PartStatus::NONE || cell.ended.back().is_none_or(|last| last.text != one.text)) { div { dt { "Decision" } dd { (wording::decision(one.decision)) small { (minus(&one.text)) } @if let Some(doubt) = cell.doubt().filter(|_| rests_on_readings(one)) { small.mark { "Warning: " (doubt) "." } } } } }
                 div { dt { "Parts" } dd { @if cell.parts.is_empty() { "none ended" } @for (index, (end, count)) in cell.ended_counts().into_iter().enumerate() { @if index > 0 { ", " } (count) " " (end) } } }
                 @if let Some(one) = &cell.recording { div { dt { "Recording" } dd { (match one.state { RecordingStatus::RECORDING => "recording", RecordingStatus::WAIVED => "waived", _ => "stopped" }) } } }
                 div.last { dt { "Last message" } dd.age { (last_word(cell, now)) } }
@@ -45,6 +45,14 @@ pub(super) fn state(cell: &CellState, takes_acts: bool, now: Stamp) -> Markup {
             }
         }
     }
+}
+
+/// Something is done to the part because of what was read: it is cut again, or given up.
+fn rests_on_readings(decision: &PassDecision) -> bool {
+    matches!(
+        decision.decision,
+        PassDecision::RECUT | PassDecision::STOP | PassDecision::SCRAP
+    )
 }
 
 fn planning(progress: &PlanProgress) -> Markup {

@@ -26,12 +26,14 @@ pub(super) fn runs(cell: &CellState) -> Markup {
         div.charts {
             @for (key, made) in shown {
                 @let limits = cell.limits(&key.1);
-                @let values: Vec<f64> = made.iter().map(|one| one.deviation).collect();
+                @let sound = made.iter().filter(|one| !one.contradicted);
+                @let values: Vec<f64> = sound.map(|one| one.deviation).collect();
                 @let index = limits.and_then(|(lower, upper)| capability(&values, lower, upper));
                 figure {
                     figcaption { b { (key.1) } " · " (made.len()) " parts" }
                     (chart(&key.1, &made.iter().collect::<Vec<_>>(), limits))
-                    (index_of(index.as_ref(), made.len(), limits.is_some()))
+                    @if made.len() > values.len() { p.mark { (made.len() - values.len()) " of them are not counted: a reference contradicts the readings." } }
+                    (index_of(index.as_ref(), values.len(), limits.is_some()))
                 }
             }
         }
@@ -116,9 +118,9 @@ fn chart(name: &str, made: &[&Made], limits: Option<(f64, f64)>) -> Markup {
             text.axis x=(LEFT - 5.0) y=(y(0.0) + 4.0) text-anchor="end" { "0" }
             polyline.course points=(line.join(" ")) {}
             @for (index, one) in made.iter().enumerate() {
-                @let out = limits.is_some_and(|(lower, upper)| one.deviation < lower || one.deviation > upper);
+                @let out = one.contradicted || limits.is_some_and(|(lower, upper)| one.deviation < lower || one.deviation > upper);
                 line.spread x1=(x(index)) x2=(x(index)) y1=(y(one.deviation - one.expanded)) y2=(y(one.deviation + one.expanded)) {}
-                circle.value.(if out { "bad" } else { "good" }) cx=(x(index)) cy=(y(one.deviation)) r="3.5" { title { (one.run) ": " (signed_um(one.deviation)) " µm" } }
+                circle.value.(if out { "bad" } else { "good" }) cx=(x(index)) cy=(y(one.deviation)) r="3.5" { title { (one.run) ": " (signed_um(one.deviation)) " µm" @if one.contradicted { ", contradicted by a reference" } } }
             }
         }
     }

@@ -51,18 +51,25 @@ impl Size<'_> {
         if let Some((_, why)) = said.and_then(|one| one.text.split_once(": ")) {
             return Some(why.replace('-', "−"));
         }
-        if let Some(found) = self.refuting {
-            return Some(format!(
-                "{} ± {} µm {}",
-                signed_um(found.size_deviation),
-                um(found.expanded_uncertainty()),
-                found.text
-            ));
+        if let Some(found) = self.reference() {
+            return Some(found);
         }
         let judged = self.verdict.is_some() || self.says() == NOT_JUDGED;
         named
             .map(|risk| format!("risk {risk}"))
             .or((!judged).then(|| format!("{NOT_JUDGED}: {BY_CONFORMITY}")))
+    }
+
+    /// What the reference found that contradicts it, with its instrument.
+    pub(super) fn reference(&self) -> Option<String> {
+        self.refuting.map(|found| {
+            format!(
+                "{} ± {} µm {}",
+                signed_um(found.size_deviation),
+                um(found.expanded_uncertainty()),
+                found.text
+            )
+        })
     }
 
     /// 0 is good.
